@@ -41,6 +41,8 @@ ALLOCATIONS = 200_000
 short command's time is spent looking at what packages define, which is no garbage."""
 
 COMMANDS = {
+    "calibrate": "Move servos, identify their joints, recommend how to plan.",
+    "check": "Move calibrated servos briefly: do their models still hold?",
     "compare": "Compare closed-form and optimised requests.",
     "completion": "Print the completion script of a shell.",
     "excite": "Write test requests that determine a joint's parameters.",
@@ -49,6 +51,8 @@ COMMANDS = {
     "gait": "Make the foot path of a walk.",
     "identify": "Find the model of a joint from logs of it.",
     "plan": "Plan requests for joint angles or a foot path.",
+    "play": "Play planned requests on servos, and log what they do.",
+    "record": "Log servos that something else moves, or a hand.",
     "refine": "Learn from executed cycles: the next requests.",
     "replay": "Plan requests that repeat a recording, at any speed.",
     "reproduce": "Run the paper's experiment again, with a report.",

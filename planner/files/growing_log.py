@@ -25,15 +25,21 @@ class GrowingLog:
     whole or not at all, but nothing that was measured may be lost.
     """
 
-    def __init__(self, path: Path | str, names: Sequence[str]) -> None:
-        """Begin a log of these joints.
+    def __init__(
+        self,
+        path: Path | str,
+        names: Sequence[str],
+        *,
+        kinds: Sequence[str] = ("requested", "actual"),
+    ) -> None:
+        """Begin a log of these joints, with a column for each kind of angle.
 
         Raises:
             InvalidFile: It cannot be written.
         """
         self.path, self.rows = Path(path), 0
         self.unfinished = self.path.with_name(self.path.name + UNFINISHED)
-        columns = [f"{name}_{kind}_deg" for name in names for kind in ("requested", "actual")]
+        columns = ["_".join(filter(None, (name, kind, "deg"))) for name in names for kind in kinds]
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
             self._file: TextIO = self.unfinished.open("w", encoding="utf-8", newline="\n")
@@ -41,14 +47,14 @@ class GrowingLog:
         except OSError as error:
             raise cannot_write(self.unfinished, error) from error
 
-    def keep(self, time: float, requests: Array, angles: Array) -> None:
-        """Write a row: a time [s], requested and measured angles [rad], NaN where there is none.
+    def keep(self, time: float, *kinds: Array) -> None:
+        """Write a row: a time [s], and of each kind the angles [rad], NaN where there is none.
 
         Raises:
             InvalidFile: The disk is full.
         """
-        pairs = np.degrees(np.column_stack([requests, angles])).ravel().tolist()
-        cells = ("" if math.isnan(each) else f"{each:.6f}" for each in pairs)
+        angles = np.degrees(np.column_stack(kinds)).ravel().tolist()
+        cells = ("" if math.isnan(each) else f"{each:.6f}" for each in angles)
         try:
             self._write(",".join([f"{time:.6f}", *cells]))
         except OSError as error:

@@ -141,6 +141,16 @@ class Arm:
         errors = tuple(readings[each].error if each in readings else 0 for each in self._ids)
         return Measured(now, angles, loads, errors)
 
+    def goals(self) -> Array:
+        """What every joint was last requested to do, by whomever [rad]; NaN where none answers."""
+        readings = self.bus.sync_read(self._ids, ("goal",))
+        return np.array(
+            [
+                servo.angle(readings[servo.id].values["goal"]) if servo.id in readings else np.nan
+                for servo in self.servos.values()
+            ]
+        )
+
     def angles(self) -> Array:
         """Where every joint is [rad], asked for again where an answer was lost.
 

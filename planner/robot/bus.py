@@ -202,14 +202,20 @@ class Bus:
         )
         self.port.write(self.protocol.instruction(BROADCAST, SYNC_WRITE, content))
 
-    def sync_read(self, servos: Sequence[int]) -> dict[int, Reading]:
-        """What several servos feed back, asked for by one packet; silent ones are left out.
+    def sync_read(
+        self, servos: Sequence[int], names: Sequence[str] | None = None
+    ) -> dict[int, Reading]:
+        """Registers of several servos, asked for by one packet; silent servos are left out.
+
+        Args:
+            servos: Their identifiers.
+            names: Registers beside one another; by default what the protocol feeds back.
 
         Raises:
             BusError: The bus is gone.
         """
-        protocol = self.protocol
-        first, size = protocol.block(protocol.feedback)
+        protocol, names = self.protocol, names or self.protocol.feedback
+        first, size = protocol.block(names)
         content = protocol.place(first, size) + bytes(servos)
         answers = self._answers(
             protocol.instruction(BROADCAST, SYNC_READ, content), len(servos), size
@@ -219,7 +225,7 @@ class Bus:
             if packet.servo in servos and len(packet.content) == size:
                 values = {
                     name: register.decode(packet.content[register.address - first :])
-                    for name in protocol.feedback
+                    for name in names
                     for register in [protocol.registers[name]]
                 }
                 readings[packet.servo] = Reading(values, packet.code)

@@ -1,0 +1,181 @@
+"""The ways to make a joint follow a path, compared by the errors that are measured on it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+
+from planner.identification.excitation import excite
+from planner.identification.result import Identification
+from planner.model.evidence import Evidence
+from planner.model.joint import JointModel
+from planner.planning.closed_form import invert_closed_form
+from planner.planning.inversion import invert_optimal
+from planner.planning.time_shift import invert_shift
+from planner.trajectory import Array, rms
+
+Way = Literal["direct", "shift", "closed_form", "optimal", "optimal_friction"]
+
+WORDS: dict[Way, str] = {
+    "direct": "direct",
+    "shift": "best shift",
+    "closed_form": "closed form",
+    "optimal": "optimised",
+    "optimal_friction": "optimised with friction and load",
+}
+"""What the ways are called."""
+
+FRICTION_AND_LOAD: dict[str, Any] = {
+    "dead_band": 0.0,
+    "v_offset": 0.0,
+    "compliance": 0.0,
+    "speed_per_torque": 0.0,
+    "sag_sin": 0.0,
+    "sag_cos": 0.0,
+}
+"""Parameters that the plain optimised plan does without."""
+
+TEST_TIME = 5.0
+"""Length of the test motion [s]."""
+
+TEST_SPEED = 0.6
+"""Largest speed of the test motion over the joint's top speed: what can be followed is compared."""
+
+AS_GOOD = 1.02
+"""A simpler way is preferred to one that is better by less than this factor."""
+
+
+class Candidate(NamedTuple):
+    """A way to make the joint follow the test motion.
+
+    Attributes:
+        way: Which.
+        error: Root mean square of the measured errors [rad].
+        max_error: The largest [rad].
+        largest_step: Largest change between requests [rad].
+        expected: The error that the model led one to expect [rad]; NaN where it says none.
+    """
+
+    way: Way
+    error: float
+    max_error: float
+    largest_step: float
+    expected: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Compared:
+    """A calibrated joint.
+
+    Attributes:
+        identification: What was identified.
+        candidates: Every way, the simplest first.
+        recommended: The one to use.
+        model: The model of the recommended way, with its verdict.
+    """
+
+    identification: Identification
+    candidates: tuple[Candidate, ...]
+    recommended: Candidate
+    model: JointModel
+
+    def named(self, way: Way) -> Candidate:
+        """The candidate of this way."""
+        return next(each for each in self.candidates if each.way == way)
+
+
+def compare(
+    identification: Identification,
+    limits: tuple[float, float],
+    measure: Callable[[str, Array], Array],
+) -> Compared:
+    """Play the test motion in every way, and recommend the one with the least measured error.
+
+    Args:
+        identification: Of the joint.
+        limits: Least and largest request [rad].
+        measure: Given a name and requests [rad], plays them and returns the measured angles, NaN
+            where none was read, shape (n,).
+    """
+    model = identification.model
+    desired = test_motion(model, limits)
+    plain = replace(model, **FRICTION_AND_LOAD)
+    requests: dict[Way, tuple[Array, float]] = {"direct": (desired, np.nan)}
+    shifted = invert_shift(model, desired, cyclic=False)
+    requests["shift"] = (shifted.requests, np.nan)
+    for way, answer in (
+        ("closed_form", invert_closed_form(model, desired, cyclic=False)),
+        ("optimal", invert_optimal(plain, desired, cyclic=False, limits=limits)),
+    ):
+        requests[way] = (answer.requests, answer.expected.error)  # type: ignore[index]
+    if plain != model:
+        answer = invert_optimal(model, desired, cyclic=False, limits=limits)
+        requests["optimal_friction"] = (answer.requests, answer.expected.error)
+    candidates = []
+    for name, (asked, expected) in requests.items():
+        allowed = np.clip(asked, *limits)
+        errors = measure(name, allowed) - desired
+        errors = errors[np.isfinite(errors)]
+        step = float(np.max(np.abs(np.diff(allowed))))
+        largest = float(np.max(np.abs(errors)))
+        candidates.append(Candidate(name, rms(errors), largest, step, expected))
+    least = min(each.error for each in candidates)
+    recommended = next(each for each in candidates if each.error <= AS_GOOD * least)
+    used = plain if recommended.way == "optimal" else model
+    return Compared(
+        identification=identification,
+        candidates=tuple(candidates),
+        recommended=recommended,
+        model=used.with_evidence(_judged(model.evidence, recommended)),
+    )
+
+
+def _judged(evidence: Evidence | None, recommended: Candidate) -> Evidence:
+    """What is known of the model, with the verdict of the test motion where it lost there."""
+    known = evidence or Evidence()
+    if recommended.way not in ("direct", "shift"):
+        return known
+    words = f"on the test motion of its calibration '{WORDS[recommended.way]}' was closer"
+    return known._replace(verdict="worse than a delay", reason=words)
+
+
+def test_motion(model: JointModel, limits: tuple[float, float]) -> Array:
+    """Sines, then moves to and fro with rests between them, as fast as the joint can follow.
+
+    Returns:
+        Angles [rad], shape (n,), at the model's rate of requests; they begin and end at rest in the
+        middle of the limits.
+    """
+    period = model.period
+    half = 0.5 * TEST_TIME
+    middle = 0.5 * (limits[0] + limits[1])
+    reach = 0.8 * 0.5 * (limits[1] - limits[0])
+    sines = excite(
+        "multisine",
+        limits=(middle - reach, middle + reach),
+        period=period,
+        duration=half,
+        highest=min(1.5, 0.4 / period),
+        seed=7,
+    ).requests
+    levels = middle + reach * np.array([0.0, 0.9, 0.3, -0.8, -0.5, 0.0])
+    moves = _moves(levels, round(half / period))
+    angles = np.concatenate([sines, moves])
+    fastest = float(np.max(np.abs(np.diff(angles)))) / period
+    share = min(1.0, TEST_SPEED * model.v_max / fastest)
+    scaled: Array = middle + share * (angles - middle)
+    return scaled
+
+
+def _moves(levels: Sequence[float] | Array, samples: int) -> Array:
+    """From level to level along minimum-jerk curves in two thirds of the time, then at rest."""
+    each = samples // (len(levels) - 1)
+    share = np.clip(1.5 * np.arange(1, each + 1) / each, 0.0, 1.0)
+    rise = share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
+    parts = [low + (high - low) * rise for low, high in pairwise(levels)]
+    made = np.concatenate(parts)
+    return np.append(made, np.full(samples - len(made), levels[-1]))

@@ -1,0 +1,184 @@
+"""What calibration does on the bus: look at the servos, and move one joint at a time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from planner.exceptions import BusError, InvalidInput, angle_text
+from planner.files.growing_log import GrowingLog
+from planner.files.logs.options import LogOptions
+from planner.files.logs.read import read_logs
+from planner.identification.excitation import excite
+from planner.identification.log import Log
+from planner.robot.arm import Arm
+from planner.trajectory import Array
+
+LOOKS = 50
+"""Sync reads at rest, for the noise of the sensors and the time of a tick."""
+
+MARGIN = 0.05
+"""Share of a range that is left free at either end."""
+
+LEAST_RANGE = math.radians(10.0)
+"""Range below which a joint shows too little of its motion [rad]."""
+
+
+class Check(NamedTuple):
+    """What the servos are like before anything moves; dictionaries are by joint.
+
+    Attributes:
+        angles: Where every joint is [rad].
+        noise: Standard deviation of the measured angles at rest [rad].
+        settings: The registers that shape the motion.
+        tick_time: Time of a sync write and a sync read [s].
+        lost: Share of the answers that were lost.
+    """
+
+    angles: dict[str, float]
+    noise: dict[str, float]
+    settings: dict[str, dict[str, int]]
+    tick_time: float
+    lost: float
+
+
+def check(arm: Arm) -> Check:
+    """Ask every servo for itself; nothing moves, and no torque is switched.
+
+    Raises:
+        BusError: A servo does not answer, or reports a fault.
+    """
+    bus, port = arm.bus, arm.bus.port
+    for servo in arm.servos.values():
+        bus.ping(servo.id)
+    settings = arm.settings()
+    rows, times = [], []
+    asked, lost = bus.asked, bus.lost
+    for _ in range(LOOKS):
+        begin = port.now()
+        measured = arm.measure()
+        times.append(port.now() - begin)
+        rows.append(measured.angles)
+        for name, error in zip(arm.names, measured.errors, strict=True):
+            if words := bus.protocol.error_words(error):
+                raise BusError(f"{name}: the servo reports {words}; switch it off and on again")
+    angles = np.array(rows)
+    whole = np.array(times)[np.isfinite(angles).all(axis=1)]
+    if not whole.size or np.isnan(angles).all(axis=0).any():
+        raise BusError("most answers are lost; check the baud rate, the cable and the supply")
+    written = 10.0 * (10 + 5 * len(arm.names)) / port.baud_rate
+    tick_time = float(np.median(whole)) + written
+    bus.patience = max(2e-3, 2.0 * float(np.max(whole)))
+    return Check(
+        dict(zip(arm.names, np.nanmedian(angles, axis=0).tolist(), strict=True)),
+        dict(zip(arm.names, np.nanstd(angles, axis=0).tolist(), strict=True)),
+        settings,
+        tick_time,
+        (bus.lost - lost) / (bus.asked - asked),
+    )
+
+
+def servo_ranges(arm: Arm, angles: Mapping[str, float], reach: float) -> dict[str, Array]:
+    """The range of every joint by its servo's own limits, at most ``reach`` [rad] from where it is.
+
+    Returns:
+        Least and largest angle [rad] by joint.
+    """
+    ranges = {}
+    for name, servo in arm.servos.items():
+        ends = [arm.bus.read(servo.id, f"{end}_position") for end in ("least", "largest")]
+        if ends[0] >= ends[1]:  # no limits are set
+            ends = [0, servo.ticks_per_turn - 1]
+        own = np.sort([servo.angle(count) for count in ends])
+        here = angles[name]
+        ranges[name] = np.array([max(own[0], here - reach), min(own[1], here + reach)])
+    return ranges
+
+
+def ranges_by_hand(arm: Arm, ended: Callable[[], bool], period: float) -> dict[str, Array]:
+    """The range through which every joint is turned by hand until ``ended``; torque must be off."""
+    least = largest = arm.angles()
+    while not ended():
+        arm.bus.port.sleep(period)
+        angles = arm.measure().angles
+        least, largest = np.fmin(least, angles), np.fmax(largest, angles)
+    return {name: np.array(ends) for name, *ends in zip(arm.names, least, largest, strict=True)}
+
+
+def with_ranges(arm: Arm, ranges: Mapping[str, Array]) -> Arm:
+    """The arm with these ranges, less a margin, as its limits.
+
+    Raises:
+        InvalidInput: A range is too small to show how the joint moves.
+    """
+    servos = dict(arm.servos)
+    for name, ends in ranges.items():
+        low, high = (float(each) for each in ends)
+        if high - low < LEAST_RANGE:
+            raise InvalidInput(
+                f"{name}: its range is {angle_text(low, high)}, expected at least "
+                f"{angle_text(LEAST_RANGE)} wide; turn the joint by hand through all of its range, "
+                "or away from a limit of its servo"
+            )
+        margin = MARGIN * (high - low)
+        limits = (round(low + margin, 6), round(high - margin, 6))
+        servos[name] = replace(servos[name], limits=limits)
+    return Arm(arm.bus, servos)
+
+
+def excitation(arm: Arm, joint: str, *, period: float, duration: float) -> Array:
+    """A slow triangle, a sum of sines, then steps, within the joint's range [rad], shape (n,)."""
+    limits = arm.servos[joint].limits
+    return excite("combined", limits=limits, period=period, duration=duration, cycles=1).requests
+
+
+def move(
+    arm: Arm, joint: str, requests: Array, *, period: float, log: Path, resume: bool = False
+) -> Log:
+    """Play requests on one joint while the others stay, and keep a log of it.
+
+    Args:
+        arm: The arm, powered.
+        joint: Which joint.
+        requests: What to request of it [rad], shape (n,).
+        period: Time between requests [s].
+        log: Where the rows go as they are measured.
+        resume: Whether a finished log of an earlier run is taken as it is; nothing moves then.
+
+    Raises:
+        KeyboardInterrupt: Ctrl-C; the rows until then are kept.
+        BusError: Something went wrong; the rows until then are kept.
+    """
+    if not (resume and log.exists()):
+        place = arm.names.index(joint)
+        rows = np.tile(arm.angles(), (len(requests), 1))
+        limits = np.array([servo.limits for servo in arm.servos.values()])
+        rows = np.clip(rows, limits[:, 0], limits[:, 1])
+        rows[:, place] = requests
+        with GrowingLog(log, [joint]) as growing:
+            played = arm.perform(
+                rows,
+                period=period,
+                keep=lambda time, row, angles: growing.keep(
+                    time, row[place : place + 1], angles[place : place + 1]
+                ),
+            )
+            if played.interrupted:
+                raise KeyboardInterrupt
+            growing.finish()
+    (read,) = read_logs([str(log)], options=LogOptions(joint=joint))
+    return read
+
+
+def angles_of(log: Log, count: int, period: float) -> Array:
+    """The angle that was measured with each of so many requests [rad]; NaN where none was."""
+    angles = np.full(count, np.nan)
+    rows = np.rint((log.times - log.times[0]) / period).astype(int)
+    kept = log.measured & (rows < count)
+    angles[rows[kept]] = log.angles[kept]
+    return angles

@@ -1,0 +1,332 @@
+"""``request-planner calibrate``: servos on a bus in, models of their joints out."""
+
+from __future__ import annotations
+
+import math
+import select
+import sys
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from planner.cli import buses, options, types
+from planner.cli.console import Progress, deliver, remark, summarise, warn
+
+if TYPE_CHECKING:
+    from planner.calibration.candidates import Compared
+    from planner.calibration.measure import Check
+    from planner.robot.arm import Arm, Servo
+
+NOISY = math.radians(0.5)
+"""Noise of an angle sensor at rest from which on something is wrong with it [rad]."""
+
+BUSY = 0.5
+"""Largest share of the time between requests that a tick may take on the bus."""
+
+
+@click.command()
+@buses.bus_options
+@click.option(
+    "--ids",
+    type=buses.ids_type(),
+    required=True,
+    metavar="IDS",
+    help="Identifiers of the servos: 1-6, or with names for the joints pan=1,lift=2.",
+)
+@click.option(
+    "--joint",
+    "chosen",
+    multiple=True,
+    metavar="NAME",
+    help="Calibrate this joint only; several times for several.  [default: all]",
+)
+@click.option(
+    "--reverse",
+    "reversed_",
+    multiple=True,
+    metavar="NAME",
+    help="The servo of this joint is mounted the other way round.",
+)
+@click.option(
+    "--zero-tick",
+    "zeros",
+    type=types.TICKS,
+    multiple=True,
+    metavar="[JOINT=]N",
+    help="Count of the servo at angle 0.  [default: 2048]",
+)
+@click.option(
+    "--rate-hz",
+    type=types.above_0("hertz"),
+    default=100.0,
+    show_default=True,
+    metavar="HZ",
+    help="Requests per second, as the joints will get them later.",
+)
+@click.option(
+    "--duration-s",
+    type=types.above_0("seconds"),
+    default=60.0,
+    show_default=True,
+    metavar="S",
+    help="Time for which each joint is excited; its test motions take another half a minute.",
+)
+@click.option(
+    "--reach-deg",
+    type=types.above_0("degrees"),
+    default=45.0,
+    show_default=True,
+    metavar="DEG",
+    help="How far a joint may go from where it is, unless its range is shown by hand.",
+)
+@click.option("--yes", is_flag=True, help="Ask nothing: ranges by the servos' limits, and go.")
+@click.option("--resume", is_flag=True, help="Take the logs of an interrupted run as they are.")
+@click.option("--dry-run", is_flag=True, help="Check the servos, say what would be done, and end.")
+@click.option("--report", type=types.OUTPUT, help="Also write a page with pictures, as HTML.")
+@click.option(
+    "-o",
+    "--output",
+    type=types.Place("file", types._check_file, use=None),
+    default="arm.toml",
+    show_default=True,
+    help="Where to write the models and servos; joints that are there already stay.",
+)
+@options.as_json
+def calibrate(
+    *,
+    ids: dict[str, int],
+    chosen: tuple[str, ...],
+    yes: bool,
+    resume: bool,
+    dry_run: bool,
+    report: str | None,
+    output: str,
+    as_json: bool,
+    **choices: Any,
+) -> None:
+    """Move every joint, identify its model, and compare the ways to make it follow a path.
+
+    Each joint goes slowly to the middle of its range, moves there for a minute (a slow triangle,
+    sines, steps), and then plays a test motion in five ways. What was closest is recommended, and
+    its model is written, with servo, zero, direction and range. A servo that does not follow, that
+    reports a fault, or that falls silent ends it, as does Ctrl-C: joints stay where they are, and
+    the torque is as it was before. All that was measured is kept beside OUTPUT.
+
+    \b
+    Example, an arm of six virtual servos, then a plan for them that is played:
+        request-planner calibrate --bus virtual --ids 1-6 --yes -o arm.toml
+        request-planner plan path.csv --model arm.toml -o requests.csv
+        request-planner play requests.csv --bus virtual --model arm.toml -o log.csv
+    """  # noqa: D301
+    from planner.calibration import measure
+
+    servos = _servos(ids, choices)
+    for name in chosen:
+        if name not in servos:
+            raise click.UsageError(f"--joint: got {name}, expected one of {', '.join(servos)}.")
+    joints = chosen or tuple(servos)
+    folder = buses.logs_folder(output)
+    found: dict[str, Compared] = {}
+    with buses.open_arm(choices, servos) as arm:
+        with Progress() as progress:
+            progress("asking the servos")
+            checked = measure.check(arm)
+        period = 1.0 / choices["rate_hz"]
+        summarise(_checked_text(arm, checked, period))
+        if checked.tick_time > BUSY * period:
+            most, rate = 1e3 * BUSY * period, BUSY / checked.tick_time
+            raise click.UsageError(
+                f"--rate-hz: a tick takes {1e3 * checked.tick_time:.2g} ms on this bus, expected "
+                f"at most {most:.2g}; choose {rate:.0f} Hz or less."
+            )
+        ranges = measure.servo_ranges(arm, checked.angles, math.radians(choices["reach_deg"]))
+        if not (yes or dry_run) and _wants_hand(ranges):
+            ranges = _by_hand(arm)
+        arm = measure.with_ranges(arm, ranges)
+        seconds = len(joints) * (choices["duration_s"] + TESTS)
+        remark(
+            f"each of {', '.join(joints)} will move within its range, one after the other, for "
+            f"{seconds / 60.0:.1f} min in all; Ctrl-C stops it; logs go to {folder}"
+        )
+        if dry_run:
+            return
+        if not yes:
+            click.confirm("Is the way free, and may they move?", abort=True, err=True)
+        advice = f"what was measured is in {folder}; go on with --resume"
+        with buses.stopping(advice), arm.powered():
+            for joint in joints:
+                with Progress() as progress:
+                    found[joint] = _calibrated(
+                        arm, joint, period, choices["duration_s"], folder, resume, progress
+                    )
+                settings = checked.settings
+                _write(output, found, arm, settings)
+    if report is not None:
+        from planner.files.text import write_text
+        from planner.report.calibration import calibration_page
+
+        write_text(report, calibration_page(found))
+    from planner.report.calibration import calibration_text
+
+    deliver(
+        _document(found, arm, checked),
+        calibration_text(found, output),
+        lambda _: None,
+        output="",
+        as_json=as_json,
+    )
+
+
+TESTS = 32.0
+"""Time for the test motions of a joint, with the ways to their beginnings [s]."""
+
+
+def _servos(ids: Mapping[str, int], choices: Mapping[str, Any]) -> dict[str, Servo]:
+    from planner.robot.arm import Servo
+
+    zeros: dict[str, int] = dict(choices["zeros"])
+    reversed_ = choices["reversed_"]
+    for option, names in (("--zero-tick", zeros), ("--reverse", reversed_)):
+        for name in names:
+            if name and name not in ids:
+                raise click.UsageError(f"{option}: got {name}, expected one of {', '.join(ids)}.")
+    return {
+        name: Servo(
+            id=servo,
+            zero_tick=zeros.get(name, zeros.get("", 2048)),
+            direction=-1 if name in reversed_ else 1,
+        )
+        for name, servo in ids.items()
+    }
+
+
+def _checked_text(arm: Arm, checked: Check, period: float) -> str:
+    from planner.robot.arm import SETTINGS
+
+    lines = [
+        f"{len(arm.names)} servos answer; a tick takes {1e3 * checked.tick_time:.2g} ms of "
+        f"{1e3 * period:g} ms, {checked.lost:.1%} of the answers are lost"
+    ]
+    for name, angle in checked.angles.items():
+        settings = ", ".join(
+            f"{words} {checked.settings[name][key]}" for key, words in SETTINGS.items()
+        )
+        noise = math.degrees(checked.noise[name])
+        lines.append(f"  {name}: at {math.degrees(angle):.1f} deg, noise {noise:.2f}; {settings}")
+        if checked.noise[name] > NOISY:
+            warn(f"{name}: its angle varies by {noise:.2f} deg at rest; is something moving it?")
+    return "\n".join(lines)
+
+
+def _wants_hand(ranges: Mapping[str, Any]) -> bool:
+    spans = ", ".join(
+        f"{name} {math.degrees(low):.0f}:{math.degrees(high):.0f}"
+        for name, (low, high) in ranges.items()
+    )
+    click.echo(f"Ranges [deg]: {spans}", err=True)
+    answer = click.prompt(
+        "Enter to keep them, or h to show them by hand (the torque goes off: hold the arm)",
+        type=click.Choice(["", "h"]),
+        default="",
+        show_choices=False,
+        show_default=False,
+        err=True,
+    )
+    return bool(answer == "h")
+
+
+def _by_hand(arm: Arm) -> dict[str, Any]:
+    from planner.calibration.measure import ranges_by_hand
+
+    for servo in arm.servos.values():
+        arm.bus.write(servo.id, "torque", 0)
+    click.echo("Turn every joint to both ends of its range, then press Enter.", err=True)
+
+    def ended() -> bool:
+        ready = bool(select.select([sys.stdin], [], [], 0.0)[0])
+        return ready and sys.stdin.readline() is not None
+
+    return ranges_by_hand(arm, ended, 0.02)
+
+
+def _calibrated(
+    arm: Arm,
+    joint: str,
+    period: float,
+    duration: float,
+    folder: Any,
+    resume: bool,
+    progress: Progress,
+) -> Compared:
+    from planner.calibration.candidates import WORDS, compare
+    from planner.calibration.measure import angles_of, excitation, move
+    from planner.cli.console import naming
+    from planner.identification.identify import identify
+
+    def measured(way: str, requests: Any) -> Any:
+        progress(f"{joint}: test motion, {WORDS[way]}")  # type: ignore[index]
+        log = folder / f"{joint}_{way}.csv"
+        moved = move(arm, joint, requests, period=period, log=log, resume=resume)
+        return angles_of(moved, len(requests), period)
+
+    with naming(joint):
+        progress(f"{joint}: excitation, {duration:g} s")
+        requests = excitation(arm, joint, period=period, duration=duration)
+        log = move(arm, joint, requests, period=period, log=folder / f"{joint}.csv", resume=resume)
+        progress(f"{joint}: identifying")
+        identification = identify(log)
+        progress(f"{joint}: planning")
+        return compare(identification, arm.servos[joint].limits, measured)
+
+
+def _write(
+    output: str,
+    found: Mapping[str, Compared],
+    arm: Arm,
+    settings: Mapping[str, Mapping[str, int]],
+) -> None:
+    """Write the models and servos of the joints that are done, beside those that are there."""
+    from dataclasses import replace
+    from pathlib import Path
+
+    from planner.exceptions import InvalidFile
+    from planner.files.joint_model import models_text, read_model_file, read_servos
+    from planner.files.text import write_text
+    from planner.report.identification.text import model_comments, remarks
+
+    models, servos = {}, {}
+    if Path(output).exists():
+        models = dict(read_model_file(output).by_joint)
+        try:
+            servos = read_servos(output)
+        except InvalidFile:  # it has none
+            servos = {}
+    models |= {name: each.model for name, each in found.items()}
+    servos |= {name: replace(arm.servos[name], settings=settings[name]) for name in found}
+    about = model_comments({name: each.identification for name, each in found.items()})
+    write_text(output, models_text(models, remarks=remarks(), about=about, servos=servos))
+
+
+def _document(found: Mapping[str, Compared], arm: Arm, checked: Check) -> dict[str, Any]:
+    return {
+        "tick_s": checked.tick_time,
+        "joints": {
+            name: {
+                "id": arm.servos[name].id,
+                "limits_deg": [math.degrees(each) for each in arm.servos[name].limits],
+                "recommended": each.recommended.way,
+                "candidates": {
+                    one.way: {
+                        "rms_deg": math.degrees(one.error),
+                        "max_deg": math.degrees(one.max_error),
+                        "largest_step_deg": math.degrees(one.largest_step),
+                        "expected_rms_deg": math.degrees(one.expected),
+                    }
+                    for one in each.candidates
+                },
+                "identification": each.identification.to_dict(),
+            }
+            for name, each in found.items()
+        },
+    }

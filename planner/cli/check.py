@@ -1,0 +1,173 @@
+"""``request-planner check``: whether the models of calibrated servos still hold."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from planner.cli import buses, options, types
+from planner.cli.console import Progress, print_json, summarise
+
+if TYPE_CHECKING:
+    from planner.identification.log import Log
+    from planner.model.joint import JointModel
+
+WORSE = 2.0
+"""A model still holds while it misses the motion by at most this factor over its own test, or by
+:data:`SMALL`."""
+
+SMALL = math.radians(0.3)
+"""Error that is never worth a new calibration [rad]: three counts of a sensor of 12 bits."""
+
+PHYSICAL = ("v_max", "theta_0", "lag", "dead_band", "offset")
+"""The parameters whose change is told."""
+
+
+@click.command()
+@buses.bus_options
+@click.option(
+    "--model",
+    "model",
+    type=types.INPUT,
+    required=True,
+    metavar="FILE",
+    help="The models and servos of the joints, as calibrate writes them.",
+)
+@click.option(
+    "--joint",
+    "chosen",
+    multiple=True,
+    metavar="NAME",
+    help="Check this joint only.  [default: all]",
+)
+@click.option(
+    "--duration-s",
+    type=types.above_0("seconds"),
+    default=20.0,
+    show_default=True,
+    metavar="S",
+    help="How long each joint moves.",
+)
+@click.option(
+    "--rate-hz",
+    type=types.above_0("hertz"),
+    metavar="HZ",
+    help="Requests per second.  [default: those of the model]",
+)
+@options.as_json
+def check(
+    *,
+    model: str,
+    chosen: tuple[str, ...],
+    duration_s: float,
+    rate_hz: float | None,
+    as_json: bool,
+    **choices: Any,
+) -> None:
+    """Move each joint briefly, and say whether its model still holds and what has changed.
+
+    A battery, wear or a load changes a joint. The exit status is 1 where a model no longer holds.
+
+    \b
+    Example:
+        request-planner check --bus virtual --model arm.toml
+    """  # noqa: D301
+    from pathlib import Path
+    from tempfile import TemporaryDirectory
+
+    from planner.calibration.measure import check as look
+    from planner.calibration.measure import excitation, move
+    from planner.files.joint_model import read_model_file, read_servos
+
+    servos = read_servos(model)
+    joints = chosen or tuple(servos)
+    for name in joints:
+        if name not in servos:
+            raise click.UsageError(f"--joint: got {name}, expected one of {', '.join(servos)}.")
+    models = dict(zip(joints, read_model_file(model).for_joints(joints), strict=True))
+    document, lines, lost = {}, [], []
+    with (
+        buses.open_arm(choices, servos) as arm,
+        TemporaryDirectory() as folder,
+        Progress() as progress,
+        buses.stopping("nothing was changed"),
+    ):
+        checked = look(arm)
+        with arm.powered():
+            for name in joints:
+                progress(f"{name}: moving, {duration_s:g} s")
+                period = models[name].period if rate_hz is None else 1.0 / rate_hz
+                requests = excitation(arm, name, period=period, duration=duration_s)
+                log = move(arm, name, requests, period=period, log=Path(folder, "log.csv"))
+                error, before = _error(models[name], log), _error_before(models[name])
+                holds = error <= max(WORSE * before, SMALL)
+                changes = _settings_changed(servos[name].settings, checked.settings[name])
+                if not holds:
+                    progress(f"{name}: identifying")
+                    changes += _changes(models[name], log)
+                    lost.append(name)
+                verdict = "holds" if holds else "no longer holds"
+                document[name] = {
+                    "holds": holds,
+                    "rms_deg": math.degrees(error),
+                    "rms_before_deg": math.degrees(before),
+                    "changes": changes,
+                }
+                lines.append(
+                    f"{name}: the model {verdict}: misses {math.degrees(error):.2f} deg rms, "
+                    f"{math.degrees(before):.2f} when it was calibrated"
+                    + "".join(f"; {change}" for change in changes)
+                )
+    if as_json:
+        print_json({"joints": document})
+    else:
+        summarise("\n".join(lines))
+    if lost:
+        raise click.ClickException(f"calibrate {', '.join(lost)} again")
+
+
+def _error(model: JointModel, log: Log) -> float:
+    """How far the model misses the measured angles, rms [rad]."""
+    import numpy as np
+
+    from planner.model.response import simulate
+
+    due = np.rint((log.times - log.times[0]) / model.period).astype(int)
+    requests = np.interp(np.arange(due[-1] + 1), due, log.requests)
+    predicted = simulate(model, requests, cyclic=False, start=float(log.angles[0]))[due]
+    return float(np.sqrt(np.mean((predicted - log.angles)[log.measured] ** 2)))
+
+
+def _error_before(model: JointModel) -> float:
+    return math.nan if model.evidence is None else model.evidence.error
+
+
+def _settings_changed(before: Any, now: Any) -> list[str]:
+    """Registers that differ from those of the calibration."""
+    from planner.robot.arm import SETTINGS
+
+    return [
+        f"{words} is {now[key]}, and was {before[key]}"
+        for key, words in SETTINGS.items()
+        if key in before and before[key] != now[key]
+    ]
+
+
+def _changes(model: JointModel, log: Log) -> list[str]:
+    """Parameters that the log puts elsewhere, beyond what both leave open."""
+    from planner.identification.identify import identify
+
+    found = identify(log)
+    known = {} if model.evidence is None else model.evidence.intervals
+    changes = []
+    for name in PHYSICAL:
+        if name not in found.intervals:
+            continue
+        old, new = getattr(model, name), getattr(found.model, name)
+        low, high = known.get(name, (old, old))
+        interval = found.intervals[name]
+        if interval.lower > high or interval.upper < low:
+            changes.append(f"{name} is {new:.3g}, and was {old:.3g}")
+    return changes

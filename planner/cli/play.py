@@ -1,0 +1,153 @@
+"""``request-planner play``: requests in, a motion of the servos and its log out."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from planner.cli import buses, options, types
+from planner.cli.console import deliver, warn
+
+if TYPE_CHECKING:
+    from planner.trajectory import Array
+
+
+@click.command()
+@click.argument("requests", type=types.INPUT)
+@buses.bus_options
+@click.option(
+    "--model",
+    "model",
+    type=types.INPUT,
+    required=True,
+    metavar="FILE",
+    help="The servos of the joints, with zeros and ranges, as calibrate writes them.",
+)
+@click.option(
+    "--cycles",
+    type=click.IntRange(1),
+    default=1,
+    show_default=True,
+    metavar="N",
+    help="How often to play them.",
+)
+@click.option(
+    "--measured",
+    type=types.OUTPUT,
+    metavar="FILE",
+    help="Also write the measured angles, a row for each request, as refine takes them.",
+)
+@click.option(
+    "-o",
+    "--output",
+    type=types.OUTPUT,
+    default="log.csv",
+    show_default=True,
+    help="The log of requested and actual angles.",
+)
+@options.as_json
+def play(
+    *,
+    requests: str,
+    model: str,
+    cycles: int,
+    measured: str | None,
+    output: str,
+    as_json: bool,
+    **choices: Any,
+) -> None:
+    """Play REQUESTS, as `plan` or `refine` writes them, on servos, and log what the joints do.
+
+    The joints are led slowly to the first request. Requests beyond the range of a joint are refused
+    before anything moves. Ctrl-C, a fault or a silent servo stops the motion: the joints stay where
+    they are, the torque is as it was before, and the log has every row until then.
+
+    \b
+    Example, a plan, its motion, and the next requests after learning from it:
+        request-planner plan path.csv --model arm.toml -o requests.csv
+        request-planner play requests.csv --bus virtual --model arm.toml --measured measured.csv
+        request-planner refine requests.csv measured.csv --desired path.csv --model arm.toml
+    """  # noqa: D301
+    import numpy as np
+
+    from planner.exceptions import InvalidFile
+    from planner.files.growing_log import GrowingLog
+    from planner.files.joint_model import read_servos
+    from planner.files.paths import read_joint_path, write_joint_path
+    from planner.run.desired import check_angles
+
+    path = read_joint_path(requests)
+    check_angles(path.names, path.units)
+    if path.times is None:
+        raise InvalidFile(requests, "no column t_s, so no time between requests; add it")
+    period = float(path.times[-1] - path.times[0]) / (len(path.times) - 1)
+    known = read_servos(model)
+    if missing := [name for name in path.names if name not in known]:
+        raise InvalidFile(
+            model,
+            f"no servo of {', '.join(missing)}; servos are of {', '.join(known)}: calibrate it, or "
+            "name the columns alike",
+        )
+    rows: list[tuple[float, Array]] = []
+    servos = {name: known[name] for name in path.names}
+    with buses.open_arm(choices, servos) as arm, GrowingLog(output, path.names) as log:
+
+        def keep(time: float, row: Array, angles: Array) -> None:
+            log.keep(time, row, angles)
+            rows.append((time, angles))
+
+        with buses.stopping(f"the log until then is {log.unfinished}"), arm.powered():
+            played = arm.perform(path.angles, period=period, cycles=cycles, keep=keep)
+            if played.interrupted:
+                raise KeyboardInterrupt
+        log.finish()
+    count = cycles * len(path.angles)
+    times, angles = np.array([time for time, _ in rows]), np.array([each for _, each in rows])
+    if measured is not None:
+        write_joint_path(
+            measured, path.names, _a_row_each(times, angles, count, period), period=period
+        )
+    lost = int(np.isnan(angles).sum())
+    if played.skipped or lost:
+        warn(
+            f"{played.skipped} of {count} requests were not sent in time and {lost} of "
+            f"{angles.size} angles were not read; a longer period, or a better cable, helps"
+        )
+    deliver(
+        {
+            "rows": len(rows),
+            "requests": count,
+            "skipped": played.skipped,
+            "overruns": played.overruns,
+            "latest_s": played.latest,
+            "angles_lost": lost,
+            "answers_asked": arm.bus.asked,
+            "answers_lost": arm.bus.lost,
+        },
+        f"{len(rows)} rows of {', '.join(path.names)} in {output}\nplayed: {played}",
+        lambda _: None,
+        output="",
+        as_json=as_json,
+    )
+
+
+def _a_row_each(times: Array, angles: Array, count: int, period: float) -> Array:
+    """Angles at the time of every request; those that were not read lie between their neighbours.
+
+    Raises:
+        BusError: A joint was never read.
+    """
+    import numpy as np
+
+    from planner.exceptions import BusError
+
+    due = period * np.arange(count)
+    columns = []
+    for column in angles.T:
+        read = np.isfinite(column)
+        if not read.any():
+            raise BusError("a joint was never read; check its cable")
+        # A row was measured with its request, however late: it belongs to the nearest due time.
+        columns.append(np.interp(due, period * np.rint(times[read] / period), column[read]))
+    return np.column_stack(columns)

@@ -1,0 +1,85 @@
+"""What a calibration found, for the terminal and as a page: every way with its measured error."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+from planner.calibration.candidates import WORDS, Compared
+from planner.report.identification.figures import cloud_figure
+from planner.report.identification.text import next_step
+from planner.report.page import Card, Page, Section, heading
+from planner.report.table import Column, Row, Table, number
+
+
+def candidates_table(found: Mapping[str, Compared]) -> Table:
+    """Every joint and every way, with what was measured on the test motion."""
+    rows = []
+    for joint, each in found.items():
+        for one in each.candidates:
+            mark = " ←" if one is each.recommended else ""
+            expected = "–" if math.isnan(one.expected) else number(math.degrees(one.expected))
+            cells = (
+                number(math.degrees(one.error)) + mark,
+                number(math.degrees(one.max_error)),
+                expected,
+                number(math.degrees(one.largest_step)),
+            )
+            rows.append(Row(WORDS[one.way], cells, subject=joint))
+    columns = tuple(
+        Column(title) for title in ("error, rms", "largest", "expected", "largest step")
+    )
+    return Table("on the test motion [deg]", columns, tuple(rows), apart=True)
+
+
+def recommendation(joint: str, each: Compared) -> str:
+    """What is recommended for a joint, in a line."""
+    best, shift = each.recommended, each.named("shift")
+    error, other = math.degrees(best.error), math.degrees(shift.error)
+    words = f"{joint}: {WORDS[best.way]}, {number(error)} deg rms"
+    if best.way == "shift":
+        return f"{words}; plan with --method shift"
+    if best.way == "direct":
+        return f"{words}; send the path as it is"
+    method = "; plan with --method closed-form" if best.way == "closed_form" else ""
+    return f"{words} (best shift: {number(other)}){method}"
+
+
+def calibration_text(found: Mapping[str, Compared], output: str) -> str:
+    """The last screen: the recommendation, every way with its price, and what to do next."""
+    lines = [f"recommended, and written to {output}:"]
+    lines += [f"  {recommendation(joint, each)}" for joint, each in found.items()]
+    step = next_step({joint: each.identification for joint, each in found.items()}, output)
+    return "\n".join([*lines, candidates_table(found).text(), step])
+
+
+def calibration_page(found: Mapping[str, Compared]) -> str:
+    """The same as a page, with the model of every joint beside what it was identified from."""
+    joints = list(found.items())
+    gains = [each.named("shift").error / each.recommended.error for _, each in joints]
+    lines = [recommendation(joint, each) for joint, each in joints]
+    figures = [
+        cloud_figure(each.identification, f"joint{k}_") for k, (_, each) in enumerate(joints, 1)
+    ]
+    step = next_step({joint: each.identification for joint, each in found.items()}, "arm.toml")
+    return Page(
+        heading=heading(joints[0][0] if len(joints) == 1 else f"{len(joints)} joints")
+        + ", calibrated",
+        eyebrow="request-planner calibrate",
+        verdict=lines[0] if len(lines) == 1 else f"{len(lines)} joints were measured.",
+        sections=(
+            Section(
+                "Recommendation",
+                "<ul>{% for line in lines %}<li>{{ line }}</li>{% endfor %}</ul><p>{{ step }}</p>",
+                {"lines": lines, "step": step},
+            ),
+            Section("Every way", "{{ table }}", {"table": candidates_table(found)}),
+            Section("The joints", "{{ figures(drawn) }}", {"drawn": figures}),
+        ),
+        footer="Errors are measured: every way was played on the servos.",
+        good=all(each.identification.accepted for _, each in joints),
+        cards=(
+            Card(f"{min(gains):.2g}–{max(gains):.2g}", "×", "closer than the best shift"),
+            Card(str(len(joints)), "", "joints"),
+        ),
+    ).html()
