@@ -21,6 +21,9 @@ WORSE = 2.0
 SMALL = math.radians(0.3)
 """Error that is never worth a new calibration [rad]: three counts of a sensor of 12 bits."""
 
+UNKNOWN = 0.1
+"""Share by which a parameter without an interval may be off."""
+
 PHYSICAL = ("v_max", "theta_0", "lag", "dead_band", "offset")
 """The parameters whose change is told."""
 
@@ -166,7 +169,7 @@ def _changes(model: JointModel, log: Log) -> list[str]:
         if name not in found.intervals:
             continue
         old, new = getattr(model, name), getattr(found.model, name)
-        low, high = known.get(name, (old, old))
+        low, high = known.get(name, (old - UNKNOWN * abs(old), old + UNKNOWN * abs(old)))
         interval = found.intervals[name]
         if interval.lower > high or interval.upper < low:
             changes.append(f"{name} is {new:.3g}, and was {old:.3g}")

@@ -19,13 +19,14 @@ from planner.virtual.servo_bus import Faults, VirtualServos
 BRIEF = ("--bus", "virtual", "--duration-s", "16", "--reach-deg", "30", "--yes")
 
 ARM = """[joint_1]
-v_max = 5.0
-theta_0 = 0.57
-lag = 0.01
-acceleration_time = 0.02
+v_max = 5.02
+theta_0 = 0.5665
+lag = 0.0
+acceleration_time = 0.0201
 tick = 0.001
 hold = 10
-time_constant = 0.025
+time_constant = 0.0256
+max_acceleration = 69.3
 dead_band = 0.0134
 
 [joint_1.servo]

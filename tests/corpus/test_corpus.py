@@ -34,7 +34,16 @@ INPUTS = Path(__file__).parent / "inputs"
 
 CLAMPED = "--leg reference --unreachable clamp"
 
+ARM = "--bus virtual --model arm.toml"
+
 CASES = {
+    "calibrate-dry": "calibrate --bus virtual --ids 1-3 --dry-run --reach-deg 30",
+    "calibrate-named": "calibrate --bus virtual --ids pan=2,lift=1 --joint lift --reverse lift "
+    "--zero-tick lift=2000 --rate-hz 50 --dry-run",
+    "calibrate-slow": "calibrate --bus virtual --ids 1-20 --rate-hz 500 --dry-run",
+    "check": f"check {ARM} --duration-s 4",
+    "check-json": f"check {ARM} --duration-s 4 --rate-hz 50 --json",
+    "check-named": f"check {ARM} --duration-s 4 --joint hip",
     "compare-json": "compare path.csv --limits-deg -30:40 --json",
     "compare-norm": "compare path.csv --joint hip --norm max --level slope --no-cyclic",
     "compare-page": f"compare short_stride.csv {CLAMPED} --segments 5 --out found",
@@ -99,6 +108,11 @@ CASES = {
     "view-joints": "view path.csv --leg reference",
     "view-page": f"view stride.csv {CLAMPED} --method optimal --html page.html",
     "view-requests": f"view foot.csv {CLAMPED} --requests requests.csv --html page.html",
+    "play": f"play played.csv {ARM} -o out.csv",
+    "play-json": f"play played.csv {ARM} --measured m.csv --json",
+    "play-cycles": f"play played.csv {ARM} --cycles 2 --measured m.csv -o out.csv",
+    "record": f"record {ARM} --duration-s 0.2 --rate-hz 25 -o out.csv",
+    "record-hand": f"record {ARM} --duration-s 0.2 --rate-hz 25 --by-hand -o out.csv",
     "program": ["", "--version", "plan --hepl", "plna"],
     "help": [f"{command} --help" for command in COMMANDS],
 }
