@@ -42,7 +42,7 @@ short command's time is spent looking at what packages define, which is no garba
 
 COMMANDS = {
     "calibrate": "Move servos, identify their joints, recommend how to plan.",
-    "check": "Move calibrated servos briefly: do their models still hold?",
+    "check": "Say whether the models of calibrated servos still hold.",
     "compare": "Compare closed-form and optimised requests.",
     "completion": "Print the completion script of a shell.",
     "excite": "Write test requests that determine a joint's parameters.",

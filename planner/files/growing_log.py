@@ -54,7 +54,7 @@ class GrowingLog:
             InvalidFile: The disk is full.
         """
         angles = np.degrees(np.column_stack(kinds)).ravel().tolist()
-        cells = ("" if math.isnan(each) else f"{each:.6f}" for each in angles)
+        cells = ("" if math.isnan(each) else f"{each + 0.0:.6f}" for each in angles)
         try:
             self._write(",".join([f"{time:.6f}", *cells]))
         except OSError as error:

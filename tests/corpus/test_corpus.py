@@ -40,7 +40,7 @@ CASES = {
     "calibrate-dry": "calibrate --bus virtual --ids 1-3 --dry-run --reach-deg 30",
     "calibrate-named": "calibrate --bus virtual --ids pan=2,lift=1 --joint lift --reverse lift "
     "--zero-tick lift=2000 --rate-hz 50 --dry-run",
-    "calibrate-slow": "calibrate --bus virtual --ids 1-20 --rate-hz 500 --dry-run",
+    "calibrate-slow": "calibrate --bus virtual --ids 1-8 --rate-hz 500 --dry-run",
     "check": f"check {ARM} --duration-s 4",
     "check-json": f"check {ARM} --duration-s 4 --rate-hz 50 --json",
     "check-named": f"check {ARM} --duration-s 4 --joint hip",
