@@ -87,9 +87,9 @@ def test_the_version_is_that_of_the_package(run):
     assert run("--version").stdout == f"request-planner {__version__}\n"
 
 
-@pytest.mark.parametrize("wrong", ["plam", "simulat", "comparee"])
+@pytest.mark.parametrize("wrong", ["plann", "simulat", "comparee"])
 def test_a_misspelt_command_names_the_nearest(run, wrong):
-    near = {"plam": "plan", "simulat": "simulate", "comparee": "compare"}[wrong]
+    near = {"plann": "plan", "simulat": "simulate", "comparee": "compare"}[wrong]
     result = run(wrong)
     assert result.exit_code == 2
     assert result.stderr == (
@@ -174,7 +174,7 @@ def test_every_shell_gets_its_script(run, shell, line):
 @pytest.mark.parametrize(
     ("typed", "offered"),
     [
-        ("pl", ["plain,plan"]),
+        ("pl", ["plain,plan", "plain,play"]),
         ("plan --meth", ["plain,--method"]),
         ("plan --method op", ["plain,optimal"]),
         ("plan fo", ["file,fo"]),
