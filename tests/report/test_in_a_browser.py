@@ -164,7 +164,7 @@ def test_plots_that_follow_the_same_moment_are_zoomed_in_time_together(quiet, tm
             ("first", 1.0, 1000.0), ("second", 0.001, 1.0), ("alone", 1.0, None)
         )
     }  # fmt: skip
-    figures = "".join(f'<figure id="{name}"><svg></svg></figure>' for name in plots)
+    figures = "".join(f'<figure id="{name}"><div class="live"></div></figure>' for name in plots)
     page = tmp_path / "page.html"
     page.write_text(f"<!doctype html>{live_head()}{figures}{live_scripts(plots)}")
     quiet.open(page)

@@ -56,7 +56,10 @@ def agreement_pairs(reproduction: Reproduction) -> list[Pair]:
 def agreement_figure(reproduction: Reproduction) -> Figure:
     """Dumb-bells: the paper's figure at one end, ours at the other."""
     pairs = agreement_pairs(reproduction)
-    tops = {pair.comparison: pair.row for pair in reversed(pairs)}
+    tops = {
+        COMPARISONS[pair.comparison].removesuffix(", as in the paper"): pair.row
+        for pair in reversed(pairs)
+    }
     return dumb_bells(
         "table2_agreement",
         (
@@ -74,8 +77,7 @@ def agreement_figure(reproduction: Reproduction) -> Figure:
         ),
         notes=tuple(f"{pair.joint}, {pair.norm}" for pair in pairs),
         words=[
-            Words(COMPARISONS[name], 0.0, top - 0.9, across="left", bold=True)
-            for name, top in tops.items()
+            Words(name, 0.0, top - 0.9, across="left", bold=True) for name, top in tops.items()
         ],
     )  # fmt: skip
 

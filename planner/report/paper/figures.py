@@ -396,7 +396,7 @@ def _step_test(reproduction: Reproduction, number: int, amplitude: float, captio
         spans=(
             Span(start, middle, MUTED, SHADE, words=f"lag {response.lag} ticks", words_side="left"),
             Span(middle, end, CLOSED_FORM, SHADE,
-                 words=f"acceleration time {response.acceleration} ticks"),
+                 words=f"acceleration {response.acceleration} ticks"),
         ),
         height=1.6,
     )  # fmt: skip
