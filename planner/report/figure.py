@@ -379,6 +379,43 @@ class Timeline:
         )  # fmt: skip
 
 
+def joint_figure(
+    timeline: Timeline,
+    name: str,
+    words: tuple[str, str],
+    *,
+    angles: Sequence[Curve] = (),
+    errors: Sequence[Curve] = (),
+    requests: Sequence[Curve],
+    unit: str = "deg",
+    limits: tuple[float, float] | None = None,
+    spans: tuple[Span, ...] = (),
+    clock: bool = True,
+) -> Figure:
+    """A joint: its angles, their errors and its requests, each that there are in a panel.
+
+    Args:
+        timeline: When the samples are.
+        name: The figure's name.
+        words: Title and caption.
+        angles: Desired, measured and predicted angles.
+        errors: What they differ by.
+        requests: Requests, the last of which the limits are for.
+        unit: Of all these.
+        limits: Smallest and largest request, drawn where they are near; or None.
+        spans: Shades behind the angles.
+        clock: Whether it follows the moving leg, or the slider, of its page.
+    """
+    limited = near_limits(limits, requests[-1], end=timeline.step * timeline.last)
+    panels = [
+        Panel(Axis("angle", unit, least=1.0), tuple(angles), "predicted", spans),
+        Panel(Axis("error", unit, least=0.05), tuple(errors)),
+        Panel(Axis("request", unit, least=1.0), (*limited, *requests), "requested"),
+    ]
+    drawn = [panel for panel in panels if panel.curves]
+    return timeline.figure(name, drawn, words, clock=clock)
+
+
 def around(values: Iterable[Array], *, margin: float = MARGIN) -> tuple[float, float]:
     """The ends of an axis on which all values lie, with room on both sides."""
     known = [each[np.isfinite(each)] for each in values]

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from planner.report import figure
 from planner.report.figure import Axis, Curve, Figure, Panel, Timeline
 from planner.report.page import (
     Card,
@@ -30,6 +31,7 @@ from planner.report.style import (
     OPTIMAL,
     REQUESTED,
     SHIFT,
+    Role,
 )
 from planner.report.table import NOTHING, Column, Row, Table
 
@@ -168,29 +170,25 @@ def _numbers(count: int) -> Array:
 
 
 def joint_figure(plan: Plan, executed: Array, measured: Array, j: int) -> Figure:
-    """A joint's angles, its requests before and after, and what was learnt of it."""
+    """A joint's angles, its error with what was learnt of it, and its requests before and after."""
     timeline = Timeline(plan.period, len(plan.desired), plan.cyclic)
-    degrees, learnt = timeline.degrees, plan.task.disturbance
+    learnt = plan.task.disturbance
     assert learnt is not None, "it was learnt"
-    angles = (
-        degrees(plan.desired[:, j], DESIRED),
-        degrees(measured[:, j], EXECUTED),
-        degrees(plan.predicted[:, j], NEXT),
-        degrees(executed[:, j], BEFORE, held=True),
-        degrees(plan.requests[:, j], AFTER, held=True),
-    )
-    missed = (
-        degrees(measured[:, j] - plan.desired[:, j], ERROR),
-        degrees(learnt[:, j], LEARNT),
-    )
-    name = plan.names[j]
-    return timeline.figure(
+
+    def curves(*looks: tuple[Array, Role], held: bool = False) -> list[Curve]:
+        return [timeline.degrees(values[:, j], role, held=held) for values, role in looks]
+
+    return figure.joint_figure(
+        timeline,
         f"learning_joint_{j + 1}",
-        [
-            Panel(Axis("angle", "deg"), angles, height=1.4),
-            Panel(Axis("difference", "deg", least=0.05), missed),
-        ],
-        (heading(name), "Angles and requests; below, the error and the part of it that repeats."),
+        (
+            heading(plan.names[j]),
+            "Angles; the measured error and the part of it that repeats; and requests.",
+        ),
+        angles=curves((plan.desired, DESIRED), (measured, EXECUTED), (plan.predicted, NEXT)),
+        errors=curves((measured - plan.desired, ERROR), (learnt, LEARNT)),
+        requests=curves((executed, BEFORE), (plan.requests, AFTER), held=True),
+        clock=False,
     )
 
 

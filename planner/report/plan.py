@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from planner.model.evidence import OPEN_TOP_SPEED, unproven_gains, untested_words
-from planner.report.figure import Axis, Figure, Motion, Movie, Panel, near_limits
+from planner.report import figure
+from planner.report.figure import Axis, Figure, Motion, Movie, Panel
 from planner.report.page import (
     Card,
     LinkedFile,
@@ -42,7 +43,7 @@ from planner.report.style import (
     SHIFT,
     Role,
 )
-from planner.report.table import NO_BOUND, percent
+from planner.report.table import NO_BOUND, at_most, percent, two_digits
 
 if TYPE_CHECKING:
     from kinematics.leg import Leg
@@ -57,9 +58,6 @@ METHODS = {
     "foot-optimal": FOOT_OPTIMAL,
 }
 """How the plan of each method is drawn everywhere."""
-
-ROUNDING = 1e-12
-"""What the division by a decimal step may add to a quotient, as a share of it."""
 
 
 def plan_page(
@@ -182,7 +180,7 @@ def verdict(plan: Plan) -> tuple[str, str]:
     if plan.task.leg:
         planned, direct = (size(each, 100.0) for each in (plan.distances, plan.direct_distances))
         unit = "cm"
-        head = f"By the model the foot stays within {_at_most(planned.largest)} cm of its path"
+        head = f"By the model the foot stays within {at_most(planned.largest)} cm of its path"
     else:
         planned, direct = (
             size(errors, math.degrees(1.0)) for errors in (plan.errors, plan.direct - plan.desired)
@@ -190,17 +188,17 @@ def verdict(plan: Plan) -> tuple[str, str]:
         unit = "degrees"
         subject = "joint stays" if len(plan.names) == 1 else "joints stay"
         whose = "its path" if len(plan.names) == 1 else "their paths"
-        head = f"By the model the {subject} within {_at_most(planned.largest)} degrees of {whose}"
+        head = f"By the model the {subject} within {at_most(planned.largest)} degrees of {whose}"
     tail = (
-        f"{_two_digits(planned.rms)} {unit} rms. Without a plan, with the desired angles as "
-        f"requests, the error is up to {_at_most(direct.largest)} {unit}, "
-        f"{_two_digits(direct.rms)} {unit} rms"
+        f"{two_digits(planned.rms)} {unit} rms. Without a plan, with the desired angles as "
+        f"requests, the error is up to {at_most(direct.largest)} {unit}, "
+        f"{two_digits(direct.rms)} {unit} rms"
     )
     if plan.task.leg and plan.expected_foot:
-        tail += f". On the robot expect about {_two_digits(100.0 * plan.expected_foot)} cm rms"
+        tail += f". On the robot expect about {two_digits(100.0 * plan.expected_foot)} cm rms"
     elif any(expected_errors(plan)) and not plan.task.leg:
         largest = max(each for each in expected_errors(plan) if each)
-        tail += f". On the robot expect about {_two_digits(largest)} degrees rms"
+        tail += f". On the robot expect about {two_digits(largest)} degrees rms"
     return head, tail
 
 
@@ -308,19 +306,6 @@ def cards(plan: Plan) -> list[Card]:
     ]  # fmt: skip
 
 
-def _at_most(value: float) -> str:
-    """Two digits of a size, rounded up: what stays below the size stays below them."""
-    if not value > 0.0:
-        return "0"
-    step = 10.0 ** (math.floor(math.log10(value)) - 1)
-    return _two_digits(step * math.ceil(value / step * (1.0 - ROUNDING)))
-
-
-def _two_digits(value: float) -> str:
-    """Two digits of a number, without a power of ten."""
-    return f"{float(f'{value:.2g}'):g}"
-
-
 # The figures.
 
 
@@ -369,8 +354,8 @@ def _movie(plan: Plan, leg: Leg, role: Role) -> Movie:
 
 
 def joint_figure(plan: Plan, role: Role, j: int) -> Figure:
-    """A joint: above its angles, below its requests against the limits."""
-    timeline, name = timeline_of(plan), plan.names[j]
+    """A joint's angles as desired, without a plan and with it, and its requests."""
+    timeline, limits = timeline_of(plan), plan.task.limits[j]
     desired, direct, predicted = (
         timeline.degrees(values[:, j], looks)
         for values, looks in (
@@ -379,23 +364,19 @@ def joint_figure(plan: Plan, role: Role, j: int) -> Figure:
             (plan.predicted, role),
         )
     )
-    requests = timeline.degrees(plan.requests[:, j], REQUESTED, held=True)
-    limits = plan.task.limits[j]
     compared = "without a plan, and with it"
     if plan.method == "shift":
         compared = "with the desired angles as requests, and with these the best time early"
-    in_degrees = None if limits is None else (math.degrees(limits[0]), math.degrees(limits[1]))
-    drawn = near_limits(in_degrees, requests, end=timeline.step * timeline.last)
-    return timeline.figure(
+    return figure.joint_figure(
+        timeline,
         f"joint_{j}",
-        [
-            Panel(Axis("angle", "deg", least=1.0), (desired, direct, predicted), "predicted"),
-            Panel(Axis("request", "deg", least=1.0), (desired, *drawn, requests), "requested"),
-        ],
         (
-            heading(name),
+            heading(plan.names[j]),
             f"Above: the joint's angle as desired, {compared}. Below: its requests; limits are "
             "drawn where they are near.",
         ),
+        angles=(desired, direct, predicted),
+        requests=(desired, timeline.degrees(plan.requests[:, j], REQUESTED, held=True)),
+        limits=limits and (math.degrees(limits[0]), math.degrees(limits[1])),
         clock=plan.task.leg is not None or len(plan.names) > 1,
     )

@@ -11,6 +11,7 @@ import numpy as np
 
 from planner.model.evidence import OPEN_TOP_SPEED
 from planner.planning.error_norm import error_norm
+from planner.report import figure
 from planner.report.figure import (
     Axis,
     Curve,
@@ -22,7 +23,6 @@ from planner.report.figure import (
     Span,
     Timeline,
     line,
-    near_limits,
 )
 from planner.report.page import (
     Card,
@@ -45,7 +45,7 @@ from planner.report.style import (
     REQUESTED,
     SHIFT,
 )
-from planner.report.table import NOTHING, Column, Row, Table
+from planner.report.table import NOTHING, Column, Row, Table, at_most
 
 if TYPE_CHECKING:
     from kinematics.leg import Leg
@@ -172,21 +172,13 @@ def _verdict(replay: Replay) -> tuple[str, str]:
     many = len(replay.planned) > 1
     head = (
         f"By the model the planned joint{'s stay' if many else ' stays'} within "
-        f"{_rounded_up(worst['planned'])} degrees of {'their paths' if many else 'its path'}"
+        f"{at_most(worst['planned'])} degrees of {'their paths' if many else 'its path'}"
     )
     tail = (
         f"where the path itself as requests is up to {worst['direct']:.2g} degrees off, and the "
         f"recorded requests at this speed {worst['resent']:.2g}"
     )
     return head, tail
-
-
-def _rounded_up(value: float) -> str:
-    """A number of 0 or more with two digits, no less than it is."""
-    if value <= 0.0:
-        return "0"
-    unit = 10.0 ** (math.floor(math.log10(value)) - 1)
-    return f"{math.ceil(value / unit * (1.0 - 1e-12)) * unit:g}"
 
 
 def _said(replay: Replay, found: Fastest | None) -> list[str]:
@@ -333,53 +325,46 @@ def arm_figure(replay: Replay, arm: Leg) -> Figure:
 
 
 def joint_figure(replay: Replay, j: int) -> Figure:
-    """A joint: its angles, its errors, and its requests."""
+    """A joint: its angles and errors, where it is planned, and its requests."""
     timeline, joint = _timeline(replay), replay.joints[j]
-    unit, _ = UNITS[joint.path.unit]
+    unit, factor = UNITS[joint.path.unit]
     desired = timeline.curve(_in_unit(joint, joint.desired), DESIRED, "path")
-    requests = timeline.curve(_in_unit(joint, joint.requests), REQUESTED, held=True)
-    recorded = timeline.curve(
-        _in_unit(joint, joint.recorded_requests), APPROXIMATION, "recorded requests", held=True
-    )
-    panels = [Panel(Axis("request", unit, least=1.0), (desired, recorded, requests), "requested")]
-    words = f"{joint.path.reason}: its recorded requests at the same moments"
-    if joint.inversion is not None:
-        assert joint.predicted is not None, "a planned joint is simulated"
-        fast = [
-            Span(timeline.per_second * a, timeline.per_second * b, DIRECT, FAST)
-            for a, b in joint.too_fast
-        ]
-        span = replay.path.limits.get(joint.name)
-        limits = None if span is None else _limits(joint, span)
-        drawn = near_limits(limits, requests, end=timeline.step * timeline.last)
-        looks = {"direct": DIRECT, "shifted": SHIFT, "planned": OPTIMAL}
-        angles = {"direct": joint.direct, "shifted": joint.shifted, "planned": joint.predicted}
-        panels = [
-            Panel(
-                Axis("angle", unit, least=1.0),
-                (desired, *(_curve(timeline, joint, angles[k], looks[k]) for k in looks)),
-                "predicted",
-                spans=tuple(fast),
-            ),
-            Panel(
-                Axis("error", unit),
-                tuple(
-                    _curve(timeline, joint, angles[k] - joint.desired, looks[k])
-                    for k in ("shifted", "planned")
-                ),
-            ),
-            Panel(
-                Axis("request", unit, least=1.0),
-                (desired, recorded, *drawn, requests),
-                "requested",
-            ),
-        ]
-        words = (
-            "Above: the angle to follow, with the path itself as requests, with the best time "
-            "shift of it, and as planned; shaded where the path is faster than the joint can be. "
-            "In the middle: errors. Below: requests"
+    sent = [
+        timeline.curve(_in_unit(joint, requests), role, label, held=True)
+        for requests, role, label in (
+            (joint.recorded_requests, APPROXIMATION, "recorded requests"),
+            (joint.requests, REQUESTED, ""),
         )
-    return timeline.figure(f"joint_{j}", panels, (joint.name, sentence(words)), clock=True)
+    ]
+    if joint.inversion is None:
+        words = f"{joint.path.reason}: its recorded requests at the same moments"
+        return figure.joint_figure(
+            timeline, f"joint_{j}", (joint.name, sentence(words)), unit=unit,
+            requests=(desired, *sent),
+        )  # fmt: skip
+    assert joint.predicted is not None, "a planned joint is simulated"
+    angles = ((joint.direct, DIRECT), (joint.shifted, SHIFT), (joint.predicted, OPTIMAL))
+    span = replay.path.limits.get(joint.name)
+    fast = (
+        Span(timeline.per_second * a, timeline.per_second * b, DIRECT, FAST)
+        for a, b in joint.too_fast
+    )
+    words = (
+        "Above: the angle to follow, with the path itself as requests, with the best time shift of "
+        "it, and as planned; shaded where the path is faster than the joint can be. In the middle: "
+        "errors. Below: requests"
+    )
+    return figure.joint_figure(
+        timeline,
+        f"joint_{j}",
+        (joint.name, sentence(words)),
+        unit=unit,
+        angles=(desired, *(_curve(timeline, joint, each, role) for each, role in angles)),
+        errors=[_curve(timeline, joint, each - joint.desired, role) for each, role in angles[1:]],
+        requests=(desired, *sent),
+        limits=span and (factor * span[0], factor * span[1]),
+        spans=tuple(fast),
+    )
 
 
 def speeds_figure(found: Fastest) -> Figure:
@@ -446,11 +431,6 @@ def _curve(timeline: Timeline, joint: JointReplay, values: Array, role: Role) ->
 def _in_unit(joint: JointReplay, values: Array) -> Array:
     """Angles in degrees, shares in percent."""
     return np.asarray(UNITS[joint.path.unit][1] * values)
-
-
-def _limits(joint: JointReplay, span: tuple[float, float]) -> tuple[float, float]:
-    factor = UNITS[joint.path.unit][1]
-    return factor * span[0], factor * span[1]
 
 
 def _shown(joint: JointReplay, errors: Array, norm: str) -> float:

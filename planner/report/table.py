@@ -17,6 +17,9 @@ NOTHING = "–"
 NO_BOUND = "a load that depends on the pose: other requests would meet another load"
 """Why there is no lower bound where there is none."""
 
+ROUNDING = 1e-12
+"""What the division by a decimal step may add to a quotient, as a share of it."""
+
 _WIDTH: ContextVar[int | None] = ContextVar("_WIDTH", default=None)
 """Characters of a line; None, as for files, for any number."""
 
@@ -189,6 +192,19 @@ def _blocks(widths: Sequence[int], about: int) -> list[list[int]]:
 def number(value: float | None, digits: int = 2) -> str:
     """A number with fixed decimals; a dash for none."""
     return NOTHING if value is None else f"{value:.{digits}f}"
+
+
+def two_digits(value: float) -> str:
+    """Two digits of a number, without a power of ten."""
+    return f"{float(f'{value:.2g}'):g}"
+
+
+def at_most(value: float) -> str:
+    """Two digits of a size, rounded up: what stays below the size stays below them."""
+    if not value > 0.0:
+        return "0"
+    step = 10.0 ** (math.floor(math.log10(value)) - 1)
+    return two_digits(step * math.ceil(value / step * (1.0 - ROUNDING)))
 
 
 def signed(text: str) -> str:

@@ -57,20 +57,7 @@ def paper_results(reproduction: Reproduction) -> dict[str, Any]:
     is its method, ``closed_form`` (``MB``) has its knots refined by simulating the joint.
     """
     return {
-        "made_by": f"request-planner {__version__} reproduce",
-        "note": PAPER_NOTE,
-        "source": SOURCE,
-        "units": {
-            "table2": "deg",
-            "foot": "cm",
-            "bounds": "deg",
-            "foot_bound": "cm",
-            "gap": "1",
-            "limits": "deg",
-            "seconds": "s",
-        },
-        "comparisons": dict(COMPARISONS),
-        "methods": dict(METHODS),
+        **_heads("reproduce", PAPER_NOTE),
         "table2": {
             joint: {
                 comparison: distance_entry(distance, published(joint, comparison))
@@ -84,9 +71,7 @@ def paper_results(reproduction: Reproduction) -> dict[str, Any]:
         },
         "best_shift_samples": reproduction.lead,
         "baseline_deviation": reproduction.baseline_deviation,
-        "bounds": {joint.name: bound_entry(joint) for joint in reproduction.joints},
-        "foot_bound": foot_bound_entry(reproduction),
-        "limits": {joint.name: limits_entry(joint) for joint in reproduction.joints},
+        **_bounds(reproduction),
         "step_tests": {
             f"{amplitude:g}": {
                 "lag_ticks": response.lag,
@@ -97,11 +82,7 @@ def paper_results(reproduction: Reproduction) -> dict[str, Any]:
         },
         "parameters": {
             "model": reproduction.model.parameters(),
-            "segments": reproduction.segments,
-            "rule": RULE,
-            "refine": dict(REFINE),
-            "samples": len(reproduction.walk.desired),
-            "clamped_samples": int((~reproduction.walk.reachable).sum()),
+            **_plan_parameters(reproduction),
         },
         "versions": versions(),
         "seconds": {**reproduction.seconds, "total": sum(reproduction.seconds.values())},
@@ -121,8 +102,51 @@ def distance_entry(distance: Distance, published: Published | None) -> dict[str,
     return {"L2": distance.rms, "Linf": distance.max, "paper": paper}
 
 
-def bound_entry(joint: JointOutcome) -> dict[str, Any]:
-    """What no requests can go below, and how far above it the plans are."""
+def _heads(command: str, note: str, **units: str) -> dict[str, Any]:
+    """What the document is, its units, and what its keys are called in words."""
+    return {
+        "made_by": f"request-planner {__version__} {command}",
+        "note": note,
+        "source": SOURCE,
+        "units": {
+            "table2": "deg",
+            "foot": "cm",
+            "bounds": "deg",
+            "foot_bound": "cm",
+            "gap": "1",
+            "limits": "deg",
+            **units,
+            "seconds": "s",
+        },
+        "comparisons": dict(COMPARISONS),
+        "methods": dict(METHODS),
+    }
+
+
+def _plan_parameters(planned: PlannedWalk) -> dict[str, Any]:
+    return {
+        "segments": planned.segments,
+        "rule": RULE,
+        "refine": dict(REFINE),
+        "samples": len(planned.walk.desired),
+        "clamped_samples": int((~planned.walk.reachable).sum()),
+    }
+
+
+def _bounds(planned: PlannedWalk) -> dict[str, Any]:
+    """Lower bounds with the plans' gaps, and limits with what requests exceed them by."""
+    return {
+        "bounds": {joint.name: _bound(joint) for joint in planned.joints},
+        "foot_bound": {
+            "L2": 100.0 * planned.foot_plan.lower_bound,
+            "gap": planned.foot_plan.gap,
+            "level": "envelope",
+        },
+        "limits": {joint.name: _limits(joint) for joint in planned.joints},
+    }
+
+
+def _bound(joint: JointOutcome) -> dict[str, Any]:
     return {
         "rms": math.degrees(joint.optimal.lower_bound),
         "gap": joint.optimal.gap,
@@ -132,17 +156,7 @@ def bound_entry(joint: JointOutcome) -> dict[str, Any]:
     }
 
 
-def foot_bound_entry(planned: PlannedWalk) -> dict[str, Any]:
-    """What no requests within the limits bring the foot below, and how far above it the plan is."""
-    return {
-        "L2": 100.0 * planned.foot_plan.lower_bound,
-        "gap": planned.foot_plan.gap,
-        "level": "envelope",
-    }
-
-
-def limits_entry(joint: JointOutcome) -> dict[str, Any]:
-    """The limits of a joint, and how far the farthest request of each plan is beyond them."""
+def _limits(joint: JointOutcome) -> dict[str, Any]:
     lower, upper = joint.limits
     return {
         "lower": math.degrees(lower),
@@ -161,23 +175,13 @@ def virtual_results(outcome: VirtualOutcome) -> dict[str, Any]:
     """
     planned = outcome.planned
     return {
-        "made_by": f"request-planner {__version__} reproduce --robot virtual",
-        "note": VIRTUAL_NOTE,
-        "source": SOURCE,
+        **_heads(
+            "reproduce --robot virtual",
+            VIRTUAL_NOTE,
+            loss="1",
+            identified="SI, but for names that end in _deg and _ticks",
+        ),
         "robot": _robot(outcome),
-        "units": {
-            "table2": "deg",
-            "foot": "cm",
-            "bounds": "deg",
-            "foot_bound": "cm",
-            "gap": "1",
-            "loss": "1",
-            "limits": "deg",
-            "identified": "SI, but for names that end in _deg and _ticks",
-            "seconds": "s",
-        },
-        "comparisons": dict(COMPARISONS),
-        "methods": dict(METHODS),
         "identified": {
             joint.name: _identified(found, outcome.unseen_rms[joint.name])
             for joint, found in zip(planned.joints, outcome.identifications, strict=True)
@@ -187,9 +191,7 @@ def virtual_results(outcome: VirtualOutcome) -> dict[str, Any]:
         "learning": _learning(outcome),
         "best_shift_samples": outcome.shift_samples,
         "baseline_deviation": _baseline_deviation(outcome),
-        "bounds": {joint.name: bound_entry(joint) for joint in planned.joints},
-        "foot_bound": foot_bound_entry(planned),
-        "limits": {joint.name: limits_entry(joint) for joint in planned.joints},
+        **_bounds(planned),
         "parameters": {
             "models": {
                 joint.name: model.parameters()
@@ -197,11 +199,7 @@ def virtual_results(outcome: VirtualOutcome) -> dict[str, Any]:
             },
             "step_amplitudes_deg": list(AMPLITUDES),
             "step_cycles": STEP_CYCLES,
-            "segments": planned.segments,
-            "rule": RULE,
-            "refine": dict(REFINE),
-            "samples": len(planned.walk.desired),
-            "clamped_samples": int((~planned.walk.reachable).sum()),
+            **_plan_parameters(planned),
         },
         "versions": versions("mujoco"),
         "seconds": {**outcome.seconds, "total": sum(outcome.seconds.values())},
