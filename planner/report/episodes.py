@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from planner.report.figure import Axis, Curve, Figure, Panel
+from planner.report.figure import Axis, Curve, Figure, Panel, joined
 from planner.report.page import Card, Page, Section, footer, origin_lists, sentence, spoken
 from planner.report.style import DIRECT, LOWER_BOUND, OPTIMAL, SHIFT
 from planner.report.table import NOTHING, Column, Row, Table, number
@@ -165,7 +165,9 @@ def errors_figure(rows: Sequence[Mapping[str, Any]], unit: str) -> Figure:
         for kind, role in looks.items()
     ]
     if np.isfinite(bounds := values("lower_bound")).any():
-        curves.append(Curve(LOWER_BOUND, places, bounds))
+        ends = places[:, None] + np.array([-0.4, 0.4])
+        heights = np.column_stack([bounds, bounds])
+        curves.append(Curve(LOWER_BOUND._replace(dashes="-"), joined(ends), joined(heights)))
     return Figure(
         f"errors_{unit}",
         "Error of each recording",
