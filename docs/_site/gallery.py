@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import base64
 import contextlib
 import html
+import io
+import json
 import re
 import tempfile
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
 from click.testing import CliRunner
 from docutils import nodes
+from matplotlib.figure import Figure
 from sphinx.util.docutils import SphinxDirective
 
 from planner.cli import cli
@@ -37,12 +42,12 @@ class Item(NamedTuple):
 ITEMS = (
     Item(
         "foot",
-        "A plan for a foot: its path from the side, the distances, every joint",
+        "A plan for a foot: the moving leg, the distances, every joint",
         (
             "gait -o foot.csv",
             f"plan foot.csv {WALK} --method foot-optimal -o requests.csv --report foot.html",
         ),
-        "foot_side",
+        "foot_distances",
     ),
     Item(
         "joints",
@@ -68,15 +73,37 @@ ITEMS = (
 )
 """What is shown, in its order."""
 
-SVG = re.compile(r"<svg\b.*?</svg>", re.DOTALL)
+LIVE = re.compile(r'<script type="application/json" id="live-figures">(.*?)</script>', re.DOTALL)
+
+WIDTH, ROW = 4.8, 1.7  # width of a picture, height of a panel [in]
 
 
 def figure_of(page, name):
-    """The picture of a figure on a page, in the colours of the light page, to stand alone."""
-    found = SVG.search(page, page.index(f'<figure id="{name}"'))
-    assert found, "a figure without a picture"
+    """The curves of a figure of a page, in the colours of the light page, as SVG."""
+    plot = json.loads(LIVE.search(page)[1])[name]
     colours = dict(reversed(re.findall(r"(--[\w-]+):\s*([^;]+);", page)))  # light ones come first
-    return re.sub(r"var\((--[\w-]+)\)", lambda used: colours[used[1]], found[0])
+    panels = list(dict.fromkeys(curve["yaxis"] for curve in plot["data"]))
+    picture = Figure(figsize=(WIDTH, ROW * len(panels)), layout="constrained")
+    rows = picture.subplots(len(panels), sharex=True, squeeze=False)[:, 0]
+    for axes, panel in zip(rows, panels, strict=True):
+        axes.set_ylabel(plot["layout"][panel.replace("y", "yaxis")]["title"]["text"])
+        axes.grid(alpha=0.3)
+        for curve in plot["data"]:
+            if curve["yaxis"] == panel and curve["visible"] is True:
+                looks = curve.get("line") or curve["marker"]["line"]
+                colour = colours[looks["color"].removeprefix("var(").removesuffix(")")]
+                style = (
+                    {"lw": 0.7 * looks["width"]} if "line" in curve else {"ls": "", "marker": "."}
+                )
+                axes.plot(_numbers(curve["x"]), _numbers(curve["y"]), color=colour, **style)
+    rows[-1].set_xlabel(plot["layout"]["xaxis"]["title"]["text"])
+    file = io.StringIO()
+    picture.savefig(file, format="svg", metadata={"Date": None})
+    return file.getvalue()
+
+
+def _numbers(packed):
+    return np.frombuffer(base64.b64decode(packed["bdata"]), dtype=packed["dtype"])
 
 
 def written(item, folder):

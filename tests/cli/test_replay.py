@@ -99,7 +99,7 @@ def test_a_csv_comes_back_in_its_own_columns_and_units(run, demo, model):
     result = run("replay", demo, "--model", model, "--speed", 1.5, "-o", "requests.csv")
     assert result.exit_code == 0, result.stderr
     first, header, elbow, jaw = result.stderr.splitlines()
-    assert first.startswith("follows the state, what the robot did, ")
+    assert first.startswith("follows the state, the measured angles, ")
     assert "80 requests at 49.8504 Hz, 1.585 s for 2.387 s at 1.5 times the speed" in first
     assert header.startswith("rms [deg]")
     assert elbow.startswith("elbow")
