@@ -1,0 +1,252 @@
+"""No option is ignored: each changes what its command writes, or how the command ends."""
+
+from __future__ import annotations
+
+import shutil
+from dataclasses import replace
+from typing import NamedTuple
+
+import click
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import planner
+from kinematics import urdf_path
+from planner.cli import cli
+from planner.files.paths import write_foot_path, write_joint_path
+from planner.model.evidence import Evidence
+
+AIBO = planner.JointModel.ers210a()
+
+SOFT = replace(AIBO, dead_band=0.02, compliance=0.1)
+
+KNOWN = {"v_max": (0.9 * AIBO.v_max, 1.1 * AIBO.v_max), "lag": (0.02, 0.04)}
+
+OWN = "--leg robot.urdf --base body --foot front_left_ball"
+
+
+class Case(NamedTuple):
+    """What an option changes.
+
+    Attributes:
+        common: The other arguments.
+        one: The option with its value.
+        other: What stands in its place for another answer; by default it is left out.
+    """
+
+    common: str
+    one: str
+    other: str = ""
+
+
+JOINTS = "desired.csv"
+FOOT = "foot.csv --leg front-left"
+AT_ONCE = f"{FOOT} --method foot-optimal"
+
+PATH = {
+    "--joint": Case(JOINTS, "--joint knee"),
+    "--model": Case(JOINTS, "--model fast.toml"),
+    "--rate-hz": Case(JOINTS, "--rate-hz 62.5"),
+    "--cyclic": Case(JOINTS, "--no-cyclic"),
+}
+
+LEG = {
+    "--leg": Case("foot.csv", "--leg front-left", "--leg front-right --unreachable nearest"),
+    "--base": Case(
+        "foot.csv --leg robot.urdf --foot front_left_ball --unreachable nearest",
+        "--base body",
+        "--base front_left_shoulder",
+    ),
+    "--foot": Case(
+        "foot.csv --leg robot.urdf --base body --unreachable nearest",
+        "--foot front_left_ball",
+        "--foot hind_left_ball",
+    ),
+    "--lock": Case(f"foot.csv {OWN} --unreachable nearest", "--lock front_left_abductor=5"),
+    "--unreachable": Case(
+        "far.csv --leg front-left", "--unreachable nearest", "--unreachable clamp"
+    ),
+}
+
+ASKED = {
+    "--start-deg": Case(f"{JOINTS} --no-cyclic", "--start-deg 20"),
+    "--method": Case(JOINTS, "--method closed-form"),
+    "--norm": Case(JOINTS, "--norm max"),
+    "--solver": Case(f"{JOINTS} --joint hip", "--solver ipopt"),
+    "--weights": Case(AT_ONCE, "--weights 9 1 1"),
+    "--load": Case("loaded.csv --model soft.toml", "--load column"),
+    "--max-step-deg": Case(AT_ONCE, "--max-step-deg 4"),
+    "--max-request-speed-deg-s": Case(AT_ONCE, "--max-request-speed-deg-s 500"),
+    "--smoothness": Case(JOINTS, "--smoothness 0.1"),
+    "--limits-deg": Case(JOINTS, "--limits-deg knee=-69:69"),
+}
+
+CASES = {
+    "plan": {
+        **PATH,
+        **LEG,
+        **ASKED,
+        "--speed": Case(JOINTS, "--speed 0.5"),
+        "--segments": Case(f"{JOINTS} --method closed-form", "--segments 4"),
+        "--rule": Case(f"{JOINTS} --method closed-form", "--rule exact"),
+        "--robust": Case(f"{JOINTS} --model known.toml --joint knee", "--robust worst"),
+        "--tolerance-deg": Case(JOINTS, "--tolerance-deg 0.01"),
+        "--tolerance-cm": Case(AT_ONCE, "--tolerance-cm 0.001"),
+        "--report": Case(JOINTS, "--report plan.html"),
+    },
+    "simulate": {
+        **PATH,
+        "--rate-hz": Case("bare.csv", "--rate-hz 62.5"),
+        "--start-deg": Case(f"{JOINTS} --no-cyclic", "--start-deg 20"),
+        "--load": Case("loaded.csv --model soft.toml", "--load column"),
+        "--desired": Case(f"{JOINTS} --json", "--desired desired.csv"),
+    },
+    "fit": {
+        **{name: case for name, case in PATH.items() if name != "--rate-hz"},
+        "--segments": Case(JOINTS, "--segments 4"),
+        "--max-error": Case(f"{JOINTS} --joint hip", "--max-error 1"),
+        "--max-rms": Case(f"{JOINTS} --joint hip", "--max-rms 1"),
+        "--knot-s": Case(JOINTS, "--knot-s 0.1 --knot-s 0.3 --knot-s 0.5"),
+        "--required-s": Case(f"{JOINTS} --segments 4", "--required-s 0.304"),
+        "--exact": Case(f"{JOINTS} --joint hip --segments 3 --json", "--exact"),
+        "--knots": Case(f"{JOINTS} --joint hip", "--knots knots.csv"),
+        "--figure": Case(JOINTS, "--figure fit.svg"),
+    },
+    "gait": {
+        **{
+            f"--{name}": Case("", f"--{name} {value}")
+            for name, value in {
+                "samples": 40,
+                "length": 0.03,
+                "height": 0.02,
+                "forward": 0.04,
+                "sideways": 0.02,
+                "hip-height": 0.08,
+                "ground-fraction": 0.6,
+                "heading-deg": 20,
+                "period": 0.01,
+            }.items()
+        },
+        "--leg": Case("", "--leg front-left"),
+    },
+    "excite": {
+        name: Case(f"--limits-deg -40:40 --duration-s 12 {common}", one, other)
+        for name, (common, one, other) in {
+            "--kind": Case("", "--kind chirp"),
+            "--limits-deg": Case("", "--limits-deg -30:30"),
+            "--centre-deg": Case("", "--centre-deg 10"),
+            "--rate-hz": Case("", "--rate-hz 50"),
+            "--duration-s": Case("--kind multisine", "--duration-s 15"),
+            "--amplitude-deg": Case("--kind steps", "--amplitude-deg 20"),
+            "--cycles": Case("--kind steps", "--cycles 2"),
+            "--highest-hz": Case("--kind chirp", "--highest-hz 2"),
+            "--seed": Case("--kind random-steps", "--seed 5"),
+            "--joint": Case("", "--joint wrist"),
+            "--model": Case("--expected-log log.csv", "--model fast.toml"),
+            "--noise-deg": Case("--expected-log log.csv", "--noise-deg 0.4"),
+            "--resolution-deg": Case("--expected-log log.csv", "--resolution-deg 0.5"),
+            "--expected-log": Case("", "--expected-log log.csv"),
+        }.items()
+    },
+    "export": {
+        name: Case(f"desired.csv {common}", one, other)
+        for name, (common, one, other) in {
+            "--format": Case("", "--format csv", "--format yaml"),
+            "--cycles": Case("--format csv", "--cycles 2"),
+            "--rate-hz": Case("--format csv", "--rate-hz 250"),
+            "--between": Case("--format csv --rate-hz 250", "--between linear"),
+            "--joint-names": Case("--format csv", "--joint-names a,b"),
+            "--unit": Case("--format csv", "--unit deg"),
+            "--ticks-per-turn": Case("--format csv --unit ticks", "--ticks-per-turn 8192"),
+            "--zero-tick": Case("--format csv --unit ticks", "--zero-tick knee=2000"),
+            "--lead-s": Case("--format yaml", "--lead-s 2"),
+            "--velocities": Case("--format yaml", "--velocities"),
+            "--joint": Case("--format csv", "--joint knee"),
+        }.items()
+    },
+}
+"""An entry for every option of these commands but those of :data:`ELSEWHERE`."""
+
+CASES["export"]["--period-s"] = Case("bare.csv --format csv", "--period-s 0.01", "--period-s 0.02")
+
+EVERYWHERE = {"--output", "--json", "--quiet", "--verbose"}
+"""What ``test_habits`` and ``test_commands`` are about."""
+
+SAME_AS_LEG = {"--urdf"}
+
+OF_ANY_LEG = {"--base", "--foot", "--lock", "--near", "--model", "--fastest", "--tolerance-cm"}
+
+ELSEWHERE = {
+    "export": {"--topic", "--task"},
+    "plan": SAME_AS_LEG | {"--near"},
+    "gait": SAME_AS_LEG | OF_ANY_LEG,
+}
+"""What ``test_export`` reads back from bags and datasets, and what ``test_any_leg`` and
+``test_shortest_cycle`` are about."""
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
+    """A folder with paths, models and robots."""
+    folder = tmp_path_factory.mktemp("options")
+    phase = 2.0 * np.pi * np.arange(88) / 88
+    angles = np.column_stack([0.4 * np.sin(phase), 1.2 * np.sin(phase) ** 3])
+    write_joint_path(folder / "desired.csv", ["hip", "knee"], angles, period=AIBO.period)
+    loads = np.column_stack([0.3 + 0.0 * phase, 0.2 * np.cos(phase)])
+    write_joint_path(
+        folder / "loaded.csv", ["hip", "knee"], angles, period=AIBO.period, loads=loads
+    )
+    bare = "hip_rad,knee_rad\n" + "".join(f"{a:.6f},{b:.6f}\n" for a, b in angles)
+    (folder / "bare.csv").write_text(bare)
+    turned = 2.0 * phase[::2]
+    circle = np.column_stack([np.cos(turned), np.zeros(44), np.sin(turned)])
+    middle = np.array([0.09, 0.075, -0.09])
+    write_foot_path(folder / "foot.csv", middle + 0.012 * circle, period=AIBO.period)
+    far = middle + 0.06 * circle
+    write_foot_path(folder / "far.csv", far, period=AIBO.period)
+    shutil.copy(urdf_path("ers210a.urdf"), folder / "robot.urdf")
+    replace(AIBO, v_max=1.5 * AIBO.v_max, lag=0.02).to_toml(folder / "fast.toml")
+    SOFT.to_toml(folder / "soft.toml")
+    AIBO.with_evidence(Evidence(intervals=KNOWN)).to_toml(folder / "known.toml")
+    return folder
+
+
+@pytest.fixture
+def outcome(files, tmp_path, monkeypatch):
+    """What a command writes, and its exit status; the foot's path is too long for its bound."""
+
+    monkeypatch.setattr("planner.planning.bounds.foot_bound.MOST_SAMPLES_BOUNDED", 40)
+
+    def outcome(line):
+        shutil.copytree(files, tmp_path, dirs_exist_ok=True)
+        monkeypatch.chdir(tmp_path)
+        before = {file.name for file in files.iterdir()}
+        result = CliRunner().invoke(cli, line.split())
+        assert result.exit_code in (0, 1), result.stderr
+        written = {file for file in tmp_path.iterdir() if file.name not in before}
+        contents = {file.name: file.read_bytes() for file in written}
+        for file in written:
+            file.unlink()
+        return result.exit_code, result.stdout, contents
+
+    return outcome
+
+
+OPTIONS = [(command, name) for command, cases in CASES.items() for name in cases]
+
+
+@pytest.mark.usefixtures("undrawn")
+@pytest.mark.parametrize(("command", "name"), OPTIONS, ids=map(" ".join, OPTIONS))
+def test_every_option_changes_what_is_written(outcome, command, name):
+    case = CASES[command][name]
+    one, other = (outcome(f"{command} {case.common} {each}") for each in (case.one, case.other))
+    assert one != other
+
+
+@pytest.mark.parametrize("command", CASES)
+def test_no_option_of_these_commands_is_left_out(command):
+    parameters = cli.get_command(click.Context(cli), command).params
+    names = {max(each.opts, key=len) for each in parameters if isinstance(each, click.Option)}
+    others = EVERYWHERE | ELSEWHERE.get(command, set())
+    assert names - others == set(CASES[command])
