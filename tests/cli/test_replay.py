@@ -92,6 +92,20 @@ def dataset(tmp_path):
     return root
 
 
+def test_the_requests_of_a_joint_without_a_name_have_a_column_of_their_own(run, tmp_path):
+    requests = motion(60, 0.5)
+    angles = simulate(SERVO, requests, cyclic=False)
+    entries = [
+        {"timestamp": 0.02 * k, "goal_position": goal, "position": angle, "torque_enable": True}
+        for k, (goal, angle) in enumerate(zip(requests.tolist(), angles.tolist(), strict=True))
+    ]
+    (tmp_path / "bam.json").write_text(json.dumps({"entries": entries}))
+    SERVO.to_toml(tmp_path / "servo.toml")
+    result = run("replay", "bam.json", "--model", "servo.toml")
+    assert result.exit_code == 0, result.stderr
+    assert result.stdout.splitlines()[0] == "t_s,requested_rad"
+
+
 UNITS = ("--unit", "range_m100_100,gripper=percent")
 
 

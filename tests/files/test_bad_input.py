@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from planner import read_models
 from planner.exceptions import InvalidFile
 from planner.files.joint_model import read_model_file
 from planner.files.paths import read_foot_path, read_joint_path
@@ -131,3 +132,23 @@ def test_a_joint_without_a_model_and_a_misspelt_table_are_refused(tmp_path):
     file.write_text(MODEL + "[rotater]\nlag = 0.05\n")
     with pytest.raises(InvalidFile, match="'rotator' \\(did you mean 'rotater'\\?\\)"):
         read_model_file(file).for_joints(["rotator"])
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "tested_angles = 0.1",
+        "tested_angles = [0.1]",
+        "tested_angles = [0.1, 0.2, 0.3]",
+        "error_by_acceleration = [1.0, 0.01]",
+        "error_by_acceleration = [[1.0, 0.01, 2.0]]",
+        "error_spread = [0.5]",
+    ],
+)
+def test_what_a_model_was_tested_on_has_its_own_shape(tmp_path, line):
+    file = tmp_path / "joint.toml"
+    file.write_text(f"{MODEL}expected_error = 0.01\n{line}\n")
+    with pytest.raises(
+        InvalidFile, match=rf"joint\.toml: {line.partition(' ')[0]}: got .*expected"
+    ):
+        read_models(file)
