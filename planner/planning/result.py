@@ -12,7 +12,6 @@ import numpy as np
 from planner.approximation.curve import PiecewiseLinear
 from planner.model.evidence import Expectation
 from planner.model.joint import JointModel
-from planner.model.load import load_columns
 from planner.model.response import PathSpeeds
 from planner.planning.arguments import Norm, Robust, Solver
 from planner.planning.error_norm import error_norm
@@ -50,7 +49,7 @@ class ErrorsOfModels(NamedTuple):
 class _View(Summarised):
     """What is judged as one: a joint of a plan, or its foot; [unit] is rad, or m for a foot.
 
-    ``dataclasses.replace`` takes the names of the view's attributes.
+    ``dataclasses.replace`` takes ``requests`` and fields of the plan and of its task.
 
     Attributes:
         plan: The plan.
@@ -61,10 +60,15 @@ class _View(Summarised):
     column: int
 
     def __init__(self, plan: Plan, column: int = 0, **changes: Any) -> None:
-        """View a plan; ``changes`` are what is replaced of it, by the names of the attributes."""
+        """View a plan; ``changes`` are fields of it, or of its task, that are replaced."""
         if changes and plan.task.goal == "angles":
             plan, column = plan.joint(column), 0
-        object.__setattr__(self, "plan", _changed(plan, changes) if changes else plan)
+        own = {name: changes.pop(name) for name in plan.__dataclass_fields__ if name in changes}
+        if "requests" in own:
+            own["requests"] = np.reshape(own["requests"], plan.requests.shape).copy()
+        if own or changes:
+            plan = replace(plan, **{"task": replace(plan.task, **changes), **own})
+        object.__setattr__(self, "plan", plan)
         object.__setattr__(self, "column", column)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -406,57 +410,3 @@ class FootInversion(_View):
     def largest_step(self) -> float:
         """Largest change from one request of a joint to its next, cycles closed [rad]."""
         return float(np.max(self.plan.largest_steps))
-
-
-def _changed(plan: Plan, changes: dict[str, Any]) -> Plan:
-    """A plan for one joint, or for a foot, with other values of what its view shows."""
-    task, count = plan.task, len(plan.names)
-
-    def rows(value: Any) -> Any:
-        return None if value is None else np.array(value).reshape(plan.requests.shape)
-
-    def of_each(value: Any, default: float) -> Any:
-        return np.full(count, default) if value is None else np.zeros(count) + value
-
-    for name, value in changes.items():
-        only = () if value is None else (value,)
-        match name:
-            case "requests":
-                plan = replace(plan, requests=rows(value))
-            case "method" | "solver":
-                plan = replace(plan, **{name: value})
-            case "learning":
-                plan = replace(plan, learning=only)
-            case "approximation":
-                plan = replace(plan, approximations=only)
-            case "nominal":
-                plan = replace(
-                    plan, nominal_requests=None if value is None else rows(value.requests)
-                )
-            case "desired" | "disturbance":
-                task = replace(task, **{name: rows(value)})
-            case "model":
-                task = replace(task, models=((value, *task.models[0][1:]),))
-            case "models" if task.goal == "angles":
-                task = replace(task, models=(value or task.models[0][:1],))
-            case "models":
-                task = task.with_models(value)
-            case "scenarios":
-                models = tuple(zip(*value, strict=True)) or tuple(zip(task.nominal, strict=True))
-                task = replace(task, models=models)
-            case "limits":
-                lower, upper = (None, None) if value is None else value
-                lower, upper = of_each(lower, -math.inf), of_each(upper, math.inf)
-                task = replace(task, lower=lower, upper=upper)
-            case "max_step":
-                task = replace(task, max_step=of_each(value, math.inf))
-            case "start":
-                task = replace(task, start=None if value is None else of_each(value, 0.0))
-            case "load" | "loads":
-                loads = [value] if name == "load" else value or [None] * count
-                task = replace(task, load=load_columns(loads, len(plan.requests)))
-            case "desired_foot":
-                task = replace(task, foot=value)
-            case _:  # norm, cyclic, smoothness and the like
-                task = replace(task, **{name: value})
-    return replace(plan, task=task)

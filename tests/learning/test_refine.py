@@ -127,7 +127,7 @@ def test_it_stops_at_the_speed_limit_and_says_so() -> None:
     assert after.learning.floor[0] == pytest.approx(plan.rms, rel=0.05)
 
 
-@pytest.mark.parametrize("changed", [{"max_step": 0.02}, {"limits": (-0.29, 0.29)}], ids=str)
+@pytest.mark.parametrize("changed", [{"max_step": 0.02}, {"lower": -0.29, "upper": 0.29}], ids=str)
 def test_where_learning_would_end_with_requests_beyond_new_limits_it_goes_on(changed) -> None:
     desired = 0.29 * np.sin(2.0 * np.pi * np.arange(88) / 88)
     plan = planner.invert_optimal(KNOWN, desired)
@@ -135,7 +135,9 @@ def test_where_learning_would_end_with_requests_beyond_new_limits_it_goes_on(cha
     assert plan.largest_step > 0.02
     measured = planner.simulate(KNOWN, plan.requests)
     assert planner.refine(plan, measured).stopped
-    after = planner.refine(replace(plan, **changed), measured)
+    after = planner.refine(
+        replace(plan, **{name: np.array([value]) for name, value in changed.items()}), measured
+    )
     assert not after.stopped
     assert after.largest_step <= changed.get("max_step", math.inf)
     assert np.max(np.abs(after.requests)) <= max(changed.get("limits", (math.inf,)))
@@ -199,7 +201,7 @@ def test_a_sensors_delay_stays_what_it_was_and_the_same_requests_are_one_trial()
     plan = planner.invert_optimal(KNOWN, desired)
     noisy = MadeJoint(KNOWN, noise=math.radians(0.5)).play(plan.requests, 3)[1]
     once = planner.refine(plan, noisy[:2])
-    twice = planner.refine(replace(plan, learning=once.learning), noisy[2])
+    twice = planner.refine(replace(plan, learning=(once.learning,)), noisy[2])
     assert [trial.cycles for trial in twice.learning.trials] == [3]
     assert twice.learning.trials[0].error == pytest.approx(rms(noisy.mean(axis=0) - desired))
 
@@ -223,7 +225,7 @@ def test_of_many_trials_the_worst_makes_room_and_the_best_is_kept() -> None:
         Trial(requests=first.requests + 0.01 * k, measured=first.measured + 0.01 * k, error=1.0 + k)
         for k in range(1, 30)
     )
-    plan = replace(plan, learning=replace(plan.learning, trials=(first, *many)))
+    plan = replace(plan, learning=(replace(plan.learning, trials=(first, *many)),))
     after = planner.refine(plan, planner.simulate(true, plan.requests), reidentify=False)
     assert [trial.error for trial in after.learning.trials[:-1]] == [first.error, *range(2, 30)]
     np.testing.assert_array_equal(after.learning.trials[-1].requests[:, 0], plan.requests)

@@ -104,7 +104,7 @@ def test_the_bound_is_solved_when_it_is_asked_for_and_once(monkeypatch):
         asked.append(1)
         return 0.5
 
-    monkeypatch.setattr("planner.planning.plan.linear_bound", count)
+    monkeypatch.setattr("planner.planning.bounds.multipliers.linear_bound", count)
     plan = plan_of([0.0, 0.1, 0.2], [0.0, 0.1, 0.2])
     assert plan.rms >= 0.0
     assert not asked
@@ -116,11 +116,12 @@ def test_the_bound_is_solved_when_it_is_asked_for_and_once(monkeypatch):
 def test_what_cycles_have_added_counts_in_the_bound_and_ends_what_the_model_promised():
     desired = saturating(np.random.default_rng(2), ERS210A)
     disturbance = 0.1 * np.roll(desired, 5)
-    plan = replace(plan_of(desired, desired), disturbance=disturbance)
+    added = disturbance[:, np.newaxis]
+    plan = replace(plan_of(desired, desired), disturbance=added)
     assert plan.lower_bound == lower_bound(ERS210A, desired - disturbance)
-    tested = ERS210A.with_evidence(Evidence(0.01))
-    assert replace(plan, model=tested, disturbance=None).expected.error > 0.01
-    assert math.isnan(replace(plan, model=tested).expected.error)
+    tested = inversion(ERS210A.with_evidence(Evidence(0.01)), desired, desired)
+    assert tested.expected.error > 0.01
+    assert math.isnan(replace(tested, disturbance=added).expected.error)
 
 
 @pytest.mark.parametrize(
