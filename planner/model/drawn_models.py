@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -13,27 +13,14 @@ from planner.model.evidence import GAIN
 from planner.model.joint import JointModel
 from planner.trajectory import Array
 
-
-@dataclass(frozen=True, kw_only=True)
-class DrawingOptions:
-    """How models are drawn from intervals.
-
-    Attributes:
-        pairs: Pairs of models beside the nominal one, either side of it.
-    """
-
-    pairs: int = 4
-
-
-OPTIONS = DrawingOptions()
+PAIRS = 4
+"""Pairs of models beside the nominal one, either side of it."""
 
 QUANTILE = 1.96
 """Half the width of a 95 % interval [standard deviations]."""
 
 
-def drawn_models(
-    model: JointModel, *, pairs: int | None = None, seed: int = 0
-) -> tuple[JointModel, ...]:
+def drawn_models(model: JointModel, *, pairs: int = PAIRS, seed: int = 0) -> tuple[JointModel, ...]:
     """The model, and others that its intervals allow.
 
     They are drawn from a normal distribution with the intervals' widths, either side by itself, and
@@ -44,7 +31,7 @@ def drawn_models(
 
     Args:
         model: The nominal model, with intervals as :attr:`planner.JointModel.evidence`.
-        pairs: How many pairs; by default four.
+        pairs: How many pairs.
         seed: Which draw: another one gives other models.
 
     Raises:
@@ -73,7 +60,7 @@ def drawn_models(
     eigenvalues, vectors = np.linalg.eigh(matrix)
     root = vectors * np.sqrt(np.maximum(eigenvalues, 0.0)) @ vectors.T  # unique: symmetric
     rng, moves = np.random.default_rng(seed), list[Array]()
-    while len(moves) < 2 * (OPTIONS.pairs if pairs is None else pairs):
+    while len(moves) < 2 * pairs:
         move = root @ rng.standard_normal(len(names))
         if np.all(np.abs(move) < QUANTILE):
             moves += [move, -move]

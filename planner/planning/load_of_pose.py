@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Protocol, Self, TypeVar
 
 import numpy as np
@@ -17,34 +16,21 @@ LoadOfPose = Callable[[Array], npt.ArrayLike]
 """Torques on the joints [N m], shape (n, k), by their angles [rad], shape (n, k)."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class SettlingOptions:
-    """When the load of a plan is that of its own prediction.
+MOVED, MOVED_SHARE = 1e-4, 0.01
+"""A prediction may move so far [rad], or by this share of its largest distance from the desired
+angles, when the load of the angles before is replaced by that of its own: a fifteenth of a step of
+an encoder with 12 bits; where joints cannot follow, another round brings little."""
 
-    Attributes:
-        moved: A prediction may move so far [rad] when the load of the angles before is replaced by
-            that of its own: a fifteenth of a step of an encoder with 12 bits. At half and at twice
-            the value the plans of ``scripts/bench friction`` need the same number of rounds.
-        moved_share: Or by this share of its largest distance from the desired angles: where joints
-            cannot follow, another round brings little.
-        simulated: In the simulation with the load at the simulated angles [rad]: rounding.
-        rounds: Most plans, and most simulations of one; two plans suffice where the joints can
-            follow, as the prediction then hardly depends on the load.
-        slow: Where a simulation comes nearer by less than this factor, the next one moves half as
-            far towards its answer: on a fast path a pose that swings too far calls for a load that
-            makes it swing too far the other way.
-        least_share: Least share of the way that is gone.
-    """
+SIMULATED = 1e-9
+"""In the simulation with the load at the simulated angles it may move so far [rad]: rounding."""
 
-    moved: float = 1e-4
-    moved_share: float = 0.01
-    simulated: float = 1e-9
-    rounds: int = 50
-    slow: float = 0.7
-    least_share: float = 0.125
+ROUNDS = 50
+"""Most plans, and most simulations of one; two plans suffice where the joints can follow."""
 
-
-OPTIONS = SettlingOptions()
+SLOW, LEAST_SHARE = 0.7, 0.125
+"""Where a simulation comes nearer by less than this factor, the next one moves half as far towards
+its answer, down to this share: on a fast path a pose that swings too far calls for a load that
+makes it swing too far the other way."""
 
 Made = TypeVar("Made", bound="UnderLoad")
 
@@ -84,30 +70,30 @@ def settled(plan_under: Callable[[Array], Made], load: LoadOfPose, desired: Arra
         SolverFailed: The load does not settle.
     """
     torques, moved = _torques(load, desired), np.inf
-    for _ in range(OPTIONS.rounds):
+    for _ in range(ROUNDS):
         made = plan_under(torques)
         expected = made.predicted
         made, torques = _at_simulated_angles(made, load)
         moved = float(np.max(np.abs(made.predicted - expected)))
-        far = OPTIONS.moved_share * float(np.max(np.abs(made.predicted - desired)))
-        if moved <= max(OPTIONS.moved, far):
+        far = MOVED_SHARE * float(np.max(np.abs(made.predicted - desired)))
+        if moved <= max(MOVED, far):
             return made
-    raise _unsettled(f"{OPTIONS.rounds} plans", moved)
+    raise _unsettled(f"{ROUNDS} plans", moved)
 
 
 def _at_simulated_angles(made: Made, load: LoadOfPose) -> tuple[Made, Array]:
     """The plan under the load at its own simulated angles, and that load [N m], shape (n, k)."""
     angles, moved, share = made.predicted, np.inf, 1.0
-    for _ in range(OPTIONS.rounds):
+    for _ in range(ROUNDS):
         torques = _torques(load, angles)
         made = made.under(torques)
         before, moved = moved, float(np.max(np.abs(made.predicted - angles)))
-        if moved <= OPTIONS.simulated:
+        if moved <= SIMULATED:
             return made, torques
-        if moved > OPTIONS.slow * before:
-            share = max(share / 2.0, OPTIONS.least_share)
+        if moved > SLOW * before:
+            share = max(share / 2.0, LEAST_SHARE)
         angles = angles + share * (made.predicted - angles)
-    raise _unsettled(f"{OPTIONS.rounds} simulations", moved)
+    raise _unsettled(f"{ROUNDS} simulations", moved)
 
 
 def _torques(load: LoadOfPose, angles: Array) -> Array:

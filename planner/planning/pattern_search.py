@@ -39,17 +39,17 @@ class PatternSearchOptions:
             time; 0.8 and 3.3).
         most_work: Samples simulated in one search, so that its cost does not grow with the number
             of knots (0.6 and 6.9; 0 and 0).
-        least_decrease: Fraction by which a move must lower the squared error to be kept (0 and
-            0.1; -0.05 and 0.02).
     """
 
     coarsest: float = 2.0
     finest: float = 0.2
     most_work: int = 80_000
-    least_decrease: float = 1e-4
 
 
 OPTIONS = PatternSearchOptions()
+
+LOWER = 1.0 - 1e-4
+"""Share of the squared error down to which a move must bring it to be kept [-]."""
 
 
 class Move(NamedTuple):
@@ -110,7 +110,7 @@ class TrackingError:
         angles = self.problem.exact_angles(self.problem.admissible(requests[:, np.newaxis]))
         if angles is None:
             return np.inf
-        return float(np.sum(self.problem.errors(angles)[0] ** 2))
+        return float(self.problem.squares(angles).sum())
 
 
 def refined_curve(
@@ -146,7 +146,7 @@ def refined_curve(
                 move = make_move(number, knots, values, curve, evaluate.model.v_max)
                 moved = knots + sign * move.knots, values + sign * move.values
                 error = evaluate(*moved)
-                if error < (1.0 - OPTIONS.least_decrease) * least:
+                if error < LOWER * least:
                     (knots, values), least, kept = moved, error, True
                     break
             if evaluate.work >= OPTIONS.most_work:

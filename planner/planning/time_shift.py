@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
 
@@ -16,28 +14,20 @@ from planner.planning.result import Inversion
 from planner.planning.task import Task
 from planner.trajectory import Array
 
+LONGEST_LEAD = 1.0
+"""Longest time shift that is tried [s]. Servos lag by 20 to 400 ms."""
 
-@dataclass(frozen=True, kw_only=True)
-class ShiftOptions:
-    """How the best time shift is found.
+USUAL = 2.0
+"""Leads of up to this many delays of the joint are all tried. (With the first rise as the end, 5 of
+80 random joints miss the best lead, and 17 % of the error at worst.)"""
 
-    Attributes:
-        longest_lead: Longest time shift that is tried [s]. Servos lag by 20 to 400 ms.
-        usual: Leads of up to this many delays of the joint are all tried. (With the first rise as
-            the end, 5 of 80 random joints miss the best lead, and 17 % of the error at worst.)
-        worse_leads: Leads one period apart beyond these that may be worse than the best one before
-            longer ones are given up.
-        steps: Between leads that are tried about the best one, four to either side [periods]: the
-            last is the accuracy of the answer.
-    """
+WORSE_LEADS = 3
+"""Leads one period apart beyond these that may be worse than the best one before longer ones are
+given up."""
 
-    longest_lead: float = 1.0
-    usual: float = 2.0
-    worse_leads: int = 3
-    steps: tuple[float, ...] = (0.25, 0.05)
-
-
-OPTIONS = ShiftOptions()
+STEPS = (0.25, 0.05)
+"""Between leads that are tried about the best one, four to either side [periods]: the last is the
+accuracy of the answer."""
 
 
 def invert_shift(
@@ -133,15 +123,15 @@ def best_lead(joint: Task) -> float:
 
     model = joint.nominal[0]
     delay = (switching_time(model) + model.theta_0 / model.v_max) / joint.period
-    most = int(min(OPTIONS.longest_lead / joint.period, len(joint.desired) - 1))
+    most = int(min(LONGEST_LEAD / joint.period, len(joint.desired) - 1))
     best, least = 0.0, error(0.0)
     for lead in map(float, range(1, most + 1)):
         found = error(lead)
         if found < least:
             best, least = lead, found
-        elif lead > max(best, OPTIONS.usual * delay) + OPTIONS.worse_leads:
+        elif lead > max(best, USUAL * delay) + WORSE_LEADS:
             break
-    for step in OPTIONS.steps:
+    for step in STEPS:
         nearby = (min(max(best + step * k, 0.0), float(most)) for k in range(-4, 5))
         best = min(nearby, key=error)
     return best

@@ -11,7 +11,7 @@ import planner
 from kinematics import Leg, urdf_path
 from planner.exceptions import InvalidInput, SolverFailed
 from planner.gait.stride import stride
-from planner.planning.load_of_pose import OPTIONS, settled
+from planner.planning.load_of_pose import MOVED, settled
 
 SOFT = planner.JointModel(
     v_max=4.8,
@@ -61,7 +61,7 @@ def test_where_the_joint_can_follow_one_more_plan_settles_the_load():
     made = planner.plan(SOFT, PATH, load=pendulum, progress=calls.append)
     under_desired = planner.plan(SOFT, PATH, load=pendulum(PATH))
     assert len(calls) <= 2
-    assert made.rms[0] <= under_desired.rms[0] + OPTIONS.moved
+    assert made.rms[0] <= under_desired.rms[0] + MOVED
 
 
 def test_where_it_cannot_the_plan_is_made_for_the_angles_that_it_reaches(too_fast):

@@ -13,7 +13,7 @@ from planner.model.joint import JointModel
 from planner.model.response import simulate
 from planner.planning.plan import joined
 from planner.planning.task import Task
-from planner.planning.time_shift import OPTIONS, shifted
+from planner.planning.time_shift import LONGEST_LEAD, USUAL, WORSE_LEADS, shifted
 from tests.instances import random_model, saturating
 
 ERS210A = JointModel.ers210a()
@@ -47,7 +47,7 @@ def test_no_shift_by_whole_samples_is_better(seed, norm):
     desired = (0.2, 1.0, 3.0)[seed % 3] * saturating(rng, model, samples=60)
     made = planner.invert_shift(model, desired, norm=norm)
     delay = model.lag + model.acceleration_time / 2.0 + model.theta_0 / model.v_max
-    for samples in range(int(OPTIONS.usual * delay / model.period) + OPTIONS.worse_leads):
+    for samples in range(int(USUAL * delay / model.period) + WORSE_LEADS):
         errors = simulate(model, shifted_by(samples, desired)) - desired
         size = np.sqrt(np.mean(errors**2)) if norm == "rms" else np.max(np.abs(errors))
         assert made.error <= size * (1.0 + 1e-12)
@@ -135,5 +135,5 @@ def test_a_lead_is_not_sought_beyond_the_longest_one():
     slow = JointModel(v_max=5.0, theta_0=0.5, lag=1.5, acceleration_time=0.02, tick=0.02)
     desired = 0.2 * np.sin(2.0 * np.pi * np.arange(400) / 400)
     task = Task.of([slow], desired, names=("",))
-    assert shifted(task).leads[0] <= OPTIONS.longest_lead + slow.period
+    assert shifted(task).leads[0] <= LONGEST_LEAD + slow.period
     assert math.isfinite(shifted(task).rms[0])

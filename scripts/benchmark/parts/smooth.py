@@ -14,8 +14,7 @@ from benchmark.parts import Options
 from benchmark.table import Table
 from kinematics import Leg, urdf_path
 from planner.gait.stride import stride
-from planner.model.drawn_models import OPTIONS as DRAWING
-from planner.model.drawn_models import drawn_models
+from planner.model.drawn_models import PAIRS, drawn_models
 from planner.planning.plan import request_motion
 
 NOISE = math.radians(0.5)
@@ -268,8 +267,8 @@ def slower(foot: Array) -> Array:
 
 def fresh_models(model: planner.JointModel, *, seed: int = 0) -> tuple[planner.JointModel, ...]:
     """Models from the intervals that no plan is made for."""
-    planned = 2 * DRAWING.pairs
-    return drawn_models(model, pairs=DRAWING.pairs + FRESH, seed=seed)[1 + planned :]
+    planned = 2 * PAIRS
+    return drawn_models(model, pairs=PAIRS + FRESH, seed=seed)[1 + planned :]
 
 
 def identified(*, reach: float, seed: int = 1) -> planner.Identification:
