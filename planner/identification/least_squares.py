@@ -21,7 +21,7 @@ from planner.identification.parameters import (
     parameters_at,
     units,
 )
-from planner.model.joint import Law
+from planner.model.law import Law
 from planner.trajectory import Array, Indices, rms
 
 if TYPE_CHECKING:

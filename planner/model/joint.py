@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from planner.exceptions import InvalidInput, InvalidModel
 from planner.model.evidence import Evidence, check_correlations, warn_of_refused
+from planner.model.law import Law
 from planner.trajectory import Array
 from planner.validation import as_number, as_whole, shown
 
@@ -61,55 +62,6 @@ class Window(NamedTuple):
     def last(self) -> int:
         """Age of the oldest request that counts [ticks]."""
         return self.first + len(self.weights) - 1
-
-
-class Law(NamedTuple):
-    """The numbers of a joint's law, (1a) of ``docs/math.md``, by ticks: for ``model/kernel.py``.
-
-    Attributes:
-        gain: gamma = v_max / theta_0 [1/tick].
-        top: Limit of the drive, v_max + gamma delta [rad/tick].
-        friction: gamma delta, delta the dead band [rad/tick].
-        share: Of the difference between the speed that is called for and the speed, what a motor
-            makes up for in a tick: k = 1 - exp(-tick / time constant) [-].
-        acceleration: Most by which the speed changes in a tick [rad/tick^2].
-        sag_sin: Sag by the sine of the angle [rad].
-        sag_cos: Sag by its cosine [rad].
-    """
-
-    gain: float
-    top: float
-    friction: float
-    share: float = 1.0
-    acceleration: float = math.inf
-    sag_sin: float = 0.0
-    sag_cos: float = 0.0
-
-    @classmethod
-    def of(
-        cls,
-        *,
-        tick: float,
-        gain: float,
-        v_max: float,
-        dead_band: float,
-        time_constant: float,
-        max_acceleration: float,
-        sag_sin: float,
-        sag_cos: float,
-    ) -> Self:
-        """The law for ticks of this time, from numbers in SI."""
-        friction = gain * dead_band
-        share = -math.expm1(-tick / time_constant) if time_constant > 0.0 else 1.0
-        return cls(
-            gain * tick,
-            (v_max + friction) * tick,
-            friction * tick,
-            share,
-            max_acceleration * tick**2,
-            sag_sin,
-            sag_cos,
-        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -375,7 +327,7 @@ class JointModel:
         reached = self.v_max_per_tick * max(1.0, self.acceleration_ticks / 4.0)
         return self.theta_0 > reached
 
-    @property
+    @cached_property
     def most_pose_sag(self) -> float:
         """The largest sag by gravity at any angle, and its largest slope by the angle [rad]."""
         return math.hypot(self.sag_sin, self.sag_cos)
@@ -388,9 +340,11 @@ class JointModel:
 
     def rest(self, request: npt.ArrayLike, load: npt.ArrayLike = 0.0) -> Array:
         """Angle q at which a request holds the joint [rad]: q = R + c + kappa tau + g(q)."""
-        held = np.asarray(request, dtype=np.float64) + self.sag(load)
-        angle = np.array(held)
-        for _ in range(REST_STEPS if self.most_pose_sag > 0.0 else 0):  # Newton's method
+        held = np.asarray(np.asarray(request, dtype=np.float64) + self.sag(load))
+        if self.most_pose_sag == 0.0:
+            return held
+        angle = held.copy()
+        for _ in range(REST_STEPS):  # Newton's method
             finite = np.where(np.isfinite(angle), angle, 0.0)
             slope = 1.0 - self.sag_sin * np.cos(finite) + self.sag_cos * np.sin(finite)
             angle -= np.where(

@@ -8,7 +8,8 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-from planner.model.joint import JointModel, Law, weights_by_tick
+from planner.model.joint import JointModel, weights_by_tick
+from planner.model.law import Law
 
 
 class State(NamedTuple):

@@ -31,8 +31,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from planner.compilation import compiled
-from planner.model.joint import Law
 from planner.model.kernel import period, pose_sag, run_period
+from planner.model.law import Law
 from planner.planning.arguments import NEGLIGIBLE_SAG, ON_THE_LIMIT
 from planner.planning.streaming.repeating_path import Repeating, continue_path
 from planner.trajectory import LARGEST, TURN, Array

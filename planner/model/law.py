@@ -1,0 +1,55 @@
+"""The numbers of a joint's law: all of a joint that compiled functions depend on."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple, Self
+
+
+class Law(NamedTuple):
+    """The numbers of a joint's law, (1a) of ``docs/math.md``, by ticks: for ``model/kernel.py``.
+
+    Attributes:
+        gain: gamma = v_max / theta_0 [1/tick].
+        top: Limit of the drive, v_max + gamma delta [rad/tick].
+        friction: gamma delta, delta the dead band [rad/tick].
+        share: Of the difference between the speed that is called for and the speed, what a motor
+            makes up for in a tick: k = 1 - exp(-tick / time constant) [-].
+        acceleration: Most by which the speed changes in a tick [rad/tick^2].
+        sag_sin: Sag by the sine of the angle [rad].
+        sag_cos: Sag by its cosine [rad].
+    """
+
+    gain: float
+    top: float
+    friction: float
+    share: float = 1.0
+    acceleration: float = math.inf
+    sag_sin: float = 0.0
+    sag_cos: float = 0.0
+
+    @classmethod
+    def of(
+        cls,
+        *,
+        tick: float,
+        gain: float,
+        v_max: float,
+        dead_band: float,
+        time_constant: float,
+        max_acceleration: float,
+        sag_sin: float,
+        sag_cos: float,
+    ) -> Self:
+        """The law for ticks of this time, from numbers in SI."""
+        friction = gain * dead_band
+        share = -math.expm1(-tick / time_constant) if time_constant > 0.0 else 1.0
+        return cls(
+            gain * tick,
+            (v_max + friction) * tick,
+            friction * tick,
+            share,
+            max_acceleration * tick**2,
+            sag_sin,
+            sag_cos,
+        )
