@@ -99,6 +99,13 @@ def as_flag(name: str, value: object) -> bool:
     return bool(value)
 
 
+def check_choice(name: str, value: object, choices: Sequence[str]) -> None:
+    """Raise InvalidInput unless the value is one of these names."""
+    if not is_one_of(value, choices):
+        expected = f"{', '.join(map(repr, choices[:-1]))} or {choices[-1]!r}"
+        raise InvalidInput(f"{name}: got {shown(value)}, expected {expected}")
+
+
 def is_one_of(value: object, names: Sequence[Any]) -> bool:
     """Whether the value is one of these names; an array or a list is none."""
     return isinstance(value, str) and value in names

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Literal, TypeVar, get_args
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias, TypeGuard, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -16,16 +16,14 @@ from planner.exceptions import (
     angle_text,
     nearest,
 )
-from planner.identification.result import Identification
 from planner.model.drawn_models import drawn_models
 from planner.model.joint import JointModel, checked_model
 from planner.trajectory import Array, as_trajectory, check_radians
-from planner.validation import as_number, as_positive, as_reals, is_one_of, shown
+from planner.validation import as_number, as_reals, check_choice, shown
 
 if TYPE_CHECKING:
     from kinematics.leg import Leg
-
-Value = TypeVar("Value")
+    from planner.identification.result import Identification
 
 Norm = Literal["rms", "max"]
 
@@ -51,10 +49,10 @@ NEGLIGIBLE_SAG = 1e-3
 sensor, and as much as an identification makes of none."""
 
 
-ModelOrModels = JointModel | Sequence[JointModel] | Identification
+ModelOrModels: TypeAlias = "JointModel | Sequence[JointModel] | Identification"
 """A joint: its model, several that it may have, or an identification, whose intervals give them."""
 
-Models = ModelOrModels | Sequence[ModelOrModels] | Mapping[str, ModelOrModels]
+Models: TypeAlias = "ModelOrModels | Sequence[ModelOrModels] | Mapping[str, ModelOrModels]"
 """One model for all joints, one for each, or models by joint; the key "" holds the default one.
 
 Instead of one model: a sequence of candidate models, nominal first, or an identification.
@@ -76,23 +74,7 @@ COLUMNS = "columns of desired"
 
 def check_norm(norm: str) -> None:
     """Raise InvalidInput unless ``norm`` is the name of a norm."""
-    if not is_one_of(norm, NORMS):
-        raise InvalidInput(
-            f"norm: got {shown(norm)}, expected one of {', '.join(map(repr, NORMS))}"
-        )
-
-
-def check_solver(solver: str) -> None:
-    """Raise InvalidInput unless ``solver`` is the name of a solver."""
-    if not is_one_of(solver, SOLVERS):
-        expected = f"{', '.join(map(repr, SOLVERS[:-1]))} or {SOLVERS[-1]!r}"
-        raise InvalidInput(f"unknown solver {shown(solver)}; expected {expected}")
-
-
-def check_robust(robust: str | None) -> None:
-    """Raise InvalidInput unless ``robust`` names an error over several models, or is None."""
-    if robust is not None and not is_one_of(robust, get_args(Robust)):
-        raise InvalidInput(f"robust: got {shown(robust)}, expected 'mean' or 'worst'")
+    check_choice("norm", norm, NORMS)
 
 
 def checked_leg(leg: object) -> Leg:
@@ -139,6 +121,15 @@ def joint_names(
     return tuple(f"joint_{j + 1}" for j in range(count))
 
 
+def is_identification(model: object) -> TypeGuard[Identification]:
+    """Whether it is the answer of :func:`planner.identify`."""
+    if isinstance(model, JointModel | Sequence | Mapping):
+        return False
+    from planner.identification.result import Identification  # slow to import: SciPy
+
+    return isinstance(model, Identification)
+
+
 def checked_models(
     model: ModelOrModels, robust: Robust | None = None, *, seed: int = 0
 ) -> tuple[JointModel, ...]:
@@ -157,7 +148,7 @@ def checked_models(
         InvalidInput: There is none, one is no JointModel, their request periods differ, or one by
             itself has no intervals.
     """
-    if isinstance(model, Identification):
+    if is_identification(model):
         return drawn_models(model.model, seed=seed)
     if isinstance(model, JointModel) or not isinstance(model, Sequence) or isinstance(model, str):
         only = checked_model(model)
@@ -194,7 +185,8 @@ def models_of_joints(
         InvalidInput: They do not fit the joints, see :func:`checked_models`, or ``robust`` is no
             error over models, or is given where every joint has one model in any case.
     """
-    check_robust(robust)
+    if robust is not None:
+        check_choice("robust", robust, get_args(Robust))
     given: list[Any]
     if isinstance(models, Mapping):
         if missing := [name for name in names if name not in models and "" not in models]:
@@ -203,7 +195,7 @@ def models_of_joints(
                 f"{', '.join(map(str, models)) or 'none'}"
             )
         given = [models[name] if name in models else models[""] for name in names]
-    elif isinstance(models, JointModel | Identification):
+    elif isinstance(models, JointModel) or is_identification(models):
         given = [models] * len(names)
     else:
         try:
@@ -212,7 +204,9 @@ def models_of_joints(
             given = []
         if len(names) == 1 and len(given) > 1:
             given = [given]
-        fit = all(isinstance(each, JointModel | Identification | Sequence) for each in given)
+        fit = all(
+            isinstance(each, JointModel | Sequence) or is_identification(each) for each in given
+        )
         fit = fit and not any(isinstance(each, str) for each in given)
         if len(given) != len(names) or (not fit and names != ("",)):
             raise InvalidInput(
@@ -233,7 +227,7 @@ def models_of_joints(
 
 def _what_is_known(model: ModelOrModels) -> object:
     """What models are drawn from, to compare."""
-    model = model.model if isinstance(model, Identification) else model
+    model = model.model if is_identification(model) else model
     return (model, model.evidence) if isinstance(model, JointModel) else model
 
 
@@ -244,15 +238,6 @@ def check_periods(models: Sequence[JointModel], *, given_as: str) -> None:
         raise InvalidInput(
             f"{given_as}: their periods are {', '.join(f'{p:g}' for p in periods)} s, expected one "
             "period: joints that are requested at different rates are not planned together"
-        )
-
-
-def check_numbers(several: Sequence[tuple[JointModel, ...]], joints: str) -> None:
-    """Raise InvalidInput where joints of one leg have different numbers of models."""
-    if len({len(each) for each in several} - {1}) > 1:
-        raise InvalidInput(
-            f"models: got {', '.join(str(len(each)) for each in several)} of the {joints}, "
-            "expected as many of each, taken in their order, or one where a joint has but one"
         )
 
 
@@ -316,11 +301,10 @@ def limits_of_each(
     if limits is None:
         limits = {}
     if isinstance(limits, Mapping):
-        _check_known("limits", limits, names)
         pairs = []
-        for name in names:
+        for name, pair in zip(names, of_each("limits", limits, names, expected=""), strict=True):
             with about(name):
-                pairs.append(checked_limits(limits.get(name, (-math.inf, math.inf))))
+                pairs.append(checked_limits((-math.inf, math.inf) if pair is None else pair))
         lower, upper = np.array(pairs).T
         return lower, upper
     if names == ("",):
@@ -335,15 +319,22 @@ def limits_of_each(
     return lower, upper
 
 
-def angles_of_each(
+def of_each(
     what: str,
-    given: npt.ArrayLike | Mapping[str, float] | None,
+    given: npt.ArrayLike | Mapping[str, Any] | None,
     names: Sequence[str],
     *,
-    joints: str = COLUMNS,
-    expected: str = "a number [rad] or one",
-) -> list[float | None]:
-    """An angle of every joint [rad]; None where it has none.
+    expected: str,
+    shape: tuple[int, ...] | None = None,
+) -> list[Any]:
+    """What is given of every joint, by name, as one number or as one of each; None where nothing.
+
+    Args:
+        what: The argument, in messages.
+        given: It.
+        names: The joints. With one that has no name it is returned as it is.
+        expected: What was expected, in messages.
+        shape: Where there may be one at every sample: samples and joints, (n, k).
 
     Raises:
         InvalidInput: They are no numbers, not as many as there are joints, or of one that is not
@@ -352,16 +343,22 @@ def angles_of_each(
     if given is None:
         return [None] * len(names)
     if isinstance(given, Mapping):
-        _check_known(what, given, names)
+        if strange := [name for name in given if name not in names]:
+            hint = nearest(str(strange[0]), names)
+            raise InvalidInput(
+                f"{what}: no joint {shown(strange[0])}{hint}; joints: {', '.join(names)}"
+            )
         return [given.get(name) for name in names]
     if names == ("",):
-        return [given]  # type: ignore[list-item]  # checked by the caller
+        return [given]
     try:
-        return list(np.broadcast_to(as_reals(given), len(names)).tolist())
+        values = as_reals(given)
+        if shape is not None and values.ndim == 1 and len(names) == 1:
+            values = values[:, np.newaxis]
+        each = np.broadcast_to(values, shape or (len(names),)).T
+        return each.tolist() if shape is None else list(each)
     except (TypeError, ValueError) as error:
-        raise InvalidInput(
-            f"{what}: got {shown(given)}, expected {expected} for each of the {joints}"
-        ) from error
+        raise InvalidInput(f"{what}: got {shown(given)}, expected {expected}") from error
 
 
 def steps_of_each(
@@ -375,19 +372,17 @@ def steps_of_each(
     Raises:
         InvalidInput: They are not above 0, or not as many as there are joints.
     """
-    expected = "an angle above 0 [rad], or one"
-    given = angles_of_each("max_step", max_step, names, joints=joints, expected=expected)
-    largest = np.full(len(names), math.inf)
-    for j, (name, step) in enumerate(zip(names, given, strict=True)):
-        if step is not None:
-            largest[j] = as_number(step, infinite=True)
+    expected = f"an angle above 0 [rad], or one for each of the {joints}"
+    given = of_each("max_step", max_step, names, expected=expected)
+    steps = [math.inf if step is None else as_number(step, infinite=True) for step in given]
+    for name, number, step in zip(names, steps, given, strict=True):
         with about(name):
-            if not largest[j] > 0.0:
+            if not number > 0.0:
                 raise InvalidInput(
                     f"max_step: got {shown(step)}, expected an angle above 0 [rad], the largest "
                     "change from one request to the next; leave it out for no limit"
                 )
-    return largest
+    return np.array(steps)
 
 
 def loads_of_each(
@@ -409,23 +404,11 @@ def loads_of_each(
     Raises:
         InvalidInput: It has another shape, or a joint that is not planned.
     """
-    if load is None:
-        return [None] * len(names)
-    if isinstance(load, Mapping):
-        _check_known("load", load, names)
-        return [load.get(name) for name in names]
-    if names == ("",):
-        return [load]
-    try:
-        torques = as_reals(load)
-        if torques.ndim == 1 and shape[1] == 1:
-            torques = torques[:, np.newaxis]
-        return list(np.broadcast_to(torques, shape).T)
-    except (TypeError, ValueError) as error:
-        raise InvalidInput(
-            f"load: got {shown(load)}, expected torques [N m] of shape {tuple(shape)} or "
-            f"({shape[1]},), one for each of the {joints}, or a number"
-        ) from error
+    expected = (
+        f"torques [N m] of shape {tuple(shape)} or ({shape[1]},), one for each of the {joints}, or "
+        "a number"
+    )
+    return of_each("load", load, names, expected=expected, shape=shape)
 
 
 def checked_smoothness(smoothness: float | None) -> float:
@@ -443,20 +426,6 @@ def checked_smoothness(smoothness: float | None) -> float:
             f"added, from 0 to {MOST_SMOOTHNESS:g}; 0.005 is half a per cent"
         )
     return number
-
-
-def checked_tolerance(tolerance: float) -> float:
-    """The tolerance as a float; raise InvalidInput for no number above 0."""
-    return as_positive("tolerance", tolerance, "a finite number above 0")
-
-
-def _check_known(what: str, values: Mapping[str, Value], names: Sequence[str]) -> None:
-    """Raise InvalidInput unless values by joint are of joints that are planned."""
-    if strange := [name for name in values if name not in names]:
-        hint = nearest(str(strange[0]), names)
-        raise InvalidInput(
-            f"{what}: no joint {shown(strange[0])}{hint}; joints: {', '.join(names)}"
-        )
 
 
 def checked_weights(weights: npt.ArrayLike) -> Array:

@@ -11,13 +11,13 @@ import numpy.typing as npt
 
 from planner.exceptions import InvalidInput, about
 from planner.planning.arguments import (
+    SOLVERS,
     JointLimits,
     ModelOrModels,
     Models,
     Norm,
     Robust,
     Solver,
-    check_solver,
     checked_leg,
     one_path,
 )
@@ -28,7 +28,7 @@ from planner.planning.plan import Method, Plan, joined
 from planner.planning.result import FootInversion, Inversion
 from planner.planning.task import Task
 from planner.planning.time_shift import shifted
-from planner.validation import is_one_of, shown
+from planner.validation import check_choice
 
 if TYPE_CHECKING:
     from kinematics.leg import Leg
@@ -311,10 +311,7 @@ def plan(
         >>> bool(np.max(np.degrees(made.rms)) < 0.01)
         True
     """
-    if not is_one_of(method, METHODS):
-        raise InvalidInput(
-            f"method: got {shown(method)}, expected 'optimal', 'closed_form' or 'shift'"
-        )
+    check_choice("method", method, METHODS)
     goal: dict[str, Any] = {"limits": limits, "start": start, "norm": norm, "tolerance": tolerance}
     search: dict[str, Any] = {"max_step": max_step, "smoothness": smoothness}
     search |= {"robust": robust, "solver": solver}
@@ -378,7 +375,7 @@ def planned(
         SolverFailed: No requests were found that lead to a steady cycle, or the load of the pose
             does not settle.
     """
-    check_solver(solver)
+    check_choice("solver", solver, SOLVERS)
     if method != "optimal" and len(task.scenarios) > 1:
         raise InvalidInput("models: got several of a joint, which need method 'optimal'")
 

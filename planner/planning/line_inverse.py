@@ -13,7 +13,7 @@ from planner.exceptions import InvalidInput, OutsideEquation13, angle_text
 from planner.model.joint import JointModel, checked_model
 from planner.model.load import checked_load
 from planner.trajectory import Array
-from planner.validation import is_one_of, shown
+from planner.validation import check_choice, shown
 
 Rule = Literal["paper", "exact"]
 
@@ -197,10 +197,7 @@ def _table(model: JointModel, rule: Rule) -> tuple[Array, Array]:
 
 def check_rule(rule: str, model: JointModel) -> None:
     """Raise InvalidInput unless ``rule`` is the name of a rule; warn where it was not derived."""
-    if not is_one_of(rule, RULES):
-        raise InvalidInput(
-            f"rule: got {shown(rule)}, expected one of {', '.join(map(repr, RULES))}"
-        )
+    check_choice("rule", rule, RULES)
     if rule == "paper" and not model.keeps_equation_13:
         warnings.warn(
             "the paper's rule assumes theta_0 > v_max and 4 theta_0 > v_max a (Equation 13), which "

@@ -16,8 +16,6 @@ from planner.model.evidence import Expectation, expectation
 from planner.model.joint import JointModel
 from planner.model.response import PathSpeeds, path_speeds
 from planner.planning.arguments import Solver
-from planner.planning.bounds.multipliers import linear_bound
-from planner.planning.bounds.reachable_set import BoundProblem
 from planner.planning.error_norm import error_norm, relative_gap
 from planner.planning.result import ErrorsOfModels, FootInversion, Inversion
 from planner.planning.task import Task
@@ -353,6 +351,9 @@ class Plan(Summarised):
                 loads=task.loads,
             )
             return np.array([bound])
+        from planner.planning.bounds.multipliers import linear_bound  # slow to import: SciPy
+        from planner.planning.bounds.reachable_set import BoundProblem
+
         added = 0.0 if task.disturbance is None else task.disturbance
         goals = zip(task.nominal, (task.desired - added).T, task.starts, task.loads, strict=True)
         bounds = [

@@ -23,27 +23,25 @@ from planner.planning.arguments import (
     Models,
     Norm,
     Robust,
-    angles_of_each,
     check_norm,
-    check_numbers,
     check_periods,
     checked_disturbance,
     checked_leg,
     checked_limits,
     checked_smoothness,
-    checked_tolerance,
     checked_weights,
     joint_names,
     joints_of,
     limits_of_each,
     loads_of_each,
     models_of_joints,
+    of_each,
     steps_of_each,
 )
 from planner.planning.error_norm import error_norm
 from planner.robot.schedule import as_rows
 from planner.trajectory import Array, Mask, steps
-from planner.validation import as_flag, freeze
+from planner.validation import as_flag, as_positive, freeze
 
 if TYPE_CHECKING:
     from kinematics.leg import Leg
@@ -151,7 +149,12 @@ class Task:
         check_periods([each[0] for each in several], given_as="models")
         many = max(map(len, several)) > 1
         if leg is not None:
-            check_numbers(several, joints)
+            if len({len(each) for each in several} - {1}) > 1:
+                raise InvalidInput(
+                    f"models: got {', '.join(str(len(each)) for each in several)} of the {joints}, "
+                    "expected as many of each, taken in their order, or one where a joint has but "
+                    "one"
+                )
             importance = checked_weights(weights)
             limits = leg.limits if limits is None else limits
         lower, upper = limits_of_each(limits, names, joints=joints)
@@ -166,7 +169,8 @@ class Task:
             if len(foot) < 3:
                 raise InvalidInput(f"foot: got {len(foot)} points, expected at least 3")
         added = checked_disturbance(disturbance, angles)
-        resting = angles_of_each("start", start, names)
+        expected = f"a number [rad] or one for each of the {COLUMNS}"
+        resting = of_each("start", start, names, expected=expected)
         for j, name in enumerate(names if leg is None else ()):
             with about(name):
                 checked_start(resting[j], cyclic=cyclic)
@@ -191,7 +195,9 @@ class Task:
             reachable=None if solution is None else solution.reachable,
             start=None if cyclic else np.array(begin),
             robust=(robust or "mean") if many else None,
-            tolerance=None if tolerance is None else checked_tolerance(tolerance),
+            tolerance=None
+            if tolerance is None
+            else as_positive("tolerance", tolerance, "a finite number above 0"),
             disturbance=added,
         )
         return task.under(load)

@@ -200,7 +200,7 @@ def test_a_slope_that_is_no_number_is_refused(slope):
 
 
 def test_a_rule_that_does_not_exist_is_refused_with_those_that_do():
-    with pytest.raises(InvalidInput, match=r"rule: got 'best', expected one of 'paper', 'exact'"):
+    with pytest.raises(InvalidInput, match=r"rule: got 'best', expected 'paper' or 'exact'"):
         line_offset(ERS210A, 0.0, rule="best")
 
 

@@ -443,7 +443,7 @@ def test_the_exact_level_is_refused_under_a_load_that_changes():
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"norm": "l2"}, "norm: got 'l2', expected one of 'rms', 'max'"),
+        ({"norm": "l2"}, "norm: got 'l2', expected 'rms' or 'max'"),
         ({"level": "best"}, "level: got 'best', expected one of 'slope', 'envelope'"),
         ({"start": 0.0}, "start: a cycle has none"),
         ({"cyclic": False, "start": math.nan}, "start: got nan"),
