@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from planner.planning.plan import Plan
+from planner.planning.problem import Problem
 from planner.planning.result import Inversion
 from planner.planning.task import Task
 
@@ -23,3 +26,28 @@ def claiming(plan, predicted):
     predicted = np.array(predicted, dtype=float)
     liar.plan.__dict__["predicted"] = predicted.reshape(liar.plan.requests.shape)
     return liar
+
+
+def track(
+    model,
+    desired,
+    *,
+    cyclic,
+    norm="rms",
+    limits=(-math.inf, math.inf),
+    max_step=math.inf,
+    start=None,
+    first=None,
+    load=None,
+):
+    """The problem of one joint that should follow desired angles, of arguments as they are."""
+    lower, upper = limits
+    columns = {"lower": lower, "upper": upper, "max_step": max_step, "start": start, "first": first}
+    return Problem(
+        models=(model,),
+        desired=desired[:, np.newaxis],
+        cyclic=cyclic,
+        norm=norm,
+        loads=(load,),
+        **{name: None if value is None else np.array([value]) for name, value in columns.items()},
+    )

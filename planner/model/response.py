@@ -108,12 +108,16 @@ def motion_under(
     from planner.model.steady_cycle import Cycle, run_steady_cycle
 
     count = len(requests)
-    load = np.zeros(count) if torques is None else torques
     motion = Motion(np.empty(count), np.empty(count))
     history = requests_acting(requests, request_ages(model), cyclic=cyclic)
-    sags, faster = model.sag(load), model.faster_per_tick(load)
+    if torques is None:
+        sags, faster = np.full(count, model.offset), np.full(count, model.faster_per_tick())
+    else:
+        sags, faster = model.sag(torques), model.faster_per_tick(torques)
     joint = Cycle(model.law, weights_by_tick(model), history, sags, faster, *motion)
-    angle = float(model.rest(requests[0], load[0])) if start is None else start
+    angle = start
+    if angle is None:
+        angle = float(model.rest(requests[0], 0.0 if torques is None else torques[0]))
     if not cyclic:
         run(*joint[:5], angle, 0.0, model.hold - 1, *motion)
     elif apart := run_steady_cycle(joint, angle, MOST_CYCLES):

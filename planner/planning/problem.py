@@ -9,7 +9,6 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-import numpy.typing as npt
 
 from planner.exceptions import Infeasible, NoSteadyCycle
 from planner.model.joint import (
@@ -21,8 +20,7 @@ from planner.model.joint import (
 )
 from planner.model.load import Loads, rest_angles, rest_requests
 from planner.model.response import motion_under
-from planner.planning.arguments import Limits, Norm
-from planner.planning.error_norm import error_norm
+from planner.planning.arguments import Norm
 from planner.planning.task import Task, axis_scales
 from planner.trajectory import Array
 
@@ -206,30 +204,30 @@ class Problem:
         gauss_newton.errors_of(self.spec, np.ascontiguousarray(angles), values, jacobians)
         return values, jacobians
 
+    def squares(self, angles: Array) -> Array:
+        """Squared error of every sample in each scenario [rad^2], (n, scenarios)."""
+        if self.foot is None:
+            return np.square(angles - self.desired)
+        values = self.errors(angles)[0]
+        return np.einsum("kcm,kcm->kc", values, values)
+
     def errors_of_models(self, angles: Array) -> Array:
         """The error in each scenario, in the norm that counts [rad], (scenarios,)."""
-        return self._errors_of_models(self.errors(angles)[0])
-
-    def _errors_of_models(self, values: Array) -> Array:
-        squares = np.sum(values**2, axis=2)
-        over = np.max(squares, axis=0) if self.norm == "max" else np.mean(squares, axis=0)
-        errors: Array = np.sqrt(over)
-        return errors
+        squares = self.squares(angles)
+        if self.norm == "max":
+            return np.sqrt(squares.max(axis=0))
+        return np.sqrt(squares.sum(axis=0) / len(squares))
 
     def error(self, angles: Array) -> float:
         """The error that counts: over the scenarios root mean square, or that of the worst."""
-        return self.error_of(self.errors(angles)[0])
-
-    def error_of(self, values: Array) -> float:
-        """That of the errors of every sample and scenario [rad], (n, scenarios, m)."""
-        errors = self._errors_of_models(values)
-        return float(np.max(errors)) if self.robust == "worst" else error_norm(errors, "rms")
+        errors = self.errors_of_models(angles)
+        if self.robust == "worst":
+            return float(errors.max())
+        return math.sqrt(float(errors @ errors) / len(errors))
 
     def distances(self, angles: Array) -> Array:
         """Weighted root of the squared errors over the scenarios [rad], (n,)."""
-        squares = np.sum(self.errors(angles)[0] ** 2, axis=2) @ np.asarray(self.weights)
-        distances: Array = np.sqrt(squares)
-        return distances
+        return np.sqrt(self.squares(angles) @ np.asarray(self.weights))
 
     def exact_error(self, requests: Array) -> float:
         """Error of the exact models; inf where a joint has no steady cycle."""
@@ -276,6 +274,14 @@ class Problem:
     def _patterns(self) -> dict[bool, Pattern]:
         return {}
 
+    @property
+    def unlimited(self) -> Problem:
+        """The same problem for the root mean square, without limits on the requests."""
+        any_request = np.full(self.joints, math.inf)
+        return replace(
+            self, lower=-any_request, upper=any_request, max_step=any_request, norm="rms"
+        )
+
     def in_scenarios(
         self,
         scenarios: Sequence[tuple[JointModel, ...]],
@@ -321,50 +327,6 @@ class FootGoal:
         for own, link in zip(self.links, leg.chain.links, strict=False):
             own[:] = np.vstack([link.origin.T, link.axial, link.cosine, link.sine])
         self.links[-1, 0], self.links[-1, 1] = leg.chain.tip, scale
-
-
-def track(
-    model: JointModel,
-    desired: Array,
-    *,
-    cyclic: bool,
-    norm: Norm = "rms",
-    limits: Limits | None = None,
-    max_step: float = math.inf,
-    start: float | None = None,
-    first: float | None = None,
-    load: Array | None = None,
-) -> Problem:
-    """The problem of one joint that should follow desired angles.
-
-    Args:
-        model: The joint.
-        desired: Desired angles [rad], shape (n,).
-        cyclic: Whether they repeat for ever.
-        norm: The error that counts.
-        limits: Smallest and largest request [rad]; None for none.
-        max_step: Largest change from one request to the next [rad].
-        start: From rest: where the joint rests before [rad].
-        first: From rest: the request that holds it there [rad]; by default the middle one of these.
-        load: Torque on the joint [N m], shape (n,), or None.
-    """
-    lower, upper = (-math.inf, math.inf) if limits is None else limits
-
-    def column(value: npt.ArrayLike) -> Array:
-        return np.array([value], dtype=np.float64)
-
-    return Problem(
-        models=(model,),
-        desired=desired[:, np.newaxis],
-        cyclic=cyclic,
-        norm=norm,
-        lower=column(lower),
-        upper=column(upper),
-        max_step=column(max_step),
-        start=None if start is None else column(start),
-        first=None if first is None else column(first),
-        loads=(load,),
-    )
 
 
 def problem_of(task: Task) -> Problem:

@@ -332,22 +332,19 @@ class Judged(NamedTuple):
 
 def judged(problem: Problem, angles: Array) -> Judged:
     """The errors of a motion of the exact models [rad], (n, A)."""
-    values, jacobians = problem.errors(angles)
     weights = np.asarray(problem.weights)
-    reach = np.sum(jacobians**2, axis=2)  # (n, scenarios, J)
+    reach = np.ones((len(weights), problem.joints))  # mean square of what a radian of each makes
+    if problem.foot is not None:
+        jacobians = problem.errors(angles)[1]
+        reach = np.einsum("kcij,kcij->cj", jacobians, jacobians) / len(angles)
 
     def through(errors: Array) -> float:
-        by_scenario = np.sum(reach * errors.reshape(1, len(weights), -1) ** 2, axis=(0, 2))
-        return math.sqrt(float(by_scenario @ weights) / len(angles))
+        return math.sqrt(float(weights @ np.sum(reach * errors.reshape(reach.shape) ** 2, axis=1)))
 
     known = known_errors(problem.models, angles, cyclic=problem.cyclic)
-    mean = math.sqrt(float(np.sum(values**2, axis=(0, 2)) @ weights) / len(angles))
-    return Judged(
-        problem.error_of(values),
-        mean,
-        through(known),
-        through(np.full(len(known), ENCODER_STEP)),
-    )
+    mean = math.sqrt(float(problem.squares(angles).sum(axis=0) @ weights) / len(angles))
+    unseen = np.full(len(known), ENCODER_STEP)
+    return Judged(problem.error(angles), mean, through(known), through(unseen))
 
 
 class Allowed(NamedTuple):

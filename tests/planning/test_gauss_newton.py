@@ -13,8 +13,9 @@ from planner.model.joint import JointModel, request_ages
 from planner.model.response import simulate
 from planner.planning import gauss_newton
 from planner.planning.gauss_newton import SPEED_TERM, Search, Stage, allocated, evaluate, set_step
-from planner.planning.problem import FootGoal, Problem, track
+from planner.planning.problem import FootGoal, Problem
 from tests.instances import TICK, random_model, saturating
+from tests.plans import track
 
 STEP = 1e-6
 """Step of the central differences [rad]."""

@@ -16,10 +16,9 @@ from planner.model.joint import JointModel
 from planner.model.response import simulate
 from planner.model.sensitivity import sensitivities
 from planner.planning.closed_form import closed_form_requests, invert_closed_form
-from planner.planning.initial_guess import initial_guess
 from planner.planning.inversion import invert_optimal
 from planner.planning.line_inverse import RULES
-from planner.planning.problem import track
+from planner.planning.solve import initial_guess
 from tests.independent import from_rest, next_cycle
 from tests.instances import (
     REFERENCE_JOINTS,
@@ -30,6 +29,7 @@ from tests.instances import (
     random_model_outside_equation_13,
     saturating,
 )
+from tests.plans import track
 
 ERS210A = JointModel.ers210a()
 

@@ -12,9 +12,10 @@ from planner.gait.half_ellipse import reference_walk
 from planner.model.joint import JointModel
 from planner.model.response import motion_under, simulate
 from planner.planning.gauss_newton import Stage, allocated, evaluate
-from planner.planning.problem import Problem, problem_of, track
+from planner.planning.problem import Problem, problem_of
 from planner.planning.task import Task
 from tests.instances import TICK, random_model, saturating
+from tests.plans import track
 
 ERS210A = JointModel.ers210a()
 

@@ -13,7 +13,7 @@ from planner.gait.half_ellipse import reference_walk
 from planner.model.evidence import ENCODER_STEP, Evidence
 from planner.model.joint import JointModel
 from planner.planning.inversion import invert_optimal
-from planner.planning.problem import problem_of, track
+from planner.planning.problem import problem_of
 from planner.planning.search import (
     NARROW,
     Judged,
@@ -30,6 +30,7 @@ from planner.planning.search import (
 from planner.planning.solve import holding
 from planner.planning.task import Task
 from tests.instances import REFERENCE_JOINTS, saturating
+from tests.plans import track
 
 ERS210A = JointModel.ers210a()
 

@@ -13,9 +13,9 @@ from planner.model.evidence import Evidence
 from planner.model.joint import JointModel
 from planner.planning.inversion import invert_foot, invert_optimal
 from planner.planning.plan import request_motion
-from planner.planning.problem import track
 from planner.planning.search import smoothed
 from tests.instances import REFERENCE_JOINTS, attainable, random_model, saturating
+from tests.plans import track
 
 ERS210A = JointModel.ers210a()
 

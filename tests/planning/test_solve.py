@@ -12,10 +12,11 @@ from planner.gait.half_ellipse import reference_walk
 from planner.model.evidence import Evidence
 from planner.model.joint import JointModel
 from planner.planning import solve as searches
-from planner.planning.problem import problem_of, track
+from planner.planning.problem import problem_of
 from planner.planning.search import State
 from planner.planning.solve import Solved, holding, search, solve
 from planner.planning.task import Task
+from tests.plans import track
 
 ERS210A = JointModel.ers210a()
 LATE = replace(ERS210A, lag=0.05)

@@ -16,8 +16,8 @@ from planner.model.joint import JointModel
 from planner.model.response import simulate
 from planner.planning.arguments import models_of_joints
 from planner.planning.inversion import invert_foot, invert_optimal
-from planner.planning.problem import track
 from tests.kinematics.made_up_robots import Joint, Y, made_up_leg
+from tests.plans import track
 
 ERS210A = JointModel.ers210a()
 
