@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from planner.compilation import compiled
-from planner.model.joint import Law
+from planner.model.law import Law
 from planner.trajectory import Array, Indices
 
 

@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from planner.compilation import compiled
-from planner.model.joint import Law
 from planner.model.kernel import run
+from planner.model.law import Law
 from planner.trajectory import Array
 
 CYCLE_TOLERANCE = 1e-12

@@ -199,7 +199,7 @@ def models_of_joints(
         given = [models] * len(names)
     else:
         try:
-            given = list(models)
+            given = list(models)  # type: ignore[arg-type]  # what is none is refused below
         except TypeError:
             given = []
         if len(names) == 1 and len(given) > 1:

@@ -18,8 +18,8 @@ from typing import NamedTuple
 import numpy as np
 
 from planner.compilation import compiled
-from planner.model.joint import Law
 from planner.model.kernel import period
+from planner.model.law import Law
 from planner.planning.factorisation import Factor, factorise, pattern_of_factor, solved, stored
 from planner.trajectory import Array, Indices, Mask
 

@@ -207,16 +207,16 @@ class Problem:
     def squares(self, angles: Array) -> Array:
         """Squared error of every sample in each scenario [rad^2], (n, scenarios)."""
         if self.foot is None:
-            return np.square(angles - self.desired)
+            return np.asarray(np.square(angles - self.desired))
         values = self.errors(angles)[0]
-        return np.einsum("kcm,kcm->kc", values, values)
+        return np.asarray(np.einsum("kcm,kcm->kc", values, values))
 
     def errors_of_models(self, angles: Array) -> Array:
         """The error in each scenario, in the norm that counts [rad], (scenarios,)."""
         squares = self.squares(angles)
         if self.norm == "max":
-            return np.sqrt(squares.max(axis=0))
-        return np.sqrt(squares.sum(axis=0) / len(squares))
+            return np.asarray(np.sqrt(squares.max(axis=0)))
+        return np.asarray(np.sqrt(squares.sum(axis=0) / len(squares)))
 
     def error(self, angles: Array) -> float:
         """The error that counts: over the scenarios root mean square, or that of the worst."""
@@ -227,7 +227,7 @@ class Problem:
 
     def distances(self, angles: Array) -> Array:
         """Weighted root of the squared errors over the scenarios [rad], (n,)."""
-        return np.sqrt(self.squares(angles) @ np.asarray(self.weights))
+        return np.asarray(np.sqrt(self.squares(angles) @ np.asarray(self.weights)))
 
     def exact_error(self, requests: Array) -> float:
         """Error of the exact models; inf where a joint has no steady cycle."""
