@@ -309,7 +309,7 @@ def test_a_model_identified_anew_that_makes_the_error_larger_is_given_up(
         state = LearningState((plan.model,), plan.learning)
         write_history(str(name), desired, {"knee": state})
         (model,), learning = read_history(str(name), ["knee"], desired)["knee"]
-        plan = replace(plan, model=model, learning=learning)
+        plan = replace(plan, models=((model,),), learning=(learning,))
     wave = np.sin(6.0 * np.pi * np.arange(88) / 88)
     after = planner.refine(plan, plan.predicted + 0.15 * wave)
     assert after.model == first.model == KNOWN
@@ -478,12 +478,13 @@ def test_after_a_robust_plan_what_was_measured_takes_the_place_of_the_drawn_mode
             MAYBE_SLOWER, walk.leg, walk.leg.foot_positions(angles), robust="mean"
         )
         measured = np.column_stack([planner.simulate(true, each) for each in plan.requests.T])
-        plain = replace(plan, scenarios=(), robust=None, nominal=None)
+        models = tuple((model,) for model in plan.models)
+        plain = replace(plan, models=models, robust=None, nominal_requests=None)
     else:
         desired = 0.4 * np.sin(2.0 * np.pi * np.arange(60) / 60)
         plan = planner.invert_optimal(MAYBE_SLOWER, desired, robust="worst")
         measured = planner.simulate(true, plan.requests)
-        plain = replace(plan, models=(), robust=None, nominal=None)
+        plain = replace(plan, models=((plan.model,),), robust=None, nominal_requests=None)
     after, expected = (planner.refine(each, measured) for each in (plan, plain))
     np.testing.assert_array_equal(after.requests, expected.requests)
     np.testing.assert_array_equal(after.predicted, expected.predicted)
@@ -633,7 +634,7 @@ def test_the_gain_falls_to_a_third_after_a_worse_trial_and_grows_by_half_after_a
 def test_failures_before_the_model_was_identified_anew_leave_the_gain_as_it_is(attained) -> None:
     plan = after_trials(attained, 0.02, 0.03)
     for since, gain in ((0, 1.0 / 9.0), (2, 1.0 / 3.0)):
-        known = replace(plan, learning=replace(plan.learning, reidentified=(since,)))
+        known = replace(plan, learning=(replace(plan.learning, reidentified=(since,)),))
         assert after_trials(known, 0.031).learning.gain == pytest.approx(gain)
 
 
