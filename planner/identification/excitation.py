@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -377,7 +376,7 @@ def expect(
     for name, value in (("noise", noise), ("resolution", resolution)):
         if not 0.0 <= value < math.inf:
             raise InvalidInput(f"{name}: got {angle_text(value)}, expected 0 or more")
-    joint = at_period(model, excitation.period)
+    joint = model.requested_every(excitation.period)
     random = np.random.default_rng(seed).standard_normal(len(excitation.requests))
     angles = simulate(joint, excitation.requests, cyclic=False) + noise * random
     if resolution > 0.0:
@@ -389,9 +388,3 @@ def expect(
         name=f"simulated {excitation.kind}",
     )
     return identify(log, tick=joint.tick, hold=joint.hold, hold_out=False)
-
-
-def at_period(model: JointModel, period: float) -> JointModel:
-    """The same joint, with a request every ``period`` [s] and ticks at most as long as its own."""
-    hold = max(1, math.ceil(period / model.tick - 1e-9))
-    return dataclasses.replace(model, tick=period / hold, hold=hold)

@@ -16,12 +16,14 @@ from planner.identification.least_squares import (
     SEARCH,
     Fit,
     Response,
+    better,
     huber,
     least_squares,
     respond,
 )
 from planner.identification.log import Log, pieces_of
 from planner.identification.parameters import Parameters, only
+from planner.model.joint import with_ticks
 from planner.trajectory import Array, rms
 
 SETTLED_ERRORS = 2.0
@@ -81,37 +83,21 @@ def fit_joint(logs: Sequence[Log], timing: Timing, *, choose_tick: bool = False)
             logs, tick=timing.period, reach=timing.reach, burn_in=burn_in, settled=settled
         )
         simple = least_squares(rows, found.parameters, scale=best.scale, effort=SEARCH)
-        fits += [simple] if better_tick(best, simple) else []
+        fits += [simple] if better(best, simple) else []
     again = (
         least_squares(fit.grid, fit.parameters, starts=fit.starts, effort=SEARCH) for fit in fits
     )
     return tuple(map(_without_saturation, again))
 
 
-def better_tick(fine: Fit, whole: Fit) -> bool:
-    """Whether ticks of a whole period fit better.
-
-    Where the log does not tell which ticks the joint has, the two agree to a tenth of the bound.
-    """
-    return huber(whole.residuals, fine.scale) < 0.995 * huber(fine.residuals, fine.scale)
-
-
 def at_ticks(logs: Sequence[Log], fit: Fit, tick: float) -> Fit:
-    """The fit to the same rows with shorter ticks [s].
-
-    It starts from the joint that is the same in continuous time: a tick's share of an error is
-    1 - exp(-gain * tick), and what happens in a tick shows at its end.
-    """
+    """The fit to the same rows with other ticks [s], begun at the joint that answers the same."""
     grid, at = fit.grid, fit.parameters
     if tick == grid.tick:
         return fit
-    gain = -math.log1p(-min(at.gain * grid.tick, 0.9)) / grid.tick
-    begin = at._replace(
-        gain=-math.expm1(-gain * tick) / tick if at.time_constant == 0.0 else at.gain,
-        lag=max(at.lag - 0.5 * (grid.tick - tick), 0.0),
-    )
+    gain, lag = with_ticks(at.gain, at.lag, grid.tick, tick, inertia=at.time_constant > 0.0)
     finer = resampled(logs, tick=tick, reach=grid.reach, burn_in=grid.burn_in, settled=grid.settled)
-    return least_squares(finer, begin, free=fit.free, starts=fit.starts)
+    return least_squares(finer, at._replace(gain=gain, lag=lag), free=fit.free, starts=fit.starts)
 
 
 def _initial_fit(grid: Grid) -> Fit:

@@ -12,7 +12,6 @@ import numpy as np
 from planner.exceptions import InvalidInput
 from planner.identification.fit import (
     at_ticks,
-    better_tick,
     commanded_speed,
     errors_of,
     fit_joint,
@@ -37,6 +36,7 @@ from planner.identification.intervals import (
     covariance_of,
     intervals_of,
     noise_of,
+    over_ticks,
     speed_bounded,
     uncertainty_of,
 )
@@ -46,7 +46,7 @@ from planner.identification.judgement import (
     opposite_sign,
     verdict_on,
 )
-from planner.identification.least_squares import Fit, least_squares, respond, sound_rms
+from planner.identification.least_squares import Fit, better, least_squares, respond, sound_rms
 from planner.identification.log import Log, as_logs, check_periods, unwrapped
 from planner.identification.residual_patterns import (
     Contact,
@@ -140,11 +140,16 @@ def identify(
         motor = bare is None or more is None or more.rms <= bare.rms
     fit, terms = full if motor else plain
     coarse = timing
-    if tick is None and hold is None and timing.hold > 1:
+    other_ticks: tuple[Fit, Fit] | None = None  # longer and shorter, where the log leaves it open
+    if tick is None and hold is None:
         finer = fine_hold(timing.period, fit.parameters.acceleration_time)
-        if finer > timing.hold:
-            timing = timing.ticking(timing.period / finer)
-            fit = at_ticks(logs, fit, timing.tick)
+        fine = at_ticks(logs, fit, timing.period / finer)
+        inertia = fit.parameters.time_constant > 0.0 and not better(fine, fit)
+        if timing.hold > 1 or inertia or better(fit, fine):
+            timing, fit = timing.ticking(fine.grid.tick), fine
+            other_ticks = at_ticks(logs, fine, 2.0 * timing.tick), fine
+        elif finer > timing.hold and not better(fine, fit):
+            other_ticks = fit, fine
     fit = with_observed_speed(with_calm_friction(logs, fit))
     uncertainty = uncertainty_of(fit)
     bounds = intervals_of(fit, uncertainty)
@@ -183,6 +188,9 @@ def identify(
         shaken=shaken(model, fits),
     )
     intervals = all_intervals(fit, bounds, uncertainty)
+    if other_ticks:
+        intervals = over_ticks(intervals, timing.tick, *other_ticks)
+    gain = intervals.pop("gain")
     if reason.topic != "motion":  # else nothing in the log is of the joint
         notes += [*notes_on(every, timing, jumps), *held_rows]
         if refuted:
@@ -210,7 +218,7 @@ def identify(
         heaviest=float(np.max(np.abs(fit.grid.loads), initial=0.0)),
         signal=signal,
         intervals=intervals,
-        gain_interval=bounds["gain"],
+        gain_interval=gain,
         covariance=covariance_of(fit, bounds, uncertainty),
         correlations=correlations_of(fit, uncertainty),
         alternatives=tuple(
@@ -280,7 +288,7 @@ def _with_terms(fits: Sequence[Fit]) -> list[_Fitted]:
 def _with_motor(plain: Sequence[_Fitted]) -> tuple[_Fitted, _Fitted]:
     """The fit with the better ticks, without and with the terms of a motor."""
     full = [_Fitted(*with_motor(*each)) for each in plain]
-    k = 1 if len(full) > 1 and better_tick(full[0].fit, full[1].fit) else 0
+    k = 1 if len(full) > 1 and better(full[0].fit, full[1].fit) else 0
     return plain[k], full[k]
 
 

@@ -10,7 +10,14 @@ import numpy as np
 from scipy.special import stdtrit
 
 from planner.identification.fit import peak_command
-from planner.identification.least_squares import PROFILE, Fit, huber, least_squares, respond
+from planner.identification.least_squares import (
+    PROFILE,
+    Fit,
+    correlation_time,
+    huber,
+    least_squares,
+    respond,
+)
 from planner.identification.parameters import (
     COORDINATES,
     COUNT,
@@ -347,28 +354,10 @@ def _beside_starts(fit: Fit) -> Array:
     return np.asarray(raw - by_start[:, np.newaxis] * shares[grid.run])
 
 
-def correlation_time(series: Array) -> float:
-    """Rows that count as one because they are alike: 1 + 2 times the sum of autocorrelations.
-
-    The sum ends at five times itself, where what follows is noise (Sokal's window), and at the
-    square root of the number of rows, beyond which it would mistake a cycle for one long
-    correlation; at least 1.
-    """
-    count = len(series)
-    transformed = np.fft.rfft(series, 2 * count)
-    products = np.fft.irfft(np.abs(transformed) ** 2)[:count]
-    if products[0] <= 0.0:
-        return 1.0
-    times = 2.0 * np.cumsum(products / products[0]) - 1.0
-    furthest = math.isqrt(count)
-    ended = np.flatnonzero(np.arange(furthest) >= 5.0 * times[:furthest])
-    return max(1.0, float(times[ended[0] if len(ended) else furthest]))
-
-
 def all_intervals(
     fit: Fit, bounds: Mapping[str, Interval], uncertainty: Uncertainty
 ) -> dict[str, Interval]:
-    """Intervals of :data:`PARAMETERS` in SI units, from those of what was fitted."""
+    """Intervals of :data:`PARAMETERS`, and the "gain", in SI units, from those of a fit."""
     known = dict(bounds)
     for name, term in TERMS.items():
         if name in ("asymmetry", "slowing") and name in bounds:
@@ -376,7 +365,7 @@ def all_intervals(
             if not (bounds[name].bounded and bounds["v_max"].bounded):
                 known[term] = Interval(-math.inf if name == "asymmetry" else 0.0, math.inf)
     known["theta_0"] = _theta_0(fit, bounds, uncertainty)
-    return {name: known[name] for name in PARAMETERS if name in known}
+    return {name: known[name] for name in (*PARAMETERS, "gain") if name in known}
 
 
 def _theta_0(fit: Fit, bounds: Mapping[str, Interval], uncertainty: Uncertainty) -> Interval:
@@ -390,6 +379,33 @@ def _theta_0(fit: Fit, bounds: Mapping[str, Interval], uncertainty: Uncertainty)
             return Interval(value * float(np.exp(-half)), value * float(np.exp(half)))
     upper = v_max.upper / gain.lower if gain.lower > 0.0 else np.inf
     return Interval(v_max.lower / gain.upper, upper)
+
+
+def over_ticks(
+    intervals: Mapping[str, Interval], tick: float, coarse: Fit, fine: Fit
+) -> dict[str, Interval]:
+    """Intervals that hold for the joint with shorter ticks, too, down to none.
+
+    What two fits to the same rows differ by is taken to be in proportion to their ticks.
+
+    Args:
+        intervals: Those of :func:`all_intervals`.
+        tick: Of the fit that these belong to [s].
+        coarse: A fit with some ticks.
+        fine: One with shorter ticks.
+    """
+    before, after = (
+        vars(each.parameters.model(tick=each.grid.tick, hold=1)) | {"gain": each.parameters.gain}
+        for each in (coarse, fine)
+    )
+    farther = tick / (coarse.grid.tick - fine.grid.tick)
+    found = {}
+    for name, ends in intervals.items():
+        by = farther * (after[name] - before[name])
+        least = 0.0 if ends.lower >= 0.0 else -math.inf
+        longer = Interval(max(ends.lower + min(by, 0.0), least), ends.upper + max(by, 0.0))
+        found[name] = longer if ends.bounded else ends
+    return found
 
 
 def covariance_of(

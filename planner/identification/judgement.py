@@ -158,7 +158,18 @@ def verdict_on(
         numbers |= {"ratio": others["delay"] / ours, "tested": held is not None}
     elif any(doubts.values()):
         verdict, codes = "usable", [code for code, doubted in doubts.items() if doubted]
+    if verdict == "holds":
+        codes += _not_found(fit)
     return verdict, note("fit", *codes, simpler=name, **numbers), notes
+
+
+def _not_found(fit: Fit) -> list[str]:
+    """What many joints have and this one does not show: motion that calls for it is untested."""
+    at = fit.parameters
+    gravity = fit.grid.unloaded and at.sag_sin == at.sag_cos == 0.0
+    if at.dead_band == 0.0:
+        return ["nothing found"] if gravity else ["no friction"]
+    return ["no gravity"] if gravity else []
 
 
 def _at_random(grid: Grid, signal: float) -> bool:

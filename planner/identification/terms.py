@@ -25,7 +25,6 @@ from planner.identification.grid import Grid, resampled
 from planner.identification.intervals import (
     Uncertainty,
     at_edge,
-    correlation_time,
     model_interval,
     rise_allowed,
     structure_of,
@@ -36,6 +35,7 @@ from planner.identification.least_squares import (
     TERM,
     Effort,
     Fit,
+    better,
     huber,
     least_squares,
 )
@@ -316,11 +316,7 @@ def _sag_is_determined(fit: Fit, uncertainty: Uncertainty) -> bool:
 def _pays(without: Fit, with_it: Fit) -> bool:
     """Whether the information criterion, and the least saving, speak for a term."""
     before, after = (huber(fit.residuals, without.scale) for fit in (without, with_it))
-    if not after < (1.0 - 0.01) * before:
-        return False
-    alike = correlation_time(with_it.weights * with_it.residuals)
-    independent = max(len(with_it.residuals) / alike, 2.0)
-    return independent * math.log(before / max(after, 1e-300)) > math.log(independent)
+    return after < 0.99 * before and better(without, with_it)
 
 
 class Backlash(NamedTuple):

@@ -232,6 +232,16 @@ class Evidence(NamedTuple):
             intervals=intervals,
         )
 
+    def moved(self, gain: float, later: float) -> Evidence:
+        """The same of a joint with this many times the gain, and a longer lag [s]."""
+        moved = {}
+        for name, (low, high) in self.intervals.items():
+            if name == GAIN:
+                moved[name] = gain * low, gain * high
+            elif name == "lag":
+                moved[name] = max(low + later, 0.0), high + later
+        return self._replace(intervals={**self.intervals, **moved})
+
 
 def refusal(known: Mapping[str, Evidence | None]) -> str:
     """Which models are not to be planned with, and why, in a line; empty for none.

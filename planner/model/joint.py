@@ -193,8 +193,9 @@ class JointModel:
     def requested_every(self, period: float) -> Self:
         """The same joint, with a request every ``period`` [s].
 
-        Lag, acceleration time and speeds stay what they are; the tick becomes the longest one that
-        divides the period and is no longer than it was.
+        The tick becomes the longest one that divides the period and is no longer than it was. Where
+        it becomes shorter, lag and v_max / theta_0 become those of a joint that answers the same:
+        see :func:`with_ticks`.
 
         Raises:
             InvalidModel: The period is not a finite time above 0.
@@ -210,7 +211,15 @@ class JointModel:
                 f"{most:g} s"
             )
         hold = max(math.ceil(period / self.tick - WHOLE_TICKS), 1)
-        return replace(self, tick=period / hold, hold=hold).with_evidence(self.evidence)
+        tick = period / hold
+        if math.isclose(tick, self.tick, rel_tol=1e-9):
+            return replace(self, tick=tick, hold=hold).with_evidence(self.evidence)
+        gain = self.v_max / self.theta_0
+        inertia = self.time_constant > 0.0
+        other, lag = with_ticks(gain, self.lag, self.tick, tick, inertia=inertia)
+        model = replace(self, theta_0=self.v_max / other, lag=lag, tick=tick, hold=hold)
+        known = self.evidence and self.evidence.moved(other / gain, lag - self.lag)
+        return model.with_evidence(known)
 
     @property
     def evidence(self) -> Evidence | None:
@@ -478,6 +487,29 @@ def weights_by_tick(model: JointModel) -> Array:
             age = -((tick - model.window.first - j) // model.hold)
             weights[number, age - at.youngest] += weight
     return weights
+
+
+def with_ticks(
+    gain: float, lag: float, tick: float, other: float, *, inertia: bool
+) -> tuple[float, float]:
+    """v_max / theta_0 [1/s] and lag [s] of a joint that answers the same with other ticks.
+
+    The speed of a tick follows the error at its beginning: without inertia a tick's share of an
+    error is 1 - exp(-gain * tick), with it the gain stays. What is requested during a tick shows at
+    its end, so that slow motion is as late with any ticks only if the lag differs, too.
+
+    Args:
+        gain: v_max / theta_0 with ticks of ``tick`` [1/s].
+        lag: Lag with these [s].
+        tick: Time step [s].
+        other: The other time step [s]; 0 for infinitely short ticks.
+        inertia: Whether the joint has a time constant.
+    """
+    if inertia:
+        return gain, max(lag - (tick - other), 0.0)
+    at_once = -math.log1p(-min(gain * tick, 0.9)) / tick
+    gain = -math.expm1(-at_once * other) / other if other > 0.0 else at_once
+    return gain, max(lag - 0.5 * (tick - other), 0.0)
 
 
 def joint_of_top_speed(v_max: float) -> JointModel:

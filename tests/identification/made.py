@@ -18,6 +18,9 @@ NOISE = math.radians(0.2)
 QUANTUM = math.radians(0.3)
 """Step of the made logs' sensor [rad]."""
 
+FINE_NOISE, FINE_QUANTUM = math.radians(0.1), math.radians(0.09)
+"""The same of a good encoder [rad]."""
+
 AMPLITUDES = tuple(map(math.radians, (30.0, 90.0)))
 """Step tests [rad]: small enough to see the joint close in, large enough to saturate it."""
 
@@ -133,6 +136,18 @@ def random_motion(random, period, *, kind, seconds, span=0.6):
     part = count // 3
     mixed = np.concatenate([steps[:part], triangle[:part], sines[: count - 2 * part]])
     return {"steps": steps, "sines": sines, "mixed": mixed}[kind]
+
+
+def logged(joint: planner.JointModel, *, period: float, rows: int, seed: int = 0) -> planner.Log:
+    """A log of a joint whose requests change with its rows, whatever its own ticks."""
+    random = np.random.default_rng([seed, 1])
+    requests = random_motion(random, period, kind="mixed", seconds=rows * period, span=1.0)
+    times = period * np.arange(len(requests))
+    ticks = joint.tick * np.arange(int(times[-1] / joint.tick) + 2)
+    in_force = np.searchsorted(times, ticks + 1e-6 * joint.tick, side="right") - 1
+    angles = np.interp(times, ticks, planner.simulate(joint, requests[in_force], cyclic=False))
+    angles = measured(angles, random, noise=FINE_NOISE, quantum=FINE_QUANTUM)
+    return planner.Log(times=times, requests=requests, angles=angles)
 
 
 def random_servo(seed, *, kinds=("steps", "sines", "mixed"), seconds=30.0, **defects):

@@ -15,6 +15,7 @@ from tests.identification.made import (
     changed,
     identified_rich,
     identified_steps,
+    logged,
     measured,
     rich_log,
     step_logs,
@@ -80,25 +81,27 @@ def test_which_ticks_a_slow_joint_has_is_decided_by_how_well_they_fit(hold):
     assert found.intervals["lag"].lower <= joint.lag <= found.intervals["lag"].upper
 
 
+@pytest.mark.parametrize("period", [0.005, 0.0079, 0.0081, 0.01, 0.02])
 @pytest.mark.parametrize("constant", [0.0, 0.02])
-def test_what_is_found_belongs_to_the_joint_and_not_to_the_rate_of_its_log(constant):
-    """A joint that runs in half milliseconds, in logs of 100 and 50 rows a second."""
-    for period in (0.01, 0.02):
-        joint = replace(
-            SERVO,
-            v_max=5.2,
-            theta_0=0.26,
-            lag=0.02,
-            acceleration_time=0.03,
-            tick=0.0005,
-            hold=round(period / 0.0005),
-            time_constant=constant,
-        )
-        log = rich_log(joint, rows=1500, noise=NOISE, amplitude=0.6)
-        found = planner.identify(log, hold_out=False).model
-        assert abs(found.v_max / found.theta_0 / 20.0 - 1.0) <= 0.02
-        assert abs(found.lag - joint.lag) <= 0.0015
-        assert abs(found.time_constant - constant) <= 0.001
+def test_what_is_found_belongs_to_the_joint_and_not_to_the_rate_of_its_log(constant, period):
+    joint = replace(
+        SERVO,
+        v_max=5.2,
+        theta_0=0.26,
+        lag=0.02,
+        acceleration_time=0.03,
+        tick=0.0005,
+        hold=1,
+        time_constant=constant,
+    )
+    log = logged(joint, period=period, rows=round(24.0 / period))
+    found = planner.identify(log, hold_out=False)
+    model, gain = found.model, found.gain_interval
+    assert abs(model.v_max / model.theta_0 / 20.0 - 1.0) <= 0.02
+    assert abs(model.lag - joint.lag) <= 0.001
+    assert abs(model.time_constant - constant) <= 0.001
+    assert gain.lower <= 20.0 <= gain.upper
+    assert gain.upper / gain.lower <= 1.04
 
 
 def test_a_long_window_has_fewer_ticks_than_a_model_may_have():

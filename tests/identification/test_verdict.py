@@ -50,7 +50,7 @@ def test_a_model_is_doubted_from_a_tenth_of_the_motion_on_and_refused_from_a_fou
     found = planner.identify(rich_log(noise=noise * moved, rows=600))
     assert found.verdict == verdict
     assert found.reason.startswith("it misses ")
-    assert found.reason.endswith("% of the motion in the part that was held out")
+    assert "% of the motion in the part that was held out" in found.reason
 
 
 @pytest.mark.parametrize(
@@ -80,6 +80,20 @@ def test_a_model_that_something_simpler_beats_is_usable_and_says_so():
     found = planner.identify(planner.Log(times=times, requests=requests, angles=angles))
     assert found.verdict == "usable"
     assert found.reason == "a delay with a first-order lag predicts better"
+
+
+def test_a_model_that_holds_says_which_of_friction_and_gravity_its_log_does_not_show():
+    sticky = replace(JOINT, dead_band=0.03)
+    for joint, load, missing in (
+        (JOINT, None, "the log shows neither dry friction nor gravity"),
+        (sticky, None, "the log shows no gravity"),
+        (JOINT, np.zeros(600), "the log shows no dry friction"),
+        (sticky, np.zeros(600), ""),
+    ):
+        log = replace(rich_log(joint, rows=600, noise=NOISE / 4), load=load)
+        found = planner.identify(log)
+        assert found.verdict == "holds"
+        assert found.reason.partition("; ")[2] == missing
 
 
 def test_a_model_that_could_not_be_tested_is_usable_and_says_why():
@@ -422,7 +436,8 @@ def test_a_model_that_is_tested_and_misses_little_holds(fitted):
     found = judged(fitted, held={})
     assert (found.verdict, found.reason) == (
         "holds",
-        "it misses 1% of the motion in the part that was held out",
+        "it misses 1% of the motion in the part that was held out; the log shows neither dry "
+        "friction nor gravity",
     )
     assert topics(found) == []
 

@@ -240,6 +240,19 @@ def test_an_integer_too_large_for_a_float_is_refused_by_name(name):
         _model(**{name: 10**400})
 
 
+@pytest.mark.parametrize("constant", [0.0, 0.03])
+@pytest.mark.parametrize("parts", [2, 4])
+def test_the_same_joint_with_requests_more_often_answers_the_same_motion(constant, parts):
+    """To a tenth of a degree and a half: with lag and theta_0 as they were it is a whole one."""
+    joint = replace(JointModel.ers210a(), time_constant=constant)
+    phase = 2.0 * np.pi * np.arange(125) / 125
+    requests = 0.5 * np.sin(phase) + 0.1 * np.sin(3.0 * phase)
+    often = joint.requested_every(joint.period / parts)
+    angles = simulate(often, np.repeat(requests, parts))[::parts]
+    apart = angles - simulate(joint, requests)
+    assert np.sqrt(np.mean(apart**2)) <= math.radians(0.15)
+
+
 def test_a_model_is_frozen_hashable_and_equal_by_value():
     model = JointModel.ers210a()
     with pytest.raises(FrozenInstanceError):

@@ -34,6 +34,9 @@ SENTENCES: Mapping[str, str] = {
     "friction open": "the log leaves dry friction open",
     "shaken": "the joint is shaken",
     "not tested": "it was not tested on rows held out",
+    "nothing found": "the log shows neither dry friction nor gravity",
+    "no friction": "the log shows no dry friction",
+    "no gravity": "the log shows no gravity",
     "moves against": "the joint seems to move against its requests",
     "no motion": "the log holds no motion of the joint",
     "a delay wins": "the error of a pure delay is {ratio:.0%} of its own"

@@ -1,92 +1,147 @@
-"""Descriptions of a joint on recordings: a delay, a first-order lag, this project's model."""
+"""Descriptions of a joint: a delay, a first-order lag, the model, and how far it is right."""
 
 from __future__ import annotations
 
+import math
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 import planner
 from benchmark.parts import Options
-from benchmark.parts.identify import JOINTS, PENDULUMS, recorded
+from benchmark.parts.pairs import FITTED, humanoid, pendulums, so101
 from benchmark.table import Table
-from planner.trajectory import rms
+from tests.identification.made import logged
 
 Array = npt.NDArray[np.float64]
-
-FITTED = ("prbs_excitation", "static_holding", "random_waypoints")
-"""Recordings of the arm that are fitted; the others are predicted."""
-
-UNSEEN = ("multisine", "triangle_wave", "gripper_cycles")
 
 TERMS = ("dead band, mrad", "time constant, ms", "acceleration, rad/s^2")
 """Terms of a motor that a model may have."""
 
-SETTLING = 25
-"""First rows of a recording that do not count: what was requested before is not in it."""
+MOTION = 10.0
+"""Length of the parts of a recording that are one motion each [s]."""
+
+FAIR = (0.7, 1.4)
+"""Between which shares of the error that is met the one that is told is right."""
+
+SECONDS = 30.0
+"""Length of the made logs."""
+
+TICK = 0.0005
+"""Of the joints that they are of [s]."""
+
+PERIODS = (0.005, 0.0079, 0.0081, 0.01, 0.02)
+"""Between the rows of logs of the same joint [s]."""
 
 
-def measure(_: Options) -> list[Table]:
-    """The arm's joints on recordings that were not fitted, every recording on its second half."""
+def measure(options: Options) -> list[Table]:
+    """Made joints, and every recording that is at hand."""
+    made = [motors(4 * options.instances), rates(2 * options.instances)]
     folder = os.environ.get("REQUEST_PLANNER_RECORDINGS", "")
     if not folder or not Path(folder).is_dir():
-        return []
-    return [halves(recorded(Path(folder))), arm(Path(folder) / "so101")]
+        return made
+    arm = so101(Path(folder))
+    every = {**arm, **pendulums(Path(folder))}
+    if options.instances > 3:
+        every |= humanoid(Path(folder))
+    return [halves(every), *unseen(arm), *made]
 
 
-def halves(logs: Mapping[str, Sequence[planner.Log]]) -> Table:
-    """One row for each recording."""
+def halves(joints: Mapping[str, Sequence[planner.Log]]) -> Table:
+    """One row for each joint: the second halves of its recordings."""
     table = Table(
-        "Models of joints on the second half of recordings, fitted to the first",
-        ("as it is", "delay", "first order", "model", "over a delay", *TERMS),
-        note="Root mean square errors in milliradians (Jaw: thousandths of its range): of the "
-        "request itself, the best pure delay, a delay with a first-order lag, and the model of "
-        f"this project. {', '.join(PENDULUMS)}: pendulums; the others are joints of an SO-101.",
-        stub="recording",
-    )
-    for name, each in logs.items():
-        found = planner.identify(list(each))
-        errors = [other.held_out_rms for other in found.alternatives] + [found.held_out_rms]
-        known = [1e3 * error if error else float("nan") for error in errors]
-        table.add(name, *known, known[3] / known[1], *terms(found))
-    return table
-
-
-def arm(folder: Path) -> Table:
-    """One row for each joint: models of three recordings on the others."""
-    table = Table(
-        "Models of the SO-101's joints on recordings that were not fitted",
-        (*UNSEEN, "delay", "over a delay", *TERMS),
-        note="Root mean square errors in milliradians of the model on each of the recordings that "
-        f"were not fitted, and of a pure delay of the best time on all of them; fitted are "
-        f"{', '.join(FITTED)}.",
+        "Models of joints on the second half of each recording, fitted to the first halves",
+        ("recordings", "as it is", "delay", "first order", "model", "over a delay", *TERMS),
+        note="Root mean square errors in milliradians (Jaw and hands: thousandths of the range): "
+        "of the request itself, the best pure delay, a delay with a first-order lag, and the model "
+        "of this project, each fitted to all recordings of a joint together. so101: an arm of "
+        "Feetech STS3215; sts3250, xl330: pendulums, the latter overloaded; g1: a humanoid.",
         stub="joint",
     )
-    for joint in JOINTS[:5]:
-        found = planner.identify([log_of(folder, name, joint) for name in FITTED])
-        (delay,) = [one.parameters["delay"] for one in found.alternatives if one.name == "delay"]
-        errors, delayed = [], []
-        for name in UNSEEN:
-            log = log_of(folder, name, joint)
-            start = float(log.angles[0])
-            predicted = planner.simulate(found.model, log.requests, cyclic=False, start=start)
-            late = np.interp(log.times - delay, log.times, log.requests)
-            errors.append(1e3 * rms((predicted - log.angles)[SETTLING:]))
-            delayed.append(1e3 * rms((late - log.angles)[SETTLING:]))
-        late_error = rms(np.array(delayed))
-        table.add(joint, *errors, late_error, rms(np.array(errors)) / late_error, *terms(found))
+    for name, logs in joints.items():
+        try:
+            found = planner.identify(logs)
+        except planner.InvalidInput:
+            continue
+        errors = [other.held_out_rms for other in found.alternatives] + [found.held_out_rms]
+        known = [1e3 * error if error else math.nan for error in errors]
+        table.add(name, len(logs), *known, known[3] / known[1], *terms(found))
     return table
 
 
-def log_of(folder: Path, name: str, joint: str) -> planner.Log:
-    """A joint's columns of a recording of the arm."""
-    table = np.genfromtxt(folder / f"{name}.csv", delimiter=",", names=True)
-    return planner.Log(
-        times=table["t_s"], requests=table[f"req_{joint}"], angles=table[f"act_{joint}"], name=name
-    )
+def unseen(arm: Mapping[str, Sequence[planner.Log]]) -> list[Table]:
+    """Models of three recordings of the arm on the others, and the errors that they tell."""
+    tables = [
+        Table(
+            "Models of the SO-101's joints on recordings that were not fitted",
+            ("delay", "model", "worst", "over a delay", *TERMS),
+            note="Root mean square errors in milliradians of motions of "
+            f"{MOTION:g} s, median and worst; fitted are {', '.join(FITTED)}.",
+            stub="joint",
+        ),
+        Table(
+            "The error that is told of motions that were not fitted, over the one met",
+            ("motions", "median", f"{FAIR[0]:g} to {FAIR[1]:g}, %", "in the range, %"),
+            note="The same motions: the error to expect over the one met, in how many it is "
+            f"between {FAIR[0]:g} and {FAIR[1]:g}, and how many are in the range of 5 to 95 %.",
+            stub="joint",
+        ),
+    ]
+    for name, logs in arm.items():
+        fitted = [log for log in logs if log.name in FITTED]
+        others = [log for log in logs if log.name not in FITTED]
+        if not fitted or not others or "Jaw" in name:
+            continue
+        found = planner.identify(fitted)
+        (delay,) = [one.parameters["delay"] for one in found.alternatives if one.name == "delay"]
+        motions = np.array([motion for log in others for motion in motions_of(found, log, delay)])
+        met, late, told, low, high = motions.T
+        model, pure = float(np.median(met)), float(np.median(late))
+        worst = 1e3 * float(np.max(met))
+        tables[0].add(name, 1e3 * pure, 1e3 * model, worst, model / pure, *terms(found))
+        shares = told / met
+        tables[1].add(
+            name,
+            len(met),
+            float(np.median(shares)),
+            100.0 * float(np.mean((shares >= FAIR[0]) & (shares <= FAIR[1]))),
+            100.0 * float(np.mean((low <= met) & (met <= high))),
+        )
+    return tables
+
+
+class Motion(NamedTuple):
+    """A part of a recording: errors of the model and of a delay, and what the model tells [rad]."""
+
+    met: float
+    late: float
+    told: float
+    low: float
+    high: float
+
+
+def motions_of(found: planner.Identification, log: planner.Log, delay: float) -> Iterator[Motion]:
+    """The parts of a recording in which the joint moves, but for the first second of all."""
+    model, evidence = found.model, found.tested
+    start, period = float(log.angles[0]), log.period
+    predicted = planner.simulate(model, log.requests, cyclic=False, start=start)
+    late = np.interp(log.times - delay, log.times, log.requests)
+    length = round(MOTION / period)
+    for first in range(round(1.0 / period), len(predicted) - length + 1, length):
+        part = slice(first, first + length)
+        if np.ptp(log.requests[part]) == 0.0:
+            continue
+        met, by_delay = (
+            math.sqrt(np.mean((angles - log.angles)[part] ** 2)) for angles in (predicted, late)
+        )
+        told = evidence.error_of(predicted[part], period=period, cyclic=False)
+        ends = evidence.range_of(predicted[part], period=period, cyclic=False)
+        yield Motion(met, by_delay, told, *ends)
 
 
 def terms(found: planner.Identification) -> tuple[float, ...]:
@@ -96,3 +151,101 @@ def terms(found: planner.Identification) -> tuple[float, ...]:
     return tuple(
         each or float("nan") for each in (1e3 * at.dead_band, 1e3 * at.time_constant, limit)
     )
+
+
+def motors(joints: int) -> Table:
+    """Joints with all terms of a motor."""
+    truths = [motor(seed) for seed in range(joints)]
+    logs = [
+        logged(joint, period=period, rows=round(SECONDS / period), seed=seed)
+        for period in (0.01, 0.02)
+        for seed, joint in enumerate(truths)
+    ]
+    table = recovery(
+        "Identification of motors, made",
+        f"{joints} joints with a time constant of 10 to 80 ms, an acceleration limit of 15 to 60 "
+        "rad/s^2 and a dead band of 0.5 to 4 degrees together, each logged every 10 and every 20 "
+        f"ms for {SECONDS:g} s: random steps, a triangle and sines within 1 rad; 0.1 degrees of "
+        "noise, 0.09 of resolution, ticks of half a millisecond.",
+    )
+    rows(table, "", [*truths, *truths], [planner.identify(log, hold_out=False) for log in logs])
+    return table
+
+
+def rates(joints: int) -> Table:
+    """The same joints in logs of several rates."""
+    truths = [
+        replace(motor(seed), time_constant=0.0, max_acceleration=math.inf) for seed in range(joints)
+    ]
+    table = recovery(
+        "Identification of the same joints logged at several rates, made",
+        f"As above, {joints} joints without time constant and acceleration limit.",
+    )
+    for period in PERIODS:
+        found = [
+            planner.identify(
+                logged(joint, period=period, rows=round(SECONDS / period), seed=seed),
+                hold_out=False,
+            )
+            for seed, joint in enumerate(truths)
+        ]
+        rows(table, f"{1e3 * period:g} ms: ", truths, found)
+    return table
+
+
+def motor(seed: int) -> planner.JointModel:
+    """A random joint with inertia, a slow start and dry friction that it can overcome."""
+    random = np.random.default_rng(seed)
+    while True:
+        speed, gain = random.uniform(3.0, 6.5), random.uniform(8.0, 20.0)
+        try:
+            return planner.JointModel(
+                v_max=speed,
+                theta_0=speed / gain,
+                lag=random.uniform(0.005, 0.03),
+                acceleration_time=random.uniform(0.002, 0.03),
+                tick=TICK,
+                time_constant=random.uniform(0.01, 0.08),
+                max_acceleration=random.uniform(15.0, 60.0),
+                dead_band=math.radians(random.uniform(0.5, 4.0)),
+            )
+        except planner.InvalidModel:
+            continue
+
+
+def recovery(title: str, note: str) -> Table:
+    """A table of :func:`rows`."""
+    columns = ("found, %", "in the interval, %", "rms error", "largest error", "half interval")
+    note += " Errors in % of the parameter, those of lag and window in ms."
+    return Table(title, columns, note=note, stub="parameter")
+
+
+def rows(
+    table: Table,
+    stub: str,
+    truths: Sequence[planner.JointModel],
+    found: Sequence[planner.Identification],
+) -> None:
+    """One row for each parameter of joints that are known."""
+    names = ["gain", "v_max", "lag", "acceleration_time", "dead_band"]
+    names += ["time_constant", "max_acceleration"] if truths[0].has_inertia else []
+    for name in names:
+        known = []
+        for joint, each in zip(truths, found, strict=True):
+            true, value = (
+                model.v_max / model.theta_0 if name == "gain" else getattr(model, name)
+                for model in (joint, each.model)
+            )
+            low, high = each.gain_interval if name == "gain" else each.intervals[name]
+            size = 1e-3 if name in ("lag", "acceleration_time") else 0.01 * true
+            known.append(((value - true) / size, low <= true <= high, (high - low) / 2.0 / size))
+        errors, inside, half = np.array(known).T
+        kept = np.isfinite(errors)
+        table.add(
+            stub + name,
+            100.0 * float(np.mean(kept)),
+            100.0 * float(np.mean(inside)),
+            float(np.sqrt(np.mean(errors[kept] ** 2))),
+            float(np.max(np.abs(errors[kept]))),
+            float(np.median(half)),
+        )
