@@ -299,9 +299,9 @@ class Identification(Summarised):
     def tested(self) -> Evidence:
         """The validation record of the model file: error by motion, intervals, verdict."""
         angles = np.concatenate([fit.log.angles[fit.used] for fit in self.fits])
-        by_motion = errors_of_motion(
-            [run for fit in self.fits for run in _runs(fit)], noise=self.noise
-        )
+        by_motion = errors_of_motion(_runs(self.fits, held_out=True), noise=self.noise)
+        if not by_motion.by_acceleration:
+            by_motion = errors_of_motion(_runs(self.fits, held_out=False), noise=self.noise)
         return Evidence(
             self.expected_error,
             self.fastest,
@@ -412,12 +412,17 @@ def _first_rows(fit: LogFit) -> npt.NDArray[np.bool_]:
     return first
 
 
-def _runs(fit: LogFit) -> list[Run]:
-    """The rows of a log that were used and follow one another, piece by piece."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], fit.used, [False]]).astype(int)))
-    period = float(np.median(np.diff(fit.log.times)))
-    pieces = (slice(first, end) for first, end in edges.reshape(-1, 2).tolist())
-    return [Run(fit.predicted[rows], fit.residuals[rows], period) for rows in pieces]
+def _runs(fits: Sequence[LogFit], *, held_out: bool) -> list[Run]:
+    """The rows that were used, or held out, and follow one another, piece by piece."""
+    found = []
+    for fit in fits:
+        rows = fit.held_out if held_out else fit.used
+        predicted = fit.held_out_predicted if held_out else fit.predicted
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], rows, [False]]).astype(int)))
+        for first, end in edges.reshape(-1, 2).tolist():
+            angles, errors = predicted[first:end], (fit.log.angles - predicted)[first:end]
+            found.append(Run(angles, errors, fit.log.period))
+    return found
 
 
 def _holds_steps_only(fits: Sequence[LogFit]) -> bool:

@@ -94,3 +94,14 @@ def test_rows_that_are_fitted_do_not_bound_a_top_speed_that_others_exceed():
     assert found.intervals["v_max"].upper == np.inf
     (warning,) = [words for words in found.warnings if "a limit in the servo" in words]
     assert "deg/s" in warning or "rad/s" in warning
+
+
+def test_the_error_by_motion_is_that_of_rows_held_out():
+    found = identified_rich()
+    (fit,) = found.fits
+    beside = np.where(fit.held_out, fit.log.angles + 0.05, np.nan)
+    off = replace(found, fits=(replace(fit, held_out_predicted=beside),), noise=0.0)
+    assert [error for _, error in off.tested.by_acceleration] == pytest.approx([0.05, 0.05])
+    none = np.zeros(len(beside), dtype=bool)
+    alone = replace(found, fits=(replace(fit, held_out=none),), noise=0.0)
+    assert max(error for _, error in alone.tested.by_acceleration) <= 2.0 * fit.rms

@@ -163,6 +163,13 @@ def test_a_log_without_motion_or_too_short_says_nothing_of_acceleration():
     assert errors_of_motion([]) == unknown
 
 
+def test_parts_in_which_the_joint_rests_say_nothing_of_its_motion():
+    moving = 0.3 * np.sin(2.0 * np.pi * 0.5 * 0.02 * np.arange(400))
+    rest = Run(1e-4 * moving, np.full(400, 1e-5), 0.02)
+    runs = [Run(moving, np.full(400, 0.01), 0.02)]
+    assert errors_of_motion([*runs, *(5 * [rest])]) == errors_of_motion(runs)
+
+
 def test_nine_parts_of_ten_are_within_the_range_of_errors_that_differ_from_part_to_part():
     random, period = np.random.default_rng(0), 0.02
     angles = 0.3 * np.sin(2.0 * np.pi * 0.5 * period * np.arange(100))
