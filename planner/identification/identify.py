@@ -75,6 +75,9 @@ from planner.validation import as_flag
 SPEED_NOISE = 4.0 * math.sqrt(2.0) / 0.1
 """Standard deviations of the noise that the angles at both ends of 0.1 s may be off [1/s]."""
 
+PAPER_TICK = 0.008
+"""Ticks of the paper's robot, by which its joints move [s]."""
+
 MOSTLY_FREE = 0.5
 """Share of the rows of a log that have to remain where something holds the joint in others."""
 
@@ -139,17 +142,14 @@ def identify(
         )
         motor = bare is None or more is None or more.rms <= bare.rms
     fit, terms = full if motor else plain
-    coarse = timing
-    other_ticks: tuple[Fit, Fit] | None = None  # longer and shorter, where the log leaves it open
+    coarse, rows = timing, fit.grid  # with the ticks on which the terms are sought
+    longer: tuple[Fit, Fit] | None = None  # fits with longer and shorter ticks
     if tick is None and hold is None:
         finer = fine_hold(timing.period, fit.parameters.acceleration_time)
         fine = at_ticks(logs, fit, timing.period / finer)
-        inertia = fit.parameters.time_constant > 0.0 and not better(fine, fit)
-        if timing.hold > 1 or inertia or better(fit, fine):
+        if timing.hold > 1 or not _by_rows(fit, fine):
             timing, fit = timing.ticking(fine.grid.tick), fine
-            other_ticks = at_ticks(logs, fine, 2.0 * timing.tick), fine
-        elif finer > timing.hold and not better(fine, fit):
-            other_ticks = fit, fine
+            longer = at_ticks(logs, fine, 2.0 * timing.tick), fine
     fit = with_observed_speed(with_calm_friction(logs, fit))
     uncertainty = uncertainty_of(fit)
     bounds = intervals_of(fit, uncertainty)
@@ -169,8 +169,8 @@ def identify(
     held = (
         held_out(logs, coarse, fit, faster=refuted is not None, motor=motor) if hold_out else None
     )
-    simple = simple_fits(fit.grid)
-    errors = {other.name: rms(errors_of(other, fit.grid, fit.starts)) for other in simple}
+    simple = simple_fits(rows)
+    errors = {other.name: rms(errors_of(other, rows, fit.starts)) for other in simple}
     signal, noise = _signal(fit), noise_of(fit)
     model = fit.parameters.model(tick=timing.tick, hold=timing.hold)
     fits = _log_fits(every, fit, held)
@@ -188,8 +188,8 @@ def identify(
         shaken=shaken(model, fits),
     )
     intervals = all_intervals(fit, bounds, uncertainty)
-    if other_ticks:
-        intervals = over_ticks(intervals, timing.tick, *other_ticks)
+    if longer:
+        intervals = over_ticks(intervals, *longer)
     gain = intervals.pop("gain")
     if reason.topic != "motion":  # else nothing in the log is of the joint
         notes += [*notes_on(every, timing, jumps), *held_rows]
@@ -237,6 +237,18 @@ def identify(
             replace(term, interval=intervals[term.name]) if term.kept else term for term in terms
         ),
     )
+
+
+def _by_rows(whole: Fit, fine: Fit) -> bool:
+    """Whether a joint is taken to move by ticks of a row, and not by shorter ones.
+
+    Without inertia, and with rows as far apart as the ticks of the paper's robot, it is so unless
+    the log tells otherwise; else the log has to tell.
+    """
+    inertia = whole.parameters.time_constant > 0.0
+    if not inertia and abs(whole.grid.tick - PAPER_TICK) <= 1e-3 * PAPER_TICK:
+        return not better(whole, fine)
+    return better(fine, whole)
 
 
 def _refuted(logs: Sequence[Log], fit: Fit, upper: float) -> Note | None:
@@ -429,8 +441,11 @@ def held_out(
     simple = simple_fits(
         moving(resampled(known, tick=timing.tick, reach=timing.reach, burn_in=0.0))
     )
-    first = grid.measured_starts
-    others = {other.name: rms(errors_of(other, grid, first)[rows]) for other in simple}
+    every = resampled(
+        logs, tick=timing.tick, reach=grid.reach, burn_in=grid.burn_in, settled=grid.settled
+    )
+    first = every.measured_starts
+    others = {other.name: rms(errors_of(other, every, first)[rows]) for other in simple}
     errors = (predicted - grid.angles)[rows]
     return HeldOut(
         rows=rows,

@@ -381,30 +381,26 @@ def _theta_0(fit: Fit, bounds: Mapping[str, Interval], uncertainty: Uncertainty)
     return Interval(v_max.lower / gain.upper, upper)
 
 
-def over_ticks(
-    intervals: Mapping[str, Interval], tick: float, coarse: Fit, fine: Fit
-) -> dict[str, Interval]:
+def over_ticks(intervals: Mapping[str, Interval], longer: Fit, fit: Fit) -> dict[str, Interval]:
     """Intervals that hold for the joint with shorter ticks, too, down to none.
 
-    What two fits to the same rows differ by is taken to be in proportion to their ticks.
+    What a fit with ticks twice as long differs by is what ticks make of the parameters.
 
     Args:
         intervals: Those of :func:`all_intervals`.
-        tick: Of the fit that these belong to [s].
-        coarse: A fit with some ticks.
-        fine: One with shorter ticks.
+        longer: A fit to the same rows with ticks twice as long.
+        fit: The fit that they belong to.
     """
     before, after = (
         vars(each.parameters.model(tick=each.grid.tick, hold=1)) | {"gain": each.parameters.gain}
-        for each in (coarse, fine)
+        for each in (longer, fit)
     )
-    farther = tick / (coarse.grid.tick - fine.grid.tick)
     found = {}
     for name, ends in intervals.items():
-        by = farther * (after[name] - before[name])
+        by = after[name] - before[name]
         least = 0.0 if ends.lower >= 0.0 else -math.inf
-        longer = Interval(max(ends.lower + min(by, 0.0), least), ends.upper + max(by, 0.0))
-        found[name] = longer if ends.bounded else ends
+        farther = Interval(max(ends.lower + min(by, 0.0), least), ends.upper + max(by, 0.0))
+        found[name] = farther if ends.bounded else ends
     return found
 
 
