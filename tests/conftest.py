@@ -239,9 +239,9 @@ def brief_search(monkeypatch):
 @pytest.fixture
 def in_this_process(monkeypatch):
     """Let tasks run here, not in processes that import all first; tests/run holds those."""
-    from tests.run.work import InThisProcess
+    from tests.run.work import in_this_process
 
-    monkeypatch.setattr("planner.run.tasks.engine_of", lambda *_: InThisProcess())
+    monkeypatch.setattr("planner.parallel.engine_of", in_this_process)
 
 
 @pytest.fixture

@@ -15,8 +15,8 @@ from planner.cli.console import Progress, print_json, summarise, terminal_width
 from planner.files.text import to_json
 
 if TYPE_CHECKING:
+    from planner.cli.settings import Run
     from planner.evaluation.cross_check import CrossCheck
-    from planner.run.settings import Run
 
 PICTURES = (".png", ".svg")
 """Endings of picture files."""
@@ -38,7 +38,7 @@ PAGE = "report.html"
     "plan.segments",
     "plan.norm",
     "output.level",
-    "limits",
+    "limits.deg",
     segments="Lines of the approximation.",
     norm="Error that optimised requests make small.",
     load="Torque on the joints: gravity at the desired angles by the masses of the leg's URDF, all "

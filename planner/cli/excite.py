@@ -12,10 +12,10 @@ from planner.cli import options, types
 from planner.cli.console import deliver
 
 if TYPE_CHECKING:
+    from planner.cli.settings import Run
     from planner.identification.excitation import Excitation
     from planner.identification.result import Identification
     from planner.model.joint import JointModel
-    from planner.run.settings import Run
 
 KINDS = ("combined", "steps", "multisine", "chirp", "random-steps", "triangle", "slow-triangle")
 

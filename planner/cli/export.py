@@ -10,8 +10,8 @@ from planner.cli import options, types
 from planner.cli.console import deliver
 
 if TYPE_CHECKING:
+    from planner.cli.settings import Run
     from planner.robot.schedule import Schedule
-    from planner.run.settings import Run
 
 
 @click.command()

@@ -13,8 +13,8 @@ from planner.cli.console import Progress, deliver, naming
 
 if TYPE_CHECKING:
     from planner.approximation.fit import PiecewiseLinearFit
+    from planner.cli.settings import Run
     from planner.run.desired import Desired
-    from planner.run.settings import Run
 
 
 def _knot(text: str) -> tuple[float, float | None]:

@@ -12,8 +12,8 @@ from planner.cli.console import Progress, deliver
 
 if TYPE_CHECKING:
     from kinematics import Leg
+    from planner.cli.settings import Run
     from planner.gait.stride import Stride
-    from planner.run.settings import Run
     from planner.trajectory import Array
 
 SHORTEST, LONGEST = 1e-6, 1e3
@@ -45,18 +45,18 @@ def gait(*, run: Run, period: float, fastest: bool, output: str, as_json: bool) 
 
     \b
     Example, a longer and flatter step, and one as large as a leg can trace:
-        request-planner gait --length 0.055 --height 0.03 -o foot.csv
+        request-planner gait --half-stroke 0.055 --height 0.03 -o foot.csv
         request-planner gait --leg front-left -o foot.csv
 
     \b
     Example, the shortest cycle at which the foot stays within half a centimetre:
         request-planner gait --leg front-left --fastest --tolerance-cm 0.5 -o foot.csv
     """  # noqa: D301
+    from planner.cli.settings import HalfEllipse
     from planner.files.paths import write_foot_path
     from planner.gait.half_ellipse import half_ellipse
     from planner.gait.stride import stride
     from planner.run.desired import find_leg, load_leg
-    from planner.run.settings import HalfEllipse
 
     if not SHORTEST <= period <= LONGEST:
         raise click.UsageError(

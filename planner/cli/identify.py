@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from planner.files.logs.options import LogOptions
     from planner.identification.log import Log
     from planner.identification.result import Identification
-    from planner.run.results import Task
+    from planner.parallel import Task
 
 FEW_ROWS = 20_000
 """Up to so many rows the joints of a log are identified before other processes would have begun."""
@@ -93,7 +93,7 @@ def log_options(command: Command, *, without: Collection[str] = ()) -> Command:
 @click.option(
     "-o",
     "--output",
-    cls=types.WithEarlierNames,
+    cls=types.Renamed,
     earlier=("--out",),
     type=types.OUTPUT,
     default="-",
@@ -223,7 +223,7 @@ def _identified(
         PlannerError: None can.
     """
     from planner.exceptions import PlannerError
-    from planner.run.results import Task
+    from planner.parallel import Task
 
     tick_ms = choices["tick_ms"]
     options = {
@@ -271,24 +271,24 @@ def outcome_of(question: Question) -> Identification | PlannerError:
 
 
 def pickled_outcome(question: Question) -> bytes:
-    """The outcome of a joint, for another process: a task of :mod:`planner.run.tasks`."""
+    """The outcome of a joint, for another process: a task of :mod:`planner.parallel`."""
     return pickle.dumps(outcome_of(question))
 
 
 def _in_parallel(tasks: Sequence[Task]) -> list[Identification | PlannerError]:
     """The outcomes of the joints in their order, one process for each processor."""
     from planner.exceptions import PlannerError
-    from planner.run.tasks import Failure, engine_of
+    from planner.parallel import engine_of, outcomes
 
-    outcomes: dict[int, Identification | PlannerError] = {}
+    found: dict[str, Identification | PlannerError] = {}
     with Progress(count=len(tasks)) as progress, engine_of() as engine:
-        for (number, task), outcome in engine.run(pickled_outcome, enumerate(tasks)):
-            if isinstance(outcome, Failure):
-                outcomes[number] = PlannerError(outcome.reason)
+        for task, outcome in outcomes(pickled_outcome, tasks, engine):
+            if outcome.result is None:
+                found[task.name] = PlannerError(outcome.reason)
             else:
-                outcomes[number] = pickle.loads(outcome)  # of a process of our own
+                found[task.name] = pickle.loads(outcome.result)  # of a process of our own
             progress(task.name)
-    return [outcomes[number] for number in range(len(tasks))]
+    return [found[task.name] for task in tasks]
 
 
 def _page(found: Mapping[str, Identification], page: str, files: Sequence[tuple[str, str]]) -> str:

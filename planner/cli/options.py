@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from functools import wraps
 from typing import Any, Literal, get_args, get_origin
 
@@ -12,9 +11,9 @@ import click
 
 from planner.cli import types
 from planner.cli.console import warn
-from planner.run.faults import BadSetting, FailedCheck, Key, Remark
-from planner.run.schema import ANY, Unfit, settings_of, tables
-from planner.run.settings import Replay, Run
+from planner.cli.declared import ANY, Declared, Unfit, tables
+from planner.cli.faults import BadSetting, FailedCheck, Key, Remark
+from planner.cli.settings import Replay, Run
 
 Command = Callable[..., Any]
 
@@ -52,243 +51,27 @@ PARALLEL = (
 )
 """Of commands that carry out many tasks."""
 
-
 as_json = click.option("--json", "as_json", is_flag=True, help="Print JSON for machines.")
 
-
-@dataclass(frozen=True)
-class Setting:
-    """An option that is a setting.
-
-    Attributes:
-        key: The setting, as a run file has it; a table, where joints have values of their own.
-        names: What the option is called; messages use the first name.
-        attributes: What click takes beside help, default and choices, which the setting has.
-    """
-
-    key: str
-    names: tuple[str, ...]
-    attributes: Mapping[str, Any]
-
-    @property
-    def parameter(self) -> str:
-        """Its name as an argument of a function."""
-        return self.key.replace(".", "_")
-
-    def option(self, of_command: str = "") -> Callable[[Command], Command]:
-        """The option as click takes it, with the help that a command has in place of its own."""
-        key = KEYS.get(self.key)
-        if key is None:
-            own = {"help": of_command} if of_command else {}
-            return click.option(*self.names, self.parameter, **{**self.attributes, **own})
-        default = None if key.required else key.default
-        shown = key.about.otherwise.strip('"') or ("" if default in (None, ()) else str(default))
-        if isinstance(default, bool):
-            shown = (
-                self.names[0].split("/")[0 if default else 1].strip("-")
-                if "/" in self.names[0]
-                else ""
-            )
-        default_of = f"  [default: {shown}]" if shown else ""
-        given: dict[str, Any] = {
-            "help": f"{of_command or key.about.help}{default_of}",
-            "type": click.Choice(get_args(key.type))
-            if get_origin(key.type) is Literal
-            else key.type,
-            "required": key.required,
-            **self.attributes,
-        }
-        if of_command and "help" in self.attributes:
-            given["help"] = of_command
-        if key.type is bool:
-            del given["type"]
-            given |= {"is_flag": True, "default": None}
-        return click.option(*self.names, self.parameter, **given)
-
-
-def _setting(key: str, *names: str, **attributes: Any) -> Setting:
-    return Setting(key, names, attributes)
-
+REPLAY = "replay."
+"""Before the settings that only `replay` has."""
 
 KEYS = {
     ".".join(part for part in (*table.place, name) if part != ANY): key
     for table in tables(Run)
     for name, key in table.keys.items()
-} | {f"replay.{name}": key for name, key in Replay.keys.items()}
-"""What is declared of every key of a run file."""
+} | {f"{REPLAY}{name}": key for name, key in Replay.keys.items()}
+"""Every setting by its key in a run file."""
 
-TOLERANCE = (
-    "Error of {} to accept, in the plan's norm; where the plan misses it, its requests are written "
-    "all the same, and the exit status is 1."
-)
+SETTINGS = {key: each for key, each in KEYS.items() if each.about.option}
+"""The settings that are options."""
 
-SETTINGS = {
-    each.key: each
-    for each in (
-        _setting(
-            "leg.name",
-            "--leg",
-            type=types.LegName(),
-            metavar="NAME|FILE.urdf",
-            help="A leg of your own robot, with --base and --foot; or a shipped one: "
-            f"{', '.join(types.SHIPPED)}. Positions are in the base's frame: the body's, and for "
-            "'reference' the hip's.",
-        ),
-        _setting(
-            "leg.urdf",
-            "--urdf",
-            type=types.INPUT,
-            help="The same as --leg FILE.urdf.",
-        ),
-        _setting("leg.base", "--base", metavar="FRAME"),
-        _setting("leg.foot", "--foot", metavar="FRAME"),
-        _setting(
-            "leg.lock",
-            "--lock",
-            type=types.POSITIONS,
-            multiple=True,
-            metavar="JOINT=DEG",
-            help="With a URDF: hold a joint, so that three remain; JOINT=0.1m one that slides.",
-        ),
-        _setting(
-            "leg.near",
-            "--near",
-            type=types.POSE,
-            multiple=True,
-            metavar="JOINT=DEG",
-            help="With several poses that reach the first point: the one nearest to this; several "
-            "times for several joints.",
-        ),
-        _setting("leg.unreachable", "--unreachable"),
-        _setting(
-            "model.file",
-            "--model",
-            type=types.INPUT,
-            help="Joint models as TOML; 'ers210a', the paper's Table 1; or 'urdf', the same servos "
-            "with the top speeds of the leg's URDF.  [default: ers210a]",
-        ),
-        _setting(
-            "path.joints",
-            "--joint",
-            type=str,
-            multiple=True,
-            metavar="NAME",
-            help="A joint to use, several times for several; by default every column of the file.",
-        ),
-        _setting("path.rate_hz", "--rate-hz", metavar="HZ"),
-        _setting("path.speed", "--speed", metavar="FACTOR"),
-        _setting("path.half_ellipse.samples", "--samples"),
-        _setting("path.half_ellipse.length", "--length"),
-        _setting("path.half_ellipse.height", "--height"),
-        _setting("path.half_ellipse.forward", "--forward"),
-        _setting("path.half_ellipse.sideways", "--sideways"),
-        _setting("path.half_ellipse.hip_height", "--hip-height"),
-        _setting("path.half_ellipse.ground_fraction", "--ground-fraction"),
-        _setting("path.half_ellipse.heading_deg", "--heading-deg"),
-        _setting("plan.method", "--method"),
-        _setting("plan.cyclic", "--cyclic/--no-cyclic"),
-        _setting("plan.load", "--load"),
-        _setting("plan.norm", "--norm"),
-        _setting("plan.solver", "--solver"),
-        _setting("plan.max_step_deg", "--max-step-deg", metavar="DEG"),
-        _setting("plan.max_request_speed_deg_s", "--max-request-speed-deg-s", metavar="DEG/S"),
-        _setting("plan.smoothness", "--smoothness", metavar="SHARE"),
-        _setting("plan.robust", "--robust"),
-        _setting(
-            "plan.weights",
-            "--weights",
-            type=float,
-            nargs=3,
-            metavar="X Y Z",
-            help="Method foot-optimal: weight of each axis.  [default: 1 1 1]",
-        ),
-        _setting("plan.segments", "--segments", metavar="N"),
-        _setting("plan.rule", "--rule"),
-        _setting(
-            "limits",
-            "--limits-deg",
-            "--limits",
-            type=types.SPANS,
-            multiple=True,
-            metavar="[JOINT=]LOW:HIGH",
-            help="Range of the requests [deg], of all joints or one; by default that of the leg.",
-        ),
-        _setting(
-            "start",
-            "--start-deg",
-            "--start",
-            type=types.ANGLES,
-            multiple=True,
-            metavar="[JOINT=]DEG",
-            help="With --no-cyclic: the angle at which all joints, or one, rest before the path "
-            "begins [degrees, or percent of the range, from the same zero as the path].  "
-            "[default: where the path begins]",
-        ),
-        _setting("tolerance.cm", "--tolerance-cm", metavar="CM", help=TOLERANCE.format("the foot")),
-        _setting(
-            "tolerance.deg", "--tolerance-deg", metavar="DEG", help=TOLERANCE.format("any joint")
-        ),
-        _setting("output.level", "--level"),
-        _setting("export.format", "--format"),
-        _setting("export.cycles", "--cycles", metavar="N"),
-        _setting("export.rate_hz", "--rate-hz", metavar="HZ"),
-        _setting(
-            "export.between",
-            "--between",
-            help="With --rate-hz: hold each request, or go to the next in a straight line.  "
-            "[default: hold]",
-        ),
-        _setting("export.joint_names", "--joint-names", type=str, metavar="A,B,C"),
-        _setting("export.unit", "--unit"),
-        _setting("export.ticks_per_turn", "--ticks-per-turn", metavar="N"),
-        _setting(
-            "export.zero_tick", "--zero-tick", type=types.TICKS, multiple=True, metavar="[JOINT=]N"
-        ),
-        _setting("export.lead_s", "--lead-s", metavar="S"),
-        _setting(
-            "export.velocities",
-            "--velocities",
-            help="yaml, bag, mcap: points carry velocities, and become splines.",
-        ),
-        _setting("export.topic", "--topic"),
-        _setting("export.task", "--task"),
-        _setting("replay.track", "--track"),
-        _setting("replay.speed", "--speed", metavar="F"),
-        _setting(
-            "replay.joints",
-            "--joint",
-            type=str,
-            multiple=True,
-            metavar="NAME",
-            help="A joint to plan, several times for several; the others get their recorded "
-            "requests.  [default: all that have a model, but no grippers]",
-        ),
-        _setting("replay.begin_s", "--start", metavar="S"),
-        _setting("replay.end_s", "--end", metavar="S"),
-        _setting("replay.rate_hz", "--rate-hz", metavar="HZ"),
-        _setting(
-            "replay.fastest",
-            "--fastest",
-            help="Find the largest speed at which the plan keeps --tolerance-deg or -cm, the "
-            "largest error.",
-        ),
-        _setting("replay.retime", "--retime"),
-        _setting(
-            "replay.urdf_joints",
-            "--urdf-joint",
-            type=types.NAMES,
-            multiple=True,
-            metavar="JOINT=NAME",
-            help="With --urdf: what a joint of the recording is called there; several times for "
-            "several.",
-        ),
-        _setting("replay.write_as", "--as"),
-    )
+BY_JOINT = {
+    f"{key.rpartition('.')[0]}.{each.about.by_joint}": key
+    for key, each in SETTINGS.items()
+    if each.about.by_joint
 }
-"""The options that are settings, by key."""
-
-REPLAY = "replay."
-"""Before the settings that only `replay` has."""
+"""For the keys that take values of single joints: the setting with the option."""
 
 SMOOTHING = ("plan.max_step_deg", "plan.max_request_speed_deg_s", "plan.smoothness")
 """Settings of how smooth the requests are."""
@@ -306,24 +89,69 @@ def settings(*keys: str, **helps: str) -> Callable[[Command], Command]:
 
     Args:
         keys: The settings.
-        helps: Help in place of a setting's own, by the last part of its key.
+        helps: Help in place of a setting's own, by the last part of its key, or by the key with
+            underscores.
     """
 
     def decorate(command: Command) -> Command:
         @wraps(command)
         def with_settings(**given: Any) -> Any:
-            values = {key: given.pop(SETTINGS[key].parameter) for key in keys}
-            own = {key: values.pop(key) for key in keys if key.startswith(REPLAY)}
-            if own:
-                given["replay"] = _replay_of(own)
-            return command(run=_run_of(values, given.get("path")), **given)
+            values = {key: given.pop(_parameter(key)) for key in keys}
+            content: dict[str, Any] = {}
+            if given.get("path") is not None:
+                content["path"] = {"file": given["path"]}
+            for key, value in values.items():
+                if value not in (None, ()):
+                    _put(content, key, value)
+            replay = content.pop("replay", {})
+            if "export" in content:
+                content["export"] = [{"file": "rows", **content["export"]}]
+            with _as_options():
+                run = Run.of(content, standard_input=True)
+            if any(key.startswith(REPLAY) for key in keys):
+                with _as_options(REPLAY):
+                    given["replay"] = Replay.of(replay)
+            return command(run=run, **given)
 
         decorated: Command = with_settings
         for key in reversed(keys):
-            decorated = SETTINGS[key].option(helps.get(key.rpartition(".")[2], ""))(decorated)
+            own = helps.get(_parameter(key)) or helps.get(key.rpartition(".")[2], "")
+            decorated = _option(key, SETTINGS[key], own)(decorated)
         return decorated
 
     return decorate
+
+
+def _parameter(key: str) -> str:
+    """What a setting is called as an argument of a function."""
+    return key.replace(".", "_")
+
+
+def _option(key: str, declared: Declared, of_command: str) -> Callable[[Command], Command]:
+    """A setting as click takes it, with the help that a command has in place of its own."""
+    about = declared.about
+    attributes = dict(about.click)
+    own = attributes.pop("option_help", "")
+    default = None if declared.required else declared.default
+    shown = about.otherwise.strip('"') or ("" if default in (None, ()) else str(default))
+    first, slash, second = about.option.partition("/")
+    if isinstance(default, bool):
+        shown = (first if default else second).strip("-") if slash else ""
+    text = of_command or own
+    if not text:
+        text = f"{about.help}  [default: {shown}]" if shown else about.help
+    elif not own and shown:
+        text += f"  [default: {shown}]"
+    if declared.type is bool:
+        attributes |= {"is_flag": True, "default": None}
+    elif get_origin(declared.type) is Literal:
+        attributes = {"type": click.Choice(get_args(declared.type)), **attributes}
+    else:
+        attributes = {"type": declared.type, **attributes}
+    if about.earlier:
+        attributes |= {"cls": types.Renamed, "earlier": about.earlier}
+    parameter, required = _parameter(key), declared.required
+    return click.option(about.option, parameter, help=text, required=required, **attributes)
 
 
 def parallel(command: Command) -> Command:
@@ -348,50 +176,15 @@ def warn_of(remarks: Sequence[Remark | FailedCheck]) -> None:
 def as_option(key: Key) -> str:
     """A setting as an option of the command line: ``--no-cyclic``."""
     named = key.name
-    while named and named not in SETTINGS:
+    while named and named not in SETTINGS and named not in BY_JOINT:
         named = named.rpartition(".")[0]
     if not named:
-        return {"path.file": "PATH", "export.zero_ticks": "--zero-tick"}.get(key.name, key.name)
-    first, _, second = SETTINGS[named].names[0].partition("/")
+        return {"path.file": "PATH"}.get(key.name, key.name)
+    about = SETTINGS[BY_JOINT.get(named, named)].about
+    first, _, second = about.option.partition("/")
     if isinstance(key.value, bool):
         return first if key.value else second
     return " ".join(str(part) for part in (first, key.value, key.joint) if part is not None)
-
-
-def _run_of(values: Mapping[str, Any], path: str | None) -> Run:
-    """The settings that the options of a command set.
-
-    Raises:
-        BadSetting: A value is not what it should be.
-    """
-    content: dict[str, Any] = {} if path is None else {"path": {"file": path}}
-    for key, value in values.items():
-        if value not in (None, ()):
-            _put(content, key, value)
-    export = content.get("export")
-    if export is not None:
-        content["export"] = [{"file": "rows", **export}]
-    with _as_options():
-        return settings_of(content, Run, standard_input=True)
-
-
-def _replay_of(values: Mapping[str, Any]) -> Replay:
-    """The settings of a replay that the options of a command set.
-
-    Raises:
-        BadSetting: A value is not what it should be.
-    """
-    content: dict[str, Any] = {}
-    for key, value in values.items():
-        if value in (None, ()):
-            continue
-        name = key.removeprefix(REPLAY)
-        by_joint = name == "urdf_joints"
-        content[name] = (
-            dict(value) if by_joint else list(value) if isinstance(value, tuple) else value
-        )
-    with _as_options(REPLAY):
-        return settings_of(content, Replay)
 
 
 @contextmanager
@@ -407,8 +200,6 @@ def _as_options(table: str = "") -> Iterator[None]:
 def _put(content: dict[str, Any], key: str, value: Any) -> None:
     """Put the value of an option where a run file has it."""
     if key == "leg.name" and value not in types.SHIPPED:
-        if "urdf" in content.get("leg", {}):
-            raise click.UsageError("--leg and --urdf name a file each: leave one out.")
         key = "leg.urdf"
     if key == "leg.urdf" and "urdf" in content.get("leg", {}):
         raise click.UsageError("--leg and --urdf name a file each: leave one out.")
@@ -416,24 +207,17 @@ def _put(content: dict[str, Any], key: str, value: Any) -> None:
     table = content
     for part in place:
         table = table.setdefault(part, {})
-    if key in ("limits", "start"):
-        _put_by_joint(table.setdefault(name, {}), "deg", "joints", value)
-    elif key == "export.zero_tick":
-        _put_by_joint(table, "zero_tick", "zero_ticks", value)
-    elif key == "leg.near":
-        table[name] = dict(value)
+    declared = SETTINGS[key]
+    if declared.about.by_joint:
+        for joint, each in value:
+            if joint:
+                table.setdefault(declared.about.by_joint, {})[joint] = each
+            else:
+                table[name] = each
     elif key == "leg.lock":
         for joint, (unit, position) in value:
             table.setdefault(unit, {})[joint] = position
-    elif key == "export.joint_names":
-        table[name] = [each.strip() for each in value.split(",")]
+    elif get_origin(declared.type) is dict:
+        table[name] = dict(value)
     else:
         table[name] = list(value) if isinstance(value, tuple) else value
-
-
-def _put_by_joint(table: dict[str, Any], common: str, by_joint: str, values: Any) -> None:
-    for joint, value in values:
-        if joint:
-            table.setdefault(by_joint, {})[joint] = value
-        else:
-            table[common] = value

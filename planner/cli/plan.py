@@ -10,7 +10,7 @@ from planner.cli import options, types
 from planner.cli.console import Progress, deliver
 
 if TYPE_CHECKING:
-    from planner.run.settings import Run
+    from planner.cli.settings import Run
 
 
 @click.command()
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     "path.rate_hz",
     "path.speed",
     "plan.cyclic",
-    "start",
+    "start.deg",
     "plan.method",
     "plan.segments",
     "plan.rule",
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     "plan.weights",
     *options.SMOOTHING,
     "plan.robust",
-    "limits",
+    "limits.deg",
     "tolerance.deg",
     "tolerance.cm",
 )

@@ -26,6 +26,7 @@ from planner.cli.console import (
     terminal_width,
     warn,
 )
+from planner.cli.faults import BadSetting, FailedCheck
 from planner.exceptions import (
     ANGLE_UNIT,
     InvalidFile,
@@ -34,7 +35,6 @@ from planner.exceptions import (
     PlannerError,
 )
 from planner.report.table import fitted_to
-from planner.run.faults import BadSetting, FailedCheck
 
 ALLOCATIONS = 200_000
 """Objects that are made before the garbage collector looks at them: with Python's 700 a tenth of a
@@ -91,11 +91,11 @@ ADVICE = {
 ARGUMENTS = {
     "amplitudes": "--amplitude-deg",
     "base": "--base",
-    "begin": "--start",
+    "begin": "--begin-s",
     "centre": "--centre-deg",
     "cycles": "--cycles",
     "duration": "--duration-s",
-    "end": "--end",
+    "end": "--end-s",
     "ends": "--start-deg, --end-deg",
     "exact": "--exact",
     "foot": "--foot",
@@ -155,7 +155,10 @@ class Commands(click.Group):
             close = get_close_matches(name, list(COMMANDS), n=1)
             hint = f" Did you mean '{close[0]}'?" if close else ""
             ctx.fail(f"No such command '{name}'.{hint}")
-        return super().resolve_command(ctx, args)
+        from planner.cli.types import today
+
+        found, command, rest = super().resolve_command(ctx, args)
+        return found, command, rest if command is None else today(command, rest)
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run the command; a reader that has gone away is no error, only the end."""

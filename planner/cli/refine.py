@@ -10,7 +10,7 @@ from planner.cli import options, types
 from planner.cli.console import Progress, deliver, warn
 
 if TYPE_CHECKING:
-    from planner.run.settings import Run
+    from planner.cli.settings import Run
 
 
 @click.command()
@@ -30,14 +30,14 @@ if TYPE_CHECKING:
     "path.joints",
     "path.rate_hz",
     "plan.cyclic",
-    "start",
+    "start.deg",
     "plan.method",
     "plan.load",
     "plan.norm",
     "plan.solver",
     "plan.weights",
     *options.SMOOTHING,
-    "limits",
+    "limits.deg",
 )
 @click.option(
     "--history",

@@ -14,12 +14,12 @@ from planner.cli.console import Progress, deliver, remark, warn
 from planner.cli.identify import log_options, to_log_options
 
 if TYPE_CHECKING:
+    from planner.cli.settings import Replay as ReplaySettings
+    from planner.cli.settings import Run
+    from planner.parallel import Engine
     from planner.recording.replaying import Replay
     from planner.run.replay.many import Replayed
     from planner.run.replay.replay import ReplayTask
-    from planner.run.settings import Replay as ReplaySettings
-    from planner.run.settings import Run
-    from planner.run.tasks import Engine
 
 
 @click.command()
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     "replay.begin_s",
     "replay.end_s",
     "replay.rate_hz",
-    "limits",
+    "limits.deg",
     "plan.load",
     "plan.norm",
     "plan.solver",
@@ -51,7 +51,7 @@ if TYPE_CHECKING:
     "from the recording itself.",
     load="Torque on the joints: gravity by the masses of the URDF, or all of its dynamics; without "
     "it that of the logs counts.",
-    limits="Range of the requests [deg, or percent of the range], of all joints or one.",
+    limits_deg="Range of the requests [deg, or percent of the range], of all joints or one.",
     norm="The error to make small.",
     solver="Our own solver, or one of CasADi's with the same problem.",
     max_step_deg="Largest change from one request to the next [deg, or percent of the range].",
@@ -99,10 +99,10 @@ def replay(
             --as lerobot -o planned_dataset
     """  # noqa: D301
     from planner.files.logs.recordings import recordings_in
+    from planner.parallel import engine_of
     from planner.run.replay.files import check_writing
     from planner.run.replay.many import replayed_before
     from planner.run.replay.replay import tasks_of
-    from planner.run.tasks import engine_of
 
     options.check_parallel(workers, scheduler)
     recordings = recordings_in(logs, to_log_options({**choices, "joint": "all"}))

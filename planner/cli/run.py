@@ -45,9 +45,9 @@ def run(*, file: str | None, out: str | None, check: bool, template: bool, as_js
         request-planner run walk.toml --out walk
     """  # noqa: D301
     if template:
+        from planner.cli.declared import template as template_of
+        from planner.cli.settings import Run
         from planner.files.text import STANDARD_STREAM, write_text
-        from planner.run.schema_text import template as template_of
-        from planner.run.settings import Run
 
         write_text(STANDARD_STREAM, template_of(Run, HEADING))
         return

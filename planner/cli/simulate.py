@@ -10,10 +10,10 @@ from planner.cli import options, types
 from planner.cli.console import deliver, naming, warn
 
 if TYPE_CHECKING:
+    from planner.cli.settings import Run
     from planner.files.paths import JointPath
     from planner.model.evidence import Expectation
     from planner.run.desired import Desired
-    from planner.run.settings import Run
     from planner.trajectory import Array
 
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     "path.joints",
     "path.rate_hz",
     "plan.cyclic",
-    "start",
+    "start.deg",
     rate_hz="Requests per second, as given to plan: the models take it.",
 )
 @click.option(

@@ -59,8 +59,8 @@ def sweep(
         request-planner sweep gaits.toml --at length=0.04 --at period_s=0.704 --out gait
     """  # noqa: D301
     if template:
+        from planner.cli.declared import template as template_of
         from planner.files.text import STANDARD_STREAM, write_text
-        from planner.run.schema_text import template as template_of
         from planner.run.sweep.space import Sweep
 
         write_text(STANDARD_STREAM, template_of(Sweep, HEADING))
@@ -98,11 +98,10 @@ def _carry_out(
 ) -> None:
     """Plan all points, and write the folder of the results."""
     from planner.files.staging import MANIFEST, check_folder, claimed, output_folder
-    from planner.run.results import finished, results_beside
+    from planner.parallel import Results, engine_of, finished
     from planner.run.sweep.files import summary, write_sweep
     from planner.run.sweep.space import identity, number_of_points, origin
     from planner.run.sweep.sweep import sweep
-    from planner.run.tasks import engine_of
 
     check_folder(out)
     click.get_current_context().with_resource(claimed(out))
@@ -112,7 +111,7 @@ def _carry_out(
         remark(f"nothing is missing: {out} holds all {count} points, planned like this")
         _say(before, before["verdict"], as_json=as_json)
         return
-    results = results_beside(out, identity(space), resume=resume)
+    results = Results(out, identity(space), resume=resume)
     if results.removed:
         remark(f"{results.removed} results of an earlier sweep removed; --resume keeps them")
     with (

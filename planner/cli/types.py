@@ -11,14 +11,15 @@ import math
 import os
 import re
 from collections.abc import Callable
-from copy import copy
 from pathlib import Path
 from typing import Any, Literal, get_args
 
 import click
 from click.shell_completion import CompletionItem
 
-from planner.run.settings import ShippedLeg
+from planner.cli.console import warn
+
+ShippedLeg = Literal["reference", "front-left", "front-right", "hind-left", "hind-right"]
 
 SHIPPED = get_args(ShippedLeg)
 """The legs that need no description."""
@@ -151,19 +152,30 @@ class Place(click.ParamType):  # type: ignore[type-arg]  # generic from click 8.
         return [CompletionItem(incomplete, type=self.kind)]
 
 
-class WithEarlierNames(click.Option):
-    """An option that has other names still, which earlier releases had and its help leaves out."""
+class Renamed(click.Option):
+    """An option that earlier releases called otherwise; :func:`today` replaces those names."""
 
     def __init__(self, names: list[str], *, earlier: tuple[str, ...], **given: Any) -> None:
         """Take its names, and those that it had earlier."""
-        super().__init__([*names, *earlier], **given)
+        super().__init__(names, **given)
         self.earlier = earlier
 
-    def get_help_record(self, ctx: click.Context) -> tuple[str, str] | None:
-        """Its names of today and its help."""
-        shown = copy(self)
-        shown.opts = [name for name in self.opts if name not in self.earlier]
-        return click.Option.get_help_record(shown, ctx)
+
+def today(command: click.Command, arguments: list[str]) -> list[str]:
+    """Arguments of a command with the names that its options have today; others are told."""
+    renamed = {
+        name: option.opts[0]
+        for option in command.params
+        if isinstance(option, Renamed)
+        for name in option.earlier
+    }
+    found = []
+    for argument in arguments:
+        name, equals, value = argument.partition("=")
+        if name in renamed:
+            warn(f"{name} is called {renamed[name]} now; the next release no longer takes {name}")
+        found.append(f"{renamed.get(name, name)}{equals}{value}")
+    return found
 
 
 def above_0(unit: str = "") -> Parsed:
@@ -225,6 +237,7 @@ ANGLES = ByJoint(finite, "degrees, as DEG or JOINT=DEG, such as knee=30")
 POSE = ByJoint(finite, "JOINT=DEG, such as wrist=-90", all_joints=False)
 PARAMETER = ByJoint(finite, "NAME=VALUE, such as length=0.04", all_joints=False)
 POSITIONS = ByJoint(_position, "JOINT=DEG, such as wrist=-90", all_joints=False)
+LIST = Parsed(lambda text: [each.strip() for each in text.split(",")], "A,B,C")
 NAMES = ByJoint(str, "JOINT=NAME, such as Rotation=shoulder_pan", all_joints=False)
 TICKS = ByJoint(_tick, "N or JOINT=N, such as knee=2048")
 

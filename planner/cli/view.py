@@ -15,9 +15,9 @@ from planner.cli.console import summarise
 
 if TYPE_CHECKING:
     from kinematics.scene import Scene
+    from planner.cli.settings import Method, Run
     from planner.report.scene import Motion
     from planner.run.desired import Desired
-    from planner.run.settings import Method, Run
     from planner.trajectory import Array
 
 

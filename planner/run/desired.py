@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 
+from planner.cli import settings
+from planner.cli.faults import BadSetting, Key, Remark
 from planner.exceptions import ANGLE_UNIT, JOINT_UNITS, InvalidFile
 from planner.files.paths import (
     FootPath,
@@ -24,8 +26,6 @@ from planner.files.paths import (
 from planner.files.units import LEAST_DEG, SHARES
 from planner.model.evidence import refusal
 from planner.model.joint import JointModel
-from planner.run import settings
-from planner.run.faults import BadSetting, Key, Remark
 from planner.run.models import beside, check_joints, models_of
 
 if TYPE_CHECKING:

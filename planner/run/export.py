@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Literal
 
+from planner.cli.faults import BadSetting, Key
 from planner.files.exports import check_format
 from planner.files.exports.controller_csv import Ticks, write_controller_csv
 from planner.files.exports.lerobot import TASK, write_lerobot
@@ -14,11 +15,10 @@ from planner.files.exports.ros_trajectory import (
     write_trajectory_yaml,
 )
 from planner.robot.resample import never_sent, repeated, resampled
-from planner.run.faults import BadSetting, Key
 
 if TYPE_CHECKING:
+    from planner.cli.settings import Export
     from planner.robot.schedule import Schedule
-    from planner.run.settings import Export
 
 ROS = ("yaml", "bag", "mcap")
 """Formats that hold a JointTrajectory."""

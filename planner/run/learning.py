@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
+from planner.cli.faults import BadSetting, Key
 from planner.exceptions import InvalidFile, about
 from planner.files.learning_history import LearningState, read_history, write_history
 from planner.files.paths import JOINT_UNITS, JointPath, joint_path, read_joint_path
@@ -25,7 +26,6 @@ from planner.report.learning import Progress, learning_page
 from planner.report.page import linked_files
 from planner.report.table import NOTHING, text_table
 from planner.run.desired import Desired, leg_title
-from planner.run.faults import BadSetting, Key
 from planner.run.models import model_words
 from planner.run.plan import task_of
 

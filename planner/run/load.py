@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from planner.run.faults import BadSetting, Key, Remark
+from planner.cli.faults import BadSetting, Key, Remark
 from planner.trajectory import Array
 
 if TYPE_CHECKING:
     from kinematics import Leg
+    from planner.cli import settings
     from planner.model.joint import JointModel
     from planner.planning.load_of_pose import LoadOfPose
     from planner.recording.recorded_path import RecordedPath
-    from planner.run import settings
     from planner.run.desired import Desired
 
 Load = Array | Callable[[Array], Array]

@@ -8,11 +8,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from planner.cli import settings
+from planner.cli.faults import BadSetting, Key
 from planner.exceptions import InvalidFile, InvalidModel, nearest
 from planner.files.joint_model import ModelFile, read_model_file
 from planner.model.joint import JointModel, joint_of_top_speed
-from planner.run import settings
-from planner.run.faults import BadSetting, Key
 
 if TYPE_CHECKING:
     from kinematics import Leg

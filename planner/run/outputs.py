@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from kinematics.scene import Scene
+from planner.cli.declared import flat
 from planner.files.paths import write_foot_path, write_joint_path
 from planner.files.staging import MANIFEST, list_files
 from planner.files.text import to_json, write_text
@@ -19,7 +20,6 @@ from planner.run.export import rows_document, rows_of, rows_summary, write_rows
 from planner.run.pages import plan_report
 from planner.run.plan import misses
 from planner.run.plan_answer import document
-from planner.run.schema import flat
 
 if TYPE_CHECKING:
     from collections.abc import Callable

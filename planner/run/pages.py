@@ -6,12 +6,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from planner.cli.settings import FROM_URDF
 from planner.report.comparison import comparison_page
 from planner.report.page import linked_files
 from planner.report.plan import plan_page
 from planner.run.desired import leg_title
 from planner.run.models import beside
-from planner.run.settings import FROM_URDF
 
 if TYPE_CHECKING:
     from kinematics import Leg

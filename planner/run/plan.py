@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from planner.cli import settings
+from planner.cli.faults import BadSetting, FailedCheck, Key
 from planner.model.drawn_models import has_intervals
 from planner.planning.arguments import checked_leg, limits_of_each
 from planner.planning.error_norm import error_norm
 from planner.planning.inversion import planned
 from planner.planning.plan import Method, Plan
 from planner.planning.task import Task
-from planner.run import settings
 from planner.run.desired import Desired, Limits
-from planner.run.faults import BadSetting, FailedCheck, Key
 from planner.run.load import Load
 from planner.run.models import model_words
 from planner.trajectory import index_of_largest

@@ -8,12 +8,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 
 from kinematics.exceptions import KinematicsError
+from planner.cli import settings
+from planner.cli.declared import understand
+from planner.cli.faults import BadSetting, FailedCheck, Key, as_key
 from planner.exceptions import InvalidFile, InvalidInput, PlannerError
 from planner.files.staging import MANIFEST
 from planner.files.toml import Toml, read_toml
 from planner.planning.plan import Plan
 from planner.robot.schedule import Schedule
-from planner.run import settings
 from planner.run.desired import (
     Desired,
     LegPlace,
@@ -26,10 +28,8 @@ from planner.run.desired import (
     starts_of,
 )
 from planner.run.export import check_export, check_rows, rows_of
-from planner.run.faults import BadSetting, FailedCheck, Key, as_key
 from planner.run.load import Load, load_of, unused
 from planner.run.plan import check_settings, plan_of
-from planner.run.schema import understand
 
 COMPARISON = ("comparison.json", "comparison.png", "comparison.svg")
 """Files of a comparison."""

@@ -96,7 +96,7 @@ def test_a_gait_for_a_leg_is_in_its_base_frame_and_in_reach(run, robot):
 
 
 def test_options_of_a_gait_overrule_what_suits_the_leg(run, robot):
-    asked = ("--length", 0.02, "--height", 0.01, "--forward", 0.09, "--hip-height", 0.1)
+    asked = ("--half-stroke", 0.02, "--height", 0.01, "--forward", 0.09, "--hip-height", 0.1)
     document = json.loads(run("gait", "--leg", robot, *FRONT, *asked, "--json").stdout)["stride"]
     assert (document["length_m"], document["height_m"]) == (0.02, 0.01)
     assert document["centre_m"][0] == 0.09
@@ -122,7 +122,7 @@ def test_a_gait_without_a_leg_is_the_papers(run):
 
 def test_a_joint_is_held_where_the_option_says(run, robot):
     hold = ("--lock", "front_left_rotator=20", "--unreachable", "nearest")
-    run("gait", "--leg", robot, *FRONT, "--length", 0.005, "--height", 0.005, "-o", "foot.csv")
+    run("gait", "--leg", robot, *FRONT, "--half-stroke", 0.005, "--height", 0.005, "-o", "foot.csv")
     result = run("plan", "foot.csv", "--leg", robot, *FRONT, *hold, "--method", "foot-optimal")
     assert result.exit_code == 0, result.stderr
     header = result.stdout.splitlines()[0]

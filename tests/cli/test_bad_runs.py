@@ -5,11 +5,10 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
+from planner.cli.declared import ANY, tables, toml_value, understand
+from planner.cli.settings import Run
 from planner.exceptions import InvalidFile
 from planner.files.toml import Toml, read_toml
-from planner.run.schema import ANY, tables, understand
-from planner.run.schema_text import toml_value
-from planner.run.settings import Run
 
 WALK = '[leg]\nname = "reference"\nunreachable = "clamp"\n[path.half_ellipse]\n'
 JOINTS = '[path]\nfile = "desired.csv"\n'

@@ -204,7 +204,7 @@ BAD = {
     "a leg of another XML": "gait --leg page.urdf --base a --foot b",
     "a leg whose joints have no limits": "plan foot.csv --leg no_range.urdf --base a --foot b",
     "a ground fraction of one": "gait --ground-fraction 1",
-    "a stroke of NaN": "gait --length nan",
+    "a stroke of NaN": "gait --half-stroke nan",
     "a run of nothing": "run",
     "a run file that is not there": "run no.toml",
     "a run file that is empty": "run empty.toml",

@@ -243,7 +243,7 @@ def test_a_replay_for_gravity_is_that_of_the_library(run, swing):
 def test_the_fastest_replay_under_gravity_proves_no_speed_too_high(run, swing):  # noqa: ARG001
     result = run(
         *(*REPLAY, *RENAMED, "--load", "urdf-dynamics", "--fastest", "--tolerance-deg", 2),
-        *("--end", 1.2, "--json"),
+        *("--end-s", 1.2, "--json"),
     )
     assert result.exit_code == 0, result.output
     found = json.loads(result.stdout)["fastest"]

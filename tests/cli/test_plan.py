@@ -436,7 +436,7 @@ def test_a_blank_line_stands_between_two_tables_and_not_between_the_parts_of_one
 @pytest.mark.parametrize("command", ["plan", "simulate"])
 def test_the_help_of_the_start_says_its_unit_and_its_zero(run, command):
     said = " ".join(run(command, "--help").stdout.split())
-    about = said.partition("--start-deg, --start [JOINT=]DEG ")[2].partition("[default")[0]
+    about = said.partition("--start-deg [JOINT=]DEG ")[2].partition("[default")[0]
     assert "[degrees, or percent of the range, from the same zero as the path]" in about
 
 

@@ -14,12 +14,11 @@ import numpy as np
 import pytest
 
 from planner import JointModel, LogOptions, read_logs, simulate
+from planner.cli import settings
 from planner.files.logs.recordings import recordings_in
 from planner.files.staging import list_files
-from planner.run import settings
 from planner.run.replay.many import decoded, encoded, replay_episode
 from planner.run.replay.replay import tasks_of
-from planner.run.schema import settings_of
 
 SERVO = JointModel(v_max=4.0, theta_0=0.2, lag=0.03, acceleration_time=0.05, tick=0.005, hold=4)
 RATE = 30
@@ -353,7 +352,7 @@ cli.main(sys.argv[1:])
 @pytest.mark.usefixtures("in_this_process")
 @pytest.mark.parametrize(
     ("module", "name", "method", "after"),
-    [("run.tasks", "Results", "write", 1), ("files.exports.lerobot", "_Writer", "add", 2)],
+    [("parallel", "Results", "write", 1), ("files.exports.lerobot", "_Writer", "add", 2)],
 )
 def test_a_killed_replay_is_resumed_to_the_same_bytes(
     module, name, method, after, run, dataset, model
@@ -456,7 +455,7 @@ def test_what_failed_alone_is_done_again_once_it_is_mended(run, dataset, model):
 
 def test_an_episode_is_the_same_after_it_was_kept(dataset, model):
     recordings = recordings_in([str(dataset)], LogOptions(unit=UNITS[1]))
-    made = settings_of({"model": {"file": str(model)}}, settings.Run)
+    made = settings.Run.of({"model": {"file": str(model)}})
     (task, *_) = tasks_of(made, settings.Replay(speed=2.0), recordings)
     episode = replay_episode(task)
     again = decoded(encoded(episode))
@@ -469,7 +468,7 @@ def test_an_episode_is_the_same_after_it_was_kept(dataset, model):
 
 
 def test_a_task_is_a_unit_of_work_for_another_process(dataset, model):
-    run = settings_of({"model": {"file": str(model)}}, settings.Run)
+    run = settings.Run.of({"model": {"file": str(model)}})
     recordings = recordings_in([str(dataset)], LogOptions(unit=UNITS[1]))
     tasks = tasks_of(run, settings.Replay(speed=2.0), recordings)
     first, again = (replay_episode(pickle.loads(pickle.dumps(tasks[1]))) for _ in range(2))
@@ -498,7 +497,7 @@ def test_models_come_from_the_recording_itself(run, demo):
         (("--model", "from-log", "--rate-hz", "1e-9"), "1 request remains of 2.387 s"),
         (("--model", "arm.toml", "--joint", "knee"), "no joint 'knee'"),
         (("--model", "from-log", "--joint", "knee"), "--joint: no joint 'knee'; joints: elbow"),
-        (("--model", "arm.toml", "--start", "9"), "expected a moment of the recording"),
+        (("--model", "arm.toml", "--begin-s", "9"), "expected a moment of the recording"),
         (("--model", "arm.toml", "--limits-deg", "knee=0:1"), "no joint 'knee'"),
     ],
 )
@@ -560,12 +559,12 @@ def test_a_recording_that_begins_in_motion_is_answered_with_where_to_begin_it(ru
     refused = run(*ask)
     assert refused.exit_code == 2
     assert (
-        "--start: got 0 s, where the recording is in motion: from rest no requests keep elbow"
+        "--begin-s: got 0 s, where the recording is in motion: from rest no requests keep elbow"
         in (refused.stderr)
     )
     begin = refused.stderr.split("expected a moment without such motion, as ")[1].split(" s")[0]
     assert 0.1 <= float(begin) < 0.3
-    answered = run(*ask, "--start", begin)
+    answered = run(*ask, "--begin-s", begin)
     assert answered.exit_code == 0, answered.stderr
     assert "the recording contradicts" not in answered.stderr
 

@@ -28,7 +28,7 @@ def walk(tmp_path, monkeypatch):
 
 def test_the_path_is_planned_within_the_tolerance_as_is_said(run, tmp_path, walk):
     file = tmp_path / "foot.csv"
-    asked = ("gait", *walk, "--length", 0.01, "--height", 0.005, "--samples", 24)
+    asked = ("gait", *walk, "--half-stroke", 0.01, "--height", 0.005, "--samples", 24)
     result = run(*asked, "--fastest", "--tolerance-cm", 0.2, "-o", file)
     assert result.exit_code == 0, result.output
     assert "plan it with --method foot-optimal --norm max" in result.stderr

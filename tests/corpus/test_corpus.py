@@ -67,7 +67,7 @@ CASES = {
     "fit-path": "fit path.csv --no-cyclic --max-rms 9 --required-s 0=0 --required-s 0.08 --model "
     "joint.toml",
     "gait": "gait --samples 8",
-    "gait-json": "gait --samples 6 --heading-deg 90 --length 0.03 --json",
+    "gait-json": "gait --samples 6 --heading-deg 90 --half-stroke 0.03 --json",
     "gait-leg": "gait --samples 8 --leg front-left -o out.csv",
     "identify-json": "identify log.csv --no-hold-out --hold 1 --tick-ms 8 --json",
     "identify-page": "identify log.csv --report page.html --out out.toml",
@@ -88,8 +88,8 @@ CASES = {
     "--no-reidentify --joint knee --sensor-delay-ms 0 --history learning.json -o out.csv --json",
     "refine-page": "refine path.csv measured_from_rest.csv --desired path.csv --no-cyclic "
     "--model joint.toml --cycles 2 --no-reidentify --report page.html -o out.csv",
-    "replay": "replay demo.csv --model joint.toml --speed 1.5 --start 0.1 --end 0.8",
-    "replay-joints": "replay demo.csv --model joint.toml --track action --end 0.5 --as joints "
+    "replay": "replay demo.csv --model joint.toml --speed 1.5 --begin-s 0.1 --end-s 0.8",
+    "replay-joints": "replay demo.csv --model joint.toml --track action --end-s 0.5 --as joints "
     "--joint knee --joint gripper --limits-deg -30:90 --norm max -o out.csv --json",
     "replay-lerobot": "replay demo.csv --model joint.toml --speed 3 --rate-hz 49.85 --as lerobot "
     "-o planned",

@@ -16,14 +16,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from planner import JointModel, simulate
+from planner import JointModel, parallel, simulate
 from planner.files.exports.lerobot import Layout, lerobot_dataset
 from planner.files.staging import list_files
-from planner.run import tasks as engine
-from planner.run.results import Results
-from planner.run.tasks import Failure, SchedulerLost
+from planner.parallel import Results, SchedulerLost
 from tests.run import work
-from tests.run.test_tasks import run
+from tests.run.test_parallel import run
 
 pytestmark = pytest.mark.usefixtures("importable")
 
@@ -65,8 +63,8 @@ def cluster(tmp_path_factory):
     worker += ["--no-dashboard", "--local-directory", folder]
     workers = subprocess.Popen(worker, stderr=subprocess.DEVNULL)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(engine, "ARRIVAL", 60.0)
-        patch.setattr(engine, "PATIENCE", 60.0)  # a machine at work may take that long to begin
+        patch.setattr(parallel, "ARRIVAL", 60.0)
+        patch.setattr(parallel, "PATIENCE", 60.0)  # a machine at work may take that long to begin
         yield address, scheduler
     for process in (workers, scheduler):
         process.kill()
@@ -77,7 +75,7 @@ def cluster(tmp_path_factory):
 def test_a_cluster_gives_the_same_bytes(tmp_path, results, cluster):
     """So does one whose worker dies over a task: Dask tries it again."""
     tasks = [replace(task, argument=(task.argument, tmp_path / "mark")) for task in work.tasks()]
-    assert run(work.kill_once, tasks, results, scheduler=cluster[0]) == []
+    assert run(work.kill_once, tasks, results, scheduler=cluster[0]) == {}
     here = Results(tmp_path / "here", {"power": 2})
     run(work.square, work.tasks(), here, workers=2)
     assert work.held(results.folder) == work.held(here.folder) != {}
@@ -86,8 +84,8 @@ def test_a_cluster_gives_the_same_bytes(tmp_path, results, cluster):
 def test_a_task_that_fails_on_a_cluster_is_reported(results, cluster):
     tasks, address = work.tasks(), cluster[0]
     with pytest.warns(UserWarning, match="four is even"):
-        (failure,) = run(work.refuse_three, tasks, results, scheduler=address)
-    assert failure == Failure("task 3", "episode: got nothing, expected samples")
+        failures = run(work.refuse_three, tasks, results, scheduler=address)
+    assert failures == {"task 3": "episode: got nothing, expected samples"}
 
 
 @pytest.fixture
@@ -117,7 +115,7 @@ def test_a_replay_and_a_sweep_on_a_cluster_are_those_of_this_machine(
         swept = cli_run("sweep", "gaits.toml", "--json", *where)
         assert swept.exit_code == 0, swept.stderr
         assert len(json.loads(swept.stdout)["front"]) == 2
-        monkeypatch.setattr(engine, "engine_of", lambda *_: work.InThisProcess())
+        monkeypatch.setattr(parallel, "engine_of", work.in_this_process)
     for name in ("{}", "sweep_{}"):
         made = [tmp_path / name.format(place) for place in ("there", "here")]
         files = list_files(made[0])

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from planner.cli.faults import BadSetting, Key
 from planner.exceptions import InvalidInput
 from planner.files.clock import TIME
 from planner.files.exports import check_format
@@ -20,12 +21,11 @@ from planner.files.logs.lerobot import ACTION, STATE, find_dataset, read_episode
 from planner.files.paths import write_joint_path
 from planner.files.table import write_table
 from planner.robot.schedule import Schedule
-from planner.run.faults import BadSetting, Key
 
 if TYPE_CHECKING:
+    from planner.cli.settings import ReplayFormat
     from planner.files.logs.recordings import Recording
     from planner.recording.replaying import JointReplay, Replay
-    from planner.run.settings import ReplayFormat
     from planner.trajectory import Array
 
 FOLDERS = ("lerobot", "bag", "mcap")

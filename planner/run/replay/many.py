@@ -13,20 +13,19 @@ from typing import Any
 
 import numpy as np
 
+from planner.cli import settings
 from planner.exceptions import PlannerError
 from planner.files.exports.lerobot import Layout, lerobot_dataset
 from planner.files.logs.recordings import Recording
 from planner.files.text import to_json
+from planner.parallel import Engine, Results, Task, carry_out, finished, made_from
 from planner.planning.error_norm import error_norm
 from planner.recording.recorded_path import WHY
 from planner.recording.replaying import Replay
 from planner.report.table import number, text_table
-from planner.run import settings
 from planner.run.desired import find_leg
 from planner.run.replay.files import lerobot_layout, lerobot_rows
 from planner.run.replay.replay import RESENT, UNITS, ReplayTask, known
-from planner.run.results import Results, Task, finished, made_from, results_beside
-from planner.run.tasks import Engine, carry_out
 from planner.trajectory import Array
 
 HEAD = "head"
@@ -100,10 +99,9 @@ def replay_many(
     Raises:
         PlannerError: None of them can be replayed, or the dataset cannot be written.
     """
-    results = results_beside(output, _settings(recordings[0]), resume=resume)
+    results = Results(output, _settings(recordings[0]), resume=resume)
     tasks = [Task(each.recording.name, each, _inputs(each.recording)) for each in recordings]
-    failures = carry_out(replayed, tasks, results, engine, progress=progress)
-    failed = {each.task: each.reason for each in failures}
+    failed = carry_out(replayed, tasks, results, engine, progress=progress)
     if len(failed) == len(recordings):
         results.remove()
         first = next(iter(failed.values()))
@@ -121,7 +119,7 @@ def replay_many(
         document = episodes_document(figures, failed, first_task)
         if not failed:
             every = [each.recording for each in recordings]
-            document |= made_from(_origin(first_task.given, first_task.replay, every), document)
+            document |= made_from(_origin(first_task.given, first_task.replay, every))
         about[ABOUT] = to_json(document)
     if failed:
         return Replayed(document, kept=results.folder)
@@ -142,7 +140,7 @@ def replay_episode(task: ReplayTask) -> Episode:
 
 
 def replayed(task: ReplayTask) -> bytes:
-    """An episode, encoded: a task of :mod:`planner.run.tasks`."""
+    """An episode, encoded: a task of :mod:`planner.parallel`."""
     return encoded(replay_episode(task))
 
 
@@ -258,7 +256,7 @@ def episodes_report(document: Mapping[str, Any], logs: Sequence[str]) -> str:
 
 def _episodes(tasks: Sequence[Task], results: Results) -> Iterator[Episode]:
     """The episodes with a result, in the order of the recordings."""
-    return (decoded(results.read(task)) for task in tasks if task in results)
+    return (decoded(each) for task in tasks if (each := results.read(task)) is not None)
 
 
 def _settings(task: ReplayTask) -> dict[str, Any]:

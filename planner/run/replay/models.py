@@ -6,6 +6,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 
+from planner.cli import settings
+from planner.cli.faults import BadSetting, Key
 from planner.exceptions import InvalidInput, PlannerError, nearest
 from planner.files.joint_model import ModelFile, read_model_file
 from planner.files.logs.recordings import Recording
@@ -14,8 +16,6 @@ from planner.identification.log import Log
 from planner.model.evidence import refusal, with_reasons
 from planner.model.joint import JointModel
 from planner.recording.recorded_path import is_gripper
-from planner.run import settings
-from planner.run.faults import BadSetting, Key
 
 MOST_IDENTIFIED = 10
 """Recordings from which models are identified with ``--model from-log``: further ones of the same

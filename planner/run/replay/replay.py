@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from planner.cli import settings
+from planner.cli.faults import BadSetting, Key
 from planner.files.logs.lerobot import find_dataset
 from planner.files.logs.recordings import Recording
 from planner.identification.grid import measured_speed
@@ -20,9 +22,7 @@ from planner.recording.recorded_path import WHY, RecordedPath, check_length, rec
 from planner.recording.replaying import JointReplay, Replay, replay_at
 from planner.recording.retiming import Fastest, Measure, fastest_at
 from planner.report.table import NOTHING, number, text_table
-from planner.run import settings
 from planner.run.desired import find_leg, load_leg
-from planner.run.faults import BadSetting, Key
 from planner.run.load import with_load
 from planner.run.plan import options_of
 from planner.run.replay.models import JointModels, joint_models

@@ -8,33 +8,23 @@ from contextlib import suppress
 from copy import deepcopy
 from dataclasses import dataclass, replace
 from hashlib import sha256
-from itertools import pairwise, product
+from itertools import product
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
 
 from kinematics.exceptions import KinematicsError
+from planner.cli.declared import About, Count, Positive, Range, Settings, Unfit, Values, understand
+from planner.cli.faults import BadSetting, Key, Remark
+from planner.cli.settings import Run
 from planner.exceptions import MissingExtra, PlannerError
 from planner.files.paths import is_foot_path, path_table
 from planner.files.toml import Toml, read_toml
 from planner.report.sweep import Point, Requirement
 from planner.run.desired import find_leg, load_leg, refused_models
-from planner.run.faults import BadSetting, Key, Remark
-from planner.run.kinds import Count, Expected, FromList, Positive, Range
 from planner.run.models import beside, models_of
 from planner.run.run import RunFile, prepare, speaking_of
-from planner.run.schema import About, Settings, Unfit, settings_of, understand
-from planner.run.settings import Run
-
-
-def _rises(values: tuple[float, ...]) -> tuple[float, ...]:
-    if not values or any(high <= low for low, high in pairwise(values)):
-        raise ValueError
-    return values
-
-
-Values = Annotated[tuple[float, ...], FromList(), Expected("a list of rising numbers", _rises)]
 
 
 class Parameters(Settings):
@@ -218,7 +208,7 @@ class Space:
             KinematicsError: The leg cannot follow it.
         """
         with speaking_of(self.file):
-            run = settings_of(self.content(point), Run)
+            run = Run.of(self.content(point))
             return RunFile(self.file, prepare(run, self.folder))
 
     def refused_models(self) -> tuple[Remark, ...]:
@@ -333,7 +323,7 @@ def _check_values(space: Space, name: str, values: tuple[float, ...]) -> None:
     for value in values:
         point = space.canonical({**first, name: value}.values())
         try:
-            settings_of(space.content(point), Run)
+            Run.of(space.content(point))
         except Unfit as error:
             problem = error.problem.partition(", expected ")[2] or error.problem
             if name == "period_s":

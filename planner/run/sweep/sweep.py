@@ -19,16 +19,14 @@ from typing import Any
 import numpy as np
 
 from kinematics.exceptions import KinematicsError, UnreachableFoot
+from planner.cli.settings import HalfEllipse, Run
 from planner.exceptions import PlannerError
+from planner.parallel import Engine, Results, Task, carry_out
 from planner.planning.error_norm import error_norm
 from planner.planning.plan import Plan
 from planner.report.sweep import Outcome, Point, Requirement, Swept
-from planner.run.results import Results, Task
 from planner.run.run import Prepared, prepare
-from planner.run.schema import settings_of
-from planner.run.settings import HalfEllipse, Run
 from planner.run.sweep.space import Space
-from planner.run.tasks import Engine, carry_out
 from planner.trajectory import Array, index_of_largest
 
 TARGETS = 5
@@ -67,10 +65,9 @@ def sweep(
             for point in new
         ]
         failures = carry_out(evaluate, tasks, results, engine, progress=progress)
-        reasons = {each.task: each.reason for each in failures}
         for point, task in zip(new, tasks, strict=True):
-            reason = reasons.get(task.name)
-            said = {"reason": reason} if reason else json.loads(results.read(task))
+            reason, result = failures.get(task.name), results.read(task)
+            said = {"reason": reason} if result is None else json.loads(result)
             known[point] = _held_against(space.requirement, Outcome(point, **said))
         return [known[point] for point in points]
 
@@ -89,14 +86,14 @@ def sweep(
 
 
 def evaluate(argument: tuple[dict[str, Any], str]) -> bytes:
-    """The outcome of a point, without the point, as JSON: a task of :mod:`planner.run.tasks`.
+    """The outcome of a point, without the point, as JSON: a task of :mod:`planner.parallel`.
 
     Args:
         argument: The run file of the point, and the folder from which files are named.
     """
     content, folder = argument
     try:
-        prepared = prepare(settings_of(content, Run), folder)
+        prepared = prepare(Run.of(content), folder)
         said = _measured(prepared, prepared.plan(bounded=False))
     except UnreachableFoot as error:
         said = {

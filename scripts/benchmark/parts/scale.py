@@ -24,8 +24,7 @@ import planner
 from benchmark.parts import Options
 from benchmark.parts.length import peak_memory
 from benchmark.table import Table
-from planner.run.results import Results, Task
-from planner.run.tasks import Engine, carry_out, engine_of
+from planner.parallel import Engine, Results, Task, carry_out, engine_of
 
 JOINT = planner.JointModel(v_max=5.0, theta_0=0.2, lag=0.03, acceleration_time=0.05, tick=1 / 30)
 """A hobby servo, requested 30 times a second."""
@@ -72,9 +71,9 @@ def nothing(_: int) -> bytes:
     return np.zeros(2).tobytes()
 
 
-def tasks(count: int) -> Iterator[Task]:
+def tasks(count: int) -> list[Task]:
     """Episodes, one after the other."""
-    return (Task(f"episode {number}", number) for number in range(count))
+    return [Task(f"episode {number}", number) for number in range(count)]
 
 
 def carried_out(function: Callable[[int], bytes], count: int, engine: Engine) -> dict[str, float]:
@@ -87,10 +86,10 @@ def carried_out(function: Callable[[int], bytes], count: int, engine: Engine) ->
         failures = carry_out(function, tasks(count), results, engine)
         seconds, beside = perf_counter() - began, process_time() - spent
         if failures:
-            raise RuntimeError(f"{failures[0].task}: {failures[0].reason}")
+            raise RuntimeError(f"{failures}")
         inside, memory = 0.0, 0.0
         for task in tasks(count):
-            time, held = np.frombuffer(results.read(task)[:16])
+            time, held = np.frombuffer((results.read(task) or b"")[:16])
             inside, memory = inside + float(time), max(memory, float(held))
     return {
         "per second": count / seconds,

@@ -9,17 +9,16 @@ from dataclasses import replace
 
 import pytest
 
+from planner import parallel
 from planner.exceptions import InvalidInput
-from planner.run import tasks as engine
-from planner.run.results import Results, Task, results_beside
-from planner.run.tasks import Failure, carry_out, engine_of
+from planner.parallel import Results, Task, carry_out, engine_of, outcomes
 from tests.run import work
 
 pytestmark = pytest.mark.usefixtures("importable")
 
 
 def run(function, tasks, results, *, workers=None, scheduler=None, **more):
-    """The tasks that fail."""
+    """Why tasks fail, by their names."""
     with engine_of(workers, scheduler) as place:
         return carry_out(function, tasks, results, place, **more)
 
@@ -30,37 +29,36 @@ def results(tmp_path):
 
 
 def test_every_task_has_its_result_and_an_empty_list_of_tasks_none(results):
-    assert run(work.square, work.tasks(), results, workers=2) == []
+    assert run(work.square, work.tasks(), results, workers=2) == {}
     assert [results.read(task) for task in work.tasks()] == [b"%d" % k**2 for k in range(8)]
-    assert run(work.square, [], results) == []
+    assert run(work.square, [], results) == {}
 
 
 def test_one_worker_and_two_give_the_same_bytes(tmp_path):
     for workers in (1, 2):
         made = Results(tmp_path / str(workers), {"power": 2})
         run(work.square, work.tasks(), made, workers=workers)
-    assert work.held(tmp_path / "1") == work.held(tmp_path / "2") != {}
+    assert work.held(tmp_path / ".1.results") == work.held(tmp_path / ".2.results") != {}
 
 
 def test_a_task_that_fails_is_reported_and_the_rest_goes_on(results):
     with pytest.warns(UserWarning, match="four is even"):
         failures = run(work.refuse_three, work.tasks(), results, workers=2)
-    assert failures == [Failure("task 3", "episode: got nothing, expected samples")]
+    assert failures == {"task 3": "episode: got nothing, expected samples"}
     assert [task in results for task in work.tasks()] == [k != 3 for k in range(8)]
 
 
 def test_a_task_whose_worker_is_killed_is_tried_again(tmp_path, results):
     tasks = [replace(task, argument=(task.argument, tmp_path / "mark")) for task in work.tasks()]
-    assert run(work.kill_once, tasks, results, workers=2) == []
+    assert run(work.kill_once, tasks, results, workers=2) == {}
     assert results.read(tasks[3]) == b"9"
 
 
 def test_a_task_that_kills_every_worker_is_reported_and_no_other_is_lost(tmp_path, results):
     tasks = [replace(task, argument=(task.argument, tmp_path / "mark")) for task in work.tasks()]
-    (failure,) = run(work.kill_always, tasks, results, workers=2)
+    failures = run(work.kill_always, tasks, results, workers=2)
     assert (tmp_path / "mark").read_text().count("killed") == 2
-    assert failure.task == "task 3"
-    assert "its process died, 2 times" in failure.reason
+    assert failures == {"task 3": "its process died, 2 times (out of memory?)"}
     assert len(work.held(results.folder)) == 7
 
 
@@ -69,7 +67,7 @@ def test_a_worker_uses_one_thread_and_this_process_what_it_did(results, monkeypa
     task = Task("threads", "OMP_NUM_THREADS")
     run(work.threads, [task], results, workers=1)
     assert results.read(task) == b"1"
-    assert engine.os.environ["OMP_NUM_THREADS"] == "7"
+    assert parallel.os.environ["OMP_NUM_THREADS"] == "7"
 
 
 def test_only_what_is_missing_is_computed(results):
@@ -97,9 +95,9 @@ def test_a_damaged_result_counts_as_missing_and_is_computed_again(damage, tmp_pa
     whole = work.held(results.folder)
     broken = sorted(whole)[3]
     (results.folder / broken).write_bytes(damage)
-    again = Results(results.folder, {"power": 2}, resume=True)
+    again = Results(tmp_path / "results", {"power": 2}, resume=True)
     assert sum(task in again for task in tasks) == 7
-    assert run(work.square, tasks, again, workers=1) == []
+    assert run(work.square, tasks, again, workers=1) == {}
     assert work.held(results.folder) == whole
 
 
@@ -109,14 +107,14 @@ def test_results_whose_settings_cannot_be_read_are_found_by_what_they_were_compu
 ):
     first = Results(tmp_path / "a", {"power": 2})
     first.write(Task("task", 2), b"4")
-    (tmp_path / "a" / "settings.json").write_text(damage)
+    (first.folder / "settings.json").write_text(damage)
     assert Task("task", 2) in Results(tmp_path / "a", {"power": 2}, resume=True)
-    (tmp_path / "a" / "settings.json").write_text(damage)
+    (first.folder / "settings.json").write_text(damage)
     assert Task("task", 2) not in Results(tmp_path / "a", {"power": 3}, resume=True)
 
 
 def test_a_result_that_cannot_be_kept_is_said_of_the_output(tmp_path, monkeypatch):
-    results = results_beside(tmp_path / "out", {"power": 2})
+    results = Results(tmp_path / "out", {"power": 2})
 
     def full(_):
         raise OSError(28, "No space left on device")
@@ -133,20 +131,20 @@ def test_a_result_that_cannot_be_kept_is_said_of_the_output(tmp_path, monkeypatc
 
 def test_a_folder_of_results_is_removed_unless_it_is_resumed(tmp_path):
     settings, task = {"speed": 1.5, "joints": ("hip", "knee")}, Task("task", 2)
-    first = results_beside(tmp_path / "out", settings)
+    first = Results(tmp_path / "out", settings)
     first.write(task, b"4")
-    assert task in results_beside(tmp_path / "out", settings, resume=True)
-    again = results_beside(tmp_path / "out", settings)
+    assert task in Results(tmp_path / "out", settings, resume=True)
+    again = Results(tmp_path / "out", settings)
     assert (task in again, again.removed) == (False, 1)
     again.remove()
     assert list(tmp_path.iterdir()) == []
 
 
 def test_results_for_other_settings_are_not_mixed(tmp_path):
-    Results(tmp_path / "a", {"speed": 1.5})
+    first = Results(tmp_path / "a", {"speed": 1.5})
     with pytest.raises(InvalidInput, match=r"--resume: .* other settings \(speed\); set what was"):
         Results(tmp_path / "a", {"speed": 2.0}, resume=True)
-    (tmp_path / "a" / "settings.json").write_text("[]")
+    (first.folder / "settings.json").write_text("[]")
     with pytest.raises(InvalidInput, match="other settings"):
         Results(tmp_path / "a", {"speed": 1.5}, resume=True)
 
@@ -161,31 +159,30 @@ def test_the_tasks_in_flight_do_not_grow_with_their_number():
     """Of 10,000 tasks no more are taken than are in flight or handed over."""
     taken = 0
 
-    def numbered():
+    def counted():
         nonlocal taken
-        for number, task in enumerate(work.tasks(10_000)):
+        for task in work.tasks(10_000):
             taken += 1
-            yield number, task
+            yield task
 
     ahead = 0
-    with engine_of(workers=2) as place:
-        outcomes = place.run(work.square, numbered())
-        for done, _ in zip(range(300), outcomes, strict=False):
+    with engine_of(workers=2) as engine:
+        finished = outcomes(work.square, counted(), engine)
+        for done, _ in zip(range(300), finished, strict=False):
             ahead = max(ahead, taken - done)
-        outcomes.close()
     assert ahead <= 4, "two tasks a worker: one that runs, one that is handed over"
 
 
 @pytest.mark.parametrize("finished", [1, 4, 7])
 def test_a_command_that_is_killed_loses_nothing_and_leaves_no_process(finished, tmp_path, results):
     """Kill -9 once some results are there. Its workers hold the pipe that is read to its end."""
-    folder = tmp_path / "killed"
-    command = [sys.executable, "-P", "-m", "tests.run.work", folder]
+    output, folder = tmp_path / "killed", tmp_path / ".killed.results"
+    command = [sys.executable, "-P", "-m", "tests.run.work", output]
     killed = subprocess.run([*command, str(finished)], capture_output=True, check=False)
     assert killed.returncode == -signal.SIGKILL
     before = {name: (folder / name).stat().st_mtime_ns for name in work.held(folder)}
     assert finished <= len(before) < 8 or finished == 7
-    run(work.square, work.tasks(), Results(folder, {"power": 2}, resume=True), workers=2)
+    run(work.square, work.tasks(), Results(output, {"power": 2}, resume=True), workers=2)
     run(work.square, work.tasks(), results, workers=2)
     assert work.held(folder) == work.held(results.folder)
     assert all((folder / name).stat().st_mtime_ns == time for name, time in before.items())
@@ -194,8 +191,6 @@ def test_a_command_that_is_killed_loses_nothing_and_leaves_no_process(finished, 
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "nonsense", "http://127.0.0.1:8786"])
 def test_a_scheduler_that_is_not_there_is_one_clear_error(address, results, monkeypatch):
     pytest.importorskip("distributed", reason="needs the extra cluster")
-    monkeypatch.setattr(engine, "PATIENCE", 0.2)
+    monkeypatch.setattr(parallel, "PATIENCE", 0.2)
     with pytest.raises(InvalidInput, match=r"--scheduler: (nothing answers|got '.*', expected)"):
         run(work.square, work.tasks(), results, scheduler=address)
-    assert not results.folder.exists(), "nothing is kept for --resume"
-    assert run(work.square, [], results, scheduler=address) == []

@@ -37,8 +37,7 @@ Spelling = Callable[[Key], str]
 
 def as_key(key: Key) -> str:
     """A setting as a run file has it: ``plan.cyclic = false``."""
-    from planner.run.schema import key_name
-    from planner.run.schema_text import toml_value
+    from planner.cli.declared import key_name, toml_value  # too slow for --help
 
     name = key_name(key.place)
     return name if key.value is None else f"{name} = {toml_value(key.value)}"

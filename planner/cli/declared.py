@@ -1,0 +1,625 @@
+"""Settings declared once: a class is a table of a file, a field a key, and often an option.
+
+A declaration holds type, range, default, help, example and option of a setting. From it follow the
+check of a file with its messages, the template and the reference of files, and the options of the
+commands (:mod:`planner.cli.options`).
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+import textwrap
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import MISSING, asdict, dataclass, field, fields, replace
+from itertools import pairwise
+from pathlib import PurePosixPath
+from types import NoneType, UnionType
+from typing import (
+    TYPE_CHECKING,
+    Annotated,
+    Any,
+    ClassVar,
+    Literal,
+    Self,
+    TypeVar,
+    Union,
+    dataclass_transform,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
+
+from planner.exceptions import InvalidFile, nearest
+
+if TYPE_CHECKING:
+    from planner.files.toml import Place, Toml
+
+LONGEST = 60
+"""Characters of a value that a message repeats."""
+
+WIDTH = 100
+"""Characters of a line of a template."""
+
+ANY = "NAME"
+"""In the place of a table: any name, or any number."""
+
+JOINT = "knee"
+"""A joint, to show tables that are named after one."""
+
+
+@dataclass(frozen=True)
+class Range:
+    """The numbers that a key takes: above ``gt``, below ``lt``, from ``ge`` to ``le``."""
+
+    gt: float = -math.inf
+    ge: float = -math.inf
+    lt: float = math.inf
+    le: float = math.inf
+
+    def __contains__(self, number: float) -> bool:
+        return self.gt < number < self.lt and self.ge <= number <= self.le
+
+
+@dataclass(frozen=True)
+class Expected:
+    """What a value should be, where its type does not say so.
+
+    Attributes:
+        words: For messages and the reference: "the name of a file".
+        check: The value to take, or ValueError with what follows these words; None takes every
+            value of the type.
+    """
+
+    words: str
+    check: Callable[[Any], Any] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class About:
+    """What is declared of a key beside its type and its default.
+
+    Attributes:
+        help: What it is for, in a sentence.
+        otherwise: What holds where it is not set, in words, where the default does not say.
+        example: A value to show, where there is no default.
+        set_to: The value that a template sets it to, where that is not the default.
+        option: Its option on the command line, such as ``--cyclic/--no-cyclic``; "" for none.
+        earlier: Names that the option had in earlier releases.
+        by_joint: The key of the same table that takes values of the option for single joints.
+        click: What click takes, where it does not follow from the above.
+    """
+
+    help: str = ""
+    otherwise: str = ""
+    example: Any = None
+    set_to: Any = None
+    option: str = ""
+    earlier: tuple[str, ...] = ()
+    by_joint: str = ""
+    click: Mapping[str, Any] = field(default_factory=dict)
+
+
+def setting(
+    help: str = "",  # noqa: A002
+    *,
+    default: Any = MISSING,
+    default_factory: Any = MISSING,
+    otherwise: str = "",
+    example: Any = None,
+    set_to: Any = None,
+    option: str = "",
+    earlier: tuple[str, ...] = (),
+    by_joint: str = "",
+    **click: Any,
+) -> Any:
+    """Declare a key of a table; see :class:`About`. Other arguments are those of its option."""
+    about = About(
+        help=help, otherwise=otherwise, example=example, set_to=set_to,
+        option=option, earlier=earlier, by_joint=by_joint, click=click,
+    )  # fmt: skip
+    return field(default=default, default_factory=default_factory, metadata={"about": about})
+
+
+@dataclass(frozen=True)
+class Declared:
+    """A key as it is declared.
+
+    Attributes:
+        annotation: Its annotation, whole.
+        default: Its default; MISSING where it has to be set.
+        type: Its type without None and annotations, such as float, or a Literal of its choices.
+        about: What is said of it.
+        expected: What a value should be, in words.
+        free: Whether it is a table of values by any name, such as ``limits.joints``.
+    """
+
+    annotation: Any
+    default: Any
+    type: Any
+    about: About
+    expected: str
+    free: bool
+
+    @property
+    def required(self) -> bool:
+        """Whether a file has to set it."""
+        return self.default is MISSING
+
+
+@dataclass_transform(kw_only_default=True, frozen_default=True, field_specifiers=(setting,))
+class Settings:
+    """A table of a file: its docstring and fields are the table's description and keys."""
+
+    keys: ClassVar[dict[str, Declared]] = {}
+    """The keys of the table, tables among them, as they are declared."""
+
+    keys_set: frozenset[str] = frozenset()
+    """The keys that a file or the command line has set."""
+
+    def __init_subclass__(cls) -> None:
+        """Make a dataclass of the annotations, and keep what they declare."""
+        dataclass(frozen=True, kw_only=True)(cls)
+        cls.keys = _declared(cls)
+
+    def values(self) -> dict[str, Any]:
+        """The value of every key, with mappings in place of tables."""
+        return asdict(self)  # type: ignore[call-overload, no-any-return]  # every subclass is a dataclass
+
+    @classmethod
+    def of(cls, content: Mapping[str, Any], *, standard_input: bool = False) -> Self:
+        """Settings from what a file or a command line sets.
+
+        Args:
+            content: Values by key and table.
+            standard_input: Whether ``-`` may name a file to read.
+
+        Raises:
+            Unfit: An unknown or missing key, or a value that is not of its kind.
+        """
+        return cls._at((), content, _Reading(cls, standard_input))
+
+    @classmethod
+    def _at(cls, place: Place, content: Any, reading: _Reading) -> Self:
+        """Settings of the table at a place."""
+        if not isinstance(content, Mapping):
+            raise Unfit(place, f"got {_described(content)}, expected a table [{key_name(place)}]")
+        for name in content:
+            if name not in cls.keys:
+                raise Unfit((*place, name), reading.unknown((*place, name), cls), named=False)
+        missing = [name for name, key in cls.keys.items() if key.required and name not in content]
+        if len(missing) == 1:
+            words = cls.keys[missing[0]].expected
+            raise Unfit(place, f"no key '{missing[0]}', expected {words}; add it")
+        if missing:
+            raise Unfit(place, f"no keys {', '.join(missing)}; add them")
+        values = {
+            name: _taken(key.annotation, content[name], (*place, name), reading)
+            for name, key in cls.keys.items()
+            if name in content
+        }
+        settings = cls(**values)
+        object.__setattr__(settings, "keys_set", frozenset(values))
+        return settings
+
+
+Understood = TypeVar("Understood", bound=Settings)
+
+
+@dataclass(frozen=True)
+class _Reading:
+    """What is read: all of a file, and whether ``-`` may name a file in it."""
+
+    whole: type[Settings]
+    standard_input: bool
+
+    def unknown(self, place: Place, cls: type[Settings]) -> str:
+        """What to say of a key that a table does not have."""
+        name, names = str(place[-1]), list(cls.keys)
+        hint = nearest(name, names)
+        elsewhere = [(*table.place, name) for table in tables(self.whole) if name in table.keys]
+        if not hint and elsewhere:
+            hint = f" (did you mean '{key_name(elsewhere[0])}'?)"
+        of = f" of [{key_name(place[:-1])}]" if place[:-1] else ""
+        return f"unknown key '{key_name(place)}'{hint}; keys{of}: {', '.join(names)}"
+
+
+class Unfit(ValueError):
+    """Invalid settings.
+
+    Attributes:
+        place: Where something is wrong.
+        named: Whether the message has to name that place.
+        problem: What is wrong.
+    """
+
+    def __init__(self, place: Place, problem: str, *, named: bool = True) -> None:
+        """Keep what is wrong for those who know how the user writes a place."""
+        self.place = place
+        self.named = named
+        self.problem = problem
+        super().__init__(problem)
+
+
+def understand(file: Toml, cls: type[Understood]) -> Understood:
+    """Hold a file against the declared tables.
+
+    Raises:
+        InvalidFile: An unknown or missing key, or a value that is not of its kind.
+    """
+    try:
+        return cls.of(file.content)
+    except Unfit as error:
+        place = f"{key_name(error.place)}: " if error.named and error.place else ""
+        line = file.line_of(error.place)
+        raise InvalidFile(file.path, f"{place}{error.problem}", line=line) from error
+
+
+def key_name(place: Sequence[str | int]) -> str:
+    """A place in words: ``plan.method``, ``export[0].file``."""
+    name = ""
+    for part in place:
+        if isinstance(part, int):
+            name += f"[{part}]"
+        else:
+            plain = re.fullmatch(r"[A-Za-z0-9_-]+", part)
+            name += ("." if name else "") + (part if plain else json.dumps(part))
+    return name
+
+
+def flat(settings: Settings) -> dict[str, Any]:
+    """Every key that has a name of its own, such as ``plan.method``, with its value."""
+    return dict(_flat(type(settings), settings.values(), ()))
+
+
+def _flat(
+    cls: type[Settings], values: Mapping[str, Any] | None, place: tuple[str, ...]
+) -> Iterator[tuple[str, Any]]:
+    """The keys of a table; None where it is not there."""
+    for name, key in cls.keys.items():
+        value = None if values is None else values[name]
+        if _is_table(key.type):
+            yield from _flat(key.type, value, (*place, name))
+        else:
+            yield key_name((*place, name)), value
+
+
+def _declared(cls: type[Settings]) -> dict[str, Declared]:
+    annotations = get_type_hints(cls, include_extras=True)
+    keys = {}
+    for each in fields(cls):  # type: ignore[arg-type]  # every subclass is a dataclass
+        annotation = annotations[each.name]
+        default = each.default if each.default_factory is MISSING else each.default_factory()
+        base, notes = _unwrapped(annotation)
+        noted = next((note for note in notes if isinstance(note, About)), About())
+        in_words = any(isinstance(note, Expected) for note in notes)
+        keys[each.name] = Declared(
+            annotation,
+            default,
+            base,
+            each.metadata.get("about", noted),
+            _expected(base, notes),
+            free=get_origin(base) is dict and not in_words,
+        )
+    return keys
+
+
+def _unwrapped(annotation: Any) -> tuple[Any, tuple[Any, ...]]:
+    """The type that is annotated, without None, and its annotations, from inside out."""
+    notes: tuple[Any, ...] = ()
+    while True:
+        if get_origin(annotation) is Annotated:
+            annotation, *more = get_args(annotation)
+            notes = (*more, *notes)
+        elif get_origin(annotation) in (Union, UnionType):
+            (annotation,) = (each for each in get_args(annotation) if each is not NoneType)
+        else:
+            return annotation, notes
+
+
+def _expected(base: Any, notes: Sequence[Any]) -> str:
+    """What a value should be, in words, from its type and its annotations."""
+    words = [note.words for note in notes if isinstance(note, Expected)]
+    if words:
+        return words[-1]
+    if get_origin(base) is Literal:
+        return f"one of {', '.join(get_args(base))}"
+    if base is bool:
+        return "true or false"
+    ends = next((note for note in notes if isinstance(note, Range)), Range())
+    if base is int:
+        return f"a whole number from {ends.ge} to {ends.le}"
+    texts = {"above": ends.gt, "of at least": ends.ge, "below": ends.lt}
+    found = [f"{text} {end:g}" for text, end in texts.items() if math.isfinite(end)]
+    return " ".join(["a number", " and ".join(found)]).strip()
+
+
+def _is_table(annotation: Any) -> bool:
+    return isinstance(annotation, type) and issubclass(annotation, Settings)
+
+
+def _taken(annotation: Any, value: Any, place: Place, reading: _Reading) -> Any:
+    """A value of a key, checked; tables become settings.
+
+    Raises:
+        Unfit: It is not what was declared.
+    """
+    base, notes = _unwrapped(annotation)
+    inner = get_args(base)
+    if _is_table(base):
+        return base._at(place, value, reading)
+    expected, hint = _expected(base, notes), ""
+    if get_origin(base) is tuple and _is_table(inner[0]):
+        if isinstance(value, list):
+            return tuple(
+                _taken(inner[0], each, (*place, k), reading) for k, each in enumerate(value)
+            )
+        expected = f"tables [[{key_name(place)}]]"
+    elif get_origin(base) is dict and not any(isinstance(note, Expected) for note in notes):
+        if isinstance(value, Mapping):
+            return {
+                name: _taken(inner[1], each, (*place, name), reading)
+                for name, each in value.items()
+            }
+        expected = f"a table [{key_name(place)}]"
+    else:
+        try:
+            taken = fitted(annotation, value)
+            if taken != "-" or reading.standard_input or SOURCE not in notes:
+                return taken
+            hint = "; a run reads no standard input, so write it to a file first"
+        except (ValueError, OverflowError) as error:
+            hint = str(error) or _hint(value, expected)
+    raise Unfit(place, f"got {_described(value)}, expected {expected}{hint}")
+
+
+def fitted(annotation: Any, value: Any) -> Any:
+    """A value of a type and with its annotations.
+
+    Raises:
+        ValueError: It does not fit; with what may help.
+    """
+    base, notes = _unwrapped(annotation)
+    origin, inner = get_origin(base), get_args(base)
+    if origin is Literal:
+        fits = isinstance(value, str) and value in inner
+    elif origin is tuple:
+        repeated = len(inner) == 2 and inner[1] is ...
+        fits = isinstance(value, list | tuple) and (repeated or len(value) == len(inner))
+        if fits:
+            kinds = [inner[0]] * len(value) if repeated else inner
+            value = tuple(fitted(kind, each) for kind, each in zip(kinds, value, strict=True))
+    elif origin is dict:
+        fits = isinstance(value, Mapping)
+        if fits:
+            value = {name: fitted(inner[1], each) for name, each in value.items()}
+    else:
+        kinds = (int, float) if base is float else (base,)
+        fits = isinstance(value, kinds) and (base is bool or not isinstance(value, bool))
+        if fits and base is float:
+            value = float(value)
+            fits = math.isfinite(value)
+    if not fits or any(isinstance(note, Range) and value not in note for note in notes):
+        raise ValueError
+    for note in notes:
+        if isinstance(note, Expected) and note.check is not None:
+            value = note.check(value)
+    return value
+
+
+def _hint(value: Any, words: str) -> str:
+    """What may help with a value that does not fit."""
+    if not isinstance(value, str):
+        return ""
+    if words.startswith("one of "):
+        return nearest(value, words.removeprefix("one of ").split(", "))
+    try:
+        number = "number" in words and math.isfinite(float(value))
+    except ValueError:
+        number = False
+    truth = words == "true or false" and value.lower() in ("true", "false")
+    return "; without quotes" if number or truth else ""
+
+
+def _described(value: Any) -> str:
+    """A value as a message repeats it."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, Mapping):
+        return "a table"
+    if isinstance(value, int) and abs(value) >= 10**LONGEST:
+        return "a very large number"
+    shown = repr(value) if isinstance(value, str | int | float | list) else str(value)
+    return shown if len(shown) <= LONGEST else f"{shown[: LONGEST - 1]}…"
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table of a file.
+
+    Attributes:
+        place: The keys that lead to it, NAME where it may be any; none for the top of the file.
+        about: What it is for.
+        keys: Its keys.
+        repeated: Whether it may stand there several times.
+        free: What values of keys with any name should be, in words; "" where there are none.
+        example: A value to show for a key with any name.
+        active: Whether a template has it, or only shows it in comments.
+    """
+
+    place: tuple[str, ...]
+    about: str
+    keys: Mapping[str, Declared]
+    repeated: bool = False
+    free: str = ""
+    example: Any = None
+    active: bool = True
+
+    @property
+    def header(self) -> str:
+        """Its header in a file."""
+        name = ".".join(self.place[:-1] if self.repeated else self.place)
+        return f"[[{name}]]" if self.repeated else f"[{name}]"
+
+
+def tables(cls: type[Settings], place: tuple[str, ...] = ()) -> Iterator[Table]:
+    """The table that a class describes and those inside it, in the order of the fields."""
+    yield _table(cls, place)
+    for name, key in cls.keys.items():
+        inner = get_args(key.type)
+        if _is_table(key.type):
+            first, *others = tables(key.type, (*place, name))
+            yield replace(first, active=key.default is not None or key.about.set_to is not None)
+            yield from others
+        elif get_origin(key.type) is tuple and _is_table(inner[0]):
+            yield _table(inner[0], (*place, name, ANY), repeated=True)
+        elif get_origin(key.type) is dict and _is_table(inner[1]):
+            yield _table(inner[1], (*place, name, ANY), active=False)
+        elif key.free:
+            free, about = _expected(*_unwrapped(inner[1])), key.about
+            place_of = (*place, name)
+            yield Table(place_of, about.help, {}, free=free, example=about.example, active=False)
+
+
+def _table(cls: type[Settings], place: tuple[str, ...], **more: Any) -> Table:
+    keys = {
+        name: key
+        for name, key in cls.keys.items()
+        if not key.free and not any(_is_table(each) for each in (key.type, *get_args(key.type)))
+    }
+    return Table(place, " ".join((cls.__doc__ or "").split()), keys, **more)
+
+
+def template(cls: type[Settings], heading: Sequence[str]) -> str:
+    """A file that sets every key to its default, or says so where it sets something else.
+
+    What has no default, or would contradict the rest, stands there as a comment.
+
+    Args:
+        cls: What the file may set.
+        heading: Lines of comment at the top.
+    """
+    lines = [f"# {line}" for line in heading]
+    for table in tables(cls):
+        lines += ["", *_comment(table.about)]
+        if table.place:
+            lines.append(f"{'' if table.active else '# '}{table.header.replace(ANY, JOINT)}")
+        for name, key in table.keys.items():
+            default, about = None if key.required else key.default, key.about
+            words = f" {key.expected.capitalize()}." * key.expected.startswith("one of")
+            if in_words := _default_in_words(key):
+                shown = default is not None and about.set_to is None
+                words += "" if shown else f" Default: {in_words}."
+            lines += _comment(about.help + words)
+            value = default if about.set_to is None else about.set_to
+            off = "" if table.active and value is not None else "# "
+            lines.append(f"{off}{name} = {toml_value(about.example if value is None else value)}")
+        if table.free:
+            lines.append(f"# {JOINT} = {toml_value(table.example)}")
+    return "\n".join(lines) + "\n"
+
+
+def markdown(cls: type[Settings]) -> str:
+    """A section and a table of keys for every table."""
+
+    def cell(text: str) -> str:
+        return text.replace("|", "\\|").replace("<", "\\<")
+
+    sections = []
+    for table in tables(cls):
+        title = f"`{table.header}`" if table.place else "Above all tables"
+        lines = [f"### {title}", "", cell(table.about)]
+        if table.keys:
+            lines += ["", "| key | expected | default | what it is for |", "|---|---|---|---|"]
+        for name, key in table.keys.items():
+            default = "must be there" if key.required else cell(_default_in_words(key)) or "–"
+            lines.append(
+                f"| `{name}` | {cell(key.expected)} | {default} | {cell(key.about.help)} |"
+            )
+        if table.free:
+            lines += ["", f"Any joint of the path, set to {table.free}."]
+        sections.append("\n".join(lines))
+    return "\n\n".join(sections) + "\n"
+
+
+def toml_value(value: Any) -> str:
+    """A value as TOML has it."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, float) and not math.isfinite(value):
+        return str(value)
+    if isinstance(value, Mapping):
+        pairs = ", ".join(f"{key_name((key,))} = {toml_value(each)}" for key, each in value.items())
+        return f"{{{pairs}}}"
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(toml_value(each) for each in value)}]"
+    return json.dumps(value, ensure_ascii=False) if isinstance(value, str) else repr(value)
+
+
+def _default_in_words(key: Declared) -> str:
+    shown = "" if key.required or key.default is None else toml_value(key.default)
+    return key.about.otherwise or shown
+
+
+def _comment(text: str) -> Iterator[str]:
+    return (f"# {line}" for line in textwrap.wrap(text, WIDTH - 2, break_on_hyphens=False))
+
+
+def _is_text(value: str) -> str:
+    if not value.strip() or not value.isprintable():
+        raise ValueError
+    if len(value) > MOST_CHARACTERS:
+        raise ValueError(f" of at most {MOST_CHARACTERS} characters")
+    return value
+
+
+def _stays_inside(value: str) -> str:
+    path = PurePosixPath(value)
+    if path.is_absolute() or ".." in path.parts or "\\" in value or str(path) in (".", "-"):
+        raise ValueError("; all that a run writes stays inside that folder")
+    return str(path)
+
+
+def _rises(value: tuple[float, ...]) -> tuple[float, ...]:
+    if not value or any(high <= low for low, high in pairwise(value)):
+        raise ValueError
+    return value
+
+
+MOST_CHARACTERS = 1000
+"""Longest text that is taken: beyond any name."""
+
+SOURCE = Expected("the name of a file")
+
+Text = Annotated[str, Expected("a text", _is_text)]
+"""Text that is not empty and on one line."""
+
+Source = Annotated[Text, SOURCE]
+"""A file to read; its place is relative to the file that names it."""
+
+Written = Annotated[
+    Text, Expected("the name of a file inside the folder of the results", _stays_inside)
+]
+"""A file to write."""
+
+WrittenOrNone = Annotated[
+    str,
+    Expected(
+        'the name of a file inside the folder of the results, or "" for none',
+        lambda value: value and _stays_inside(_is_text(value)),
+    ),
+]
+"""The same, or the empty text for none."""
+
+Span = Annotated[
+    tuple[float, float], Expected("two numbers [LOW, HIGH] with LOW below HIGH", _rises)
+]
+"""Smallest and largest value."""
+
+Values = Annotated[tuple[float, ...], Expected("a list of rising numbers", _rises)]
+"""Values to try."""
+
+Positive = Annotated[float, Range(gt=0.0)]
+NotNegative = Annotated[float, Range(ge=0.0)]
+Count = Annotated[int, Range(ge=1, le=10**6)]

@@ -1,0 +1,699 @@
+"""Every setting of a plan and its outputs: type, unit, range, default and meaning, in one place."""
+
+import math
+from typing import Annotated, Any, Literal
+
+from planner.cli import types
+from planner.cli.declared import (
+    About,
+    Count,
+    Expected,
+    NotNegative,
+    Positive,
+    Range,
+    Settings,
+    Source,
+    Span,
+    Text,
+    Written,
+    WrittenOrNone,
+    setting,
+)
+
+FROM_LOG = "from-log"
+"""The models that `replay` identifies from the recordings themselves."""
+
+SHIPPED_MODEL = "ers210a"
+"""The model that needs no file: Table 1 of the paper."""
+
+FROM_URDF = "urdf"
+"""The models of servos of which no more than the top speed is known, from the leg's description."""
+
+Frame = Annotated[Text, Expected("the name of a frame")]
+Angles = Annotated[dict[str, float], Expected("a table of angles by joint")]
+JointNames = Annotated[tuple[Text, ...], Expected("a list of names of joints")]
+Weights = Annotated[
+    tuple[NotNegative, NotNegative, NotNegative],
+    Expected("a list of three numbers, 0 or more"),
+]
+Tick = Annotated[int, Range(ge=1 - 10**9, le=10**9 - 1)]
+TicksPerTurn = Annotated[int, Range(ge=2, le=10**9 - 1)]
+Samples = Annotated[int, Range(ge=4, le=10**6)]
+
+Unreachable = Literal["raise", "nearest", "clamp"]
+Method = Literal["shift", "closed-form", "optimal", "foot-optimal"]
+Norm = Literal["rms", "max"]
+Solver = Literal["gauss-newton", "ipopt"]
+Rule = Literal["paper", "exact"]
+Robust = Literal["mean", "worst"]
+Load = Literal["urdf", "urdf-dynamics", "column"]
+Level = Literal["slope", "envelope", "exact"]
+Format = Literal["csv", "yaml", "bag", "mcap", "lerobot"]
+Track = Literal["state", "action"]
+Retime = Literal["constant", "varying"]
+ReplayFormat = Literal["csv", "joints", "lerobot", "yaml", "bag", "mcap"]
+
+
+class Leg(Settings):
+    """The leg that follows a foot path; with a path of joints it gives their limits."""
+
+    name: types.ShippedLeg | None = setting(
+        "A shipped leg: paths are in the body's frame, for 'reference' in the hip's.",
+        default=None,
+        example="front-left",
+        set_to="reference",
+        option="--leg",
+        type=types.LegName(),
+        metavar="NAME|FILE.urdf",
+        option_help="A leg of your own robot, with --base and --foot; or a shipped one: "
+        f"{', '.join(types.SHIPPED)}. Positions are in the base's frame: the body's, and for "
+        "'reference' the hip's.",
+    )
+    urdf: Source | None = setting(
+        "The description of your own robot, in place of name.",
+        default=None,
+        example="robot.urdf",
+        option="--urdf",
+        type=types.INPUT,
+        option_help="The same as --leg FILE.urdf.",
+    )
+    base: Frame | None = setting(
+        "With a URDF: the frame of the foot positions.",
+        default=None,
+        example="base_link",
+        option="--base",
+        metavar="FRAME",
+    )
+    foot: Frame | None = setting(
+        "With a URDF: the frame of the foot.",
+        default=None,
+        example="lf_foot",
+        option="--foot",
+        metavar="FRAME",
+    )
+    lock: Angles | None = setting(
+        "With a URDF: joints to hold, and where [deg], so that three remain.",
+        default=None,
+        example={"wrist": -90.0},
+        option="--lock",
+        type=types.POSITIONS,
+        multiple=True,
+        metavar="JOINT=DEG",
+        option_help="With a URDF: hold a joint, so that three remain; JOINT=0.1m one that slides.",
+    )
+    lock_m: Annotated[dict[str, float] | None, Expected("a table of positions by joint")] = setting(
+        "With a URDF: the same for joints that slide [m].", default=None, example={"slide": 0.1}
+    )
+    near: Angles | None = setting(
+        "A pose near which to start [deg], of several that reach the first point.",
+        default=None,
+        example={"knee": 30.0},
+        option="--near",
+        type=types.POSE,
+        multiple=True,
+        metavar="JOINT=DEG",
+        option_help="With several poses that reach the first point: the one nearest to this; "
+        "several times for several joints.",
+    )
+    unreachable: Unreachable = setting(
+        "Positions out of reach: stop and list them, take the nearest, or clamp each "
+        "joint as the reference walk does.",
+        default="raise",
+        set_to="clamp",
+        option="--unreachable",
+    )
+
+
+TopSpeed = Annotated[float, About("Top speed [rad/s].", example=5.4542)]
+FullSpeedError = Annotated[
+    float, About("Error from which on the joint moves at top speed [rad].", example=0.1222)
+]
+Lag = Annotated[float, About("Time before a request has any effect [s].", example=0.032)]
+AccelerationTime = Annotated[
+    float, About("Time over which a request takes effect [s].", example=0.048)
+]
+TickTime = Annotated[float, About("Time step of the model [s].", example=0.008)]
+Hold = Annotated[Count, About("Ticks for which a request is held.", example=1)]
+Offset = Annotated[float, About("Static sag [rad].", example=0.0)]
+DeadBand = Annotated[
+    float, About("Error that dry friction holds, without any motion [rad].", example=0.0)
+]
+SpeedOffset = Annotated[
+    float,
+    About("Top speed upwards less v_max, and v_max less downwards [rad/s].", example=0.0),
+]
+Compliance = Annotated[float, About("Sag by a torque on the joint [rad/(N m)].", example=0.0)]
+SpeedPerTorque = Annotated[
+    float, About("Change of the top speeds by that torque [rad/(s N m)].", example=0.0)
+]
+TimeConstant = Annotated[
+    float, About("Time constant of the speed, a motor's inertia [s].", example=0.0)
+]
+MaxAcceleration = Annotated[
+    float, About("Largest acceleration [rad/s^2]; inf where there is no limit.", example=300.0)
+]
+
+SagBySine = Annotated[
+    float,
+    About(
+        help="Sag by the sine of the joint's angle [rad]: gravity where no torque is known.",
+        example=0.0,
+    ),
+]
+SagByCosine = Annotated[float, About("Sag by the cosine of the joint's angle [rad].", example=0.0)]
+
+
+class Parameters(Settings):
+    """In place of model.file: the parameters of all joints."""
+
+    v_max: TopSpeed
+    theta_0: FullSpeedError
+    lag: Lag
+    acceleration_time: AccelerationTime
+    tick: TickTime = 0.008
+    hold: Hold = 1
+    offset: Offset = 0.0
+    dead_band: DeadBand = 0.0
+    v_offset: SpeedOffset = 0.0
+    compliance: Compliance = 0.0
+    speed_per_torque: SpeedPerTorque = 0.0
+    time_constant: TimeConstant = 0.0
+    max_acceleration: MaxAcceleration = math.inf
+    sag_sin: SagBySine = 0.0
+    sag_cos: SagByCosine = 0.0
+
+
+class OfJoint(Settings):
+    """A joint that is unlike the others: its own file, or the parameters that differ."""
+
+    file: Source | None = setting(
+        "A model file for this joint alone, in place of parameters.",
+        default=None,
+        example="knee.toml",
+    )
+    v_max: TopSpeed | None = None
+    theta_0: FullSpeedError | None = None
+    lag: Lag | None = None
+    acceleration_time: AccelerationTime | None = None
+    tick: TickTime | None = None
+    hold: Hold | None = None
+    offset: Offset | None = None
+    dead_band: DeadBand | None = None
+    v_offset: SpeedOffset | None = None
+    compliance: Compliance | None = None
+    speed_per_torque: SpeedPerTorque | None = None
+    time_constant: TimeConstant | None = None
+    max_acceleration: MaxAcceleration | None = None
+    sag_sin: SagBySine | None = None
+    sag_cos: SagByCosine | None = None
+
+
+class Model(Settings):
+    """How the joints answer."""
+
+    file: Annotated[Source, Expected(f"a model file, {SHIPPED_MODEL} or {FROM_URDF}")] = setting(
+        f"A model file as identify writes it; '{SHIPPED_MODEL}' is Table 1 of the paper, "
+        f"'{FROM_URDF}' assumes the same servos with the top speeds of the leg's description.",
+        default=SHIPPED_MODEL,
+        option="--model",
+        type=types.INPUT,
+        option_help="Joint models as TOML; 'ers210a', the paper's Table 1; or 'urdf', the same "
+        "servos with the top speeds of the leg's URDF.  [default: ers210a]",
+    )
+    parameters: Parameters | None = setting(default=None)
+    joints: dict[str, OfJoint] = setting(default_factory=dict)
+
+
+class HalfEllipse(Settings):
+    """The foot path of a walk in the hip's frame, for which [path] has no file."""
+
+    samples: Samples = setting("Samples in a cycle.", default=88, option="--samples")
+    length: Positive = setting(
+        "Half of the stroke [m].", default=0.04893, option="--half-stroke", earlier=("--length",)
+    )
+    height: NotNegative = setting("How high the foot swings [m].", default=0.042, option="--height")
+    forward: float = setting("Middle before the hip [m].", default=0.049, option="--forward")
+    sideways: float = setting("Outward of the hip [m].", default=0.028, option="--sideways")
+    hip_height: float = setting("Hip above ground [m].", default=0.077, option="--hip-height")
+    ground_fraction: Annotated[float, Range(gt=0.0, lt=1.0)] = setting(
+        "Part of the cycle on the ground.", default=0.5, option="--ground-fraction"
+    )
+    heading_deg: float = setting(
+        "Direction of the walk, from x towards y [deg]: 90 along y, 180 backward.",
+        default=0.0,
+        option="--heading-deg",
+    )
+    for_leg: bool = setting(
+        "Whether to size and place it for the leg, in the frame of its base, as gait "
+        "--leg does: lengths that are not set here are then the leg's own.",
+        default=False,
+    )
+
+    def arguments(self, *, given_only: bool = False) -> dict[str, Any]:
+        """The arguments of :func:`planner.half_ellipse`, with or without the defaults."""
+        values = self.values()
+        names = (self.keys_set if given_only else values.keys()) - {"heading_deg", "for_leg"}
+        arguments = {name: value for name, value in values.items() if name in names}
+        return {**arguments, "heading": math.radians(self.heading_deg)}
+
+
+class Path(Settings):
+    """The path of the joints or of the foot: a file, or else a half ellipse."""
+
+    file: Source | None = setting(
+        "A CSV of joints (<joint>_deg, _rad) or of a foot (x_m, y_m, z_m; _cm, _mm).",
+        default=None,
+        example="path.csv",
+    )
+    joints: JointNames = setting(
+        "With a file of joints: those to use, in this order; [] is every column.",
+        default=(),
+        option="--joint",
+        type=str,
+        multiple=True,
+        metavar="NAME",
+        option_help="A joint to use, several times for several; by default every column of the "
+        "file.",
+    )
+    rate_hz: Positive | None = setting(
+        "Requests per second: a file with t_s is resampled to it, and the models take it.",
+        default=None,
+        otherwise="the models' own",
+        example=50.0,
+        option="--rate-hz",
+        metavar="HZ",
+    )
+    speed: Positive | None = setting(
+        "How many times as fast to follow the path: with fewer samples, on its straight "
+        "lines, or more.",
+        default=None,
+        otherwise="as it is",
+        example=1.5,
+        option="--speed",
+        metavar="FACTOR",
+    )
+    half_ellipse: HalfEllipse | None = setting(default=None, set_to=HalfEllipse())
+
+
+class Plan(Settings):
+    """How the requests are planned."""
+
+    method: Method = setting(
+        "The desired angles, the best time early; the paper's inversion; or requests "
+        "optimised joint by joint, or all at once for the foot.",
+        default="optimal",
+        set_to="foot-optimal",
+        option="--method",
+    )
+    cyclic: bool | None = setting(
+        "Whether the path repeats for ever, or starts from rest.",
+        default=None,
+        otherwise="yes, unless its ends are far apart",
+        example=True,
+        option="--cyclic/--no-cyclic",
+    )
+    load: Load | None = setting(
+        "Torque on the joints: gravity by the masses of the leg's URDF, all of its "
+        "dynamics, or columns <joint>_load_Nm of the path.",
+        default=None,
+        otherwise="none",
+        example="urdf",
+        option="--load",
+    )
+    norm: Norm | None = setting(
+        "Methods optimal and foot-optimal: the error to make small.",
+        default=None,
+        otherwise='"rms"',
+        example="rms",
+        option="--norm",
+    )
+    solver: Solver | None = setting(
+        "Method optimal: our own solver, or IPOPT with the same problem.",
+        default=None,
+        otherwise='"gauss-newton"',
+        example="gauss-newton",
+        option="--solver",
+    )
+    max_step_deg: Positive | None = setting(
+        "Methods optimal and foot-optimal: largest change from one request to the next [deg].",
+        default=None,
+        otherwise="none",
+        example=5.0,
+        option="--max-step-deg",
+        metavar="DEG",
+    )
+    max_request_speed_deg_s: Positive | None = setting(
+        "The same as a speed: largest change of the requests [deg/s].",
+        default=None,
+        otherwise="none",
+        example=600.0,
+        option="--max-request-speed-deg-s",
+        metavar="DEG/S",
+    )
+    smoothness: NotNegative | None = setting(
+        "Methods optimal and foot-optimal: share by which smoother requests may raise the "
+        "error that the robot would show, of plan and model together (an encoder's step of "
+        "0.088 degrees at least); 0 for none.",
+        default=None,
+        otherwise="0.005",
+        example=0.005,
+        option="--smoothness",
+        metavar="SHARE",
+    )
+    robust: Robust | None = setting(
+        "Methods optimal and foot-optimal: plan for models drawn from the intervals of "
+        "the model file, too, and make the mean or the worst of their errors small.",
+        default=None,
+        otherwise="the model alone",
+        example="worst",
+        option="--robust",
+    )
+    weights: Weights | None = setting(
+        "Method foot-optimal: how much each axis counts, x, y, z.",
+        default=None,
+        otherwise="[1.0, 1.0, 1.0]",
+        example=[1.0, 1.0, 1.0],
+        option="--weights",
+        type=float,
+        nargs=3,
+        metavar="X Y Z",
+        option_help="Method foot-optimal: weight of each axis.  [default: 1 1 1]",
+    )
+    segments: Count | None = setting(
+        "Method closed-form: lines of the approximation.",
+        default=None,
+        otherwise="as many as reduce the error",
+        example=6,
+        option="--segments",
+        metavar="N",
+    )
+    rule: Rule | None = setting(
+        "Method closed-form: how a line is inverted.",
+        default=None,
+        otherwise='"paper"',
+        example="paper",
+        option="--rule",
+    )
+
+
+class Limits(Settings):
+    """Ranges of the requests; those of the leg hold where there are none."""
+
+    deg: Span | None = setting(
+        "Smallest and largest request of every joint [deg].",
+        default=None,
+        otherwise="those of the leg, if there is one",
+        example=[-120.0, 150.0],
+        option="--limits-deg",
+        earlier=("--limits",),
+        by_joint="joints",
+        type=types.SPANS,
+        multiple=True,
+        metavar="[JOINT=]LOW:HIGH",
+        option_help="Range of the requests [deg], of all joints or one; by default that of the "
+        "leg.",
+    )
+    joints: dict[str, Span] = setting(
+        "The same for single joints [deg], which overrule it.",
+        default_factory=dict,
+        example=[-27.0, 147.0],
+    )
+
+
+class Start(Settings):
+    """With plan.cyclic = false and method optimal: where the joints rest before."""
+
+    deg: float | None = setting(
+        "Angle of every joint [deg], from the same zero as the path.",
+        default=None,
+        otherwise="where the path begins",
+        example=0.0,
+        option="--start-deg",
+        earlier=("--start",),
+        by_joint="joints",
+        type=types.ANGLES,
+        multiple=True,
+        metavar="[JOINT=]DEG",
+        option_help="With --no-cyclic: the angle at which all joints, or one, rest before the path "
+        "begins [degrees, or percent of the range, from the same zero as the path].  "
+        "[default: where the path begins]",
+    )
+    joints: dict[str, float] = setting(
+        "The same for single joints [deg], which overrule it.", default_factory=dict, example=30.0
+    )
+
+
+TOLERANCE = (
+    "Error of {} to accept, in the plan's norm; where the plan misses it, its requests are written "
+    "all the same, and the exit status is 1."
+)
+
+
+class Tolerance(Settings):
+    """Errors to accept; a plan that misses them is written, and the exit status is 1."""
+
+    deg: Positive | None = setting(
+        "Error of any joint to accept [deg], in the plan's norm; not with method foot-optimal.",
+        default=None,
+        example=10.0,
+        option="--tolerance-deg",
+        metavar="DEG",
+        option_help=TOLERANCE.format("any joint"),
+    )
+    cm: Positive | None = setting(
+        "Error of the foot to accept [cm], in the plan's norm.",
+        default=None,
+        example=1.0,
+        set_to=1.0,
+        option="--tolerance-cm",
+        metavar="CM",
+        option_help=TOLERANCE.format("the foot"),
+    )
+
+
+class Output(Settings):
+    """Files beside results.json, inside the folder; "" leaves a file out."""
+
+    requests: WrittenOrNone = setting("The requests.", default="requests.csv")
+    angles: WrittenOrNone = setting("The angles that the models predict.", default="angles.csv")
+    desired: WrittenOrNone = setting("The desired angles.", default="desired.csv")
+    foot: WrittenOrNone = setting(
+        "The positions of the foot at the predicted angles.", default="foot.csv"
+    )
+    report: WrittenOrNone = setting(
+        "A page about the plan, with pictures, such as report.html.",
+        default="",
+        set_to="report.html",
+    )
+    comparison: bool = setting(
+        "Whether to compare both inversions, as compare does: comparison.json, .svg and .png.",
+        default=False,
+    )
+    level: Level | None = setting(
+        "With comparison: the sharpest bound to compute; exact takes seconds to a minute.",
+        default=None,
+        otherwise='"envelope"',
+        example="envelope",
+        option="--level",
+    )
+    scene: WrittenOrNone = setting(
+        "A page with the robot moving, such as scene.html (extra 'meshcat').", default=""
+    )
+
+
+class Export(Settings):
+    """Requests for robots, as request-planner export writes them; a table for each file."""
+
+    format: Format = setting(
+        "What to write; yaml, bag, mcap and lerobot need their extras.",
+        example="csv",
+        set_to="csv",
+        option="--format",
+    )
+    file: Written = setting(
+        "Where, inside the folder; bag, mcap and lerobot are folders themselves.",
+        example="controller.csv",
+        set_to="controller.csv",
+    )
+    cycles: Count = setting(
+        "How often to go through the requests.", default=1, option="--cycles", metavar="N"
+    )
+    rate_hz: Positive | None = setting(
+        "Rows per second.",
+        default=None,
+        otherwise="one row per request",
+        example=125.0,
+        option="--rate-hz",
+        metavar="HZ",
+    )
+    between: Literal["hold", "linear"] | None = setting(
+        "With rate_hz: hold each request, or go to the next in a straight line.",
+        default=None,
+        otherwise='"hold"',
+        example="hold",
+        option="--between",
+        option_help="With --rate-hz: hold each request, or go to the next in a straight line.  "
+        "[default: hold]",
+    )
+    joint_names: JointNames | None = setting(
+        "The joints' names on the robot, in the order of the columns.",
+        default=None,
+        otherwise="those of the path",
+        example=["lf_1", "lf_2", "lf_3"],
+        option="--joint-names",
+        type=types.LIST,
+        metavar="A,B,C",
+    )
+    unit: Literal["rad", "deg", "ticks"] | None = setting(
+        "csv: unit of the columns.", default=None, otherwise='"rad"', example="rad", option="--unit"
+    )
+    ticks_per_turn: TicksPerTurn | None = setting(
+        "csv in ticks: ticks of a turn.",
+        default=None,
+        otherwise="4096",
+        example=4096,
+        option="--ticks-per-turn",
+        metavar="N",
+    )
+    zero_tick: Tick | None = setting(
+        "csv in ticks: the tick at angle 0.",
+        default=None,
+        otherwise="2048",
+        example=2048,
+        option="--zero-tick",
+        by_joint="zero_ticks",
+        type=types.TICKS,
+        multiple=True,
+        metavar="[JOINT=]N",
+    )
+    zero_ticks: Annotated[dict[str, Tick] | None, Expected("a table of ticks by joint")] = setting(
+        "csv in ticks: the same for single joints.", default=None, example={"knee": 2048}
+    )
+    lead_s: NotNegative | None = setting(
+        "yaml, bag, mcap: time in which the controller leads the joints to the first.",
+        default=None,
+        otherwise="0.0",
+        example=2.0,
+        option="--lead-s",
+        metavar="S",
+    )
+    velocities: bool | None = setting(
+        "yaml, bag, mcap: whether points carry velocities, and become splines.",
+        default=None,
+        otherwise="false",
+        example=False,
+        option="--velocities",
+        option_help="yaml, bag, mcap: points carry velocities, and become splines.",
+    )
+    topic: Annotated[Text | None, Expected("the name of a topic")] = setting(
+        "bag, mcap: the topic.",
+        default=None,
+        otherwise='"/joint_trajectory_controller/joint_trajectory"',
+        example="/joint_trajectory_controller/joint_trajectory",
+        option="--topic",
+    )
+    task: Text | None = setting(
+        "lerobot: what the episode shows, in words.",
+        default=None,
+        otherwise='"follow the planned requests"',
+        example="follow the planned requests",
+        option="--task",
+    )
+
+
+class Replay(Settings):
+    """How a recording is replayed; the command `replay` alone has these settings."""
+
+    track: Track = setting(
+        "What to follow: the recorded angles (state), or the recorded requests.",
+        default="state",
+        option="--track",
+    )
+    speed: Positive = setting(
+        "How many times faster than it was recorded.", default=1.0, option="--speed", metavar="F"
+    )
+    joints: JointNames = setting(
+        "The joints to plan; the others get their recorded requests.",
+        default=(),
+        otherwise="all that have a model, but no grippers",
+        option="--joint",
+        type=str,
+        multiple=True,
+        metavar="NAME",
+        option_help="A joint to plan, several times for several; the others get their recorded "
+        "requests.  [default: all that have a model, but no grippers]",
+    )
+    begin_s: NotNegative | None = setting(
+        "Where to begin [s since the first row].",
+        default=None,
+        otherwise="the first row",
+        option="--begin-s",
+        earlier=("--start",),
+        metavar="S",
+    )
+    end_s: NotNegative | None = setting(
+        "Where to end [s since the first row].",
+        default=None,
+        otherwise="the last row",
+        option="--end-s",
+        earlier=("--end",),
+        metavar="S",
+    )
+    rate_hz: Positive | None = setting(
+        "Requests per second.",
+        default=None,
+        otherwise="that of the recording",
+        example=50.0,
+        option="--rate-hz",
+        metavar="HZ",
+    )
+    fastest: bool = setting(
+        "Find the largest speed at which the plan keeps the tolerance of [tolerance].",
+        default=False,
+        option="--fastest",
+        option_help="Find the largest speed at which the plan keeps --tolerance-deg or -cm, the "
+        "largest error.",
+    )
+    retime: Retime = setting(
+        "With fastest: one factor for the whole recording, or one that varies along it, "
+        "slower where errors are large.",
+        default="constant",
+        option="--retime",
+    )
+    urdf_joints: Annotated[dict[str, Text], Expected("a table of names by joint")] = setting(
+        "Names of joints in the URDF, where they are others than in the recording.",
+        default_factory=dict,
+        example={"Rotation": "shoulder_pan"},
+        option="--urdf-joint",
+        type=types.NAMES,
+        multiple=True,
+        metavar="JOINT=NAME",
+        option_help="With --urdf: what a joint of the recording is called there; several times for "
+        "several.",
+    )
+    write_as: ReplayFormat = setting(
+        "What to write: csv has the columns and units of the recording, joints those of "
+        "`plan`; lerobot, bag and mcap are folders.",
+        default="csv",
+        option="--as",
+    )
+
+
+class Run(Settings):
+    """Where the results go."""
+
+    out: Annotated[Text | None, Expected("the name of a folder")] = setting(
+        "Folder of the results; --out overrules it.",
+        default=None,
+        otherwise="the name of this file without its ending",
+        example="results",
+    )
+    leg: Leg = Leg()
+    model: Model = Model()
+    path: Path = Path()
+    plan: Plan = Plan()
+    limits: Limits = Limits()
+    start: Start = Start()
+    tolerance: Tolerance = Tolerance()
+    output: Output = Output()
+    export: tuple[Export, ...] = ()
