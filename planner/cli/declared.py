@@ -88,6 +88,7 @@ class About:
         option: Its option on the command line, such as ``--cyclic/--no-cyclic``; "" for none.
         earlier: Names that the option had in earlier releases.
         by_joint: The key of the same table that takes values of the option for single joints.
+        only: The methods, or formats, of its table on which it has an effect; () for all.
         click: What click takes, where it does not follow from the above.
     """
 
@@ -98,6 +99,7 @@ class About:
     option: str = ""
     earlier: tuple[str, ...] = ()
     by_joint: str = ""
+    only: tuple[str, ...] = ()
     click: Mapping[str, Any] = field(default_factory=dict)
 
 
@@ -112,12 +114,13 @@ def setting(
     option: str = "",
     earlier: tuple[str, ...] = (),
     by_joint: str = "",
+    only: tuple[str, ...] = (),
     **click: Any,
 ) -> Any:
     """Declare a key of a table; see :class:`About`. Other arguments are those of its option."""
     about = About(
         help=help, otherwise=otherwise, example=example, set_to=set_to,
-        option=option, earlier=earlier, by_joint=by_joint, click=click,
+        option=option, earlier=earlier, by_joint=by_joint, only=only, click=click,
     )  # fmt: skip
     return field(default=default, default_factory=default_factory, metadata={"about": about})
 
@@ -162,6 +165,15 @@ class Settings:
         """Make a dataclass of the annotations, and keep what they declare."""
         dataclass(frozen=True, kw_only=True)(cls)
         cls.keys = _declared(cls)
+
+    def without_effect(self, choice: str) -> dict[str, tuple[str, ...]]:
+        """The keys that are set and have no effect, and the choices with which they have one."""
+        return {
+            name: key.about.only
+            for name, key in self.keys.items()
+            if key.about.only and choice not in key.about.only
+            if getattr(self, name) not in (None, {}, False)
+        }
 
     def values(self) -> dict[str, Any]:
         """The value of every key, with mappings in place of tables."""

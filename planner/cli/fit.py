@@ -103,7 +103,7 @@ def fit(
         raise click.UsageError(
             f"--figure: got '{figure}', expected a name that ends in .svg or .png."
         )
-    path = load_joints(desired, run.model, joints=run.path.joints, cyclic=run.plan.cyclic)
+    path = load_joints(desired, run)
     options.warn_of(path.remarks)
     check_angles(path.names, path.units)
     cyclic = path.cyclic

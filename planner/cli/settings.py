@@ -295,6 +295,10 @@ class Path(Settings):
     half_ellipse: HalfEllipse | None = setting(default=None, set_to=HalfEllipse())
 
 
+OPTIMISED = ("optimal", "foot-optimal")
+"""Methods that optimise."""
+
+
 class Plan(Settings):
     """How the requests are planned."""
 
@@ -323,6 +327,7 @@ class Plan(Settings):
     norm: Norm | None = setting(
         "Methods optimal and foot-optimal: the error to make small.",
         default=None,
+        only=("shift", *OPTIMISED),
         otherwise='"rms"',
         example="rms",
         option="--norm",
@@ -330,6 +335,7 @@ class Plan(Settings):
     solver: Solver | None = setting(
         "Method optimal: our own solver, or IPOPT with the same problem.",
         default=None,
+        only=("optimal",),
         otherwise='"gauss-newton"',
         example="gauss-newton",
         option="--solver",
@@ -337,6 +343,7 @@ class Plan(Settings):
     max_step_deg: Positive | None = setting(
         "Methods optimal and foot-optimal: largest change from one request to the next [deg].",
         default=None,
+        only=OPTIMISED,
         otherwise="none",
         example=5.0,
         option="--max-step-deg",
@@ -345,6 +352,7 @@ class Plan(Settings):
     max_request_speed_deg_s: Positive | None = setting(
         "The same as a speed: largest change of the requests [deg/s].",
         default=None,
+        only=OPTIMISED,
         otherwise="none",
         example=600.0,
         option="--max-request-speed-deg-s",
@@ -355,6 +363,7 @@ class Plan(Settings):
         "error that the robot would show, of plan and model together (an encoder's step of "
         "0.088 degrees at least); 0 for none.",
         default=None,
+        only=OPTIMISED,
         otherwise="0.005",
         example=0.005,
         option="--smoothness",
@@ -364,6 +373,7 @@ class Plan(Settings):
         "Methods optimal and foot-optimal: plan for models drawn from the intervals of "
         "the model file, too, and make the mean or the worst of their errors small.",
         default=None,
+        only=OPTIMISED,
         otherwise="the model alone",
         example="worst",
         option="--robust",
@@ -371,6 +381,7 @@ class Plan(Settings):
     weights: Weights | None = setting(
         "Method foot-optimal: how much each axis counts, x, y, z.",
         default=None,
+        only=("foot-optimal",),
         otherwise="[1.0, 1.0, 1.0]",
         example=[1.0, 1.0, 1.0],
         option="--weights",
@@ -382,6 +393,7 @@ class Plan(Settings):
     segments: Count | None = setting(
         "Method closed-form: lines of the approximation.",
         default=None,
+        only=("closed-form",),
         otherwise="as many as reduce the error",
         example=6,
         option="--segments",
@@ -390,6 +402,7 @@ class Plan(Settings):
     rule: Rule | None = setting(
         "Method closed-form: how a line is inverted.",
         default=None,
+        only=("closed-form",),
         otherwise='"paper"',
         example="paper",
         option="--rule",
@@ -501,6 +514,10 @@ class Output(Settings):
     )
 
 
+ROS = ("yaml", "bag", "mcap")
+"""Formats that hold a JointTrajectory."""
+
+
 class Export(Settings):
     """Requests for robots, as request-planner export writes them; a table for each file."""
 
@@ -545,11 +562,17 @@ class Export(Settings):
         metavar="A,B,C",
     )
     unit: Literal["rad", "deg", "ticks"] | None = setting(
-        "csv: unit of the columns.", default=None, otherwise='"rad"', example="rad", option="--unit"
+        "csv: unit of the columns.",
+        default=None,
+        only=("csv",),
+        otherwise='"rad"',
+        example="rad",
+        option="--unit",
     )
     ticks_per_turn: TicksPerTurn | None = setting(
         "csv in ticks: ticks of a turn.",
         default=None,
+        only=("csv",),
         otherwise="4096",
         example=4096,
         option="--ticks-per-turn",
@@ -558,6 +581,7 @@ class Export(Settings):
     zero_tick: Tick | None = setting(
         "csv in ticks: the tick at angle 0.",
         default=None,
+        only=("csv",),
         otherwise="2048",
         example=2048,
         option="--zero-tick",
@@ -567,11 +591,15 @@ class Export(Settings):
         metavar="[JOINT=]N",
     )
     zero_ticks: Annotated[dict[str, Tick] | None, Expected("a table of ticks by joint")] = setting(
-        "csv in ticks: the same for single joints.", default=None, example={"knee": 2048}
+        "csv in ticks: the same for single joints.",
+        default=None,
+        only=("csv",),
+        example={"knee": 2048},
     )
     lead_s: NotNegative | None = setting(
         "yaml, bag, mcap: time in which the controller leads the joints to the first.",
         default=None,
+        only=ROS,
         otherwise="0.0",
         example=2.0,
         option="--lead-s",
@@ -580,6 +608,7 @@ class Export(Settings):
     velocities: bool | None = setting(
         "yaml, bag, mcap: whether points carry velocities, and become splines.",
         default=None,
+        only=ROS,
         otherwise="false",
         example=False,
         option="--velocities",
@@ -588,6 +617,7 @@ class Export(Settings):
     topic: Annotated[Text | None, Expected("the name of a topic")] = setting(
         "bag, mcap: the topic.",
         default=None,
+        only=("bag", "mcap"),
         otherwise='"/joint_trajectory_controller/joint_trajectory"',
         example="/joint_trajectory_controller/joint_trajectory",
         option="--topic",
@@ -595,6 +625,7 @@ class Export(Settings):
     task: Text | None = setting(
         "lerobot: what the episode shows, in words.",
         default=None,
+        only=("lerobot",),
         otherwise='"follow the planned requests"',
         example="follow the planned requests",
         option="--task",

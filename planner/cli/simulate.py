@@ -59,13 +59,7 @@ def simulate(
     from planner.run.desired import load_joints, refused_models, repeats, starts_of
     from planner.run.models import model_words, verdict_document
 
-    given = load_joints(
-        requests,
-        run.model,
-        joints=run.path.joints,
-        rate_hz=run.path.rate_hz,
-        cyclic=run.plan.cyclic,
-    )
+    given = load_joints(requests, run)
     path = None if desired is None else _desired(desired, given)
     cyclic, remarks = given.cyclic, given.remarks
     if path is not None:  # whose ends say more than those of its requests

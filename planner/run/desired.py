@@ -30,7 +30,6 @@ from planner.run.models import beside, check_joints, models_of
 
 if TYPE_CHECKING:
     from kinematics import Leg
-    from kinematics.inverse import Unreachable
     from planner.trajectory import Array
 
 Limits = Mapping[str, tuple[float, float]]
@@ -208,70 +207,28 @@ def desired_of(run: settings.Run, leg: Leg | None, folder: str = "") -> Desired:
         return _half_ellipse(run, path.half_ellipse, leg, folder)
     if path.file is None:
         raise BadSetting("no path: expected ", Key("path.file"), " or [path.half_ellipse]")
-    return load_desired(
-        beside(folder, path.file),
-        run.model,
-        joints=path.joints,
-        leg=leg,
-        unreachable=run.leg.unreachable,
-        folder=folder,
-        rate_hz=path.rate_hz,
-        cyclic=run.plan.cyclic,
-        speed=path.speed,
-    )
+    return _from_file(run, leg, folder)
 
 
-def load_desired(
-    file: str,
-    model: settings.Model,
-    *,
-    joints: tuple[str, ...] = (),
-    leg: Leg | None = None,
-    unreachable: Unreachable = "raise",
-    folder: str = "",
-    rate_hz: float | None = None,
-    cyclic: bool | None = None,
-    speed: float | None = None,
-) -> Desired:
-    """Read a joint path, or a foot path where a leg can turn it into one.
-
-    Args:
-        file: The file, or ``-`` for standard input.
-        model: How the joints answer.
-        joints: Joints to read from a joint path, in this order; empty for all.
-        leg: The leg, where there is one.
-        unreachable: What to do with foot positions that the leg cannot reach.
-        folder: The folder from which the models name their files.
-        rate_hz: Requests per second, to which the path is resampled; by default the models' rate,
-            which the path must then have.
-        cyclic: Whether the path repeats for ever; None to look whether it closes.
-        speed: How many times as fast to follow it; None as it is.
-
-    Raises:
-        BadSetting: A foot path without a leg, or joints that the leg has not.
-        InvalidFile: The file is neither, or its rate is not the models'.
-        KinematicsError: The leg cannot reach the path.
-    """
-    table, even = path_table(file), rate_hz is None and speed is None
+def _from_file(run: settings.Run, leg: Leg | None, folder: str) -> Desired:
+    """What a file asks for: a joint path, or a foot path where a leg can turn it into one."""
+    path, file = run.path, beside(folder, str(run.path.file))
+    table, even = path_table(file), path.rate_hz is None and path.speed is None
     if is_foot_path(table):
         if leg is None:
             raise BadSetting(f"{file} is a foot path: name its leg with ", Key("leg.name"))
-        if joints:
+        if path.joints:
             raise BadSetting(
                 Key("path.joints"), " chooses columns of a joint path; a foot moves all joints"
             )
-        path = foot_path(table, even=even)
-        return _from_foot(
-            path, model, leg, unreachable, folder, rate_hz=rate_hz, cyclic=cyclic, speed=speed
-        )
-    given = joint_path(table, joints=joints, even=even)
-    models = _models_in(
-        given.units, model, models_of(model, given.names, leg, folder, rate_hz=rate_hz)
-    )
-    closed, remarks = repeats(given.angles, cyclic)
+        return _from_foot(foot_path(table, even=even), run, leg, folder)
+    given = joint_path(table, joints=path.joints, even=even)
+    models = models_of(run.model, given.names, leg, folder, rate_hz=path.rate_hz)
+    models = _models_in(given.units, run.model, models)
+    closed, remarks = repeats(given.angles, run.plan.cyclic)
     remarks = (*remarks, *_small(given))
     before = given
-    given = given.in_step(models[0].period, resample=not even, cyclic=closed, speed=speed)
+    given = given.in_step(models[0].period, resample=not even, cyclic=closed, speed=path.speed)
     if words := _lost(before, given, cyclic=closed):
         remarks = (*remarks, Remark(words))
     limits = {} if leg is None else _limits_of(leg)
@@ -336,15 +293,8 @@ def _small(path: JointPath) -> tuple[Remark, ...]:
     )
 
 
-def load_joints(
-    file: str,
-    model: settings.Model,
-    *,
-    joints: tuple[str, ...] = (),
-    rate_hz: float | None = None,
-    cyclic: bool | None = None,
-) -> Desired:
-    """Read a joint path; see :func:`load_desired`.
+def load_joints(file: str, run: settings.Run) -> Desired:
+    """Read a joint path whose rate is that of the models.
 
     Raises:
         InvalidFile: The file holds no joint path, or its rate is not the models'.
@@ -352,10 +302,11 @@ def load_joints(
     table = path_table(file)
     if is_foot_path(table):
         raise InvalidFile(file, "a foot path, expected columns <joint>_deg or <joint>_rad")
-    given = joint_path(table, joints=joints)
-    models = _models_in(given.units, model, models_of(model, given.names, rate_hz=rate_hz))
+    given = joint_path(table, joints=run.path.joints)
+    models = models_of(run.model, given.names, rate_hz=run.path.rate_hz)
+    models = _models_in(given.units, run.model, models)
     given.check_period(models[0].period)
-    closed, remarks = repeats(given.angles, cyclic)
+    closed, remarks = repeats(given.angles, run.plan.cyclic)
     return Desired(
         given.names,
         given.angles,
@@ -454,20 +405,11 @@ def _limits_of(leg: Leg) -> dict[str, tuple[float, float]]:
     return {name: (float(lower[j]), float(upper[j])) for j, name in enumerate(leg.joint_names)}
 
 
-def _from_foot(
-    given: FootPath,
-    model: settings.Model,
-    leg: Leg,
-    unreachable: Unreachable,
-    folder: str,
-    *,
-    rate_hz: float | None = None,
-    cyclic: bool | None = None,
-    speed: float | None = None,
-) -> Desired:
+def _from_foot(given: FootPath, run: settings.Run, leg: Leg, folder: str) -> Desired:
     """What the joints of a leg should do for its foot to follow a path."""
-    models = models_of(model, leg.joint_names, leg, folder, rate_hz=rate_hz)
-    closed, remarks = repeats(given.positions, cyclic)
+    rate_hz, speed, unreachable = run.path.rate_hz, run.path.speed, run.leg.unreachable
+    models = models_of(run.model, leg.joint_names, leg, folder, rate_hz=rate_hz)
+    closed, remarks = repeats(given.positions, run.plan.cyclic)
     resample = rate_hz is not None or speed is not None
     rows = given
     given = given.in_step(models[0].period, resample=resample, cyclic=closed, speed=speed)
@@ -533,14 +475,4 @@ def _half_ellipse(
         leg = leg if run.leg.near else replace(leg, near=made.pose)
     else:
         positions = half_ellipse(**walk.arguments())
-    path = FootPath("path.half_ellipse", positions, None)
-    return _from_foot(
-        path,
-        run.model,
-        leg,
-        run.leg.unreachable,
-        folder,
-        rate_hz=run.path.rate_hz,
-        cyclic=run.plan.cyclic,
-        speed=run.path.speed,
-    )
+    return _from_foot(FootPath("path.half_ellipse", positions, None), run, leg, folder)

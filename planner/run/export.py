@@ -20,23 +20,8 @@ if TYPE_CHECKING:
     from planner.cli.settings import Export
     from planner.robot.schedule import Schedule
 
-ROS = ("yaml", "bag", "mcap")
-"""Formats that hold a JointTrajectory."""
-
 FOLDERS = ("bag", "mcap", "lerobot")
 """Formats that are a folder, which standard output cannot be."""
-
-ONLY = {
-    "unit": ("csv",),
-    "ticks_per_turn": ("csv",),
-    "zero_tick": ("csv",),
-    "zero_ticks": ("csv",),
-    "lead_s": ROS,
-    "velocities": ROS,
-    "topic": ("bag", "mcap"),
-    "task": ("lerobot",),
-}
-"""Formats that a setting has an effect on; it is refused with the others."""
 
 
 def check_export(export: Export) -> None:
@@ -46,10 +31,9 @@ def check_export(export: Export) -> None:
         BadSetting: The message says which.
     """
     chosen = Key("export.format", export.format)
-    for name, formats in ONLY.items():
-        if getattr(export, name) not in (None, {}, False) and export.format not in formats:
-            parts = (Key(f"export.{name}"), " has no effect on ", chosen)
-            raise BadSetting(*parts, f", only on {', '.join(formats)}")
+    for name, formats in export.without_effect(export.format).items():
+        parts = (Key(f"export.{name}"), " has no effect on ", chosen)
+        raise BadSetting(*parts, f", only on {', '.join(formats)}")
     for name in ("ticks_per_turn", "zero_tick", "zero_ticks"):
         if getattr(export, name) not in (None, {}) and export.unit != "ticks":
             raise BadSetting(Key(f"export.{name}"), " needs ", Key("export.unit", "ticks"))

@@ -99,18 +99,11 @@ def _origins(prepared: Prepared, leg: Leg | None) -> list[tuple[str, str]]:
     origins = [("path", run.path.file or "a half ellipse")]
     if leg is not None:
         origins.append(("leg", f"{run.leg.name or run.leg.urdf}, from {leg.base} to {leg.foot}"))
+    plan = {name: getattr(run.plan, name) for name in run.plan.keys_set - {"method", "cyclic"}}
     chosen: dict[str, Any] = {
         "model": run.model.file,
         "unreachable": None if leg is None else run.leg.unreachable,
-        "norm": run.plan.norm,
-        "solver": run.plan.solver,
-        "weights": run.plan.weights,
-        "segments": run.plan.segments,
-        "rule": run.plan.rule,
-        "largest step [deg]": run.plan.max_step_deg,
-        "largest request speed [deg/s]": run.plan.max_request_speed_deg_s,
-        "smoothness": run.plan.smoothness,
-        "robust": run.plan.robust,
+        **{name: plan[name] for name in run.plan.keys if name in plan},
         "lock": _positions(run.leg.lock) + _positions(run.leg.lock_m, "m"),
         "near": _positions(run.leg.near),
     }

@@ -28,20 +28,6 @@ if TYPE_CHECKING:
 ROUNDING = 1e-9
 """Limits and bounds hold up to this [rad]; files carry 12 decimals of a degree."""
 
-IGNORED = {
-    "closed-form": (
-        *("norm", "solver", "weights", "start"),
-        *("max_step_deg", "max_request_speed_deg_s", "smoothness", "robust"),
-    ),
-    "shift": (
-        *("solver", "weights", "segments", "rule"),
-        *("max_step_deg", "max_request_speed_deg_s", "smoothness", "robust"),
-    ),
-    "optimal": ("segments", "rule", "weights"),
-    "foot-optimal": ("segments", "rule", "solver", "start"),
-}
-"""Settings that have no effect on a method, and that are therefore refused."""
-
 CORE_METHODS: Mapping[settings.Method, Method] = {
     "shift": "shift",
     "closed-form": "closed_form",
@@ -58,11 +44,12 @@ def check_settings(run: settings.Run, desired: Desired) -> None:
         BadSetting: The message says which.
     """
     given, method = run.plan, Key("plan.method", run.plan.method)
-    for name in IGNORED[given.method]:
-        start = run.start.deg is not None or run.start.joints
-        if start if name == "start" else getattr(given, name) is not None:
-            key = Key("start.deg" if name == "start" else f"plan.{name}")
-            raise BadSetting(key, " has no effect with ", method)
+    ignored = [f"plan.{name}" for name in given.without_effect(given.method)]
+    started = run.start.deg is not None or run.start.joints
+    if started and given.method in ("closed-form", "foot-optimal"):
+        ignored.append("start.deg")
+    for name in ignored:
+        raise BadSetting(Key(name), " has no effect with ", method)
     if given.method == "foot-optimal" and desired.foot is None:
         raise BadSetting(method, " plans for a foot path: it needs columns x_m, y_m, z_m and a leg")
     _check_intervals(run, desired)
