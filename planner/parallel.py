@@ -40,6 +40,7 @@ from kinematics.exceptions import KinematicsError
 from planner._version import __version__
 from planner.exceptions import ANGLE_UNIT, InvalidFile, InvalidInput, MissingExtra, PlannerError
 from planner.files.staging import all_there, cannot_write, staged
+from planner.files.text import to_json
 
 if TYPE_CHECKING:
     from multiprocessing.connection import Connection
@@ -453,13 +454,16 @@ class Results:
         )
 
 
-def made_from(settings: Mapping[str, Any]) -> dict[str, str]:
-    """The key of an output's manifest by which :func:`finished` recognises it.
+def made_from(settings: Mapping[str, Any], manifest: Mapping[str, Any]) -> dict[str, str]:
+    """The key of a manifest by which :func:`finished` recognises an output that is whole.
 
     Args:
         settings: All that the output depends on, as JSON takes it.
+        manifest: What the output says of itself, with or without this key.
     """
-    return {"made_from": _digest({"version": __version__, **settings})}
+    others = {name: each for name, each in manifest.items() if name != "made_from"}
+    content = [__version__, settings, json.loads(to_json(others))]
+    return {"made_from": _digest(content)}
 
 
 def finished(output: Path | str, name: str, settings: Mapping[str, Any]) -> dict[str, Any] | None:
@@ -473,7 +477,7 @@ def finished(output: Path | str, name: str, settings: Mapping[str, Any]) -> dict
         settings: All that the output depends on, as JSON takes it.
     """
     manifest: dict[str, Any] | None = _read_json(Path(output) / name)
-    same = isinstance(manifest, dict) and made_from(settings).items() <= manifest.items()
+    same = isinstance(manifest, dict) and made_from(settings, manifest).items() <= manifest.items()
     if not same or not all_there(output):
         return None
     target = Path(output).resolve()

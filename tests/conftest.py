@@ -238,8 +238,8 @@ def brief_search(monkeypatch):
 
 @pytest.fixture
 def in_this_process(monkeypatch):
-    """Let tasks run here, not in processes that import all first; tests/run holds those."""
-    from tests.run.work import in_this_process
+    """Let tasks run here, not in processes that import all first; tests/parallel holds those."""
+    from tests.parallel.work import in_this_process
 
     monkeypatch.setattr("planner.parallel.engine_of", in_this_process)
 
@@ -248,7 +248,7 @@ def in_this_process(monkeypatch):
 def undrawn(monkeypatch):
     """Leave pictures in files empty: the commands' own tests draw them."""
     monkeypatch.setattr("planner.report.matplotlib_figure.pictures_of", lambda _: (NO_PICTURE, b""))
-    for module in ("run.comparison", "report.matplotlib_figure"):  # the first imports the second
+    for module in ("cli.comparison", "report.matplotlib_figure"):  # the first imports the second
         monkeypatch.setattr(f"planner.{module}.to_svg", lambda _: NO_PICTURE)
         monkeypatch.setattr(f"planner.{module}.to_png", lambda _: b"")
 

@@ -73,15 +73,15 @@ def compare(
         request-planner gait -o foot.csv
         request-planner compare foot.csv --leg reference --unreachable clamp --report compare.html
     """  # noqa: D301
+    from planner.cli.answer import comparison_report
+    from planner.cli.comparison import comparison_of, steps_of, write_picture
+    from planner.cli.desired import check_angles
+    from planner.cli.models import model_words
+    from planner.cli.planning import load
     from planner.files.staging import claimed
     from planner.files.text import write_text
     from planner.report.comparison_tables import comparison_text, verdict_line
     from planner.report.table import fitted_to
-    from planner.run.comparison import comparison_of, steps_of, write_picture
-    from planner.run.desired import check_angles
-    from planner.run.models import model_words
-    from planner.run.pages import comparison_report
-    from planner.run.run import load
 
     if figure is not None and Path(figure).suffix.lower() not in PICTURES:
         raise click.UsageError(f"--figure: got '{figure}', expected a name in .png or .svg.")
@@ -120,10 +120,10 @@ def _write_folder(
 ) -> None:
     import numpy as np
 
+    from planner.cli.comparison import write_picture
     from planner.files.paths import write_joint_path
     from planner.files.staging import MANIFEST, list_files, output_folder
     from planner.files.text import write_text
-    from planner.run.comparison import write_picture
 
     names = [joint.name for joint in check.joints]
     with output_folder(out) as folder:

@@ -151,11 +151,11 @@ def excite(
         request-planner excite --kind random-steps --limits-deg -60:30 --rate-hz 50 \\
             --model joint.toml --joint elbow -o elbow.csv
     """  # noqa: D301
+    from planner.cli.models import models_of
     from planner.files.paths import write_joint_path
     from planner.files.staging import staged
     from planner.identification.excitation import expect
     from planner.report.identification.text import excitation_text
-    from planner.run.models import models_of
 
     _check(choices)
     (model,) = models_of(run.model, [joint])

@@ -41,7 +41,7 @@ def export(*, run: Run, requests: str, output: str, period_s: float | None, as_j
         request-planner export requests.csv --format csv --unit ticks --cycles 10 -o ticks.csv
         request-planner export requests.csv --format yaml --lead-s 2 --joint-names lf_hip,lf_knee
     """  # noqa: D301, E501
-    from planner.run.export import (
+    from planner.cli.rows import (
         FOLDERS,
         check_export,
         rows_document,
@@ -66,10 +66,10 @@ def export(*, run: Run, requests: str, output: str, period_s: float | None, as_j
 
 def _read(requests: str, joints: tuple[str, ...], period: float | None) -> Schedule:
     """The requests of the file, at the times that it or the options say."""
+    from planner.cli.desired import check_angles
     from planner.exceptions import InvalidFile
     from planner.files.paths import read_joint_path
     from planner.robot.schedule import Schedule, check_period
-    from planner.run.desired import check_angles
 
     given = read_joint_path(requests, joints=joints)
     check_angles(given.names, given.units)

@@ -13,8 +13,8 @@ from planner.cli.console import Progress, deliver, naming
 
 if TYPE_CHECKING:
     from planner.approximation.fit import PiecewiseLinearFit
+    from planner.cli.desired import Desired
     from planner.cli.settings import Run
-    from planner.run.desired import Desired
 
 
 def _knot(text: str) -> tuple[float, float | None]:
@@ -94,10 +94,10 @@ def fit(
     """  # noqa: D301
     import numpy as np
 
+    from planner.cli.desired import check_angles, load_joints
+    from planner.cli.models import model_words
     from planner.files.paths import write_joint_path
     from planner.report.table import text_table
-    from planner.run.desired import check_angles, load_joints
-    from planner.run.models import model_words
 
     if figure is not None and Path(figure).suffix.lower() not in (".svg", ".png"):
         raise click.UsageError(

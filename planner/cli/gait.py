@@ -52,11 +52,11 @@ def gait(*, run: Run, period: float, fastest: bool, output: str, as_json: bool) 
     Example, the shortest cycle at which the foot stays within half a centimetre:
         request-planner gait --leg front-left --fastest --tolerance-cm 0.5 -o foot.csv
     """  # noqa: D301
+    from planner.cli.desired import find_leg, load_leg
     from planner.cli.settings import HalfEllipse
     from planner.files.paths import write_foot_path
     from planner.gait.half_ellipse import half_ellipse
     from planner.gait.stride import stride
-    from planner.run.desired import find_leg, load_leg
 
     if not SHORTEST <= period <= LONGEST:
         raise click.UsageError(
@@ -94,10 +94,10 @@ def gait(*, run: Run, period: float, fastest: bool, output: str, as_json: bool) 
 
 def _shortest(run: Run, leg: Leg, path: Array, period: float) -> tuple[Array, dict[str, Any], str]:
     """The path in the fewest samples that keep the tolerance; the same for machines and people."""
+    from planner.cli.desired import refused_models
+    from planner.cli.models import models_of
     from planner.gait.shortest_cycle import in_samples, shortest_cycle
     from planner.model.evidence import OPEN_TOP_SPEED, expectation, untested_words
-    from planner.run.desired import refused_models
-    from planner.run.models import models_of
 
     assert run.tolerance.cm is not None, "the tolerance is needed"
     models = models_of(run.model, leg.joint_names, leg, rate_hz=1.0 / period)

@@ -63,20 +63,19 @@ def plan(*, run: Run, path: str, output: str, report: str | None, as_json: bool)
     Example, a second opinion on the first of them:
         request-planner plan foot.csv --leg front-left --solver ipopt -o requests.csv
     """  # noqa: D301
+    from planner.cli.answer import document, summary
+    from planner.cli.planning import beyond_limits, misses, plan_of, prepare
     from planner.files.text import write_text
-    from planner.run.plan import beyond_limits, misses
-    from planner.run.plan_answer import document, summary
-    from planner.run.run import prepare
 
     prepared = prepare(run)
     desired = prepared.desired
     options.warn_of(desired.remarks)
     with Progress(desired.names) as progress:
-        made = prepared.plan(progress)
+        made = plan_of(prepared, progress)
     options.warn_of(beyond_limits(made, desired))
     missed = misses(run, desired, made)
     if report is not None:
-        from planner.run.pages import plan_report
+        from planner.cli.answer import plan_report
 
         files = [("requests", output)]
         page = plan_report(prepared, made, missed=missed, page=report, written=files)

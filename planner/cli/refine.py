@@ -92,8 +92,7 @@ def refine(
         request-planner refine requests.csv measured.csv --desired path.csv --model arm.toml \\
             --history learning.json -o requests.csv
     """  # noqa: D301
-    from planner.files.text import write_text
-    from planner.run.learning import (
+    from planner.cli.learning import (
         document,
         learning_report,
         read_executed,
@@ -102,7 +101,8 @@ def refine(
         summary,
         write_states,
     )
-    from planner.run.run import prepare
+    from planner.cli.planning import prepare
+    from planner.files.text import write_text
 
     prepared = prepare(run)
     desired = prepared.desired

@@ -11,7 +11,7 @@ from planner.cli import options, types
 from planner.cli.console import Progress, print_json, summarise, warn
 
 if TYPE_CHECKING:
-    from planner.run.run import RunFile
+    from planner.cli.run_file import RunFile
 
 HEADING = (
     "A run of request-planner: `request-planner run FILE` makes it.",
@@ -53,7 +53,7 @@ def run(*, file: str | None, out: str | None, check: bool, template: bool, as_js
         return
     if file is None:
         raise click.UsageError("name a run file, or begin one with --template.")
-    from planner.run.run import read_run
+    from planner.cli.run_file import read_run
 
     ready = read_run(file)
     desired = ready.prepared.desired
@@ -83,11 +83,10 @@ def _folder(file: str, out: str | None, ready: RunFile) -> str:
 
 def carry_out_run(ready: RunFile, out: str, *, as_json: bool) -> None:
     """Plan, and write the folder of the results."""
+    from planner.cli.answer import summary
+    from planner.cli.planning import beyond_limits, plan_of
+    from planner.cli.run_file import speaking_of, write_run
     from planner.files.staging import output_folder
-    from planner.run.outputs import write_run
-    from planner.run.plan import beyond_limits
-    from planner.run.plan_answer import summary
-    from planner.run.run import speaking_of
 
     settings, names = ready.settings, ready.prepared.desired.names
     steps = ["the foot"] if settings.plan.method == "foot-optimal" else list(names)
@@ -97,7 +96,7 @@ def carry_out_run(ready: RunFile, out: str, *, as_json: bool) -> None:
         speaking_of(ready.file),
         output_folder(out) as folder,
     ):
-        plan = ready.prepared.plan(progress)
+        plan = plan_of(ready.prepared, progress)
         results, exports, failures = write_run(folder, ready, plan, progress=progress)
     desired = ready.prepared.desired
     for remark in (*desired.remarks, *beyond_limits(plan, desired)):

@@ -10,10 +10,10 @@ from planner.cli import options, types
 from planner.cli.console import deliver, naming, warn
 
 if TYPE_CHECKING:
+    from planner.cli.desired import Desired
     from planner.cli.settings import Run
     from planner.files.paths import JointPath
     from planner.model.evidence import Expectation
-    from planner.run.desired import Desired
     from planner.trajectory import Array
 
 
@@ -52,12 +52,12 @@ def simulate(
     """  # noqa: D301
     import numpy as np
 
+    from planner.cli.desired import load_joints, refused_models, repeats, starts_of
+    from planner.cli.models import model_words, verdict_document
     from planner.exceptions import InvalidFile
     from planner.files.paths import write_joint_path
     from planner.model.evidence import untested_words
     from planner.model.response import simulate as simulate_joint
-    from planner.run.desired import load_joints, refused_models, repeats, starts_of
-    from planner.run.models import model_words, verdict_document
 
     given = load_joints(requests, run)
     path = None if desired is None else _desired(desired, given)

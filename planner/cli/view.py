@@ -15,9 +15,9 @@ from planner.cli.console import summarise
 
 if TYPE_CHECKING:
     from kinematics.scene import Scene
+    from planner.cli.desired import Desired
     from planner.cli.settings import Method, Run
     from planner.report.scene import Motion
-    from planner.run.desired import Desired
     from planner.trajectory import Array
 
 
@@ -57,11 +57,11 @@ def view(
         request-planner view foot.csv --leg reference --unreachable clamp --html walk.html
     """  # noqa: D301
     from kinematics.scene import Scene
+    from planner.cli.desired import find_leg, leg_title
+    from planner.cli.models import model_words
+    from planner.cli.planning import load, plan_of, prepare
+    from planner.cli.run_file import shown_motions
     from planner.report.scene import import_meshcat
-    from planner.run.desired import find_leg, leg_title
-    from planner.run.models import model_words
-    from planner.run.outputs import shown_motions
-    from planner.run.run import load, prepare
 
     if find_leg(run.leg) is None:
         raise click.UsageError("name the leg with --leg.")
@@ -80,7 +80,7 @@ def view(
         )
     if requests is None:
         method = method or ("optimal" if desired.foot is None else "foot-optimal")
-        plan = prepare(replace(run, plan=replace(run.plan, method=method))).plan()
+        plan = plan_of(prepare(replace(run, plan=replace(run.plan, method=method))))
         planned, loads = plan.predicted, plan.task.load
     else:
         planned, loads = _angles_under(requests, desired, cyclic=cyclic)

@@ -266,7 +266,7 @@ def _held(folder):
 def test_an_output_that_cannot_be_written_is_refused_before_anything_is_computed(
     run, desired, monkeypatch, place
 ):
-    monkeypatch.setattr("planner.run.run.plan_of", None)
+    monkeypatch.setattr("planner.cli.planning.plan_of", None)
     result = run("plan", desired, place, "nowhere/file")
     assert result.exit_code == 2
     assert "nowhere/file: cannot be written (no such file or directory)" in result.stderr

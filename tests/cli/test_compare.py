@@ -45,7 +45,7 @@ def asked(answered, monkeypatch, request):
         last.update(arguments, model=model, angles=angles, check=answered[question])
         return answered[question]
 
-    monkeypatch.setattr("planner.run.comparison.cross_check", kept)
+    monkeypatch.setattr("planner.cli.comparison.cross_check", kept)
     return last
 
 

@@ -15,10 +15,10 @@ import pytest
 
 from planner import JointModel, LogOptions, read_logs, simulate
 from planner.cli import settings
+from planner.cli.replay.dataset import decoded, encoded, replay_episode
+from planner.cli.replay.task import tasks_of
 from planner.files.logs.recordings import recordings_in
 from planner.files.staging import list_files
-from planner.run.replay.many import decoded, encoded, replay_episode
-from planner.run.replay.replay import tasks_of
 
 SERVO = JointModel(v_max=4.0, theta_0=0.2, lag=0.03, acceleration_time=0.05, tick=0.005, hold=4)
 RATE = 30
@@ -385,14 +385,14 @@ def never_replayed(monkeypatch):
     def planned(*_):
         raise AssertionError("planned again")
 
-    monkeypatch.setattr("planner.run.replay.replay.tasks_of", planned)
+    monkeypatch.setattr("planner.cli.replay.task.tasks_of", planned)
 
 
 @pytest.mark.usefixtures("in_this_process")
 def test_a_replay_that_is_complete_is_not_computed_again(run, dataset, model, never_replayed):  # noqa: ARG001
     words = ("replay", dataset, *UNITS, "--model", model, "--as", "lerobot", "-o", "planned")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("planner.run.replay.replay.tasks_of", tasks_of)
+        patch.setattr("planner.cli.replay.task.tasks_of", tasks_of)
         first = run(*words, "--workers", 1, "--json")
     assert first.exit_code == 0, first.stderr
     (dataset.parent / ".planned.results").mkdir()  # killed between writing and tidying up

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 import planner
+from planner.cli.run_file import read_run
 from planner.exceptions import MissingExtra
 from planner.files.paths import read_joint_path
 from planner.model.joint import JointModel
-from planner.run.run import read_run
 
 SAME = 1e-10
 """Files carry 12 decimals of a degree; a joint's answer does not magnify that much [rad]."""
@@ -84,7 +84,7 @@ def test_the_same_file_makes_the_same_bytes(run, write, desired, tmp_path):
 
 
 def test_check_computes_and_writes_nothing(run, write, template, tmp_path, monkeypatch):
-    monkeypatch.setattr("planner.run.run.plan_of", None)
+    monkeypatch.setattr("planner.cli.planning.plan_of", None)
     result = run("run", write(template), "--check", "--out", "out")
     assert result.exit_code == 0
     assert result.stderr == (
@@ -322,7 +322,7 @@ def test_a_package_that_is_missing_is_reported_before_anything_is_planned(
     for loaded in [name for name in sys.modules if name.startswith(f"{package}.")]:
         monkeypatch.delitem(sys.modules, loaded)  # by another test; they would do without it
     monkeypatch.setitem(sys.modules, package, None)
-    monkeypatch.setattr("planner.run.run.plan_of", None)
+    monkeypatch.setattr("planner.cli.planning.plan_of", None)
     (tmp_path / "it.toml").write_text(
         f'[path]\nfile = "{desired.name}"\n[[export]]\nformat = "{kind}"\nfile = "out"\n'
     )

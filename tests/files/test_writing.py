@@ -15,7 +15,7 @@ from planner.exceptions import InvalidFile
 from planner.files import staging
 from planner.files.staging import list_files, output_folder, staged
 from planner.files.text import read_text, write_text
-from tests.run.work import at_work_on
+from tests.parallel.work import at_work_on
 
 
 def _run(folder, name="a.csv", content="1"):

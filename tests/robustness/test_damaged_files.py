@@ -14,9 +14,9 @@ from hypothesis import strategies as st
 
 from kinematics import KinematicsError, Leg, urdf_path
 from planner import InvalidInput, read_logs
+from planner.cli.run_file import read_run
 from planner.files.joint_model import read_model_file
 from planner.files.paths import read_foot_path, read_joint_path
-from planner.run.run import read_run
 
 JOINTS = "t_s,hip_deg,knee_deg\n" + "".join(f"{0.008 * k:.3f},{k},{-k}\n" for k in range(9))
 FOOT = "x_m,y_m,z_m\n" + "".join(f"{0.01 * k:.2f},0.02,-0.1\n" for k in range(9))

@@ -14,12 +14,12 @@ from planner.cli.console import Progress, deliver, remark, warn
 from planner.cli.identify import log_options, to_log_options
 
 if TYPE_CHECKING:
+    from planner.cli.replay.dataset import Replayed
+    from planner.cli.replay.task import ReplayTask
     from planner.cli.settings import Replay as ReplaySettings
     from planner.cli.settings import Run
     from planner.parallel import Engine
     from planner.recording.replaying import Replay
-    from planner.run.replay.many import Replayed
-    from planner.run.replay.replay import ReplayTask
 
 
 @click.command()
@@ -98,11 +98,11 @@ def replay(
         request-planner replay my_dataset --episodes 0-9 --unit deg --model arm.toml --speed 1.5 \\
             --as lerobot -o planned_dataset
     """  # noqa: D301
+    from planner.cli.replay.dataset import replayed_before
+    from planner.cli.replay.files import check_writing
+    from planner.cli.replay.task import tasks_of
     from planner.files.logs.recordings import recordings_in
     from planner.parallel import engine_of
-    from planner.run.replay.files import check_writing
-    from planner.run.replay.many import replayed_before
-    from planner.run.replay.replay import tasks_of
 
     options.check_parallel(workers, scheduler)
     recordings = recordings_in(logs, to_log_options({**choices, "joint": "all"}))
@@ -128,8 +128,8 @@ def replay(
 
 def _replay_one(task: ReplayTask, *, output: str, report: str | None, as_json: bool) -> None:
     """Plan one recording, and write it."""
+    from planner.cli.replay.task import document, fastest_document, missed, replay_report, summary
     from planner.files.staging import staged
-    from planner.run.replay.replay import document, fastest_document, missed, replay_report, summary
 
     found = None
     with Progress() as progress:
@@ -157,8 +157,8 @@ def _replay_all(
     tasks: Sequence[ReplayTask], engine: Engine, *, output: str, resume: bool
 ) -> Replayed:
     """Plan every recording into one dataset; those that fail are left out."""
-    from planner.run.replay.files import left_out
-    from planner.run.replay.many import replay_many
+    from planner.cli.replay.dataset import replay_many
+    from planner.cli.replay.files import left_out
 
     with Progress(count=len(tasks)) as progress:
         made = replay_many(
@@ -173,8 +173,8 @@ def _say_all(
     made: Replayed, logs: Sequence[str], *, output: str, report: str | None, as_json: bool
 ) -> None:
     """Say what the plans of many recordings promise, and list those that are left out last."""
+    from planner.cli.replay.dataset import episodes_report, episodes_text
     from planner.files.staging import staged
-    from planner.run.replay.many import episodes_report, episodes_text
 
     said = made.document
     if made.nothing_missing:
@@ -199,8 +199,8 @@ def _say_all(
 
 def _write(output: str, task: ReplayTask, made: Replay) -> None:
     """Write one recording's requests."""
+    from planner.cli.replay.files import lerobot_layout, lerobot_rows, write_replay
     from planner.files.exports.lerobot import lerobot_dataset
-    from planner.run.replay.files import lerobot_layout, lerobot_rows, write_replay
 
     if task.replay.write_as != "lerobot":
         write_replay(output, made, task.replay.write_as)
@@ -214,8 +214,8 @@ def _check_output(replay: ReplaySettings, output: str) -> None:
 
     A folder and the results beside it are this command's until it ends.
     """
+    from planner.cli.replay.files import FOLDERS
     from planner.files.staging import check_folder, check_writable, claimed
-    from planner.run.replay.files import FOLDERS
 
     if replay.write_as in FOLDERS:
         check_folder(output)

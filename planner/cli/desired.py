@@ -13,6 +13,7 @@ import numpy as np
 
 from planner.cli import settings
 from planner.cli.faults import BadSetting, Key, Remark
+from planner.cli.models import beside, check_joints, models_of
 from planner.exceptions import ANGLE_UNIT, JOINT_UNITS, InvalidFile
 from planner.files.paths import (
     FootPath,
@@ -26,7 +27,6 @@ from planner.files.paths import (
 from planner.files.units import LEAST_DEG, SHARES
 from planner.model.evidence import refusal
 from planner.model.joint import JointModel
-from planner.run.models import beside, check_joints, models_of
 
 if TYPE_CHECKING:
     from kinematics import Leg

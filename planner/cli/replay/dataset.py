@@ -14,6 +14,9 @@ from typing import Any
 import numpy as np
 
 from planner.cli import settings
+from planner.cli.desired import find_leg
+from planner.cli.replay.files import lerobot_layout, lerobot_rows
+from planner.cli.replay.task import RESENT, UNITS, ReplayTask, known
 from planner.exceptions import PlannerError
 from planner.files.exports.lerobot import Layout, lerobot_dataset
 from planner.files.logs.recordings import Recording
@@ -23,9 +26,6 @@ from planner.planning.error_norm import error_norm
 from planner.recording.recorded_path import WHY
 from planner.recording.replaying import Replay
 from planner.report.table import number, text_table
-from planner.run.desired import find_leg
-from planner.run.replay.files import lerobot_layout, lerobot_rows
-from planner.run.replay.replay import RESENT, UNITS, ReplayTask, known
 from planner.trajectory import Array
 
 HEAD = "head"
@@ -119,7 +119,7 @@ def replay_many(
         document = episodes_document(figures, failed, first_task)
         if not failed:
             every = [each.recording for each in recordings]
-            document |= made_from(_origin(first_task.given, first_task.replay, every))
+            document |= made_from(_origin(first_task.given, first_task.replay, every), document)
         about[ABOUT] = to_json(document)
     if failed:
         return Replayed(document, kept=results.folder)

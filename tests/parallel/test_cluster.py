@@ -20,8 +20,8 @@ from planner import JointModel, parallel, simulate
 from planner.files.exports.lerobot import Layout, lerobot_dataset
 from planner.files.staging import list_files
 from planner.parallel import Results, SchedulerLost
-from tests.run import work
-from tests.run.test_parallel import run
+from tests.parallel import work
+from tests.parallel.test_parallel import run
 
 pytestmark = pytest.mark.usefixtures("importable")
 

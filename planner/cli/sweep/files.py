@@ -7,18 +7,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from planner.cli.declared import flat
+from planner.cli.desired import leg_title
+from planner.cli.sweep.space import origin
 from planner.files.staging import MANIFEST, list_files
 from planner.files.table import csv_text
 from planner.files.text import to_json, write_text
 from planner.parallel import made_from
 from planner.report.page import linked_files, versions
 from planner.report.sweep import missed, points_table, sweep_page, verdict
-from planner.run.desired import leg_title
-from planner.run.sweep.space import origin
 
 if TYPE_CHECKING:
+    from planner.cli.sweep.space import Space
     from planner.report.sweep import Outcome, Swept
-    from planner.run.sweep.space import Space
 
 MOST_SHOWN = 10
 """Reasons that are printed, of points without a plan."""
@@ -73,7 +73,7 @@ def write_sweep(folder: Path, space: Space, swept: Swept) -> dict[str, Any]:
     write_text(page, html)
     document = {
         "made_by": "request-planner sweep",
-        **made_from(origin(space)),
+        "made_from": "",
         "verdict": verdict(swept),
         "missed": missed(swept) or None,
         "settings": flat(run),
@@ -84,6 +84,7 @@ def write_sweep(folder: Path, space: Space, swept: Swept) -> dict[str, Any]:
         "versions": versions(),
         "files": list_files(folder),
     }
+    document |= made_from(origin(space), document)
     write_text(folder / MANIFEST, to_json(document))
     return document
 

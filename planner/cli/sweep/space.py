@@ -16,15 +16,16 @@ import numpy as np
 
 from kinematics.exceptions import KinematicsError
 from planner.cli.declared import About, Count, Positive, Range, Settings, Unfit, Values, understand
+from planner.cli.desired import find_leg, load_leg, refused_models
 from planner.cli.faults import BadSetting, Key, Remark
+from planner.cli.models import beside, models_of
+from planner.cli.planning import prepare
+from planner.cli.run_file import RunFile, speaking_of
 from planner.cli.settings import Run
 from planner.exceptions import MissingExtra, PlannerError
 from planner.files.paths import is_foot_path, path_table
 from planner.files.toml import Toml, read_toml
 from planner.report.sweep import Point, Requirement
-from planner.run.desired import find_leg, load_leg, refused_models
-from planner.run.models import beside, models_of
-from planner.run.run import RunFile, prepare, speaking_of
 
 
 class Parameters(Settings):

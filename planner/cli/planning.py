@@ -1,25 +1,34 @@
-"""From settings to a task and its plan, checked before it is handed over."""
+"""From settings to a task and its plan, which is checked before it is handed over."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from planner.cli import settings
+from planner.cli.desired import (
+    Desired,
+    LegPlace,
+    Limits,
+    desired_of,
+    find_leg,
+    limits_of,
+    load_leg,
+    starts_of,
+)
 from planner.cli.faults import BadSetting, FailedCheck, Key
+from planner.cli.loads import Load, load_of, unused
+from planner.cli.models import model_words
 from planner.model.drawn_models import has_intervals
 from planner.planning.arguments import checked_leg, limits_of_each
 from planner.planning.error_norm import error_norm
 from planner.planning.inversion import planned
 from planner.planning.plan import Method, Plan
 from planner.planning.task import Task
-from planner.run.desired import Desired, Limits
-from planner.run.load import Load
-from planner.run.models import model_words
 from planner.trajectory import index_of_largest
 
 if TYPE_CHECKING:
@@ -35,6 +44,56 @@ CORE_METHODS: Mapping[settings.Method, Method] = {
     "foot-optimal": "optimal",
 }
 """How the core calls the methods: a foot is optimised."""
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A plan, ready to be computed.
+
+    Attributes:
+        settings: What the user has set, and defaults.
+        place: Where the leg is described; None where there is none.
+        desired: What every joint should do.
+        limits: Limits of the requests [rad].
+        starts: Where joints rest before [rad].
+        load: What the joints carry, where that is asked for.
+        folder: The folder from which files are named; "" is the working directory.
+    """
+
+    settings: settings.Run
+    place: LegPlace | None
+    desired: Desired
+    limits: Limits
+    starts: Mapping[str, float]
+    load: Load | None = None
+    folder: str = ""
+
+
+def prepare(run: settings.Run, folder: str = "") -> Prepared:
+    """Load what the settings name, and check that the method can plan for it.
+
+    Args:
+        run: The settings.
+        folder: The folder from which files are named.
+
+    Raises:
+        BadSetting: Settings contradict each other or do not suffice.
+        InvalidFile: A file is not what it should be.
+        KinematicsError: The leg cannot be made, or cannot reach the path.
+    """
+    prepared = load(run, folder)
+    check_settings(run, prepared.desired)
+    return prepared
+
+
+def load(run: settings.Run, folder: str = "") -> Prepared:
+    """Load what the settings name, whatever the method; see :func:`prepare`."""
+    place = find_leg(run.leg, folder)
+    desired = desired_of(run, load_leg(place), folder)
+    desired = replace(desired, remarks=(*desired.remarks, *unused(run.plan, desired)))
+    starts = starts_of(run.start, desired.names, cyclic=desired.cyclic)
+    limits, carried = limits_of(run.limits, desired), load_of(run.plan, desired)
+    return Prepared(run, place, desired, limits, starts, carried, folder)
 
 
 def check_settings(run: settings.Run, desired: Desired) -> None:
@@ -81,23 +140,15 @@ def _check_intervals(run: settings.Run, desired: Desired) -> None:
 
 
 def plan_of(
-    run: settings.Run,
-    desired: Desired,
-    limits: Limits,
-    starts: Mapping[str, float],
-    *,
-    load: Load | None = None,
+    prepared: Prepared,
     progress: Callable[[str], None] = lambda _: None,
+    *,
     bounded: bool = True,
 ) -> Plan:
     """Plan by the chosen method, and check the plan before it is handed over.
 
     Args:
-        run: The settings.
-        desired: What the joints or the foot should do.
-        limits: Limits of the requests [rad].
-        starts: Where joints rest before [rad].
-        load: What the joints carry.
+        prepared: The settings, and what they name.
         progress: Called with the name of each part before it is planned.
         bounded: Whether to compute the lower bound of a plan for the foot, too, which takes longer.
 
@@ -109,13 +160,14 @@ def plan_of(
         FailedCheck: The plan failed a check.
         PlannerError: There is none.
     """
+    run, desired, limits = prepared.settings, prepared.desired, prepared.limits
     given = run.plan
     if given.method == "foot-optimal":
         progress("the foot")
     with desired.units_in_messages():
         made = planned(
-            task_of(given, desired, limits, starts, load=load),
-            load=load,
+            task_of(prepared),
+            load=prepared.load,
             method=CORE_METHODS[given.method],
             solver=given.solver or "gauss-newton",
             lines={"segments": given.segments, "rule": given.rule or "paper"},
@@ -205,35 +257,25 @@ def options_of(
     }
 
 
-def task_of(
-    given: settings.Plan,
-    desired: Desired,
-    limits: Limits,
-    starts: Mapping[str, float],
-    *,
-    load: Load | None = None,
-) -> Task:
+def task_of(prepared: Prepared) -> Task:
     """What the settings ask of a plan; the torques of a load of the pose are not in it.
-
-    Args:
-        given: Method and options.
-        desired: What the joints or the foot should do.
-        limits: Limits of the requests [rad].
-        starts: Where joints rest before [rad].
-        load: What the joints carry.
 
     Raises:
         PlannerError: They do not fit together.
     """
+    given, desired, limits = prepared.settings.plan, prepared.desired, prepared.limits
     options = options_of(given, desired.period)
-    options |= {"cyclic": desired.cyclic, "load": None if callable(load) else load}
+    options |= {
+        "cyclic": desired.cyclic,
+        "load": None if callable(prepared.load) else prepared.load,
+    }
     if given.method == "foot-optimal":
         assert desired.foot is not None, "this method plans for a foot path"
         lower, upper = zip(*(limits[name] for name in desired.names), strict=True)
         options |= {"weights": given.weights or (1.0, 1.0, 1.0), "limits": (lower, upper)}
         return Task.of(desired.models, desired.foot, leg=checked_leg(desired.leg), **options)
     if given.method != "closed-form":  # which knows no limits
-        options |= {"limits": limits, "start": starts}
+        options |= {"limits": limits, "start": prepared.starts}
     return Task.of(desired.models, desired.angles, names=desired.names, **options)
 
 

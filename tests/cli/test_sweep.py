@@ -13,13 +13,13 @@ import pytest
 
 import planner
 from planner.cli.settings import HalfEllipse
+from planner.cli.sweep.search import evaluate, sweep, walking_speed
+from planner.cli.sweep.space import number_of_points, read_sweep
 from planner.exceptions import InvalidFile
 from planner.files.paths import write_joint_path
 from planner.parallel import Engine, Results
 from planner.report.sweep import Outcome, Requirement, Swept, verdict
-from planner.run.sweep.space import number_of_points, read_sweep
-from planner.run.sweep.sweep import evaluate, sweep, walking_speed
-from tests.run.work import InThisProcess, at_work_on
+from tests.parallel.work import InThisProcess, at_work_on
 
 GAIT = """
 [leg]
@@ -191,10 +191,9 @@ def test_what_is_wrong_with_a_sweep_is_said_with_its_line(text, line, message, t
     assert caught.value.line == line
 
 
-def test_the_command_of_a_point_gives_its_error(tmp_path, monkeypatch, cli_run):
-    monkeypatch.chdir(tmp_path)
+def test_the_command_of_a_point_gives_its_error(tmp_path, run):
     (tmp_path / "gaits.toml").write_text(GAIT + "length = [0.02, 0.03]\nperiod_s = [0.4, 0.6]\n")
-    result = cli_run("sweep", "gaits.toml", "--json", "--workers", "1")
+    result = run("sweep", "gaits.toml", "--json", "--workers", "1")
     assert result.exit_code == 0, result.stderr
     document = json.loads(result.stdout)
     with (tmp_path / "gaits" / "points.csv").open() as stream:
@@ -202,7 +201,7 @@ def test_the_command_of_a_point_gives_its_error(tmp_path, monkeypatch, cli_run):
     assert [int(row["point"]) for row in table.values() if row["on_front"] == "True"]
     assert len(document["commands"]) == len(document["front"]) >= 2
     for number, command in document["commands"].items():
-        again = cli_run(*shlex.split(command)[1:], "--json")
+        again = run(*shlex.split(command)[1:], "--json")
         assert again.exit_code == 0, again.stderr
         found = json.loads(again.stdout)["foot"]["rms_cm"]
         assert found == pytest.approx(float(table[int(number)]["error_cm"]), rel=1e-12)
@@ -211,20 +210,18 @@ def test_the_command_of_a_point_gives_its_error(tmp_path, monkeypatch, cli_run):
 
 
 @pytest.mark.usefixtures("in_this_process")
-def test_a_sweep_that_is_complete_is_not_planned_again(tmp_path, monkeypatch, cli_run):
-    monkeypatch.chdir(tmp_path)
+def test_a_sweep_that_is_complete_is_not_planned_again(tmp_path, monkeypatch, run):
     (tmp_path / "gaits.toml").write_text(GAIT + "length = [0.02, 0.03]\n")
-    first = cli_run("sweep", "gaits.toml", "--json", "--workers", "1")
-    monkeypatch.setattr("planner.run.sweep.sweep.sweep", None)
-    again = cli_run("sweep", "gaits.toml", "--json", "--resume")
+    first = run("sweep", "gaits.toml", "--json", "--workers", "1")
+    monkeypatch.setattr("planner.cli.sweep.search.sweep", None)
+    again = run("sweep", "gaits.toml", "--json", "--resume")
     assert "nothing is missing: gaits holds all 2 points" in again.stderr
     assert (again.exit_code, again.stdout) == (0, first.stdout)
 
 
 @pytest.mark.usefixtures("in_this_process")
-def test_a_sweep_is_resumed_whatever_has_become_of_its_files(tmp_path, monkeypatch, cli_run):
+def test_a_sweep_is_resumed_whatever_has_become_of_its_files(tmp_path, monkeypatch, run):
     """A kept result that is damaged, what a killed repeat left, and a damaged answer."""
-    monkeypatch.chdir(tmp_path)
     (tmp_path / "gaits.toml").write_text(GAIT + "length = [0.02, 0.03]\n")
     words = ("sweep", "gaits.toml", "--json", "--resume", "--workers", "1")
 
@@ -232,47 +229,45 @@ def test_a_sweep_is_resumed_whatever_has_become_of_its_files(tmp_path, monkeypat
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr("planner.run.sweep.files.write_sweep", killed)
-        assert cli_run(*words).exit_code == 130
+        patch.setattr("planner.cli.sweep.files.write_sweep", killed)
+        assert run(*words).exit_code == 130
     left = tmp_path / ".gaits.results"
     for kept, damage in zip(sorted(left.glob("??/*")), (b"", b"{}"), strict=True):
         kept.write_bytes(damage)
-    first = cli_run(*words)
+    first = run(*words)
     assert (first.exit_code, first.stderr.count("Traceback")) == (0, 0)
     answer = tmp_path / "gaits" / "results.json"
     answer.write_text(answer.read_text().replace('"points"', '"joints"'))
-    again = cli_run(*words)
+    again = run(*words)
     assert (again.exit_code, again.stdout) == (0, first.stdout)
     assert "nothing is missing" not in again.stderr
     left.mkdir()
-    assert "nothing is missing" in cli_run(*words).stderr
+    assert "nothing is missing" in run(*words).stderr
     assert sorted(file.name for file in tmp_path.iterdir()) == ["gaits", "gaits.toml"]
 
 
 @pytest.mark.usefixtures("in_this_process")
-def test_a_sweep_at_work_is_left_alone_by_another_one(tmp_path, monkeypatch, cli_run):
-    monkeypatch.chdir(tmp_path)
+def test_a_sweep_at_work_is_left_alone_by_another_one(tmp_path, run):
     (tmp_path / "gaits.toml").write_text(GAIT + "length = [0.02, 0.03]\n")
     with at_work_on(tmp_path / "gaits"):
         Results(tmp_path / "gaits", {"of": "the other"})
         before = {file: file.stat().st_mtime_ns for file in tmp_path.rglob("*")}
         for more in ((), ("--resume",), ("--at", "length=0.02", "--out", "gaits")):
-            second = cli_run("sweep", "gaits.toml", "--workers", "1", *more)
+            second = run("sweep", "gaits.toml", "--workers", "1", *more)
             assert (second.exit_code, second.stdout) == (2, "")
             assert second.stderr == (
                 "request-planner: gaits: another command is at work on it; wait until that has "
                 "ended, or choose another folder\n"
             )
         assert {file: file.stat().st_mtime_ns for file in tmp_path.rglob("*")} == before
-    assert cli_run("sweep", "gaits.toml", "--workers", "1").exit_code == 0
+    assert run("sweep", "gaits.toml", "--workers", "1").exit_code == 0
 
 
 @pytest.mark.usefixtures("in_this_process")
-def test_a_parquet_has_the_table_of_the_csv(tmp_path, monkeypatch, cli_run):
+def test_a_parquet_has_the_table_of_the_csv(tmp_path, run):
     parquet = pytest.importorskip("pyarrow.parquet", reason="needs the extra parquet")
-    monkeypatch.chdir(tmp_path)
     (tmp_path / "gaits.toml").write_text(GAIT + "length = [0.02, 0.2]\n")
-    assert cli_run("sweep", "gaits.toml", "--workers", "1", "--out", "made").exit_code == 0
+    assert run("sweep", "gaits.toml", "--workers", "1", "--out", "made").exit_code == 0
     made = parquet.read_table(tmp_path / "made" / "points.parquet").to_pylist()
     with (tmp_path / "made" / "points.csv").open() as stream:
         rows = list(csv.DictReader(stream))

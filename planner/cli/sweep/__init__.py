@@ -12,7 +12,7 @@ from planner.cli import options, types
 from planner.cli.console import Progress, print_json, remark, summarise
 
 if TYPE_CHECKING:
-    from planner.run.sweep.space import Space
+    from planner.cli.sweep.space import Space
 
 HEADING = (
     "A sweep of request-planner: `request-planner sweep FILE` carries it out.",
@@ -60,8 +60,8 @@ def sweep(
     """  # noqa: D301
     if template:
         from planner.cli.declared import template as template_of
+        from planner.cli.sweep.space import Sweep
         from planner.files.text import STANDARD_STREAM, write_text
-        from planner.run.sweep.space import Sweep
 
         write_text(STANDARD_STREAM, template_of(Sweep, HEADING))
         return
@@ -70,7 +70,7 @@ def sweep(
     options.check_parallel(workers, scheduler)
     if file == "-":
         raise click.UsageError("a sweep is read from a file: the commands that it shows name it.")
-    from planner.run.sweep.space import point_of, read_sweep
+    from planner.cli.sweep.space import point_of, read_sweep
 
     space = read_sweep(file)
     named = out or (space.settings.out and str(Path(file).parent / space.settings.out))
@@ -97,11 +97,11 @@ def _carry_out(
     as_json: bool,
 ) -> None:
     """Plan all points, and write the folder of the results."""
+    from planner.cli.sweep.files import summary, write_sweep
+    from planner.cli.sweep.search import sweep
+    from planner.cli.sweep.space import identity, number_of_points, origin
     from planner.files.staging import MANIFEST, check_folder, claimed, output_folder
     from planner.parallel import Results, engine_of, finished
-    from planner.run.sweep.files import summary, write_sweep
-    from planner.run.sweep.space import identity, number_of_points, origin
-    from planner.run.sweep.sweep import sweep
 
     check_folder(out)
     click.get_current_context().with_resource(claimed(out))

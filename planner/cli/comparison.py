@@ -14,8 +14,8 @@ from planner.report.matplotlib_figure import to_png, to_svg
 
 if TYPE_CHECKING:
     from kinematics import Leg
-    from planner.run.desired import Desired, Limits
-    from planner.run.run import Prepared
+    from planner.cli.desired import Desired, Limits
+    from planner.cli.planning import Prepared
 
 
 def steps_of(desired: Desired) -> list[str]:

@@ -12,7 +12,7 @@ import pytest
 from planner import parallel
 from planner.exceptions import InvalidInput
 from planner.parallel import Results, Task, carry_out, engine_of, outcomes
-from tests.run import work
+from tests.parallel import work
 
 pytestmark = pytest.mark.usefixtures("importable")
 
@@ -177,7 +177,7 @@ def test_the_tasks_in_flight_do_not_grow_with_their_number():
 def test_a_command_that_is_killed_loses_nothing_and_leaves_no_process(finished, tmp_path, results):
     """Kill -9 once some results are there. Its workers hold the pipe that is read to its end."""
     output, folder = tmp_path / "killed", tmp_path / ".killed.results"
-    command = [sys.executable, "-P", "-m", "tests.run.work", output]
+    command = [sys.executable, "-P", "-m", "tests.parallel.work", output]
     killed = subprocess.run([*command, str(finished)], capture_output=True, check=False)
     assert killed.returncode == -signal.SIGKILL
     before = {name: (folder / name).stat().st_mtime_ns for name in work.held(folder)}

@@ -1,34 +1,177 @@
-"""What a run writes into its folder."""
+"""A run file: read with all that it names, checked before anything is computed, and carried out."""
 
 from __future__ import annotations
 
-from pathlib import Path
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Any
 
+from kinematics.exceptions import KinematicsError
 from kinematics.scene import Scene
-from planner.cli.declared import flat
+from planner.cli import settings
+from planner.cli.answer import document, plan_report
+from planner.cli.comparison import comparison_of, write_picture
+from planner.cli.declared import flat, understand
+from planner.cli.desired import check_angles
+from planner.cli.faults import BadSetting, FailedCheck, Key, as_key
+from planner.cli.planning import Prepared, misses, prepare
+from planner.cli.rows import (
+    check_export,
+    check_rows,
+    rows_document,
+    rows_of,
+    rows_summary,
+    write_rows,
+)
+from planner.exceptions import InvalidFile, InvalidInput, PlannerError
 from planner.files.paths import write_foot_path, write_joint_path
 from planner.files.staging import MANIFEST, list_files
 from planner.files.text import to_json, write_text
+from planner.files.toml import Toml, read_toml
 from planner.model.response import simulate_joints
+from planner.planning.plan import Plan
 from planner.report.comparison_tables import verdict_line
 from planner.report.page import versions
 from planner.report.scene import Motion, motions, scene_page
 from planner.robot.schedule import Schedule
-from planner.run.comparison import comparison_of, write_picture
-from planner.run.export import rows_document, rows_of, rows_summary, write_rows
-from planner.run.pages import plan_report
-from planner.run.plan import misses
-from planner.run.plan_answer import document
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from kinematics import Leg
-    from planner.planning.plan import Plan
-    from planner.run.desired import Desired
-    from planner.run.run import RunFile
+    from planner.cli.desired import Desired
     from planner.trajectory import Array
+
+COMPARISON = ("comparison.json", "comparison.png", "comparison.svg")
+"""Files of a comparison."""
+
+WRITTEN = ("requests", "angles", "desired", "foot", "report", "scene")
+"""Keys of [output] that name a file."""
+
+ARGUMENTS = {
+    "unreachable='nearest'": as_key(Key("leg.unreachable", "nearest")),
+    "cyclic=False": as_key(Key("plan.cyclic", False)),
+}
+"""Arguments that messages of the library advise, as they are called in a run file."""
+
+
+@dataclass(frozen=True)
+class RunFile:
+    """A run file, understood and with all that it names.
+
+    Attributes:
+        file: The file.
+        prepared: The plan that it asks for.
+    """
+
+    file: Toml
+    prepared: Prepared
+
+    @property
+    def settings(self) -> settings.Run:
+        """What the file sets, and defaults."""
+        return self.prepared.settings
+
+
+def read_run(path: str) -> RunFile:
+    """Read a run file, or standard input for ``-``, and whatever it names.
+
+    Raises:
+        InvalidFile: Something is wrong with it; the message says where.
+        KinematicsError: The leg cannot be made, or cannot reach the path.
+    """
+    file = read_toml(path, example='method = "optimal"')
+    run = understand(file, settings.Run)
+    with speaking_of(file):
+        for number, export in enumerate(run.export):
+            with _in_export(number):
+                check_export(export)
+        _check_names(run)
+        prepared = prepare(run, str(Path(path).parent))
+        _check_outputs(prepared)
+    return RunFile(file, prepared)
+
+
+@contextmanager
+def speaking_of(file: Toml) -> Iterator[None]:
+    """Say of keys of a file, with their line, what is wrong with settings inside the block.
+
+    Raises:
+        InvalidFile: Settings do not go together.
+    """
+    try:
+        yield
+    except BadSetting as error:
+        lines = (file.line_of(key.place) for key in error.keys)
+        line = next((line for line in lines if line is not None), None)
+        raise InvalidFile(file.path, str(error), line=line) from error
+    except FailedCheck as error:
+        raise PlannerError(str(error)) from error
+    except (PlannerError, KinematicsError) as error:
+        message = str(error)
+        for argument, key in ARGUMENTS.items():
+            message = message.replace(argument, key)
+        error.args = (message,)
+        raise
+
+
+@contextmanager
+def _in_export(number: int) -> Iterator[None]:
+    """Say of which export it is what is wrong with one inside the block."""
+    place = f"export[{number}]"
+    try:
+        yield
+    except BadSetting as error:
+        parts = (
+            replace(part, name=part.name.replace("export", place, 1))
+            if isinstance(part, Key)
+            else part
+            for part in error.parts
+        )
+        raise BadSetting(*parts) from error
+    except InvalidInput as error:
+        raise BadSetting(Key(place), f": {error}") from error
+
+
+def _check_names(run: settings.Run) -> None:
+    """Make sure that no two files of the folder have one name, or one inside the other."""
+    taken = {PurePosixPath(MANIFEST): MANIFEST}
+    if run.output.comparison:
+        taken |= {PurePosixPath(name): "output.comparison" for name in COMPARISON}
+    named = {f"output.{key}": getattr(run.output, key) for key in WRITTEN}
+    named |= {f"export[{number}].file": each.file for number, each in enumerate(run.export)}
+    for key, name in named.items():
+        if not name:
+            continue
+        path = PurePosixPath(name.casefold())
+        for other, owner in taken.items():
+            if path == other or path in other.parents or other in path.parents:
+                raise BadSetting(
+                    Key(key), f": got '{name}', which {owner} takes; choose another name"
+                )
+        taken[path] = key
+
+
+def _check_outputs(prepared: Prepared) -> None:
+    """Refuse outputs that this path has not, and miss packages before anything is computed."""
+    run, desired = prepared.settings, prepared.desired
+    if run.output.level is not None and not run.output.comparison:
+        raise BadSetting(
+            Key("output.level"), ": has no effect without ", Key("output.comparison", True)
+        )
+    if run.output.scene:
+        if desired.leg is None or set(desired.leg.joint_names) != set(desired.names):
+            raise BadSetting(Key("output.scene"), ": needs a leg, and a path of all its joints")
+        from planner.report.scene import import_meshcat
+
+        import_meshcat()
+    if run.export or run.output.comparison:
+        check_angles(desired.names, desired.units)
+    like_them = Schedule(desired.names, desired.angles, desired.period)
+    for number, export in enumerate(run.export):
+        with _in_export(number):
+            rows, _ = rows_of(export, like_them)
+            check_rows(export, rows)
 
 
 def write_run(

@@ -14,10 +14,10 @@ from planner.trajectory import Array
 if TYPE_CHECKING:
     from kinematics import Leg
     from planner.cli import settings
+    from planner.cli.desired import Desired
     from planner.model.joint import JointModel
     from planner.planning.load_of_pose import LoadOfPose
     from planner.recording.recorded_path import RecordedPath
-    from planner.run.desired import Desired
 
 Load = Array | Callable[[Array], Array]
 """Torques [N m], shape (n, k), or those in poses [rad], shape (n, k)."""

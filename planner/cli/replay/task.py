@@ -11,7 +11,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from planner.cli import settings
+from planner.cli.desired import find_leg, load_leg
 from planner.cli.faults import BadSetting, Key
+from planner.cli.loads import with_load
+from planner.cli.planning import options_of
+from planner.cli.replay.models import JointModels, joint_models
 from planner.files.logs.lerobot import find_dataset
 from planner.files.logs.recordings import Recording
 from planner.identification.grid import measured_speed
@@ -22,10 +26,6 @@ from planner.recording.recorded_path import WHY, RecordedPath, check_length, rec
 from planner.recording.replaying import JointReplay, Replay, replay_at
 from planner.recording.retiming import Fastest, Measure, fastest_at
 from planner.report.table import NOTHING, number, text_table
-from planner.run.desired import find_leg, load_leg
-from planner.run.load import with_load
-from planner.run.plan import options_of
-from planner.run.replay.models import JointModels, joint_models
 
 if TYPE_CHECKING:
     from kinematics import Leg

@@ -11,7 +11,10 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
+from planner.cli.desired import Desired, leg_title
 from planner.cli.faults import BadSetting, Key
+from planner.cli.models import model_words
+from planner.cli.planning import Prepared, plan_of, task_of
 from planner.exceptions import InvalidFile, about
 from planner.files.learning_history import LearningState, read_history, write_history
 from planner.files.paths import JOINT_UNITS, JointPath, joint_path, read_joint_path
@@ -25,12 +28,8 @@ from planner.planning.trials import Learning
 from planner.report.learning import Progress, learning_page
 from planner.report.page import linked_files
 from planner.report.table import NOTHING, text_table
-from planner.run.desired import Desired, leg_title
-from planner.run.models import model_words
-from planner.run.plan import task_of
 
 if TYPE_CHECKING:
-    from planner.run.run import Prepared
     from planner.trajectory import Array
 
 Plans = Mapping[str, Plan]
@@ -222,15 +221,20 @@ def executed_plans(
     single = given.method == "optimal" or by_joint
     method: Literal["optimal", "foot-optimal"] = "optimal" if single else "foot-optimal"
     given = replace(given, method=method, robust=None)
-    limits = {} if single else prepared.limits
-    task = task_of(given, desired, limits, prepared.starts, load=torques)
+    asked = replace(
+        prepared,
+        settings=replace(prepared.settings, plan=given),
+        limits={} if single else prepared.limits,
+        load=torques,
+    )
+    task = task_of(asked)
     task = replace(task, load_of_pose=callable(load) and task.load is not None)
     if not single:
         return {FOOT: Plan(task=task, requests=requests, method="foot_optimal")}
     lower, upper = limits_of_each(prepared.limits, desired.names)
     angles = desired.angles
     if prepared.settings.plan.method == "foot-optimal":
-        angles = prepared.plan(bounded=False).predicted  # whatever was executed since
+        angles = plan_of(prepared, bounded=False).predicted  # whatever was executed since
     task = replace(task, lower=lower, upper=upper, desired=angles)
     plan = Plan(task=task, requests=requests, solver=given.solver or "gauss-newton")
     return {name: plan.joint(j) for j, name in enumerate(desired.names)}

@@ -19,14 +19,14 @@ from typing import Any
 import numpy as np
 
 from kinematics.exceptions import KinematicsError, UnreachableFoot
+from planner.cli.planning import Prepared, plan_of, prepare
 from planner.cli.settings import HalfEllipse, Run
+from planner.cli.sweep.space import Space
 from planner.exceptions import PlannerError
 from planner.parallel import Engine, Results, Task, carry_out
 from planner.planning.error_norm import error_norm
 from planner.planning.plan import Plan
 from planner.report.sweep import Outcome, Point, Requirement, Swept
-from planner.run.run import Prepared, prepare
-from planner.run.sweep.space import Space
 from planner.trajectory import Array, index_of_largest
 
 TARGETS = 5
@@ -94,7 +94,7 @@ def evaluate(argument: tuple[dict[str, Any], str]) -> bytes:
     content, folder = argument
     try:
         prepared = prepare(Run.of(content), folder)
-        said = _measured(prepared, prepared.plan(bounded=False))
+        said = _measured(prepared, plan_of(prepared, bounded=False))
     except UnreachableFoot as error:
         said = {
             "reason": f"foot out of reach at {len(error.indices)} samples, by up to "

@@ -1,1 +1,0 @@
-"""Recordings replayed: requests that make the joints follow what was recorded."""

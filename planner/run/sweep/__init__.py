@@ -1,1 +1,0 @@
-"""Sweeps: plans over ranges of gaits or speeds, and the best of them."""
