@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import wraps
@@ -185,6 +186,16 @@ def as_option(key: Key) -> str:
     if isinstance(key.value, bool):
         return first if key.value else second
     return " ".join(str(part) for part in (first, key.value, key.joint) if part is not None)
+
+
+def by_argument() -> dict[str, str]:
+    """The options of settings by the arguments of the library that they set, in its messages."""
+    names = {}
+    for key, declared in SETTINGS.items():
+        table, _, name = key.rpartition(".")
+        argument = table if name == "deg" else re.sub("_(deg|hz|s)$", "", name)
+        names[argument.replace("_", " ")] = declared.about.option.partition("/")[0]
+    return names
 
 
 @contextmanager

@@ -90,36 +90,21 @@ ADVICE = {
 
 ARGUMENTS = {
     "amplitudes": "--amplitude-deg",
-    "base": "--base",
-    "begin": "--begin-s",
     "centre": "--centre-deg",
     "cycles": "--cycles",
     "duration": "--duration-s",
-    "end": "--end-s",
     "ends": "--start-deg, --end-deg",
     "exact": "--exact",
-    "foot": "--foot",
     "highest": "--highest-hz",
-    "joint names": "--joint-names",
     "knots": "--knot-s",
-    "lead": "--lead-s",
-    "limits": "--limits-deg",
     "locked": "--lock",
     "max_error": "--max-error",
     "max_rms": "--max-rms",
-    "near": "--near",
     "noise": "--noise-deg",
-    "rate": "--rate-hz",
     "required": "--required-s",
     "resolution": "--resolution-deg",
-    "segments": "--segments",
-    "start": "--start-deg",
-    "ticks per turn": "--ticks-per-turn",
-    "topic": "--topic",
-    "weights": "--weights",
-    "zero tick": "--zero-tick",
 }
-"""Arguments at the head of a message of the library, as options."""
+"""Arguments at the head of a message of the library, as options; those of settings are theirs."""
 
 
 class Commands(click.Group):
@@ -294,8 +279,11 @@ def _in_options(error: Exception) -> str:
     message = str(error)
     head, colon, rest = message.partition(": ")
     if colon and not isinstance(error, InvalidFile):
+        from planner.cli.options import by_argument
+
+        options = {**by_argument(), **ARGUMENTS}
         parts = re.split(r"(, | and )", head)
-        message = "".join(ARGUMENTS.get(part, part) for part in parts) + colon + rest
+        message = "".join(options.get(part, part) for part in parts) + colon + rest
     for name, option in ADVICE.items():
         message = re.sub(rf"(?<![-\w]){re.escape(name)}(?!\w)", option, message)
     return message

@@ -10,10 +10,10 @@ import re
 from pathlib import Path
 
 import pytest
+from planner.run import comparison
 
 import planner
 from planner.planning.bounds import foot_bound
-from planner.run import comparison
 from tests.docs import shell
 from tests.docs.blocks import PAGES, ROOT, blocks, prose
 from tests.docs.logs import write_logs

@@ -15,7 +15,16 @@ from typing import Annotated, Any, Literal
 import numpy as np
 
 from kinematics.exceptions import KinematicsError
-from planner.cli.declared import About, Count, Positive, Range, Settings, Unfit, Values, understand
+from planner.cli.declared import (
+    Count,
+    Positive,
+    Range,
+    Settings,
+    Unfit,
+    Values,
+    setting,
+    understand,
+)
 from planner.cli.desired import find_leg, load_leg, refused_models
 from planner.cli.faults import BadSetting, Key, Remark
 from planner.cli.models import beside, models_of
@@ -28,100 +37,65 @@ from planner.files.toml import Toml, read_toml
 from planner.report.sweep import Point, Requirement
 
 
+def _tried(about: str, *values: float, shown: bool = False) -> Any:
+    """A parameter, with values to try as an example, which a template may set."""
+    return setting(about, default=None, example=list(values), set_to=values if shown else None)
+
+
 class Parameters(Settings):
     """Values of the parameters to try, rising; cma tries any from the first to the last."""
 
-    length: Annotated[
-        Values | None,
-        About(
-            help="Gait: half of the stroke [m].",
-            example=[0.03, 0.04, 0.05],
-            set_to=(0.03, 0.04, 0.05),
-        ),
-    ] = None
-    height: Annotated[
-        Values | None, About(help="Gait: how high the foot swings [m].", example=[0.02, 0.04])
-    ] = None
-    forward: Annotated[
-        Values | None, About(help="Gait: middle before the hip [m].", example=[0.03, 0.05])
-    ] = None
-    sideways: Annotated[
-        Values | None, About(help="Gait: outward of the hip [m].", example=[0.02, 0.03])
-    ] = None
-    hip_height: Annotated[
-        Values | None, About(help="Gait: hip above ground [m].", example=[0.07, 0.09])
-    ] = None
-    ground_fraction: Annotated[
-        Values | None,
-        About(help="Gait: part of the cycle on the ground.", example=[0.5, 0.6, 0.75]),
-    ] = None
-    heading_deg: Annotated[
-        Values | None,
-        About(help="Gait: direction, from x towards y [deg].", example=[0.0, 90.0]),
-    ] = None
-    period_s: Annotated[
-        Values | None,
-        About(
-            help="Gait: duration of a cycle [s], rounded to whole requests.",
-            example=[0.5, 0.7, 0.9],
-            set_to=(0.5, 0.6, 0.7, 0.8),
-        ),
-    ] = None
-    speed: Annotated[
-        Values | None,
-        About(
-            help="A path of a file: how many times as fast to follow it.", example=[1.0, 1.5, 2.0]
-        ),
-    ] = None
-    smoothness: Annotated[
-        Values | None,
-        About(help="Any path: `smoothness` of [plan].", example=[0.0, 0.01, 0.1]),
-    ] = None
+    length: Values | None = _tried("Gait: half of the stroke [m].", 0.03, 0.04, 0.05, shown=True)
+    height: Values | None = _tried("Gait: how high the foot swings [m].", 0.02, 0.04)
+    forward: Values | None = _tried("Gait: middle before the hip [m].", 0.03, 0.05)
+    sideways: Values | None = _tried("Gait: outward of the hip [m].", 0.02, 0.03)
+    hip_height: Values | None = _tried("Gait: hip above ground [m].", 0.07, 0.09)
+    ground_fraction: Values | None = _tried(
+        "Gait: part of the cycle on the ground.", 0.5, 0.6, 0.75
+    )
+    heading_deg: Values | None = _tried("Gait: direction, from x towards y [deg].", 0.0, 90.0)
+    period_s: Values | None = _tried(
+        "Gait: duration of a cycle [s], rounded to whole requests.", 0.5, 0.6, 0.7, 0.8, shown=True
+    )
+    speed: Values | None = _tried(
+        "A path of a file: how many times as fast to follow it.", 1.0, 1.5, 2.0
+    )
+    smoothness: Values | None = _tried("Any path: `smoothness` of [plan].", 0.0, 0.01, 0.1)
 
 
 class Search(Settings):
     """What is sought, and how: without a required error or speed, all of the Pareto front."""
 
-    method: Annotated[
-        Literal["grid", "cma"],
-        About(
-            help="All combinations of the values, or a search by CMA-ES (extra 'sweep') for two "
-            "parameters or more."
-        ),
-    ] = "grid"
-    steps: Annotated[
-        Count | None,
-        About(
-            help="Method grid: so many values of each parameter, evenly from its first to its "
-            "last.",
-            otherwise="the values as they are",
-            example=5,
-        ),
-    ] = None
-    evaluations: Annotated[
-        Annotated[int, Range(ge=20, le=10**6)] | None,
-        About(help="Method cma: how many plans.", otherwise="200", example=200),
-    ] = None
-    seed: Annotated[
-        Annotated[int, Range(ge=0, le=10**9)] | None,
-        About(help="Method cma: of its random numbers.", otherwise="0", example=0),
-    ] = None
-    at_error_cm: Annotated[
-        Positive | None,
-        About(help="Seek the fastest with at most this error of the foot [cm].", example=1.0),
-    ] = None
-    at_error_deg: Annotated[
-        Positive | None,
-        About(help="The same for a path of joints: error of the worst joint [deg].", example=2.0),
-    ] = None
-    at_speed_cm_s: Annotated[
-        Positive | None,
-        About(help="Seek the least error of a gait of at least this speed [cm/s].", example=20.0),
-    ] = None
-    at_speed: Annotated[
-        Positive | None,
-        About(help="The same for the path of a file: times its own speed.", example=1.5),
-    ] = None
+    method: Literal["grid", "cma"] = setting(
+        "All combinations of the values, or a search by CMA-ES (extra 'sweep') for two parameters "
+        "or more.",
+        default="grid",
+    )
+    steps: Count | None = setting(
+        "Method grid: so many values of each parameter, evenly from its first to its last.",
+        default=None,
+        only=("grid",),
+        otherwise="the values as they are",
+        example=5,
+    )
+    evaluations: Annotated[int, Range(ge=20, le=10**6)] | None = setting(
+        "Method cma: how many plans.", default=None, only=("cma",), otherwise="200", example=200
+    )
+    seed: Annotated[int, Range(ge=0, le=10**9)] | None = setting(
+        "Method cma: of its random numbers.", default=None, only=("cma",), otherwise="0", example=0
+    )
+    at_error_cm: Positive | None = setting(
+        "Seek the fastest with at most this error of the foot [cm].", default=None, example=1.0
+    )
+    at_error_deg: Positive | None = setting(
+        "The same for a path of joints: error of the worst joint [deg].", default=None, example=2.0
+    )
+    at_speed_cm_s: Positive | None = setting(
+        "Seek the least error of a gait of at least this speed [cm/s].", default=None, example=20.0
+    )
+    at_speed: Positive | None = setting(
+        "The same for the path of a file: times its own speed.", default=None, example=1.5
+    )
     parameters: Parameters = Parameters()
 
 
@@ -184,21 +158,13 @@ class Space:
         """The run file of a point."""
         content = deepcopy(self.file.content)
         content.pop("sweep", None)
-        path = content.setdefault("path", {})
+        plan, path = content.setdefault("plan", {}), content.setdefault("path", {})
+        walk = path.setdefault("half_ellipse", {}) if self.gait else {}
         for name, value in zip(self.names, point, strict=True):
-            if name == "speed":
-                path["speed"] = value
-                continue
-            if name == "smoothness":
-                content.setdefault("plan", {})["smoothness"] = value
-                continue
-            walk = path.setdefault("half_ellipse", {})
             if name == "period_s":
                 walk["samples"] = round(value / self.period)
             else:
-                walk[name] = value
-        if self.gait:
-            path.setdefault("half_ellipse", {})
+                {"speed": path, "smoothness": plan}.get(name, walk)[name] = value
         return content
 
     def run_file(self, point: Point) -> RunFile:
@@ -284,11 +250,9 @@ def _checked(space: Space) -> Space:
             import cma  # noqa: F401
         except ImportError as error:
             raise MissingExtra("a search by CMA-ES", "sweep") from error
-    ignored = ("evaluations", "seed") if search.method == "grid" else ("steps",)
-    for name in ignored:
-        if getattr(search, name) is not None:
-            method = Key("sweep.method", search.method)
-            raise BadSetting(Key(f"sweep.{name}"), " has no effect with ", method)
+    for name in search.without_effect(search.method):
+        method = Key("sweep.method", search.method)
+        raise BadSetting(Key(f"sweep.{name}"), " has no effect with ", method)
     required = [
         f"sweep.{name}"
         for name in ("at_error_cm", "at_error_deg", "at_speed_cm_s", "at_speed")
