@@ -192,6 +192,8 @@ def by_argument() -> dict[str, str]:
     """The options of settings by the arguments of the library that they set, in its messages."""
     names = {}
     for key, declared in SETTINGS.items():
+        if key in HALF_ELLIPSE:  # "samples" are those of any path
+            continue
         table, _, name = key.rpartition(".")
         argument = table if name == "deg" else re.sub("_(deg|hz|s)$", "", name)
         names[argument.replace("_", " ")] = declared.about.option.partition("/")[0]
