@@ -16,9 +16,6 @@ from planner.model.evidence import OPEN_TOP_SPEED, unproven_gains, untested_word
 from planner.planning.error_norm import error_norm
 from planner.planning.result import ErrorsOfModels
 from planner.planning.time_shift import shifted
-from planner.report.comparison import comparison_page
-from planner.report.page import linked_files
-from planner.report.plan import plan_page
 from planner.report.plan_tables import expected_words
 from planner.report.table import NO_BOUND, NOTHING, percent, text_table
 from planner.trajectory import rms
@@ -308,6 +305,9 @@ def plan_report(
         page: Where the page will stand.
         written: Other files to link to: what each is, and where.
     """
+    from planner.report.page import linked_files
+    from planner.report.plan import plan_page
+
     run, desired = prepared.settings, prepared.desired
     return plan_page(
         plan,
@@ -326,6 +326,9 @@ def comparison_report(
     prepared: Prepared, check: CrossCheck, *, page: Path | str, written: Written = ()
 ) -> str:
     """The page about a comparison, as HTML; see :func:`plan_report`."""
+    from planner.report.comparison import comparison_page
+    from planner.report.page import linked_files
+
     run = prepared.settings
     names = tuple(joint.name for joint in check.joints)
     leg = _whole_leg(prepared, names)

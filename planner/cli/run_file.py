@@ -12,7 +12,6 @@ from kinematics.exceptions import KinematicsError
 from kinematics.scene import Scene
 from planner.cli import settings
 from planner.cli.answer import document, plan_report
-from planner.cli.comparison import comparison_of, write_picture
 from planner.cli.declared import flat, understand
 from planner.cli.desired import check_angles
 from planner.cli.faults import BadSetting, FailedCheck, Key, as_key
@@ -32,7 +31,6 @@ from planner.files.text import to_json, write_text
 from planner.files.toml import Toml, read_toml
 from planner.model.response import simulate_joints
 from planner.planning.plan import Plan
-from planner.report.comparison_tables import verdict_line
 from planner.report.page import versions
 from planner.report.scene import Motion, motions, scene_page
 from planner.robot.schedule import Schedule
@@ -187,6 +185,9 @@ def write_run(
     _write_paths(folder, run, plan)
     exports, words = _write_exports(folder, run, plan)
     if run.settings.output.comparison:
+        from planner.cli.comparison import comparison_of, write_picture
+        from planner.report.comparison_tables import verdict_line
+
         progress("the comparison")
         check = comparison_of(run.prepared)
         pictures = [folder / f"comparison{ending}" for ending in (".png", ".svg")]
