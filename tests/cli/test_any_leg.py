@@ -151,12 +151,6 @@ def test_the_report_of_a_joint_path_has_no_foot(run, desired, tmp_path):
     assert "lower bound" in page
 
 
-def test_a_report_that_cannot_be_written_is_bad_usage(run, desired):
-    result = run("plan", desired, "--report", "nowhere/plan.html", "-o", "requests.csv")
-    assert result.exit_code == 2
-    assert "nowhere" in result.stderr
-
-
 def test_a_sliding_joint_is_locked_in_metres(run, tmp_path):
     joints = [
         Joint((0, 0, 0), X, kind="prismatic", lower=-0.2, upper=0.2),

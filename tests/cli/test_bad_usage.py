@@ -58,6 +58,9 @@ LOOPS = {
 }
 """Every command that reads a file, and one that is a link to itself."""
 
+EXCITE = "excite --limits-deg -30:40 --duration-s 8 --rate-hz 50"
+EXPORT = "export desired.csv"
+
 BAD = {
     **LOOPS,
     "no such command": "bogus",
@@ -168,6 +171,34 @@ BAD = {
     "a leg whose joints have no limits": "plan foot.csv --leg no_range.urdf --base a --foot b",
     "a ground fraction of one": "gait --ground-fraction 1",
     "a stroke of NaN": "gait --half-stroke nan",
+    "an excitation without a range": "excite",
+    "a centre beyond the range": f"{EXCITE} --centre-deg 50",
+    "an excitation at no rate": "excite --limits-deg -30:40 --rate-hz 0",
+    "an excitation at an infinite rate": "excite --limits-deg -30:40 --rate-hz inf",
+    "cycles of a chirp": f"{EXCITE} --kind chirp --cycles 2",
+    "the highest frequency of steps": f"{EXCITE} --kind steps --highest-hz 2",
+    "a step beyond the range": f"{EXCITE} --amplitude-deg 90",
+    "noise below zero": f"{EXCITE} --noise-deg -1",
+    "an excitation of no time": "excite --limits-deg -30:40 --rate-hz 50 --duration-s 0.1",
+    "fit with an error of nothing": "fit desired.csv --max-rms 0",
+    "a required angle of text": "fit desired.csv --required-s 0.1=up",
+    "a required knot between samples": "fit desired.csv --required-s 0.7=0 --exact --segments 4",
+    "required angles too far apart": "fit desired.csv --required-s 0=0 --required-s 0.016=90",
+    "fit with a picture of no kind": "fit desired.csv --figure fit.pdf",
+    "knots of two joints": "fit desired.csv --knots k.csv",
+    "fit exactly for nothing": "fit desired.csv --exact",
+    "a page and a model on standard output": "identify log.csv --report -",
+    "a joint that the log does not have": "identify log.csv --joint hip",
+    "an option of another format": f"{EXPORT} --format yaml --unit deg",
+    "velocities of a table": f"{EXPORT} --format csv --velocities",
+    "ticks without the unit": f"{EXPORT} --format csv --zero-tick 3",
+    "half a tick": f"{EXPORT} --format csv --unit ticks --zero-tick knee=1.5",
+    "a bag on standard output": f"{EXPORT} --format bag",
+    "lines without a rate": f"{EXPORT} --format csv --between linear",
+    "requests without times": "export short.csv --format csv",
+    "requests without times, at no period": "export short.csv --format csv --period-s nan",
+    "requests with two periods": f"{EXPORT} --format csv --period-s 0.02",
+    "a rate that leaves requests out": f"{EXPORT} --format csv --rate-hz 50",
     "a run of nothing": "run",
     "a run file that is not there": "run no.toml",
     "a run file that is empty": "run empty.toml",

@@ -106,33 +106,6 @@ def test_the_expected_log_is_one_that_identify_reads(run, tmp_path):
     assert not (tmp_path / "y.csv").exists()
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ([], "Missing option '--limits-deg'."),
-        (["--limits-deg", "5", "-5"], "--limits-deg: got '5:-5', expected LOW:HIGH in degrees"),
-        (["--limits-deg", "nan", "5"], "--limits-deg: got 'nan:5'"),
-        ([*SHORT, "--centre-deg", "50"], "--centre-deg: got 50 deg, expected between the limits"),
-        ([*SHORT, "--rate-hz", "0"], "--rate-hz: got '0', expected more than 0 hertz."),
-        ([*SHORT, "--rate-hz", "inf"], "--rate-hz: got 'inf', expected more than 0 hertz."),
-        ([*SHORT, "--kind", "chirp", "--cycles", "2"], "--cycles has no effect with --kind chirp."),
-        (
-            ["--kind", "steps", *SHORT, "--highest-hz", "2"],
-            "--highest-hz has no effect with --kind steps.",
-        ),
-        ([*SHORT, "--amplitude-deg", "90"], "--amplitude-deg: got a step of 90 deg, expected"),
-        ([*SHORT, "--noise-deg", "-1"], "--noise-deg: got -1 deg, expected 0 or more"),
-        ([*SHORT, "--duration-s", "0.1"], "--duration-s: got 0.1 s, expected 40 to"),
-    ],
-)
-def test_what_cannot_be_made_is_one_line_and_status_2(run, arguments, message):
-    result = run("excite", *arguments)
-    assert result.exit_code == 2
-    assert result.stdout == ""
-    assert result.stderr.startswith(f"request-planner: {message}")
-    assert result.stderr.count("\n") == 1
-
-
 def test_limits_may_be_two_numbers_as_earlier_releases_had_them(run):
     now, earlier = (
         run("excite", "--limits-deg", *limits, *SHORT[2:]) for limits in (["-30:40"], ["-30", "40"])

@@ -105,12 +105,6 @@ def test_points_carry_velocities_where_they_are_asked_for(run, requests):
     assert "velocities" not in without[4]
 
 
-def test_velocities_are_of_trajectories_only(run, requests):
-    result = run("export", requests, "--format", "csv", "--velocities")
-    assert result.exit_code == 2
-    assert "--velocities has no effect on --format csv, only on yaml, bag, mcap" in result.stderr
-
-
 def test_a_file_without_times_needs_a_period(run, tmp_path):
     (tmp_path / "bare.csv").write_text("knee_deg\n1\n2\n3\n")
     result = run("export", "bare.csv", "--format", "csv", "--period-s", "0.5")
@@ -120,77 +114,3 @@ def test_a_file_without_times_needs_a_period(run, tmp_path):
         "0.5",
         "1.0",
     ]
-
-
-WRONG = {
-    "no format": (
-        ["requests.csv"],
-        "Missing option '--format'. Choose from: csv, yaml, bag, mcap, "
-        "lerobot See 'request-planner export --help'.",
-    ),
-    "an option of another format": (
-        ["requests.csv", "--format", "yaml", "--unit", "deg"],
-        "--unit has no effect on --format yaml, only on csv. See 'request-planner export --help'.",
-    ),
-    "ticks without the unit": (
-        ["requests.csv", "--format", "csv", "--zero-tick", "3"],
-        "--zero-tick needs --unit ticks. See 'request-planner export --help'.",
-    ),
-    "a tick that is none": (
-        ["requests.csv", "--format", "csv", "--unit", "ticks", "--zero-tick", "knee=1.5"],
-        "--zero-tick: got 'knee=1.5', expected N or JOINT=N, such as knee=2048. "
-        "See 'request-planner export --help'.",
-    ),
-    "a folder on standard output": (
-        ["requests.csv", "--format", "bag"],
-        "--format bag is a folder: name it with --output. See 'request-planner export --help'.",
-    ),
-    "lines without a rate": (
-        ["requests.csv", "--format", "csv", "--between", "linear"],
-        "--between needs --rate-hz: without it there is a row per request. "
-        "See 'request-planner export --help'.",
-    ),
-    "no times": (
-        ["bare.csv", "--format", "csv"],
-        "bare.csv: no column t_s, so no time between requests; add it, or --period-s",
-    ),
-    "two periods": (
-        ["requests.csv", "--format", "csv", "--period-s", "0.02"],
-        "requests.csv: one sample every 0.008 s, expected one every 0.02 s, the time between "
-        "requests; plan with --rate-hz 50 to resample the path, or with --rate-hz 125 to send as "
-        "many requests, or set tick and hold in the model",
-    ),
-    "no cycles": (
-        ["requests.csv", "--format", "csv", "--cycles", "0"],
-        "--cycles: got 0, expected a whole number from 1 to 1000000. "
-        "See 'request-planner export --help'.",
-    ),
-    "too few names": (
-        ["requests.csv", "--format", "csv", "--joint-names", "a"],
-        "--joint-names: got a, expected 2 different names, one per column of the requests",
-    ),
-    "a rate that leaves requests out": (
-        ["requests.csv", "--format", "csv", "--rate-hz", "50"],
-        "--rate-hz: at 50 Hz 6 of 10 requests would never be sent, as they are 0.008 s apart, "
-        "and the joints would not move as planned; plan at this rate (plan --rate-hz 50), or "
-        "send what is on the straight lines between requests (--between linear)",
-    ),
-    "no rate": (
-        ["requests.csv", "--format", "csv", "--rate-hz", "0"],
-        "--rate-hz: got 0.0, expected a number above 0. See 'request-planner export --help'.",
-    ),
-    "a period that is none": (
-        ["bare.csv", "--format", "csv", "--period-s", "nan"],
-        "period: got nan, expected a positive number of seconds",
-    ),
-}
-
-
-@pytest.mark.parametrize(("arguments", "message"), WRONG.values(), ids=WRONG)
-@pytest.mark.usefixtures("requests")
-def test_wrong_input_is_one_line_and_status_2(run, tmp_path, arguments, message):
-    (tmp_path / "bare.csv").write_text("knee_deg\n1\n2\n")
-    result = run("export", *arguments)
-    assert result.exit_code == 2
-    assert result.stdout == ""
-    assert result.stderr == f"request-planner: {message}\n"

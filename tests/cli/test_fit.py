@@ -63,33 +63,6 @@ def test_fit_draws_its_lines(run, desired, tmp_path, name, start):
     assert (tmp_path / name).read_bytes().startswith(start)
 
 
-@pytest.mark.parametrize(
-    ("asked", "message"),
-    [
-        (["--max-rms", "0"], "--max-rms: got '0', expected more than 0 degrees"),
-        (["--required-s", "soon"], "--required-s: got 'soon', expected seconds"),
-        (["--required-s", "0.1=up"], "--required-s: got '0.1=up'"),
-        (["--figure", "fit.pdf"], "--figure: got 'fit.pdf', expected a name that ends in"),
-        (["--knots", "k.csv"], "--knots writes one joint, got hip, knee"),
-        (
-            ["--required-s", "0.7=0", "--exact", "--segments", "4"],
-            "--required-s: got a knot at 87.5",
-        ),
-        (["--shortest-s", "0.04"], "--shortest-s"),
-        (["--on-samples"], "--on-samples"),
-        (["--weights", "care"], "--weights"),
-        (["--end-deg", "3"], "--end-deg"),
-        (["--required-s", "0=0", "--required-s", "0.016=90"], "got a slope of"),
-        (["--exact"], "--exact: expected segments or --max-rms"),
-    ],
-)
-def test_what_fit_cannot_do_is_one_line_and_status_2(run, desired, asked, message):
-    result = run("fit", desired, *asked)
-    assert result.exit_code == 2
-    assert message in result.stderr
-    assert len(result.stderr.strip().splitlines()) == 1
-
-
 def test_verbose_says_what_the_solver_of_the_values_reports(run, desired):
     said = run("fit", desired, "--joint", "hip", "--segments", "20", "--verbose").stderr
     line = r"^request-planner: values at \d+ knots: OSQP says solved\b.* after \d+ iterations$"

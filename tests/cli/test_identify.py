@@ -305,26 +305,6 @@ def test_answers_for_machines_have_the_verdict_on_each_model(run, desired, tmp_p
     assert "verdict" not in joints["knee"], "nothing is known of it"
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ([], "Missing argument 'LOG...'."),
-        (["missing.csv"], "missing.csv: no such file"),
-        (["log.csv", "--tick-ms", "0"], "--tick-ms: got '0', expected more than 0 milliseconds."),
-        (["log.csv", "--hold", "0"], "Invalid value for '--hold'"),
-        (["log.csv", "--report", "-"], "--report: standard output takes the model; name a file."),
-        (["log.csv", "--joint", "hip"], "log.csv"),
-    ],
-)
-def test_what_cannot_be_read_is_one_line_and_status_2(run, tmp_path, arguments, message):
-    write_log(tmp_path / "log.csv")
-    result = run("identify", *arguments)
-    assert result.exit_code == 2
-    assert result.stdout == ""
-    last = result.stderr.splitlines()[-1]
-    assert last.startswith(f"request-planner: {message}")
-
-
 @pytest.mark.parametrize("broken", ["--out", "--report"])
 def test_the_model_and_the_page_are_both_written_or_neither(run, tmp_path, broken):
     write_log(tmp_path / "log.csv")
