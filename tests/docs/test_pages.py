@@ -10,7 +10,7 @@ import re
 from pathlib import Path
 
 import pytest
-from planner.run import comparison
+from planner.cli import comparison
 
 import planner
 from planner.planning.bounds import foot_bound
