@@ -10,9 +10,9 @@ import re
 from pathlib import Path
 
 import pytest
-from planner.cli import comparison
 
 import planner
+from planner.cli import comparison
 from planner.planning.bounds import foot_bound
 from tests.docs import shell
 from tests.docs.blocks import PAGES, ROOT, blocks, prose
