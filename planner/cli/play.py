@@ -71,11 +71,11 @@ def play(
     """  # noqa: D301
     import numpy as np
 
+    from planner.cli.desired import check_angles
     from planner.exceptions import InvalidFile
     from planner.files.growing_log import GrowingLog
     from planner.files.joint_model import read_servos
     from planner.files.paths import read_joint_path, write_joint_path
-    from planner.run.desired import check_angles
 
     path = read_joint_path(requests)
     check_angles(path.names, path.units)
