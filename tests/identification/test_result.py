@@ -9,6 +9,7 @@ import pytest
 
 from planner.identification.identify import identify
 from planner.identification.log import Log
+from planner.identification.result import Interval
 from planner.model.joint import JointModel
 from planner.model.response import simulate
 from tests.identification.made import identified_rich, identified_steps
@@ -26,6 +27,16 @@ def test_the_delay_after_steps_is_as_uncertain_as_the_covariance_of_its_paramete
     half = 1.96 * np.sqrt(way @ found.covariance @ way)
     # Intervals follow the loss where it is no parabola, by a few percent here.
     assert found.tested.delay_error == pytest.approx(half, rel=0.1)
+
+
+def test_the_delay_after_steps_counts_the_farther_end_of_an_interval_whichever_it_is():
+    found = identified_steps()
+    lag, near, far = found.model.lag, 0.001, 0.01
+    later, sooner = (
+        replace(found, intervals=found.intervals | {"lag": Interval(lag - below, lag + above)})
+        for below, above in ((near, far), (far, near))
+    )
+    assert later.tested.delay_error == pytest.approx(sooner.tested.delay_error)
 
 
 @pytest.mark.parametrize(

@@ -19,6 +19,7 @@ from planner.report.identification.figures import (
     cloud_of,
     intervals_figure,
     log_figure,
+    speed_against_error,
 )
 from planner.report.identification.page import Joint, identification_page, joints_table
 from planner.report.page import LinkedFile
@@ -226,6 +227,15 @@ def test_the_cloud_shows_points_about_the_identified_line(found):
     assert figure.x.range[1] == pytest.approx(np.degrees(cloud.reach))
     if found.saturates:
         assert line.y[5] == pytest.approx(np.degrees(found.model.v_max))
+
+
+def test_points_across_an_edge_of_the_dead_band_stand_apart():
+    found = made_up()
+    without, with_it = (
+        speed_against_error(replace(found.model, dead_band=band), found.fits[0]).apart
+        for band in (0.0, 0.05)
+    )
+    assert np.count_nonzero(without) < np.count_nonzero(with_it)
 
 
 def test_the_line_of_a_joint_with_dry_friction_is_its_speed_law_everywhere():
