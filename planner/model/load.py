@@ -52,11 +52,6 @@ def load_columns(loads: Loads, samples: int) -> Array | None:
     return np.column_stack([unloaded if load is None else load for load in loads])
 
 
-def felt(loads: Loads) -> Array | None:
-    """The load on one joint [N m], from what each of its models feels of it; None if none does."""
-    return next((load for load in loads if load is not None), None)
-
-
 def checked_load(load: npt.ArrayLike | None, model: JointModel, samples: int) -> Array | None:
     """The load at every sample [N m], shape (samples,); None where it changes nothing.
 
