@@ -93,8 +93,8 @@ def invert_optimal(
             drawn from the intervals that its file has.
 
     Returns:
-        The plan; its bound and gap say how much better any other could be. The bound does not know
-        of ``limits`` and ``max_step``: it holds with them, but the gap then includes their cost.
+        The plan; its bound and gap say how much better any other could be. The bound ignores
+        ``limits`` and ``max_step``; it stays valid, and part of the gap may be due to them.
         Error, bound and gap are those of the nominal model, ``errors_of_models`` has all errors,
         ``nominal`` the plan for the nominal model alone.
 
@@ -157,13 +157,10 @@ def invert_foot(
     joints rest at the first point, or nearest to it.
 
     Args:
-        models: One joint model for all joints of the leg, or one for each. In the place of a model
-            there may be several that the joint may have, the nominal one first, or an
-            identification, from whose intervals eight are drawn: the requests are then good for the
-            first, the second ... models of all joints together; with a sequence of one in that
-            place the joint has that model in any case. Those of different joints are drawn
-            independently; joints with the same model have the same ones. For a leg of one joint a
-            flat sequence of more than one is such a sequence.
+        models: One joint model for all joints of the leg, or one for each. Instead of one model:
+            several candidates or an identification, as there. The requests are good for the first,
+            the second ... candidates of all joints together; those of different joints are drawn
+            independently, joints with the same model have the same ones.
         leg: A leg of up to three joints.
         foot: Desired positions in the leg's base frame [m], shape (n, 3), one every model's period.
         cyclic: Whether the path repeats for ever.
@@ -181,9 +178,7 @@ def invert_foot(
             (k,): see :func:`planner.invert_optimal`.
         smoothness: Relative rise of the foot's error that smoother requests may cost, as there: an
             error that a robot would show, those of the joints through the leg's Jacobian.
-        robust: "mean" to minimise the root mean square of the foot's errors over several models,
-            the default for them, "worst" for the largest of them. For models that are in no such
-            sequence eight others are drawn from the intervals that their files have.
+        robust: "mean" or "worst" of the foot's errors over several models, as there.
 
     Returns:
         The plan. Error, bound and gap are those of the nominal models; ``errors_of_models`` has all
@@ -251,12 +246,10 @@ def plan(
 
     Args:
         models: One model for all joints, one for each, or a dict by joint, as
-            :func:`planner.read_models` returns it; "" in it is the model of every other joint. In
-            the place of a model there may be a sequence of models that the joint may have, the
-            nominal one first, or the answer of :func:`planner.identify`: its requests are then good
-            for all of them, see :func:`planner.invert_optimal`. A joint with a sequence of one has
-            that model in any case. For one joint a flat sequence of more than one is such a
-            sequence. Only with method "optimal".
+            :func:`planner.read_models` returns it; its key "" holds the default model. Instead of
+            one model, only with method "optimal": several candidates or an identification, see
+            :func:`planner.invert_optimal`. For one joint a flat sequence of more than one is such a
+            sequence.
         desired: Desired angles [rad], shape (n, k), or (n,) for one joint; a row every period of
             the models, which must have the same one.
         cyclic: Whether the path repeats for ever.
@@ -275,9 +268,8 @@ def plan(
             by joint: see :func:`planner.invert_optimal`. Only with method "optimal".
         smoothness: Relative rise of the error that a robot would show which smoother requests may
             cost, as there; by default 0.005. Only with method "optimal".
-        robust: "mean" or "worst": which error over the models that each joint may have counts, as
-            there; a model that is in no such sequence needs intervals, from which others are
-            drawn. Only with method "optimal".
+        robust: "mean" or "worst" of the errors over several models, as there; only with method
+            "optimal".
         method: "optimal" for :func:`planner.invert_optimal`, "closed_form" for
             :func:`planner.invert_closed_form`, "shift" for :func:`planner.invert_shift`.
         progress: Called with the name of each joint before it is planned.
