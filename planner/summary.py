@@ -45,12 +45,12 @@ class Summary(NamedTuple):
 class Summarised:
     """An answer that Python and a notebook show by its summary."""
 
-    def summarised(self) -> Summary:
+    def _summarised(self) -> Summary:
         """What is shown."""
         raise NotImplementedError
 
     def __repr__(self) -> str:
-        return self.summarised().text()
+        return self._summarised().text()
 
     def _repr_html_(self) -> str:
-        return self.summarised().html()
+        return self._summarised().html()

@@ -77,7 +77,7 @@ class PiecewiseLinearFit(Summarised, PiecewiseLinear):
     v_max: float
     fewest_segments: int | None = None
 
-    def summarised(self) -> Summary:
+    def _summarised(self) -> Summary:
         """Segments and errors."""
         return Summary(
             f"Fit of {self.segments} segments to {self.samples} samples, one every "

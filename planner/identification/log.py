@@ -91,7 +91,7 @@ class Log(Summarised):
     notes: tuple[str, ...] = ()
     written: Written | None = None
 
-    def summarised(self) -> Summary:
+    def _summarised(self) -> Summary:
         """Its name, rows, duration and rate."""
         joint = f" of {self.joint}" if self.joint else ""
         return Summary(

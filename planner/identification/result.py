@@ -262,7 +262,7 @@ class Identification(Summarised):
         freeze(self.covariance)
         object.__setattr__(self, "model", self.model.with_evidence(self.tested))
 
-    def summarised(self) -> Summary:
+    def _summarised(self) -> Summary:
         """Verdict, error and parameters with their intervals, in SI units."""
         held_out = self.held_out_rms is not None
         share = self.unit != "rad"

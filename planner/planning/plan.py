@@ -121,7 +121,7 @@ class Plan(Summarised):
         self.__dict__.update(state)
         self.__post_init__()
 
-    def summarised(self) -> Summary:
+    def _summarised(self) -> Summary:
         """Requests and errors; the lower bound where it has been computed already."""
         foot = self.task.goal == "foot"
         names, factor, unit = (["foot"], 100.0, "cm") if foot else (self.names, DEGREE, "deg")

@@ -75,9 +75,9 @@ class _View(Summarised):
         """What is copied: nothing that can be computed again."""
         return {"plan": self.plan, "column": self.column}
 
-    def summarised(self) -> Summary:
+    def _summarised(self) -> Summary:
         """Requests and errors; the lower bound where it has been computed already."""
-        summary = self.plan.summarised()
+        summary = self.plan._summarised()
         head = f"{type(self).__name__}{summary.head.removeprefix('Plan')}"
         return Summary(head, summary.columns, [summary.rows[self.column]])
 

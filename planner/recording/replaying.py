@@ -342,7 +342,7 @@ class Replay(Summarised):
     moments: Array
     joints: tuple[JointReplay, ...]
 
-    def summarised(self) -> Summary:
+    def _summarised(self) -> Summary:
         """Requests and errors of every planned joint."""
         head = (
             f"Replay at {self.speed:.4g} times the speed: {len(self.moments)} requests to "
