@@ -146,6 +146,12 @@ def test_several_joints_stand_in_one_table():
     assert lines[4].startswith("knee: warning: the joint never")
 
 
+def test_the_warnings_of_an_identification_are_ordered_the_most_important_first():
+    topics = ("pattern", "log", "top speed", "friction")
+    found = made_up(findings=tuple(Finding(topic, f"about {topic}") for topic in topics))
+    assert found.warnings == tuple(f"about {topic}" for topic in reversed(topics))
+
+
 def test_warnings_of_many_joints_come_once_ordered_and_one_line_says_what_to_do_next():
     finding = never_saturated().findings[0]
     friction = Finding("friction", "the log leaves dry friction open")
