@@ -134,3 +134,11 @@ def test_an_error_in_a_triple_of_arrays_names_its_place_among_the_logs():
     slow = (5.0 * np.arange(50), log.requests, log.angles)
     with pytest.raises(planner.InvalidInput, match=r"^log 2: one row every 5 s"):
         planner.identify([(log.times, log.requests, log.angles), slow])
+
+
+def test_the_row_before_which_time_does_not_pass_is_named():
+    log = rich_log(rows=50)
+    times = log.times.copy()
+    times[7] = times[6]
+    with pytest.raises(planner.InvalidTrajectory, match=r"got 0\.048 s in row 7 after 0\.048 s"):
+        changed(log, times=times)
