@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from planner.exceptions import InvalidInput
 from planner.trajectory import LARGEST, MOST_SAMPLES, Array
-from planner.validation import as_flag, as_number, as_positive, as_reals, as_whole, shown
+from planner.validation import as_flag, as_positive, as_reals, as_whole, shown
 
 Kind = TypeVar("Kind", bound=np.generic)
 
@@ -100,30 +100,6 @@ class PiecewiseLinear:
         )
         return _frozen(angles)
 
-    def shifted(self, time: float = 0.0, *, angle: float = 0.0) -> PiecewiseLinear:
-        """The curve ``time`` later [samples] and ``angle`` higher [rad]; a path keeps its samples.
-
-        A cycle's knots come in order from the first in [0, samples) on; a path's end lines continue
-        to wherever it has been shifted from.
-        """
-        knots = self.knots + _finite("time", time)
-        values = self.values + _finite("angle", angle)
-        return self._with(knots, values)
-
-    def scaled(self, factor: float) -> PiecewiseLinear:
-        """The curve with all angles, and so all slopes, times ``factor``."""
-        return self._with(self.knots, self.values * _finite("factor", factor))
-
-    def mirrored(self, about: float = 0.0) -> PiecewiseLinear:
-        """The mirror image at the angle ``about`` [rad]."""
-        middle = _finite("about", about)
-        return self._with(self.knots, middle - (self.values - middle))
-
-    def reversed_in_time(self) -> PiecewiseLinear:
-        """The curve backwards: sample k becomes sample -k of a cycle, n - 1 - k of a path."""
-        last = 0.0 if self.cyclic else self.samples - 1.0
-        return self._with(last - self.knots[::-1], self.values[::-1])
-
     def to_dict(self) -> dict[str, Any]:
         """Plain data, for JSON: knots [samples], values [rad], samples, tick [s], cyclic."""
         return {
@@ -148,17 +124,6 @@ class PiecewiseLinear:
         if missing:
             raise InvalidInput(f"curve: no '{missing[0]}'; expected {', '.join(expected)}")
         return PiecewiseLinear(**{key: data[key] for key in expected})
-
-    def _with(self, knots: Array, values: Array) -> PiecewiseLinear:
-        """A curve over the same samples with other knots and values, a cycle's put in order."""
-        if self.cyclic:
-            knots = np.mod(knots, self.samples)
-            knots = np.where(knots >= self.samples, 0.0, knots)  # a hair below 0, rounded up
-            order = np.argsort(knots, kind="stable")
-            knots, values = knots[order], values[order]
-        return PiecewiseLinear(
-            knots=knots, values=values, samples=self.samples, tick=self.tick, cyclic=self.cyclic
-        )
 
     def _locate(self, index: Array) -> tuple[npt.NDArray[np.intp], Array]:
         """Segment of each index, and how far into it the index lies [samples]."""
@@ -339,13 +304,6 @@ def _places(index: npt.ArrayLike) -> Array:
     if not np.all(np.isfinite(places)):
         raise InvalidInput("index: expected finite sample indices")
     return places
-
-
-def _finite(name: str, value: object) -> float:
-    number = as_number(value)
-    if not abs(number) <= LARGEST:
-        raise InvalidInput(f"{name}: got {shown(value)}, expected a number within ±{LARGEST:g}")
-    return number
 
 
 def _frozen(array: npt.NDArray[Kind]) -> npt.NDArray[Kind]:

@@ -146,4 +146,4 @@ def test_what_does_not_fit_the_joint_is_refused():
     with pytest.raises(InvalidInput, match=r"every 0\.01 s, expected every 0\.008 s"):
         closed_form_requests(ERS210A, replace(steep, tick=0.01))
     with pytest.raises(InvalidInput, match="rule: got 'best'"):
-        closed_form_requests(ERS210A, steep.scaled(0.0), rule="best")
+        closed_form_requests(ERS210A, replace(steep, values=[0.0, 0.0]), rule="best")

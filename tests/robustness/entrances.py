@@ -130,12 +130,6 @@ ENTRANCES: Mapping[str, tuple[Callable[..., Any], Callable[[], dict[str, Any]]]]
     ),
     "PiecewiseLinear.segment_at": (lambda index: curve().segment_at(index), lambda: {"index": 3}),
     "PiecewiseLinear.slope_at": (lambda index: curve().slope_at(index), lambda: {"index": 3}),
-    "PiecewiseLinear.shifted": (
-        lambda time, angle: curve().shifted(time, angle=angle),
-        lambda: {"time": 0.03, "angle": 0.2},
-    ),
-    "PiecewiseLinear.scaled": (lambda factor: curve().scaled(factor), lambda: {"factor": 2.0}),
-    "PiecewiseLinear.mirrored": (lambda about: curve().mirrored(about), lambda: {"about": 0.1}),
     "CurveStack": (planner.CurveStack, lambda: CURVE | {"values": np.array([CURVE["values"]] * 2)}),
     "CurveStack.of": (planner.CurveStack.of, lambda: {"curves": [curve()]}),
     "Log": (
