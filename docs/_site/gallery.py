@@ -66,7 +66,7 @@ ITEMS = (
     ),
     Item(
         "compared",
-        "Closed form against optimised requests: where and why they differ",
+        "Closed form against optimised requests: how far they differ",
         ("gait -o foot.csv", f"compare foot.csv {WALK} --report compared.html"),
         "joint_0",
     ),

@@ -64,9 +64,9 @@ def compare(
 ) -> None:
     """Plan PATH by the closed form, by optimisation, and by CasADi with IPOPT, and compare.
 
-    PATH is what `plan` takes. Prints the error of each plan and the lower bound of any, where the
-    requests differ and why, and whether the plans agree with an independent simulation and with
-    each other. Exit status 1 if they do not.
+    PATH is what `plan` takes. Prints the error of each plan and the lower bound of any, how far
+    the requests differ, and whether the plans agree with an independent simulation and with each
+    other. Exit status 1 if they do not.
 
     \b
     Example, a foot path, with a page about it:

@@ -32,7 +32,6 @@ from planner.evaluation.checks import (
     no_worse_checks,
     second_answer,
 )
-from planner.evaluation.differences import Difference, difference
 from planner.evaluation.metrics import Distance, angle_distance
 from planner.model.evidence import ENCODER_STEP
 from planner.model.joint import JointModel
@@ -46,7 +45,7 @@ from planner.planning.plan import Plan, joined
 from planner.planning.result import FootInversion, Inversion
 from planner.planning.search import known_errors
 from planner.planning.task import axis_scales
-from planner.trajectory import Array
+from planner.trajectory import Array, rms
 
 METHODS: Mapping[str, str] = {
     "closed_form_paper": "closed form, paper's rule",
@@ -58,7 +57,7 @@ METHODS: Mapping[str, str] = {
 """The plans that are compared, by key, and what to call them."""
 
 CLOSED_FORMS = ("closed_form_paper", "closed_form_exact")
-"""Those of them that know no limits, and that the optimised requests are held against."""
+"""Those of them that ignore limits."""
 
 SECOND = "optimal_ipopt"
 """The plan of CasADi's solver, a second opinion on the optimised one."""
@@ -76,7 +75,6 @@ class JointComparison:
         plans: Plan by method; all share the model and the desired angles.
         certificates: Bounds on the error of any plan in the plans' norm, by level proved.
         answers: What an independent simulation says, by method.
-        differences: How the requests of each closed form differ from the optimised ones.
         checks: Every claim about these plans, held against its tolerance.
     """
 
@@ -84,7 +82,6 @@ class JointComparison:
     plans: Mapping[str, Inversion]
     certificates: Mapping[Level, Certificate]
     answers: Mapping[str, Answer]
-    differences: Mapping[str, Difference]
     checks: tuple[Check, ...]
 
     @property
@@ -111,6 +108,10 @@ class JointComparison:
         """Relative distance of a plan from the sharpest bound; inf where only that is zero."""
         return relative_gap(self.plans[method].error, self.bound)
 
+    def difference(self, method: str) -> Array:
+        """A plan's requests less the optimised ones [rad], shape (n,)."""
+        return self.plans[method].requests - self.plans["optimal"].requests
+
     def to_dict(self) -> dict[str, Any]:
         """Plain values for JSON, angles in degrees."""
         limits = self.plans["optimal"].limits
@@ -124,19 +125,19 @@ class JointComparison:
                 level: _finite(proof.solver_gap) for level, proof in self.certificates.items()
             },
             "methods": {method: self._plan(method) for method in self.plans},
-            "differences": {method: each.to_dict() for method, each in self.differences.items()},
         }
 
     def _plan(self, method: str) -> dict[str, Any]:
         plan, answer = self.plans[method], self.answers[method]
-        apart = np.abs(plan.requests - self.plans["optimal"].requests)
+        apart = self.difference(method)
         return {
             "rms_deg": math.degrees(plan.rms),
             "max_deg": math.degrees(plan.max_error),
             "expected_rms_deg": _finite(math.degrees(plan.expected.error)),
             "untested": list(plan.expected.untested),
             "gap": _finite(self.gap(method)),
-            "largest_request_difference_deg": math.degrees(float(np.max(apart))),
+            "request_difference_rms_deg": math.degrees(rms(apart)),
+            "largest_request_difference_deg": math.degrees(float(np.max(np.abs(apart)))),
             "largest_step_deg": math.degrees(plan.largest_step),
             "beyond_desired_deg": math.degrees(plan.excess),
             "agreement_rad": answer.agreement,
@@ -219,7 +220,6 @@ def compare_joint(
         plans=plans,
         certificates=certificates,
         answers=answers,
-        differences={method: difference(plan, optimal) for method, plan in closed_forms.items()},
         checks=tuple(checks),
     )
 

@@ -20,7 +20,6 @@ from planner.evaluation.comparison import (
     judge_foot,
     planned_methods,
 )
-from planner.evaluation.differences import REASONS
 from planner.exceptions import Infeasible, InvalidInput, InvalidTrajectory, SolverFailed
 from planner.model.joint import JointModel
 from planner.model.load import load_columns
@@ -109,7 +108,6 @@ class CrossCheck:
             "joints": {joint.name: joint.to_dict() for joint in self.joints},
             "foot": None if self.foot is None else self.foot.to_dict(),
             "checks": [check.to_dict() for check in self.checks],
-            "reasons": dict(REASONS),
         }
 
 

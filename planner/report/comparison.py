@@ -3,22 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from planner._version import __version__
 from planner.evaluation.checks import AGREES
 from planner.evaluation.comparison import SECOND
-from planner.evaluation.differences import REASONS, Reason
 from planner.planning.error_norm import error_norm
 from planner.report.comparison_tables import (
-    REASON_WORDS,
     SHOWN,
     checks_table,
-    differences_table,
     failure_words,
     foot_table,
     notes,
@@ -31,7 +28,6 @@ from planner.report.figure import (
     Motion,
     Movie,
     Panel,
-    Span,
     Timeline,
     line,
     near_limits,
@@ -47,19 +43,11 @@ from planner.report.page import (
     origin_lists,
 )
 from planner.report.style import (
-    APPROXIMATION,
     CLOSED_FORM,
     DESIRED,
-    DIRECT,
     FOOT_OPTIMAL,
     INK,
-    MUTED,
     OPTIMAL,
-    REQUESTED,
-    SHIFT,
-    SURFACE,
-    Role,
-    variable,
 )
 from planner.report.table import percent
 
@@ -78,26 +66,6 @@ MOST_COLUMNS, COLUMN = 3, 3.6
 
 FOOT_ROLES = {SHOWN: CLOSED_FORM, "optimal": OPTIMAL, "foot_optimal": FOOT_OPTIMAL}
 """The plans whose feet are drawn."""
-
-
-class Tint(NamedTuple):
-    """How the background of a reason looks; in a file a hatching distinguishes it."""
-
-    role: Role
-    opacity: float
-    hatch: str = ""
-
-
-TINTS: Mapping[Reason, Tint] = {
-    "saturated": Tint(REQUESTED, 0.22),
-    "limit": Tint(DIRECT, 0.26, "////"),
-    "at_rest": Tint(MUTED, 0.14, "\\\\\\\\"),
-    "corner": Tint(CLOSED_FORM, 0.2, "..."),
-    "averaged": Tint(SHIFT, 0.2, "+++"),
-    "line": Tint(APPROXIMATION, 0.22, "---"),
-    "after_end": Tint(MUTED, 0.25, "xxx"),
-    "free": Tint(SURFACE, 0.0),
-}
 
 
 def comparison_page(
@@ -133,13 +101,7 @@ def comparison_page(
         "second": check.methods.count(SECOND),
         "known": any(np.isfinite(each.plans["optimal"].expected.error) for each in check.joints),
     }
-    differences = {
-        "reasons": [(TINTS[reason], share, REASON_WORDS[reason], REASONS[reason])
-                    for reason, share in shares(check).items()],
-        "colour": variable,
-        "shown": [*(joint_figure(check, joint, j) for j, joint in enumerate(check.joints)), *foot],
-        "table": differences_table(check.joints),
-    }  # fmt: skip
+    figures = [*(joint_figure(check, joint, j) for j, joint in enumerate(check.joints)), *foot]
     checks = {"table": checks_table(check.checks), "reasons": tolerance_reasons(check.checks)}
     models = models_table(names, [joint.model for joint in check.joints])
     return Page(
@@ -154,7 +116,7 @@ def comparison_page(
         figure=leg_figure(check, check.foot, leg) if check.foot is not None and leg else None,
         sections=[
             Section("How good each plan is", PLANS, plans),
-            Section("Where the requests differ, and why", DIFFERENCES, differences),
+            Section("Angles and requests", FIGURES, {"shown": figures}),
             Section("What was checked", CHECKS, checks),
             Section("The models", "{{ table }}", {"table": models}),
         ],
@@ -185,23 +147,11 @@ PLANS = """
 {% endif %}
 """
 
-DIFFERENCES = """
-<p>Two plans that are equally good may have requests far apart. A request is judged where it acts,
-  a lag and half an
-  acceleration time after it is sent, by the first of these that holds.</p>
-<ul class="key">
-{% for tint, share, name, about in reasons %}
-  <li><span class="shade"><i style="background: {{ colour(tint.role) }}; opacity:
-    {{ tint.opacity }}"></i></span><span><b>{{ name }}</b>, {{ share | percent(0) }}</span>
-    <span class="note">{{ about }}</span></li>
-{% endfor %}
-</ul>
+FIGURES = """
+<p>Two plans that are equally good may have requests far apart: where the joint is at top speed, or
+  rests in its dead band, many requests have the same effect, and the joint averages the rest.</p>
 {{ hints }}
 {{ figures(shown) }}
-{{ table }}
-<p class="note">The spans with the largest shares in the squared difference of a joint’s requests,
-  and how well either plan
-  tracks there.</p>
 """
 
 CHECKS = """
@@ -240,27 +190,10 @@ def verdict(check: CrossCheck) -> tuple[str, str]:
     zero = error_above_zero(check, SHOWN) is not None
     what = "Errors above a lower bound of 0" if zero else "Gaps above the lower bound"
     said = f"{what}: {shown}."
-    reasons = shares(check)
-    if reasons:
-        most = max(reasons, key=lambda reason: reasons[reason])
-        apart = max(math.degrees(joint.differences[SHOWN].largest) for joint in check.joints)
-        said += f" The requests of the first two differ by up to {apart:.3g} degrees all the same"
-        share = percent(reasons[most], 0)
-        reason = REASON_WORDS[most] if most == "free" else f"the reason “{REASON_WORDS[most]}”"
-        said += f": {share} of that, squared, has {reason}."
+    apart = max(math.degrees(np.max(np.abs(joint.difference(SHOWN)))) for joint in check.joints)
+    if apart > 0.0:
+        said += f" The requests of the first two differ by up to {apart:.3g} degrees all the same."
     return head, said
-
-
-def shares(check: CrossCheck) -> dict[Reason, float]:
-    """The reasons' shares in the squared difference of all joints' requests, those that occur."""
-    squared = [joint.differences[SHOWN].rms ** 2 for joint in check.joints]
-    if not sum(squared) > 0.0:
-        return {}
-    found: dict[Reason, float] = {}
-    for joint, part in zip(check.joints, squared, strict=True):
-        for reason, share in joint.differences[SHOWN].shares.items():
-            found[reason] = found.get(reason, 0.0) + share * part / sum(squared)
-    return found
 
 
 def above_bound(check: CrossCheck, method: str) -> str:
@@ -360,7 +293,7 @@ def comparison_figure(check: CrossCheck) -> Picture:
 
 
 def joint_figure(check: CrossCheck, joint: JointComparison, j: int) -> Figure:
-    """A joint: its angles, its requests, and how far these differ, over shades that say why."""
+    """A joint: its angles, its requests, and how far these differ."""
     timeline = _timeline(check)
     closed_form, optimal = joint.plans[SHOWN], joint.plans["optimal"]
     desired, *angles = (
@@ -376,56 +309,28 @@ def joint_figure(check: CrossCheck, joint: JointComparison, j: int) -> Figure:
         for plan, role in ((closed_form, CLOSED_FORM), (optimal, OPTIMAL))
     ]
     difference = timeline.curve(
-        np.degrees(closed_form.requests - optimal.requests),
-        INK._replace(label="difference", width=1.3),
-        notes=_reasons(joint),
+        np.degrees(joint.difference(SHOWN)), INK._replace(label="difference", width=1.3)
     )
     end = timeline.axis.range[1] if timeline.axis.range else 0.0
     limits = None
     if optimal.limits is not None:
         limits = (math.degrees(optimal.limits[0]), math.degrees(optimal.limits[1]))
-    spans = _spans(joint, timeline)
     return timeline.figure(
         f"joint_{j}",
         [
             Panel(Axis("angle", "deg"), (desired, *angles), "predicted"),
             Panel(Axis("request", "deg"), (*near_limits(limits, requests[1], end=end), *requests),
-                  "requested", spans=spans),
+                  "requested"),
             Panel(Axis("difference", "deg"), (line((0.0, end), (0.0, 0.0)), difference),
-                  "requests, closed form − optimised", spans=spans, height=0.8),
+                  "requests, closed form − optimised", height=0.8),
         ],
         (
             heading(joint.name),
             "Above: the joint's angle as desired, and under either plan. In the middle: its "
-            "requests. Below: how far the requests differ; the shades say why.",
+            "requests. Below: how far the requests differ.",
         ),
         clock=True,
     )  # fmt: skip
-
-
-def _reasons(joint: JointComparison) -> list[str]:
-    """Why each request differs."""
-    samples = len(joint.desired)
-    found = [""] * samples
-    for each in joint.differences[SHOWN].intervals:
-        for k in range(each.start, each.start + each.samples):
-            found[k % samples] = REASON_WORDS[each.reason]
-    return found
-
-
-def _spans(joint: JointComparison, timeline: Timeline) -> tuple[Span, ...]:
-    """The shades; one that goes on at the beginning of the cycle is cut in two."""
-    spans = []
-    for each in joint.differences[SHOWN].intervals:
-        tint = TINTS[each.reason]
-        for before in (0, timeline.samples):
-            start = max(each.start - 0.5 - before, 0.0)
-            end = min(each.start - 0.5 - before + each.samples, float(timeline.last))
-            if tint.opacity and start < end:
-                step = timeline.step
-                spans.append(Span(step * start, step * end, tint.role, tint.opacity,
-                                  legend=REASON_WORDS[each.reason], hatch=tint.hatch))  # fmt: skip
-    return tuple(spans)
 
 
 def foot_figure(check: CrossCheck) -> Figure:

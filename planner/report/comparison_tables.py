@@ -3,41 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from operator import attrgetter
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from planner.evaluation.checks import Check
 from planner.evaluation.comparison import METHODS, FootComparison, JointComparison
 from planner.evaluation.cross_check import CrossCheck
-from planner.evaluation.differences import Reason
 from planner.model.evidence import untested_words
 from planner.report.table import NOTHING, Column, Row, Table, number, percent
 from planner.trajectory import index_of_largest
 
 SHOWN = "closed_form_paper"
-"""The closed form whose differences are listed and drawn; JSON has those of both rules."""
-
-WORTH_A_ROW = 0.01
-"""Share in the squared difference from which on an interval is listed."""
-
-MOST_ROWS = 10
-"""Intervals listed per joint, those with the largest shares."""
-
-REASON_WORDS: Mapping[Reason, str] = {
-    "saturated": "joint at top speed",
-    "limit": "request at a limit",
-    "at_rest": "joint at rest",
-    "corner": "corner of the lines",
-    "averaged": "averaged by the joint",
-    "line": "line off the path",
-    "after_end": "after the end",
-    "free": "no known reason",
-}
-"""What the reasons are called, in tables and figures."""
-
-BETTER_WORDS = {"closed_form": "closed form", "optimal": "optimised", "neither": "neither"}
+"""The closed form that is drawn."""
 
 
 def comparison_text(check: CrossCheck) -> str:
@@ -45,7 +23,6 @@ def comparison_text(check: CrossCheck) -> str:
     tables = [plans_table(check.joints)]
     if check.foot is not None:
         tables.append(foot_table(check.foot))
-    tables.append(differences_table(check.joints))
     reasons = [
         f"  {each.unit}, {each.name}: {each.reason}" for each in tolerance_reasons(check.checks)
     ]
@@ -77,7 +54,7 @@ def plans_table(joints: Sequence[JointComparison]) -> Table:
     known = any(math.isfinite(joint.plans["optimal"].expected.error) for joint in joints)
     for joint in joints:
         for method, plan in joint.plans.items():
-            apart = np.degrees(plan.requests - joint.plans["optimal"].requests)
+            apart = np.degrees(joint.difference(method))
             most = index_of_largest(np.abs(apart))
             differs = (NOTHING,) * 3
             if method != "optimal":
@@ -117,28 +94,6 @@ def foot_table(foot: FootComparison) -> Table:
         rows.append(Row("lower bound within the limits", cells, "foot", "bound"))
     titles = ("rms [cm]", "max [cm]", "gap", "requests differ: rms [deg]", "most [deg]")
     return Table("foot, plan", _columns(titles), tuple(rows), label="Foot")
-
-
-def differences_table(joints: Sequence[JointComparison]) -> Table:
-    """Where the requests differ, and why."""
-    rows = []
-    for joint in joints:
-        intervals = joint.differences[SHOWN].intervals
-        largest = sorted(intervals, key=attrgetter("share"), reverse=True)[:MOST_ROWS]
-        for interval in intervals:
-            if interval not in largest or interval.share < WORTH_A_ROW:
-                continue
-            cells = (
-                REASON_WORDS[interval.reason],
-                f"{100.0 * interval.share:.0f} %",
-                f"{math.degrees(interval.closed_form_rms):.3f}",
-                f"{math.degrees(interval.optimal_rms):.3f}",
-                BETTER_WORDS[interval.better],
-            )
-            rows.append(Row(f"requests {interval.start} to {interval.end}", cells, joint.name))
-    titles = ("why they differ", "share", "rms [deg]", "optimised", "tracks better")
-    about = f"{METHODS[SHOWN]}, and optimised"
-    return Table(about, _columns(titles, words=1), tuple(rows), label="Differences")
 
 
 def checks_table(checks: Sequence[Check]) -> Table:

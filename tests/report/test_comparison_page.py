@@ -19,14 +19,12 @@ from planner.report.comparison import (
     joint_figure,
     key_figures,
     remarks,
-    shares,
     verdict,
 )
 from planner.report.comparison_tables import (
     SHOWN,
     checks_table,
     comparison_text,
-    differences_table,
     foot_table,
     plans_table,
 )
@@ -70,7 +68,7 @@ def test_the_verdict_comes_first_and_tells_agreement_gaps_and_difference(check, 
     assert head == f"The plans agree: all {len(check.checks)} checks hold"
     gaps = [100.0 * joint.gap("optimal") for joint in check.joints]
     assert f"{min(gaps):.2f} – {max(gaps):.2f} %" in tail
-    largest = max(np.degrees(joint.differences[SHOWN].largest) for joint in check.joints)
+    largest = max(np.degrees(np.abs(joint.difference(SHOWN)).max()) for joint in check.joints)
     assert f"up to {largest:.3g} degrees" in tail
     assert page.index(head) < page.index("<table>")
     figures = {each.figure for each in key_figures(check)}
@@ -79,15 +77,6 @@ def test_the_verdict_comes_first_and_tells_agreement_gaps_and_difference(check, 
         100.0 * float(check.foot.plans[method].rms[0]) for method in ("optimal", "foot_optimal")
     ]
     assert f"{foot[0]:.2f} → {foot[1]:.2f}" in figures
-
-
-def test_the_reasons_shares_are_those_of_all_joints_and_add_up(check):
-    found = shares(check)
-    assert sum(found.values()) == pytest.approx(1.0, abs=WHOLE)
-    joints = [joint.differences[SHOWN] for joint in check.joints]
-    whole = sum(each.rms**2 for each in joints)
-    saturated = sum(each.rms**2 * each.shares.get("saturated", 0.0) for each in joints)
-    assert found["saturated"] == pytest.approx(saturated / whole, abs=WHOLE)
 
 
 def test_what_does_not_hold_is_said_first(failed):
@@ -113,7 +102,6 @@ def test_page_and_terminal_have_the_same_tables(check, page):
         checks_table(check.checks),
         plans_table(check.joints),
         foot_table(check.foot),
-        differences_table(check.joints),
     ):
         assert str(table.__html__()) in page
         assert table.text() in text
@@ -133,20 +121,11 @@ def test_a_plan_at_a_bound_of_zero_has_an_error_and_no_infinite_gap(check):
         assert not re.search(r"\binf\b", said)
 
 
-def test_the_shades_cover_each_reason_and_its_name_is_reported_under_the_pointer(check):
+def test_the_figure_has_the_difference_of_the_requests(check):
     joint = check.joints[0]
-    requested, apart = joint_figure(check, joint, 0).panels[1:]
-    difference = apart.curves[-1]
-    assert len(difference.notes) == len(joint.desired) + 1
+    difference = joint_figure(check, joint, 0).panels[2].curves[-1]
     expected = np.degrees(joint.plans[SHOWN].requests - joint.plans["optimal"].requests)
     np.testing.assert_allclose(difference.y[:-1], expected, atol=SAME)
-    assert requested.spans == apart.spans
-    shaded = np.zeros(len(difference.x))
-    for span in apart.spans:
-        shaded += (span.start < difference.x) & (difference.x < span.end)
-    free = np.array([note == "no known reason" for note in difference.notes])
-    # At the cycle boundary two shades may meet.
-    np.testing.assert_array_equal(shaded[1:-1], ~free[1:-1])
 
 
 def test_plotly_takes_every_figure(check):
