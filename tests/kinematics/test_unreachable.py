@@ -129,6 +129,13 @@ def test_the_error_names_the_worst_point_and_only_the_first_ten():
         reference_leg().joint_angles(foot)
 
 
+@pytest.mark.parametrize("mode", ["nearest", "clamp"])
+def test_the_angles_alone_are_those_of_the_inverse_in_the_same_mode(mode):
+    leg, far = reference_leg(), [[0.0, 0.05, -0.2], [0.02, 0.03, -0.1]]
+    expected = leg.inverse(far, unreachable=mode).angles
+    np.testing.assert_array_equal(leg.joint_angles(far, unreachable=mode), expected)
+
+
 def test_clamping_is_the_rule_of_the_simplified_legs_own_inverse():
     leg = reference_leg()
     upper, lower = 0.064, 0.069
