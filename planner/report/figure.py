@@ -73,7 +73,6 @@ class Span:
         words: What it is, written at its upper end.
         words_side: At which end of a horizontal span they stand.
         legend: What the legend of a file calls it.
-        hatch: Pattern in a file, which distinguishes spans without colours.
     """
 
     start: float
@@ -84,7 +83,6 @@ class Span:
     words: str = ""
     words_side: Literal["left", "right"] = "right"
     legend: str = ""
-    hatch: str = ""
 
 
 @dataclass(frozen=True)
@@ -326,14 +324,12 @@ class Timeline:
 
     def curve(
         self, values: Array, role: Role, label: str = "", *, held: bool = False,
-        hidden: bool = False, notes: Sequence[str] = (),
+        hidden: bool = False,
     ) -> Curve:  # fmt: skip
         """A value per sample, shape (n,); of a cycle up to where it begins again."""
-        again = self.cyclic
-        drawn = np.append(values, values[0]) if again else values
+        drawn = np.append(values, values[0]) if self.cyclic else values
         times = self.step * np.arange(float(len(drawn)))
-        all_notes = (*notes, *notes[:1]) if again else tuple(notes)
-        return Curve(role, times, drawn, label, held=held, hidden=hidden, notes=all_notes)
+        return Curve(role, times, drawn, label, held=held, hidden=hidden)
 
     def degrees(
         self, angles: Array, role: Role, label: str = "", *, held: bool = False,

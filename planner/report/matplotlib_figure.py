@@ -8,7 +8,7 @@ from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from planner.report.figure import MARGIN, Axis, Curve, Figure, Panel, Span, Words
-from planner.report.style import INK, SETTINGS, SURFACE, WIDTH, applied
+from planner.report.style import INK, SETTINGS, WIDTH, applied
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -159,8 +159,6 @@ def _looks(curve: Curve) -> dict[str, Any]:
 
 def _draw_span(axes: Axes, span: Span) -> None:
     looks: dict[str, Any] = {"facecolor": (span.role.light, span.opacity), "linewidth": 0.0}
-    if span.hatch:
-        looks |= {"hatch": span.hatch, "edgecolor": SURFACE.light}
     label = span.legend or "_"
     shade = axes.axvspan if span.along == "x" else axes.axhspan
     shade(span.start, span.end, zorder=0.5, label=label, **looks)

@@ -52,7 +52,7 @@ def everything():
         Curve(MUTED, X, X, legend=False),
     )
     spans = (
-        Span(0.5, 1.0, DIRECT, 0.2, words="lag 4", words_side="left", legend="why", hatch="//"),
+        Span(0.5, 1.0, DIRECT, 0.2, words="lag 4", words_side="left", legend="why"),
         Span(-0.5, 0.5, DIRECT, 0.2, along="y"),
     )
     first = Panel(
@@ -132,10 +132,9 @@ def test_the_same_figure_is_the_same_bytes():
 
 def test_a_cycle_ends_where_it_begins_and_cycles_do_not_touch():
     timeline = Timeline(0.008, 2)
-    one = timeline.curve(np.array([10.0, 20.0]), DIRECT, notes=("a", "b"))
+    one = timeline.curve(np.array([10.0, 20.0]), DIRECT)
     np.testing.assert_array_equal(one.y, [10.0, 20.0, 10.0])
     np.testing.assert_array_equal(one.x, [0.0, 8.0, 16.0])
-    assert one.notes == ("a", "b", "a")
     two = timeline.cycles(np.array([[1.0, 2.0], [3.0, 4.0]]), DIRECT)
     np.testing.assert_array_equal(two.y, [1.0, 2.0, 1.0, math.nan, 3.0, 4.0, 3.0])
     np.testing.assert_array_equal(two.x, [0.0, 8.0, 16.0, math.nan, 0.0, 8.0, 16.0])
