@@ -90,6 +90,7 @@ ADVICE = {
 
 ARGUMENTS = {
     "amplitudes": "--amplitude-deg",
+    "baud rate": "--baud-rate",
     "centre": "--centre-deg",
     "cycles": "--cycles",
     "duration": "--duration-s",

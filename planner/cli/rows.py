@@ -23,6 +23,10 @@ if TYPE_CHECKING:
 FOLDERS = ("bag", "mcap", "lerobot")
 """Formats that are a folder, which standard output cannot be."""
 
+COUNTED = {"ticks": (2048, 4096), "us": (1500, 4000)}
+"""Units in which servos count: the count at angle 0, and counts of a turn. Hobby servos turn by 180
+degrees over 2000 us."""
+
 
 def check_export(export: Export) -> None:
     """Refuse settings that have no effect on the format.
@@ -34,8 +38,8 @@ def check_export(export: Export) -> None:
     for name, formats in export.without_effect(export.format).items():
         parts = (Key(f"export.{name}"), " has no effect on ", chosen)
         raise BadSetting(*parts, f", only on {', '.join(formats)}")
-    for name in ("ticks_per_turn", "zero_tick", "zero_ticks"):
-        if getattr(export, name) not in (None, {}) and export.unit != "ticks":
+    for name in ("ticks_per_turn", "zero_tick", "zero_ticks", "reverse"):
+        if getattr(export, name) not in (None, {}) and export.unit not in COUNTED:
             raise BadSetting(Key(f"export.{name}"), " needs ", Key("export.unit", "ticks"))
     if export.between is not None and export.rate_hz is None:
         rate = Key("export.rate_hz")
@@ -114,8 +118,13 @@ def write_rows(file: str, export: Export, rows: Schedule) -> None:
 
 def _ticks(export: Export) -> Ticks | None:
     """How the servos count; None where the rows are not in ticks."""
-    if export.unit != "ticks":
+    if export.unit not in COUNTED:
         return None
-    given = {"zero": export.zero_tick, "per_turn": export.ticks_per_turn}
-    known = {name: value for name, value in given.items() if value is not None}
-    return Ticks(**known, zeros=export.zero_ticks or {})
+    zero, per_turn = COUNTED[export.unit]
+    return Ticks(
+        zero=zero if export.zero_tick is None else export.zero_tick,
+        per_turn=export.ticks_per_turn or per_turn,
+        zeros=export.zero_ticks or {},
+        reversed=export.reverse or (),
+        unit=export.unit,
+    )

@@ -561,8 +561,8 @@ class Export(Settings):
         type=types.LIST,
         metavar="A,B,C",
     )
-    unit: Literal["rad", "deg", "ticks"] | None = setting(
-        "csv: unit of the columns.",
+    unit: Literal["rad", "deg", "ticks", "us"] | None = setting(
+        "csv: unit of the columns; us are the pulses of hobby servos.",
         default=None,
         only=("csv",),
         otherwise='"rad"',
@@ -570,19 +570,19 @@ class Export(Settings):
         option="--unit",
     )
     ticks_per_turn: TicksPerTurn | None = setting(
-        "csv in ticks: ticks of a turn.",
+        "csv in ticks or us: how many a turn has.",
         default=None,
         only=("csv",),
-        otherwise="4096",
+        otherwise="4096, or 4000 us",
         example=4096,
         option="--ticks-per-turn",
         metavar="N",
     )
     zero_tick: Tick | None = setting(
-        "csv in ticks: the tick at angle 0.",
+        "csv in ticks or us: the count at angle 0.",
         default=None,
         only=("csv",),
-        otherwise="2048",
+        otherwise="2048, or 1500 us",
         example=2048,
         option="--zero-tick",
         by_joint="zero_ticks",
@@ -591,10 +591,21 @@ class Export(Settings):
         metavar="[JOINT=]N",
     )
     zero_ticks: Annotated[dict[str, Tick] | None, Expected("a table of ticks by joint")] = setting(
-        "csv in ticks: the same for single joints.",
+        "csv in ticks or us: the same for single joints.",
         default=None,
         only=("csv",),
         example={"knee": 2048},
+    )
+    reverse: JointNames | None = setting(
+        "csv in ticks or us: joints whose servo is mounted the other way round.",
+        default=None,
+        only=("csv",),
+        otherwise="none",
+        example=["knee"],
+        option="--reverse",
+        type=str,
+        multiple=True,
+        metavar="NAME",
     )
     lead_s: NotNegative | None = setting(
         "yaml, bag, mcap: time in which the controller leads the joints to the first.",

@@ -1,9 +1,9 @@
-"""CSV at a controller's rate: time, and every joint in radians, degrees or a servo's ticks."""
+"""CSV at a controller's rate: time, and every joint in angles, a servo's ticks or microseconds."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -18,8 +18,11 @@ from planner.files.units import ANGLES
 from planner.robot.schedule import Schedule
 from planner.validation import shown
 
-UNITS = (*ANGLES, "ticks")
+UNITS = (*ANGLES, "ticks", "us")
 """Units of the columns, which are also the ends of their names."""
+
+PULSES = (500, 2500)
+"""Shortest and longest pulse of a hobby servo [us]."""
 
 MOST_TICKS = 2**31
 """Most ticks of a turn: what counts them has 32 bits."""
@@ -27,17 +30,26 @@ MOST_TICKS = 2**31
 
 @dataclass(frozen=True)
 class Ticks:
-    """How a servo counts its angle.
+    """How a servo counts its angle: in ticks, or a hobby servo in microseconds of its pulses.
 
     Attributes:
         per_turn: Ticks of a full turn.
         zero: The tick at angle 0, of every joint.
         zeros: The same of single joints.
+        reversed: Joints whose servo is mounted the other way round.
+        unit: "ticks" or "us".
     """
 
     per_turn: int = 4096
     zero: int = 2048
     zeros: Mapping[str, int] = field(default_factory=dict)
+    reversed: Sequence[str] = ()
+    unit: str = "ticks"
+
+    @property
+    def range(self) -> tuple[int, int]:
+        """Least and largest tick that a servo takes."""
+        return PULSES if self.unit == "us" else (0, self.per_turn - 1)
 
     def __post_init__(self) -> None:
         if not 2 <= self.per_turn <= MOST_TICKS:
@@ -75,24 +87,30 @@ def to_ticks(schedule: Schedule, ticks: Ticks) -> npt.NDArray[np.int64]:
     """
     check_zeros(schedule, ticks)
     zeros = np.array([ticks.zeros.get(name, ticks.zero) for name in schedule.names])
-    counted = np.rint(zeros + schedule.requests * (ticks.per_turn / (2.0 * math.pi)))
-    beyond = np.argwhere((counted < 0) | (counted >= ticks.per_turn))
+    signs = np.array([-1.0 if name in ticks.reversed else 1.0 for name in schedule.names])
+    counted = np.rint(zeros + signs * schedule.requests * (ticks.per_turn / (2.0 * math.pi)))
+    least, most = ticks.range
+    beyond = np.argwhere((counted < least) | (counted > most))
     if beyond.size:
         k, j = beyond[0]
         raise InvalidInput(
             f"{schedule.names[j]}: request {k}, {np.degrees(schedule.requests[k, j]):.2f} deg, is "
-            f"tick {counted[k, j]:.0f}, expected 0 to {ticks.per_turn - 1}; check the zero tick "
-            "and the ticks per turn"
+            f"{_NAMES[ticks.unit].format(counted[k, j])}, expected {least} to {most}; check the "
+            "zero tick, the ticks per turn and the direction"
         )
     return counted.astype(np.int64)
 
 
+_NAMES = {"ticks": "tick {:.0f}", "us": "a pulse of {:.0f} us"}
+
+
 def check_zeros(schedule: Schedule, ticks: Ticks) -> None:
-    """Make sure that every joint with a zero of its own is there.
+    """Make sure that every joint with a zero or a direction of its own is there.
 
     Raises:
         InvalidInput: One is not.
     """
-    for name in ticks.zeros:
-        if name not in schedule.names:
-            raise InvalidInput(f"zero tick: no joint '{name}'; joints: {', '.join(schedule.names)}")
+    for key, names in (("zero tick", ticks.zeros), ("reverse", ticks.reversed)):
+        for name in names:
+            if name not in schedule.names:
+                raise InvalidInput(f"{key}: no joint '{name}'; joints: {', '.join(schedule.names)}")

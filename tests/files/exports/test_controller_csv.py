@@ -61,8 +61,8 @@ def test_a_tick_is_at_most_half_a_tick_away(angles, per_turn):
         (
             np.pi,
             Ticks(),
-            "knee: request 0, 180.00 deg, is tick 4096, expected 0 to 4095; check the zero tick "
-            "and the ticks per turn",
+            "knee: request 0, 180.00 deg, is tick 4096, expected 0 to 4095; check the zero tick, "
+            "the ticks per turn and the direction",
         ),
         (0.0, Ticks(zeros={"ankle": 3}), "zero tick: no joint 'ankle'; joints: knee"),
     ],
@@ -151,3 +151,15 @@ def test_a_period_that_is_written_rounded_loses_no_request():
     for period in (0.033333333334, 0.033333333333):
         same = resampled(_numbered(90, period), 30.0)
         assert same.requests[:, 0].tolist() == list(range(90))
+
+
+def test_hobby_servos_get_pulses_in_microseconds_of_their_own_centre_and_direction(tmp_path):
+    file = tmp_path / "pulses.csv"
+    quarter = Schedule(("hip", "knee"), np.array([[0.0, 0.0], [0.25, 0.125]]) * 2.0 * np.pi, 0.02)
+    servos = Ticks(per_turn=4000, zero=1500, zeros={"knee": 1460}, reversed=["knee"], unit="us")
+    write_controller_csv(file, quarter, unit="us", ticks=servos)
+    assert file.read_text() == "t_s,hip_us,knee_us\n0.0,1500,1460\n0.02,2500,960\n"
+    with pytest.raises(InvalidInput, match=r"a pulse of 2540 us, expected 500 to 2500; check the"):
+        to_ticks(quarter.renamed(["knee", "hip"]), Ticks(4000, 1500, {"knee": 1540}, unit="us"))
+    with pytest.raises(InvalidInput, match="reverse: no joint 'ankle'; joints: hip, knee"):
+        to_ticks(quarter, Ticks(reversed=["ankle"]))
