@@ -19,15 +19,20 @@ PAIRS = 4
 QUANTILE = 1.96
 """Half the width of a 95 % interval [standard deviations]."""
 
+MOST_REJECTED = 100
+"""Draws that are tried for a model: with five parameters near 0 one in 32 has none below it."""
+
 
 def drawn_models(model: JointModel, *, pairs: int = PAIRS, seed: int = 0) -> tuple[JointModel, ...]:
     """The model, and others that its intervals allow.
 
     They are drawn from a normal distribution with the intervals' widths, either side by itself, and
     their correlations, but none outside of the intervals; in pairs on either side of the model,
-    always the same ones. A parameter does not move towards an end that is not known. But where logs
-    leave the top speed open above, the joint may have any: its reciprocal is drawn, down to 0, and
-    theta_0 keeps to the gain.
+    always the same ones. An interval that ends at 0, where lags, times and dead bands end, is as
+    wide on that side as on the other, and what would be below 0 is not drawn: with 0 in its place
+    the others would no longer fit it. A parameter does not move towards an end that is not known.
+    But where logs leave the top speed open above, the joint may have any: its reciprocal is drawn,
+    down to 0, and theta_0 keeps to the gain.
 
     Args:
         model: The nominal model, with intervals as :attr:`planner.JointModel.evidence`.
@@ -49,6 +54,8 @@ def drawn_models(model: JointModel, *, pairs: int = PAIRS, seed: int = 0) -> tup
     values = np.array([_value(model, name) for name in names])
     ends = np.array(list(evidence.intervals.values()))
     down, up = np.where(np.isfinite(ends), np.abs(ends - values[:, np.newaxis]), 0.0).T / QUANTILE
+    ends_at_zero = (ends[:, 0] == 0.0) & (values >= 0.0)
+    down = np.where(ends_at_zero, np.maximum(down, up), down)
     open_above = np.array([name == "v_max" and GAIN in names for name in names])
     open_above &= np.isfinite(ends[:, 0]) & np.isinf(ends[:, 1])
 
@@ -59,12 +66,18 @@ def drawn_models(model: JointModel, *, pairs: int = PAIRS, seed: int = 0) -> tup
     matrix = np.array(evidence.correlations) if evidence.correlations else np.eye(len(names))
     eigenvalues, vectors = np.linalg.eigh(matrix)
     root = vectors * np.sqrt(np.maximum(eigenvalues, 0.0)) @ vectors.T  # unique: symmetric
-    rng, moves = np.random.default_rng(seed), list[Array]()
-    while len(moves) < 2 * pairs:
-        move = root @ rng.standard_normal(len(names))
-        if np.all(np.abs(move) < QUANTILE):
-            moves += [move, -move]
-    return (model, *(_moved(model, names, moves_of(z)) for z in moves))
+    rng, moves, tried = np.random.default_rng(seed), list[Array](), 0
+    count = 2 * pairs
+    while len(moves) < count:
+        drawn, tried = root @ rng.standard_normal(len(names)), tried + 1
+        for move in map(moves_of, (drawn, -drawn) if np.all(np.abs(drawn) < QUANTILE) else ()):
+            below = ends_at_zero & (values + move < 0.0)
+            if tried > MOST_REJECTED * count:  # hardly any that fit one another are above 0
+                move = np.where(below, -values, move)
+            elif np.any(below):
+                continue
+            moves.append(move)
+    return (model, *(_moved(model, names, move) for move in moves[:count]))
 
 
 def has_intervals(model: JointModel) -> bool:

@@ -192,6 +192,20 @@ def test_models_are_drawn_as_their_intervals_and_correlations_say():
     assert {each.offset for each in models} == {0.0}
 
 
+def test_what_cannot_be_below_0_leaves_the_others_drawn_as_their_correlations_say():
+    """A lag and half a window whose sum is known to 0.3 ms, though each may be 0 to 20 ms."""
+    late = replace(ERS210A, lag=0.001, acceleration_time=0.02)
+    seen = Evidence(
+        intervals={"lag": (0.0, 0.011), "acceleration_time": (0.0, 0.04)},
+        correlations=((1.0, -0.9996), (-0.9996, 1.0)),
+    )
+    models = drawn_models(late.with_evidence(seen), pairs=200)
+    delays = np.array([each.lag + each.acceleration_time / 2.0 for each in models])
+    assert len(models) == 401
+    assert np.ptp([each.lag for each in models]) > 0.009
+    assert np.max(np.abs(delays - delays[0])) < 6e-4
+
+
 def open_above(**others):
     """A joint of which a log tells that it is no slower than 4.2 rad/s, and how it begins."""
     return ERS210A.with_evidence(Evidence(intervals={"v_max": (4.2, np.inf), **others}))
