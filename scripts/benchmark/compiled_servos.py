@@ -1,4 +1,4 @@
-"""Servos from their physics, compiled: three kinds, none of which is the planner's model."""
+"""Servos from their physics, compiled: five kinds, none of which is the planner's model."""
 
 from __future__ import annotations
 
@@ -47,14 +47,22 @@ def cascaded(numbers: Array, error: float, angle: float, speed: float, memory: f
 def proportional(numbers: Array, error: float, angle: float, speed: float, memory: float) -> Any:
     """A voltage by the error, back-EMF, a current limit, friction, gravity.
 
+    Friction is Coulomb's, raised at rest (Stribeck) and by the torque that the gear transmits.
+
     Numbers: voltage per error, largest voltage, motor constant, resistance, largest current,
-    inertia, Coulomb friction, gravity.
+    inertia, Coulomb friction, gravity, and, of friction, the share that rest adds, the speed at
+    which it has fallen to a third, the share of the torque.
     """
-    gain, supply, constant, resistance, most, inertia, coulomb, gravity = numbers[:8]
+    gain, supply, constant, resistance, most, inertia, coulomb, gravity, rest, fast, by_torque = (
+        numbers[:11]
+    )
     voltage = min(max(gain * error, -supply), supply)
     current = min(max((voltage - constant * speed) / resistance, -most), most)
-    torque = constant * current - gravity * math.sin(angle)
-    return _slowed(speed + torque * STEP / inertia, coulomb * STEP / inertia), memory
+    weight = gravity * math.sin(angle)
+    friction = coulomb * (1.0 + rest * math.exp(-abs(speed) / fast))
+    friction += by_torque * abs(constant * current + weight)
+    free = speed + (constant * current - weight) * STEP / inertia
+    return _slowed(free, friction * STEP / inertia), memory
 
 
 @_compile
@@ -74,16 +82,21 @@ def _slowed(speed: float, by: float) -> float:
 
 
 @_compile
-def _run(law: Any, numbers: Array, late: int, requests: Array, steps: int) -> Array:
-    angle, speed, memory, at = requests[0], 0.0, 0.0, 0
+def _run(
+    law: Any, numbers: Array, late: int, play: float, slew: float, requests: Array, steps: int
+) -> Array:
+    angle = motor = goal = requests[0]
+    speed, memory, at = 0.0, 0.0, 0
     waiting, angles = np.full(late + 1, angle), np.empty(len(requests))
     for k in range(len(requests)):
         angles[k] = angle
         for _ in range(steps):
             waiting[at] = requests[k]
             at = (at + 1) % len(waiting)
-            speed, memory = law(numbers, waiting[at] - angle, angle, speed, memory)
-            angle += speed * STEP
+            goal += min(max(waiting[at] - goal, -slew * STEP), slew * STEP)
+            speed, memory = law(numbers, goal - angle, motor, speed, memory)
+            motor += speed * STEP
+            angle = min(max(angle, motor - 0.5 * play), motor + 0.5 * play)
     return angles
 
 
@@ -97,6 +110,9 @@ class CompiledServo:
         numbers: Its constants.
         delay: Before a request arrives [s].
         period: Between requests [s].
+        play: Of the gear, between the motor and the sensor [rad].
+        slew: Largest speed of the goal that the controller follows [rad/s].
+        pendulum: Torque of gravity at 90 degrees that logs and plans know [N m]; 0 for none.
     """
 
     name: str
@@ -104,23 +120,42 @@ class CompiledServo:
     numbers: tuple[float, ...]
     delay: float
     period: float = 0.02
+    play: float = 0.0
+    slew: float = math.inf
+    pendulum: float = 0.0
 
     def angles(self, requests: Array, *, before: int = 0) -> Array:
         """True angles [rad], (n,), after so many cycles of the same requests."""
         late, steps = round(self.delay / STEP), round(self.period / STEP)
         played = np.tile(requests, before + 1)
-        angles = _run(self.law, np.array(self.numbers), late, played, steps)
+        numbers = np.array(self.numbers)
+        angles = _run(self.law, numbers, late, self.play, self.slew, played, steps)
         return np.asarray(angles[-len(requests) :])
+
+    def seen(self, angles: Array, random: np.random.Generator) -> Array:
+        """What the sensor makes of them [rad]."""
+        count, noise = SEEN
+        rows = angles + noise * random.standard_normal(np.shape(angles))
+        return np.asarray(count * np.round(rows / count))
+
+    def load(self, angles: Array) -> Array | None:
+        """Torque of the pendulum on the joint [N m], where it is known."""
+        return -self.pendulum * np.sin(angles) if self.pendulum else None
 
     def logs(self, seed: int = 0) -> list[planner.Log]:
         """What ``excite`` proposes by default, a minute, as its sensor reports it."""
-        random, (count, noise) = np.random.default_rng(seed), SEEN
         signal = excite(
             "combined", limits=(-0.85, 0.85), period=self.period, duration=60.0, cycles=1
         )
-        angles = self.angles(signal.requests)
-        angles = count * np.round((angles + noise * random.standard_normal(len(angles))) / count)
-        return [planner.Log(times=signal.times, requests=signal.requests, angles=angles)]
+        angles = self.seen(self.angles(signal.requests), np.random.default_rng(seed))
+        return [
+            planner.Log(
+                times=signal.times,
+                requests=signal.requests,
+                angles=angles,
+                load=self.load(angles),
+            )
+        ]
 
 
 CASCADED = CompiledServo(
@@ -130,7 +165,11 @@ CASCADED = CompiledServo(
     0.012,
 )
 PROPORTIONAL = CompiledServo(
-    "P control, gravity", proportional, (90.0, 12.0, 1.1, 2.2, 3.0, 0.012, 0.2, 0.5), 0.008
+    "P control, current limit, gravity, play",
+    proportional,
+    (90.0, 12.0, 1.1, 2.2, 3.0, 0.012, 0.2, 0.5, 0.0, 1.0, 0.0),
+    0.008,
+    play=math.radians(0.3),
 )
 HOBBY = CompiledServo(
     "hobby servo, slow start", hobby, (16.0, 5.5, 4.6, math.radians(0.7), 30.0), 0.02
@@ -139,16 +178,115 @@ HOBBY = CompiledServo(
 
 def with_friction(degrees: float) -> CompiledServo:
     """P control without gravity whose dead band is of so many degrees."""
-    gain, supply, constant, resistance, _, inertia, _, _ = PROPORTIONAL.numbers
+    gain, supply, constant, resistance, *_ = PROPORTIONAL.numbers
     coulomb = math.radians(degrees) * gain * constant / resistance
-    numbers = (gain, supply, constant, resistance, math.inf, inertia, coulomb, 0.0)
-    name = f"P control, dead band {degrees:g} degrees"
-    return replace(PROPORTIONAL, name=name, numbers=numbers)
+    return replace(
+        PROPORTIONAL,
+        name=f"P control, dead band {degrees:g} degrees",
+        numbers=(
+            *(gain, supply, constant, resistance, math.inf),
+            *(0.012, coulomb, 0.0, 0.0, 1.0, 0.0),
+        ),
+        play=0.0,
+    )
 
+
+def with_pendulum(
+    name: str,
+    *,
+    gain: float,
+    supply: float,
+    constant: float,
+    resistance: float,
+    inertia: float,
+    coulomb: float,
+    weight: float,
+    slew: float = math.inf,
+) -> CompiledServo:
+    """A servo by its data sheet, P control, with a pendulum whose load is logged.
+
+    Args:
+        name: Of its kind.
+        gain: Voltage per error [V/rad].
+        supply: Voltage [V].
+        constant: Of motor and gear, torque per current [N m/A]; the stall torque of the data sheet
+            over its stall current, and a tenth for losses.
+        resistance: Supply over stall current [Ohm].
+        inertia: Of motor, gear and pendulum [kg m^2].
+        coulomb: Friction without load [N m]; rest adds a half, and a tenth of the torque adds to
+            it: gears of such servos lose that much.
+        weight: Torque of the pendulum at 90 degrees [N m].
+        slew: Largest speed of the goal [rad/s].
+    """
+    numbers = (gain, supply, constant, resistance, math.inf, inertia, coulomb, weight)
+    return CompiledServo(
+        name,
+        proportional,
+        (*numbers, 0.5, 0.3, 0.1),
+        0.01,
+        slew=slew,
+        pendulum=weight,
+    )
+
+
+PENDULUMS = (
+    with_pendulum(
+        "XL330, gain 400, overloaded",
+        gain=11.5,
+        supply=5.0,
+        constant=0.39,
+        resistance=3.4,
+        inertia=0.0035,
+        coulomb=0.03,
+        weight=0.24,
+    ),
+    with_pendulum(
+        "STS3215, gain 16, no D, goal at 3,400 counts/s",
+        gain=20.0,
+        supply=7.4,
+        constant=0.8,
+        resistance=2.8,
+        inertia=0.035,
+        coulomb=0.07,
+        weight=1.0,
+        slew=3400.0 * 2.0 * math.pi / 4096.0,
+    ),
+    with_pendulum(
+        "MX-64",
+        gain=30.0,
+        supply=12.0,
+        constant=1.6,
+        resistance=2.9,
+        inertia=0.06,
+        coulomb=0.1,
+        weight=1.2,
+    ),
+    with_pendulum(
+        "MX-106",
+        gain=30.0,
+        supply=12.0,
+        constant=1.8,
+        resistance=2.3,
+        inertia=0.1,
+        coulomb=0.15,
+        weight=1.8,
+    ),
+    with_pendulum(
+        "XL-320",
+        gain=5.7,
+        supply=7.4,
+        constant=0.39,
+        resistance=6.7,
+        inertia=0.0009,
+        coulomb=0.01,
+        weight=0.06,
+    ),
+)
 
 SERVOS: Sequence[CompiledServo] = (
     CASCADED,
     PROPORTIONAL,
     HOBBY,
     *map(with_friction, (0.49, 0.9, 1.23)),
+    *PENDULUMS,
 )
