@@ -74,7 +74,7 @@ class Learning:
             of the model, and ``noise``, in the unit of the trials' errors; ``nan`` where unknown.
         next_error: Error to expect of the next requests, in the unit of the trials' errors: that of
             the models with the disturbance as it was measured in the best trial, its noise and what
-            was not learnt included; ``nan`` where unknown.
+            was not learnt included, and a share of what the requests change; ``nan`` where unknown.
         stopped: Why there is nothing more to learn; empty while there is.
         remarks: What was done with the measurements, in words.
         replaced: The model of each joint before it was identified anew, until the new one has been

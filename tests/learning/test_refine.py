@@ -262,6 +262,14 @@ def test_the_error_that_comes_next_is_near_the_one_predicted(seed: int) -> None:
         plan = planner.refine(plan, sensed, reidentify=False)
 
 
+def test_a_fifth_of_what_the_next_requests_change_is_in_the_error_predicted(attained) -> None:
+    """An offset, which all requests take back, on a path that the model follows."""
+    off = math.radians(2.0)
+    after = planner.refine(attained, attained.predicted + off, reidentify=False, sensor_delay=0.0)
+    np.testing.assert_allclose(after.requests, attained.requests - off, atol=0.02 * off)
+    assert after.learning.next_error == pytest.approx(off / 5.0, rel=0.02)
+
+
 def test_a_worse_cycle_makes_the_next_one_start_from_the_best() -> None:
     desired = random_path(6, 88, span=1.0, fastest=0.03)
     plan = planner.invert_optimal(KNOWN, desired)
