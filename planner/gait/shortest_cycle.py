@@ -19,23 +19,13 @@ if TYPE_CHECKING:
     from planner.planning.result import FootInversion
 
 
-@dataclass(frozen=True, kw_only=True)
-class CycleOptions:
-    """Constants of the search.
+FEWEST, MOST = 12, 1000
+"""Samples of a cycle: below the fewest a path is no half ellipse any more, and the most are 8 s at
+the Aibo's rate."""
 
-    Attributes:
-        fewest: Samples of a cycle at least: below it the path is no half ellipse any more.
-        most: Samples at most; a cycle of 8 s at the Aibo's rate.
-        proofs: Lower bounds that are computed, each up to seconds, between the shortest period
-            found and the one that is proved too short.
-    """
-
-    fewest: int = 12
-    most: int = 1000
-    proofs: int = 4
-
-
-OPTIONS = CycleOptions()
+PROOFS = 4
+"""Lower bounds that are computed, each up to seconds, between the shortest period found and the one
+that is proved too short."""
 
 
 class TooShort(NamedTuple):
@@ -108,13 +98,10 @@ def shortest_cycle(
             known[count] = invert_foot(models, leg, path(count), norm="max")
         return known[count]
 
-    def keeps(count: int) -> bool:
-        return plan(count).max_error <= tolerance
-
-    low, high = OPTIONS.fewest - 1, samples
-    while not keeps(high):
+    low, high = FEWEST - 1, samples
+    while plan(high).max_error > tolerance:
         low, high = high, 2 * high
-        if high > OPTIONS.most:
+        if high > MOST:
             raise Infeasible(
                 f"tolerance: in a cycle of {low} samples the foot still is "
                 f"{100.0 * plan(low).max_error:.3g} cm off, expected at most "
@@ -122,7 +109,8 @@ def shortest_cycle(
             )
     while high - low > 1:
         middle = (low + high) // 2
-        low, high = (low, middle) if keeps(middle) else (middle, high)
+        kept = plan(middle).max_error <= tolerance
+        low, high = (low, middle) if kept else (middle, high)
     return ShortestCycle(plan=plan(high), too_short=_too_short(plan, low, tolerance, progress))
 
 
@@ -133,8 +121,8 @@ def _too_short(
     progress: Callable[[str], None],
 ) -> TooShort | None:
     """The longest cycle tried, of at most ``highest`` samples, that a lower bound refutes."""
-    found, low, high = None, OPTIONS.fewest, highest
-    for number in range(OPTIONS.proofs):
+    found, low, high = None, FEWEST, highest
+    for number in range(PROOFS):
         if low > high:
             break
         count = high if number == 0 else (low + high) // 2

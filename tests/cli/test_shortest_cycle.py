@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 
 import pytest
 
@@ -19,7 +18,7 @@ TESTED = Evidence(0.01, 1.0, 0.0, (-3.0, 3.0))
 @pytest.fixture
 def walk(tmp_path, monkeypatch):
     """A small walk of a leg, without the bounds that take seconds."""
-    monkeypatch.setattr(shortest_cycle, "OPTIONS", replace(shortest_cycle.OPTIONS, proofs=0))
+    monkeypatch.setattr(shortest_cycle, "PROOFS", 0)
     monkeypatch.setattr("planner.planning.bounds.foot_bound.MOST_SAMPLES_BOUNDED", 0)
     file = tmp_path / "joint.toml"
     JointModel.ers210a().with_evidence(TESTED).to_toml(file)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -31,9 +30,8 @@ def circle(leg):
 
 
 def test_the_foot_keeps_the_tolerance_and_not_in_a_sample_less(leg, circle, monkeypatch):
-    monkeypatch.setattr(
-        shortest_cycle, "OPTIONS", replace(shortest_cycle.OPTIONS, fewest=11, proofs=0)
-    )
+    monkeypatch.setattr(shortest_cycle, "FEWEST", 11)
+    monkeypatch.setattr(shortest_cycle, "PROOFS", 0)
     found = shortest_cycle.shortest_cycle(
         JOINT, leg, lambda count: in_samples(circle, count), tolerance=TOLERANCE, samples=16
     )
@@ -61,7 +59,7 @@ def test_a_path_that_any_cycle_keeps_takes_the_fewest_samples(leg, circle):
     found = shortest_cycle.shortest_cycle(
         JOINT, leg, lambda count: np.tile(middle, (count, 1)), tolerance=TOLERANCE, samples=16
     )
-    assert (found.samples, found.too_short) == (shortest_cycle.OPTIONS.fewest, None)
+    assert (found.samples, found.too_short) == (shortest_cycle.FEWEST, None)
 
 
 def test_a_cycle_that_is_proved_too_short_is_one_whose_bound_exceeds_the_tolerance(
@@ -84,8 +82,7 @@ def test_a_cycle_that_is_proved_too_short_is_one_whose_bound_exceeds_the_toleran
 def test_a_tolerance_that_no_cycle_keeps_is_refused_with_the_largest_distance(
     leg, circle, monkeypatch
 ):
-    options = replace(shortest_cycle.OPTIONS, most=20)
-    monkeypatch.setattr(shortest_cycle, "OPTIONS", options)
+    monkeypatch.setattr(shortest_cycle, "MOST", 20)
     largest = invert_foot(JOINT, leg, in_samples(circle, 16), norm="max").max_error
     with pytest.raises(Infeasible, match=f"cycle of 16 samples .* {100.0 * largest:.3g} cm off"):
         shortest_cycle.shortest_cycle(
