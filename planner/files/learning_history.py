@@ -134,7 +134,6 @@ def _as_json(learning: Learning) -> dict[str, Any]:
         "next_error": None if math.isnan(learning.next_error) else learning.next_error,
         "stopped": learning.stopped,
         "remarks": list(learning.remarks),
-        "replaced": [None if model is None else model.parameters() for model in learning.replaced],
     }
 
 
@@ -158,9 +157,6 @@ def _learning(content: Mapping[str, Any]) -> Learning:
         next_error=_number(content.get("next_error")),
         stopped=str(content["stopped"]),
         remarks=tuple(content["remarks"]),
-        replaced=tuple(
-            None if model is None else JointModel(**model) for model in content.get("replaced", ())
-        ),
     )
 
 

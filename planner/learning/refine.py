@@ -20,7 +20,7 @@ import numpy.typing as npt
 from planner.exceptions import ANGLE_UNIT, InvalidInput, InvalidTrajectory, about
 from planner.learning.disturbance import deviation_of, learnt, noise_of
 from planner.learning.measurements import check_angles, check_trial
-from planner.learning.reidentification import Models, reidentified
+from planner.learning.reidentification import reidentified
 from planner.learning.sensor_delay import (
     delays_of,
     delays_to_remove,
@@ -122,8 +122,7 @@ def refine(
             learnt. None to take a delay for the sensor's where it alone explains what was measured
             and is longer than half of the model's own latency; 0 to learn in any case.
         reidentify: Whether the trials may identify the model anew. That is done from the second one
-            on, where the new model predicts a trial better which it has not seen; where it makes
-            the error larger, the model before is used again.
+            on, where the new model predicts a trial better which it has not seen.
 
     Returns:
         The next plan, of the same type. Its ``learning`` says what was done; its ``disturbance``
@@ -237,22 +236,16 @@ def _refined(joints: Plan, cycles: Array, sensor_delay: float | None, reidentify
     cycles = earlier(cycles, removed, joints)
     check_trial(cycles, modelled, before.trials if before else (), old)
     trials, now = _with_trial(before, joints, requests, cycles)
-    models = Models.of(joints, before)
+    since = before.reidentified if before else (0,) * len(joints.models)
     noise = _noise(joints, trials, now)
     if reidentify and now == len(trials) - 1:  # not an earlier trial, executed again
-        tried = before is not None and not _same(requests, before.trials[-1].requests)
-        if tried and models.anew and _worse(joints, trials[-1], trials[-2].error, noise):
-            models, said = models.before(now)
-        else:
-            models = models.kept() if tried else models
-            models, said = reidentified(models, joints, trials, deviation_of(noise))
-        joints = replace(joints, task=joints.task.with_models(models.now))
+        joints, since, said = reidentified(joints, trials, since, deviation_of(noise))
         remarks += said
         noise = _noise(joints, trials, now)
     delays = delays_of(joints, cycles, joints.task.response(requests), removed)
     spread = deviation_of(noise)
     remarks += remarks_on_delays(joints, delays, spread)
-    disturbance, best, gain = _estimated(joints, trials, max(models.since), noise)
+    disturbance, best, gain = _estimated(joints, trials, max(since), noise)
     made, base = _next(joints, disturbance), trials[best]
     answer = joints.task.response(made.requests)
     next_error = _error(joints, answer + _missed(joints, base))
@@ -281,8 +274,7 @@ def _refined(joints: Plan, cycles: Array, sensor_delay: float | None, reidentify
         trials=trials,
         noise=spread,
         gain=gain,
-        reidentified=models.since,
-        replaced=models.replaced,
+        reidentified=since,
         delays=delays,
         best=best,
         floor=floor,
@@ -353,10 +345,6 @@ def _worse(joints: Plan, trial: Trial, error: float, noise: Array) -> bool:
     return trial.error > error * (1.0 + OPTIONS.worse_error) + OPTIONS.worse_noise * size
 
 
-def _same(requests: Array, others: Array) -> bool:
-    return bool(np.max(np.abs(requests - others)) <= SAME_REQUESTS)
-
-
 def _noise(joints: Plan, trials: Sequence[Trial], now: int) -> Array:
     measured = [trial.measured for trial in trials]
     return noise_of(measured, _missed(joints, trials[now]), cyclic=joints.cyclic)
@@ -367,7 +355,7 @@ def _with_trial(
 ) -> tuple[tuple[Trial, ...], int]:
     """The trials with a new one, or with more cycles of one of the same requests; its number."""
     trials = list(before.trials if before else ())
-    known = (_same(trial.requests, requests) for trial in trials)
+    known = (np.max(np.abs(trial.requests - requests)) <= SAME_REQUESTS for trial in trials)
     now = next((number for number, same in enumerate(known) if same), len(trials))
     if now < len(trials):
         cycles = np.concatenate([trials[now].measured, cycles])

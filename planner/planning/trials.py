@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from planner.model.joint import JointModel
 from planner.trajectory import Array
 from planner.validation import freeze
 
@@ -77,8 +76,6 @@ class Learning:
             was not learnt included, and a share of what the requests change; ``nan`` where unknown.
         stopped: Why there is nothing more to learn; empty while there is.
         remarks: What was done with the measurements, in words.
-        replaced: The model of each joint before it was identified anew, until the new one has been
-            tried: where that makes the error larger, it is used again. None, or empty, for none.
     """
 
     trials: tuple[Trial, ...]
@@ -91,7 +88,6 @@ class Learning:
     next_error: float = math.nan
     stopped: str = ""
     remarks: tuple[str, ...] = ()
-    replaced: tuple[JointModel | None, ...] = ()
 
     @property
     def errors(self) -> Array:

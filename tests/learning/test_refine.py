@@ -307,27 +307,6 @@ def test_cycles_of_the_same_requests_identify_no_model(two_trials) -> None:
         assert plan.learning.reidentified == (0,)
 
 
-@pytest.mark.parametrize("filed", [False, True], ids=["in memory", "from a file"])
-def test_a_model_identified_anew_that_makes_the_error_larger_is_given_up(
-    two_trials, tmp_path, filed: bool
-) -> None:
-    _, first, plan = two_trials
-    if filed:
-        name, desired = tmp_path / "learning.json", plan.desired[:, np.newaxis]
-        state = LearningState((plan.model,), plan.learning)
-        write_history(str(name), desired, {"knee": state})
-        (model,), learning = read_history(str(name), ["knee"], desired)["knee"]
-        plan = replace(plan, models=((model,),), learning=(learning,))
-    wave = np.sin(6.0 * np.pi * np.arange(88) / 88)
-    after = planner.refine(plan, plan.predicted + 0.15 * wave)
-    assert after.model == first.model == KNOWN
-    assert any("before it is used again" in remark for remark in after.learning.remarks)
-    assert after.learning.best == 1
-    kept = planner.refine(plan, plan.predicted)
-    assert kept.model == plan.model
-    assert not any(kept.learning.replaced)
-
-
 def test_a_motion_from_rest_is_learnt_and_starts_where_it_did() -> None:
     true = replace(KNOWN, theta_0=1.2 * KNOWN.theta_0, lag=1.2 * KNOWN.lag)
     desired = np.radians(30.0) * (1.0 - np.cos(np.linspace(0.0, np.pi, 100)))
@@ -544,7 +523,6 @@ def test_a_history_gives_back_all_that_it_was_given(tmp_path) -> None:
             next_error=0.15,
             stopped="enough",
             remarks=("late",),
-            replaced=(KNOWN,),
         ),
     )
     write_history(file, desired, {"knee": state})
@@ -558,7 +536,6 @@ def test_a_history_gives_back_all_that_it_was_given(tmp_path) -> None:
     assert found.learning.floor == pytest.approx((0.05, math.nan), nan_ok=True)
     for name in ("gain", "reidentified", "delays", "best", "next_error", "stopped", "remarks"):
         assert getattr(found.learning, name) == getattr(state.learning, name), name
-    assert found.learning.replaced == (KNOWN,)
 
 
 PHASE = 2.0 * np.pi * np.arange(88) / 88
