@@ -12,15 +12,15 @@ import threading
 from contextlib import contextmanager
 
 import numpy as np
-import planner
 import pytest
 import scservo_sdk
 from lerobot.robots.so_follower import SO101Follower, SOFollowerRobotConfig
 from lerobot.robots.utils import make_robot_from_config
+
+import planner
+from lerobot_robot_planned import PlannedSO101Follower, PlannedSO101FollowerConfig
 from planner.robot.protocols import SYNC_READ
 from planner.virtual.servo_bus import WIRE, VirtualServos, serve, terminal
-
-from lerobot_robot_planned import PlannedSO101Follower, PlannedSO101FollowerConfig
 
 RATE = 30.0
 JOINTS = (
@@ -191,5 +191,5 @@ def test_the_configuration_is_known_to_lerobot_by_its_name(folder, models):
 
 
 def test_a_configuration_without_models_is_refused(folder):
-    with pytest.raises(ValueError, match="--robot.models: expected a model file"):
+    with pytest.raises(ValueError, match=r"--robot.models: expected a model file"):
         make_robot_from_config(planned(folder))
