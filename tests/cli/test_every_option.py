@@ -118,7 +118,7 @@ CASES = {
             f"--{name}": Case("", f"--{name} {value}")
             for name, value in {
                 "samples": 40,
-                "length": 0.03,
+                "half-stroke": 0.03,
                 "height": 0.02,
                 "forward": 0.04,
                 "sideways": 0.02,
@@ -160,6 +160,7 @@ CASES = {
             "--unit": Case("--format csv", "--unit deg"),
             "--ticks-per-turn": Case("--format csv --unit ticks", "--ticks-per-turn 8192"),
             "--zero-tick": Case("--format csv --unit ticks", "--zero-tick knee=2000"),
+            "--reverse": Case("--format csv --unit ticks", "--reverse knee"),
             "--lead-s": Case("--format yaml", "--lead-s 2"),
             "--velocities": Case("--format yaml", "--velocities"),
             "--joint": Case("--format csv", "--joint knee"),

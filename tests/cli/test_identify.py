@@ -55,7 +55,7 @@ def identified(tmp_path_factory):
         [
             "identify",
             str(folder / "log.csv"),
-            "--out",
+            "-o",
             str(folder / "joint.toml"),
             "--report",
             str(folder / "report.html"),
@@ -141,7 +141,7 @@ def test_json_has_what_a_machine_needs(identified, run):
 
 def test_every_joint_gets_a_table_that_plan_reads(run, tmp_path):
     write_log("both.csv", joints=("hip", "knee"))
-    result = run("identify", "both.csv", "--joint", "all", "--out", "both.toml", "--no-hold-out")
+    result = run("identify", "both.csv", "--joint", "all", "-o", "both.toml", "--no-hold-out")
     assert result.exit_code == 0, result.stderr
     assert "the model holds for 2 of 2 joints" in result.stderr
     hip, knee = read_model_file(tmp_path / "both.toml").for_joints(["hip", "knee"])
@@ -154,7 +154,7 @@ def test_a_joint_that_says_nothing_is_left_out_of_all_and_ends_with_status_1(run
     lines = [line.split(",") for line in (tmp_path / "both.csv").read_text().splitlines()]
     still = [lines[0], *([*cells[:3], "0.0", "0.0"] for cells in lines[1:])]
     (tmp_path / "still.csv").write_text("\n".join(",".join(cells) for cells in still))
-    result = run("identify", "still.csv", "--joint", "all", "--out", "all.toml", "--no-hold-out")
+    result = run("identify", "still.csv", "--joint", "all", "-o", "all.toml", "--no-hold-out")
     assert result.exit_code == 1
     assert "warning: knee is left out: " in result.stderr
     assert result.stderr.endswith("request-planner: no model of knee; the others are written\n")
@@ -181,7 +181,7 @@ def test_a_model_that_does_not_fit_is_written_and_ends_with_status_1(run, tmp_pa
         ["t_s", "requested_deg", "actual_deg"],
         np.column_stack([times, requests, elsewhere]),
     )
-    result = run("identify", "wrong.csv", "--out", "wrong.toml", "--report", "wrong.html")
+    result = run("identify", "wrong.csv", "-o", "wrong.toml", "--report", "wrong.html")
     assert result.exit_code == 1
     assert "THE MODEL DOES NOT FIT" in result.stderr
     last = result.stderr.splitlines()[-1]
@@ -305,10 +305,10 @@ def test_answers_for_machines_have_the_verdict_on_each_model(run, desired, tmp_p
     assert "verdict" not in joints["knee"], "nothing is known of it"
 
 
-@pytest.mark.parametrize("broken", ["--out", "--report"])
+@pytest.mark.parametrize("broken", ["-o", "--report"])
 def test_the_model_and_the_page_are_both_written_or_neither(run, tmp_path, broken):
     write_log(tmp_path / "log.csv")
-    places = {"--out": "joint.toml", "--report": "report.html", broken: "no/such/folder/x"}
+    places = {"-o": "joint.toml", "--report": "report.html", broken: "no/such/folder/x"}
     options = [part for option in places.items() for part in option]
     result = run("identify", "log.csv", *options, "--no-hold-out")
     assert result.exit_code == 2
@@ -327,7 +327,7 @@ def test_logs_of_different_joints_are_not_thrown_together(run):
 def test_a_recorded_gripper_is_known_sharply_in_shares_of_its_range(run, recordings, tmp_path):
     log = recordings / "so101" / "prbs_excitation.csv"
     asked = ("identify", log, "--joint", "Jaw", "--unit", "rad,Jaw=range")
-    result = run(*asked, "--out", "jaw.toml", "--report", "jaw.html")
+    result = run(*asked, "-o", "jaw.toml", "--report", "jaw.html")
     assert result.exit_code == 0, result.stderr
     assert "Jaw: the model holds: " in result.stderr
     (jaw,) = read_model_file(tmp_path / "jaw.toml").for_joints(["Jaw"])

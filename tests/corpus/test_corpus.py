@@ -70,7 +70,7 @@ CASES = {
     "gait-json": "gait --samples 6 --heading-deg 90 --half-stroke 0.03 --json",
     "gait-leg": "gait --samples 8 --leg front-left -o out.csv",
     "identify-json": "identify log.csv --no-hold-out --hold 1 --tick-ms 8 --json",
-    "identify-page": "identify log.csv --report page.html --out out.toml",
+    "identify-page": "identify log.csv --report page.html -o out.toml",
     "identify-two": "identify log.csv log.csv --requested requested_deg --unit deg -q",
     "plan-closed-form": "plan path.csv --method closed-form --segments 4 --rule exact --model "
     "joint.toml --tolerance-deg 0.1 --report page.html",

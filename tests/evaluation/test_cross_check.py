@@ -269,7 +269,9 @@ def test_requests_beyond_the_limits_are_noticed():
     plans = _plans()
     lower, upper = float(np.min(plans["optimal"].requests)), 1.0
     for shift, broken in ((0.0, set()), (1e-11, {(OPTIMAL, INSIDE)})):
-        plans["optimal"] = replace(plans["optimal"], limits=(lower + shift, upper))
+        plans["optimal"] = replace(
+            plans["optimal"], lower=np.array([lower + shift]), upper=np.array([upper])
+        )
         assert _broken(compare_joint("hip", plans)) == broken
 
 
@@ -310,7 +312,7 @@ def test_a_plan_for_the_foot_that_is_late_fails_in_the_foot(of_walk, walk):
     others = PAPER, EXACT, OPTIMAL, METHODS[SECOND]
     assert broken == {f"no worse than {label}" for label in others}
     lower, upper = plan.limits
-    tight = replace(plan, limits=(lower, upper - 1.0))
+    tight = replace(plan, lower=lower, upper=upper - 1.0)
     tight.plan.__dict__["lower_bounds"] = plan.plan.lower_bounds
     broken = _broken(judge_foot(of_walk.joints, tight))
     assert (METHODS["foot_optimal"], INSIDE) in broken

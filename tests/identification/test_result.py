@@ -49,7 +49,8 @@ def test_the_delay_is_tested_where_requests_move_during_enough_of_the_travel(sha
     requests = np.where(times < share * 40.0, angles, 0.0)
     log = Log(times=times, requests=requests, angles=angles)
     used = np.ones(len(times), dtype=bool)
-    fit = replace(found.fits[0], log=log, used=used, predicted=angles)
+    rows = {"used": used, "held_out": ~used, "predicted": angles, "held_out_predicted": angles}
+    fit = replace(found.fits[0], log=log, **rows)
     assert (replace(found, fits=(fit,)).tested.delay_error == 0.0) is tested
 
 
