@@ -23,10 +23,14 @@ NOISE = math.radians(0.2)
 """Standard deviation of the made-up sensor [rad]."""
 
 
+JOINT = dataclasses.replace(JointModel.ers210a(), tick=0.02 / 3.0, hold=3)
+"""The truth: a request every 20 ms."""
+
+
 def made_up_log(kind="random_steps", *, duration=20.0, name="bench.csv", joint="hip", unit="rad"):
     """What the Aibo's joint would answer to a test signal at 50 Hz."""
     signal = excite(kind, limits=(-0.7, 0.9), period=0.02, duration=duration)
-    model = JointModel.ers210a().requested_every(0.02)
+    model = JOINT
     noise = NOISE * np.random.default_rng(5).standard_normal(len(signal.times))
     angles = simulate(model, signal.requests, cyclic=False) + noise
     return Log(
@@ -63,7 +67,7 @@ def made_up_fit(log, model):
 def made_up(*logs, **changes):
     """An identification of such logs that found the truth; fields may be changed."""
     logs = logs or (made_up_log(),)
-    model = JointModel.ers210a().requested_every(0.02)
+    model = JOINT
     fits = tuple(made_up_fit(log, model) for log in logs)
     raw = np.concatenate([(fit.log.requests - fit.log.angles)[fit.used] for fit in fits])
     rms = float(np.sqrt(np.mean([fit.rms**2 for fit in fits])))

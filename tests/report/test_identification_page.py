@@ -289,7 +289,7 @@ def test_units_stand_beside_the_titles_where_all_joints_have_the_same():
     assert hip[columns["lag [ms]"]] == "32.00"
     assert gripper[columns["rms error"]].endswith(" % of range")
     assert hip[columns["rms error"]].endswith(" deg")
-    assert knee[columns["top speed"]].startswith("≥ ")
+    assert knee[columns["top speed v_max"]].startswith("≥ ")
 
 
 def test_the_table_of_six_joints_is_as_wide_as_the_page(browser, tmp_path):
