@@ -18,7 +18,7 @@ PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["
 CITATION = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
 PACKAGES = ("kinematics", "planner", "urdf")
 BESIDE = (
-    *(".ci", "docs", "examples", "scripts", "tests"),
+    *(".ci", "docs", "examples", "lerobot_robot_planned", "scripts", "tests"),
     *(".gitignore", "CHANGELOG.md", "CITATION.cff", "CONTRIBUTING.md", "LICENSE", "PKG-INFO"),
     *("README.md", "pyproject.toml"),
 )

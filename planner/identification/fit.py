@@ -16,7 +16,6 @@ from planner.identification.least_squares import (
     SEARCH,
     Fit,
     Response,
-    better,
     huber,
     least_squares,
     respond,
@@ -83,11 +82,19 @@ def fit_joint(logs: Sequence[Log], timing: Timing, *, choose_tick: bool = False)
             logs, tick=timing.period, reach=timing.reach, burn_in=burn_in, settled=settled
         )
         simple = least_squares(rows, found.parameters, scale=best.scale, effort=SEARCH)
-        fits += [simple] if better(best, simple) else []
+        fits += [simple] if _worth_trying(best, simple) else []
     again = (
         least_squares(fit.grid, fit.parameters, starts=fit.starts, effort=SEARCH) for fit in fits
     )
     return tuple(map(_without_saturation, again))
+
+
+def _worth_trying(fine: Fit, whole: Fit) -> bool:
+    """Whether terms are sought on ticks of a whole period, too: a search there may find others.
+
+    Where the log does not tell which ticks the joint has, the two agree to a tenth of the bound.
+    """
+    return huber(whole.residuals, fine.scale) < 0.995 * huber(fine.residuals, fine.scale)
 
 
 def at_ticks(logs: Sequence[Log], fit: Fit, tick: float) -> Fit:

@@ -37,8 +37,8 @@ def _on_pages():
     return {line for code in ran for line in shell.commands(code)}
 
 
-ON_AN_ARM = {"calibrate", "check", "play", "record"}
-"""Their examples are of servos that are connected: ``test_servos`` runs them on virtual ones."""
+ON_AN_ARM = {"calibrate", "check", "play", "record", "virtual-bus"}
+"""Their examples need servos, or serve some until Ctrl-C: ``test_servos`` is about them."""
 
 
 @pytest.mark.usefixtures("foot", "ready_experiments", "brief_search", "undrawn", "in_this_process")
