@@ -123,10 +123,11 @@ class Arm:
             raise InvalidInput(f"servos: got the identifiers {self._ids}, expected each once")
 
     def send(self, requests: npt.ArrayLike) -> None:
-        """Request an angle of every joint [rad], in one packet."""
+        """Request an angle of every joint [rad], in one packet; NaN requests nothing of a joint."""
         self._sent = np.array(requests, dtype=float)
         pairs = zip(self.servos.values(), self._sent.tolist(), strict=True)
-        self.bus.sync_write("goal", {servo.id: servo.count(angle) for servo, angle in pairs})
+        counts = {servo.id: servo.count(angle) for servo, angle in pairs if math.isfinite(angle)}
+        self.bus.sync_write("goal", counts)
 
     def measure(self) -> Measured:
         """What every joint does, asked for in one packet."""
@@ -151,16 +152,23 @@ class Arm:
             ]
         )
 
-    def angles(self) -> Array:
+    def angles(self, *, silent: bool = False) -> Array:
         """Where every joint is [rad], asked for again where an answer was lost.
 
+        Args:
+            silent: Whether servos may stay silent; their angles are NaN.
+
         Raises:
-            BusError: A servo stays silent.
+            BusError: A servo stays silent, or the bus is gone.
         """
         angles = self.measure().angles
         for k in np.flatnonzero(np.isnan(angles)):
             servo = self.servos[self.names[k]]
-            angles[k] = servo.angle(self.bus.read(servo.id, "position"))
+            try:
+                angles[k] = servo.angle(self.bus.read(servo.id, "position"))
+            except BusError:
+                if not silent:
+                    raise
         return angles
 
     def settings(self) -> dict[str, dict[str, int]]:
@@ -171,8 +179,8 @@ class Arm:
         }
 
     def hold(self) -> None:
-        """Stop every joint where it is; one that is near its last request keeps that."""
-        angles = self.angles()
+        """Stop every joint that answers where it is; one near its last request keeps that."""
+        angles = self.angles(silent=True)
         if self._sent is not None:
             near = np.abs(self._sent - angles) < STUCK_ERROR
             angles = np.where(near, self._sent, angles)
@@ -182,8 +190,8 @@ class Arm:
     def powered(self) -> Iterator[None]:
         """Torque on in the block; afterwards as it was before.
 
-        However the block ends, every joint is first stopped where it is. On a bus that is gone
-        nothing can be written: the servos hold their last request.
+        However the block ends, every joint that answers is first stopped where it is. A servo that
+        is silent, or all on a bus that is gone, hold their last request.
         """
         before = {servo.id: self.bus.read(servo.id, "torque") for servo in self.servos.values()}
         try:
@@ -195,8 +203,9 @@ class Arm:
         finally:
             with suppress(BusError):
                 self.hold()
-                for servo, torque in before.items():
-                    if not torque:
+            for servo, torque in before.items():
+                if not torque:
+                    with suppress(BusError):
                         self.bus.write(servo, "torque", 0)
 
     def perform(
@@ -253,7 +262,7 @@ class Arm:
     def _check(self, requests: Array) -> None:
         for name, servo, column in zip(self.names, self.servos.values(), requests.T, strict=True):
             low, high = servo.limits
-            beyond = (column < low - ROUNDING) | (column > high + ROUNDING)
+            beyond = ~((column >= low - ROUNDING) & (column <= high + ROUNDING))  # NaN, too
             if beyond.any():
                 row = int(np.argmax(beyond))
                 raise InvalidInput(

@@ -130,11 +130,25 @@ def test_a_servo_that_falls_silent_is_named():
         silent.angles()
 
 
-def test_a_request_beyond_the_range_is_refused_before_anything_moves():
+def test_joints_that_answer_are_stopped_and_released_where_another_fell_silent(monkeypatch):
+    arm = arm_of(count=3)
+    servos = arm.bus.port.servos
+
+    def fall_silent(time, *_):
+        if time > 1.0:
+            monkeypatch.setattr(servos, "ids", [1, 3])
+
+    with pytest.raises(BusError, match="joint_2: the servo has stopped answering"), arm.powered():
+        arm.perform(waves(3), period=PERIOD, keep=fall_silent)
+    assert [arm.bus.read(each, "torque") for each in (1, 3)] == [0, 0]
+
+
+@pytest.mark.parametrize(("request_", "words"), [(1.1, r"1\.1 rad"), (math.nan, "nan rad")])
+def test_a_request_beyond_the_range_is_refused_before_anything_moves(request_, words):
     arm = arm_of(count=1)
-    with pytest.raises(InvalidInput, match=r"joint_1: request 1 is 1\.1 rad, expected -1 to 1 rad"):
-        arm.perform(np.array([[0.0], [1.1]]), period=PERIOD)
-    assert torques(arm) == [0]
+    with pytest.raises(InvalidInput, match=f"joint_1: request 1 is {words}, expected -1 to 1 rad"):
+        arm.perform(np.array([[0.0], [request_]]), period=PERIOD)
+    assert arm.bus.port.now() == 0.0
 
 
 def test_ctrl_c_stops_the_joints_where_they_are_and_answers_what_was_played():
