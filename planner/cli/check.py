@@ -90,6 +90,7 @@ def check(
         if name not in servos:
             raise click.UsageError(f"--joint: got {name}, expected one of {', '.join(servos)}.")
     models = dict(zip(joints, read_model_file(model).for_joints(joints), strict=True))
+    befores = {name: _error_before(model, name, known) for name, known in models.items()}
     document, lines, lost = {}, [], []
     with (
         buses.open_arm(choices, servos) as arm,
@@ -104,7 +105,8 @@ def check(
                 period = models[name].period if rate_hz is None else 1.0 / rate_hz
                 requests = excitation(arm, name, period=period, duration=duration_s)
                 log = move(arm, name, requests, period=period, log=Path(folder, "log.csv"))
-                error, before = _error(models[name], log), _error_before(models[name])
+                before = befores[name]
+                error = _error(models[name].requested_every(period), log)
                 holds = error <= max(WORSE * before, SMALL)
                 changes = _settings_changed(servos[name].settings, checked.settings[name])
                 if not holds:
@@ -143,8 +145,20 @@ def _error(model: JointModel, log: Log) -> float:
     return float(np.sqrt(np.mean((predicted - log.angles)[log.measured] ** 2)))
 
 
-def _error_before(model: JointModel) -> float:
-    return math.nan if model.evidence is None else model.evidence.error
+def _error_before(path: str, name: str, model: JointModel) -> float:
+    """The error that the file of a model has of its test, rms [rad].
+
+    Raises:
+        InvalidFile: It has none.
+    """
+    from planner.exceptions import InvalidFile
+
+    error = math.nan if model.evidence is None else model.evidence.error
+    if math.isnan(error):
+        raise InvalidFile(
+            path, f"[{name}] has no expected_error to compare with; calibrate the joint first"
+        )
+    return error
 
 
 def _settings_changed(before: Any, now: Any) -> list[str]:

@@ -253,3 +253,19 @@ def test_a_model_that_holds_is_said_to_hold_and_another_gain_to_be_the_reason(
     assert "joint_1: the model no longer holds" in gone.stderr
     assert "P is 6, and was 16" in gone.stderr
     assert gone.stderr.endswith("calibrate joint_1 again\n")
+
+
+def test_a_model_is_checked_at_another_rate_with_requests_that_are_held(run, arm):
+    arm.write_text(ARM.replace("[joint_1.servo]", "expected_error = 0.01\n\n[joint_1.servo]"))
+    asked = ("check", "--bus", "virtual", "--model", arm, "--duration-s", "8", "--json")
+    errors = [
+        json.loads(run(*asked, "--rate-hz", rate).stdout)["joints"]["joint_1"]["rms_deg"]
+        for rate in (100, 20)
+    ]
+    assert errors[1] < 1.5 * errors[0]
+
+
+def test_a_model_without_a_tested_error_is_refused_before_anything_moves(run, arm):
+    result = run("check", "--bus", "virtual", "--model", arm)
+    assert result.exit_code == 2
+    assert "[joint_1] has no expected_error to compare with; calibrate the joint" in result.stderr
