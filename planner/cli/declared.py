@@ -51,15 +51,20 @@ JOINT = "knee"
 
 @dataclass(frozen=True)
 class Range:
-    """The numbers that a key takes: above ``gt``, below ``lt``, from ``ge`` to ``le``."""
+    """The numbers that a key takes: above ``gt``, below ``lt``, from ``ge`` to ``le``.
+
+    With ``infinite`` it also takes inf, which is no limit.
+    """
 
     gt: float = -math.inf
     ge: float = -math.inf
     lt: float = math.inf
     le: float = math.inf
+    infinite: bool = False
 
     def __contains__(self, number: float) -> bool:
-        return self.gt < number < self.lt and self.ge <= number <= self.le
+        inside = self.gt < number < self.lt and self.ge <= number <= self.le
+        return inside or (self.infinite and number == math.inf)
 
 
 @dataclass(frozen=True)
@@ -172,7 +177,7 @@ class Settings:
             name: key.about.only
             for name, key in self.keys.items()
             if key.about.only and choice not in key.about.only
-            if getattr(self, name) not in (None, {}, False)
+            if (value := getattr(self, name)) is not None and value is not False and value != {}
         }
 
     def values(self) -> dict[str, Any]:
@@ -344,7 +349,8 @@ def _expected(base: Any, notes: Sequence[Any]) -> str:
         return f"a whole number from {ends.ge} to {ends.le}"
     texts = {"above": ends.gt, "of at least": ends.ge, "below": ends.lt}
     found = [f"{text} {end:g}" for text, end in texts.items() if math.isfinite(end)]
-    return " ".join(["a number", " and ".join(found)]).strip()
+    words = " ".join(["a number", " and ".join(found)]).strip()
+    return f"{words}, or inf" if ends.infinite else words
 
 
 def _is_table(annotation: Any) -> bool:
@@ -411,7 +417,9 @@ def fitted(annotation: Any, value: Any) -> Any:
         fits = isinstance(value, kinds) and (base is bool or not isinstance(value, bool))
         if fits and base is float:
             value = float(value)
-            fits = math.isfinite(value)
+            fits = math.isfinite(value) or any(
+                isinstance(note, Range) and value in note for note in notes
+            )
     if not fits or any(isinstance(note, Range) and value not in note for note in notes):
         raise ValueError
     for note in notes:

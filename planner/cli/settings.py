@@ -150,7 +150,9 @@ TimeConstant = Annotated[
     float, About("Time constant of the speed, a motor's inertia [s].", example=0.0)
 ]
 MaxAcceleration = Annotated[
-    float, About("Largest acceleration [rad/s^2]; inf where there is no limit.", example=300.0)
+    float,
+    Range(gt=0.0, infinite=True),
+    About("Largest acceleration [rad/s^2]; inf where there is no limit.", example=300.0),
 ]
 
 SagBySine = Annotated[

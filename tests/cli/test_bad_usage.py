@@ -98,6 +98,7 @@ BAD = {
     "joints that the leg has not": "plan desired.csv --leg reference",
     "joints of a foot path": "plan foot.csv --leg front-left --joint knee",
     "an option that the method ignores": "plan desired.csv --segments 6",
+    "a 0 that the method ignores": "plan desired.csv --method closed-form --smoothness 0",
     "one limit where there are two": "excite --limits-deg 45 -o steps.csv",
     "limits upside down": "plan desired.csv --limits-deg 10:-10",
     "limits of nobody": "plan desired.csv --limits-deg ankle=0:1",

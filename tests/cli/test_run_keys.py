@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import inspect
+import math
 import re
 import tomllib
 from pathlib import Path
@@ -13,7 +14,7 @@ import pytest
 
 import planner
 from planner.cli import cli
-from planner.cli.declared import ANY, fitted, markdown, tables, template, understand
+from planner.cli.declared import ANY, Unfit, fitted, markdown, tables, template, understand
 from planner.cli.options import SETTINGS
 from planner.cli.program import COMMANDS
 from planner.cli.settings import HalfEllipse, Parameters, Run
@@ -29,6 +30,13 @@ NAMES = [".".join(part for part in place if part != ANY) for place, _ in DECLARE
 
 def test_the_page_has_every_key_as_it_is_declared():
     assert PAGE.endswith(markdown(Run)), "write the tables anew from declared.markdown(Run)"
+
+
+def test_an_acceleration_without_a_limit_is_written_as_inf():
+    joint = Run.of({"model": {"joints": {"knee": {"max_acceleration": math.inf}}}})
+    assert joint.model.joints["knee"].max_acceleration == math.inf
+    with pytest.raises(Unfit, match="got -1, expected a number above 0, or inf"):
+        Run.of({"model": {"joints": {"knee": {"max_acceleration": -1}}}})
 
 
 @pytest.mark.parametrize("content", re.findall(r"```toml\n(.*?)```", PAGE, re.DOTALL))
