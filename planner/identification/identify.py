@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from planner.exceptions import InvalidInput
+from planner.identification.findings import sentence
 from planner.identification.fit import (
     at_ticks,
     commanded_speed,
@@ -68,7 +69,6 @@ from planner.identification.result import (
     note,
 )
 from planner.identification.terms import backlash_of, with_calm_friction, with_motor, with_terms
-from planner.report.identification.findings import sentence
 from planner.trajectory import Array, rms
 from planner.validation import as_flag
 

@@ -73,7 +73,7 @@ class Finding(NamedTuple):
 
 
 class Note(NamedTuple):
-    """A finding in codes and numbers: ``planner/report/identification/findings.py`` has its words.
+    """A finding in codes and numbers: ``planner/identification/findings.py`` has its words.
 
     Attributes:
         topic: What it is about.

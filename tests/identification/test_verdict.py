@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import planner
+from planner.identification.findings import sentence
 from planner.identification.fit import fit_joint
 from planner.identification.grid import timing_of
 from planner.identification.intervals import (
@@ -18,7 +19,6 @@ from planner.identification.intervals import (
 )
 from planner.identification.judgement import undetermined_delays, verdict_on
 from planner.identification.result import HeldOut, Interval, note
-from planner.report.identification.findings import sentence
 from planner.report.identification.text import next_step
 from tests.identification.made import (
     AIBO,
