@@ -82,7 +82,7 @@ def as_reals(values: Any) -> Array:
 
 
 def freeze(*arrays: npt.NDArray[Any] | None) -> None:
-    """Let nobody write to these arrays, as far as there are any."""
+    """Make the arrays read-only; None is skipped."""
     for array in arrays:
         if array is not None:
             array.setflags(write=False)

@@ -54,7 +54,7 @@ if TYPE_CHECKING:
     "--sensor-delay-ms",
     type=float,
     metavar="MS",
-    help="How late the measured angles are; 0 to take them as they are.  [default: looked for]",
+    help="How late the measured angles are; 0 to take them as they are.  [default: estimated]",
 )
 @click.option(
     "--reidentify/--no-reidentify",

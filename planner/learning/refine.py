@@ -226,7 +226,7 @@ def _refined(joints: Plan, cycles: Array, sensor_delay: float | None, reidentify
     check_angles(cycles, requests, joints.desired, modelled, modelled + missed)
     if joints.cyclic and (settled := _settled(cycles)) is not cycles:
         cycles = settled
-        remarks.append("the first cycle differs from the others: it is taken for the way into them")
+        remarks.append("the first cycle differs from the others: it is a transient and is ignored")
     if sensor_delay is not None:
         removed = [float(sensor_delay)] * len(joints.models)
     elif before is not None:

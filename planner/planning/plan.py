@@ -109,7 +109,7 @@ class Plan(Summarised):
     learning: tuple[Learning, ...] = ()
 
     def __post_init__(self) -> None:
-        """Let nobody write to the arrays."""
+        """Make the arrays read-only."""
         freeze(self.requests, self.nominal_requests)
 
     def __getstate__(self) -> dict[str, Any]:

@@ -203,7 +203,7 @@ class Task:
         return task.under(load)
 
     def __post_init__(self) -> None:
-        """Let nobody write to the arrays."""
+        """Make the arrays read-only."""
         freeze(*(each for each in vars(self).values() if isinstance(each, np.ndarray)))
 
     def __setstate__(self, state: dict[str, Any]) -> None:

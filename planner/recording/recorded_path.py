@@ -23,7 +23,7 @@ Track = Literal["state", "action"]
 """The recorded signal to follow: what the robot did, or what it was asked to do."""
 
 Models = JointModel | Mapping[str, JointModel]
-"""One model for all joints, or models by joint; "" is that of every other joint."""
+"""One model for all joints, or models by joint; the key "" holds the default model."""
 
 WHY: Mapping[Track, str] = {
     "state": "the state, the measured angles, with the errors that the robot made",

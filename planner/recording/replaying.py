@@ -59,8 +59,8 @@ def replay(
     Args:
         recording: The logs of one recording, one for each joint, as :func:`planner.read_logs`
             reads them; a log of one joint.
-        models: One model for all joints, or models by joint; "" is that of every other joint. Of a
-            log in shares of a range models are in shares too.
+        models: One model for all joints, or models by joint; the key "" holds the default model.
+            Of a log in shares of a range models are in shares too.
         speed: How many times faster than it was recorded.
         track: "state" to follow the recorded angles, "action" to follow the recorded requests.
         joints: The joints to plan; by default all that have a model and are no grippers.

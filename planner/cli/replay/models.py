@@ -27,7 +27,7 @@ class JointModels:
     """The models of a replay.
 
     Attributes:
-        by_joint: The models; "" is that of every other joint.
+        by_joint: The models; the key "" holds the default model.
         words: Where they come from.
         remarks: What the user should know about them.
     """
