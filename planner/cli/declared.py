@@ -349,8 +349,8 @@ def _expected(base: Any, notes: Sequence[Any]) -> str:
         return f"a whole number from {ends.ge} to {ends.le}"
     texts = {"above": ends.gt, "of at least": ends.ge, "below": ends.lt}
     found = [f"{text} {end:g}" for text, end in texts.items() if math.isfinite(end)]
-    words = " ".join(["a number", " and ".join(found)]).strip()
-    return f"{words}, or inf" if ends.infinite else words
+    number = " ".join(["a number", " and ".join(found)]).strip()
+    return f"{number}, or inf" if ends.infinite else number
 
 
 def _is_table(annotation: Any) -> bool:
