@@ -45,6 +45,10 @@ TEST_TIME = 5.0
 TEST_SPEED = 0.6
 """Largest speed of the test motion over the joint's top speed: what can be followed is compared."""
 
+RUN_IN = 0.5
+"""Beginning of the test motion whose errors do not count [s]: until the first motion frees it,
+friction leaves a joint up to its dead band off the first request, by chance."""
+
 AS_GOOD = 1.02
 """A simpler way is preferred to one that is better by less than this factor."""
 
@@ -54,8 +58,8 @@ class Candidate(NamedTuple):
 
     Attributes:
         way: Which.
-        error: Root mean square of the measured errors [rad].
-        max_error: The largest [rad].
+        error: Root mean square of the measured errors after the run-in [rad].
+        max_error: The largest of them [rad].
         largest_step: Largest change between requests [rad].
         expected: The error that the model led one to expect [rad]; NaN where it says none.
     """
@@ -118,7 +122,7 @@ def compare(
     candidates = []
     for name, (asked, expected) in requests.items():
         allowed = np.clip(asked, *limits)
-        errors = measure(name, allowed) - desired
+        errors = (measure(name, allowed) - desired)[round(RUN_IN / model.period) :]
         errors = errors[np.isfinite(errors)]
         step = float(np.max(np.abs(np.diff(allowed))))
         largest = float(np.max(np.abs(errors)))

@@ -108,6 +108,14 @@ def test_one_command_measures_compares_and_recommends(calibrated):
     assert "best shift" in page
 
 
+def test_the_error_to_expect_is_measured_wherever_friction_held_the_joint_before(calibrated):
+    _, document = calibrated
+    ways = document["joints"]["joint_1"]["candidates"]
+    best = ways["optimal_friction"]
+    # A factor of two: what the servo leaves of the expected error differs from motion to motion.
+    assert 0.5 < best["rms_deg"] / best["expected_rms_deg"] < 2.0
+
+
 def test_every_motion_was_kept_as_a_log_that_identify_reads(calibrated):
     folder, document = calibrated
     logs = sorted((folder / "arm_logs").glob("*"))
