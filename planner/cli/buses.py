@@ -91,7 +91,7 @@ def open_bus(choices: Mapping[str, Any], ids: Mapping[str, int]) -> Iterator[Bus
             raise click.UsageError("--port has no effect with --bus virtual; leave it out.")
         from planner.virtual.servo_bus import VirtualPort, VirtualServos
 
-        yield Bus(VirtualPort(VirtualServos(max(ids.values()))), FEETECH)
+        yield Bus(VirtualPort(VirtualServos(max(1, *ids.values()))), FEETECH)
         return
     if path is None:
         raise click.UsageError(f"--bus {kind} needs --port, such as --port /dev/ttyACM0.")

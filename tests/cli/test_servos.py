@@ -277,3 +277,9 @@ def test_a_model_without_a_tested_error_is_refused_before_anything_moves(run, ar
     result = run("check", "--bus", "virtual", "--model", arm)
     assert result.exit_code == 2
     assert "[joint_1] has no expected_error to compare with; calibrate the joint" in result.stderr
+
+
+def test_a_servo_0_does_not_answer_on_the_virtual_bus(run):
+    result = run("calibrate", "--bus", "virtual", "--ids", "0", "--yes")
+    assert result.exit_code == 1
+    assert "servo 0 does not answer; check its identifier" in result.stderr
