@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 
 from planner.calibration.candidates import WORDS, Compared
 from planner.report.identification.figures import cloud_figure
@@ -57,10 +58,12 @@ def calibration_page(found: Mapping[str, Compared]) -> str:
     """The same as a page, with the model of every joint beside what it was identified from."""
     joints = list(found.items())
     gains = [each.named("shift").error / each.recommended.error for _, each in joints]
+    ends = [f"{end:.2g}" for end in (min(gains), max(gains))]
     lines = [recommendation(joint, each) for joint, each in joints]
-    figures = [
-        cloud_figure(each.identification, f"joint{k}_") for k, (_, each) in enumerate(joints, 1)
-    ]
+    figures = []
+    for k, (joint, each) in enumerate(joints, 1):
+        figure = cloud_figure(each.identification, f"joint{k}_")
+        figures.append(replace(figure, title=f"{joint}: {figure.title}"))
     step = next_step({joint: each.identification for joint, each in found.items()}, "arm.toml")
     return Page(
         heading=heading(joints[0][0] if len(joints) == 1 else f"{len(joints)} joints")
@@ -79,7 +82,7 @@ def calibration_page(found: Mapping[str, Compared]) -> str:
         footer="Errors are measured: every way was played on the servos.",
         good=all(each.identification.accepted for _, each in joints),
         cards=(
-            Card(f"{min(gains):.2g}–{max(gains):.2g}", "×", "closer than the best shift"),
+            Card("–".join(dict.fromkeys(ends)), "×", "closer than the best shift"),
             Card(str(len(joints)), "", "joints"),
         ),
     ).html()

@@ -104,7 +104,7 @@ def test_one_command_measures_compares_and_recommends(calibrated):
     assert np.degrees(servo.limits) == pytest.approx([-27.0, 27.0], abs=0.1)
     assert servo.settings["p_gain"] == 16
     page = (folder / "page.html").read_text()
-    assert "joint_1" in page
+    assert "joint_1: Figure 5 from data" in page
     assert "best shift" in page
 
 
