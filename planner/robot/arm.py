@@ -91,18 +91,16 @@ class Servo:
 
 
 class Measured(NamedTuple):
-    """What the servos say at a tick; arrays have one entry per joint, NaN where none answered.
+    """What the servos say at a tick; one entry per joint, NaN where none answered.
 
     Attributes:
         time: When they were asked [s], on the port's clock.
         angles: Angles [rad].
-        loads: Share of the largest load, in the direction of positive angles.
         errors: The errors that the answers carried, 0 for none.
     """
 
     time: float
     angles: Array
-    loads: Array
     errors: tuple[int, ...]
 
 
@@ -133,14 +131,12 @@ class Arm:
         """What every joint does, asked for in one packet."""
         now = self.bus.port.now()
         readings = self.bus.sync_read(self._ids)
-        angles, loads = np.full(len(self._ids), np.nan), np.full(len(self._ids), np.nan)
+        angles = np.full(len(self._ids), np.nan)
         for k, servo in enumerate(self.servos.values()):
             if servo.id in readings:
-                values = readings[servo.id].values
-                angles[k] = servo.angle(values["position"])
-                loads[k] = servo.direction * values["load"] * self.bus.protocol.load_unit
+                angles[k] = servo.angle(readings[servo.id].values["position"])
         errors = tuple(readings[each].error if each in readings else 0 for each in self._ids)
-        return Measured(now, angles, loads, errors)
+        return Measured(now, angles, errors)
 
     def goals(self) -> Array:
         """What every joint was last requested to do, by whomever [rad]; NaN where none answers."""
