@@ -24,6 +24,9 @@ NOISY = math.radians(0.5)
 BUSY = 0.5
 """Largest share of the time between requests that a tick may take on the bus."""
 
+SLOWEST = 16.0
+"""Least rate of requests of which the sines of the test motion have enough [Hz]."""
+
 
 @click.command()
 @buses.bus_options
@@ -121,6 +124,9 @@ def calibrate(
     """  # noqa: D301
     from planner.calibration import measure
 
+    if choices["rate_hz"] < SLOWEST:
+        got = f"{choices['rate_hz']:g}"
+        raise click.UsageError(f"--rate-hz: got {got}, expected {SLOWEST:g} Hz or more.")
     servos = _servos(ids, choices)
     for name in chosen:
         if name not in servos:

@@ -283,3 +283,9 @@ def test_a_servo_0_does_not_answer_on_the_virtual_bus(run):
     result = run("calibrate", "--bus", "virtual", "--ids", "0", "--yes")
     assert result.exit_code == 1
     assert "servo 0 does not answer; check its identifier" in result.stderr
+
+
+def test_a_rate_too_low_for_the_test_motion_is_refused_before_anything_moves(run):
+    result = run("calibrate", "--bus", "virtual", "--ids", "1", "--yes", "--rate-hz", "15")
+    assert result.exit_code == 2
+    assert "--rate-hz: got 15, expected 16 Hz or more." in result.stderr
