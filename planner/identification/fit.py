@@ -22,7 +22,7 @@ from planner.identification.least_squares import (
 )
 from planner.identification.log import Log, pieces_of
 from planner.identification.parameters import Parameters, only
-from planner.model.joint import with_ticks
+from planner.model.joint import slowed_by_friction, with_ticks
 from planner.trajectory import Array, rms
 
 SETTLED_ERRORS = 2.0
@@ -104,7 +104,12 @@ def at_ticks(logs: Sequence[Log], fit: Fit, tick: float) -> Fit:
         return fit
     gain, lag = with_ticks(at.gain, at.lag, grid.tick, tick, inertia=at.time_constant > 0.0)
     finer = resampled(logs, tick=tick, reach=grid.reach, burn_in=grid.burn_in, settled=grid.settled)
-    return least_squares(finer, at._replace(gain=gain, lag=lag), free=fit.free, starts=fit.starts)
+    before, after = (
+        slowed_by_friction(each, at.dead_band, at.time_constant, of)
+        for each, of in ((at.gain, grid.tick), (gain, tick))
+    )
+    begin = at._replace(gain=gain, lag=lag, max_acceleration=at.max_acceleration + after - before)
+    return least_squares(finer, begin, free=fit.free, starts=fit.starts)
 
 
 def _initial_fit(grid: Grid) -> Fit:

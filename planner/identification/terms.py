@@ -42,6 +42,7 @@ from planner.identification.least_squares import (
 from planner.identification.log import Log
 from planner.identification.parameters import TERMS, Parameters, coordinates_of, only
 from planner.identification.result import Interval, Term
+from planner.model.joint import slowed_by_friction
 from planner.trajectory import Array, Indices, Mask, rms
 
 ORDER = ("time_constant", "dead_band", "compliance", "slowing", "sag_sin", "asymmetry")
@@ -172,9 +173,10 @@ def with_calm_friction(logs: Sequence[Log], fit: Fit) -> Fit:
             least, size = lower, alone.parameters.dead_band
     if size == at.dead_band:
         return fit
+    slowed = slowed_by_friction(at.gain, size - at.dead_band, at.time_constant, grid.tick)
     calm = least_squares(
         grid,
-        at._replace(dead_band=size),
+        at._replace(dead_band=size, max_acceleration=at.max_acceleration + slowed),
         free=fit.free & ~only("dead_band"),
         starts=fit.starts,
         scale=fit.scale,

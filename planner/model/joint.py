@@ -156,7 +156,8 @@ class JointModel:
                 f"lag + acceleration_time: got {self.lag + self.acceleration_time:g} s, expected "
                 f"at most {LONGEST_WINDOW} ticks of {self.tick:g} s; are the times in seconds?"
             )
-        slowed = self.law.share * self.law.friction / self.tick**2
+        gain = self.v_max / self.theta_0
+        slowed = slowed_by_friction(gain, self.dead_band, self.time_constant, self.tick)
         if self.max_acceleration <= slowed:
             raise InvalidModel(
                 f"max_acceleration: got {self.max_acceleration:g} rad/s^2, expected more than "
@@ -194,8 +195,8 @@ class JointModel:
         """The same joint, with a request every ``period`` [s].
 
         The tick becomes the longest one that divides the period and is no longer than it was. Where
-        it becomes shorter, lag and v_max / theta_0 become those of a joint that answers the same:
-        see :func:`with_ticks`.
+        it becomes shorter, lag, v_max / theta_0 and, with dry friction, max_acceleration become
+        those of a joint that answers the same: see :func:`with_ticks`, :func:`slowed_by_friction`.
 
         Raises:
             InvalidModel: The period is not a finite time above 0.
@@ -217,7 +218,18 @@ class JointModel:
         gain = self.v_max / self.theta_0
         inertia = self.time_constant > 0.0
         other, lag = with_ticks(gain, self.lag, self.tick, tick, inertia=inertia)
-        model = replace(self, theta_0=self.v_max / other, lag=lag, tick=tick, hold=hold)
+        before, after = (
+            slowed_by_friction(each, self.dead_band, self.time_constant, of)
+            for each, of in ((gain, self.tick), (other, tick))
+        )
+        model = replace(
+            self,
+            theta_0=self.v_max / other,
+            lag=lag,
+            tick=tick,
+            hold=hold,
+            max_acceleration=self.max_acceleration + after - before,
+        )
         known = self.evidence and self.evidence.moved(other / gain, lag - self.lag)
         return model.with_evidence(known)
 
@@ -510,6 +522,16 @@ def with_ticks(
     at_once = -math.log1p(-min(gain * tick, 0.9)) / tick
     gain = -math.expm1(-at_once * other) / other if other > 0.0 else at_once
     return gain, max(lag - 0.5 * (tick - other), 0.0)
+
+
+def slowed_by_friction(gain: float, dead_band: float, time_constant: float, tick: float) -> float:
+    """By how much dry friction slows a moving joint [rad/s^2]: k gain dead_band / tick.
+
+    Without a time constant k is 1, and the shorter the ticks, the more it is: an acceleration limit
+    has to be as much larger for the joint to start as fast.
+    """
+    share = -math.expm1(-tick / time_constant) if time_constant > 0.0 else 1.0
+    return share * gain * dead_band / tick
 
 
 def joint_of_top_speed(v_max: float) -> JointModel:

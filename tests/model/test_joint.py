@@ -272,3 +272,20 @@ def test_parameters_are_given_by_name_only():
 def _model(**parameters):
     standard = {"v_max": 5.0, "theta_0": 0.12, "lag": 0.032, "acceleration_time": 0.048}
     return JointModel(**{**standard, **parameters})
+
+
+def test_a_joint_with_friction_and_an_acceleration_limit_starts_alike_with_shorter_ticks():
+    """Friction slows a joint by more in shorter ticks, so that its limit has to be larger."""
+    joint = JointModel(
+        v_max=5.0,
+        theta_0=0.25,
+        lag=0.02,
+        acceleration_time=0.03,
+        tick=0.005,
+        dead_band=0.005,
+        max_acceleration=80.0,
+    )
+    often = joint.requested_every(0.001)
+    angles = simulate(joint, np.full(60, 0.4), cyclic=False, start=0.0)
+    others = simulate(often, np.full(300, 0.4), cyclic=False, start=0.0)[4::5]
+    assert float(np.max(np.abs(others - angles))) < 0.02
