@@ -38,7 +38,9 @@ nitpick_ignore_regex = [
         r"|planner\.robot\.follow\.Planning|planner\.planning\.(task\.Task|plan\.RequestMotion)"
         r"|planner\.recording\.(retiming\.(Impossible|SpeedErrors)|recorded_path\.RecordedPath)"
         r"|Written|planner\.recording\.replaying\.JointReplay|TypeAliasForwardRef"
-        r"|(planner\.planning\.result\.)?ErrorsOfModels|PathSpeeds",
+        r"|(planner\.planning\.result\.)?ErrorsOfModels|PathSpeeds|tuple\[float"
+        r"|planner\.robot\.(arm\.Measured|bus\.(Port|Reading)|protocols\.ServoProtocol)"
+        r"|planner\.virtual\.motors\.Motor",
     ),  # the same, or aliases, or parts of an answer that its own docstring describes
     (
         "py:(mod|func|data|class)",

@@ -196,7 +196,7 @@ class JointModel:
 
         The tick becomes the longest one that divides the period and is no longer than it was. Where
         it becomes shorter, lag, v_max / theta_0 and, with dry friction, max_acceleration become
-        those of a joint that answers the same: see :func:`with_ticks`, :func:`slowed_by_friction`.
+        those of a joint that answers the same: see ``with_ticks`` and ``slowed_by_friction``.
 
         Raises:
             InvalidModel: The period is not a finite time above 0.

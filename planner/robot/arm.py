@@ -59,7 +59,7 @@ class Servo:
         direction: 1, or -1 for a servo that is mounted the other way round.
         ticks_per_turn: Counts of a turn.
         limits: Least and largest angle that is requested [rad].
-        settings: The registers of :data:`SETTINGS` while it was calibrated.
+        settings: The registers of ``SETTINGS`` while it was calibrated.
     """
 
     id: int

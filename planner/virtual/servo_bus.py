@@ -252,7 +252,7 @@ class VirtualServos:
 
 
 class VirtualPort:
-    """Virtual servos as a port of :mod:`planner.robot.bus`, in lock step with its packets."""
+    """Virtual servos as a port of ``planner.robot.bus``, in lock step with its packets."""
 
     path = "the virtual bus"
 
