@@ -104,11 +104,13 @@ def at_ticks(logs: Sequence[Log], fit: Fit, tick: float) -> Fit:
         return fit
     gain, lag = with_ticks(at.gain, at.lag, grid.tick, tick, inertia=at.time_constant > 0.0)
     finer = resampled(logs, tick=tick, reach=grid.reach, burn_in=grid.burn_in, settled=grid.settled)
-    before, after = (
-        slowed_by_friction(each, at.dead_band, at.time_constant, of)
-        for each, of in ((at.gain, grid.tick), (gain, tick))
-    )
-    begin = at._replace(gain=gain, lag=lag, max_acceleration=at.max_acceleration + after - before)
+    begin = at._replace(gain=gain, lag=lag)
+    if at.time_constant == 0.0:
+        before, after = (
+            slowed_by_friction(each, at.dead_band, 0.0, of)
+            for each, of in ((at.gain, grid.tick), (gain, tick))
+        )
+        begin = begin._replace(max_acceleration=at.max_acceleration + after - before)
     return least_squares(finer, begin, free=fit.free, starts=fit.starts)
 
 
