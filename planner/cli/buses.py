@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from planner.cli import types
 from planner.cli.console import complain
 
 if TYPE_CHECKING:
@@ -48,6 +49,11 @@ def bus_options(command: Command) -> Command:
     return command
 
 
+def model_option(help_text: str) -> Callable[[Command], Command]:
+    """Give a command the option of the file that names the servos of the joints."""
+    return click.option("--model", type=types.INPUT, required=True, metavar="FILE", help=help_text)
+
+
 def _ids(text: str) -> dict[str, int]:
     """Identifiers by joint: 1-6, or pan=1,lift=2."""
     found: dict[str, int] = {}
@@ -69,8 +75,6 @@ def _ids(text: str) -> dict[str, int]:
 
 def ids_type() -> click.ParamType:  # type: ignore[type-arg]  # generic from click 8.5 on
     """The type of an option that names servos."""
-    from planner.cli import types
-
     return types.Parsed(_ids, "identifiers of servos, such as 1-6 or pan=1,lift=2, each once")
 
 

@@ -30,14 +30,7 @@ PHYSICAL = ("v_max", "theta_0", "lag", "dead_band", "offset")
 
 @click.command()
 @buses.bus_options
-@click.option(
-    "--model",
-    "model",
-    type=types.INPUT,
-    required=True,
-    metavar="FILE",
-    help="The models and servos of the joints, as calibrate writes them.",
-)
+@buses.model_option("The models and servos of the joints, as calibrate writes them.")
 @click.option(
     "--joint",
     "chosen",

@@ -16,14 +16,7 @@ if TYPE_CHECKING:
 @click.command()
 @click.argument("requests", type=types.INPUT)
 @buses.bus_options
-@click.option(
-    "--model",
-    "model",
-    type=types.INPUT,
-    required=True,
-    metavar="FILE",
-    help="The servos of the joints, with zeros and ranges, as calibrate writes them.",
-)
+@buses.model_option("The servos of the joints, with zeros and ranges, as calibrate writes them.")
 @click.option(
     "--cycles",
     type=click.IntRange(1),

@@ -12,14 +12,7 @@ from planner.cli.console import summarise
 
 @click.command()
 @buses.bus_options
-@click.option(
-    "--model",
-    "model",
-    type=types.INPUT,
-    required=True,
-    metavar="FILE",
-    help="The servos of the joints, as calibrate writes them.",
-)
+@buses.model_option("The servos of the joints, as calibrate writes them.")
 @click.option(
     "--rate-hz",
     type=types.above_0("hertz"),
