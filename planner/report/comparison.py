@@ -305,11 +305,11 @@ def joint_figure(check: CrossCheck, joint: JointComparison, j: int) -> Figure:
         )
     )
     requests = [
-        timeline.curve(np.degrees(plan.requests), role)
+        timeline.degrees(plan.requests, role, held=True)
         for plan, role in ((closed_form, CLOSED_FORM), (optimal, OPTIMAL))
     ]
-    difference = timeline.curve(
-        np.degrees(joint.difference(SHOWN)), INK._replace(label="difference", width=1.3)
+    difference = timeline.degrees(
+        joint.difference(SHOWN), INK._replace(label="difference", width=1.3), held=True
     )
     end = timeline.axis.range[1] if timeline.axis.range else 0.0
     limits = None

@@ -168,7 +168,13 @@ def cloud_figure(found: Identification, prefix: str = "") -> Figure:
         low = -factor * highest
         curves.append(line((corner, corner), (low, top), MUTED._replace(dashes=(0, (1.0, 1.5)))))
         words = (  # at the lower edge, where a joint has no dots: they lie about f
-            Words("θ₀ + dead band" if model.dead_band else "θ₀", corner, low, "left", "bottom"),
+            Words(
+                "θ₀ + dead band" if model.dead_band else "θ₀",
+                corner,
+                low,
+                "left" if corner < factor * reach / 2 else "right",  # within the figure
+                "bottom",
+            ),
             Words("v_max", -factor * reach, factor * model.v_max, across="left"),
         )
     curves.append(Curve(replace_width(CLOSED_FORM, 2.4), factor * ends, speeds, "f, identified"))
