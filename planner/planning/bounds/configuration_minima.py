@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import product
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -49,11 +49,6 @@ class ConfigurationSearchOptions:
 
 OPTIONS = ConfigurationSearchOptions()
 
-HESSIAN_RIDGE = 1e-9
-"""Curvature added so that a Hessian can be inverted [relative]; its share is subtracted again. The
-rounding error of the inverse is far below any tolerance of the search."""
-
-
 class Distance(NamedTuple):
     """The squared distance of a leg's foot from where it should be, every axis on a scale.
 
@@ -70,12 +65,6 @@ class Distance(NamedTuple):
     upper: Array
     desired: Array
     scale: Array
-
-    def positions(self, angles: Array) -> Array:
-        """Scaled positions of the foot, (3, m)."""
-        foot = self.chain.foot(np.cos(angles.T), np.sin(angles.T))
-        scaled: Array = self.scale[:, np.newaxis] * foot
-        return scaled
 
     def by_axis(self, angles: Array) -> tuple[Array, Array]:
         """Scaled positions of the foot, (3, m), and their derivatives [1/rad], (k, 3, m)."""
@@ -150,8 +139,6 @@ def _block(
     angles = guesses.copy()
     least = weights * distance.squared(angles) + np.sum(slopes * angles, axis=1)
     owner, half, centres = _first_cells(distance)
-    near = _near_enough(distance, weights, slopes, (owner, half, centres), tolerance, least, angles)
-    owner, centres = owner[near], centres[near]
     halves = np.array(list(product((-1.0, 1.0), repeat=guesses.shape[1])))
     for _ in range(OPTIONS.most_halvings):
         positions, jacobians = distance.by_axis(centres)
@@ -166,16 +153,10 @@ def _block(
         values = cells.weights * _dot(cells.errors, cells.errors) + _dot(cells.slopes, centres.T)
         _update_least(owner, values, centres, least, angles)
         enough = (least - tolerance)[owner]
-        steepest, steep = cells.depths_by_slope()
-        is_open = ~(values - steepest >= enough)
-        # What the curvature leaves of a cell takes longest, and most cells are closed by now.
-        bounds = values[is_open] - np.minimum(
-            steepest[is_open], cells.some(is_open).depths_by_curvature(steep[:, is_open])
-        )
-        still = ~(bounds >= enough[is_open])
-        is_open[is_open] = still
+        bounds = values - cells.depths()
+        is_open = ~(bounds >= enough)
         proved = least - tolerance
-        np.minimum.at(proved, owner[is_open], bounds[still])
+        np.minimum.at(proved, owner[is_open], bounds[is_open])
         if not np.any(is_open) or np.count_nonzero(is_open) * len(halves) > OPTIONS.most_cells:
             break
         half = half / 2.0
@@ -202,37 +183,6 @@ def _first_cells(distance: Distance) -> tuple[npt.NDArray[np.intp], Array, Array
     centres = distance.lower[:, np.newaxis] + odd * half[:, np.newaxis]
     owner = np.repeat(np.arange(len(width)), len(odd))
     return owner, half, centres.reshape(-1, len(count))
-
-
-def _near_enough(
-    distance: Distance,
-    weights: Array,
-    slopes: Array,
-    cells: tuple[npt.NDArray[np.intp], Array, Array],
-    tolerance: float,
-    least: Array,
-    angles: Array,
-) -> npt.NDArray[np.bool_]:
-    """Which first cells the foot can come near enough in to go below the least values, (m,).
-
-    Positions alone tell it, and they are the same for all samples whose boxes are, as in most
-    cycles. The least values at the centres are written down.
-    """
-    owner, half, centres = cells
-    samples = len(half)
-    boxes = np.hstack([distance.lower, distance.upper])
-    if np.all(boxes == boxes[0]):
-        feet = np.tile(distance.positions(centres[: len(centres) // samples]), samples)
-    else:
-        feet = distance.positions(centres)
-    errors = feet - (distance.desired * distance.scale).T[:, owner]
-    squared, along = _dot(errors, errors), _dot(slopes.T[:, owner], centres.T)
-    _update_least(owner, weights[owner] * squared + along, centres, least, angles)
-    moved = half @ _reach(distance) * np.max(distance.scale)  # by the foot within a cell at most
-    nearest = np.maximum(np.sqrt(squared) - moved[owner], 0.0)
-    enough = least - tolerance + np.sum(np.abs(slopes) * half, axis=1)
-    near: npt.NDArray[np.bool_] = ~(weights[owner] * nearest**2 + along >= enough[owner])
-    return near
 
 
 def _update_least(
@@ -288,36 +238,14 @@ class _Cells(NamedTuple):
     half: Array
     curved: Array
 
-    def some(self, chosen: npt.NDArray[np.bool_]) -> _Cells:
-        """The chosen ones of the cells."""
-        return _Cells(*(column[..., chosen] for column in self))
+    def depths(self) -> Array:
+        """How far below the value at its centre a cell goes at most, shape (m,): (13b).
 
-    def depths_by_slope(self) -> tuple[Array, Array]:
-        """How far below the value at its centre a cell goes at most, by its slope: (13b).
-
-        Returns:
-            The depths, shape (m,), and the gradients at the centres [1/rad], shape (k, m).
+        What its slope makes of its width, and what the bend of the foot's path adds.
         """
         projected_errors = np.stack([_dot(column, self.errors) for column in self.jacobians])
         gradients = 2.0 * self.weights * projected_errors + self.slopes
-        return _dot(np.abs(gradients), self.half) + self._beyond_linear(), gradients
-
-    def depths_by_curvature(self, gradients: Array) -> Array:
-        """The same by slope and curvature: the least of a paraboloid, wherever that is."""
-        joints = len(self.half)
-        hessians = np.empty((len(self.weights), joints, joints))
-        for i, j in product(range(joints), repeat=2):
-            hessians[:, i, j] = self.weights * _dot(self.jacobians[i], self.jacobians[j])
-        steepness = np.trace(hessians, axis1=1, axis2=2) + _dot(np.abs(gradients), self.half)
-        ridge = np.maximum(HESSIAN_RIDGE * steepness, np.finfo(float).tiny)
-        hessians += ridge[:, np.newaxis, np.newaxis] * np.eye(joints)
-        newton: Any = np.linalg.solve(hessians, gradients.T[..., np.newaxis])[..., 0]
-        bowl: Array = _dot(gradients, newton.T) / 4.0 + ridge * _dot(self.half, self.half)
-        return bowl + self._beyond_linear()
-
-    def _beyond_linear(self) -> Array:
-        """What the bend of the foot's path over a cell adds to a depth at most."""
         steps = np.sqrt(np.sum(self.jacobians**2, axis=1))
         farthest = np.sqrt(_dot(self.errors, self.errors)) + _dot(steps, self.half)
-        added: Array = 2.0 * self.weights * farthest * self.curved
-        return added
+        bent: Array = 2.0 * self.weights * farthest * self.curved
+        return _dot(np.abs(gradients), self.half) + bent
