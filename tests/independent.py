@@ -65,7 +65,9 @@ def windowed(model, request_at, ticks, before, load_at=lambda _: 0.0, speed=0.0)
     for t in range(ticks):
         total = 0.0
         for i, length in window:
-            error = request_at(t - i) + model.offset + model.compliance * load_at(t) - before
+            sag = model.offset + model.compliance * load_at(t)
+            sag += model.sag_sin * math.sin(before) + model.sag_cos * math.cos(before)
+            error = request_at(t - i) + sag - before
             total += length * equation_2(
                 error,
                 v_max=top,

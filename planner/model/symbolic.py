@@ -1,4 +1,4 @@
-"""The law of a joint in CasADi symbols: one request period, for transcription and for tests.
+"""The law of a joint in CasADi symbols: one request period, for transcription and second opinions.
 
 The same law for numbers is in ``model/kernel.py``; tests hold the two together.
 """
@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-from planner.model.joint import JointModel, weights_by_tick
+from planner.model.joint import JointModel, request_ages, weights_by_tick
 from planner.model.law import Law
 
 
@@ -27,7 +27,6 @@ def period(
     speed: Any = 0.0,
     load: Any = 0.0,
     radius: Any = None,
-    unit: float = 1.0,
 ) -> State:
     """The joint after one request period: (1a) of ``docs/math.md`` at each of its ``hold`` ticks.
 
@@ -39,7 +38,6 @@ def period(
         speed: Speed at the sample before [rad/tick]; it counts where the joint has inertia.
         load: Torque on the joint in this period [N m], a number or a CasADi expression.
         radius: Radius of the rounded corners of the law [rad]; None for the exact one.
-        unit: Unit of all angles and of the model's parameters [rad], but for its sag by the angle.
 
     Returns:
         Angle and speed at the next sample, CasADi expressions.
@@ -48,7 +46,7 @@ def period(
     faster = (model.v_offset + model.speed_per_torque * load) * model.tick
     corner = None if radius is None else law.gain * radius
     for weights in weights_by_tick(model).tolist():
-        sag = level + _pose_sag(law, unit * angle) / unit
+        sag = level + _pose_sag(law, angle)
         called = sum(
             weight
             * _clip(
@@ -60,6 +58,31 @@ def period(
         speed = _moved(law, called, speed, corner)
         angle = angle + speed
     return State(angle, speed)
+
+
+def period_function(model: JointModel) -> Any:
+    """:func:`period` as a CasADi function, the first argument and the answer being the state.
+
+    The state is the angle [rad], and of a joint with inertia the speed [rad/tick] below it. The
+    others are the requests that act, youngest first [rad], the load [N m] and the radius of the
+    corners [rad], 0 for the exact law.
+    """
+    import casadi
+
+    state = casadi.SX.sym("x", 2 if model.has_inertia else 1)
+    requests = casadi.SX.sym("R", request_ages(model).width)
+    load, radius = casadi.SX.sym("load"), casadi.SX.sym("e")
+    angle, *speed = casadi.vertsplit(state)
+    after = period(
+        model,
+        angle,
+        requests,
+        speed=speed[0] if speed else 0.0,
+        load=load if model.feels_load else 0.0,
+        radius=radius,
+    )
+    reached = casadi.vertcat(*after) if speed else after.angle
+    return casadi.Function("period", [state, requests, load, radius], [reached])
 
 
 def _pose_sag(law: Law, angle: Any) -> Any:

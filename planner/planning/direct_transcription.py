@@ -22,15 +22,14 @@ from __future__ import annotations
 
 import logging
 import math
-from dataclasses import dataclass, replace
-from typing import Any, NamedTuple, Self
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from planner.exceptions import SolverFailed, angle_text
-from planner.model.joint import JointModel, acting, request_ages
-from planner.model.symbolic import period
-from planner.planning.arguments import Norm
+from planner.model.joint import acting, request_ages
+from planner.model.symbolic import period_function
 from planner.planning.problem import Problem
 from planner.planning.search import State
 from planner.trajectory import Array
@@ -80,8 +79,7 @@ def transcribed_requests(problem: Problem, state: State) -> Array:
     if not problem.cyclic and len(problem.desired) <= problem.ages.youngest + 1:
         return state.requests  # none of the requests that may be chosen acts before the end
     samples, unit = len(problem.desired), problem.models[0].theta_0
-    scaled = _Scaled.of(problem, state, OPTIONS.weight)
-    programme = _transcribed(scaled)
+    programme = _transcribed(problem, state)
     settings = {"print_level": 0, "sb": "yes", "max_iter": OPTIONS.iterations}
     options: dict[str, Any] = {
         "print_time": False,
@@ -117,52 +115,6 @@ def transcribed_requests(problem: Problem, state: State) -> Array:
     return best
 
 
-class _Scaled(NamedTuple):
-    """The problem of one joint, with theta_0 as the unit of angle."""
-
-    model: JointModel
-    desired: Array  # (n,)
-    resting: Array  # (n,) requests that rest at the desired angles
-    ideal: Array  # (n,)
-    first: Array  # (n,)
-    limits: tuple[float, float]
-    max_step: float
-    start: float | None  # None: cyclic
-    norm: Norm
-    weight: float
-    loads: Array  # (n,)
-    unit: float  # theta_0 [rad]
-
-    @classmethod
-    def of(cls, problem: Problem, state: State, weight: float) -> Self:
-        (model,) = problem.models
-        unit = model.theta_0
-        return cls(
-            replace(
-                model,
-                v_max=model.v_max / unit,
-                theta_0=1.0,
-                offset=model.offset / unit,
-                dead_band=model.dead_band / unit,
-                v_offset=model.v_offset / unit,
-                compliance=model.compliance / unit,
-                speed_per_torque=model.speed_per_torque / unit,
-                max_acceleration=model.max_acceleration / unit,
-            ),
-            problem.desired[:, 0] / unit,
-            problem.resting[:, 0] / unit,
-            state.angles[:, 0] / unit,
-            state.requests[:, 0] / unit,
-            (float(problem.lower.min()) / unit, float(problem.upper.max()) / unit),
-            float(problem.max_step[0]) / unit,
-            None if problem.start is None else float(problem.start[0]) / unit,
-            problem.norm,
-            weight,
-            np.zeros(len(problem.desired)) if problem.loads[0] is None else problem.loads[0],
-            unit,
-        )
-
-
 class _Programme(NamedTuple):
     """A nonlinear programme: min f(x, p) where x and g(x, p) are within bounds."""
 
@@ -171,44 +123,50 @@ class _Programme(NamedTuple):
     bounds: dict[str, Array]  # lbx, ubx, lbg and ubg
 
 
-def _transcribed(problem: _Scaled) -> _Programme:
-    """The programme as it is written above."""
+def _transcribed(problem: Problem, state: State) -> _Programme:
+    """The programme as it is written above, with theta_0 as the unit of angle."""
     import casadi
 
-    samples, cyclic = len(problem.desired), problem.start is None
+    (model,), (load,) = problem.models, problem.loads
+    samples, cyclic, unit = len(problem.desired), problem.cyclic, model.theta_0
+    desired, resting = problem.desired[:, 0] / unit, problem.resting[:, 0] / unit
+    ideal, first = state.angles[:, 0] / unit, state.requests[:, 0] / unit
+    max_step = float(problem.max_step[0]) / unit
 
     # Unknowns
     angles, requests = casadi.SX.sym("M", samples), casadi.SX.sym("R", samples)
     largest, radius = casadi.SX.sym("s"), casadi.SX.sym("e")
 
     # Objective
-    errors = angles - problem.desired
+    errors = angles - desired
     cost = casadi.sumsqr(errors) if problem.norm == "rms" else samples * largest**2
-    cost += problem.weight * casadi.sumsqr(requests - problem.resting)
+    cost += OPTIONS.weight * casadi.sumsqr(requests - resting)
 
     # Dynamics, and the boundary: a cycle, or from rest
-    period_of = _step(problem.model, problem.unit)
-    speeds = casadi.SX.sym("w", samples if problem.model.has_inertia else 0)
+    period_of = period_function(model)
+    speeds = casadi.SX.sym("w", samples if model.has_inertia else 0)
     states = casadi.horzcat(angles, speeds).T if speeds.numel() else angles.T
-    rest = [] if problem.start is None else [problem.start, *[0.0] * (states.shape[0] - 1)]
-    begin = casadi.vertcat(*rest) if rest else states[:, -1]
-    before = casadi.horzcat(begin, states[:, :-1])
-    sent = np.maximum(acting(request_ages(problem.model), samples, cyclic=cyclic), 0).tolist()
+    rest = np.zeros(states.shape[0])
+    rest[0] = 0.0 if problem.start is None else float(problem.start[0]) / unit
+    before = casadi.horzcat(states[:, -1] if cyclic else rest, states[:, :-1])
+    sent = np.maximum(acting(request_ages(model), samples, cyclic=cyclic), 0).tolist()
+    torques = np.zeros(samples) if load is None else load
     reached = [
-        period_of(before[:, k], requests[sent[k]], radius, problem.loads[k]) for k in range(samples)
+        period_of(unit * before[:, k], unit * requests[sent[k]], torques[k], unit * radius) / unit
+        for k in range(samples)
     ]
     dynamics = casadi.vec(states - casadi.horzcat(*reached))
 
     # Limits
     free = np.full(samples, np.inf)
-    lower = np.append(-free, np.full(samples, problem.limits[0]))
-    upper = np.append(free, np.full(samples, problem.limits[1]))
+    lower = np.append(-free, np.full(samples, float(problem.lower.min()) / unit))
+    upper = np.append(free, np.full(samples, float(problem.upper.max()) / unit))
     if not cyclic:
-        lower[samples] = upper[samples] = problem.first[0]
+        lower[samples] = upper[samples] = first[0]
 
     # Changes of the requests
     changes = casadi.SX()
-    if math.isfinite(problem.max_step):
+    if math.isfinite(max_step):
         changes = requests - casadi.vertcat(requests[-1], requests[:-1])
         changes = changes if cyclic else changes[1:]
 
@@ -216,18 +174,18 @@ def _transcribed(problem: _Scaled) -> _Programme:
     path = (
         casadi.SX() if problem.norm == "rms" else casadi.vertcat(largest - errors, largest + errors)
     )
-    unknowns, initial = [angles, requests], [problem.ideal, problem.first]
+    unknowns, initial = [angles, requests], [ideal, first]
     if problem.norm == "max":
         unknowns.append(largest)
-        initial.append(np.max(np.abs(problem.ideal - problem.desired), keepdims=True))
+        initial.append(np.max(np.abs(ideal - desired), keepdims=True))
         lower, upper = np.append(lower, 0.0), np.append(upper, np.inf)
 
     if speeds.numel():
         unknowns.append(speeds)
-        initial.append(np.gradient(problem.ideal) / problem.model.hold)
+        initial.append(np.gradient(ideal) / model.hold)
         lower, upper = np.append(lower, -free), np.append(upper, free)
     g = casadi.vertcat(dynamics, changes, path)
-    step = np.full(changes.numel(), problem.max_step)
+    step = np.full(changes.numel(), max_step)
     closed = np.zeros(dynamics.numel())
     below = np.concatenate([closed, -step, np.zeros(path.numel())])
     above = np.concatenate([closed, step, np.full(path.numel(), np.inf)])
@@ -236,27 +194,3 @@ def _transcribed(problem: _Scaled) -> _Programme:
         np.concatenate(initial),
         {"lbx": lower, "ubx": upper, "lbg": below, "ubg": above},
     )
-
-
-def _step(model: JointModel, unit: float) -> Any:
-    """F as a CasADi function of the state before, the requests that act, the radius, the load.
-
-    The state is the angle, and with inertia the speed, too.
-    """
-    import casadi
-
-    state, radius = casadi.SX.sym("x", 2 if model.has_inertia else 1), casadi.SX.sym("e")
-    requests = casadi.SX.sym("R", request_ages(model).width)
-    load = casadi.SX.sym("load")
-    angle, *speed = casadi.vertsplit(state)
-    after = period(
-        model,
-        angle,
-        requests,
-        speed=speed[0] if speed else 0.0,
-        radius=radius,
-        load=load if model.feels_load else 0.0,
-        unit=unit,
-    )
-    reached = casadi.vertcat(*after) if speed else after.angle
-    return casadi.Function("step", [state, requests, radius, load], [reached])

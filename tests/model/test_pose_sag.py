@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 
 import planner
 from planner.evaluation.checks import AGREEMENT
-from planner.evaluation.independent import independent_angles, next_cycle
 from planner.exceptions import InvalidModel
 from planner.model.joint import MOST_POSE_SAG, JointModel
 from planner.model.load import rest_angles, rest_requests
@@ -20,6 +19,7 @@ from planner.model.response import simulate
 from planner.model.sensitivity import sensitivities
 from planner.planning.line_inverse import line_offset
 from planner.trajectory import rms
+from tests.independent import from_rest, next_cycle
 from tests.model.test_symbolic import SAME, chained
 from tests.strategies import models, trajectories
 
@@ -35,7 +35,8 @@ PATH = np.radians(25.0) * np.cos(2.0 * np.pi * np.arange(250) / 250)
 @given(models(friction=True, poses=True), trajectories(), st.none() | st.floats(-2.0, 2.0))
 def test_from_rest_an_independent_simulation_agrees(model, requests, start):
     angles = simulate(model, requests, cyclic=False, start=start)
-    second = independent_angles(model, requests, cyclic=False, start=start)
+    begin = float(model.rest(requests[0])) if start is None else start
+    second = from_rest(model, requests, start=begin)
     assert np.max(np.abs(angles - second)) <= AGREEMENT.value
 
 

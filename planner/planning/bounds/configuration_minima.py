@@ -49,6 +49,7 @@ class ConfigurationSearchOptions:
 
 OPTIONS = ConfigurationSearchOptions()
 
+
 class Distance(NamedTuple):
     """The squared distance of a leg's foot from where it should be, every axis on a scale.
 
