@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
 import numpy.typing as npt
 
 from kinematics.leg import Leg
@@ -20,28 +19,17 @@ from planner.evaluation.comparison import (
     judge_foot,
     planned_methods,
 )
-from planner.exceptions import Infeasible, InvalidInput, InvalidTrajectory, SolverFailed
+from planner.exceptions import InvalidInput, SolverFailed, about
 from planner.model.joint import JointModel
-from planner.model.load import load_columns
-from planner.planning.arguments import (
-    COLUMNS,
-    Norm,
-    check_norm,
-    checked_leg,
-    joint_names,
-    limits_of_each,
-    loads_of_each,
-    model_of_each,
-    one_path,
-)
+from planner.planning.arguments import Norm, checked_leg
 from planner.planning.bounds.reachable_set import LEVELS, Level, check_level
 from planner.planning.closed_form import closed_forms
 from planner.planning.inversion import invert_foot, planned
 from planner.planning.line_inverse import RULES, check_rule
 from planner.planning.result import Inversion
 from planner.planning.task import Task
-from planner.trajectory import Array
-from planner.validation import as_flag, shown
+from planner.robot.schedule import as_rows
+from planner.validation import shown
 
 Limits = tuple[npt.ArrayLike, npt.ArrayLike]
 
@@ -165,99 +153,54 @@ def cross_check(
         >>> check.passed, check.methods
         (True, ['closed_form_paper', 'closed_form_exact', 'optimal', 'optimal_ipopt'])
     """
-    check_norm(norm)
-    cyclic = as_flag("cyclic", cyclic)
     if not callable(progress):
         raise InvalidInput(f"progress: got {shown(progress)}, expected a function")
     check_level(level)
     levels = LEVELS[: LEVELS.index(level) + 1]
-    columns = _columns_of(desired)
-    count = len(columns)
     if leg is not None:
-        _check_columns(checked_leg(leg), count)
-    models = model_of_each(model, count, given_as="model", joints=COLUMNS)
-    names = _names(names, leg, count)
-    given = leg.limits if limits is None and leg is not None else limits
-    shape = len(columns[0]), count
-    loads = loads_of_each(load, names, shape)
-    lower, upper = limits_of_each(given, names)
+        _check_columns(desired, checked_leg(leg))
+    task = Task.of(
+        model,
+        desired,
+        names=leg.joint_names if names is None and leg is not None else names,
+        cyclic=cyclic,
+        norm=norm,
+        limits=leg.limits if limits is None and leg is not None else limits,
+        load=load,
+    )
+    if len(task.scenarios) > 1:
+        raise InvalidInput("model: got several of a joint, expected one of each")
     joints = []
-    for j, name in enumerate(names):
+    for j, name in enumerate(task.names):
         progress(name)
-        with _about(name if count > 1 else None):
-            task = Task.of(
-                [models[j]],
-                one_path(columns[j]),
-                names=("",),
-                cyclic=cyclic,
-                norm=norm,
-                limits=None if given is None else (lower[j], upper[j]),
-                load=loads[j],
-            )
-            plans = _plans(task, segments)
+        with about(name):
+            plans = _plans(task.joint(j), segments)
             failed = () if SECOND in plans else (SECOND,)
         joints.append(compare_joint(name, plans, levels=levels, failed=failed))
     foot = None
     if leg is not None:
         progress("foot")
-        best = [joint.plans["optimal"] for joint in joints]
         together = invert_foot(
-            models,
+            task.nominal,
             leg,
-            leg.foot_positions(np.column_stack([plan.desired for plan in best])),
+            leg.foot_positions(task.desired),
             cyclic=cyclic,
-            limits=(lower, upper),
+            limits=(task.lower, task.upper),
             norm=norm,
-            load=load_columns([plan.load for plan in best], len(columns[0])),
+            load=task.load,
         )
         foot = judge_foot(joints, together)
     return CrossCheck(joints=tuple(joints), foot=foot)
 
 
-def _columns_of(desired: npt.ArrayLike) -> list[Array]:
-    """The desired angles of each joint [rad], shape (n,); the inversions check the values."""
-    try:
-        angles = np.asarray(desired)
-    except ValueError as error:
-        raise InvalidTrajectory(
-            "desired: got rows of different lengths, expected shape (n,) or (n, k)"
-        ) from error
-    if angles.ndim == 1:
-        return [angles]
-    if angles.ndim != 2 or angles.shape[1] == 0:
-        raise InvalidTrajectory(
-            f"desired: got shape {angles.shape}, expected (n,), or (n, k) with a column per joint"
-        )
-    return list(angles.T)
-
-
-def _names(names: Sequence[str] | None, leg: Leg | None, count: int) -> tuple[str, ...]:
-    """What to call the joints; by default what the leg calls them."""
-    if names is None and leg is not None:
-        return leg.joint_names
-    if names is None:
-        return tuple(f"joint {j}" for j in range(count)) if count > 1 else ("joint",)
-    return joint_names(names, None, count)
-
-
-def _check_columns(leg: Leg, count: int) -> None:
+def _check_columns(desired: npt.ArrayLike, leg: Leg) -> None:
     """Raise InvalidInput where there is no column for each joint of the leg."""
+    count = as_rows(desired, name="desired").shape[1]
     if len(leg.joint_names) != count:
         raise InvalidInput(
             f"desired: got {count} columns, expected {len(leg.joint_names)}, one for each joint of "
             f"the leg ({', '.join(leg.joint_names)})"
         )
-
-
-@contextmanager
-def _about(name: str | None) -> Iterator[None]:
-    """Let errors say which of several joints they are about."""
-    try:
-        yield
-    except (Infeasible, InvalidTrajectory) as error:
-        if name is None:
-            raise
-        raise type(error)(f"{name}: {error}") from error
 
 
 def _plans(task: Task, segments: int | None) -> dict[str, Inversion]:

@@ -241,30 +241,6 @@ def check_periods(models: Sequence[JointModel], *, given_as: str) -> None:
         )
 
 
-def model_of_each(
-    models: JointModel | Sequence[JointModel], count: int, *, given_as: str, joints: str
-) -> tuple[JointModel, ...]:
-    """One model for every joint; raise InvalidInput where they do not fit.
-
-    Args:
-        models: One for all of them, or one for each.
-        count: How many joints there are.
-        given_as: What the caller calls the models.
-        joints: What has a joint each, in words.
-    """
-    try:
-        each = (models,) * count if isinstance(models, JointModel) else tuple(models)
-    except TypeError:
-        each = ()
-    if len(each) != count or not all(isinstance(model, JointModel) for model in each):
-        raise InvalidInput(
-            f"{given_as}: got {len(each)} of them for {count} joints, expected one JointModel, or "
-            f"one for each of the {joints}"
-        )
-    check_periods(each, given_as=given_as)
-    return each
-
-
 def checked_limits(limits: object, *, of: str = "limits") -> tuple[float, float]:
     """The limits as floats.
 
