@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -153,3 +154,20 @@ def steps(values: Array, *, cyclic: bool) -> Array:
 def rms(values: Array) -> float:
     """Root mean square of values of any shape, in their own unit; 0 of none."""
     return float(np.sqrt(np.mean(values**2))) if values.size else 0.0
+
+
+def error_norm(errors: Array, norm: Literal["rms", "max"]) -> float:
+    """Root mean square of errors or distances, or the largest absolute value, in their own unit.
+
+    Args:
+        errors: Errors at the samples, shape (n,).
+        norm: "rms" or "max".
+    """
+    return rms(errors) if norm == "rms" else float(np.max(np.abs(errors)))
+
+
+def relative_gap(error: float, bound: float) -> float:
+    """``error / bound - 1`` [-]; inf where only the bound is zero, 0 where both are."""
+    if bound > 0.0:
+        return error / bound - 1.0
+    return math.inf if error > 0.0 else 0.0

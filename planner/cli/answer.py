@@ -13,12 +13,11 @@ from planner.cli.desired import leg_title
 from planner.cli.models import beside, model_words, verdict_document
 from planner.cli.settings import FROM_URDF
 from planner.model.evidence import OPEN_TOP_SPEED, unproven_gains, untested_words
-from planner.planning.error_norm import error_norm
 from planner.planning.result import ErrorsOfModels
 from planner.planning.time_shift import shifted
 from planner.report.plan_tables import expected_words
 from planner.report.table import NO_BOUND, NOTHING, percent, text_table
-from planner.trajectory import rms
+from planner.trajectory import error_norm, rms
 
 if TYPE_CHECKING:
     from kinematics import Leg

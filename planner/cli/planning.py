@@ -25,11 +25,10 @@ from planner.cli.loads import Load, load_of, unused
 from planner.cli.models import model_words
 from planner.model.drawn_models import has_intervals
 from planner.planning.arguments import checked_leg, limits_of_each
-from planner.planning.error_norm import error_norm
 from planner.planning.inversion import planned
 from planner.planning.plan import Method, Plan
 from planner.planning.task import Task
-from planner.trajectory import index_of_largest
+from planner.trajectory import error_norm, index_of_largest
 
 if TYPE_CHECKING:
     from planner.planning.result import Inversion

@@ -184,7 +184,7 @@ def _settled(run: Callable[[Array], Array], begun: float) -> Array | None:
     for _ in range(SETTLING):
         after = run(before[:, -1])
         if np.max(np.abs(after[0] - before[0])) <= 1e-3 * AGREEMENT.value:
-            return after[0]
+            return np.asarray(after[0])
         before = after
     return None
 

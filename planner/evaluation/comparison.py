@@ -39,13 +39,12 @@ from planner.planning.arguments import Norm
 from planner.planning.bounds.certify import Certificate, certify
 from planner.planning.bounds.cvxpy_statement import stated_bound
 from planner.planning.bounds.reachable_set import LEVELS, BoundProblem, Level
-from planner.planning.error_norm import error_norm, relative_gap
 from planner.planning.inversion import planned
 from planner.planning.plan import Plan, joined
 from planner.planning.result import FootInversion, Inversion
 from planner.planning.search import known_errors
 from planner.planning.task import axis_scales
-from planner.trajectory import Array, rms
+from planner.trajectory import Array, error_norm, relative_gap, rms
 
 METHODS: Mapping[str, str] = {
     "closed_form_paper": "closed form, paper's rule",

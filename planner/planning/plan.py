@@ -16,12 +16,11 @@ from planner.model.evidence import Expectation, expectation
 from planner.model.joint import JointModel
 from planner.model.response import PathSpeeds, path_speeds
 from planner.planning.arguments import Solver
-from planner.planning.error_norm import error_norm, relative_gap
 from planner.planning.result import ErrorsOfModels, FootInversion, Inversion
 from planner.planning.task import Task
 from planner.planning.trials import Learning
 from planner.summary import Summarised, Summary
-from planner.trajectory import Array, steps
+from planner.trajectory import Array, error_norm, relative_gap, steps
 from planner.validation import freeze
 
 Method = Literal["shift", "closed_form", "optimal", "foot_optimal"]

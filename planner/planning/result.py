@@ -14,11 +14,10 @@ from planner.model.evidence import Expectation
 from planner.model.joint import JointModel
 from planner.model.response import PathSpeeds
 from planner.planning.arguments import Norm, Robust, Solver
-from planner.planning.error_norm import error_norm
 from planner.planning.task import Scenarios
 from planner.planning.trials import Learning
 from planner.summary import Summarised, Summary
-from planner.trajectory import Array, Mask
+from planner.trajectory import Array, Mask, error_norm
 from planner.validation import freeze
 
 if TYPE_CHECKING:

@@ -38,9 +38,8 @@ from planner.planning.arguments import (
     of_each,
     steps_of_each,
 )
-from planner.planning.error_norm import error_norm
 from planner.robot.schedule import as_rows
-from planner.trajectory import Array, Mask, steps
+from planner.trajectory import Array, Mask, error_norm, steps
 from planner.validation import as_flag, as_positive, freeze
 
 if TYPE_CHECKING:

@@ -13,7 +13,6 @@ import numpy as np
 from planner.model.joint import JointModel
 from planner.model.response import simulate
 from planner.planning.arguments import JointLimits
-from planner.planning.error_norm import error_norm
 from planner.planning.inversion import plan
 from planner.planning.load_of_pose import LoadOfPose
 from planner.planning.result import Inversion
@@ -27,7 +26,7 @@ from planner.recording.recorded_path import (
     recorded_path,
 )
 from planner.summary import Summarised, Summary
-from planner.trajectory import Array
+from planner.trajectory import Array, error_norm
 from planner.validation import as_positive, freeze
 
 Kind = Literal["resent", "direct", "shifted", "planned"]

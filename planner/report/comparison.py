@@ -12,7 +12,6 @@ import numpy as np
 from planner._version import __version__
 from planner.evaluation.checks import AGREES
 from planner.evaluation.comparison import SECOND
-from planner.planning.error_norm import error_norm
 from planner.report.comparison_tables import (
     SHOWN,
     checks_table,
@@ -50,6 +49,7 @@ from planner.report.style import (
     OPTIMAL,
 )
 from planner.report.table import percent
+from planner.trajectory import error_norm
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Picture

@@ -8,11 +8,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from planner.planning.error_norm import error_norm
 from planner.planning.time_shift import shifted
 from planner.report.figure import Timeline
 from planner.report.table import NOTHING, Column, Row, Table, percent, signed
-from planner.trajectory import rms
+from planner.trajectory import error_norm, rms
 
 if TYPE_CHECKING:
     from planner.model.evidence import Expectation

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from planner.model.evidence import OPEN_TOP_SPEED
-from planner.planning.error_norm import error_norm
 from planner.report import figure
 from planner.report.figure import (
     Axis,
@@ -46,6 +45,7 @@ from planner.report.style import (
     SHIFT,
 )
 from planner.report.table import NOTHING, Column, Row, Table, at_most
+from planner.trajectory import error_norm
 
 if TYPE_CHECKING:
     from kinematics.leg import Leg

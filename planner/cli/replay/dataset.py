@@ -22,11 +22,10 @@ from planner.files.exports.lerobot import Layout, lerobot_dataset
 from planner.files.logs.recordings import Recording
 from planner.files.text import to_json
 from planner.parallel import Engine, Results, Task, carry_out, finished, made_from
-from planner.planning.error_norm import error_norm
 from planner.recording.recorded_path import WHY
 from planner.recording.replaying import Replay
 from planner.report.table import number, text_table
-from planner.trajectory import Array
+from planner.trajectory import Array, error_norm
 
 HEAD = "head"
 """The array of an encoded episode that holds all but its rows, as JSON."""

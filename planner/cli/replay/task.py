@@ -21,11 +21,11 @@ from planner.files.logs.recordings import Recording
 from planner.identification.grid import measured_speed
 from planner.identification.log import Log
 from planner.model.evidence import OPEN_TOP_SPEED
-from planner.planning.error_norm import error_norm
 from planner.recording.recorded_path import WHY, RecordedPath, check_length, recorded_path
 from planner.recording.replaying import JointReplay, Replay, replay_at
 from planner.recording.retiming import Fastest, Measure, fastest_at
 from planner.report.table import NOTHING, number, text_table
+from planner.trajectory import error_norm
 
 if TYPE_CHECKING:
     from kinematics import Leg

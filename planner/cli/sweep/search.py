@@ -24,10 +24,9 @@ from planner.cli.settings import HalfEllipse, Run
 from planner.cli.sweep.space import Space
 from planner.exceptions import PlannerError
 from planner.parallel import Engine, Results, Task, carry_out
-from planner.planning.error_norm import error_norm
 from planner.planning.plan import Plan
 from planner.report.sweep import Outcome, Point, Requirement, Swept
-from planner.trajectory import Array, index_of_largest
+from planner.trajectory import Array, error_norm, index_of_largest
 
 TARGETS = 5
 """Trade-offs between speed and error that a search for a front pursues at once."""

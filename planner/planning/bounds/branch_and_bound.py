@@ -33,8 +33,7 @@ from planner.planning.bounds.saturation_relaxation import (
     violated_cuts,
 )
 from planner.planning.bounds.tightening import tighten
-from planner.planning.error_norm import error_norm
-from planner.trajectory import Array
+from planner.trajectory import Array, error_norm
 
 TIME_LIMIT = 60.0
 """About how long the search takes before it stops with what it has proved [s]."""

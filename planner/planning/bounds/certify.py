@@ -22,10 +22,9 @@ from planner.planning.bounds.reachable_set import (
     proved_level,
 )
 from planner.planning.bounds.saturation_relaxation import without_load
-from planner.planning.error_norm import error_norm, relative_gap
 from planner.planning.inversion import planned
 from planner.planning.task import Task
-from planner.trajectory import as_trajectory
+from planner.trajectory import as_trajectory, error_norm, relative_gap
 from planner.validation import as_positive
 
 

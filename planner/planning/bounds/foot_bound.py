@@ -38,9 +38,8 @@ from planner.planning.bounds.reachable_set import (
     farthest_per_period,
     reachable_set,
 )
-from planner.planning.error_norm import error_norm
 from planner.planning.task import axis_scales
-from planner.trajectory import Array
+from planner.trajectory import Array, error_norm
 
 MOST_SAMPLES_BOUNDED = 1000
 """Longest path whose bound is computed for reports [samples]: it takes half a minute at most."""
