@@ -37,15 +37,17 @@ PROGRESS = 1e-7
 """Relative decrease of the squared error below which a descent ends."""
 
 
-def best_values(problem: Problem, knots: Array) -> Candidate:
+def best_values(problem: Problem, knots: Array, near: Array | None = None) -> Candidate:
     """The curve of best values within the slopes at given knots, a convex QP.
 
     Args:
         problem: What to approximate.
         knots: Knots, at most :data:`WINDOW`.
+        near: Values within the slopes, (K,), where the QP begins and whose distance from the best
+            ones it lowers by 1e-10; feasible ones where none are given.
 
     Returns:
-        The curve; where the QP was not solved, that of feasible values.
+        The curve; where the QP was not solved, that of the values near it.
     """
     from planner.approximation import kernel
 
@@ -54,7 +56,7 @@ def best_values(problem: Problem, knots: Array) -> Candidate:
         problem.step,
         problem.cyclic,
         knots,
-        feasible_values(problem, knots),
+        feasible_values(problem, knots) if near is None else near,
         ~fixed_variables(problem, knots)[1],
     )
     return candidate(problem, knots, values)

@@ -52,8 +52,7 @@ from planner.approximation.problem import (
     positive,
     with_pins,
 )
-from planner.approximation.search import KnotSearch
-from planner.approximation.segment_count import automatic, within_rms
+from planner.approximation.search import KnotSearch, automatic, within_rms
 from planner.approximation.values import values_within, within_slopes
 from planner.exceptions import Infeasible, InvalidInput, SolverFailed, angle_text
 from planner.summary import Summarised, Summary

@@ -2,21 +2,24 @@
 
     minimise  Σ_k (P(k) - D(k))²    subject to    |y' - y| <= v (t' - t) for every segment
 
-The Hessian is tridiagonal, closed to a ring for a cycle. OSQP says which bounds are active and what
-the values are to its tolerance; :func:`polished` makes them exact, and :func:`within_slopes` makes
-the bounds hold to the last digit. A bound on the largest error adds a row for every sample.
+The Hessian is tridiagonal, closed to a ring for a cycle. Few values are found by the compiled dense
+QP of the descents (:mod:`planner.approximation.kernel`). Of many, or with a bound on the largest
+error, which adds a row for every sample, OSQP says which bounds are active and what the values are
+to its tolerance; :func:`polished` makes them exact. :func:`within_slopes` makes the bounds hold to
+the last digit.
 """
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from planner.approximation.descent import WINDOW, best_values
 from planner.approximation.problem import (
     BARELY,
     Problem,
@@ -39,7 +42,7 @@ class ValuesQP:
     """Minimise ½ yᵀPy + qᵀy subject to lower <= Ay <= upper.
 
     Attributes:
-        P: Hessian, shape (K, K); like A an array if small, else sparse.
+        P: Hessian, shape (K, K); like A sparse.
         q: Gradient at zero, shape (K,).
         A: Rise of every segment, the values that are required and, where errors are bounded, every
             sample's angle, shape (S + p, K) or (S + p + n, K).
@@ -78,6 +81,8 @@ def solve_values(
     """
     if knots.size == 1:
         return feasible_values(problem, knots)
+    if knots.size <= WINDOW and tube is None:
+        return best_values(problem, knots, best_values(problem, knots).values).values
     near = feasible_values(problem, knots) if near is None else near
     qp = build_values_qp(problem, knots, near)
     values = _solved(problem, qp, near)
@@ -141,12 +146,11 @@ def build_values_qp(
         columns += [start[segment], end[segment]]
         lower = np.append(lower, problem.desired - tube)
         upper = np.append(upper, problem.desired + tube)
-    dense = size + upper.size <= 64
     curvatures = [diagonal + ridge, s01, s01]
     return ValuesQP(
-        P=_matrix(curvatures, [every, start, end], [every, end, start], (size, size), dense),
+        P=_matrix(curvatures, [every, start, end], [every, end, start], (size, size)),
         q=q - ridge * near,
-        A=_matrix(entries, rows, columns, (upper.size, size), dense),
+        A=_matrix(entries, rows, columns, (upper.size, size)),
         lower=lower,
         upper=upper,
     )
@@ -157,14 +161,11 @@ def _matrix(
     rows: Sequence[npt.NDArray[np.intp]],
     columns: Sequence[npt.NDArray[np.intp]],
     shape: tuple[int, int],
-    dense: bool,
 ) -> Any:
     """The matrix with these entries, those of one place added up."""
     from scipy import sparse
 
     data, row, column = np.concatenate(entries), np.concatenate(rows), np.concatenate(columns)
-    if dense:
-        return sums_by(data, row * shape[1] + column, shape[0] * shape[1]).reshape(shape)
     return sparse.csc_matrix((data, (row, column)), shape=shape)
 
 
@@ -253,43 +254,25 @@ def polished(qp: ValuesQP, values: Array, multipliers: Array) -> Array:
 
 
 def _with_active(qp: ValuesQP, active: npt.NDArray[np.intp], target: Array) -> Array | None:
-    """The minimiser with some rows at a target each; None if singular."""
+    """The minimiser with some rows at a target each; None if singular.
+
+    It solves [P Aᵀ; A 0] x = b with a touch of regularisation for bounds that repeat one another;
+    two refinements remove it.
+    """
+    from scipy import sparse
+    from scipy.sparse.linalg import splu
+
     rows, size = qp.A[active, :], qp.q.size
-    solve = _kkt_solver(qp.P, rows)
-    if solve is None:
+    lower = -1e-9 * sparse.eye(active.size) if active.size else None
+    try:
+        solve = splu(sparse.bmat([[qp.P, rows.T], [rows, lower]], "csc")).solve
+    except RuntimeError:  # singular
         return None
     exact = np.zeros(size + active.size)
     for _ in range(3):
         y, u = exact[:size], exact[size:]
         exact = exact + solve(np.append(-qp.q - qp.P @ y - rows.T @ u, target - rows @ y))
-    return exact[:size]
-
-
-def _kkt_solver(P: Any, rows: Any) -> Callable[[Array], Array] | None:
-    """Solver of [P Aᵀ; A 0] x = b, dense where P is; None if it is singular.
-
-    A touch of regularisation for bounds that repeat one another; two refinements remove it.
-    """
-    from scipy import sparse
-    from scipy.sparse.linalg import splu
-
-    size, count = P.shape[0], rows.shape[0]
-    if isinstance(P, np.ndarray):
-        system = np.zeros((size + count, size + count))
-        system[:size, :size] = P
-        system[size:, :size] = rows
-        system[:size, size:] = system[size:, :size].T
-        system[size:, size:] = -1e-9 * np.eye(count)
-        try:
-            inverse = np.linalg.inv(system)
-        except np.linalg.LinAlgError:
-            return None
-        return lambda right: np.asarray(inverse @ right)
-    lower = -1e-9 * sparse.eye(count)
-    try:
-        return splu(sparse.bmat([[P, rows.T], [rows, None if count == 0 else lower]], "csc")).solve
-    except RuntimeError:  # singular
-        return None
+    return np.asarray(exact[:size])
 
 
 def values_within(problem: Problem, knots: Array, bound: float | None, unit: float) -> Array:
