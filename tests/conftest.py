@@ -11,7 +11,6 @@ import pickle
 import shutil
 from collections import Counter, defaultdict
 from contextlib import suppress
-from dataclasses import replace
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -232,8 +231,7 @@ def ready_experiments(answered, monkeypatch):
 @pytest.fixture
 def brief_search(monkeypatch):
     """Let the search for the bound of a foot end after its first rounds: weaker, and as valid."""
-    options = replace(foot_bound.OPTIONS, effort=100)  # of 1000
-    monkeypatch.setattr(foot_bound, "OPTIONS", options)
+    monkeypatch.setattr(foot_bound, "EFFORT", 100)  # of 1000
 
 
 @pytest.fixture

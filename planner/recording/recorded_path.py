@@ -35,25 +35,9 @@ GRIPPERS = ("gripper", "jaw", "claw", "finger", "thumb", "hand")
 """A joint whose name holds one of these words is a gripper."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class RecordingOptions:
-    """How a recording becomes a path.
-
-    Attributes:
-        same_period: A model whose period differs from the recording's by at most this share keeps
-            its number of ticks in a period: identified clocks differ by 1e-4. Beyond it ticks are
-            divided anew.
-        whole_rate: A rate this close to a whole number [share] is that number: LeRobot writes times
-            in 32 bits, from which 30 Hz is read as 29.99999.
-        least_rows: Requests of a replay at least.
-    """
-
-    same_period: float = 0.01
-    whole_rate: float = 1e-4
-    least_rows: int = 3
-
-
-OPTIONS = RecordingOptions()
+SAME_PERIOD = 0.01
+"""Share by which a model's period may differ from the recording's and keep its number of ticks:
+identified clocks differ by 1e-4. Beyond it ticks are divided anew."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -163,11 +147,11 @@ def _rows(name: str, duration: float, period: float, speed: float) -> int:
             "shorter part, a higher speed or a lower rate"
         )
     rows = math.floor(count + 1e-6) + 1
-    if rows < OPTIONS.least_rows:
+    if rows < 3:
         plural = "request remains" if rows == 1 else "requests remain"
         raise InvalidInput(
             f"{name}: at {speed:g} times the speed and {1.0 / period:.6g} requests a second {rows} "
-            f"{plural} of {duration:.4g} s, expected {OPTIONS.least_rows} or more; choose a longer "
+            f"{plural} of {duration:.4g} s, expected 3 or more; choose a longer "
             "part, a lower speed or a higher rate"
         )
     return rows
@@ -336,7 +320,8 @@ def _period(logs: Sequence[Log], rate: float | None) -> float:
         return 1.0 / as_positive("rate", rate, "more than 0 requests a second")
     period = timing_of(logs, tick=None, hold=None).period
     whole = round(1.0 / period)
-    near = whole >= 1 and abs(period * whole - 1.0) <= OPTIONS.whole_rate
+    # LeRobot writes times in 32 bits, from which 30 Hz is read as 29.99999.
+    near = whole >= 1 and abs(period * whole - 1.0) <= 1e-4
     return 1.0 / whole if near else period
 
 
@@ -346,7 +331,7 @@ def _requested_every(model: JointModel, period: float, joint: str) -> JointModel
     Raises:
         InvalidInput: The model cannot have so many, or so few.
     """
-    if abs(model.period - period) <= OPTIONS.same_period * period:
+    if abs(model.period - period) <= SAME_PERIOD * period:
         return replace(model, tick=period / model.hold).with_evidence(model.evidence)
     try:
         return model.requested_every(period)

@@ -37,51 +37,31 @@ LEAST = 1e-3
 Progress = Callable[[str], None]
 
 
-@dataclass(frozen=True, kw_only=True)
-class RetimingOptions:
-    """Constants of the search for speeds.
+RESOLUTION = 0.01
+"""Factors are found to this share."""
 
-    Attributes:
-        resolution: Factors are found to this share.
-        slowest: Least factor that is tried: slower replays are no use.
-        fastest: Largest one.
-        curve: Factors of the curve of error against speed.
-        below: The curve begins at this share of the factor found ...
-        above: ... and ends at this multiple of the first at which no requests keep the tolerance.
-        acceleration: Most that a varying factor changes in a second [1/s], per unit of the
-            constant one: from standstill to that factor in half a second.
-        grid: Distance of the moments at which a varying factor is set [s of the recording].
-        reach: Errors within this time [s] of a moment say how fast it may pass: a joint answers
-            over its lag and acceleration time.
-        rounds: Rounds in which a varying factor is changed, each a plan.
-        exponent: A factor is multiplied by (tolerance / error) to this power: errors of a
-            saturated joint grow faster than the speed.
-        most_change: Largest change of a factor in a round.
-        margin: Share of the tolerance that rounds aim at, so that the last of them keeps it.
-        highest: A varying factor is at most this multiple of the constant one.
-        begins: Moments at most at which a recording that begins in motion is tried to begin.
-        beginning: What follows within this time [s] is looked at first.
-    """
+SLOWEST, FASTEST = 1.0 / 16.0, 64.0
+"""Least and largest factor that are tried."""
 
-    resolution: float = 0.01
-    slowest: float = 1.0 / 16.0
-    fastest: float = 64.0
-    curve: int = 7
-    below: float = 0.5
-    above: float = 1.15
-    acceleration: float = 2.0
-    grid: float = 0.05
-    reach: float = 0.15
-    rounds: int = 14
-    exponent: float = 0.4
-    most_change: float = 1.25
-    margin: float = 0.97
-    highest: float = 6.0
-    begins: int = 100
-    beginning: float = 2.0
+ACCELERATION = 2.0
+"""Most that a varying factor changes in a second [1/s], per unit of the constant one: from
+standstill to that factor in half a second."""
 
+GRID = 0.05
+"""Distance of the moments at which a varying factor is set [s of the recording]."""
 
-OPTIONS = RetimingOptions()
+REACH = 0.15
+"""Errors within this time [s] of a moment say how fast it may pass: a joint answers over its lag
+and acceleration time."""
+
+ROUNDS = 14
+"""Rounds in which a varying factor is changed, each a plan: multiplied by (0.97 tolerance / error)
+to the power of 0.4, as errors of a saturated joint grow faster than the speed, and by 1.25 at most.
+"""
+
+BEGINS, BEGINNING = 100, 2.0
+"""Moments at most at which a recording that begins in motion is tried to begin, and the time that
+is looked at first from each [s]."""
 
 
 class SpeedErrors(NamedTuple):
@@ -359,14 +339,14 @@ class _Search:
         """
         low = high = 1.0
         if self.keeps(1.0):
-            while high < OPTIONS.fastest and self.has_rows(2.0 * high) and self.keeps(2.0 * high):
+            while high < FASTEST and self.has_rows(2.0 * high) and self.keeps(2.0 * high):
                 high *= 2.0
             low, high = high, 2.0 * high
-            if not self.has_rows(high) or high > OPTIONS.fastest:
+            if not self.has_rows(high) or high > FASTEST:
                 return self.known[low]
         else:
             while not self.keeps(low := low / 2.0):
-                if low / 2.0 < OPTIONS.slowest:
+                if low / 2.0 < SLOWEST:
                     last = self.known[min(self.known)]
                     least = float(np.max(self.measure.errors(last, "planned")))
                     raise Infeasible(
@@ -375,7 +355,7 @@ class _Search:
                         "rest"
                     )
             high = 2.0 * low
-        while high / low > 1.0 + OPTIONS.resolution:
+        while high / low > 1.0 + RESOLUTION:
             middle = math.sqrt(low * high)
             low, high = (middle, high) if self.keeps(middle) else (low, middle)
         return self.known[low]
@@ -385,10 +365,10 @@ class _Search:
         if not self.bounded:
             return None
         high, found = 2.0 * low, None
-        while found is None and high <= OPTIONS.fastest and self.has_rows(high):
+        while found is None and high <= FASTEST and self.has_rows(high):
             found = self.refuted(high)
             low, high = (low, high) if found else (high, 2.0 * high)
-        while found is not None and found.speed / low > 1.0 + OPTIONS.resolution:
+        while found is not None and found.speed / low > 1.0 + RESOLUTION:
             middle = math.sqrt(low * found.speed)
             lower = self.refuted(middle)
             low, found = (low, lower) if lower else (middle, found)
@@ -418,18 +398,18 @@ class _Search:
         None where there is none in the first half of the recording.
         """
         path = self.path
-        step = max(path.period, path.duration / (2.0 * OPTIONS.begins))
+        step = max(path.period, path.duration / (2.0 * BEGINS))
         step = path.period * math.ceil(step / path.period - 1e-6)
         for moment in np.arange(path.first + step, path.first + path.duration / 2.0, step):
-            parts = (min(moment + OPTIONS.beginning, path.last), path.last)
+            parts = (min(moment + BEGINNING, path.last), path.last)
             if all(ratio <= 1.0 for last in parts for _, ratio in self.bounds(1.0, moment, last)):
                 return float(moment)
         return None
 
     def curve(self, speed: float, impossible: Impossible | None) -> tuple[SpeedErrors, ...]:
         """Errors from well below the factor found to beyond the one that is impossible."""
-        last = OPTIONS.above * (impossible.speed if impossible else 1.5 * speed)
-        speeds = np.geomspace(OPTIONS.below * speed, last, OPTIONS.curve)
+        last = 1.15 * (impossible.speed if impossible else 1.5 * speed)
+        speeds = np.geomspace(0.5 * speed, last, 7)
         nearest = int(np.argmin(np.abs(np.log(speeds / speed))))
         speeds[nearest] = speed
         found = []
@@ -456,16 +436,15 @@ class _Search:
         largest error nearby, and limits its acceleration, forward and backward in time.
         """
         path = self.path
-        at = np.arange(path.first, path.last + OPTIONS.grid, OPTIONS.grid)
+        at = np.arange(path.first, path.last + GRID, GRID)
         factors = np.full(len(at), constant.speed)
         best = made = constant
-        for number in range(OPTIONS.rounds):
-            self.progress(f"varying speed, round {number + 1} of {OPTIONS.rounds}")
+        for number in range(ROUNDS):
+            self.progress(f"varying speed, round {number + 1} of {ROUNDS}")
             local = _nearby(made, self.measure.errors(made, "planned"), at)
-            change = (OPTIONS.margin / local) ** OPTIONS.exponent
-            factors *= np.clip(change, 1.0 / OPTIONS.most_change, OPTIONS.most_change)
-            factors = np.minimum(factors, OPTIONS.highest * constant.speed)
-            factors = _accelerating(factors, OPTIONS.grid, OPTIONS.acceleration * constant.speed)
+            factors *= np.clip((0.97 / local) ** 0.4, 1.0 / 1.25, 1.25)
+            factors = np.minimum(factors, 6.0 * constant.speed)
+            factors = _accelerating(factors, GRID, ACCELERATION * constant.speed)
             changed = self.tried(_moments(path, at, factors))
             if changed is None:
                 break
@@ -560,7 +539,7 @@ class _Search:
 
 def _nearby(made: Replay, errors: Array, at: Array) -> Array:
     """The largest error near each moment of the recording, shape (m,)."""
-    reach = OPTIONS.reach * made.speed
+    reach = REACH * made.speed
     first = np.searchsorted(made.moments, at - reach)
     last = np.searchsorted(made.moments, at + reach)
     parts = (errors[a:b] for a, b in zip(first, last, strict=True))

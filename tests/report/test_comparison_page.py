@@ -45,9 +45,7 @@ WALK = planner.reference_walk()
 @pytest.fixture(scope="module")
 def check():
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(
-            foot_bound, "OPTIONS", replace(foot_bound.OPTIONS, effort=100)
-        )  # weaker, as valid
+        patch.setattr(foot_bound, "EFFORT", 100)  # weaker, as valid
         return planner.cross_check(planner.JointModel.ers210a(), WALK.desired, leg=WALK.leg)
 
 

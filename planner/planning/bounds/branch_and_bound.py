@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import heapq
 import logging
-from dataclasses import dataclass
 from itertools import count
 from typing import NamedTuple
 
@@ -56,33 +55,27 @@ REFINEMENTS = 3
 1e-6 of the joint's motion in a tick."""
 
 
-@dataclass(frozen=True)
-class BranchAndBoundOptions:
-    """When the search is done with a node, and with all.
+GAP = 5e-4
+"""Relative gap to the incumbent at which the search stops [-]; smoothing costs a plan 2e-4 of its
+error, and a smaller gap is below that."""
 
-    Attributes:
-        gap: Relative gap to the incumbent at which the search stops [-]; smoothing costs a plan
-            2e-4 of its error, and a smaller gap is below that.
-        absolute_gap: Gap to the incumbent at which it stops as well [rad]: a hundredth of the step
-            of a 12-bit encoder, which no robot shows.
-        gain: Relative gain of a round of tightening from which on another follows [-]; at 1e-3
-            the bounds of 13 problems are 0.1 % lower in the mean, at 5e-2 the median gap doubles.
-        rounds: Most rounds of cuts after one of tightening [-]; another follows one that gains as
-            much as ``gap``. With one, a bound of eight is 6e-5 lower; with six at every node, three
-            are 3e-4 to 9e-4 lower.
-        margin: Least share of a request's interval on either side of the value at which it is
-            branched [-]; without it a child may be all of its parent, and the gaps of five problems
-            of eight are 2 to 6 % larger.
-    """
+ABSOLUTE_GAP = 1.5e-5
+"""Gap to the incumbent at which it stops as well [rad]: a hundredth of the step of a 12-bit
+encoder, which no robot shows."""
 
-    gap: float = 5e-4
-    absolute_gap: float = 1.5e-5
-    gain: float = 1e-2
-    rounds: int = 6
-    margin: float = 0.1
+GAIN = 1e-2
+"""Relative gain of a round of tightening from which on another follows [-]; at 1e-3 the bounds of
+13 problems are 0.1 % lower in the mean, at 5e-2 the median gap doubles."""
 
+ROUNDS = 6
+"""Most rounds of cuts after one of tightening at the root [-]; another follows one that gains as
+much as ``GAP``. With one, a bound of eight is 6e-5 lower; with six at every node, three are 3e-4 to
+9e-4 lower."""
 
-OPTIONS = BranchAndBoundOptions()
+MARGIN = 0.1
+"""Least share of a request's interval on either side of the value at which it is branched [-];
+without it a child may be all of its parent, and the gaps of five problems of eight are 2 to 6 %
+larger."""
 
 
 class Node(NamedTuple):
@@ -141,16 +134,16 @@ def _root(problem: ScaledProblem) -> Node:
     while not _closed(problem, node.bound):
         before = node.bound
         if tighten(problem, ranges, node.solution, range(problem.ticks)):
-            node = cut_off(problem, node, rounds=OPTIONS.rounds)
+            node = cut_off(problem, node, rounds=ROUNDS)
         else:
             node = node._replace(bound=problem.incumbent)
-        if node.bound <= before * (1.0 + OPTIONS.gain) or problem.exhausted:
+        if node.bound <= before * (1.0 + GAIN) or problem.exhausted:
             break
     return node
 
 
 def _closed(problem: ScaledProblem, bound: float) -> bool:
-    allowed = max(OPTIONS.gap * problem.incumbent, OPTIONS.absolute_gap / problem.unit)
+    allowed = max(GAP * problem.incumbent, ABSOLUTE_GAP / problem.unit)
     return problem.incumbent - bound <= allowed
 
 
@@ -167,7 +160,7 @@ def cut_off(problem: ScaledProblem, node: Node, *, rounds: int = 1) -> Node:
         cuts = [cut for cut, weight in _weighted(cuts, solution) if weight > INACTIVE] + found
         solution = solve_relaxation(problem, ranges, cuts)
         bound = max(bound, solution.bound)
-        if bound <= before * (1.0 + OPTIONS.gap):
+        if bound <= before * (1.0 + GAP):
             break
     return Node(min(bound, problem.incumbent), node.intervals, ranges, cuts, solution)
 
@@ -181,7 +174,7 @@ def branch(problem: ScaledProblem, node: Node) -> list[Node]:
     for side in ((lower, value), (value, upper)):
         intervals = {**node.intervals, request: side}
         child = cut_off(problem, node._replace(intervals=intervals, ranges=node.ranges.copy()))
-        if node.bound * (1.0 + OPTIONS.gain) < child.bound < problem.incumbent:
+        if node.bound * (1.0 + GAIN) < child.bound < problem.incumbent:
             if tighten(problem, child.ranges, child.solution, acting):
                 child = cut_off(problem, child)
             else:
@@ -207,7 +200,7 @@ def branching_request(problem: ScaledProblem, node: Node) -> tuple[int, float]:
             node.solution.contributions[window.contributions],
             angles,
             requests,
-            margin=OPTIONS.margin,
+            margin=MARGIN,
         )
         best = max(best, (weights[request] * distance, request, value))
     return best[1], best[2]

@@ -11,7 +11,6 @@ from __future__ import annotations
 import logging
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -24,31 +23,16 @@ from planner.planning.bounds.configuration_minima import Distance, minima
 from planner.planning.bounds.reachable_set import ReachableSet
 from planner.trajectory import Array
 
+PROXIMAL = 0.02
+"""Weight of small steps of the Gauss-Newton search, relative to how much the foot sees of a joint's
+angle [-]."""
 
-@dataclass(frozen=True)
-class BundleOptions:
-    """How multipliers are proposed: by a Gauss-Newton search first, then by the bundle method.
+TOLERANCE = 1e-3
+"""Share of a plan's squared error that the search for minima may leave unproved."""
 
-    Attributes:
-        linearisations: Most of them on the way to the nearest stationary point [-].
-        stationary: Movement of all angles below which a point is stationary [rad].
-        proximal: Weight of small steps of that search, relative to how much the foot sees of a
-            joint's angle [-].
-        tolerance: Share of a plan's squared error that the search for minima may leave unproved.
-        reluctance: Proximal weight of the bundle method: what moving all linear terms by their own
-            size costs, relative to a plan's squared error [-].
-        precision: Clarabel's tolerances in the bundle method [-].
-    """
-
-    linearisations: int = 12
-    stationary: float = 1e-5
-    proximal: float = 0.02
-    tolerance: float = 1e-3
-    reluctance: float = 3.0
-    precision: float = 1e-8
-
-
-OPTIONS = BundleOptions()
+RELUCTANCE = 3.0
+"""Proximal weight of the bundle method: what moving all linear terms by their own size costs,
+relative to a plan's squared error [-]."""
 
 
 class LagrangianRelaxation(NamedTuple):
@@ -106,7 +90,7 @@ def dual_function(
         multipliers.weights,
         slopes,
         guesses,
-        tolerance=OPTIONS.tolerance / relaxation.samples,
+        tolerance=TOLERANCE / relaxation.samples,
     )
     return float(np.sum(found.proved)) + constant, found.angles
 
@@ -134,14 +118,14 @@ def stationary_point(relaxation: LagrangianRelaxation, angles: Array) -> tuple[A
     Where the solver fails, those that it came to before, or none: they prove what they prove.
     """
     multipliers = zero_multipliers(relaxation)
-    for _ in range(OPTIONS.linearisations):
+    for _ in range(12):
         before = angles
         try:
             angles, multipliers = _step(relaxation, before)
         except SolverFailed as failure:
             logging.getLogger(__name__).debug("foot bound: %s", failure)
             break
-        if np.max(np.abs(angles - before)) <= OPTIONS.stationary:
+        if np.max(np.abs(angles - before)) <= 1e-5:  # [rad]
             break
     return angles, multipliers
 
@@ -169,7 +153,7 @@ def _step(relaxation: LagrangianRelaxation, angles: Array) -> tuple[Array, Multi
     ]
     conditions = [*met, sampled >= relaxation.distance.lower, sampled <= relaxation.distance.upper]
     seen = float(np.mean(np.sum(jacobians**2, axis=1)))
-    cost = OPTIONS.proximal * seen / relaxation.samples * cvxpy.sum_squares(moves)
+    cost = PROXIMAL * seen / relaxation.samples * cvxpy.sum_squares(moves)
     most = cvxpy.Variable()
     if relaxation.norm == "rms":
         conditions.append(sum(map(cvxpy.sum_squares, axes)) / relaxation.samples <= most)
@@ -212,19 +196,18 @@ def bundle_step(
         return centre, 0.0
     problem, counts = _bundle_problem(relaxation, columns, centre)
     # The proximal term keeps the linear terms and the weights near those of the centre.
-    rates = [2.0 * OPTIONS.reluctance / step / each for each in (size, np.sum(centre.weights**2))]
+    rates = [2.0 * RELUCTANCE / step / each for each in (size, np.sum(centre.weights**2))]
     proximal = np.repeat([0.0, rates[0], 0.0, 0.0, rates[1]], counts)
     proximal_centre = [np.zeros(count) for count in counts]
     proximal_centre[1], proximal_centre[4] = around.T.ravel(), centre.weights
     solver = ConicSolver(
-        problem.slope - proximal * np.concatenate(proximal_centre),
         problem.matrix,
         problem.limits,
         problem.cones,
         curvature=proximal,
-        tolerance=OPTIONS.precision,
+        tolerance=1e-8,
     )
-    solution = solver.solve()
+    solution = solver.solve(problem.slope - proximal * np.concatenate(proximal_centre))
     if not solution.solved:
         return centre, 0.0
     conditions, *_, weights = np.split(solution.unknowns, np.cumsum(counts)[:-1])

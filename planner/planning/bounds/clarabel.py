@@ -47,31 +47,28 @@ class ConicSolution(NamedTuple):
 
 
 class ConicSolver:
-    """Minimises ``linear @ z + z @ curvature @ z / 2`` over ``limits - matrix @ z`` in the cones.
+    """Minimises ``linear @ z + z @ (curvature * z) / 2`` over ``limits - matrix @ z`` in the cones.
 
-    Set-up takes several times as long as a small problem's solution: problems whose matrices have
-    their entries at the same places share one.
+    Set-up takes several times as long as a small problem's solution: problems that differ in their
+    linear part alone share one.
     """
 
     def __init__(
         self,
-        linear: Array,
-        matrix: sparse.csr_array | sparse.csc_array,
+        matrix: sparse.csr_array,
         limits: Array,
         cones: Cones,
         *,
-        curvature: Array | sparse.csc_array | None = None,
+        curvature: Array | None = None,
         tolerance: float,
     ) -> None:
-        """Set up a problem.
+        """Set up problems.
 
         Args:
-            linear: Linear part of the objective, shape (unknowns,).
             matrix: Matrix of the conditions, shape (rows, unknowns).
             limits: Their right-hand sides, shape (rows,).
             cones: What the rows of ``limits - matrix @ z`` are.
-            curvature: Upper triangle of a matrix, or the diagonal of one, shape (unknowns,); None
-                for none.
+            curvature: Shape (unknowns,), 0 or more; None for none.
             tolerance: Clarabel's absolute and relative gap, and its feasibility.
         """
         import clarabel
@@ -87,36 +84,18 @@ class ConicSolver:
         ]
         if cones.ball:
             kinds.append(clarabel.SecondOrderConeT(cones.ball))
-        if curvature is None:
-            curvature = np.zeros(matrix.shape[1])
-        if isinstance(curvature, np.ndarray):
-            curvature = sparse.diags_array(curvature).tocsc()
+        flat = np.zeros(matrix.shape[1])
+        curved = sparse.diags_array(flat if curvature is None else curvature).tocsc()
         self._cones = cones
-        self._solver = clarabel.DefaultSolver(
-            curvature, linear, matrix.tocsc(), limits, kinds, settings
-        )
+        self._solver = clarabel.DefaultSolver(curved, flat, matrix.tocsc(), limits, kinds, settings)
 
-    def update(
-        self,
-        linear: Array,
-        *,
-        entries: Array | None = None,
-        limits: Array | None = None,
-        curvature_entries: Array | None = None,
-    ) -> None:
-        """Change the problem: its linear part, and what else is not None.
+    def solve(self, linear: Array) -> ConicSolution:
+        """The answer for a linear part, shape (unknowns,).
 
-        Args:
-            linear: As above.
-            entries: The matrix's stored entries, column by column.
-            limits: As above.
-            curvature_entries: The stored entries of the curvature, column by column.
+        Multipliers outside the dual cones are moved into them; those that are not finite prove
+        nothing.
         """
-        parts = {"P": curvature_entries, "q": linear, "A": entries, "b": limits}
-        self._solver.update(**{name: part for name, part in parts.items() if part is not None})
-
-    def solve(self) -> ConicSolution:
-        """The solver's answer; multipliers outside the dual cones, or not finite, prove nothing."""
+        self._solver.update(q=linear)
         solution, cones = self._solver.solve(), self._cones
         logging.getLogger(__name__).debug(
             "Clarabel: %s after %d iterations", solution.status, solution.iterations

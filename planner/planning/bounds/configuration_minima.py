@@ -7,7 +7,6 @@ All samples are searched at once, a block of them at a time.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import product
 from typing import NamedTuple
 
@@ -17,37 +16,15 @@ import numpy.typing as npt
 from kinematics.chain import Chain
 from planner.trajectory import Array
 
+WIDEST_CELL = float(np.radians(15.0))
+"""Width of the first cells [rad], wider by steps of half of it where there would be too many."""
 
-@dataclass(frozen=True, kw_only=True)
-class ConfigurationSearchOptions:
-    """How finely the angles are cut, and how much is searched at a time.
+SAMPLES_AT_ONCE = 64
+"""Samples in a block: as many as a few thousand first cells each leave room for."""
 
-    In brackets what half and twice the value do to the bounds of the reference walk and of 40
-    samples of it from rest, and to their processor time.
-
-    Attributes:
-        widest_cell: Width of the first cells [rad], where the foot's path over one is bent by a few
-            per cent; wider where there would be too many (both the same to 3e-5, half in 1.2 to 2.2
-            times the time).
-        widening: Factor of that width where there are too many first cells [-], as for joints
-            without limits (no change: these have limits).
-        samples_at_once: Samples in a block: as many as a few thousand first cells each leave room
-            for (both the same to 5e-6, and as fast).
-        most_cells: Cells that a block may be about to have open [-]; beyond it their bounds stand
-            as they are. So many are seen only where angles far apart are equally good, and take
-            some 100 MB.
-        most_halvings: Times that a cell is halved [-]: cells are then 1e-12 of the first ones wide,
-            as small as rounding (half: no change).
-    """
-
-    widest_cell: float = float(np.radians(15.0))
-    widening: float = 1.5
-    samples_at_once: int = 64
-    most_cells: int = 400_000
-    most_halvings: int = 40
-
-
-OPTIONS = ConfigurationSearchOptions()
+MOST_CELLS = 400_000
+"""Cells that a block may be about to have open; beyond it their bounds stand as they are. So many
+are seen only where angles far apart are equally good, and take some 100 MB."""
 
 
 class Distance(NamedTuple):
@@ -125,8 +102,8 @@ def minima(
             tolerance,
         )
         for part in (
-            slice(first, first + OPTIONS.samples_at_once)
-            for first in range(0, len(weights), OPTIONS.samples_at_once)
+            slice(first, first + SAMPLES_AT_ONCE)
+            for first in range(0, len(weights), SAMPLES_AT_ONCE)
         )
     ]
     proved, angles = (np.concatenate(column) for column in zip(*blocks, strict=True))
@@ -141,7 +118,7 @@ def _block(
     least = weights * distance.squared(angles) + np.sum(slopes * angles, axis=1)
     owner, half, centres = _first_cells(distance)
     halves = np.array(list(product((-1.0, 1.0), repeat=guesses.shape[1])))
-    for _ in range(OPTIONS.most_halvings):
+    for _ in range(40):  # cells are then as small as rounding
         positions, jacobians = distance.by_axis(centres)
         cells = _Cells(
             positions - target[:, owner],
@@ -158,7 +135,7 @@ def _block(
         is_open = ~(bounds >= enough)
         proved = least - tolerance
         np.minimum.at(proved, owner[is_open], bounds[is_open])
-        if not np.any(is_open) or np.count_nonzero(is_open) * len(halves) > OPTIONS.most_cells:
+        if not np.any(is_open) or np.count_nonzero(is_open) * len(halves) > MOST_CELLS:
             break
         half = half / 2.0
         owner = np.repeat(owner[is_open], len(halves))
@@ -173,9 +150,9 @@ def _first_cells(distance: Distance) -> tuple[npt.NDArray[np.intp], Array, Array
     The samples' boxes are cut alike.
     """
     width = distance.upper - distance.lower
-    across, widest = np.max(width, axis=0), OPTIONS.widest_cell
-    while len(width) * np.prod(np.ceil(across / widest) + 1.0) > OPTIONS.most_cells:
-        widest *= OPTIONS.widening
+    across, widest = np.max(width, axis=0), WIDEST_CELL
+    while len(width) * np.prod(np.ceil(across / widest) + 1.0) > MOST_CELLS:
+        widest *= 1.5
     count = np.maximum(np.ceil(across / widest), 1.0).astype(int)
     half = width / count / 2.0
     odd = np.stack(

@@ -13,7 +13,6 @@ import heapq
 import logging
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import count
 from typing import NamedTuple
 
@@ -48,40 +47,21 @@ ATTAINED = 1e-5
 """Error below which a foot is where it should be, and no bound is asked for [of a leg's length]."""
 
 
-@dataclass(frozen=True)
-class FootBoundOptions:
-    """How long the bundle method improves multipliers, and the search splits what is left.
+EFFORT = 1000
+"""Samples searched, counted in every round, after which nothing is split any more [-]: some
+seconds. The multipliers of a round count as 20 more."""
 
-    Attributes:
-        effort: Samples searched, counted in every round, after which nothing is split any more [-]:
-            some seconds.
-        overhead: What a round costs besides, for its multipliers [samples searched].
-        least_rounds: Rounds of the bundle method at the root for long paths [-].
-        most_rounds: Rounds at the root for short ones [-]; three or four usually gain all there is.
-        rounds: Rounds at every other node [-].
-        shrink: Factor of the step length after a null step [-], as bundle methods have it. That a
-            step which gains most of what was predicted lengthened the next one lost 22 and 0.4 % on
-            two of seven paths and gained 0.01 % on one.
-        gain: Predicted gain of a round below which there is none [of the plan's squared error];
-            half of it may be no more than what the search for minima leaves unproved.
-        gap: Share of the squared error left unproved from which on nothing is split [-]: 2.5 % of
-            the error.
-        spread: Spread of the columns' angles below which the widest side is split instead [of that
-            side]; without the rule three of seven bounds are 9 to 89 % lower.
-    """
+GAP = 0.05
+"""Share of the squared error left unproved from which on nothing is split [-]: 2.5 % of the error.
+"""
 
-    effort: int = 1000
-    overhead: int = 20
-    least_rounds: int = 3
-    most_rounds: int = 12
-    rounds: int = 3
-    shrink: float = 0.5
-    gain: float = 2e-3
-    gap: float = 0.05
-    spread: float = 0.05
+GAIN = 2e-3
+"""Predicted gain of a round below which there is none [of the plan's squared error]; half of it may
+be no more than what the search for minima leaves unproved."""
 
-
-OPTIONS = FootBoundOptions()
+SPREAD = 0.05
+"""Spread of the columns' angles below which the widest side is split instead [of that side];
+without the rule three of seven bounds are 9 to 89 % lower."""
 
 
 def foot_bound(
@@ -176,15 +156,14 @@ def _branch_and_bound(
         (Column(angles, relaxation.distance.squared(angles)),),
     )
     order = count()
-    affordable = OPTIONS.effort // relaxation.samples
-    rounds = min(max(affordable, OPTIONS.least_rounds), OPTIONS.most_rounds)
+    rounds = min(max(EFFORT // relaxation.samples, 3), 12)  # three or four usually gain all
     node = _improved(relaxation, every, rounds)
     nodes = [(node.bound, next(order), node)]
     effort = node.effort
-    while nodes[0][0] < 1.0 - OPTIONS.gap and effort < OPTIONS.effort:
+    while nodes[0][0] < 1.0 - GAP and effort < EFFORT:
         _, _, node = heapq.heappop(nodes)
         for half in _split(node):
-            child = _improved(_restricted(relaxation, half, away), half, OPTIONS.rounds)
+            child = _improved(_restricted(relaxation, half, away), half, rounds=3)
             effort += child.effort
             heapq.heappush(nodes, (child.bound, next(order), child))
     logging.getLogger(__name__).debug(
@@ -198,7 +177,7 @@ def _split(node: Node) -> list[Node]:
     middle = len(node.columns[0].angles) // 2
     known = np.clip([column.angles[middle] for column in node.columns], node.lower, node.upper)
     joint = int(np.argmax(np.ptp(known, axis=0)))
-    if np.ptp(known[:, joint]) <= OPTIONS.spread * (node.upper[joint] - node.lower[joint]):
+    if np.ptp(known[:, joint]) <= SPREAD * (node.upper[joint] - node.lower[joint]):
         joint = int(np.argmax(node.upper - node.lower))
         known = np.array([node.lower, node.upper])
     value = (np.min(known[:, joint]) + np.max(known[:, joint])) / 2.0
@@ -230,12 +209,12 @@ def _improved(relaxation: LagrangianRelaxation, node: Node, rounds: int) -> Node
         if value > bound:
             centre, bound = multipliers, value
         else:
-            step *= OPTIONS.shrink
+            step *= 0.5  # after a null step, as bundle methods have it
         columns.append(Column(angles, distance.squared(angles)))
         if bound >= 1.0 or turn + 1 == rounds:
             break
         multipliers, predicted = bundle_step(relaxation, columns, centre, step=step)
-        if predicted - max(bound, 0.0) < OPTIONS.gain:
+        if predicted - max(bound, 0.0) < GAIN:
             break
     if bound < 0.0:  # less than without the joints' conditions
         bound, _ = dual_function(relaxation, zero_multipliers(relaxation), columns[0].angles)
@@ -243,7 +222,7 @@ def _improved(relaxation: LagrangianRelaxation, node: Node, rounds: int) -> Node
         bound=max(node.bound, bound),
         multipliers=centre,
         columns=tuple(columns),
-        effort=(turn + 1) * (relaxation.samples + OPTIONS.overhead),
+        effort=(turn + 1) * (relaxation.samples + 20),
     )
 
 

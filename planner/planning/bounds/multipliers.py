@@ -88,20 +88,19 @@ def nearest_point(
         curvature = np.zeros(unknowns)
         curvature[sampled] = 2.0
         answer = ConicSolver(
-            np.zeros(unknowns), matrix, left, cones, curvature=curvature, tolerance=BOUND_TOLERANCE
-        ).solve()
+            matrix, left, cones, curvature=curvature, tolerance=BOUND_TOLERANCE
+        ).solve(np.zeros(unknowns))
         return answer._replace(unknowns=origin + answer.unknowns)
     # One more unknown, the largest error, is at least each of them.
     picked = sparse.eye_array(unknowns, format="csr")[sampled]
     largest = sparse.csr_array(-np.ones((len(sampled), 1)))
     blocks: list[list[Any]] = [[matrix, None], [picked, largest], [-picked, largest]]
     answer = ConicSolver(
-        np.append(np.zeros(unknowns), 1.0),
         sparse.csr_array(sparse.block_array(blocks)),
         np.concatenate([left, np.zeros(2 * len(sampled))]),
         cones._replace(at_most=cones.at_most + 2 * len(sampled)),
         tolerance=BOUND_TOLERANCE,
-    ).solve()
+    ).solve(np.append(np.zeros(unknowns), 1.0))
     return answer._replace(
         unknowns=origin + answer.unknowns[:-1], multipliers=answer.multipliers[:rows]
     )

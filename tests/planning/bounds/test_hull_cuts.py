@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from planner.planning.bounds.hull_cuts import (
     UNBOUNDED,
-    CutOptions,
+    VIOLATION,
     RequestSet,
     nearest_request,
     separate,
@@ -115,5 +115,5 @@ def test_a_call_that_falls_late_must_have_been_saturated_before():
 
 def test_a_shallow_violation_is_not_worth_a_row():
     angles = np.zeros(2)
-    calls = np.array([0.0, CutOptions().violation / 4.0])
+    calls = np.array([0.0, VIOLATION / 4.0])
     assert separate(calls, angles, RequestSet(0.5, angles, angles)) is None

@@ -17,8 +17,8 @@ from planner.model.joint import JointModel
 from planner.model.response import simulate
 from planner.planning.bounds.bundle_method import LagrangianRelaxation, Multipliers, dual_function
 from planner.planning.bounds.clarabel import ConicSolution
-from planner.planning.bounds.configuration_minima import OPTIONS, Distance, _first_cells, minima
-from planner.planning.bounds.foot_bound import FootBoundOptions, attainable_angles, foot_bound
+from planner.planning.bounds.configuration_minima import MOST_CELLS, Distance, _first_cells, minima
+from planner.planning.bounds.foot_bound import attainable_angles, foot_bound
 from planner.planning.bounds.reachable_set import BoundProblem, reachable_set
 from planner.planning.inversion import invert_foot
 from tests.instances import random_model
@@ -39,7 +39,7 @@ KINDS = [(1, True, "rms"), (1, True, "max"), (2, True, "rms"), (1, False, "rms")
 @pytest.fixture(autouse=True)
 def less_effort(monkeypatch):
     """Less effort than usual: what is proved is then less, and no less valid."""
-    monkeypatch.setattr("planner.planning.bounds.foot_bound.OPTIONS", FootBoundOptions(effort=600))
+    monkeypatch.setattr("planner.planning.bounds.foot_bound.EFFORT", 600)
 
 
 def walk_plan(**options):
@@ -189,7 +189,7 @@ def test_limits_that_are_far_apart_take_no_more_cells_than_there_may_be():
     assert np.all(upper - lower <= 2.0 * np.pi + 10.0 * ERS210A.v_max * ERS210A.period + ROUNDING)
     wide = Distance(WALK.leg.chain, lower * 0.0, upper * 9.0, WALK.desired_foot[:20], np.ones(3))
     owner, _, _ = _first_cells(wide)
-    assert len(owner) <= OPTIONS.most_cells
+    assert len(owner) <= MOST_CELLS
 
 
 def test_a_solver_that_fails_makes_the_bound_weaker_and_never_wrong(monkeypatch):
@@ -201,7 +201,7 @@ def test_a_solver_that_fails_makes_the_bound_weaker_and_never_wrong(monkeypatch)
 
     monkeypatch.setattr("planner.planning.bounds.bundle_method._solve", fail)
     nothing = ConicSolution(np.zeros(0), np.zeros(0), "no luck", has_multipliers=False)
-    monkeypatch.setattr("planner.planning.bounds.clarabel.ConicSolver.solve", lambda _: nothing)
+    monkeypatch.setattr("planner.planning.bounds.clarabel.ConicSolver.solve", lambda *_: nothing)
     assert 0.0 < replace(plan).lower_bound <= sharp
 
 
@@ -263,8 +263,8 @@ def test_minima_are_proved_from_below_and_reached_from_above(seed, share, size):
 
 
 def test_the_least_is_found_at_the_rim_of_a_cell_whose_centre_is_far_away(monkeypatch):
-    whole = replace(OPTIONS, widest_cell=10.0)  # [rad]: the box is one cell
-    monkeypatch.setattr("planner.planning.bounds.configuration_minima.OPTIONS", whole)
+    # [rad]: the box is one cell
+    monkeypatch.setattr("planner.planning.bounds.configuration_minima.WIDEST_CELL", 10.0)
     leg = WALK.leg
     lower, upper = (np.tile(limit, (3, 1)) for limit in leg.limits)
     rim = np.array([lower[0], upper[0], np.where([True, False, True], lower[0], upper[0])])
