@@ -20,6 +20,8 @@ from typing import Any, ParamSpec, TypeVar
 
 import numba
 from numba.core import event
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import Compiler
 
 COMPILING = (
     "request-planner: compiling the joint model, once after installation, for up to a minute ..."
@@ -40,6 +42,8 @@ PACKAGE = Path(__file__).parent
 P = ParamSpec("P")
 T = TypeVar("T")
 
+OPTIONS: Any = {"error_model": "numpy"}
+
 
 def compiled(function: Callable[P, T]) -> Callable[P, T]:
     """The function, compiled at its first call.
@@ -47,17 +51,54 @@ def compiled(function: Callable[P, T]) -> Callable[P, T]:
     It is cached beside its file, or in the user's cache folder, until its file or one of the
     package that this one imports changes: what they define is compiled into it.
     """
-    options: Any = {"error_model": "numpy"}
     folder = _cache_folder(function.__module__)
     if folder is None:
-        return numba.njit(function, **options)  # type: ignore[no-any-return]
+        return numba.njit(function, **OPTIONS)  # type: ignore[no-any-return]
     users, CONFIG.CACHE_DIR = CONFIG.CACHE_DIR, str(folder)
     try:
-        return numba.njit(function, cache=True, **options)  # type: ignore[no-any-return]
+        return numba.njit(function, cache=True, **OPTIONS)  # type: ignore[no-any-return]
     except RuntimeError:  # the folder cannot be written to after all
-        return numba.njit(function, **options)  # type: ignore[no-any-return]
+        return numba.njit(function, **OPTIONS)  # type: ignore[no-any-return]
     finally:
         CONFIG.CACHE_DIR = users
+
+
+def inner(function: Callable[P, T]) -> Callable[P, T]:
+    """The function, compiled in the compiled functions that call it; Python cannot call it.
+
+    Numba optimises and translates a function by itself, and then once more in each function that
+    calls it, directly or not. What this one leaves out is a third of the compilation. A test that
+    calls the function compiles its ``py_func``.
+    """
+    options = OPTIONS | {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+    return numba.njit(function, pipeline_class=_InnerCompiler, **options)  # type: ignore[no-any-return]
+
+
+class _InnerLibrary(JITCodeLibrary):  # type: ignore[misc]
+    """The code of a function, neither optimised nor translated here."""
+
+    def _optimize_final_module(self) -> None:
+        pass
+
+    def _finalize_final_module(self) -> None:
+        self._finalized = True
+
+
+class _InnerCompiler(Compiler):  # type: ignore[misc]
+    """Numba's compiler, but for what callers do."""
+
+    def __init__(self, *arguments: Any) -> None:
+        super().__init__(*arguments)
+        self.state.flags.no_compile = True
+
+    def compile_extra(self, func: Any) -> Any:
+        """Compile a function, and make it known to those that call it."""
+        context = self.state.targetctx
+        self.state.library = _InnerLibrary(context.codegen(), func.__qualname__)
+        # Numba takes a builtin for what Python calls, each another: this one refuses arguments
+        result = super().compile_extra(func)._replace(entry_point=[].clear)
+        context.insert_user_function(result.entry_point, result.fndesc, [result.library])
+        return result
 
 
 @cache

@@ -10,7 +10,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from planner.compilation import compiled
+from planner.compilation import compiled, inner
 from planner.trajectory import Array, Mask
 
 Indices = npt.NDArray[np.intp]
@@ -123,7 +123,7 @@ def line_costs(desired: Array, step: float, nodes: Indices, fixed: Mask) -> Arra
     return costs
 
 
-@compiled
+@inner
 def _totals(desired: Array) -> Array:
     """Running sums of d, k d and d², shape (3, n)."""
     k = np.arange(len(desired))
@@ -133,7 +133,7 @@ def _totals(desired: Array) -> Array:
     return totals
 
 
-@compiled
+@inner
 def _moments(totals: Array, start: int, end: int) -> tuple[float, float, float]:
     """Σ d, Σ k d and Σ d² over the samples after ``start`` up to ``end``, with k = 0 there."""
     d0 = totals[0, end] - totals[0, start]
@@ -266,7 +266,7 @@ def best_values(
     return values + move
 
 
-@compiled
+@inner
 def evaluate(
     desired: Array, cyclic: bool, knots: Array, values: Array
 ) -> tuple[float, Array, Array, Array]:
@@ -329,7 +329,7 @@ def evaluate(
     return error, gradient, hessian, diagonal
 
 
-@compiled
+@inner
 def constraint_rows(size: int, step: float, cyclic: bool) -> Array:
     """Rows A such that a step p of knots and values is allowed if A p <= the slacks.
 
@@ -356,7 +356,7 @@ def constraint_rows(size: int, step: float, cyclic: bool) -> Array:
     return rows
 
 
-@compiled
+@inner
 def slacks(samples: int, step: float, cyclic: bool, knots: Array, values: Array) -> Array:
     """How far slopes and lengths are from their bounds, in the order of the rows, shape (3S,)."""
     size = len(knots)
@@ -372,7 +372,7 @@ def slacks(samples: int, step: float, cyclic: bool, knots: Array, values: Array)
     return found
 
 
-@compiled
+@inner
 def minimise_damped(
     hessian: Array,
     gradient: Array,
@@ -427,7 +427,7 @@ def minimise_damped(
     return move, True, damping
 
 
-@compiled
+@inner
 def inverted_factor(matrix: Array, inverse: Array) -> bool:
     """L⁻¹ of a matrix LLᵀ, written to ``inverse``; False if the matrix is not positive definite."""
     size = len(matrix)
@@ -453,7 +453,7 @@ def inverted_factor(matrix: Array, inverse: Array) -> bool:
     return True
 
 
-@compiled
+@inner
 def nearest_to_origin(normals: Array, shortfalls: Array) -> Array:
     """The shortest z with N z <= -s, up to rounding if the conditions can be met.
 

@@ -14,12 +14,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planner.compilation import compiled
+from planner.compilation import compiled, inner
 from planner.model.law import Law
 from planner.trajectory import Array, Indices
 
 
-@compiled
+@inner
 def drive(law: Law, error: float, faster: float) -> tuple[float, float]:
     """Equation 2 under a load: the speed that an error calls for, friction not yet taken off.
 
@@ -39,7 +39,7 @@ def drive(law: Law, error: float, faster: float) -> tuple[float, float]:
     return called, 0.0
 
 
-@compiled
+@inner
 def moved(law: Law, called: float, speed: float) -> float:
     """The speed after a tick: a motor's inertia, then Coulomb friction, implicit.
 
@@ -60,7 +60,7 @@ def moved(law: Law, called: float, speed: float) -> float:
     return float(np.sign(called)) * max(abs(called) - held, 0.0)
 
 
-@compiled
+@inner
 def pose_sag(law: Law, angle: float) -> float:
     """How far gravity holds the joint beside its request at an angle, s sin q + c cos q [rad]."""
     if law.sag_sin == 0.0 and law.sag_cos == 0.0:
@@ -68,7 +68,7 @@ def pose_sag(law: Law, angle: float) -> float:
     return float(law.sag_sin * np.sin(angle) + law.sag_cos * np.cos(angle))
 
 
-@compiled
+@inner
 def pose_sag_slope(law: Law, angle: float) -> float:
     """The derivative of :func:`pose_sag` by the angle [-]."""
     if law.sag_sin == 0.0 and law.sag_cos == 0.0:
@@ -76,7 +76,7 @@ def pose_sag_slope(law: Law, angle: float) -> float:
     return float(law.sag_sin * np.cos(angle) - law.sag_cos * np.sin(angle))
 
 
-@compiled
+@inner
 def run_period(
     law: Law,
     weights: Array,
@@ -188,7 +188,7 @@ def moved_along_lines(
     return distances
 
 
-@compiled
+@inner
 def rounded_clip(
     value: float, low: float, high: float, rounded: float
 ) -> tuple[float, float, float]:
@@ -203,7 +203,7 @@ def rounded_clip(
     return (low + high + longer - shorter) / 2.0, slope / 2.0, bend / 2.0
 
 
-@compiled
+@inner
 def rounded_moved(
     law: Law, called: float, speed: float, rounded: float
 ) -> tuple[float, float, float, float]:
@@ -232,7 +232,7 @@ def rounded_moved(
     return now, by_called, by_speed, bend
 
 
-@compiled
+@inner
 def period(
     law: Law,
     weights: Array,
@@ -393,7 +393,7 @@ START = 14
 """The derivative by the angle at which the run of a row starts."""
 
 
-@compiled
+@inner
 def number_in_force(edges: Array, time: float, number: int) -> int:
     """The number of the request in force at a time, sought from another number on."""
     while number > 0 and edges[number] > time:

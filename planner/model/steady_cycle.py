@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planner.compilation import compiled
+from planner.compilation import compiled, inner
 from planner.model.kernel import run
 from planner.model.law import Law
 from planner.trajectory import Array
@@ -89,14 +89,14 @@ def run_steady_cycle(cycle: Cycle, near: float, most: int) -> float:
     return _closed_cycle(cycle, near, low, high, tolerance, most)
 
 
-@compiled
+@inner
 def ended(cycle: Cycle, angle: float, speed: float) -> tuple[float, float]:
     """Angle [rad] and speed [rad/tick] at the end of a cycle that starts with these."""
     law, weights, history, sags, faster, angles, speeds = cycle
     return run(law, weights, history, sags, faster, angle, speed, 0, angles, speeds)
 
 
-@compiled
+@inner
 def _closed_cycle(
     cycle: Cycle,
     start: float,
@@ -138,7 +138,7 @@ def _closed_cycle(
     return mismatch
 
 
-@compiled
+@inner
 def _nearest_cycle(
     cycle: Cycle,
     start: float,
@@ -174,7 +174,7 @@ def _nearest_cycle(
     return abs(end - start)
 
 
-@compiled
+@inner
 def _settled_motion(
     cycle: Cycle,
     near: float,
@@ -223,7 +223,7 @@ def _settled_motion(
     return mismatch
 
 
-@compiled
+@inner
 def shortest_solution(
     a: float, b: float, c: float, d: float, right: float, below: float
 ) -> tuple[float, float]:
@@ -247,7 +247,7 @@ def shortest_solution(
     return share * one, share * other
 
 
-@compiled
+@inner
 def _closing_angle(
     cycle: Cycle,
     speed: float,

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planner.compilation import compiled
+from planner.compilation import compiled, inner
 from planner.trajectory import Array, Indices
 
 
@@ -115,7 +115,7 @@ def pattern_of_factor(position: Indices, place: Indices, column: Indices, row: I
     return Factor(position, place, column, row, reach, reached, below, rows)
 
 
-@compiled
+@inner
 def factorise(pattern: Factor, values: Array, lower: Array, pivots: Array) -> bool:
     """Fill the factor L and the pivots D, row by row; False where a pivot vanishes.
 
@@ -150,7 +150,7 @@ def factorise(pattern: Factor, values: Array, lower: Array, pivots: Array) -> bo
     return True
 
 
-@compiled
+@inner
 def solved(pattern: Factor, lower: Array, pivots: Array, right: Array, answer: Array) -> None:
     """Fill the solution, from the factor; unknowns in their own order."""
     size, position, below, rows = len(pivots), pattern.position, pattern.below, pattern.rows

@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planner.compilation import compiled
+from planner.compilation import compiled, inner
 from planner.model.kernel import period
 from planner.model.law import Law
 from planner.planning.factorisation import Factor, factorise, pattern_of_factor, solved, stored
@@ -192,13 +192,13 @@ class Pattern(NamedTuple):
     factor: Factor
 
 
-@compiled
+@inner
 def acting_request(number: int, samples: int, cyclic: bool) -> int:
     """The request of this number, of a cycle modulo its length; from rest -1 before the first."""
     return number % samples if cyclic else max(number, -1)
 
 
-@compiled
+@inner
 def foot_of(leg: Array, angles: Array, foot: Array, jacobian: Array) -> None:
     """Fill the foot's position [m], (3,), and its derivatives by the joints' angles, (J, 3).
 
@@ -251,7 +251,7 @@ def errors_of(spec: Spec, states: Array, values: Array, jacobians: Array) -> Non
                     jacobians[k, c, i, j] = jacobian[j, i] * scale
 
 
-@compiled
+@inner
 def set_cost(
     spec: Spec, stage: Stage, unit: float, values: Array, jacobians: Array, point: Point
 ) -> None:
@@ -306,7 +306,7 @@ def set_cost(
     costs[0], costs[2] = cost, unit
 
 
-@compiled
+@inner
 def around(sample: int, samples: int, cyclic: bool) -> tuple[int, int, int]:
     """The requests of a second difference: from rest the one before the first is the first."""
     if cyclic:
@@ -337,7 +337,7 @@ def set_away(
             away[rows + k, j] = scale * (requests[k, j] - resting[k, j])
 
 
-@compiled
+@inner
 def squares(away: Array) -> float:
     """The sum of squares."""
     total = 0.0
@@ -347,7 +347,7 @@ def squares(away: Array) -> float:
     return total
 
 
-@compiled
+@inner
 def evaluate(spec: Spec, stage: Stage, unit: float, point: Point) -> None:
     """Fill the rest of a point from its requests and states."""
     samples, joints = point.requests.shape
@@ -553,7 +553,7 @@ def pattern_of(spec: Spec, *, smoothing: bool) -> Pattern:
     return Pattern(rows, columns, diagonal, pattern_of_factor(position, place, column, row))
 
 
-@compiled
+@inner
 def set_step(
     spec: Spec, stage: Stage, pattern: Pattern, point: Point, search: Search, step: Array
 ) -> tuple[bool, float]:
@@ -672,7 +672,7 @@ def set_step(
     return True, predicted + stage.weight * squares(further)
 
 
-@compiled
+@inner
 def solve_kkt(
     pattern: Pattern,
     values: Array,
@@ -717,7 +717,7 @@ def solve_kkt(
     return True
 
 
-@compiled
+@inner
 def interior_point(
     spec: Spec,
     pattern: Pattern,
@@ -829,7 +829,7 @@ def interior_point(
     return True
 
 
-@compiled
+@inner
 def set_limited(step: Array, state: int, joints: int, at: Array, values: Array) -> None:
     """Fill what is limited after a step: the requests, then their changes, from those before."""
     for number in range(len(values)):
@@ -841,7 +841,7 @@ def set_limited(step: Array, state: int, joints: int, at: Array, values: Array) 
             values[number] += step[(request + joints) % state] - step[request]
 
 
-@compiled
+@inner
 def active_changed(
     spec: Spec,
     pattern: Pattern,
@@ -899,7 +899,7 @@ def active_changed(
     return changed
 
 
-@compiled
+@inner
 def keep_step(requests: Array, max_step: Array, cyclic: bool) -> None:
     """Change requests so that they change by at most ``max_step`` from one to the next.
 
@@ -950,7 +950,7 @@ def limit(spec: Spec, requests: Array) -> None:
                 requests[k, j] = min(max(requests[k, j], low), high)
 
 
-@compiled
+@inner
 def merit_of(point: Point, step: Array, penalty: float) -> float:
     """The augmented Lagrangian: to first order, the cost once the defects are closed."""
     merit, first = point.costs[1], point.requests.size + point.states.size
@@ -1039,7 +1039,7 @@ def go_through(
     copied(point.states, search.states)
 
 
-@compiled
+@inner
 def copied(source: Array, target: Array) -> None:
     """Copy an array of two dimensions."""
     for k in range(source.shape[0]):
@@ -1047,7 +1047,7 @@ def copied(source: Array, target: Array) -> None:
             target[k, j] = source[k, j]
 
 
-@compiled
+@inner
 def largest_curvature(point: Point) -> float:
     """The largest entry of the curvature."""
     largest, count = 0.0, point.quadratic.shape[2]

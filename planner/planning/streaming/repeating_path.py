@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planner.compilation import compiled
+from planner.compilation import compiled, inner
 from planner.trajectory import Array, Mask
 
 LEAST_SPREAD = 1e-12
@@ -133,7 +133,7 @@ def continue_path(path: Repeating, stretch: Array, bad: Mask, periods: int, weig
         path.counts[tested] = explained
 
 
-@compiled
+@inner
 def move_on(values: Array, periods: int) -> None:
     """Leave out the first values; those that come at the end are not known yet."""
     left = max(len(values) - periods, 0)

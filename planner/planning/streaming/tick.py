@@ -30,7 +30,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from planner.compilation import compiled
+from planner.compilation import compiled, inner
 from planner.model.kernel import period, pose_sag, run_period
 from planner.model.law import Law
 from planner.planning.arguments import NEGLIGIBLE_SAG, ON_THE_LIMIT
@@ -209,7 +209,7 @@ def tick(data: Data, path: Repeating, missed: int, strict: bool) -> bool:
     return True
 
 
-@compiled
+@inner
 def law_of(joint: Record) -> Law:
     """The law of a joint."""
     return Law(
@@ -223,7 +223,7 @@ def law_of(joint: Record) -> Law:
     )
 
 
-@compiled
+@inner
 def check(joint: Record, state: Record, desired: Array, load: Array, j: int) -> None:
     """Find what cannot be used; a load that blocks the joint is taken for none."""
     finite, blocked, far = True, False, 0.0
@@ -251,7 +251,7 @@ def check(joint: Record, state: Record, desired: Array, load: Array, j: int) -> 
         state.measured = np.nan
 
 
-@compiled
+@inner
 def elapse(
     joint: Record,
     state: Record,
@@ -293,7 +293,7 @@ def elapse(
     state.angle, state.speed = angle, speed
 
 
-@compiled
+@inner
 def append(values: Array, last: float) -> None:
     """Move values on by one, and put another at the end."""
     for i in range(len(values) - 1):
@@ -301,7 +301,7 @@ def append(values: Array, last: float) -> None:
     values[-1] = last
 
 
-@compiled
+@inner
 def within(joint: Record, request: float, last: float) -> float:
     """The nearest request within the limits and ``max_step`` of the last one, exactly."""
     request = min(max(request, joint.lower), joint.upper)
@@ -311,7 +311,7 @@ def within(joint: Record, request: float, last: float) -> float:
     return float(min(max(request, joint.lower), joint.upper))
 
 
-@compiled
+@inner
 def improve(problem: Problem, state: Record, sent: Array, plan: Array) -> None:
     """Put the best of plan, shares of its Gauss-Newton steps and inverted lines in its place.
 
@@ -363,7 +363,7 @@ def improve(problem: Problem, state: Record, sent: Array, plan: Array) -> None:
         plan[k] = now[past + k]
 
 
-@compiled
+@inner
 def inverse_of_line(joint: Record, samples: Any, k: int) -> float:
     """A sample's line inverted: angle and slope when its request takes effect, raised by C_m.
 
@@ -379,14 +379,14 @@ def inverse_of_line(joint: Record, samples: Any, k: int) -> float:
     return float(samples[number].goal + (at - number) * slope + raised - sag)
 
 
-@compiled
+@inner
 def cost_of_request(joint: Record, change: float, away: float) -> float:
     """What a request costs beside the error [rad^2]."""
     excess = change - min(max(change, -joint.max_step), joint.max_step)
     return float(joint.smoothing * change**2 + EXCEEDING * excess**2 + RESTING * away**2)
 
 
-@compiled
+@inner
 def cost(problem: Problem, requests: Array, enough: float) -> float:
     """The cost of a plan by the exact model [rad^2]; beyond ``enough`` it does not matter."""
     joint, law, weights, samples, angle, speed, _ = problem
@@ -406,7 +406,7 @@ def cost(problem: Problem, requests: Array, enough: float) -> float:
     return of_errors + of_requests
 
 
-@compiled
+@inner
 def gauss_newton_step(problem: Problem, requests: Array, damping: float, step: Array) -> float:
     """Fill ``step`` with minus the Gauss-Newton step of a plan; return what the plan costs [rad^2].
 
