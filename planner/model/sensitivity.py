@@ -96,7 +96,9 @@ def sensitivities(
         rows = _recursion(kept, driven, begin)[:, 0]
     else:
         first = np.zeros((size, n))
-        first[0, 0] = 1.0 / (1.0 - kernel.pose_sag_slope(model.law, motion.angles[0]))
+        angle = motion.angles[0]
+        sag = model.sag_sin * np.cos(angle) - model.sag_cos * np.sin(angle)  # its derivative
+        first[0, 0] = 1.0 / (1.0 - sag)
         if start is not None:
             torque = 0.0 if torques is None else float(torques[0])
             error = requests[0] + model.pose_sag(start) - start

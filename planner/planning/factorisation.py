@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planner.compilation import compiled, inner
+from planner.compilation import inner
 from planner.trajectory import Array, Indices
 
 
@@ -41,7 +41,7 @@ class Factor(NamedTuple):
     rows: Indices
 
 
-@compiled
+@inner
 def stored(rows: Indices, columns: Indices, position: Indices) -> tuple[Indices, Indices, Indices]:
     """Where entries are stored, in columns of the permuted upper triangle; equal places are one.
 
@@ -74,7 +74,7 @@ def stored(rows: Indices, columns: Indices, position: Indices) -> tuple[Indices,
     return place, column, row[:number].copy()
 
 
-@compiled
+@inner
 def pattern_of_factor(position: Indices, place: Indices, column: Indices, row: Indices) -> Factor:
     """The pattern of the factor of a matrix that is stored like this: see :class:`Factor`."""
     size = len(column) - 1

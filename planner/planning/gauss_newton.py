@@ -21,7 +21,7 @@ from planner.compilation import compiled, inner
 from planner.model.kernel import period
 from planner.model.law import Law
 from planner.planning.factorisation import Factor, factorise, pattern_of_factor, solved, stored
-from planner.trajectory import Array, Indices, Mask
+from planner.trajectory import Array, Indices
 
 ROOM_FOR_ROUNDING = 1e-9
 """Share of the largest step that is left unused, so that rounding never exceeds it [-]."""
@@ -146,11 +146,7 @@ class Options(NamedTuple):
 OPTIONS = Options()
 
 LENGTHS = 4  # of a step that are tried before it is computed anew
-ACTIVE_SETS = 8  # that are tried before the interior-point method
-INITIAL = 1e-2  # first slacks [rad] and forces of the interior-point method
-INTERIOR_STEPS = 40  # of the interior-point method; some ten are usual
-INTERIOR_GAP = 1e-12  # mean product of slack and force at which it ends [rad^2]
-TO_THE_BOUNDARY = 0.99  # share of the way to the nearest limit that its steps go
+ACTIVE_SETS = 8  # that are tried before the step is computed anew, with more damping
 NEGLIGIBLE = 0.1  # a stage ends where less than this share of the least decrease was predicted
 LEAST_WEIGHT = 1e-6  # of an error where powers are summed: the curvature is definite
 LARGEST_SHARE = 1e4  # error in units from which on a cost counts as this large: a finite number
@@ -231,7 +227,7 @@ def foot_of(leg: Array, angles: Array, foot: Array, jacobian: Array) -> None:
                     jacobian[moved, i] = total
 
 
-@compiled
+@inner
 def errors_of(spec: Spec, states: Array, values: Array, jacobians: Array) -> None:
     """Fill the errors of every sample and scenario [rad], (n, C, m), and their derivatives by J."""
     goal, leg, joints = spec.goal, spec.leg, spec.resting.shape[1]
@@ -249,6 +245,12 @@ def errors_of(spec: Spec, states: Array, values: Array, jacobians: Array) -> Non
                 values[k, c, i] = (foot[i] - goal[k, i]) * scale
                 for j in range(joints):
                     jacobians[k, c, i, j] = jacobian[j, i] * scale
+
+
+@compiled
+def set_errors(spec: Spec, states: Array, values: Array, jacobians: Array) -> None:
+    """:func:`errors_of` for Python."""
+    errors_of(spec, states, values, jacobians)
 
 
 @inner
@@ -314,7 +316,7 @@ def around(sample: int, samples: int, cyclic: bool) -> tuple[int, int, int]:
     return max(sample - 1, 0), sample, sample + 1
 
 
-@compiled
+@inner
 def set_away(
     requests: Array, resting: Array, centring: float, cyclic: bool, smoothing: bool, away: Array
 ) -> None:
@@ -391,7 +393,7 @@ def evaluate(spec: Spec, stage: Stage, unit: float, point: Point) -> None:
     point.costs[1] = point.costs[0] + stage.weight * squares(point.away)
 
 
-@compiled
+@inner
 def set_entries(
     spec: Spec,
     stage: Stage,
@@ -539,17 +541,36 @@ def pattern_of(spec: Spec, *, smoothing: bool) -> Pattern:
     position = np.empty(len(time), dtype=np.int64)
     position[np.lexsort((kind, time))] = np.arange(len(time))
 
-    point, nothing = allocated(spec, smoothing=smoothing), np.zeros((samples, joints))
+    point, stage = allocated(spec, smoothing=smoothing), Stage(1.0, 1.0, 2.0, 1, smoothing)
     blocks, size = point.quadratic.shape[1:3]
     room = samples * (joints * 10 + blocks * size**2 + states * (5 + width))
-    rows, columns = np.empty((2, room), dtype=np.int64)
-    stage, tight = Stage(1.0, 1.0, 2.0, 1, smoothing), np.zeros((samples, joints), dtype=np.int64)
-    eased = np.zeros((samples, drives))
-    count = set_entries(spec, stage, point, nothing, eased, tight, rows, columns, np.empty(room))
+    return pattern_in_order(spec, stage, point, position, room)
+
+
+@compiled
+def pattern_in_order(
+    spec: Spec, stage: Stage, point: Point, position: Indices, room: int
+) -> Pattern:
+    """The pattern of the steps of a problem.
+
+    Args:
+        spec: The problem.
+        stage: Regularisation.
+        point: Of the right shape.
+        position: Of each unknown in the order of elimination, (unknowns,).
+        room: Entries at most.
+    """
+    samples, joints = spec.resting.shape
+    terms, eased = np.zeros((samples, joints)), np.zeros((samples, len(spec.drives)))
+    tight, values = np.zeros((samples, joints), np.int64), np.zeros(room)
+    rows, columns = np.zeros(room, np.int64), np.zeros(room, np.int64)
+    count = set_entries(spec, stage, point, terms, eased, tight, rows, columns, values)
     rows, columns = rows[:count].copy(), columns[:count].copy()
     place, column, row = stored(rows, columns, position)
-    diagonal, own = np.empty(len(position), dtype=np.int64), rows == columns
-    diagonal[rows[own]] = place[own]
+    diagonal = np.zeros(len(position), np.int64)
+    for e in range(count):
+        if rows[e] == columns[e]:
+            diagonal[rows[e]] = place[e]
     return Pattern(rows, columns, diagonal, pattern_of_factor(position, place, column, row))
 
 
@@ -579,7 +600,8 @@ def set_step(
         step: Filled, (unknowns,).
 
     Returns:
-        Whether the system had a solution, and the cost that the linearisation predicts.
+        Whether the system had a solution within the limits, and the cost that the linearisation
+        predicts.
     """
     samples, joints = spec.resting.shape
     drives, _, width = spec.weights.shape
@@ -623,14 +645,13 @@ def set_step(
             right[multiplier + k * states + s] = defects[k, s]
 
     values = np.empty(len(pattern.rows))
-    fixed, place, nothing = np.zeros(len(step), np.bool_), np.zeros(len(step)), np.zeros(len(step))
-    settled = False
+    fixed, place = np.zeros(len(step), np.int64), np.zeros(len(step))
     for _ in range(ACTIVE_SETS):
         set_entries(spec, stage, point, terms, eased, tight, pattern.rows, pattern.columns, values)
         for number in range(state):
             k, j = number // joints, number % joints
             bound = FIRST if k == 0 and not cyclic else LOWER if held[k, j] < 0 else UPPER
-            fixed[number] = bound == FIRST or held[k, j] != 0
+            fixed[number] = 1 if bound == FIRST or held[k, j] != 0 else 0
             place[number] = bounds[bound, j] - requests[k, j] if fixed[number] else 0.0
             if limited:
                 room = 0.0
@@ -638,22 +659,12 @@ def set_step(
                     moved = requests[(k + 1) % samples, j] - requests[k, j]
                     room = tight[k, j] * bounds[LARGEST_CHANGE, j] - moved
                 right[change + number] = room
-        if not solve_kkt(pattern, values, nothing, right, fixed, place, step):
+        if not solve_kkt(pattern, values, right, fixed, place, step):
             return False, 0.0
-        settled = not active_changed(spec, pattern, point, values, right, step, held, tight)
-        if settled:
+        if not active_changed(spec, pattern, point, values, right, step, held, tight):
             break
-    if not settled:
-        tight[:] = 1
-        set_entries(spec, stage, point, terms, eased, tight, pattern.rows, pattern.columns, values)
-        for number in range(state):
-            k, j = number // joints, number % joints
-            still = bounds[LOWER, j] == bounds[UPPER, j]
-            fixed[number] = still or (k == 0 and not cyclic)
-            place[number] = place[number] if fixed[number] else 0.0
-            held[k, j], tight[k, j] = -1 if still else 0, 0
-        if not interior_point(spec, pattern, point, values, right, fixed, place, search, step):
-            return False, 0.0
+    else:
+        return False, 0.0
 
     predicted = point.costs[0]
     for k in range(samples):
@@ -674,29 +685,21 @@ def set_step(
 
 @inner
 def solve_kkt(
-    pattern: Pattern,
-    values: Array,
-    added: Array,
-    right: Array,
-    fixed: Mask,
-    place: Array,
-    step: Array,
+    pattern: Pattern, values: Array, right: Array, fixed: Indices, place: Array, step: Array
 ) -> bool:
     """Fill the solution of the system with some unknowns at fixed places; False where it has none.
 
     Args:
         pattern: Where the entries are.
         values: Entries of the matrix.
-        added: What is added to its diagonal, (unknowns,).
         right: Right-hand side.
-        fixed: Requests that have a fixed place.
+        fixed: 1 for requests that have a fixed place, else 0.
         place: These places; 0 for all others.
         step: Filled.
     """
     matrix, target = np.zeros(len(pattern.factor.row)), right.copy()
     lower, pivots = np.empty(len(pattern.factor.rows)), np.empty(len(step))
     rows, columns, places = pattern.rows, pattern.columns, pattern.factor.place
-    diagonal = pattern.diagonal
     for e in range(len(values)):
         one, other = rows[e], columns[e]
         if not (fixed[one] or fixed[other]):
@@ -706,139 +709,12 @@ def solve_kkt(
         elif not fixed[other]:
             target[other] -= values[e] * place[one]
     for number in range(len(step)):
-        at = diagonal[number]
         if fixed[number]:
-            matrix[at], target[number] = 1.0, place[number]
-        else:
-            matrix[at] += added[number]
+            matrix[pattern.diagonal[number]], target[number] = 1.0, place[number]
     if not factorise(pattern.factor, matrix, lower, pivots):
         return False
     solved(pattern.factor, lower, pivots, target, step)
     return True
-
-
-@inner
-def interior_point(
-    spec: Spec,
-    pattern: Pattern,
-    point: Point,
-    values: Array,
-    right: Array,
-    fixed: Mask,
-    place: Array,
-    search: Search,
-    step: Array,
-) -> bool:
-    """The step within limits by a primal-dual interior-point method, where no active set is found.
-
-    Mehrotra's predictor and corrector (S. J. Wright, *Primal-Dual Interior-Point Methods*, 1997)
-    on the same system: limits on a request add to its diagonal, those on a change to that of its
-    multiplier. The limits that are active at the end are those with which the next step begins.
-
-    Args:
-        spec: The problem.
-        pattern: The KKT matrix.
-        point: Where the search is.
-        values: Its entries, those of all changes included.
-        right: Right-hand side.
-        fixed: Requests that do not move, (unknowns,).
-        place: Where they are.
-        search: Filled with the active limits.
-        step: Filled.
-    """
-    samples, joints = spec.resting.shape
-    state, change = samples * joints, samples * (joints + 2 * point.states.shape[1])
-    count = 2 * state if spec.limited else state  # requests, then changes to the next request
-    bounds, requests, active, cyclic = spec.bounds, point.requests, search.active, spec.cyclic
-    at, now, moved = np.empty(count), np.empty(count), np.empty(count)
-    of, limits = np.empty(2 * count, np.int64), 0  # what each limit is on, and how many
-    sign, bound = np.empty(2 * count), np.empty(2 * count)
-    for number in range(count):
-        k, j = number % state // joints, number % joints
-        following = (k + 1) % samples
-        at[number], least, most = requests[k, j], bounds[LOWER, j], bounds[UPPER, j]
-        free = not fixed[number % state]
-        if number >= state:
-            at[number] = requests[following, j] - at[number]
-            most = bounds[LARGEST_CHANGE, j]
-            least = -most
-            free = (free or not fixed[following * joints + j]) and (cyclic or following > 0)
-        for way, limit in ((-1.0, -least), (1.0, most)):
-            if free and limit < np.inf:
-                of[limits], sign[limits], bound[limits] = number, way, limit
-                limits += 1
-    for number in range(len(step)):
-        step[number] = place[number]
-    set_limited(step, state, joints, at, now)
-    slack, force = np.empty(limits), np.full(limits, INITIAL)
-    for i in range(limits):
-        slack[i] = max(bound[i] - sign[i] * now[of[i]], INITIAL)
-    added, target, trial = np.zeros(len(step)), right.copy(), np.zeros(len(step))
-    weight, pull = np.empty(count), np.empty(count)
-    product, moves, forces = np.zeros(limits), np.zeros(limits), np.zeros(limits)
-    for _ in range(INTERIOR_STEPS if limits else 1):
-        set_limited(step, state, joints, at, now)
-        gap, off, centre = 0.0, 0.0, 0.0
-        for i in range(limits):
-            gap += slack[i] * force[i] / limits
-            off = max(off, abs(bound[i] - sign[i] * now[of[i]] - slack[i]))
-            product[i] = 0.0
-        if gap < INTERIOR_GAP and off < TOUCHING:
-            break
-        for corrected in range(2):
-            weight[:], pull[:] = 1e-12, 0.0
-            for i in range(limits):
-                off = bound[i] - sign[i] * now[of[i]] - slack[i]
-                weight[of[i]] += force[i] / slack[i]
-                pull[of[i]] += sign[i] * (centre - product[i] - force[i] * off) / slack[i]
-            for number in range(count):
-                own, row = now[number] - at[number], change + number - state
-                if number < state:
-                    added[number] = weight[number]
-                    target[number] = right[number] + weight[number] * own - pull[number]
-                else:
-                    added[row] = -1.0 / weight[number]
-                    target[row] = own - pull[number] / weight[number]
-            if not solve_kkt(pattern, values, added, target, fixed, place, trial):
-                return False
-            set_limited(trial, state, joints, at, moved)
-            length, after = 1.0, 0.0
-            for i in range(limits):
-                moves[i] = bound[i] - sign[i] * moved[of[i]] - slack[i]
-                forces[i] = (centre - product[i] - force[i] * moves[i]) / slack[i] - force[i]
-                if moves[i] < 0.0:
-                    length = min(length, -slack[i] / moves[i])
-                if forces[i] < 0.0:
-                    length = min(length, -force[i] / forces[i])
-            for i in range(limits if corrected == 0 else 0):
-                product[i] = moves[i] * forces[i]
-                ahead = slack[i] + length * moves[i]
-                after += (force[i] + length * forces[i]) * ahead / limits
-            centre = gap * (after / gap) ** 3
-        length = min(1.0, TO_THE_BOUNDARY * length)
-        for number in range(len(step)):
-            step[number] += length * (trial[number] - step[number])
-        for i in range(limits):
-            slack[i] += length * moves[i]
-            force[i] += length * forces[i]
-    for i in range(limits):
-        number = of[i]
-        if force[i] > slack[i]:
-            k, j = number % state // joints, number % joints
-            active[number // state, k, j] = 1 if sign[i] > 0.0 else -1
-    return True
-
-
-@inner
-def set_limited(step: Array, state: int, joints: int, at: Array, values: Array) -> None:
-    """Fill what is limited after a step: the requests, then their changes, from those before."""
-    for number in range(len(values)):
-        request = number % state
-        values[number] = at[number]
-        if number < state:
-            values[number] += step[request]
-        else:
-            values[number] += step[(request + joints) % state] - step[request]
 
 
 @inner

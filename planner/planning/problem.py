@@ -180,13 +180,12 @@ class Problem:
         With dry friction also squared distances from the middle of the dead band: inside it any
         request holds the joint (``docs/math.md``, section 6).
         """
-        from planner.planning import gauss_newton
-
-        terms = np.empty((gauss_newton.rows_of_smoothing(self.spec), self.joints))
-        gauss_newton.set_away(
-            np.ascontiguousarray(requests), self.resting, self.centring, self.cyclic, True, terms
-        )
-        return float(np.vdot(terms, terms))
+        after = requests[:1] if self.cyclic else requests[:0]
+        before = requests[-1:] if self.cyclic else requests[:1]
+        around = np.concatenate([before, requests, after])
+        differences = around[:-2] - 2.0 * around[1:-1] + around[2:]
+        away = self.centring * (requests - self.resting)
+        return float(np.vdot(differences, differences) + np.vdot(away, away))
 
     def errors(self, angles: Array) -> tuple[Array, Array]:
         """The goal's errors in each scenario, and their derivatives by its joints' angles.
@@ -201,7 +200,7 @@ class Problem:
 
         shape = len(self.desired), len(self.weights), 1 if self.foot is None else 3
         values, jacobians = np.empty(shape), np.empty((*shape, self.joints))
-        gauss_newton.errors_of(self.spec, np.ascontiguousarray(angles), values, jacobians)
+        gauss_newton.set_errors(self.spec, np.ascontiguousarray(angles), values, jacobians)
         return values, jacobians
 
     def squares(self, angles: Array) -> Array:
