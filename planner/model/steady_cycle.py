@@ -71,15 +71,16 @@ def run_steady_cycle(cycle: Cycle, near: float, most: int) -> float:
     """
     law = cycle.law
     v_max = law.top - law.friction
-    top = v_max + np.max(np.abs(cycle.faster))
+    slower, faster = extremes(cycle.faster)
+    top = v_max + max(-slower, faster)
     # The joint overshoots a request by at most the difference of v_max and theta_0, and coasts.
     beyond = max(1.0 - 1.0 / law.gain, 0.0) * top
     inert = law.share < 1.0 or law.acceleration < np.inf
     if inert:
         beyond += 2.0 * top / law.share + top**2 / law.acceleration
     beyond += np.hypot(law.sag_sin, law.sag_cos)
-    low = np.min(cycle.history) + np.min(cycle.sags) - beyond
-    high = np.max(cycle.history) + np.max(cycle.sags) + beyond
+    (low, high), (least, most_sag) = extremes(cycle.history), extremes(cycle.sags)
+    low, high = low + least - beyond, high + most_sag + beyond
     tolerance = CYCLE_TOLERANCE * max(1.0, abs(low), abs(high))
     if inert:
         return _settled_motion(cycle, near, low, high, tolerance, most)
@@ -87,6 +88,15 @@ def run_steady_cycle(cycle: Cycle, near: float, most: int) -> float:
     if law.friction > 0.0:
         return _nearest_cycle(cycle, near, low, high, tolerance, most)
     return _closed_cycle(cycle, near, low, high, tolerance, most)
+
+
+@inner
+def extremes(values: Array) -> tuple[float, float]:
+    """The least and the largest of some numbers."""
+    least = most = values[0]
+    for k in range(1, len(values)):
+        least, most = min(least, values[k]), max(most, values[k])
+    return least, most
 
 
 @inner

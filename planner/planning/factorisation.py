@@ -60,16 +60,17 @@ def stored(rows: Indices, columns: Indices, position: Indices) -> tuple[Indices,
         order[following[k]] = e
         following[k] += 1
     place, row = np.empty(count, np.int64), np.empty(count, np.int64)
-    seen, first, number = np.full(size, -1, np.int64), 0, 0
+    seen, first, number = np.zeros(size, np.int64), 0, 0  # seen: places so far, with the row's own
     for k in range(size):
         begin, last = number, column[k + 1]
         for at in range(first, last):
             e = order[at]
             i = min(position[rows[e]], position[columns[e]])
-            if seen[i] < begin:
-                seen[i], row[number] = number, i
+            if seen[i] <= begin:
+                row[number] = i
                 number += 1
-            place[e] = seen[i]
+                seen[i] = number
+            place[e] = seen[i] - 1
         first, column[k + 1] = last, number
     return place, column, row[:number].copy()
 
@@ -78,14 +79,14 @@ def stored(rows: Indices, columns: Indices, position: Indices) -> tuple[Indices,
 def pattern_of_factor(position: Indices, place: Indices, column: Indices, row: Indices) -> Factor:
     """The pattern of the factor of a matrix that is stored like this: see :class:`Factor`."""
     size = len(column) - 1
-    parent, seen = np.full(size, -1, np.int64), np.full(size, -1, np.int64)
+    parent, seen = np.zeros(size, np.int64), np.zeros(size, np.int64)  # 0 is no column's parent
     reach, below = np.zeros(size + 1, np.int64), np.zeros(size + 1, np.int64)
     for k in range(size):  # the elimination tree, and how many entries
         seen[k] = k
         for at in range(column[k], column[k + 1]):
             i = row[at]
             while i < k and seen[i] != k:
-                if parent[i] < 0:
+                if parent[i] == 0:
                     parent[i] = k
                 seen[i] = k
                 reach[k + 1] += 1

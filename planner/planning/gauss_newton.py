@@ -612,7 +612,9 @@ def set_step(
     bounds, slopes, quadratic = spec.bounds, point.slopes, point.quadratic
     requests, away, defects, smoothing = point.requests, point.away, point.defects, stage.smoothing
     multipliers, limited = search.multipliers, spec.limited
-    terms, eased = np.full((samples, joints), search.damping[0]), np.zeros((samples, drives))
+    terms, eased = np.zeros((samples, joints)), np.zeros((samples, drives))
+    for number in range(state):
+        terms[number // joints, number % joints] = search.damping[0]
     for k in range(samples if search.damping[1] else 0):
         for a in range(drives):
             for j in range(width):
