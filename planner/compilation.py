@@ -147,15 +147,16 @@ class _Compilation(event.Listener):
     """
 
     def __init__(self) -> None:
-        self._announced, self._compiling, self._collected = False, 0, True
+        self._announced, self._depth, self._paused = False, 0, False
 
     def on_start(self, event: Any) -> None:
         module = str(event.data["dispatcher"].py_func.__module__)
-        if self._compiling == 0:
-            self._collected = gc.isenabled()
+        own = module.startswith("planner.")
+        if own and self._depth == 0 and gc.isenabled():
+            self._paused = True
             gc.disable()
-        self._compiling += 1
-        if self._announced or not module.startswith("planner."):
+        self._depth += 1
+        if self._announced or not own:
             return
         self._announced = True
         if sys.stderr is None or not LOG.isEnabledFor(logging.WARNING):
@@ -166,8 +167,9 @@ class _Compilation(event.Listener):
             print(COMPILING if kept else NO_CACHE, file=sys.stderr, flush=True)
 
     def on_end(self, event: Any) -> None:
-        self._compiling -= 1
-        if self._compiling == 0 and self._collected:
+        self._depth -= 1
+        if self._depth == 0 and self._paused:
+            self._paused = False
             gc.enable()
 
 

@@ -82,8 +82,7 @@ def chord_costs(desired: Array, step: float, nodes: Indices, states: Array, fixe
         end after its start or passes a fixed node.
     """
     size, count = states.shape
-    costs = np.full((size * count, size * count), np.inf)
-    totals = _totals(desired)
+    costs, totals = _infinite(size * count), _totals(desired)
     for i in range(size):
         for j in range(i + 1, size):
             length = float(nodes[j] - nodes[i])
@@ -107,8 +106,7 @@ def chord_costs(desired: Array, step: float, nodes: Indices, states: Array, fixe
 def line_costs(desired: Array, step: float, nodes: Indices, fixed: Mask) -> Array:
     """The same of the best line within the slopes through each segment's samples, shape (m, m)."""
     size = len(nodes)
-    costs = np.full((size, size), np.inf)
-    totals = _totals(desired)
+    costs, totals = _infinite(size), _totals(desired)
     for i in range(size):
         for j in range(i + 1, size):
             length = float(nodes[j] - nodes[i])
@@ -124,12 +122,23 @@ def line_costs(desired: Array, step: float, nodes: Indices, fixed: Mask) -> Arra
 
 
 @inner
+def _infinite(size: int) -> Array:
+    """A matrix of infinite numbers."""
+    matrix = np.zeros((size, size))
+    for i in range(size):
+        for j in range(size):
+            matrix[i, j] = np.inf
+    return matrix
+
+
+@inner
 def _totals(desired: Array) -> Array:
     """Running sums of d, k d and d², shape (3, n)."""
-    k = np.arange(len(desired))
-    totals = np.empty((3, len(desired)))
-    totals[0], totals[1] = np.cumsum(desired), np.cumsum(k * desired)
-    totals[2] = np.cumsum(desired * desired)
+    totals = np.zeros((3, len(desired)))
+    d0, d1, d2 = 0.0, 0.0, 0.0
+    for k in range(len(desired)):
+        d0, d1, d2 = d0 + desired[k], d1 + k * desired[k], d2 + desired[k] * desired[k]
+        totals[0, k], totals[1, k], totals[2, k] = d0, d1, d2
     return totals
 
 
@@ -151,11 +160,11 @@ def cheapest_chain(costs: Array, at_start: Array, segments: int) -> Indices:
         segments: Number of segments.
     """
     size, count = len(costs), len(at_start)
-    total = np.full(size, np.inf)
-    total[:count] = at_start
-    came_from = np.zeros((segments, size), dtype=np.intp)
+    total, after = np.zeros(size), np.zeros(size)
+    for state in range(size):
+        total[state] = at_start[state] if state < count else np.inf
+    came_from = np.zeros((segments, size), np.int64)
     for level in range(segments):
-        after = np.empty(size)
         for end in range(size):
             best = 0
             for start in range(end):
@@ -163,12 +172,15 @@ def cheapest_chain(costs: Array, at_start: Array, segments: int) -> Indices:
                     best = start
             came_from[level, end] = best
             after[end] = total[best] + costs[end, best]
-        total = after
-    state = size - count + np.argmin(total[size - count :])
-    if not np.isfinite(total[state]):
-        return np.zeros(0, dtype=np.intp)
-    way = np.empty(segments + 1, dtype=np.intp)
-    way[segments] = state
+        total, after = after, total
+    last = size - count
+    for state in range(last, size):
+        if total[state] < total[last]:
+            last = state
+    if not total[last] < np.inf:
+        return np.zeros(0, np.int64)
+    way = np.zeros(segments + 1, np.int64)
+    way[segments] = last
     for level in range(segments - 1, -1, -1):
         way[level] = came_from[level, way[level + 1]]
     return way
@@ -203,24 +215,35 @@ def descend(
     size = len(knots)
     rows = constraint_rows(size, step, cyclic)
     error, gradient, hessian, diagonal = evaluate(desired, cyclic, knots, values)
-    none = 1e-26 * np.sum(desired * desired)
-    damping, scales = 1e-3, np.empty(2 * size)
+    none, moving = 0.0, False
+    for k in range(len(desired)):
+        none += 1e-26 * desired[k] * desired[k]
+    for i in range(2 * size):
+        moving |= free[i]
+    damping, scales = 1e-3, np.zeros(2 * size)
     for _ in range(rounds):
-        if error <= none or not np.any(free):
+        if error <= none or not moving:
             break
-        by_value, by_knot = np.mean(diagonal[size:]), np.mean(diagonal[:size])
-        # A knot between segments of one slope has no curvature, nor has a constant by any knot.
-        scales[:size] = diagonal[:size] + 1e-2 * by_knot + 1e-12 * by_value
-        scales[size:] = diagonal[size:] + 1e-6 * by_value
-        bounds = np.maximum(slacks(len(desired), step, cyclic, knots, values), 0.0)
+        by_knot, by_value = 0.0, 0.0
+        for i in range(size):
+            by_knot, by_value = by_knot + diagonal[i] / size, by_value + diagonal[size + i] / size
+        for i in range(size):
+            # A knot between segments of one slope has no curvature, nor has a constant by any knot.
+            scales[i] = diagonal[i] + 1e-2 * by_knot + 1e-12 * by_value
+            scales[size + i] = diagonal[size + i] + 1e-6 * by_value
+        bounds = slacks(len(desired), step, cyclic, knots, values)
         move, solved, damping = minimise_damped(
             hessian, gradient, rows, bounds, free, scales, damping
         )
         if not solved:
             damping *= 10.0
             continue
-        predicted = -np.sum((2.0 * gradient + hessian @ move + damping * scales * move) * move)
-        other_knots, other_values = knots + move[:size], values + move[size:]
+        predicted, other_knots, other_values = 0.0, np.zeros(size), np.zeros(size)
+        curved = applied(hessian, move)
+        for i in range(2 * size):
+            predicted -= (2.0 * gradient[i] + curved[i] + damping * scales[i] * move[i]) * move[i]
+        for i in range(size):
+            other_knots[i], other_values[i] = knots[i] + move[i], values[i] + move[size + i]
         there = evaluate(desired, cyclic, other_knots, other_values)
         gain = error - there[0]
         if gain > 0.0:
@@ -249,21 +272,25 @@ def best_values(
         free: Which values move, shape (K,).
     """
     size = len(knots)
-    _, gradient, hessian, _ = evaluate(desired, cyclic, knots, values)
-    bounds = np.maximum(slacks(len(desired), step, cyclic, knots, values), 0.0)
-    rows = constraint_rows(size, step, cyclic)
-    hessian = np.ascontiguousarray(hessian[size:, size:])
-    scales = np.full(size, np.max(np.diag(hessian)))
-    move, _, _ = minimise_damped(
-        hessian,
-        gradient[size:],
-        np.ascontiguousarray(rows[: 2 * len(rows) // 3, size:]),
-        bounds[: 2 * len(rows) // 3],
-        free,
-        scales,
-        1e-10,
-    )
-    return values + move
+    _, by_all, of_all, _ = evaluate(desired, cyclic, knots, values)
+    room, conditions = slacks(len(desired), step, cyclic, knots, values), 2 * len(knots)
+    conditions = conditions if cyclic else conditions - 2  # on slopes: knots stay where they are
+    steps, found = constraint_rows(size, step, cyclic), np.zeros(size)
+    rows, bounds = np.zeros((conditions, size)), np.zeros(conditions)
+    hessian, gradient, scales = np.zeros((size, size)), np.zeros(size), np.zeros(size)
+    largest = 0.0
+    for i in range(size):
+        gradient[i], largest = by_all[size + i], max(largest, of_all[size + i, size + i])
+        for j in range(size):
+            hessian[i, j] = of_all[size + i, size + j]
+        for k in range(conditions):
+            rows[k, i], bounds[k] = steps[k, size + i], room[k]
+    for i in range(size):
+        scales[i] = largest
+    move, _, _ = minimise_damped(hessian, gradient, rows, bounds, free, scales, 1e-10)
+    for i in range(size):
+        found[i] = values[i] + move[i]
+    return found
 
 
 @inner
@@ -358,7 +385,7 @@ def constraint_rows(size: int, step: float, cyclic: bool) -> Array:
 
 @inner
 def slacks(samples: int, step: float, cyclic: bool, knots: Array, values: Array) -> Array:
-    """How far slopes and lengths are from their bounds, in the order of the rows, shape (3S,)."""
+    """How far slopes and lengths are within their bounds, in the order of the rows, (3S,)."""
     size = len(knots)
     count = size if cyclic else size - 1
     found = np.empty(3 * count)
@@ -366,9 +393,9 @@ def slacks(samples: int, step: float, cyclic: bool, knots: Array, values: Array)
         end = (start + 1) % size
         length = knots[end] - knots[start] + (samples if end == 0 else 0)
         rise = values[end] - values[start]
-        found[start] = step * length - rise
-        found[count + start] = step * length + rise
-        found[2 * count + start] = length - 1.0
+        found[start] = max(step * length - rise, 0.0)
+        found[count + start] = max(step * length + rise, 0.0)
+        found[2 * count + start] = max(length - 1.0, 0.0)
     return found
 
 
@@ -413,18 +440,67 @@ def minimise_damped(
         damping *= 10.0
         if not damping < 1e13:  # where a number is not finite, it never ends
             return nothing, False, damping
-    offsets = inverse @ np.where(free, gradient, 0.0)
-    own = rows * np.where(free, 1.0, 0.0)
-    normals = own @ inverse.T
-    shortfalls = -(bounds + normals @ offsets)
-    point = -offsets
-    if np.max(shortfalls) > 0.0:
-        point += nearest_to_origin(normals, shortfalls)
-    move = inverse.T @ point
-    reach = np.max(np.abs(own) @ np.abs(move))
-    if not np.max(own @ move - bounds) <= 1e-9 * max(reach, 1e-300):
+    count, largest = len(rows), 0.0
+    own, steepest = np.zeros((count, size)), np.zeros(size)
+    for j in range(size):
+        if free[j]:
+            steepest[j] = gradient[j]
+            for i in range(count):
+                own[i, j] = rows[i, j]
+    nearest = applied(inverse, steepest)  # of all z, but for the conditions
+    normals, shortfalls = product(own, transposed(inverse)), np.zeros(count)
+    short = applied(normals, nearest)
+    for i in range(count):
+        shortfalls[i] = -(bounds[i] + short[i])
+        largest = max(largest, shortfalls[i])
+    if largest > 0.0:
+        further = nearest_to_origin(normals, shortfalls)
+        for i in range(size):
+            nearest[i] += further[i]
+    move, reach, beyond = applied(transposed(inverse), nearest), 1e-300, -np.inf
+    for j in range(size):
+        move[j] = -move[j]
+    for i in range(count):
+        moved, far = 0.0, 0.0
+        for j in range(size):
+            moved, far = moved + own[i, j] * move[j], far + abs(own[i, j] * move[j])
+        reach, beyond = max(reach, far), max(beyond, moved - bounds[i])
+    if not beyond <= 1e-9 * reach:
         return nothing, False, damping
     return move, True, damping
+
+
+@inner
+def applied(matrix: Array, vector: Array) -> Array:
+    """A matrix times a vector."""
+    answer = np.zeros(len(matrix))
+    for i in range(len(matrix)):
+        for j in range(len(vector)):
+            answer[i] += matrix[i, j] * vector[j]
+    return answer
+
+
+@inner
+def product(left: Array, right: Array) -> Array:
+    """The product of two matrices; zeros of the left one take no time."""
+    answer = np.zeros((len(left), right.shape[1]))
+    for i in range(len(left)):
+        for k in range(len(right)):
+            factor = left[i, k]
+            if factor != 0.0:
+                for j in range(right.shape[1]):
+                    answer[i, j] += factor * right[k, j]
+    return answer
+
+
+@inner
+def transposed(matrix: Array) -> Array:
+    """The transpose of a matrix, contiguous as well."""
+    answer = np.zeros((matrix.shape[1], len(matrix)))
+    for i in range(len(matrix)):
+        for j in range(matrix.shape[1]):
+            answer[j, i] = matrix[i, j]
+    return answer
 
 
 @inner
@@ -455,44 +531,58 @@ def inverted_factor(matrix: Array, inverse: Array) -> bool:
 
 @inner
 def nearest_to_origin(normals: Array, shortfalls: Array) -> Array:
-    """The shortest z with N z <= -s, up to rounding if the conditions can be met.
+    """The shortest z with N z >= s, up to rounding if the conditions can be met.
 
-    It is z = -Nᵀu with the u >= 0 that minimises ½ |Nᵀu|² - sᵀu: non-negative least squares by
+    It is z = Nᵀu with the u >= 0 that minimises ½ |Nᵀu|² - sᵀu: non-negative least squares by
     Lawson and Hanson (Solving Least Squares Problems, 1974, Chapter 23).
 
     Args:
         normals: N, shape (r, k).
         shortfalls: s, shape (r,).
     """
-    count = len(shortfalls)
-    gram = normals @ normals.T
-    lengths = np.sqrt(np.diag(gram))
-    lengths = np.where(lengths > 0.0, lengths, np.inf)  # bounds on variables that stay
-    enough = 1e-15 * np.max(np.abs(shortfalls) / lengths)
-    multipliers, active = np.zeros(count), np.zeros(count, dtype=np.bool_)
+    count, enough = len(shortfalls), 0.0
+    gram, lengths, by_row = product(normals, transposed(normals)), np.zeros(count), transposed(normals)
+    for i in range(count):  # infinite for bounds on variables that stay
+        lengths[i] = math.sqrt(gram[i, i]) if gram[i, i] > 0.0 else np.inf
+        enough = max(enough, 1e-15 * abs(shortfalls[i]) / lengths[i])
+    multipliers, active = np.zeros(count), np.zeros(count, np.int64)
     for _ in range(3 * count):
-        violations = np.where(active, 0.0, (shortfalls - gram @ multipliers) / lengths)
-        worst = np.argmax(violations)
-        if violations[worst] <= enough:
+        reached, worst, violation = applied(gram, multipliers), 0, 0.0
+        for i in range(count):
+            if not active[i] and (shortfalls[i] - reached[i]) / lengths[i] > violation:
+                worst, violation = i, (shortfalls[i] - reached[i]) / lengths[i]
+        if violation <= enough:
             break
-        active[worst] = True
-        settled = False
+        active[worst], settled = 1, False
         while not settled:
-            index = np.flatnonzero(active)
-            system, target = gram[index][:, index], shortfalls[index]
-            inverse = np.zeros_like(system)
-            # Bounds may repeat one another: a touch of regularisation, which refinement removes.
-            if not inverted_factor(system + 1e-13 * np.diag(np.diag(system)), inverse):
-                return -(normals.T @ multipliers)
-            trial = np.zeros(len(index))
+            index, size = np.zeros(count, np.int64), 0
+            for i in range(count):
+                if active[i]:
+                    index[size] = i
+                    size += 1
+            system, eased = np.zeros((size, size)), np.zeros((size, size))
+            for i in range(size):
+                for j in range(size):
+                    system[i, j] = eased[i, j] = gram[index[i], index[j]]
+                # Bounds may repeat one another: a touch of regularisation, removed by refinement.
+                eased[i, i] += 1e-13 * system[i, i]
+            inverse, trial, left = np.zeros((size, size)), np.zeros(size), np.zeros(size)
+            if not inverted_factor(eased, inverse):
+                return applied(by_row, multipliers)
             for _ in range(3):
-                trial += inverse.T @ (inverse @ (target - system @ trial))
-            before = multipliers[index]
+                reached = applied(system, trial)
+                for i in range(size):
+                    left[i] = shortfalls[index[i]] - reached[i]
+                further = applied(transposed(inverse), applied(inverse, left))
+                for i in range(size):
+                    trial[i] += further[i]
             share, settled = 1.0, True
-            for i in range(len(index)):
-                if trial[i] <= 0.0 and before[i] <= share * (before[i] - trial[i]):
-                    share, worst, settled = before[i] / (before[i] - trial[i]), index[i], False
-            multipliers[index] = before + share * (trial - before)
+            for i in range(size):
+                before = multipliers[index[i]]
+                if trial[i] <= 0.0 and before <= share * (before - trial[i]):
+                    share, worst, settled = before / (before - trial[i]), index[i], False
+            for i in range(size):
+                multipliers[index[i]] += share * (trial[i] - multipliers[index[i]])
             if not settled:
-                multipliers[worst], active[worst] = 0.0, False
-    return -(normals.T @ multipliers)
+                multipliers[worst], active[worst] = 0.0, 0
+    return applied(by_row, multipliers)
