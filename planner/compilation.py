@@ -25,7 +25,7 @@ from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
 
 COMPILING = (
-    "request-planner: compiling the joint model, once after installation, for up to a minute ..."
+    "request-planner: compiling the joint model, once after installation, for half a minute ..."
 )
 
 NO_CACHE = (
@@ -96,8 +96,8 @@ class _InnerCompiler(Compiler):  # type: ignore[misc]
         """Compile a function, and make it known to those that call it."""
         context = self.state.targetctx
         self.state.library = _InnerLibrary(context.codegen(), func.__qualname__)
-        # Numba takes a builtin for what Python calls, each another: this one refuses arguments
-        result = super().compile_extra(func)._replace(entry_point=[].clear)
+        # Numba wants a builtin of its own for Python to call: an empty list has nothing to remove
+        result = super().compile_extra(func)._replace(entry_point=[].remove)
         context.insert_user_function(result.entry_point, result.fndesc, [result.library])
         return result
 
@@ -166,7 +166,7 @@ class _Compilation(event.Listener):
         if _locked(folder):
             print(COMPILING if kept else NO_CACHE, file=sys.stderr, flush=True)
 
-    def on_end(self, event: Any) -> None:
+    def on_end(self, event: Any) -> None:  # noqa: ARG002
         self._depth -= 1
         if self._depth == 0 and self._paused:
             self._paused = False

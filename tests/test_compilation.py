@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import gc
 import io
 import logging
 import sys
 from types import SimpleNamespace
 
 import click
+import numba
 import pytest
 
 from planner import compilation
@@ -70,9 +72,11 @@ def announced(tmp_path, monkeypatch, caplog):
     def announced():
         stream = io.StringIO()
         monkeypatch.setattr("sys.stderr", stream)
-        listener = compilation._Announcement()
+        listener = compilation._Compilation()
         for function in (kernel.run, kernel.along):
-            listener.on_start(SimpleNamespace(data={"dispatcher": function}))
+            compiling = SimpleNamespace(data={"dispatcher": function})
+            listener.on_start(compiling)
+            listener.on_end(compiling)
         return stream.getvalue()
 
     return announced
@@ -89,6 +93,23 @@ def test_compilation_without_a_cache_is_announced_with_what_to_do(announced, mon
 
 def test_of_processes_that_compile_at_the_same_time_one_announces_it(announced):
     assert [announced() for _ in range(3)] == [compilation.COMPILING + "\n", "", ""]
+
+
+@pytest.mark.parametrize("ours", [True, False], ids=["ours", "a user's"])
+def test_no_garbage_is_collected_while_functions_of_the_package_compile(ours, announced):
+    announced()
+    listener = compilation._Compilation()
+    outer = SimpleNamespace(data={"dispatcher": kernel.run if ours else numba.njit(lambda: 1)})
+    collected = []
+    for report in (listener.on_start, listener.on_start, listener.on_end, listener.on_end):
+        report(outer)
+        collected.append(gc.isenabled())
+    assert collected == [not ours, not ours, not ours, True]
+
+
+def test_python_is_refused_a_function_that_only_compiled_ones_call():
+    with pytest.raises(ValueError, match="list.remove"):
+        kernel.rounded_clip(0.0, -1.0, 1.0, 0.1)
 
 
 def test_quiet_commands_announce_no_compilation(announced):

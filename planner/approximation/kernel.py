@@ -232,6 +232,8 @@ def descend(
             scales[i] = diagonal[i] + 1e-2 * by_knot + 1e-12 * by_value
             scales[size + i] = diagonal[size + i] + 1e-6 * by_value
         bounds = slacks(len(desired), step, cyclic, knots, values)
+        for i in range(len(bounds)):
+            bounds[i] = max(bounds[i], 0.0)
         move, solved, damping = minimise_damped(
             hessian, gradient, rows, bounds, free, scales, damping
         )
@@ -284,7 +286,7 @@ def best_values(
         for j in range(size):
             hessian[i, j] = of_all[size + i, size + j]
         for k in range(conditions):
-            rows[k, i], bounds[k] = steps[k, size + i], room[k]
+            rows[k, i], bounds[k] = steps[k, size + i], max(room[k], 0.0)
     for i in range(size):
         scales[i] = largest
     move, _, _ = minimise_damped(hessian, gradient, rows, bounds, free, scales, 1e-10)
@@ -385,7 +387,7 @@ def constraint_rows(size: int, step: float, cyclic: bool) -> Array:
 
 @inner
 def slacks(samples: int, step: float, cyclic: bool, knots: Array, values: Array) -> Array:
-    """How far slopes and lengths are within their bounds, in the order of the rows, (3S,)."""
+    """How far slopes and lengths are from their bounds, in the order of the rows, shape (3S,)."""
     size = len(knots)
     count = size if cyclic else size - 1
     found = np.empty(3 * count)
@@ -393,9 +395,9 @@ def slacks(samples: int, step: float, cyclic: bool, knots: Array, values: Array)
         end = (start + 1) % size
         length = knots[end] - knots[start] + (samples if end == 0 else 0)
         rise = values[end] - values[start]
-        found[start] = max(step * length - rise, 0.0)
-        found[count + start] = max(step * length + rise, 0.0)
-        found[2 * count + start] = max(length - 1.0, 0.0)
+        found[start] = step * length - rise
+        found[count + start] = step * length + rise
+        found[2 * count + start] = length - 1.0
     return found
 
 
@@ -541,7 +543,11 @@ def nearest_to_origin(normals: Array, shortfalls: Array) -> Array:
         shortfalls: s, shape (r,).
     """
     count, enough = len(shortfalls), 0.0
-    gram, lengths, by_row = product(normals, transposed(normals)), np.zeros(count), transposed(normals)
+    gram, lengths, by_row = (
+        product(normals, transposed(normals)),
+        np.zeros(count),
+        transposed(normals),
+    )
     for i in range(count):  # infinite for bounds on variables that stay
         lengths[i] = math.sqrt(gram[i, i]) if gram[i, i] > 0.0 else np.inf
         enough = max(enough, 1e-15 * abs(shortfalls[i]) / lengths[i])

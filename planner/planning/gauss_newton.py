@@ -589,7 +589,8 @@ def set_step(
     middle of the dead band; N takes first differences; E and Delta are Levenberg-Marquardt terms:
     an even weight, and the curvature of the Lagrangian at the corners where it is positive. Which
     limits are active is found by the primal-dual active set strategy (M. Hintermüller, K. Ito,
-    M. Kunisch, SIAM J. Optim. 13, 2002), from those of the step before.
+    M. Kunisch, SIAM J. Optim. 13, 2002), from those of the step before. Where it does not end, the
+    search computes the step again with more damping, from the limits that it ended with.
 
     Args:
         spec: The problem.

@@ -7,10 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from planner.approximation import kernel
 from planner.approximation.descent import best_values, descend
-from planner.approximation.kernel import constraint_rows, evaluate, slacks
 from planner.approximation.problem import Problem, candidate
 from planner.approximation.search import moved, with_moved_knots
+from tests.from_python import from_python
+
+constraint_rows, slacks = from_python(kernel.constraint_rows), from_python(kernel.slacks)
+evaluate = from_python(kernel.evaluate)
 
 SAME = 1e-9
 """Rounding of sums over some 60 samples of unit size, and of a few steps of Newton's."""

@@ -8,10 +8,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from planner.approximation import kernel
 from planner.approximation.descent import best_values
-from planner.approximation.kernel import minimise_damped
 from planner.approximation.problem import Problem, candidate
 from planner.approximation.values import solve_values, within_slopes
+from tests.from_python import from_python
+
+minimise_damped = from_python(kernel.minimise_damped)
 
 
 def on_the_reference_of(problem, knots):

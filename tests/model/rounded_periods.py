@@ -9,6 +9,9 @@ import numpy as np
 from planner.model import kernel
 from planner.model.joint import JointModel, request_ages, weights_by_tick
 from planner.trajectory import Array
+from tests.from_python import from_python
+
+period = from_python(kernel.period)
 
 
 class Periods(NamedTuple):
@@ -41,7 +44,7 @@ def rounded_periods(model: JointModel, angles, windows, radius, *, speeds=None, 
     bending = np.empty((n, 2, width))
     for k in range(n):
         speed = 0.0 if speeds is None else speeds[k]
-        states[k] = kernel.period(
+        states[k] = period(
             model.law,
             weights_by_tick(model),
             np.ascontiguousarray(windows[k]),

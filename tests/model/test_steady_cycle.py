@@ -5,7 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from planner.model.steady_cycle import SINGULAR, shortest_solution
+from planner.model import steady_cycle
+from planner.model.steady_cycle import SINGULAR
+from tests.from_python import from_python
+
+shortest_solution = from_python(steady_cycle.shortest_solution)
 
 SAME = 1e-9
 """Two ways to solve two equations whose matrix has a condition of up to 1 / SINGULAR."""

@@ -12,10 +12,14 @@ from planner.gait.half_ellipse import reference_walk
 from planner.model.joint import JointModel, request_ages
 from planner.model.response import simulate
 from planner.planning import gauss_newton
-from planner.planning.gauss_newton import SPEED_TERM, Search, Stage, allocated, evaluate, set_step
+from planner.planning.gauss_newton import SPEED_TERM, Search, Stage, allocated
 from planner.planning.problem import FootGoal, Problem
+from tests.from_python import from_python
 from tests.instances import TICK, random_model, saturating
 from tests.plans import track
+
+evaluate = from_python(gauss_newton.evaluate)
+set_step = from_python(gauss_newton.set_step)
 
 STEP = 1e-6
 """Step of the central differences [rad]."""
@@ -28,6 +32,9 @@ AGREEMENT = 1e-5
 
 DAMPING = 1e-2
 """Levenberg-Marquardt weight, which counts in the cost of a step."""
+
+MOST_DAMPING = 1.0
+"""Within this the active limits of every step are found."""
 
 CYCLIC = pytest.mark.parametrize("cyclic", [True, False], ids=["cyclic", "from rest"])
 SMOOTHING = pytest.mark.parametrize("smoothing", [True, False], ids=["smoothing", "nearby"])
@@ -98,20 +105,25 @@ def evaluated(problem, stage, requests, states, unit=1.0):
     return point
 
 
-def step_at(problem, stage, point):
-    """The step from a point, as changes of requests and states, and what it predicts."""
+def step_at(problem, stage, point, damping=DAMPING):
+    """The step from a point, as changes of requests and states, what it predicts, and its damping.
+
+    Where its active limits are not found there is more of it, as in the search.
+    """
     pattern = problem.pattern(smoothing=stage.smoothing)
     search = Search(
         point.requests.copy(),
         point.states.copy(),
         np.zeros_like(point.states),
         np.zeros((2, *point.requests.shape), dtype=np.int64),
-        np.array([DAMPING, 0.0]),
+        np.array([damping, 0.0]),
     )
     step = np.zeros(len(pattern.factor.position))
     found, predicted = set_step(problem.spec, stage, pattern, point, search, step)
-    assert found
-    return step[: point.requests.size + point.states.size], predicted
+    if not found:
+        assert damping < MOST_DAMPING
+        return step_at(problem, stage, point, gauss_newton.OPTIONS.factor * damping)
+    return step[: point.requests.size + point.states.size], predicted, damping
 
 
 def unknowns_of(point):
@@ -154,12 +166,12 @@ CASES = [
 ]
 
 
-def constrained(problem, stage, point):
+def constrained(problem, stage, point, damping):
     """The step by a convex solver: dense, its derivatives by differences."""
     gradient, hessian, slopes = dense(problem, stage, point)
     count = point.requests.size
     terms = np.zeros(len(gradient))
-    terms[:count] = 2.0 * DAMPING
+    terms[:count] = 2.0 * damping
     if problem.has_speeds:
         speeds = np.zeros(point.states.shape)
         speeds[:, len(problem.models) :] = 2.0 * SPEED_TERM
@@ -190,7 +202,8 @@ def test_the_step_is_the_dense_solution_of_the_linearised_problem(case, cyclic, 
     problem = joint(cyclic=cyclic, **case)
     stage = Stage(0.3, 0.01, 2.0, 1, smoothing)
     point = point_at(problem, stage)
-    step, predicted = step_at(problem, stage, point)
+    step, predicted, damping = step_at(problem, stage, point)
+    assert damping == DAMPING
     gradient, hessian, slopes = dense(problem, stage, point)
     count = point.requests.size
     hessian[:count, :count] += 2.0 * DAMPING * np.eye(count)
@@ -230,8 +243,8 @@ def test_the_step_within_limits_is_that_of_a_convex_solver(
         problem = replace(problem, lower=np.array([low]), upper=np.array([high]))
     stage = Stage(0.3, 0.01, 2.0, 1, smoothing)
     point = point_at(problem, stage)
-    step, _ = step_at(problem, stage, point)
-    expected, hessian, gradient, terms = constrained(problem, stage, point)
+    step, _, damping = step_at(problem, stage, point)
+    expected, hessian, gradient, terms = constrained(problem, stage, point, damping)
 
     def cost(z):
         return gradient @ z + z @ (hessian + np.diag(terms)) @ z / 2.0

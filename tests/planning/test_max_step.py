@@ -8,9 +8,12 @@ import pytest
 from planner.exceptions import InvalidInput
 from planner.gait.half_ellipse import reference_walk
 from planner.model.joint import JointModel
-from planner.planning.gauss_newton import keep_step
+from planner.planning import gauss_newton
 from planner.planning.inversion import invert_foot, invert_optimal, plan
+from tests.from_python import from_python
 from tests.instances import REFERENCE_JOINTS, random_model, saturating
+
+keep_step = from_python(gauss_newton.keep_step)
 
 ERS210A = JointModel.ers210a()
 

@@ -11,11 +11,15 @@ import pytest
 from planner.gait.half_ellipse import reference_walk
 from planner.model.joint import JointModel
 from planner.model.response import motion_under, simulate
-from planner.planning.gauss_newton import Stage, allocated, evaluate
+from planner.planning import gauss_newton
+from planner.planning.gauss_newton import Stage, allocated
 from planner.planning.problem import Problem, problem_of
 from planner.planning.task import Task
+from tests.from_python import from_python
 from tests.instances import TICK, random_model, saturating
 from tests.plans import track
+
+evaluate = from_python(gauss_newton.evaluate)
 
 ERS210A = JointModel.ers210a()
 

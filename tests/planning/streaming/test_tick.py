@@ -8,17 +8,13 @@ import numpy as np
 import pytest
 
 from planner.model.joint import request_ages, weights_by_tick
-from planner.planning.streaming.tick import (
-    EXCEEDING,
-    JOINT,
-    RESTING,
-    SAMPLE,
-    Problem,
-    cost,
-    gauss_newton_step,
-)
+from planner.planning.streaming import tick
+from planner.planning.streaming.tick import EXCEEDING, JOINT, RESTING, SAMPLE, Problem
+from tests.from_python import from_python
 from tests.instances import random_model
 from tests.model.rounded_periods import rounded_periods
+
+cost, gauss_newton_step = from_python(tick.cost), from_python(tick.gauss_newton_step)
 
 SAMPLES, RADIUS, DAMPING = 30, 0.2, 1e-3
 LOWER, UPPER, RATE, SMOOTHING = -0.3, 0.4, 0.4, 2e-3

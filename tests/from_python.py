@@ -1,0 +1,10 @@
+"""Functions that only compiled ones call, for tests to call."""
+
+from __future__ import annotations
+
+from planner.compilation import compiled
+
+
+def from_python(inner):
+    """An inner function, compiled so that Python can call it."""
+    return compiled(inner.py_func)
