@@ -75,7 +75,7 @@ def inner(function: Callable[P, T]) -> Callable[P, T]:
     return numba.njit(function, pipeline_class=_InnerCompiler, **options)  # type: ignore[no-any-return]
 
 
-class _InnerLibrary(JITCodeLibrary):  # type: ignore[misc]
+class _InnerLibrary(JITCodeLibrary):
     """The code of a function, neither optimised nor translated here."""
 
     def _optimize_final_module(self) -> None:
@@ -85,20 +85,19 @@ class _InnerLibrary(JITCodeLibrary):  # type: ignore[misc]
         self._finalized = True
 
 
-class _InnerCompiler(Compiler):  # type: ignore[misc]
+class _InnerCompiler(Compiler):
     """Numba's compiler, but for what callers do."""
-
-    def __init__(self, *arguments: Any) -> None:
-        super().__init__(*arguments)
-        self.state.flags.no_compile = True
 
     def compile_extra(self, func: Any) -> Any:
         """Compile a function, and make it known to those that call it."""
-        context = self.state.targetctx
-        self.state.library = _InnerLibrary(context.codegen(), func.__qualname__)
+        state: Any = self.state
+        compile_extra: Any = super().compile_extra
+        library: Any = _InnerLibrary
+        state.library = library(state.targetctx.codegen(), func.__qualname__)
+        state.flags.no_compile = True
         # Numba wants a builtin of its own for Python to call: an empty list has nothing to remove
-        result = super().compile_extra(func)._replace(entry_point=[].remove)
-        context.insert_user_function(result.entry_point, result.fndesc, [result.library])
+        result = compile_extra(func)._replace(entry_point=[].remove)
+        state.targetctx.insert_user_function(result.entry_point, result.fndesc, [result.library])
         return result
 
 
