@@ -108,7 +108,7 @@ def test_no_garbage_is_collected_while_functions_of_the_package_compile(ours, an
 
 
 def test_python_is_refused_a_function_that_only_compiled_ones_call():
-    with pytest.raises(ValueError, match="list.remove"):
+    with pytest.raises(ValueError, match=r"list\.remove"):
         kernel.rounded_clip(0.0, -1.0, 1.0, 0.1)
 
 
