@@ -13,6 +13,8 @@ from planner.calibration import measure
 from planner.files.joint_model import read_models, read_servos
 from planner.files.logs.read import read_logs
 from planner.files.paths import read_joint_path
+from planner.robot.arm import Arm
+from planner.robot.play import Playback
 from planner.virtual import servo_bus
 from planner.virtual.servo_bus import Faults, VirtualServos
 
@@ -137,6 +139,27 @@ def test_a_second_run_can_take_the_logs_as_they_are(calibrated, command_line, mo
     assert json.loads(again.stdout)["joints"] == document["joints"]
 
 
+def test_a_chosen_joint_is_calibrated_with_its_options_beside_those_in_the_file(run, arm, tmp_path):
+    before = read_servos(arm)["joint_1"], read_models(arm)["joint_1"]
+    mounted = ("--zero-tick", "2000", "--zero-tick", "lift=2150", "--reverse", "lift")
+    chosen = ("--ids", "pan=1,lift=2", "--joint", "lift", "--rate-hz", "50")
+    result = run("calibrate", *BRIEF, *chosen, *mounted, "-o", arm, "--json")
+    assert result.exit_code == 0, result.stderr
+    document = json.loads(result.stdout)["joints"]
+    assert list(document) == ["lift"]
+    assert document["lift"]["id"] == 2
+    servos = read_servos(arm)
+    assert list(servos) == ["joint_1", "lift"]
+    assert (servos["joint_1"], read_models(arm)["joint_1"]) == before
+    assert (servos["lift"].id, servos["lift"].zero_tick, servos["lift"].direction) == (2, 2150, -1)
+    here = -(2048 - 2150) * 2.0 * np.pi / 4096  # where virtual servos rest
+    assert np.mean(servos["lift"].limits) == pytest.approx(here, abs=0.02)
+    assert document["lift"]["limits_deg"] == pytest.approx(np.degrees(servos["lift"].limits))
+    (log,) = read_logs([str(tmp_path / "arm_logs" / "lift.csv")])
+    assert np.median(np.diff(log.times)) == pytest.approx(0.02, abs=1e-3)
+    assert read_models(arm)["lift"].period == pytest.approx(0.02)
+
+
 def test_nothing_moves_in_a_dry_run(run, tmp_path, monkeypatch):
     monkeypatch.setattr(measure, "move", None)
     result = run("calibrate", *BRIEF, "--ids", "pan=1,lift=2", "--dry-run")
@@ -202,17 +225,38 @@ def test_a_servo_that_does_not_answer_is_named_before_anything_moves(run, faulty
 
 
 def test_requests_are_played_and_every_one_gets_a_measured_row(run, arm, requests, tmp_path):
-    result = run(
-        "play", requests, "--bus", "virtual", "--model", arm, "--measured", "m.csv", "--json"
-    )
+    twice = ("--cycles", 2, "--measured", "m.csv", "--json")
+    result = run("play", requests, "--bus", "virtual", "--model", arm, *twice)
     assert result.exit_code == 0, result.stderr
     document = json.loads(result.stdout)
-    assert (document["rows"], document["skipped"], document["angles_lost"]) == (150, 0, 0)
+    assert (document["rows"], document["skipped"], document["angles_lost"]) == (300, 0, 0)
     measured = read_joint_path(tmp_path / "m.csv")
-    assert measured.angles.shape == (150, 1)
-    assert np.ptp(np.degrees(measured.angles)) > 30.0
+    assert measured.angles.shape == (300, 1)
+    assert np.ptp(np.degrees(measured.angles[150:])) > 30.0
     (log,) = read_logs([str(tmp_path / "log.csv")])
     assert log.angles == pytest.approx(measured.angles[:, 0], abs=1e-6)
+
+
+def test_what_was_played_is_answered_number_by_number(run, arm, requests, monkeypatch):
+    def perform(self, rows, *, period, cycles, keep):
+        self.bus.lost = 3
+        for number, row in enumerate(np.tile(rows, (cycles, 1))):
+            keep(period * number, row, np.full(1, np.nan if number % 2 else 0.1))
+        return Playback(sent=120, skipped=5, overruns=2, latest=0.004)
+
+    monkeypatch.setattr(Arm, "perform", perform)
+    result = run("play", requests, "--bus", "virtual", "--model", arm, "--json")
+    document = json.loads(result.stdout)
+    assert document.pop("answers_asked") > 3
+    assert document == {
+        "rows": 150,
+        "requests": 150,
+        "skipped": 5,
+        "overruns": 2,
+        "latest_s": 0.004,
+        "angles_lost": 75,
+        "answers_lost": 3,
+    }
 
 
 def test_lost_packets_are_counted_and_their_rows_lie_between_their_neighbours(
@@ -245,6 +289,15 @@ def test_a_hand_shows_a_path_and_a_master_a_log(run, arm, tmp_path):
     assert run("record", *asked, "-o", "log.csv").exit_code == 0
     header = (tmp_path / "log.csv").read_text().splitlines()[0]
     assert header == "t_s,joint_1_requested_deg,joint_1_actual_deg"
+
+
+def test_a_log_tells_what_was_requested_from_what_was_measured(run, arm, tmp_path, monkeypatch):
+    monkeypatch.setattr(Arm, "goals", lambda _: np.array([0.5]))
+    asked = ("--bus", "virtual", "--model", arm, "--duration-s", "0.2")
+    assert run("record", *asked, "-o", "log.csv").exit_code == 0
+    (log,) = read_logs([str(tmp_path / "log.csv")])
+    assert log.requests == pytest.approx(0.5)
+    assert np.max(np.abs(log.angles)) < 0.1
 
 
 def test_a_model_that_holds_is_said_to_hold_and_another_gain_to_be_the_reason(

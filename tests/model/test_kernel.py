@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -11,6 +12,7 @@ import planner
 from planner.identification.grid import resampled
 from planner.identification.least_squares import respond, slopes_of
 from planner.identification.parameters import Parameters, units
+from planner.model.kernel import period
 from tests.identification.made import rich_log
 from tests.independent import of_whole_ticks
 
@@ -79,3 +81,39 @@ def test_the_derivative_by_the_first_angle_is_a_slope():
     found = slopes_of(grid, at, log.angles[:1], nothing).by_start
     ahead, behind = (respond(grid, at, log.angles[:1] + way).predicted for way in (1e-6, -1e-6))
     assert np.max(np.abs((ahead - behind) / 2e-6 - found)) <= 1e-5
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.03])
+@pytest.mark.parametrize("most", [math.inf, 100.0])
+@pytest.mark.parametrize("motor", [0.0, 0.02])
+def test_derivatives_by_a_request_of_one_tick_are_differences_to_second_order(
+    motor, most, friction
+):
+    joint = planner.JointModel(
+        v_max=4.0,
+        theta_0=0.2,
+        lag=0.0,
+        acceleration_time=0.01,
+        tick=0.01,
+        dead_band=friction,
+        time_constant=motor,
+        max_acceleration=most,
+    )
+    rounded = (0.5 * joint.v_max_per_tick) ** 2
+    step = 1e-5
+
+    def after(request):
+        slopes, bends = np.empty((2, 3)), np.empty((2, 1))
+        state = period(
+            joint.law, np.ones((1, 1)), np.array([request]), 0.0, 0.004, rounded, 0.1, 0.01,
+            slopes, bends,
+        )
+        return np.array(state), slopes[:, 2], bends[:, 0]
+
+    for request in np.linspace(-0.5, 0.7, 13):
+        (behind, slope_behind, _), (ahead, slope_ahead, _) = (
+            after(request + way) for way in (-step, step)
+        )
+        _, slopes, bends = after(request)
+        np.testing.assert_allclose(slopes, (ahead - behind) / (2.0 * step), atol=1e-7)
+        np.testing.assert_allclose(bends, (slope_ahead - slope_behind) / (2.0 * step), atol=1e-6)

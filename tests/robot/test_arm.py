@@ -165,6 +165,22 @@ def test_ctrl_c_stops_the_joints_where_they_are_and_answers_what_was_played():
     assert len(rows) == 40
 
 
+def test_a_joint_far_beyond_its_range_is_led_into_it():
+    arm = arm_of(count=1)
+    low = Arm(arm.bus, {"joint_1": replace(arm.servos["joint_1"], limits=(0.5, 1.0))})
+    with low.powered():
+        low.perform(np.full((50, 1), 0.7), period=PERIOD)
+        assert low.angles()[0] > 0.5
+
+
+def test_a_joint_that_rests_beside_its_request_keeps_it_when_it_is_stopped():
+    arm = arm_of(count=1)
+    with arm.powered():
+        arm.perform(np.full((50, 1), 0.3), period=PERIOD)
+        assert abs(arm.angles()[0] - 0.3) > TICK  # its friction
+    assert arm.goals()[0] == pytest.approx(0.3, abs=0.5 * TICK)
+
+
 def test_two_joints_cannot_share_a_servo():
     bus = arm_of(count=1).bus
     with pytest.raises(InvalidInput, match=r"identifiers \[1, 1\], expected each once"):

@@ -37,6 +37,15 @@ def test_a_packet_is_found_after_anything_and_however_it_arrives(
 
 
 @BOTH
+@pytest.mark.parametrize("content", [b"\xff\xff\xfd", b"\x01\xff\xff\xfd\xfd\xff\xff\xfd\x00"])
+def test_content_that_looks_like_a_header_comes_back(protocol, content):
+    answer = bytearray(protocol.answer(7, 0, content))
+    assert protocol.take(answer, answers=True) == Packet(7, 0, content)
+    instruction = bytearray(protocol.instruction(7, 0x03, content))
+    assert protocol.take(instruction, answers=False) == Packet(7, 0x03, content)
+
+
+@BOTH
 @given(place=st.integers(0, 200), bit=st.integers(0, 7))
 def test_a_packet_with_a_wrong_bit_is_never_taken_for_what_was_sent(protocol, place, bit):
     frame = bytearray(protocol.answer(3, 0, bytes(range(8))))
