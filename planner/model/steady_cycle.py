@@ -84,7 +84,6 @@ def run_steady_cycle(cycle: Cycle, near: float, most: int) -> float:
     tolerance = CYCLE_TOLERANCE * max(1.0, abs(low), abs(high))
     if inert:
         return _settled_motion(cycle, near, low, high, tolerance, most)
-    near = min(max(near, low), high)
     if law.friction > 0.0:
         return _nearest_cycle(cycle, near, low, high, tolerance, most)
     return _closed_cycle(cycle, near, low, high, tolerance, most)

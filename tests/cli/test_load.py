@@ -202,6 +202,32 @@ def test_a_plan_outside_what_the_model_was_tested_on_says_so(run, folder):
     assert joint["untested"] == ["speed", "load"]
 
 
+def test_a_simulation_says_that_its_load_was_not_tested(run, folder):
+    SOFT.with_evidence(TESTED._replace(speed=9.0, load=0.1)).to_toml(folder / "soft.toml")
+    torques = np.full((50, 1), 0.3)
+    write_joint_path("loaded.csv", ["pendulum"], DESIRED, period=SOFT.period, loads=torques)
+    asked = ("simulate", "loaded.csv", "--model", "soft.toml", "--desired", "path.csv", "--json")
+    for more, untested in (((), []), (("--load", "column"), ["load"])):
+        joint = json.loads(run(*asked, *more).stdout)["joints"]["pendulum"]
+        assert joint["untested"] == untested
+
+
+def test_the_scene_of_a_run_moves_under_its_load(run, folder, monkeypatch):
+    shown = []
+    monkeypatch.setattr("planner.cli.run_file.scene_page", lambda _, each, **__: shown.append(each))
+    monkeypatch.setattr("planner.cli.run_file.write_text", lambda *_: None)
+    write_joint_path("l.csv", ["pendulum"], DESIRED, period=SOFT.period, loads=0.5 + 0.0 * DESIRED)
+    (folder / "it.toml").write_text(
+        "[leg]\nurdf = 'pendulum.urdf'\nbase = 'base'\nfoot = 'tip'\n[path]\nfile = 'l.csv'\n"
+        "[plan]\nload = 'column'\n[model]\nfile = 'soft.toml'\n[output]\nscene = 'scene.html'\n"
+    )
+    result = run("run", "it.toml")
+    assert shown, result.stderr
+    ((_, direct, _),) = shown
+    expected = planner.simulate(SOFT, DESIRED[:, 0], load=0.5)
+    np.testing.assert_allclose(direct.angles[:, 0], expected, rtol=0.0, atol=1e-9)
+
+
 def test_a_model_that_was_not_tested_tells_no_error(run):
     assert "on the robot" not in run("plan", "path.csv", "--model", "soft.toml", "-o", "-").stderr
     joint = json.loads(run("plan", "path.csv", "--model", "soft.toml", "--json").stdout)["joints"]

@@ -443,7 +443,9 @@ def test_what_failed_alone_is_done_again_once_it_is_mended(run, dataset, model):
     file.write_bytes(b"PAR1 nothing")
     first = run(*words, "--workers", 1)
     assert first.exit_code == 1
-    assert "1 of 3 recordings left out; the others are written, and kept in" in first.stderr
+    kept = dataset.parent / ".planned.results"
+    said = f"1 of 3 recordings left out; the others are written, and kept in {kept} for --resume"
+    assert said in first.stderr
     file.write_bytes(good)
     second = run(*words, "--workers", 1, "--resume")
     assert second.exit_code == 0, second.stderr

@@ -4,15 +4,21 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import replace
 from functools import partial
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from planner import JointModel
 from planner.calibration import measure
+from planner.cli.check import _changes
 from planner.files.joint_model import read_models, read_servos
 from planner.files.logs.read import read_logs
 from planner.files.paths import read_joint_path
+from planner.identification.result import Interval
+from planner.model.evidence import Evidence
 from planner.robot.arm import Arm
 from planner.robot.play import Playback
 from planner.virtual import servo_bus
@@ -342,3 +348,18 @@ def test_a_rate_too_low_for_the_test_motion_is_refused_before_anything_moves(run
     result = run("calibrate", "--bus", "virtual", "--ids", "1", "--yes", "--rate-hz", "15")
     assert result.exit_code == 2
     assert "--rate-hz: got 15, expected 16 Hz or more." in result.stderr
+
+
+def test_a_parameter_has_changed_where_the_intervals_before_and_now_are_apart(monkeypatch):
+    before = JointModel(v_max=5.0, theta_0=0.5, lag=0.02, acceleration_time=0.02, dead_band=0.02)
+    before = before.with_evidence(Evidence(intervals={"v_max": (4.0, 6.0), "lag": (0.01, 0.03)}))
+    now = replace(before, v_max=3.0, theta_0=0.6, lag=0.025, dead_band=0.021)
+    intervals = {
+        "v_max": Interval(2.0, 3.9),
+        "theta_0": Interval(0.56, 0.64),  # without an interval before: within a tenth
+        "lag": Interval(0.001, 0.04),
+        "dead_band": Interval(0.0, 0.023),
+    }
+    found = SimpleNamespace(model=now, intervals=intervals)
+    monkeypatch.setattr("planner.identification.identify.identify", lambda _: found)
+    assert _changes(before, None) == ["v_max is 3, and was 5", "theta_0 is 0.6, and was 0.5"]

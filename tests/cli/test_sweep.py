@@ -247,6 +247,21 @@ def test_a_sweep_is_resumed_whatever_has_become_of_its_files(tmp_path, monkeypat
 
 
 @pytest.mark.usefixtures("in_this_process")
+def test_a_sweep_whose_model_file_has_changed_is_planned_again(tmp_path, run):
+    joint = planner.JointModel.ers210a()
+    (tmp_path / "gaits.toml").write_text(
+        GAIT + "length = [0.02, 0.03]\n[model]\nfile = 'model.toml'\n"
+    )
+    errors = []
+    for slower in (1.0, 0.8):
+        replace(joint, v_max=slower * joint.v_max).to_toml(tmp_path / "model.toml")
+        result = run("sweep", "gaits.toml", "--json", "--resume", "--workers", "1")
+        assert "nothing is missing" not in result.stderr
+        errors.append([each["error_cm"] for each in json.loads(result.stdout)["points"]])
+    assert errors[0] != errors[1]
+
+
+@pytest.mark.usefixtures("in_this_process")
 def test_a_sweep_at_work_is_left_alone_by_another_one(tmp_path, run):
     (tmp_path / "gaits.toml").write_text(GAIT + "length = [0.02, 0.03]\n")
     with at_work_on(tmp_path / "gaits"):

@@ -47,6 +47,9 @@ def test_the_foot_keeps_the_tolerance_and_not_in_a_sample_less(leg, circle, monk
 def test_a_path_in_as_many_samples_is_itself(circle):
     assert in_samples(circle, 24) == pytest.approx(circle)
     assert in_samples(circle, 12) == pytest.approx(circle[::2])
+    twice = in_samples(circle, 48)
+    assert twice[::2] == pytest.approx(circle)
+    assert twice[1::2] == pytest.approx((circle + np.roll(circle, -1, axis=0)) / 2.0)
 
 
 def test_a_tolerance_above_0_is_needed(leg, circle):

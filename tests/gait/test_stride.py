@@ -84,10 +84,12 @@ def test_a_leg_with_less_room_gets_a_smaller_stride_that_it_traces_well(reach, t
 
 
 def test_what_is_given_is_kept(leg):
-    made = stride(leg, length=0.02, forward=0.21, hip_height=0.22)
+    side = stride(leg).centre[1] + 0.01
+    made = stride(leg, length=0.02, forward=0.21, sideways=side, hip_height=0.22)
     assert made.length == 0.02
-    assert made.centre[0] == 0.21
-    assert made.centre[2] == -0.22
+    np.testing.assert_array_equal(made.centre, [0.21, side, -0.22])
+    np.testing.assert_allclose(made.foot[:, 1], side, rtol=1e-12)
+    assert np.min(made.foot[:, 2]) == pytest.approx(-0.22)
     assert made.height == pytest.approx(HIGHEST * leg.chain.size)
     both = stride(leg, length=0.06, height=0.01)
     assert (both.length, both.height) == (0.06, 0.01)

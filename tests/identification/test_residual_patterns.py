@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import planner
+from planner.identification.residual_patterns import _ringing
 from tests.identification.made import (
     AIBO,
     NOISE,
@@ -74,6 +76,25 @@ def test_ringing_that_the_models_inertia_explains_is_not_named():
     step = int(np.flatnonzero(np.diff(log.requests))[0]) + 1
     assert np.max(fit.predicted[step:]) > 1.05 * np.max(log.requests), "the model overshoots"
     assert "ringing:" not in named(found)
+
+
+def test_the_same_steps_ring_in_a_mirrored_log():
+    """Three steps up and two down; a third one down is one that the joint does not make."""
+    asked, reached = np.array([[0.0, 0.5, 0.0, 0.5, 0.0, 0.5, level] for level in (-0.1, 0.45)])
+    since = 0.008 * np.tile(np.arange(60.0), 7)
+    requests, angles, modelled = np.repeat([asked, reached, asked], 60, axis=1)
+    left = np.exp(-20.0 * since)
+    angles -= left * np.cos(50.0 * since) * np.repeat(np.diff(reached, prepend=0.0), 60)
+    modelled -= left * np.repeat(np.diff(asked, prepend=0.0), 60)
+    notes = []
+    for way in (1.0, -1.0):
+        times = 0.008 * np.arange(420)
+        log = planner.Log(times=times, requests=way * requests, angles=way * angles, name="log")
+        fit = SimpleNamespace(log=log, predicted=way * modelled)
+        notes.append(_ringing(AIBO, fit, 1e-4))
+    assert notes[0] == notes[1]
+    ((_, _, values),) = notes[0]
+    assert (values["over"], values["steps"]) == (5, 5)
 
 
 def test_rows_at_a_mechanical_stop_are_left_out_with_a_note():

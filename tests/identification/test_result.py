@@ -87,6 +87,16 @@ def test_the_error_to_expect_is_the_larger_one_of_all_rows_and_of_those_held_out
         assert other.model.evidence.error == expected * found.rms
 
 
+def test_what_a_model_gains_over_a_delay_is_told_by_rows_held_out():
+    found = identified_rich()
+    (delay,) = [each.held_out_rms for each in found.alternatives if each.name == "delay"]
+    for factor in (1.0, 3.0):
+        other = replace(found, held_out_rms=factor * found.held_out_rms)
+        expected = factor * found.held_out_rms / delay
+        assert other.tested.over_delay == pytest.approx(expected, rel=1e-3)
+    assert np.isnan(replace(found, held_out_rms=None).tested.over_delay)
+
+
 def test_rows_that_are_fitted_do_not_bound_a_top_speed_that_others_exceed():
     """A servo whose speed was limited after the first step, whose request came before the log."""
     times = 0.02 * np.arange(700)

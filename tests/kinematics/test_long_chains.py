@@ -234,6 +234,13 @@ def test_the_standing_pose_is_dexterous_and_within_the_limits(scale, ratio, tmp_
     assert leg.foot_positions(pose[None])[0, 2] < -0.5 * (0.2 * scale + 0.2 * ratio) * 0.5
 
 
+def test_of_two_poses_that_are_as_good_a_leg_stands_with_its_knee_at_a_positive_angle(tmp_path):
+    hip = Joint((0, 0, 0), Y, lower=-2.0, upper=2.0)
+    knee = Joint((0, 0, -0.2), Y, lower=-2.5, upper=2.5)
+    leg = made_up_leg(tmp_path, [Joint((0, 0, 0), X), hip, knee], (0, 0, -0.2))
+    assert standing_pose(leg)[2] > 0.5
+
+
 def test_dexterity_is_nothing_where_the_leg_is_stretched():
     leg = reference_leg()
     bent, stretched = dexterity(leg.chain, np.array([[0.0, 0.0, 1.0], [0.0, 0.0, 0.0]]))

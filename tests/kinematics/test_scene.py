@@ -151,3 +151,14 @@ def test_a_scene_is_refused_like_a_leg(tmp_path):
         Scene.from_urdf(urdf_path("reference_leg.urdf"), base="hip", foot="toe")
     with pytest.raises(InvalidUrdf, match="cannot be read"):
         Scene.from_urdf(tmp_path / "missing.urdf", base="hip", foot="foot")
+
+
+def test_what_hangs_on_a_locked_joint_alone_stays():
+    settings = {"base": "body", "foot": "front_left_ball"}
+    file = urdf_path("ers210a.urdf")
+    free = Scene.from_urdf(file, **settings)
+    first, *others = free.joint_names
+    scene = Scene.from_urdf(file, **settings, locked={first: 0.4})
+    assert list(scene.joint_names) == others
+    assert 0 < scene.moving.ngeoms < free.moving.ngeoms
+    assert scene.still.ngeoms + scene.moving.ngeoms == free.still.ngeoms + free.moving.ngeoms

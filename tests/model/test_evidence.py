@@ -13,6 +13,7 @@ import planner
 from planner.exceptions import InvalidFile, InvalidInput
 from planner.files.joint_model import models_text
 from planner.model.evidence import (
+    ENCODER_STEP,
     Evidence,
     Run,
     errors_of_motion,
@@ -91,6 +92,16 @@ def test_a_plan_is_outside_of_a_log_of_steps_where_the_delay_counts_most():
         told = expectation(seen, angles, angles, period=period, cyclic=True)
         words = untested_words(["knee"], [told])
         assert words.endswith(": knee (moving requests: the logs hold steps only)") is outside
+
+
+@pytest.mark.parametrize(("steps", "outside"), [(0.9, False), (1.1, True)])
+def test_a_delay_that_counts_for_less_than_a_step_of_an_encoder_is_none(steps, outside):
+    angles, period = sine(0.1, 1.0)
+    speed = 2.0 * np.pi * 0.1 / ROOT
+    seen = SEEN._replace(
+        delay_error=steps * ENCODER_STEP / speed, by_acceleration=((0.0, 1e-6), (8.0, 1e-6))
+    )
+    assert ("moving requests" in seen.exceeded(angles, period=period, cyclic=True)) is outside
 
 
 def held(requests, rows):

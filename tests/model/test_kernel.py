@@ -12,7 +12,8 @@ import planner
 from planner.identification.grid import resampled
 from planner.identification.least_squares import respond, slopes_of
 from planner.identification.parameters import Parameters, units
-from planner.model.kernel import period
+from planner.model import kernel
+from tests.from_python import from_python
 from tests.identification.made import rich_log
 from tests.independent import of_whole_ticks
 
@@ -100,13 +101,21 @@ def test_derivatives_by_a_request_of_one_tick_are_differences_to_second_order(
         max_acceleration=most,
     )
     rounded = (0.5 * joint.v_max_per_tick) ** 2
-    step = 1e-5
+    step, period = 1e-5, from_python(kernel.period)
 
     def after(request):
         slopes, bends = np.empty((2, 3)), np.empty((2, 1))
         state = period(
-            joint.law, np.ones((1, 1)), np.array([request]), 0.0, 0.004, rounded, 0.1, 0.01,
-            slopes, bends,
+            joint.law,
+            np.ones((1, 1)),
+            np.array([request]),
+            0.0,
+            0.004,
+            rounded,
+            0.1,
+            0.01,
+            slopes,
+            bends,
         )
         return np.array(state), slopes[:, 2], bends[:, 0]
 

@@ -125,10 +125,20 @@ def test_the_rate_may_be_any_number():
 def test_joints_that_begin_later_keep_their_time():
     first, late = recorded("a"), recorded("b")
     late = replace(late, times=late.times + 0.1)
-    made = replay([first, late], SERVO)
-    desired = {each.name: each.desired for each in made.joints}
-    assert desired["a"][0] == pytest.approx(np.interp(0.1, first.times, first.angles))
-    assert desired["b"][0] == pytest.approx(late.angles[0])
+    for logs in ([first, late], [late, first]):
+        made = replay(logs, SERVO, begin=0.2)
+        desired = {each.name: each.desired for each in made.joints}
+        assert desired["a"][0] == pytest.approx(np.interp(0.2, first.times, first.angles))
+        assert desired["b"][0] == pytest.approx(np.interp(0.2, late.times, late.angles))
+
+
+def test_a_gap_is_told_where_the_replay_bridges_it():
+    times = OWN * np.arange(COUNT)
+    times[80:] += 0.5
+    log = recorded(times=times)
+    for part, told in (({}, True), ({"begin": 2.2}, False), ({"end": 1.2}, False)):
+        remarks = replay(log, SERVO, **part).path.remarks
+        assert any("is bridged by a straight line" in each for each in remarks) == told
 
 
 def test_parts_faster_than_the_joint_are_named():

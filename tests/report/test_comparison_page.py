@@ -176,3 +176,17 @@ def test_every_figure_comes_to_life_and_fits_the_screen(page, browser, tmp_path,
     assert browser.complaints == []
     assert browser.ask("live.errors") == []
     assert browser.requests == [file.as_uri()]
+
+
+@pytest.mark.parametrize(("norm", "place"), [("rms", 0), ("max", 1)])
+def test_a_bound_stands_below_the_error_that_it_is_a_bound_of(norm, place):
+    once = planner.cross_check(
+        planner.JointModel.ers210a(), WALK.desired[::4, 2], norm=norm, names=["knee"]
+    )
+    (joint,) = once.joints
+    rows = plans_table(once.joints).rows
+    bounds = [row.cells for row in rows if row.kind == "bound"]
+    assert [cells[place] for cells in bounds] == [
+        f"{np.degrees(bound):.3f}" for bound in joint.bounds.values()
+    ]
+    assert {cells[1 - place] for cells in bounds} == {""}

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -31,6 +33,15 @@ def test_the_lines_go_through_the_curve_and_those_at_the_top_speed_stand_out(cyc
     assert len(starts) > 0
     np.testing.assert_array_equal(curves["at the top speed"].x[::3], starts)
     assert len(curves["knots"].x) == len(fit.knots)
+
+
+def test_knots_of_a_cycle_are_drawn_within_it():
+    fit = fit_of("walk")
+    early = replace(fit, knots=fit.knots - 25.0)
+    figure = fit_figure("hip", early)
+    (rings,) = [curve for curve in figure.panels[0].curves if curve.name == "knots"]
+    assert np.all((rings.x >= 0.0) & (rings.x < 40.0))
+    np.testing.assert_allclose(rings.y, np.degrees(early(rings.x)))
 
 
 def test_the_choices_of_a_straight_path_include_its_one_line():

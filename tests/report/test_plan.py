@@ -13,8 +13,9 @@ import planner
 from kinematics import Limits
 from planner.model.evidence import Evidence
 from planner.planning.time_shift import shifted
-from planner.report.plan import cards, jumps_of, plan_page, remarks, verdict
+from planner.report.plan import cards, foot_figures, jumps_of, plan_page, remarks, verdict
 from planner.report.plan_tables import joint_rows, joints_table
+from planner.report.style import DIRECT, FOOT_OPTIMAL
 
 SAME = 1e-12
 """The same figure by another route [m, rad]."""
@@ -235,6 +236,13 @@ def test_one_figure_shows_the_moving_leg(page):
 def test_the_page_needs_nothing_else(outcome, page):
     assert not re.findall(r'(?:src|href)="(?!#|data:)[^"]*"', page)
     assert page == page_of(outcome)
+
+
+def test_the_distances_of_the_foot_are_drawn_by_what_was_requested(outcome):
+    figure = foot_figures(outcome, FOOT_OPTIMAL)[-1]
+    drawn = {curve.name: curve.y[: len(outcome.distances)] for curve in figure.panels[0].curves}
+    np.testing.assert_allclose(drawn[DIRECT.label], 100.0 * outcome.direct_distances)
+    np.testing.assert_allclose(drawn[FOOT_OPTIMAL.label], 100.0 * outcome.distances)
 
 
 @pytest.mark.parametrize(("width", "dark"), [(1280, False), (390, True)])

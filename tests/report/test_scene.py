@@ -84,6 +84,18 @@ def test_colours_beyond_their_range_are_the_nearest_within_it(leg, tmp_path):
     assert set(robot) == {0xFF0033}
 
 
+def test_the_camera_turns_about_the_middle_of_the_motion(commands, leg):
+    (placed,) = [
+        np.reshape(each["matrix"], (4, 4)).T
+        for each in commands
+        if each["type"] == "set_transform" and each["path"] == "/meshcat"
+    ]
+    feet = np.vstack([motion.foot for motion in _shown(leg)])
+    size = 0.4  # of the robot [m]
+    assert np.all(np.abs(placed[:3, :3] @ feet.mean(axis=0) + placed[:3, 3]) < size / 2.0)
+    np.testing.assert_allclose(placed[:3, :3], np.eye(3))
+
+
 def test_the_ground_lies_below_every_foot(commands, leg):
     ground = [each for each in commands if each["path"].startswith("/meshcat/ground")]
     (drawn,) = [each for each in ground if each["type"] == "set_object"]

@@ -15,7 +15,12 @@ from planner.exceptions import NoSteadyCycle, SolverFailed
 from planner.gait.half_ellipse import reference_walk
 from planner.model.joint import JointModel
 from planner.model.response import simulate
-from planner.planning.bounds.bundle_method import LagrangianRelaxation, Multipliers, dual_function
+from planner.planning.bounds.bundle_method import (
+    LagrangianRelaxation,
+    Multipliers,
+    _linear_terms,
+    dual_function,
+)
 from planner.planning.bounds.clarabel import ConicSolution
 from planner.planning.bounds.configuration_minima import MOST_CELLS, Distance, _first_cells, minima
 from planner.planning.bounds.foot_bound import attainable_angles, foot_bound
@@ -142,6 +147,23 @@ def test_whatever_the_multipliers_nothing_is_proved_that_is_not_so(cyclic, norm)
         )
         proved, _ = dual_function(task, guess, plan.predicted)
         assert proved <= 1.0 + ROUNDING  # the plan's own squared error
+
+
+@pytest.mark.parametrize("cyclic", [True, False], ids=["cyclic", "from rest"])
+def test_what_is_between_samples_counts_where_it_adds_least(cyclic):
+    rng = np.random.default_rng(5)
+    task = task_of(short_plan(2, cyclic, "rms"))
+    conditions = [rng.exponential(size=len(each.limits)) for each in task.sets]
+    slopes, constant = _linear_terms(task, conditions)
+    least, at_least = 0.0, []
+    for each, own, low, high in zip(task.sets, conditions, *task.room, strict=True):
+        gradient = each.matrix.T @ own
+        angles = np.where(gradient > 0.0, low, high)  # at samples any other would do
+        least += own @ (each.matrix @ angles - each.limits)
+        at_least.append(angles[each.sampled])
+        assert len(angles) > len(at_least[-1])
+    counted = np.sum(slopes * np.transpose(at_least)) + constant
+    assert counted == pytest.approx(least, rel=ROUNDING)
 
 
 def test_an_axis_that_does_not_count_lowers_the_bound():

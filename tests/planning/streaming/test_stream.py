@@ -704,3 +704,33 @@ def test_predicted_angles_are_exact_where_a_load_decides_the_top_speeds():
     speeds = np.abs(np.diff(exact)) / model.period
     assert np.max(speeds) > model.v_max + 0.6  # only the load and the offset make it so fast
     np.testing.assert_allclose(angles, exact, rtol=0.0, atol=1e-12)
+
+
+def test_an_angle_that_was_not_measured_for_long_may_be_far_from_the_last_one():
+    path = 0.02 * np.arange(90)[:, np.newaxis]
+    _, problems = measuring(path, lambda k, angle: angle if k in (5, 70) else math.nan)
+    assert path[70, 0] - path[5, 0] > 1.0
+    assert not any(problems)
+
+
+@pytest.mark.parametrize("cycle", [None, 30])
+@pytest.mark.parametrize("seed", range(4))
+def test_a_mirrored_stream_answers_mirrored_requests_and_says_the_same(seed, cycle):
+    rng, model = random_joint(seed)
+    mirrored = replace(model, offset=-model.offset, v_offset=-model.v_offset)
+    path = 0.6 * saturating(rng, model, samples=60)[:, np.newaxis]
+    low, high = (float(np.quantile(path, share)) for share in (0.2, 0.9))
+    streams = [
+        planner.Stream(each, preview=20, limits=limits, cycle=cycle)
+        for each, limits in ((model, (low, high)), (mirrored, (-high, -low)))
+    ]
+    said = set()
+    for k, rows in enumerate(stretches(path, 20)):
+        read, missed = path[k] + rng.normal(scale=0.05), int(rng.integers(0, 2))
+        one = streams[0].step(rows, read, missed=missed)
+        other = streams[1].step(-rows, -read, missed=missed)
+        np.testing.assert_allclose(other, -one, rtol=0.0, atol=1e-9)
+        assert streams[0].status == streams[1].status
+        assert bool(streams[0].problem) == bool(streams[1].problem)
+        said |= set(streams[0].status)
+    assert said >= {"unreachable"}
