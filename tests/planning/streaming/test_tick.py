@@ -144,7 +144,9 @@ def test_a_plan_moves_on_by_every_period_that_has_elapsed(missed):
     state["measured"] = np.nan
     width = request_ages(model).width
     sent, plan = np.arange(8.0), np.arange(10.0, 20.0)
-    from_python(tick.elapse)(one[0], state[0], model.law, weights_by_tick(model), sent, plan, 0.0, missed)
+    from_python(tick.elapse)(
+        one[0], state[0], model.law, weights_by_tick(model), sent, plan, 0.0, missed
+    )
     np.testing.assert_array_equal(sent, np.minimum(np.arange(8.0) + missed, 7.0))
     np.testing.assert_array_equal(plan, np.minimum(np.arange(10.0, 20.0) + missed + 1, 19.0))
     assert width <= len(sent)
