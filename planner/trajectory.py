@@ -129,6 +129,39 @@ def check_radians(angles: Array, *, name: str) -> None:
         )
 
 
+def as_rows(values: npt.ArrayLike, *, name: str) -> Array:
+    """Copy requests of one joint, shape (n,), or several, shape (n, k), into read-only rows.
+
+    Returns:
+        A read-only copy, float64, shape (n, k); one joint has a column of its own.
+
+    Raises:
+        InvalidTrajectory: Another shape, empty, not real numbers, not finite, or degrees.
+    """
+    try:
+        given = np.asarray(values)
+    except ValueError as error:
+        raise InvalidTrajectory(
+            f"{name}: got rows of different lengths, expected one request per joint, shape (n, k)"
+        ) from error
+    if given.ndim == 1:
+        given = given[:, None]
+    if given.ndim != 2 or given.size == 0:
+        raise InvalidTrajectory(
+            f"{name}: got shape {np.shape(values)}, expected (n, k), a row of requests per period"
+        )
+    columns = [
+        as_trajectory(column, name=f"{name}, column {j}", minimum=1)
+        for j, column in enumerate(given.T)
+    ]
+    if len(given) > 1:  # a row alone is no motion
+        for j, column in enumerate(columns):
+            check_radians(column, name=f"{name}, column {j}")
+    rows: Array = np.column_stack(columns)
+    rows.setflags(write=False)
+    return rows
+
+
 def index_of_largest(values: Array) -> int:
     """The first of the values that are as large as the largest, up to rounding.
 

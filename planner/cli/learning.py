@@ -21,7 +21,7 @@ from planner.files.paths import JOINT_UNITS, JointPath, joint_path, read_joint_p
 from planner.files.table import Table, read_table
 from planner.files.units import split_unit
 from planner.learning.refine import refine
-from planner.model.load import load_columns
+from planner.model.response import load_columns
 from planner.planning.arguments import limits_of_each
 from planner.planning.plan import Plan, joined
 from planner.planning.trials import Learning

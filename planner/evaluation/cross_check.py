@@ -28,7 +28,7 @@ from planner.planning.inversion import invert_foot, planned
 from planner.planning.line_inverse import RULES, check_rule
 from planner.planning.result import Inversion
 from planner.planning.task import Task
-from planner.robot.schedule import as_rows
+from planner.trajectory import as_rows
 from planner.validation import shown
 
 Limits = tuple[npt.ArrayLike, npt.ArrayLike]

@@ -318,6 +318,15 @@ class JointModel:
         return self.tick * self.hold
 
     @property
+    def switching_time(self) -> float:
+        """How long before the angles the requests change from line to line: l + a/2 + T [s].
+
+        A request that is held acts (hold - 1) / 2 ticks later on average than the line it is of.
+        """
+        held = (self.hold - 1) / 2.0 * self.tick
+        return self.lag + self.acceleration_time / 2.0 + self.time_constant + held
+
+    @property
     def v_max_per_tick(self) -> float:
         """Top speed [rad/tick]."""
         return self.v_max * self.tick

@@ -13,8 +13,7 @@ from planner.model.joint import (
     request_ages,
     weights_by_tick,
 )
-from planner.model.load import checked_load
-from planner.model.response import motion_under, requests_acting, simulate
+from planner.model.response import checked_load, motion_under, requests_acting, simulate
 from planner.trajectory import Array, as_trajectory
 from planner.validation import freeze
 

@@ -18,7 +18,7 @@ from planner.exceptions import (
 )
 from planner.model.drawn_models import drawn_models
 from planner.model.joint import JointModel, checked_model
-from planner.trajectory import Array, as_trajectory, check_radians
+from planner.trajectory import Array
 from planner.validation import as_number, as_reals, check_choice, shown
 
 if TYPE_CHECKING:
@@ -89,13 +89,6 @@ def checked_leg(leg: object) -> Leg:
 def joints_of(leg: Leg) -> str:
     """The joints of a leg, in words."""
     return f"leg's joints ({', '.join(leg.joint_names)})"
-
-
-def one_path(desired: npt.ArrayLike) -> Array:
-    """The desired angles of one joint [rad], (n,); raise InvalidTrajectory where they are none."""
-    angles = as_trajectory(desired, name="desired", minimum=3)
-    check_radians(angles, name="desired")
-    return angles
 
 
 def joint_names(

@@ -11,8 +11,7 @@ from planner.approximation.curve import CurveStack, PiecewiseLinear, lines_in_fo
 from planner.approximation.fit import fit_pwl
 from planner.exceptions import InvalidInput, angle_text
 from planner.model.joint import JointModel, checked_model
-from planner.model.load import checked_load
-from planner.planning.arguments import one_path
+from planner.model.response import checked_load
 from planner.planning.line_inverse import (
     AT_TOP_SPEED,
     RULES,
@@ -99,7 +98,7 @@ def invert_closed_form(
     """
     model = checked_model(model)
     check_rule(rule, model)
-    task = Task.of([model], one_path(desired), names=("",), cyclic=cyclic, load=load)
+    task = Task.of([model], desired, names=("",), cyclic=cyclic, load=load)
     (plan,) = closed_forms(task, (rule,), segments=segments, refine=refine)
     return Inversion(plan)
 
@@ -195,7 +194,7 @@ def _one_inverted(
     load = problem.loads[0]
     requests = problem.admissible(requests_along(model, curve, rule=rule, load=load)[:, np.newaxis])
     if refine:
-        ahead = switching_time(model) / model.period
+        ahead = model.switching_time / model.period
         refined = refined_curve(problem, curve, rule=rule, ahead=ahead)
         column = requests_along(model, refined, rule=rule, load=load)[:, np.newaxis]
         answer = problem.admissible(column)
@@ -304,7 +303,7 @@ def requests_of(
     Returns:
         Requests [rad], shape (m, n).
     """
-    ahead = switching_time(model) / model.period  # [samples]
+    ahead = model.switching_time / model.period  # [samples]
     slopes = np.clip(stack.slopes, *slope_limits(model, load))
     per_sample = slopes * stack.tick
     knots, values = stack.knots[:, : slopes.shape[1]], stack.values[:, : slopes.shape[1]]
@@ -327,12 +326,3 @@ def requests_of(
         acting += np.take_along_axis(per_sample, line, axis=1) * (since + ahead)
         requests -= model.pose_sag(acting)
     return np.asarray(requests)
-
-
-def switching_time(model: JointModel) -> float:
-    """How long before the angles the requests change from line to line: l + a/2 + T [s].
-
-    A request that is held acts (hold - 1) / 2 ticks later on average than the line it stands for.
-    """
-    held = (model.hold - 1) / 2.0 * model.tick
-    return model.lag + model.acceleration_time / 2.0 + model.time_constant + held

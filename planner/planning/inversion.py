@@ -19,7 +19,6 @@ from planner.planning.arguments import (
     Robust,
     Solver,
     checked_leg,
-    one_path,
 )
 from planner.planning.closed_form import closed_forms
 from planner.planning.line_inverse import Rule, check_rule
@@ -118,7 +117,7 @@ def invert_optimal(
     """
     task = Task.of(
         [model],
-        one_path(desired),
+        desired,
         names=("",),
         cyclic=cyclic,
         norm=norm,

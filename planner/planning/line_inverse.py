@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from planner.exceptions import InvalidInput, OutsideEquation13, angle_text
 from planner.model.joint import JointModel, checked_model
-from planner.model.load import checked_load
+from planner.model.response import checked_load
 from planner.trajectory import Array
 from planner.validation import check_choice, shown
 

@@ -18,8 +18,7 @@ from planner.model.joint import (
     request_ages_of_all,
     weights_by_tick,
 )
-from planner.model.load import Loads, rest_angles, rest_requests
-from planner.model.response import motion_under
+from planner.model.response import Loads, motion_under, rest_angles, rest_requests
 from planner.planning.arguments import Norm
 from planner.planning.task import Task, axis_scales
 from planner.trajectory import Array

@@ -21,7 +21,7 @@ import numpy as np
 from planner.exceptions import SolverFailed, angle_text
 from planner.model.evidence import ENCODER_STEP
 from planner.model.joint import JointModel
-from planner.model.load import Loads
+from planner.model.response import Loads
 from planner.planning.gauss_newton import LARGEST_SHARE, Search, Stage, allocated, go_through
 from planner.planning.problem import Problem
 from planner.trajectory import Array

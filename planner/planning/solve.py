@@ -15,7 +15,7 @@ from planner.approximation.ideal import slope_bounded
 from planner.exceptions import SolverFailed, about, angle_text
 from planner.model.joint import JointModel, request_ages
 from planner.planning.arguments import Solver
-from planner.planning.closed_form import SAME_TIME, best_closed_form, switching_time
+from planner.planning.closed_form import SAME_TIME, best_closed_form
 from planner.planning.direct_transcription import transcribed_requests
 from planner.planning.gauss_newton import Stage
 from planner.planning.line_inverse import interpolated_offset
@@ -304,7 +304,7 @@ def initial_guess(problem: Problem) -> State:
     steps = np.diff(ideal, append=ideal[:1] if cyclic else ideal[-1:])
     steps = np.clip(steps, low, high)
     samples = np.arange(count)
-    knots = samples + int(switching_time(model) / model.period + SAME_TIME)
+    knots = samples + int(model.switching_time / model.period + SAME_TIME)
     knots = knots if cyclic else np.minimum(knots, count - 2)
     at = knots % count
     slopes = steps[at] / model.period
@@ -367,7 +367,7 @@ def early_and_late(problem: Problem) -> list[Array]:
     """The desired angles as requests, l + a/2 early and as they are [rad], (n, 1)."""
     (model,) = problem.models
     count = len(problem.resting)
-    later = np.arange(count) + round(switching_time(model) / model.period)
+    later = np.arange(count) + round(model.switching_time / model.period)
     later = later % count if problem.cyclic else np.minimum(later, count - 1)
     return [problem.admissible(problem.resting[later]), problem.resting]
 

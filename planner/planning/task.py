@@ -13,8 +13,13 @@ import numpy.typing as npt
 
 from planner.exceptions import Infeasible, InvalidInput, InvalidTrajectory, about, angle_text
 from planner.model.joint import JointModel
-from planner.model.load import checked_load, load_columns, rest_angles
-from planner.model.response import checked_start, simulate_joints
+from planner.model.response import (
+    checked_load,
+    checked_start,
+    load_columns,
+    rest_angles,
+    simulate_joints,
+)
 from planner.planning.arguments import (
     COLUMNS,
     NEGLIGIBLE_SAG,
@@ -38,8 +43,7 @@ from planner.planning.arguments import (
     of_each,
     steps_of_each,
 )
-from planner.robot.schedule import as_rows
-from planner.trajectory import Array, Mask, error_norm, steps
+from planner.trajectory import Array, Mask, as_rows, as_trajectory, check_radians, error_norm, steps
 from planner.validation import as_flag, as_positive, freeze
 
 if TYPE_CHECKING:
@@ -136,7 +140,12 @@ class Task:
         cyclic = as_flag("cyclic", cyclic)
         foot = importance = solution = None
         if leg is None:
-            angles = as_rows(desired, name="desired")
+            if names == ("",):
+                path = as_trajectory(desired, name="desired", minimum=3)
+                check_radians(path, name="desired")
+                angles = path[:, np.newaxis]
+            else:
+                angles = as_rows(desired, name="desired")
             if len(angles) < 3:
                 raise InvalidTrajectory(f"desired: got {len(angles)} samples, expected at least 3")
             names, joints = joint_names(names, models, angles.shape[1]), COLUMNS

@@ -6,9 +6,8 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.model.joint import JointModel, checked_model
-from planner.model.load import rest_requests
-from planner.planning.arguments import Norm, one_path
-from planner.planning.closed_form import switching_time
+from planner.model.response import rest_requests
+from planner.planning.arguments import Norm
 from planner.planning.plan import Plan
 from planner.planning.result import Inversion
 from planner.planning.task import Task
@@ -73,7 +72,7 @@ def invert_shift(
     """
     task = Task.of(
         [checked_model(model)],
-        one_path(desired),
+        desired,
         names=("",),
         cyclic=cyclic,
         norm=norm,
@@ -122,7 +121,7 @@ def best_lead(joint: Task) -> float:
         return float(joint.errors_of(angles)[0])
 
     model = joint.nominal[0]
-    delay = (switching_time(model) + model.theta_0 / model.v_max) / joint.period
+    delay = (model.switching_time + model.theta_0 / model.v_max) / joint.period
     most = int(min(LONGEST_LEAD / joint.period, len(joint.desired) - 1))
     best, least = 0.0, error(0.0)
     for lead in map(float, range(1, most + 1)):

@@ -12,8 +12,8 @@ import numpy.typing as npt
 
 from planner.exceptions import InvalidInput
 from planner.robot.play import Answer, Playback, Player, Send, check_functions, conduct
-from planner.robot.schedule import as_rows, check_period
-from planner.trajectory import Array
+from planner.robot.schedule import check_period
+from planner.trajectory import Array, as_rows
 from planner.validation import shown
 
 Desired = Callable[[int], "npt.ArrayLike | None"]

@@ -15,8 +15,8 @@ import numpy.typing as npt
 
 from planner.exceptions import InvalidInput
 from planner.robot.resample import MOST_ROWS
-from planner.robot.schedule import as_rows, check_cycles, check_period
-from planner.trajectory import Array
+from planner.robot.schedule import check_cycles, check_period
+from planner.trajectory import Array, as_rows
 from planner.validation import as_positive, shown
 
 Send = Callable[[Array], Any]

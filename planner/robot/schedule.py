@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from planner.exceptions import InvalidInput, InvalidTrajectory
-from planner.trajectory import Array, as_trajectory, check_radians
+from planner.exceptions import InvalidInput
+from planner.trajectory import Array, as_rows
 from planner.validation import as_positive, as_whole, shown
 
 NANOSECONDS = 10**9
@@ -62,39 +62,6 @@ class Schedule:
     def renamed(self, names: Sequence[str]) -> Schedule:
         """The same requests for joints that go by other names, in the same order."""
         return Schedule(tuple(names), self.requests, self.period)
-
-
-def as_rows(values: npt.ArrayLike, *, name: str) -> Array:
-    """Copy requests of one joint, shape (n,), or several, shape (n, k), into read-only rows.
-
-    Returns:
-        A read-only copy, float64, shape (n, k); one joint has a column of its own.
-
-    Raises:
-        InvalidTrajectory: Another shape, empty, not real numbers, not finite, or degrees.
-    """
-    try:
-        given = np.asarray(values)
-    except ValueError as error:
-        raise InvalidTrajectory(
-            f"{name}: got rows of different lengths, expected one request per joint, shape (n, k)"
-        ) from error
-    if given.ndim == 1:
-        given = given[:, None]
-    if given.ndim != 2 or given.size == 0:
-        raise InvalidTrajectory(
-            f"{name}: got shape {np.shape(values)}, expected (n, k), a row of requests per period"
-        )
-    columns = [
-        as_trajectory(column, name=f"{name}, column {j}", minimum=1)
-        for j, column in enumerate(given.T)
-    ]
-    if len(given) > 1:  # a row alone is no motion
-        for j, column in enumerate(columns):
-            check_radians(column, name=f"{name}, column {j}")
-    rows: Array = np.column_stack(columns)
-    rows.setflags(write=False)
-    return rows
 
 
 def check_period(period: float) -> None:

@@ -13,8 +13,7 @@ from hypothesis import strategies as st
 
 from planner.exceptions import InvalidInput
 from planner.model.joint import JointModel, request_ages
-from planner.model.load import rest_requests
-from planner.model.response import motion_under, simulate
+from planner.model.response import motion_under, rest_requests, simulate
 from planner.model.sensitivity import sensitivities
 from planner.model.symbolic import period
 from tests.independent import equation_2, from_rest, next_cycle

@@ -14,8 +14,7 @@ import planner
 from planner.evaluation.checks import AGREEMENT
 from planner.exceptions import InvalidModel
 from planner.model.joint import MOST_POSE_SAG, JointModel
-from planner.model.load import rest_angles, rest_requests
-from planner.model.response import simulate
+from planner.model.response import rest_angles, rest_requests, simulate
 from planner.model.sensitivity import sensitivities
 from planner.planning.line_inverse import line_offset
 from planner.trajectory import rms

@@ -11,7 +11,7 @@ import planner
 from planner.approximation.curve import CurveStack, PiecewiseLinear, lines_in_force
 from planner.exceptions import InvalidInput
 from planner.model.joint import JointModel
-from planner.planning.closed_form import closed_form_requests, switching_time
+from planner.planning.closed_form import closed_form_requests
 from planner.planning.line_inverse import RULES, line_offset
 from tests.independent import from_rest, next_cycle
 from tests.instances import REFERENCE_JOINTS, random_model
@@ -100,7 +100,7 @@ def test_every_request_lies_on_the_line_in_force_raised_by_its_offset(cyclic):
     rng = np.random.default_rng(5)
     stack = random_stack(rng, ERS210A, curves=30, lines=5, cyclic=cyclic)
     requests = closed_form_requests(ERS210A, stack)
-    ahead = switching_time(ERS210A) / ERS210A.period
+    ahead = ERS210A.switching_time / ERS210A.period
     for curve, row in zip(curves_of(stack), requests, strict=True):
         later = np.arange(88) + ahead
         slopes = np.clip(curve.slope_at(later), -ERS210A.v_max, ERS210A.v_max)

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 import planner
-from planner.planning.closed_form import switching_time
 
 PAPER = planner.JointModel.ers210a()
 
@@ -79,7 +78,7 @@ def test_a_stream_follows_a_path_with_the_inertia_in_mind():
 
 def test_the_closed_form_switches_later_by_the_time_constant():
     without = replace(INERT, time_constant=0.0)
-    assert switching_time(INERT) - switching_time(without) == pytest.approx(0.024)
+    assert INERT.switching_time - without.switching_time == pytest.approx(0.024)
 
 
 def test_a_model_file_keeps_the_inertia_and_leaves_it_out_where_there_is_none(tmp_path):

@@ -10,9 +10,8 @@ import numpy.typing as npt
 
 from planner.exceptions import InvalidTrajectory, SolverFailed
 from planner.model.joint import JointModel, checked_model
-from planner.model.load import checked_load
-from planner.model.response import checked_start
-from planner.planning.arguments import Norm, check_norm, one_path
+from planner.model.response import checked_load, checked_start
+from planner.planning.arguments import Norm, check_norm
 from planner.planning.bounds.branch_and_bound import TIME_LIMIT, exact_bound
 from planner.planning.bounds.multipliers import linear_bound
 from planner.planning.bounds.reachable_set import (
@@ -155,8 +154,9 @@ def planned_error(problem: BoundProblem) -> float:
     """The error of a plan [rad]; of a joint that does not move, where no plan is found."""
     model, desired, cyclic, norm, start, load = problem
     try:
-        path = one_path(desired)
-        task = Task.of([model], path, names=("",), cyclic=cyclic, norm=norm, start=start, load=load)
+        task = Task.of(
+            [model], desired, names=("",), cyclic=cyclic, norm=norm, start=start, load=load
+        )
         return float(planned(task.unsmoothed).error[0])
     except (InvalidTrajectory, SolverFailed):  # too short, or no steady cycle
         angles = np.full(len(desired), float(np.mean(desired)) if start is None else start)

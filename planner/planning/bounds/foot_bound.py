@@ -20,7 +20,7 @@ import numpy as np
 
 from kinematics.leg import Leg
 from planner.model.joint import JointModel
-from planner.model.load import Loads, rest_angles
+from planner.model.response import Loads, rest_angles
 from planner.planning.arguments import Norm
 from planner.planning.bounds.bundle_method import (
     Column,

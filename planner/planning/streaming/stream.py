@@ -25,7 +25,6 @@ from planner.model.joint import (
     weights_by_tick,
 )
 from planner.planning.arguments import checked_limits, limits_of_each, steps_of_each
-from planner.planning.closed_form import switching_time
 from planner.trajectory import LARGEST, MOST_TURNS, TURN, Array, not_radians, turns_words
 from planner.validation import as_reals, as_whole, is_one_of, shown
 
@@ -173,7 +172,7 @@ class Stream:
         joints["travel"] = [model.v_max_per_period for model in models]
         joints["lower"], joints["upper"], joints["max_step"] = *self._limits, self._max_step
         joints["smoothing"] = SMOOTHING + CROSSING * joints["dead_band"] / joints["theta_0"]
-        effects = np.array([switching_time(model) for model in models]) / self.period
+        effects = np.array([model.switching_time for model in models]) / self.period
         joints["effect"] = effects - ages.youngest
         joints["observer"] = 1.0 - math.exp(-self.period / OBSERVER_TIME)
         self._data = tick.Data(
