@@ -10,19 +10,18 @@ from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 
-from planner.model.joint import JointModel
-from planner.model.response import simulate
 from planner.planning.arguments import JointLimits
 from planner.planning.inversion import plan
 from planner.planning.load_of_pose import LoadOfPose
+from planner.planning.plan import Plan
 from planner.planning.result import Inversion
+from planner.planning.task import Task
 from planner.planning.time_shift import shifted
 from planner.recording.recorded_path import (
     Models,
     Path,
     RecordedPath,
     Track,
-    check_length,
     recorded_path,
 )
 from planner.summary import Summarised, Summary
@@ -95,8 +94,7 @@ def replay(
         >>> twice.requests.shape, bool(errors["planned"] < 0.05 * errors["direct"])
         ((200, 1), True)
     """
-    factor = checked_speed(speed)
-    check_length(recording, speed=factor, begin=begin, end=end, rate=rate)
+    factor = as_positive("speed", speed, "a factor above 0, such as 1.5")
     path = recorded_path(
         recording,
         models,
@@ -232,22 +230,30 @@ class JointReplay:
         """Angles of a planned joint with the desired angles as requests, shape (n,)."""
         return self._under(self.desired)
 
-    @cached_property
+    @property
     def lead(self) -> float:
         """Time shift of the desired angles that follows them best [s]."""
-        assert self._shift.lead is not None, "of a time shift"
-        return self._shift.lead
+        return self._shift.leads[0]
 
     @property
     def shifted(self) -> Array:
         """Angles of a planned joint with the best time shift, shape (n,)."""
-        return self._shift.predicted
+        return self._shift.predicted[:, 0]
 
     @cached_property
-    def _shift(self) -> Inversion:
-        assert self.inversion is not None, "a joint without a model is not simulated"
-        task = self.inversion.plan.task.joint(self.inversion.column)
-        return Inversion(shifted(replace(task, norm="rms")))
+    def _plan(self) -> Plan:
+        """The plan of this joint alone."""
+        assert self.inversion is not None, "a joint without a model has no plan"
+        return self.inversion.plan.joint(self.inversion.column)
+
+    @cached_property
+    def _rms_task(self) -> Task:
+        """What is asked of it, judged by the root mean square of the errors."""
+        return replace(self._plan.task, norm="rms")
+
+    @cached_property
+    def _shift(self) -> Plan:
+        return shifted(self._rms_task)
 
     def error_of(self, kind: Kind) -> Array:
         """Angles minus desired angles of a planned joint under one kind of requests, shape (n,).
@@ -269,25 +275,19 @@ class JointReplay:
 
         NaN under a load of the pose: other requests would meet another load.
         """
-        assert self.inversion is not None, "only a planned joint has a bound"
-        if self.inversion.load_of_pose:
+        if self._plan.task.load_of_pose:
             return math.nan
-        if self.inversion.norm == "rms":
-            return self.inversion.lower_bound
-        plan = self.inversion.plan.joint(self.inversion.column)
-        return float(replace(plan, task=replace(plan.task, norm="rms")).lower_bounds[0])
+        return float(replace(self._plan, task=self._rms_task).lower_bounds[0])
 
-    @cached_property
+    @property
     def expected(self) -> float:
         """Error to expect on the robot, rms: of plan and model together; NaN where not known."""
-        assert self.inversion is not None, "only a planned joint has an expected error"
-        return self.inversion.expected.error
+        return self._plan.expected[0].error
 
-    @cached_property
+    @property
     def untested(self) -> tuple[str, ...]:
         """In what the motion exceeds what the model was tested on: "speed", "angle" and others."""
-        assert self.inversion is not None, "only a planned joint has a model"
-        return self.inversion.expected.untested
+        return self._plan.expected[0].untested
 
     @cached_property
     def resent_may_serve(self) -> bool:
@@ -305,24 +305,14 @@ class JointReplay:
     @cached_property
     def too_fast(self) -> tuple[Span, ...]:
         """Parts in which the desired angles are faster than the joint can be [s]."""
-        assert self.inversion is not None, "a joint without a model has no top speed"
-        beyond, model = self.inversion.speeds.too_fast, self._model
+        beyond, period = self._plan.speeds[0].too_fast, self._plan.period
         edges = np.flatnonzero(np.diff(np.concatenate([[False], beyond, [False]])))
-        return tuple(
-            Span(float(a * model.period), float(b * model.period)) for a, b in edges.reshape(-1, 2)
-        )
-
-    @property
-    def _model(self) -> JointModel:
-        assert self.path.model is not None, "a joint without a model is not simulated"
-        return self.path.model
+        return tuple(Span(float(a * period), float(b * period)) for a, b in edges.reshape(-1, 2))
 
     def _under(self, requests: Array) -> Array:
         """Angles of the model under other requests, shape (n,); the first holds it, as planned."""
-        assert self.inversion is not None, "a joint without a model is not simulated"
-        plan = self.inversion
-        sent = np.append(plan.requests[:1], requests[1:])
-        return simulate(plan.model, sent, cyclic=False, start=plan.start, load=plan.load)
+        sent = np.append(self._plan.requests[0], requests[1:])
+        return self._plan.task.response(sent[:, np.newaxis])[:, 0]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -405,15 +395,6 @@ class Replay(Summarised):
             "joints": {joint.name: _figures(joint) for joint in self.joints},
             "remarks": list(self.path.remarks),
         }
-
-
-def checked_speed(speed: object) -> float:
-    """A speed factor.
-
-    Raises:
-        InvalidInput: It is no finite number above 0.
-    """
-    return as_positive("speed", speed, "a factor above 0, such as 1.5")
 
 
 def _figures(joint: JointReplay) -> dict[str, Any]:

@@ -18,7 +18,6 @@ from planner.recording.recorded_path import (
     Path,
     RecordedPath,
     Track,
-    check_length,
     recorded_path,
 )
 from planner.recording.replaying import JointReplay, Kind, Replay, replay_at
@@ -201,7 +200,6 @@ def fastest(
     """
     if not is_one_of(retime, get_args(Retime)):
         raise InvalidInput(f"retime: got {shown(retime)}, expected 'constant' or 'varying'")
-    check_length(recording, speed=1.0, begin=begin, end=end, rate=rate)
     path = recorded_path(
         recording,
         models,
