@@ -13,7 +13,6 @@ import numpy as np
 from planner.evaluation.checks import beyond_limits
 from planner.evaluation.metrics import Distance, angle_distance, foot_distance
 from planner.evaluation.paper import JOINTS, SEGMENTS, STEP_AMPLITUDES, deviations
-from planner.exceptions import InvalidTrajectory
 from planner.gait.half_ellipse import ReferenceWalk, reference_walk
 from planner.identification.excitation import step_test
 from planner.model.joint import JointModel
@@ -298,7 +297,7 @@ def plan_walk(models: Sequence[JointModel], *, segments: int, clock: Clock) -> P
     clock.start("walk", "the walk")
     walk = reference_walk()
     clock.start("baselines", "the baselines")
-    direct_angles = direct(models, walk.desired)
+    direct_angles = simulate_joints(models, walk.desired, cyclic=True)
     lead = best_lead(direct_angles, walk_distance(walk))
     clock.start("foot_optimal", "the optimised requests for the foot")
     foot_plan = invert_foot(models, walk.leg, walk.desired_foot)
@@ -310,25 +309,6 @@ def plan_walk(models: Sequence[JointModel], *, segments: int, clock: Clock) -> P
     )
     clock.stop()
     return PlannedWalk(models, segments, walk, joints, lead, foot_plan)
-
-
-def direct(models: Sequence[JointModel], desired: Array) -> Array:
-    """Angles of cyclic joints when the desired angles are requested: the paper's direct method.
-
-    Args:
-        models: One model per joint.
-        desired: Desired angles [rad], shape (n, joints).
-
-    Returns:
-        Angles [rad], shape (n, joints), read-only.
-    """
-    if desired.ndim != 2 or desired.shape[1] != len(models):
-        raise InvalidTrajectory(
-            f"desired: got shape {desired.shape}, expected (n, {len(models)}), one column per model"
-        )
-    angles = simulate_joints(models, desired, cyclic=True)
-    angles.setflags(write=False)
-    return angles
 
 
 def best_lead(unshifted: Array, distance: Callable[[Array], Distance]) -> int:

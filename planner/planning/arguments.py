@@ -224,12 +224,12 @@ def _what_is_known(model: ModelOrModels) -> object:
     return (model, model.evidence) if isinstance(model, JointModel) else model
 
 
-def check_periods(models: Sequence[JointModel], *, given_as: str) -> None:
+def check_periods(models: Sequence[JointModel]) -> None:
     """Raise InvalidInput where joints are not requested at one rate."""
     periods = sorted({model.period for model in models})
     if len(periods) > 1:
         raise InvalidInput(
-            f"{given_as}: their periods are {', '.join(f'{p:g}' for p in periods)} s, expected one "
+            f"models: their periods are {', '.join(f'{p:g}' for p in periods)} s, expected one "
             "period: joints that are requested at different rates are not planned together"
         )
 
@@ -352,32 +352,6 @@ def steps_of_each(
                     "change from one request to the next; leave it out for no limit"
                 )
     return np.array(steps)
-
-
-def loads_of_each(
-    load: npt.ArrayLike | Mapping[str, npt.ArrayLike] | None,
-    names: Sequence[str],
-    shape: tuple[int, ...],
-    *,
-    joints: str = COLUMNS,
-) -> list[npt.ArrayLike | None]:
-    """Torque on each joint [N m], a number or shape (n,), or None; not yet held against models.
-
-    Args:
-        load: A number, one for each joint, or one for each joint at every sample; for one joint
-            also shape (n,); or by joint.
-        names: The joints.
-        shape: Samples and joints, (n, k).
-        joints: What has a joint each, in words.
-
-    Raises:
-        InvalidInput: It has another shape, or a joint that is not planned.
-    """
-    expected = (
-        f"torques [N m] of shape {tuple(shape)} or ({shape[1]},), one for each of the {joints}, or "
-        "a number"
-    )
-    return of_each("load", load, names, expected=expected, shape=shape)
 
 
 def checked_smoothness(smoothness: float | None) -> float:

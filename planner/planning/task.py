@@ -38,7 +38,6 @@ from planner.planning.arguments import (
     joint_names,
     joints_of,
     limits_of_each,
-    loads_of_each,
     models_of_joints,
     of_each,
     steps_of_each,
@@ -140,7 +139,7 @@ class Task:
         cyclic = as_flag("cyclic", cyclic)
         foot = importance = solution = None
         if leg is None:
-            if names == ("",):
+            if isinstance(names, tuple) and names == ("",):
                 path = as_trajectory(desired, name="desired", minimum=3)
                 check_radians(path, name="desired")
                 angles = path[:, np.newaxis]
@@ -154,7 +153,7 @@ class Task:
         several = models_of_joints(
             models, names, robust, joints=joints, independent=leg is not None
         )
-        check_periods([each[0] for each in several], given_as="models")
+        check_periods([each[0] for each in several])
         many = max(map(len, several)) > 1
         if leg is not None:
             if len({len(each) for each in several} - {1}) > 1:
@@ -166,9 +165,6 @@ class Task:
             importance = checked_weights(weights)
             limits = leg.limits if limits is None else limits
         lower, upper = limits_of_each(limits, names, joints=joints)
-        if leg is not None:
-            for name, low, high in zip(names, lower, upper, strict=True):
-                checked_limits((low, high), of=f"limits of {name}")
         largest = steps_of_each(max_step, names, joints=joints)
         share = checked_smoothness(smoothness)
         if leg is not None:
@@ -179,10 +175,10 @@ class Task:
         added = checked_disturbance(disturbance, angles)
         expected = f"a number [rad] or one for each of the {COLUMNS}"
         resting = of_each("start", start, names, expected=expected)
-        for j, name in enumerate(names if leg is None else ()):
+        for rest, name, *pair in zip(resting, names, lower, upper, strict=True):
             with about(name):
-                checked_start(resting[j], cyclic=cyclic)
-                checked_limits((lower[j], upper[j]))
+                checked_start(rest, cyclic=cyclic)
+                checked_limits(pair)
         begin = [
             each if rest is None else rest for each, rest in zip(angles[0], resting, strict=True)
         ]
@@ -345,7 +341,13 @@ class Task:
                 against it.
             Infeasible: Under it the limits exclude the start or a desired angle.
         """
-        given = loads_of_each(load, self.names, self.desired.shape, joints=self._joints)
+        shape = self.desired.shape
+        joints = joints_of(self.leg) if self.leg and self.goal == "foot" else COLUMNS
+        expected = (
+            f"torques [N m] of shape {shape} or ({shape[1]},), one for each of the {joints}, or a "
+            "number"
+        )
+        given = of_each("load", load, self.names, expected=expected, shape=shape)
         loads: list[Array | None] = []
         for name, models, column in zip(self.names, self.models, given, strict=True):
             with about(name if self.goal == "angles" else ""):
@@ -363,10 +365,6 @@ class Task:
             return task
         ends = (rest_angles(task.nominal, end, task.loads) for end in (task.lower, task.upper))
         return replace(task, start=np.clip(task.desired, *ends)[0])
-
-    @property
-    def _joints(self) -> str:
-        return joints_of(self.leg) if self.leg and self.goal == "foot" else COLUMNS
 
     def columns(self, rows: Array | None) -> list[Array | None]:
         """An array (n, k) by joint, each of shape (n,), or None."""

@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 
 from planner.evaluation.metrics import angle_distance
-from planner.evaluation.reproduction import best_lead, direct
-from planner.exceptions import InvalidTrajectory
+from planner.evaluation.reproduction import best_lead
 from planner.model.joint import JointModel
-from planner.model.response import simulate
+from planner.model.response import simulate, simulate_joints
 from tests.independent import equation_3
 
 JOINT = JointModel.ers210a()
@@ -24,14 +23,8 @@ def _distance(angles):
     return angle_distance(angles.ravel(), DESIRED.ravel())
 
 
-def test_the_direct_method_requests_the_desired_angles():
-    angles = direct([JOINT, JOINT], DESIRED)
-    for j in range(2):
-        assert np.array_equal(angles[:, j], simulate(JOINT, DESIRED[:, j]))
-
-
 def test_the_best_time_shift_is_the_best_of_all_simulated_one_by_one():
-    unshifted = direct([JOINT, JOINT], DESIRED)
+    unshifted = simulate_joints([JOINT, JOINT], DESIRED, cyclic=True)
     lead, distances = best_lead(unshifted, _distance), []
     for early in range(88):
         requests = np.roll(DESIRED, -early, axis=0)
@@ -57,7 +50,7 @@ def test_the_best_lead_is_that_of_equation_3_with_the_figures_of_table_1():
         angles.append(done[-88:])
     distances = [_distance(np.roll(np.column_stack(angles), -lead, axis=0)) for lead in range(88)]
     best = min(range(88), key=lambda lead: distances[lead].rms)
-    unshifted = direct([JOINT, JOINT], DESIRED)
+    unshifted = simulate_joints([JOINT, JOINT], DESIRED, cyclic=True)
     assert best_lead(unshifted, _distance) == best
     least = _distance(np.roll(unshifted, -best, axis=0)).rms
     assert least == pytest.approx(distances[best].rms, abs=1e-10)
@@ -67,17 +60,8 @@ def test_two_ticks_more_of_lag_make_the_best_lead_two_samples_longer():
     later = replace(JOINT, lag=JOINT.lag + 2 * JOINT.tick)
     found = []
     for joint in (JOINT, later):
-        unshifted = direct([joint, joint], DESIRED)
+        unshifted = simulate_joints([joint, joint], DESIRED, cyclic=True)
         lead = best_lead(unshifted, _distance)
         found.append((lead, _distance(np.roll(unshifted, -lead, axis=0)).rms))
     assert found[1][0] == found[0][0] + 2
     assert found[1][1] == pytest.approx(found[0][1], abs=1e-10)
-
-
-def test_what_comes_back_is_read_only():
-    assert not direct([JOINT, JOINT], DESIRED).flags.writeable
-
-
-def test_there_is_one_model_per_column():
-    with pytest.raises(InvalidTrajectory, match=r"expected \(n, 1\), one column per model"):
-        direct([JOINT], DESIRED)

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from planner.evaluation.metrics import foot_distances
 from planner.evaluation.paper import STEP_AMPLITUDES
 from planner.report.figure import (
     Axis,
@@ -219,7 +218,7 @@ def _distance_panel(reproduction: Reproduction, *, hidden: Sequence[str] = ()) -
     timeline, desired = timeline_of(reproduction), reproduction.walk.desired_foot
     curves = []
     for method, role in ROLES.items():
-        distances = 100.0 * foot_distances(reproduction.foot[method], desired)
+        distances = 100.0 * np.linalg.norm(reproduction.foot[method] - desired, axis=1)
         curves.append(timeline.curve(distances, role, hidden=method in hidden))
     axis = Axis("distance", "cm", from_zero=True)
     return Panel(axis, tuple(curves), "foot, from its desired path")

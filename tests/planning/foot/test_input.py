@@ -78,9 +78,10 @@ def test_limits_that_are_no_pair_of_numbers_for_each_joint_are_refused(limits):
 
 
 def test_limits_that_exclude_each_other_are_infeasible_and_name_the_joint():
-    message = r"^limits of knee: the lower one, 1 rad, is above the upper one, -1 rad"
-    with pytest.raises(Infeasible, match=message):
+    message = r"^limits: the lower one, 1 rad, is above the upper one, -1 rad"
+    with pytest.raises(Infeasible, match=message) as raised:
         invert_foot(ERS210A, LEG, PATH, limits=((-2.0, -2.0, 1.0), (2.0, 2.0, -1.0)))
+    assert raised.value.__notes__ == ["knee"]
 
 
 @pytest.mark.parametrize(
