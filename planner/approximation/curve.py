@@ -78,13 +78,9 @@ class PiecewiseLinear:
         """The curve at the samples 0, 1, ..., n-1 [rad], shape (n,)."""
         return _frozen(np.asarray(self(np.arange(self.samples, dtype=np.float64))))
 
-    def segment_at(self, index: npt.ArrayLike) -> npt.NDArray[np.intp]:
-        """Number of the segment that holds each index; at a knot, of the one that starts there."""
-        return _frozen(self._locate(_places(index))[0])
-
     def slope_at(self, index: npt.ArrayLike) -> Array:
         """Slope at any sample index, whole or not [rad/s]; at a knot, of the segment after."""
-        return _frozen(np.asarray(self.slopes[self.segment_at(index)]))
+        return _frozen(np.asarray(self.slopes[self._locate(_places(index))[0]]))
 
     def __call__(self, index: npt.ArrayLike) -> Array:
         """The curve at any sample index, whole or not [rad]; an array like ``index``."""

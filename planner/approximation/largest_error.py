@@ -25,7 +25,7 @@ from planner.approximation.problem import (
     Candidate,
     Problem,
     candidate,
-    distances,
+    error_at_pins,
     fixed_variables,
     residuals,
 )
@@ -93,7 +93,8 @@ def within_largest_error(
         )
     spare = bound * (1.0 - BARELY)
     tight = course
-    low, high = max(attainable, _by_pins(problem)) * (1.0 + TIE) + 1e-15, widest
+    least = float(np.max(error_at_pins(problem), initial=attainable))
+    low, high = least * (1.0 + TIE) + 1e-15, widest
     if spare > low:
         other = minimum_link(problem, spare)
         if _segments(problem, other) == count:
@@ -114,14 +115,6 @@ def within_largest_error(
     mean = float(np.mean(problem.desired))
     value = min(max(mean, middle - room), middle + room)
     return candidate(problem, tight.knots, np.array([value])), course.fewest
-
-
-def _by_pins(problem: Problem) -> float:
-    """Smallest largest error of slopes within the bound through one required value."""
-    pinned = np.isfinite(problem.pins)
-    away = distances(problem, np.arange(problem.samples, dtype=np.float64))[:, pinned]
-    apart = np.abs(problem.desired[:, np.newaxis] - problem.pins[pinned])
-    return float(np.max(apart - problem.step * away, initial=0.0))
 
 
 def minimum_link(problem: Problem, bound: float) -> Course:

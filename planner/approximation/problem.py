@@ -370,11 +370,16 @@ def check_room(problem: Problem, segments: int, *, at_most: bool) -> None:
         )
 
 
-def check_error_at_pins(problem: Problem, bound: float) -> None:
-    """Raise Infeasible where slopes keep a required angle beyond a largest error [rad]."""
+def error_at_pins(problem: Problem) -> Array:
+    """Least error at every sample beside each required angle, shape (n, r); negative for none."""
     away = distances(problem, np.arange(problem.samples, dtype=np.float64))
     least = np.abs(problem.desired[:, np.newaxis] - problem.pins) - problem.step * away
-    least = np.where(np.isfinite(problem.pins), least, -np.inf)
+    return np.where(np.isfinite(problem.pins), least, -np.inf)
+
+
+def check_error_at_pins(problem: Problem, bound: float) -> None:
+    """Raise Infeasible where slopes keep a required angle beyond a largest error [rad]."""
+    least = error_at_pins(problem)
     if np.max(least, initial=-np.inf) > bound * (1.0 + BARELY):
         k, pin = np.unravel_index(int(np.argmax(least)), least.shape)
         raise Infeasible(

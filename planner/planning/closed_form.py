@@ -191,28 +191,19 @@ def _one_inverted(
     problem: Problem, curve: PiecewiseLinear, rule: Rule, refine: bool
 ) -> tuple[PiecewiseLinear, Array]:
     (model,) = problem.models
-    load = problem.loads[0]
-    requests = problem.admissible(requests_along(model, curve, rule=rule, load=load)[:, np.newaxis])
+
+    def along(curve: PiecewiseLinear) -> Array:
+        stack = CurveStack.of([curve])
+        return problem.admissible(requests_of(model, stack, rule=rule, load=problem.loads[0]).T)
+
+    requests = along(curve)
     if refine:
         ahead = model.switching_time / model.period
         refined = refined_curve(problem, curve, rule=rule, ahead=ahead)
-        column = requests_along(model, refined, rule=rule, load=load)[:, np.newaxis]
-        answer = problem.admissible(column)
+        answer = along(refined)
         if problem.exact_error(answer) < problem.exact_error(requests):
             curve, requests = refined, answer
     return curve, requests
-
-
-def requests_along(
-    model: JointModel,
-    curve: PiecewiseLinear,
-    *,
-    rule: Rule,
-    load: Array | None = None,
-) -> Array:
-    """Requests [rad], shape (n,), along one curve: see :func:`requests_of`."""
-    requests: Array = requests_of(model, CurveStack.of([curve]), rule=rule, load=load)[0]
-    return requests
 
 
 def closed_form_requests(
@@ -256,15 +247,7 @@ def closed_form_requests(
         stack = curves
     else:
         stack = CurveStack.of([curves] if isinstance(curves, PiecewiseLinear) else curves)
-    requests = _checked_requests(model, stack, rule, checked_load(load, model, stack.samples))
-    requests.setflags(write=False)
-    one: Array = requests[0]
-    return one if isinstance(curves, PiecewiseLinear) else requests
-
-
-def _checked_requests(
-    model: JointModel, stack: CurveStack, rule: Rule, load: Array | None
-) -> Array:
+    load = checked_load(load, model, stack.samples)
     if abs(stack.tick - model.period) > SAME_TICK * model.period:
         raise InvalidInput(
             f"curves: got samples every {stack.tick:g} s, expected every {model.period:g} s, as "
@@ -282,7 +265,10 @@ def _checked_requests(
             f"curves: got {angle_text(steepest)}/s in curve {row}, expected slopes {within}; no "
             "request makes the joint follow a steeper line"
         )
-    return requests_of(model, stack, rule=rule, load=load)
+    requests = requests_of(model, stack, rule=rule, load=load)
+    requests.setflags(write=False)
+    one: Array = requests[0]
+    return one if isinstance(curves, PiecewiseLinear) else requests
 
 
 def requests_of(

@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from planner.approximation.curve import PiecewiseLinear
+from planner.approximation.curve import CurveStack, PiecewiseLinear
 from planner.exceptions import InvalidInput, InvalidTrajectory
 from planner.model.joint import JointModel
 from planner.model.response import simulate
-from planner.planning.closed_form import invert_closed_form, requests_along
+from planner.planning.closed_form import invert_closed_form, requests_of
 from planner.planning.line_inverse import RULES, line_offset
 from tests.independent import from_rest
 from tests.instances import REFERENCE_JOINTS, random_model, saturating
@@ -97,7 +97,7 @@ def test_a_switch_between_samples_falls_at_its_true_time(knot):
     curve = PiecewiseLinear(
         knots=[knot, 50.0], values=[0.0, 0.5], samples=88, tick=0.008, cyclic=True
     )
-    requests = requests_along(ERS210A, curve, rule="exact")
+    requests = requests_of(ERS210A, CurveStack.of([curve]), rule="exact")[0]
     expected = switched(ERS210A, curve, rule="exact")
     clear = ~np.isnan(expected)
     np.testing.assert_allclose(requests[clear], expected[clear], rtol=0.0, atol=SAME)

@@ -128,7 +128,6 @@ ENTRANCES: Mapping[str, tuple[Callable[..., Any], Callable[[], dict[str, Any]]]]
         planner.PiecewiseLinear.from_dict,
         lambda: {"data": curve().to_dict()},
     ),
-    "PiecewiseLinear.segment_at": (lambda index: curve().segment_at(index), lambda: {"index": 3}),
     "PiecewiseLinear.slope_at": (lambda index: curve().slope_at(index), lambda: {"index": 3}),
     "CurveStack": (planner.CurveStack, lambda: CURVE | {"values": np.array([CURVE["values"]] * 2)}),
     "CurveStack.of": (planner.CurveStack.of, lambda: {"curves": [curve()]}),
