@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 import planner
+from planner.model.evidence import ENCODER_STEP
+from planner.planning import solve
 
 PAPER = planner.JointModel.ers210a()
 
@@ -101,3 +103,19 @@ def test_no_closed_form_does_better_on_a_square_that_an_acceleration_limit_keeps
     plan = planner.invert_optimal(model, square, smoothness=0.0)
     forms = [planner.invert_closed_form(model, square, rule=rule) for rule in ("paper", "exact")]
     assert plan.rms <= min(form.rms for form in forms) + 1e-12
+
+
+@pytest.mark.parametrize(("max_acceleration", "fits"), [(120.0, 0), (60.0, 1)])
+def test_lines_are_fitted_where_a_joint_accelerates_as_fast_as_it_can_for_a_fifth_of_the_time(
+    max_acceleration, fits, monkeypatch
+):
+    """Such a fit takes a hundred times as long as a search."""
+    made = []
+    monkeypatch.setattr(
+        solve, "best_closed_form", lambda problem: made.append(1) or problem.resting
+    )
+    triangle = np.abs(np.linspace(-2.0, 2.0, 120, endpoint=False)) - 1.0
+    model = replace(STARTING_SLOWLY, max_acceleration=max_acceleration)
+    plan = planner.invert_optimal(model, triangle, smoothness=0.0)
+    assert plan.rms > ENCODER_STEP
+    assert len(made) == fits
