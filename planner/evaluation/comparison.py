@@ -36,7 +36,7 @@ from planner.evaluation.metrics import Distance, angle_distance
 from planner.model.evidence import ENCODER_STEP
 from planner.model.joint import JointModel
 from planner.planning.arguments import Norm
-from planner.planning.bounds.certify import Certificate, certify
+from planner.planning.bounds.certify import Certificate, certified
 from planner.planning.bounds.cvxpy_statement import stated_bound
 from planner.planning.bounds.reachable_set import LEVELS, BoundProblem, Level
 from planner.planning.inversion import planned
@@ -169,18 +169,7 @@ def compare_joint(
     problem = BoundProblem(
         optimal.model, optimal.desired, optimal.cyclic, optimal.norm, optimal.start, optimal.load
     )
-    proved = (
-        certify(
-            problem.model,
-            problem.desired,
-            cyclic=problem.cyclic,
-            norm=problem.norm,
-            level=level,
-            start=problem.start,
-            load=problem.load,
-        )
-        for level in levels
-    )
+    proved = (certified(problem, level) for level in levels)
     certificates = {proof.level: proof for proof in proved}
     bounds = {level: proof.bound for level, proof in certificates.items()}
     answers = {method: second_answer(plan.plan, plan.column) for method, plan in plans.items()}

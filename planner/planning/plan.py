@@ -335,21 +335,7 @@ class Plan(Summarised):
                 return np.zeros(1)
             from planner.planning.bounds.foot_bound import foot_bound
 
-            assert task.leg is not None, "a foot belongs to a leg"
-            assert task.weights is not None, "the axes of a foot have weights"
-            bound = foot_bound(
-                task.nominal,
-                task.leg,
-                task.desired_foot,
-                self.predicted,
-                cyclic=task.cyclic,
-                norm=task.norm,
-                weights=task.weights,
-                limits=(task.lower, task.upper),
-                start=task.start,
-                loads=task.loads,
-            )
-            return np.array([bound])
+            return np.array([foot_bound(task, self.predicted)])
         from planner.planning.bounds.multipliers import linear_bound  # slow to import: SciPy
         from planner.planning.bounds.reachable_set import BoundProblem
 

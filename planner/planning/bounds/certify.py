@@ -129,17 +129,23 @@ def certify(
         >>> certificate.level, f"{np.degrees(certificate.bound):.1f} deg rms"
         ('slope', '10.1 deg rms')
     """
-    began = perf_counter()
     model = checked_model(model)
     time_limit = as_positive("time_limit", time_limit, "a number of seconds above 0")
     desired = as_trajectory(desired, name="desired")
     check_norm(norm)
     check_level(level)
-    level = proved_level(model, level)
     start = checked_start(start, cyclic=cyclic)
-    problem = BoundProblem(
-        model, desired, cyclic, norm, start, checked_load(load, model, len(desired))
-    )
+    torques = checked_load(load, model, len(desired))
+    problem = BoundProblem(model, desired, cyclic, norm, start, torques)
+    return certified(problem, level, time_limit=time_limit)
+
+
+def certified(
+    problem: BoundProblem, level: Level, *, time_limit: float = TIME_LIMIT
+) -> Certificate:
+    """:func:`certify` of arguments that have been checked."""
+    began = perf_counter()
+    level = proved_level(problem.model, level)
     if level == "exact":
         without_load(problem)  # refused before anything is computed
     bound, gap = linear_bound(problem, level), 0.0
@@ -147,7 +153,7 @@ def certify(
         known = planned_error(problem)
         bound = max(bound, exact_bound(problem, known, time_limit=time_limit))
         gap = max(relative_gap(known, bound), 0.0)
-    return Certificate(bound, norm, level, gap, perf_counter() - began)
+    return Certificate(bound, problem.norm, level, gap, perf_counter() - began)
 
 
 def planned_error(problem: BoundProblem) -> float:

@@ -18,10 +18,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kinematics.leg import Leg
 from planner.model.joint import JointModel
 from planner.model.response import Loads, rest_angles
-from planner.planning.arguments import Norm
 from planner.planning.bounds.bundle_method import (
     Column,
     LagrangianRelaxation,
@@ -37,8 +35,8 @@ from planner.planning.bounds.reachable_set import (
     farthest_per_period,
     reachable_set,
 )
-from planner.planning.task import axis_scales
-from planner.trajectory import Array, error_norm
+from planner.planning.task import Task, axis_scales
+from planner.trajectory import Array
 
 MOST_SAMPLES_BOUNDED = 1000
 """Longest path whose bound is computed for reports [samples]: it takes half a minute at most."""
@@ -64,58 +62,39 @@ SPREAD = 0.05
 without the rule three of seven bounds are 9 to 89 % lower."""
 
 
-def foot_bound(
-    models: Sequence[JointModel],
-    leg: Leg,
-    desired: Array,
-    angles: Array,
-    *,
-    cyclic: bool,
-    norm: Norm,
-    weights: Array,
-    limits: tuple[Array, Array],
-    start: Array | None,
-    loads: Loads | None = None,
-) -> float:
-    """Lower bound on the error of the foot under any requests within the limits [m].
+def foot_bound(task: Task, angles: Array) -> float:
+    """Lower bound on the error of a foot under any requests within the limits [m].
 
     From rest it is about plans that start from the same pose.
 
     Args:
-        models: The joints, in the leg's order.
-        leg: The leg.
-        desired: Desired positions in the base frame [m], shape (n, 3).
+        task: What is asked of the foot.
         angles: Angles of a plan, the better the sharper is the bound [rad], shape (n, k).
-        cyclic: Whether the path repeats for ever.
-        norm: Root mean square or largest distance.
-        weights: Weight of each axis, shape (3,).
-        limits: Smallest and largest requests [rad], two arrays (k,).
-        start: From rest: angles at which the joints rest [rad], (k,).
-        loads: Torque on each joint at every sample [N m], (n,), or None.
 
     Returns:
-        The bound, at least 0, in the norm and the weights of :attr:`FootInversion.error`. A solver
-        that fails makes it weaker, never wrong.
+        The bound, at least 0, in the norm and the weights of the task. A solver that fails makes it
+        weaker, never wrong.
     """
-    scales = axis_scales(weights)
-    errors = np.linalg.norm((leg.foot_positions(angles) - desired) * scales, axis=1)
-    known = error_norm(errors, norm)
+    models, leg, norm = task.nominal, task.leg, task.norm
+    assert leg is not None, "a foot belongs to a leg"
+    assert task.weights is not None, "the axes of a foot have weights"
+    known = float(task.errors_of(angles)[0])
     if known <= ATTAINED * leg.chain.size:
         return 0.0
-    loads = [None] * len(models) if loads is None else loads
-    lower, upper = attainable_angles(models, limits, len(desired), start=start, loads=loads)
-    distance = Distance(leg.chain, lower, upper, desired, scales / known)
-    starts: list[float | None] = (
-        [None] * len(models) if start is None else [float(angle) for angle in start]
+    lower, upper = attainable_angles(
+        models, (task.lower, task.upper), len(angles), start=task.start, loads=task.loads
     )
+    scales = axis_scales(task.weights) / known
+    distance = Distance(leg.chain, lower, upper, task.desired_foot, scales)
+    joints = zip(models, angles.T, task.starts, task.loads, strict=True)
     sets = [
-        reachable_set(BoundProblem(model, column, cyclic, norm, each, load), "envelope")
-        for model, column, each, load in zip(models, angles.T, starts, loads, strict=True)
+        reachable_set(BoundProblem(model, column, task.cyclic, norm, start, load), "envelope")
+        for model, column, start, load in joints
     ]
     relaxation = LagrangianRelaxation(
         distance, sets, norm, (np.min(lower, axis=0), np.max(upper, axis=0))
     )
-    away = largest_distances(models, len(desired), cyclic=cyclic, loads=loads)
+    away = largest_distances(models, len(angles), cyclic=task.cyclic, loads=task.loads)
     squared = _branch_and_bound(
         relaxation, away, stationary_point(relaxation, np.clip(angles, lower, upper))
     )

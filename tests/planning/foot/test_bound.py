@@ -26,6 +26,7 @@ from planner.planning.bounds.configuration_minima import MOST_CELLS, Distance, _
 from planner.planning.bounds.foot_bound import attainable_angles, foot_bound
 from planner.planning.bounds.reachable_set import BoundProblem, reachable_set
 from planner.planning.inversion import invert_foot
+from planner.planning.task import Task
 from tests.instances import random_model
 from tests.kinematics.made_up_robots import ers210a_leg
 
@@ -190,17 +191,11 @@ def test_no_plan_that_is_planted_is_below_it():
             ]
         )
         noise = rng.normal(0.0, 0.002, (14, 3))
-        bound = foot_bound(
-            models,
-            leg,
-            leg.foot_positions(angles) + noise,
-            np.tile(middle, (14, 1)) if cyclic else angles + 0.3 * (angles - angles[0]),
-            cyclic=cyclic,
-            norm="rms",
-            weights=np.ones(3),
-            limits=(np.min(requests, axis=0), np.max(requests, axis=0)),
-            start=start,
-        )
+        limits = np.min(requests, axis=0), np.max(requests, axis=0)
+        foot = leg.foot_positions(angles) + noise
+        task = Task.of(models, foot, leg=leg, cyclic=cyclic, limits=limits)
+        plan = np.tile(middle, (14, 1)) if cyclic else angles + 0.3 * (angles - angles[0])
+        bound = foot_bound(replace(task, start=start), plan)
         assert bound <= np.sqrt(np.mean(np.sum(noise**2, axis=1)))
 
 
@@ -243,20 +238,8 @@ def test_a_path_that_the_joints_can_follow_has_a_bound_of_nothing():
 
 def test_a_cycle_may_begin_anywhere():
     plan = short_plan(1, True, "rms")
-    options = {
-        "cyclic": True,
-        "norm": "rms",
-        "weights": plan.weights,
-        "limits": plan.limits,
-        "start": None,
-    }
-    later = foot_bound(
-        plan.models,
-        plan.leg,
-        np.roll(plan.desired_foot, 5, axis=0),
-        np.roll(plan.predicted, 5, axis=0),
-        **options,
-    )
+    task = replace(plan.plan.task, foot=np.roll(plan.desired_foot, 5, axis=0))
+    later = foot_bound(task, np.roll(plan.predicted, 5, axis=0))
     assert later == pytest.approx(plan.lower_bound, rel=0.01)
 
 
