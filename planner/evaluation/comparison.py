@@ -40,7 +40,7 @@ from planner.planning.bounds.certify import Certificate, certified
 from planner.planning.bounds.cvxpy_statement import stated_bound
 from planner.planning.bounds.reachable_set import LEVELS, BoundProblem, Level
 from planner.planning.inversion import planned
-from planner.planning.plan import Plan, joined
+from planner.planning.plan import Plan
 from planner.planning.result import FootInversion, Inversion
 from planner.planning.search import known_errors
 from planner.planning.task import axis_scales
@@ -327,15 +327,10 @@ def judge_foot(joints: Sequence[JointComparison], together: FootInversion) -> Fo
 
 def _foot_plan(together: Plan, plans: Sequence[Inversion]) -> Plan:
     """Plans of the joints, one by one, judged by where they bring the foot, all axes alike."""
-    one_by_one = joined([plan.plan.joint(plan.column) for plan in plans])
-    task = replace(
-        one_by_one.task,
-        goal="foot",
-        leg=together.task.leg,
-        foot=together.task.desired_foot,
-        weights=np.ones(3),
-    )
-    return replace(one_by_one, task=task)
+    start = None if together.cyclic else np.array([plan.start for plan in plans])
+    task = replace(together.task, start=start, weights=np.ones(3))
+    requests = np.column_stack([plan.requests for plan in plans])
+    return replace(together, task=task, requests=requests)
 
 
 def _unsmoothed(plan: Plan) -> Plan:

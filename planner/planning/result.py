@@ -1,8 +1,10 @@
-"""A plan as it is seen by those who plan for one joint, or for a foot."""
+"""A plan as it is seen by those who plan for one joint, or for a foot.
+
+The views have what follows from the requests; ``plan.task`` has all that was asked.
+"""
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple, Self
@@ -14,7 +16,6 @@ from planner.model.evidence import Expectation
 from planner.model.joint import JointModel
 from planner.model.response import PathSpeeds
 from planner.planning.arguments import Norm, Robust, Solver
-from planner.planning.task import Scenarios
 from planner.planning.trials import Learning
 from planner.summary import Summarised, Summary
 from planner.trajectory import Array, Mask, error_norm
@@ -94,11 +95,6 @@ class _View(Summarised):
     def norm(self) -> Norm:
         """Error that was minimised, and that the bound and the gap are about."""
         return self.plan.task.norm
-
-    @property
-    def smoothness(self) -> float:
-        """Relative rise of the error that smoother requests were allowed to cost [-]."""
-        return self.plan.task.smoothness
 
     @property
     def nominal(self) -> Self | None:
@@ -207,12 +203,6 @@ class Inversion(_View):
         return self.plan.task.limits[self.column]
 
     @property
-    def max_step(self) -> float | None:
-        """Largest change allowed from one request to the next [rad]; None for any."""
-        step = float(self.plan.task.max_step[self.column])
-        return None if math.isinf(step) else step
-
-    @property
     def start(self) -> float | None:
         """From rest: angle at which the joint rests before the first request [rad]."""
         return self.plan.task.starts[self.column]
@@ -226,11 +216,6 @@ class Inversion(_View):
     def lead(self) -> float | None:
         """Of a time shift: how early the desired angles are requested [s], else None."""
         return self.plan.leads[self.column] if self.plan.leads else None
-
-    @property
-    def tolerance(self) -> float | None:
-        """Error that was asked for, in the plan's norm [rad]; None where none was."""
-        return self.plan.task.tolerance
 
     @property
     def load(self) -> Array | None:
@@ -266,14 +251,9 @@ class Inversion(_View):
         return self.plan.speeds[self.column]
 
     @property
-    def worst_error(self) -> float:
-        """The worst of the errors of the models [rad]."""
-        return self.over_models.worst
-
-    @property
     def within_tolerance(self) -> bool:
         """Whether the plan keeps the tolerance that was asked for, if one was."""
-        return self.tolerance is None or self.error <= self.tolerance
+        return self.plan.task.tolerance is None or self.error <= self.plan.task.tolerance
 
     @property
     def largest_step(self) -> float:
@@ -302,15 +282,6 @@ class FootInversion(_View):
     def models(self) -> tuple[JointModel, ...]:
         """The joints, in the leg's order."""
         return self.plan.models
-
-    @property
-    def scenarios(self) -> Scenarios:
-        """All models that are judged, the nominal ones first; () for the nominal ones alone.
-
-        In each scenario one for each joint.
-        """
-        scenarios = self.plan.task.scenarios
-        return scenarios if len(scenarios) > 1 else ()
 
     @property
     def robust(self) -> Robust | None:
@@ -354,12 +325,6 @@ class FootInversion(_View):
     def limits(self) -> tuple[Array, Array]:
         """Smallest and largest request of each joint [rad], two arrays of shape (k,)."""
         return self.plan.task.lower, self.plan.task.upper
-
-    @property
-    def max_step(self) -> Array | None:
-        """Largest change allowed from one request to the next [rad], shape (k,), or None."""
-        steps = self.plan.task.max_step
-        return steps if np.any(np.isfinite(steps)) else None
 
     @property
     def start(self) -> Array | None:

@@ -108,7 +108,8 @@ def test_whatever_is_asked_for_is_kept_under_a_load_of_the_pose():
     assert made.names == ("arm",)
     assert set(told) == {"arm"}
     assert (arm.start, arm.limits, arm.norm) == (0.85, (0.2, 1.7), "max")
-    assert (arm.max_step, arm.smoothness, arm.cyclic) == (0.15, 0.02, False)
+    task = arm.plan.task
+    assert (task.max_step, task.smoothness, arm.cyclic) == (0.15, 0.02, False)
 
 
 def test_a_leg_carries_itself():

@@ -82,8 +82,8 @@ def test_the_mean_and_the_worst_of_several_models_are_better_than_under_a_plan_f
         assert made.error >= made.lower_bound - 1e-9
     assert np.sum(mean.errors_of_models**2) <= np.sum(before**2)
     # From rest the largest error is that of the start, which no requests can lessen.
-    assert worst.worst_error <= (0.8 if cyclic else 1.0) * np.max(before)
-    assert worst.worst_error <= 1.01 * mean.worst_error
+    assert worst.over_models.worst <= (0.8 if cyclic else 1.0) * np.max(before)
+    assert worst.over_models.worst <= 1.01 * mean.over_models.worst
     assert (mean.robust, worst.robust) == ("mean", "worst")
 
 

@@ -76,7 +76,7 @@ def test_the_weights_of_the_worst_models_grow_until_their_errors_are_equal():
     """Sags of 0, 0.1 and 0.3 rad: requests of -0.15 miss two of them by 0.15 each, none by more."""
     models = [replace(ERS210A, offset=sag) for sag in (0.0, 0.1, 0.3)]
     made = invert_optimal(models, np.zeros(20), robust="worst")
-    assert made.worst_error == pytest.approx(0.15, rel=0.02)  # six rounds leave 1 %
+    assert made.over_models.worst == pytest.approx(0.15, rel=0.02)  # six rounds leave 1 %
     mean = invert_optimal(models, np.zeros(20), robust="mean")
     np.testing.assert_allclose(mean.requests, -0.4 / 3.0, rtol=0.0, atol=1e-3)
 

@@ -75,7 +75,7 @@ def test_the_foots_errors_over_several_models_are_smaller_than_under_a_plan_for_
     scenarios = tuple(zip(MODELS[0], [ERS210A] * 3, MODELS[2], strict=True))
     before = errors(scenarios, alone)
     for made, which in ((mean, "mean"), (worst, "worst")):
-        assert made.scenarios == made.nominal.scenarios == scenarios
+        assert made.plan.task.scenarios == scenarios
         assert made.robust == which
         np.testing.assert_array_equal(made.nominal.requests, alone.requests)
         np.testing.assert_allclose(made.nominal.errors_of_models, before, rtol=0.0, atol=1e-11)
@@ -100,7 +100,7 @@ def test_of_a_single_joint_the_foots_plan_is_as_good_as_the_joints(tmp_path):
     for robust in ("mean", "worst"):
         joint = invert_optimal(SLOWER, desired, robust=robust)
         foot = invert_foot(SLOWER, leg, feet, robust=robust)
-        assert foot.scenarios == tuple((each,) for each in joint.models)
+        assert foot.plan.task.scenarios == tuple((each,) for each in joint.models)
         flat = invert_foot(joint.models, leg, feet, robust=robust)
         np.testing.assert_array_equal(flat.requests, foot.requests)
         # A foot turned by e is 2 r sin(e / 2) away; two searches end apart by a per cent or so.
@@ -168,7 +168,6 @@ def test_models_that_do_not_go_together_are_refused():
     with pytest.raises(InvalidInput, match="robust: got 'mean' for a sequence of one model"):
         invert_foot([[SLOWER]] * 3, LEG, path(), robust="mean")
     alone = invert_foot([[ERS210A]] * 3, LEG, path())
-    assert alone.scenarios == ()
     assert alone.robust is None
 
 
