@@ -96,11 +96,6 @@ def descend(
 def descend_by_windows(problem: Problem, start: Candidate, *, rounds: int) -> Candidate:
     """Move one window of many knots after the other, each between knots that stay.
 
-    Args:
-        problem: What to approximate.
-        start: Where to start, within the slopes.
-        rounds: Most evaluations of each window.
-
     Returns:
         The curve; never worse than the start. Cost O(n) for each round.
     """

@@ -120,10 +120,6 @@ def within_largest_error(
 def minimum_link(problem: Problem, bound: float) -> Course:
     """The curve of fewest segments with no error above ``bound``; O(n).
 
-    Args:
-        problem: What to approximate.
-        bound: Largest error at any sample, which slopes within the bound can keep.
-
     Returns:
         The curve. It has as few segments as possible; a cycle with required knots at most one more.
         All segments of a path are a sample long or longer if required knots lie on samples, and
@@ -181,11 +177,6 @@ def _cut(problem: Problem, bound: float, place: float) -> Course:
 
     A path whose ends are free needs no more segments; one that comes back to where it began takes
     at most one more.
-
-    Args:
-        problem: What to approximate, a cycle.
-        bound: Largest error at any sample.
-        place: Where to cut.
 
     Returns:
         The cycle, its ``fewest`` for any place where no knot is required.

@@ -111,11 +111,7 @@ class KnotSearch:
     """
 
     def __init__(self, problem: Problem) -> None:
-        """Find the ideal and the canonical form.
-
-        Args:
-            problem: What to approximate, samples of size one.
-        """
+        """Find the ideal and the canonical form."""
         coarse = at_resolution(problem)
         ideal = ideal_of(coarse)
         self.form = CanonicalForm.of(coarse.desired, ideal, cyclic=problem.cyclic)
@@ -437,12 +433,6 @@ def _fewest(
     Rough curves give a number that is surely enough. From there the numbers decrease by one, each
     searched in full, until one is not enough: fewer segments are assumed to be no better. Beyond
     :data:`ONE_BY_ONE` segments the number is found by bisection.
-
-    Args:
-        search: Curves through the samples.
-        enough: Squared error that is small enough.
-        close_enough: The curve of a number of segments, if it is good enough.
-        most: The largest number.
     """
     fewest = None
     count = search.fewest

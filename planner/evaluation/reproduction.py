@@ -286,13 +286,7 @@ def reproduce(
 
 
 def plan_walk(models: Sequence[JointModel], *, segments: int, clock: Clock) -> PlannedWalk:
-    """Plan the reference walk by every method, and predict the angles and the foot's path.
-
-    Args:
-        models: One model per joint of the leg.
-        segments: Lines of each approximation.
-        clock: Takes the time of each part.
-    """
+    """Plan the reference walk by every method, and predict the angles and the foot's path."""
     models = tuple(models)
     clock.start("walk", "the walk")
     walk = reference_walk()

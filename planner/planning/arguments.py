@@ -132,11 +132,6 @@ def checked_models(
     sequence has all of them: of one, the joint has that model in any case. Those of an
     identification are always drawn from its intervals.
 
-    Args:
-        model: The joint.
-        robust: Which error over several models counts.
-        seed: That of :func:`drawn_models`.
-
     Raises:
         InvalidInput: There is none, one is no JointModel, their request periods differ, or one by
             itself has no intervals.

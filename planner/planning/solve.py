@@ -107,11 +107,6 @@ def solve(
 ) -> Solved:
     """The requests for a task: of a foot all at once, of joints one by one.
 
-    Args:
-        task: What is asked.
-        solver: What solves the problem of a joint.
-        progress: Called with the name of each joint before it is planned.
-
     Raises:
         SolverFailed: No requests were found that lead to a steady cycle.
     """

@@ -52,14 +52,7 @@ class LocalProblem(NamedTuple):
 def tighten(
     problem: ScaledProblem, ranges: Ranges, solution: RelaxedSolution, ticks: Iterable[int]
 ) -> bool:
-    """Narrow the ranges in place, tick by tick; False where no such response is left.
-
-    Args:
-        problem: What is to be bounded.
-        ranges: What is known so far.
-        solution: The nearest point of the present relaxation.
-        ticks: Where to narrow.
-    """
+    """Narrow the ranges in place, tick by tick; False where no such response is left."""
     columns = sparse.csc_array(solution.matrix)
     lengths = np.diff(solution.matrix.indptr)
     for tick in ticks:
