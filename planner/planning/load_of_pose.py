@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Protocol, Self, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
 from planner.exceptions import InvalidInput, SolverFailed, angle_text
+from planner.planning.plan import Plan
 from planner.trajectory import Array
 from planner.validation import as_reals
 
@@ -32,21 +32,8 @@ SLOW, LEAST_SHARE = 0.7, 0.125
 its answer, down to this share: on a fast path a pose that swings too far calls for a load that
 makes it swing too far the other way."""
 
-Made = TypeVar("Made", bound="UnderLoad")
 
-
-class UnderLoad(Protocol):
-    """A plan whose load can be replaced."""
-
-    @property
-    def predicted(self) -> Array:
-        """Angles of the exact models under the requests and the load [rad], shape (n, k)."""
-
-    def under(self, torques: Array) -> Self:
-        """The same requests under the load of a pose [N m], shape (n, k)."""
-
-
-def settled(plan_under: Callable[[Array], Made], load: LoadOfPose, desired: Array) -> Made:
+def settled(plan_under: Callable[[Array], Plan], load: LoadOfPose, desired: Array) -> Plan:
     """A plan whose load is that of the angles which it predicts.
 
     With the load tau(q) of a pose the plan of round i is made under tau(q_{i-1}), q_0 = D, and its
@@ -81,7 +68,7 @@ def settled(plan_under: Callable[[Array], Made], load: LoadOfPose, desired: Arra
     raise _unsettled(f"{ROUNDS} plans", moved)
 
 
-def _at_simulated_angles(made: Made, load: LoadOfPose) -> tuple[Made, Array]:
+def _at_simulated_angles(made: Plan, load: LoadOfPose) -> tuple[Plan, Array]:
     """The plan under the load at its own simulated angles, and that load [N m], shape (n, k)."""
     angles, moved, share = made.predicted, np.inf, 1.0
     for _ in range(ROUNDS):

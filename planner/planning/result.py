@@ -362,10 +362,6 @@ class FootInversion(_View):
         """Distance of the foot from where it should be, all axes alike [m], shape (n,)."""
         return self.plan.distances
 
-    def under(self, torques: Array) -> Self:
-        """The same requests under the load of a pose [N m], shape (n, k)."""
-        return type(self)(self.plan.under(torques))
-
     def error_of(self, angles: Array) -> float:
         """The error of other angles, as it was minimised [m]; ``angles`` [rad], shape (n, k)."""
         return float(self.plan.task.errors_of(angles)[0])

@@ -138,7 +138,8 @@ def test_every_model_is_judged_under_the_load_that_it_feels():
     load = np.array([0.3, 0.2, -0.4])
     made = invert_foot([(ERS210A, soft), (ERS210A,), (soft, ERS210A)], LEG, path(), load=load)
     scenarios = ((ERS210A, ERS210A, soft), (soft, ERS210A, ERS210A))
-    for plan in (made, made.nominal, made.under(np.tile(load, (30, 1)))):
+    under = type(made)(made.plan.under(np.tile(load, (30, 1))))
+    for plan in (made, made.nominal, under):
         expected = errors(scenarios, plan, loads=load)
         np.testing.assert_allclose(plan.errors_of_models, expected, rtol=0.0, atol=1e-11)
     assert made.loads[1] is None  # no model of the abductor feels it
