@@ -22,14 +22,14 @@ from planner.evaluation.comparison import (
 from planner.exceptions import InvalidInput, SolverFailed, about
 from planner.model.joint import JointModel
 from planner.planning.arguments import Norm, checked_leg
-from planner.planning.bounds.reachable_set import LEVELS, Level, check_level
+from planner.planning.bounds.reachable_set import LEVELS, Level
 from planner.planning.closed_form import closed_forms
 from planner.planning.inversion import invert_foot, planned
 from planner.planning.line_inverse import RULES, check_rule
 from planner.planning.result import Inversion
 from planner.planning.task import Task
 from planner.trajectory import as_rows
-from planner.validation import shown
+from planner.validation import check_choice, shown
 
 Limits = tuple[npt.ArrayLike, npt.ArrayLike]
 
@@ -155,7 +155,7 @@ def cross_check(
     """
     if not callable(progress):
         raise InvalidInput(f"progress: got {shown(progress)}, expected a function")
-    check_level(level)
+    check_choice("level", level, LEVELS)
     levels = LEVELS[: LEVELS.index(level) + 1]
     if leg is not None:
         _check_columns(desired, checked_leg(leg))

@@ -72,11 +72,6 @@ COLUMNS = "columns of desired"
 """What has an entry for each joint, in messages, where the joints have no leg."""
 
 
-def check_norm(norm: str) -> None:
-    """Raise InvalidInput unless ``norm`` is the name of a norm."""
-    check_choice("norm", norm, NORMS)
-
-
 def checked_leg(leg: object) -> Leg:
     """The leg, or InvalidInput where it is none."""
     from kinematics.leg import Leg  # with Pinocchio

@@ -23,12 +23,12 @@ from planner.model.response import (
 from planner.planning.arguments import (
     COLUMNS,
     NEGLIGIBLE_SAG,
+    NORMS,
     ON_THE_LIMIT,
     JointLimits,
     Models,
     Norm,
     Robust,
-    check_norm,
     check_periods,
     checked_disturbance,
     checked_leg,
@@ -43,7 +43,7 @@ from planner.planning.arguments import (
     steps_of_each,
 )
 from planner.trajectory import Array, Mask, as_rows, as_trajectory, check_radians, error_norm, steps
-from planner.validation import as_flag, as_positive, freeze
+from planner.validation import as_flag, as_positive, check_choice, freeze
 
 if TYPE_CHECKING:
     from kinematics.leg import Leg
@@ -135,7 +135,7 @@ class Task:
             Infeasible: The limits exclude each other, the start or a desired angle.
             kinematics.KinematicsError: The leg has no inverse.
         """
-        check_norm(norm)
+        check_choice("norm", norm, NORMS)
         cyclic = as_flag("cyclic", cyclic)
         foot = importance = solution = None
         if leg is None:

@@ -17,7 +17,7 @@ from planner.model.joint import JointModel
 from planner.planning.arguments import JointLimits, limits_of_each
 from planner.planning.load_of_pose import LoadOfPose
 from planner.trajectory import MOST_SAMPLES, Array
-from planner.validation import as_number, as_positive, freeze, is_one_of, shown
+from planner.validation import as_number, as_positive, check_choice, freeze, shown
 
 Track = Literal["state", "action"]
 """The recorded signal to follow: what the robot did, or what it was asked to do."""
@@ -184,8 +184,7 @@ def recorded_path(
     limits: JointLimits | None = None,
 ) -> RecordedPath:
     """A recording with the models of its joints, ready for any speed; see :func:`replay`."""
-    if not is_one_of(track, get_args(Track)):
-        raise InvalidInput(f"track: got {shown(track)}, expected 'state' or 'action'")
+    check_choice("track", track, get_args(Track))
     logs = as_logs(recording)
     names = _names(logs)
     every = {"": models} if isinstance(models, JointModel) else _by_joint(models)

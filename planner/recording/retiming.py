@@ -22,7 +22,7 @@ from planner.recording.recorded_path import (
 )
 from planner.recording.replaying import JointReplay, Kind, Replay, replay_at
 from planner.trajectory import Array
-from planner.validation import as_number, is_one_of, shown
+from planner.validation import as_number, check_choice, shown
 
 if TYPE_CHECKING:
     from kinematics import Leg
@@ -198,8 +198,7 @@ def fastest(
         >>> bool(2.5 < found.speed <= found.impossible.speed < 4.5)
         True
     """
-    if not is_one_of(retime, get_args(Retime)):
-        raise InvalidInput(f"retime: got {shown(retime)}, expected 'constant' or 'varying'")
+    check_choice("retime", retime, get_args(Retime))
     path = recorded_path(
         recording,
         models,

@@ -11,20 +11,20 @@ import numpy.typing as npt
 from planner.exceptions import InvalidTrajectory, SolverFailed
 from planner.model.joint import JointModel, checked_model
 from planner.model.response import checked_load, checked_start
-from planner.planning.arguments import Norm, check_norm
+from planner.planning.arguments import NORMS, Norm
 from planner.planning.bounds.branch_and_bound import TIME_LIMIT, exact_bound
 from planner.planning.bounds.multipliers import linear_bound
 from planner.planning.bounds.reachable_set import (
+    LEVELS,
     BoundProblem,
     Level,
-    check_level,
     proved_level,
 )
 from planner.planning.bounds.saturation_relaxation import without_load
 from planner.planning.inversion import planned
 from planner.planning.task import Task
 from planner.trajectory import as_trajectory, error_norm, relative_gap
-from planner.validation import as_positive
+from planner.validation import as_positive, check_choice
 
 
 class Certificate(NamedTuple):
@@ -132,8 +132,8 @@ def certify(
     model = checked_model(model)
     time_limit = as_positive("time_limit", time_limit, "a number of seconds above 0")
     desired = as_trajectory(desired, name="desired")
-    check_norm(norm)
-    check_level(level)
+    check_choice("norm", norm, NORMS)
+    check_choice("level", level, LEVELS)
     start = checked_start(start, cyclic=cyclic)
     torques = checked_load(load, model, len(desired))
     problem = BoundProblem(model, desired, cyclic, norm, start, torques)

@@ -8,11 +8,9 @@ import numpy as np
 import numpy.typing as npt
 from scipy import sparse
 
-from planner.exceptions import InvalidInput
 from planner.model.joint import JointModel
 from planner.planning.arguments import Norm
 from planner.trajectory import Array
-from planner.validation import is_one_of, shown
 
 Level = Literal["slope", "envelope", "exact"]
 
@@ -297,11 +295,3 @@ def distance_from_rest(model: JointModel, load: Array, level: Level) -> Array:
         sagged = np.full_like(fastest, np.max(fastest))
     more = (fastest - model.v_max_per_tick) * new + (1.0 - new) * sagged
     return np.asarray(model.v_max_per_tick * np.cumsum(new) + np.cumsum(more))
-
-
-def check_level(level: str) -> None:
-    """Raise InvalidInput unless ``level`` is the name of a level."""
-    if not is_one_of(level, LEVELS):
-        raise InvalidInput(
-            f"level: got {shown(level)}, expected one of {', '.join(map(repr, LEVELS))}"
-        )

@@ -26,7 +26,7 @@ from planner.model.joint import (
 )
 from planner.planning.arguments import checked_limits, limits_of_each, steps_of_each
 from planner.trajectory import LARGEST, MOST_TURNS, TURN, Array, not_radians, turns_words
-from planner.validation import as_reals, as_whole, is_one_of, shown
+from planner.validation import as_reals, as_whole, check_choice, shown
 
 OnBad = Literal["hold", "raise"]
 
@@ -132,8 +132,7 @@ class Stream:
         self.preview = checked_preview(preview, self.period)
         warn_of_short_preview(self.preview, self.names, self.models)
         self.cycle = checked_cycle(cycle)
-        if not is_one_of(on_bad, get_args(OnBad)):
-            raise InvalidInput(f"on_bad: got {shown(on_bad)}, expected 'hold' or 'raise'")
+        check_choice("on_bad", on_bad, get_args(OnBad))
         self._raises = on_bad == "raise"
         self._limits = limits_of_each(limits, self.names, joints="joints")
         for name, low, high in zip(self.names, *self._limits, strict=True):

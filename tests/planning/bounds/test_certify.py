@@ -444,7 +444,7 @@ def test_the_exact_level_is_refused_under_a_load_that_changes():
     ("options", "message"),
     [
         ({"norm": "l2"}, "norm: got 'l2', expected 'rms' or 'max'"),
-        ({"level": "best"}, "level: got 'best', expected one of 'slope', 'envelope'"),
+        ({"level": "best"}, "level: got 'best', expected 'slope', 'envelope' or 'exact'"),
         ({"start": 0.0}, "start: a cycle has none"),
         ({"cyclic": False, "start": math.nan}, "start: got nan"),
         ({"cyclic": False, "start": math.inf}, "start: got inf"),
