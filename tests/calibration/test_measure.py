@@ -7,11 +7,12 @@ import math
 import numpy as np
 import pytest
 
-from planner.calibration.measure import check, servo_ranges
+from planner.calibration.measure import LOOKS, angles_of, check, servo_ranges
+from planner.identification.log import Log
 from planner.robot.arm import Arm, Servo
 from planner.robot.bus import Bus
-from planner.robot.protocols import PROTOCOLS
-from planner.virtual.servo_bus import VirtualPort, VirtualServos
+from planner.robot.protocols import FEETECH, PROTOCOLS
+from planner.virtual.servo_bus import Faults, VirtualPort, VirtualServos
 
 TICK = 2.0 * math.pi / 4096
 
@@ -29,3 +30,21 @@ def test_a_range_is_that_of_the_servos_limits_and_of_the_reach(protocol, directi
     limited = np.array([-248 * TICK, 0.5])[::direction] * direction  # around where it is
     assert ranges["joint_1"] - here == pytest.approx(limited, abs=2.0 * TICK)
     assert ranges["joint_2"] - here == pytest.approx([-0.5, 0.5], abs=2.0 * TICK)
+
+
+def test_lost_answers_are_counted_among_those_of_the_looks_at_rest():
+    servos = VirtualServos(1, faults=Faults(drop=0.05), seed=1)
+    found = check(Arm(Bus(VirtualPort(servos), FEETECH), {"joint": Servo(id=1)}))
+    assert found.lost * LOOKS == pytest.approx(round(found.lost * LOOKS), abs=1e-9)
+    assert 0.0 < found.lost < 0.3
+
+
+def test_a_row_that_was_not_measured_is_no_angle_nor_is_one_that_came_too_late():
+    rows = np.array([0, 1, 3, 4, 6])
+    log = Log(
+        times=5.0 + 0.02 * rows + 0.004,
+        requests=np.zeros(5),
+        angles=0.1 * rows,
+        measured=np.array([True, True, False, True, True]),
+    )
+    np.testing.assert_allclose(angles_of(log, 6, 0.02), [0.0, 0.1, np.nan, np.nan, 0.4, np.nan])

@@ -734,3 +734,18 @@ def test_a_mirrored_stream_answers_mirrored_requests_and_says_the_same(seed, cyc
         assert bool(streams[0].problem) == bool(streams[1].problem)
         said |= set(streams[0].status)
     assert said >= {"unreachable"}
+
+
+@pytest.mark.parametrize("cycle", [None, 30])
+def test_a_stream_that_was_reset_is_as_new(cycle):
+    _, model = random_joint(1)
+    path = smooth_path(90)
+    new, used = (planner.Stream(model, preview=PREVIEW, cycle=cycle) for _ in range(2))
+    for k, rows in enumerate(stretches(path)):
+        used.step(rows, path[k] if k < 5 else None, missed=k % 2)
+    used.reset()
+    for k, rows in enumerate(stretches(path + 0.3)):
+        read = path[k] + 0.3 + 2.0 * (k in (1, 40))
+        np.testing.assert_array_equal(used.step(rows, read), new.step(rows, read))
+        assert (used.status, used.problem) == (new.status, new.problem)
+        assert ("taken as missing" in new.problem) == (k in (1, 40))
