@@ -55,8 +55,8 @@ def test_knots_lie_on_the_lines_of_their_joint(reproduction, figures):
     for joint, (_, knots) in zip(reproduction.joints, drawn, strict=True):
         fit = joint.closed_form_plain.approximation
         samples = knots.x / (1e3 * reproduction.model.period)
+        assert len(samples) == len(fit.knots)
         np.testing.assert_allclose(knots.y, np.degrees(fit(samples)), atol=1e-9)
-        assert np.all(np.diff(knots.x) > 0.0)
 
 
 def test_the_step_tests_shade_lag_and_acceleration_time(reproduction, figures):

@@ -166,3 +166,14 @@ def test_a_supply_that_sags_makes_a_servo_slower():
         bus.port.sleep(0.3)
         speeds.append(bus.sync_read([1])[1].values["speed"])
     assert speeds[1] < 0.5 * speeds[0]
+
+
+def test_the_integral_of_a_servo_that_is_held_ends_at_a_share_of_its_voltage():
+    bus = Bus(VirtualPort(VirtualServos(1, faults=Faults(stall={1: 0.0}))), FEETECH)
+    for register, value in (("p_gain", 0), ("i_gain", 200), ("goal", 2300), ("torque", 1)):
+        bus.write(1, register, value)
+    loads = []
+    for _ in range(2):
+        bus.port.sleep(20.0)
+        loads.append(bus.sync_read([1])[1].values["load"])
+    assert loads[0] == loads[1] == pytest.approx(300, abs=5)

@@ -363,12 +363,10 @@ def _lines(reproduction: Reproduction) -> Curves:
         fit = joint.closed_form_plain.approximation
         assert fit is not None, "a closed form has an approximation"
         fine = np.linspace(0.0, fit.samples, FINE * fit.samples + 1)
-        knots = np.mod(fit.knots, fit.samples)
-        order = np.argsort(knots)
-        values = np.degrees(fit.values)[order]
+        knots, values = np.mod(fit.knots, fit.samples), np.degrees(fit.values)
         return [
             Curve(APPROXIMATION, timeline.step * fine, np.degrees(fit(fine))),
-            Curve(APPROXIMATION, timeline.step * knots[order], values, "knots", marks="rings"),
+            Curve(APPROXIMATION, timeline.step * knots, values, "knots", marks="rings"),
         ]
 
     return curves

@@ -456,3 +456,15 @@ def test_a_column_of_torques_is_the_load_of_its_joint(tmp_path):
     file.write_text(f"t_s,requested_deg,actual_deg,speed\n{rows}")
     (log,) = read_logs(file)
     assert log.load is None
+
+
+def test_a_note_names_the_line_of_the_file_after_rows_that_were_left_out(tmp_path):
+    rows = [f"{0.02 * k:.2f},{k},{k - 1}" for k in range(40)]
+    rows[30] = "0.60,30,"
+    rows.insert(11, rows[10])
+    file = tmp_path / "log.csv"
+    file.write_text("\n".join(["t_s,req_deg,act_deg", *rows]) + "\n")
+    (log,) = read_logs([str(file)])
+    assert "line 13: left out, the same as the row before" in log.notes
+    assert "line 33: the angle is missing, only the request counts" in log.notes
+    assert len(log.times) == 40

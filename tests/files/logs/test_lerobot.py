@@ -11,7 +11,7 @@ import pytest
 from pyarrow import parquet
 
 from planner import InvalidFile, LogOptions, joints_in, read_logs
-from planner.files.logs.lerobot import lerobot_episodes, read_episode
+from planner.files.logs.lerobot import _ranges, lerobot_episodes, read_episode
 from tests.files.logs.datasets import FPS, JOINTS, LENGTHS, NAMES, info, rows, v21, v30, values
 
 EXACT = 1e-12
@@ -263,3 +263,8 @@ def test_a_file_without_its_dataset_is_refused(tmp_path):
         f"{file}: no meta/info.json, which names the joints, in the folders above; keep the file "
         "in its LeRobot dataset, or give the log as CSV"
     )
+
+
+def test_episodes_are_listed_in_their_order_and_neighbours_together():
+    assert _ranges([9, 0, 2, 1, 7]) == "0-2, 7, 9"
+    assert _ranges([]) == "none"

@@ -1,0 +1,34 @@
+"""A sensor's delay, to a fraction of a sample."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from planner.learning.sensor_delay import later, pure_delay
+
+PERIOD = 0.02
+
+
+def motion(time):
+    return 0.3 * np.sin(2.0 * np.pi * time / 4.0) + 0.1 * np.cos(2.0 * np.pi * time / 1.0)
+
+
+@pytest.mark.parametrize("cyclic", [True, False])
+@pytest.mark.parametrize("samples", [0.0, 0.4, -1.3, 6.7])
+def test_a_delay_is_found_to_a_tenth_of_a_sample(samples, cyclic):
+    time = PERIOD * np.arange(200)
+    measured = motion(time - samples * PERIOD) + 0.05
+    delay, share = pure_delay(measured, motion(time), PERIOD, cyclic=cyclic)
+    assert delay == pytest.approx(samples * PERIOD, abs=0.1 * PERIOD)
+    assert share == (pytest.approx(1.0, abs=0.05) if samples else 0.0)
+
+
+@pytest.mark.parametrize("samples", [2.0, -3.0, 0.5])
+def test_rows_that_are_later_are_those_of_the_moments_before(samples):
+    time = PERIOD * np.arange(200)
+    rows = np.column_stack([motion(time), motion(time + 1.0)])
+    moved = later(rows, samples * PERIOD, PERIOD, cyclic=True)
+    before = time - samples * PERIOD
+    expected = np.column_stack([motion(before), motion(before + 1.0)])
+    np.testing.assert_allclose(moved, expected, rtol=0.0, atol=1e-3)  # straight lines in between
