@@ -100,7 +100,9 @@ def test_the_error_of_the_foot_to_expect_on_the_robot_stands_beside_that_of_the_
         foot = json.loads(run(*asked, "--json", stdin=path).stdout)["foot"]
         expected[name] = foot["expected_rms_cm"]
         said = run(*asked, "-o", tmp_path / "requests.csv", stdin=path).stderr
+        told = foot["expected_rms_cm"] and f"on the robot {foot['expected_rms_cm']:.3f} cm rms"
         assert ("cm rms to expect" in said) == (name == "known")
+        assert not told or told in said
     assert expected["untested"] is None
     assert foot["rms_cm"] + 0.01 < expected["known"] < foot["rms_cm"] + 0.5
 

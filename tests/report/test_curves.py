@@ -1,0 +1,125 @@
+"""Every curve shows what its legend names: the figures of all pages against their numbers."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import planner
+from planner.report import comparison, learning, plan, replay
+from planner.report.figure import Moments
+from planner.report.learning import AFTER, BEFORE, ERROR, EXECUTED, LEARNT, NEXT
+from planner.report.plotly_figure import MOST_FRAMES, numbers_over_time
+from planner.report.style import FOOT_OPTIMAL
+
+WALK = planner.reference_walk()
+JOINT = planner.JointModel.ers210a()
+SERVO = planner.JointModel(
+    v_max=4.0, theta_0=0.2, lag=0.03, acceleration_time=0.05, tick=0.005, hold=4
+)
+
+
+def drawn(figure, samples):
+    """By panel the values of every curve by its name, lines across the panel left out."""
+    return [
+        {curve.name: curve.y[:samples] for curve in panel.curves if len(curve.y) >= samples}
+        for panel in figure.panels
+    ]
+
+
+def same(got, expected):
+    """Whether panels have these curves [rad], and no others."""
+    assert [set(panel) for panel in got] == [set(panel) for panel in expected]
+    for panel, named in zip(got, expected, strict=True):
+        for name, values in named.items():
+            np.testing.assert_allclose(panel[name], np.degrees(values), atol=1e-9, err_msg=name)
+
+
+@pytest.fixture(scope="module")
+def planned():
+    return planner.plan([JOINT, replace(JOINT, v_max=1.3 * JOINT.v_max)], WALK.desired[::4, 1:])
+
+
+def test_a_plan(planned):
+    for j in range(2):
+        figure = plan.joint_figure(planned, FOOT_OPTIMAL, j)
+        desired = planned.desired[:, j]
+        angles = {"direct": planned.direct[:, j], "foot-optimised": planned.predicted[:, j]}
+        requests = {"requested": planned.requests[:, j]}
+        above, below = {"desired": desired, **angles}, {"desired": desired, **requests}
+        same(drawn(figure, len(desired)), [above, below])
+
+
+def test_learning(planned):
+    measured = planned.predicted + 0.02 * np.sin(np.arange(22))[:, np.newaxis]
+    after = planner.refine(planned, measured, reidentify=False)
+    for j in range(2):
+        figure = learning.joint_figure(after, planned.requests, measured, j)
+        desired, learnt = planned.desired[:, j], after.task.disturbance[:, j]
+        expected = [
+            {"desired": desired, EXECUTED.label: measured[:, j], NEXT.label: after.predicted[:, j]},
+            {ERROR.label: measured[:, j] - desired, LEARNT.label: learnt},
+            {BEFORE.label: planned.requests[:, j], AFTER.label: after.requests[:, j]},
+        ]
+        same(drawn(figure, 22), expected)
+
+
+@pytest.fixture(scope="module")
+def replayed():
+    requests = 0.8 * (1.0 - np.cos(np.linspace(0.0, 2.0 * np.pi, 80)))
+    angles = planner.simulate(SERVO, requests, cyclic=False)
+    times = SERVO.period * np.arange(80)
+    logs = [
+        planner.Log(times=times, requests=requests, angles=angles, joint=name)
+        for name in ("elbow", "gripper")
+    ]
+    return planner.replay(logs, SERVO, speed=2.0)
+
+
+def test_a_replay(replayed):
+    elbow, gripper = replayed.joints
+    samples = len(replayed.moments)
+    sent = {"path": elbow.desired, "recorded requests": elbow.recorded_requests}
+    shifted, predicted = elbow.shifted, elbow.predicted
+    angles = {"path": elbow.desired, "direct": elbow.direct}
+    expected = [
+        angles | {"best time shift": shifted, "optimised": predicted},
+        {"best time shift": shifted - elbow.desired, "optimised": predicted - elbow.desired},
+        sent | {"requested": elbow.requests},
+    ]
+    same(drawn(replay.joint_figure(replayed, 0), samples), expected)
+    (alone,) = drawn(replay.joint_figure(replayed, 1), samples)
+    assert alone["requested"] == pytest.approx(np.degrees(gripper.requests))
+    kinds = replay.moment_figure(replayed).moments.kinds
+    assert kinds["path"][0] == pytest.approx(np.degrees(elbow.desired))
+    assert kinds["request"][0] == pytest.approx(np.degrees(elbow.requests))
+    assert kinds["predicted"][0] == pytest.approx(np.degrees(predicted))
+    assert kinds["predicted"][1] is None
+
+
+def test_a_comparison():
+    check = planner.cross_check(JOINT, WALK.desired[::4, 1], names=["knee"], segments=4)
+    (joint,) = check.joints
+    ours, theirs = joint.plans["optimal"], joint.plans[comparison.SHOWN]
+    figure = comparison.joint_figure(check, joint, 0)
+    expected = [
+        {"desired": joint.desired, "closed form": theirs.predicted, "optimised": ours.predicted},
+        {"closed form": theirs.requests, "optimised": ours.requests},
+        {"difference": theirs.requests - ours.requests},
+    ]
+    same(drawn(figure, len(joint.desired)), expected)
+
+
+@pytest.mark.parametrize("samples", [10, MOST_FRAMES, 2 * MOST_FRAMES + 1])
+def test_the_numbers_of_a_slider_at_their_moments(samples):
+    values = np.arange(float(samples))
+    shown = numbers_over_time(
+        Moments(("a", "b"), ("deg", "%"), {"path": [values, None]}, period=0.01)
+    )
+    ((first, second),) = [each["values"] for each in shown["kinds"]]
+    assert second is None
+    assert shown["samples"] == len(first) <= MOST_FRAMES
+    assert first == pytest.approx(shown["period"] / 0.01 * np.arange(len(first)))
+    assert shown["period"] * shown["samples"] == pytest.approx(0.01 * samples, abs=0.03)
