@@ -9,12 +9,23 @@ from functools import cache
 
 import numpy as np
 import pytest
+from hypothesis import given
 
 import planner
-from planner.evaluation.checks import ABOVE, AGREES, CLOSES, INSIDE, RESTS, SOLVED, bound_checks
+from planner.evaluation.checks import (
+    ABOVE,
+    AGREEMENT,
+    AGREES,
+    CLOSES,
+    INSIDE,
+    RESTS,
+    SOLVED,
+    bound_checks,
+    second_answer,
+)
 from planner.evaluation.comparison import METHODS, SECOND, compare_joint, judge_foot
 from planner.evaluation.cross_check import cross_check
-from planner.exceptions import Infeasible, InvalidInput, InvalidTrajectory
+from planner.exceptions import Infeasible, InvalidInput, InvalidTrajectory, NoSteadyCycle
 from planner.model.evidence import Evidence
 from planner.model.joint import JointModel
 from planner.planning.bounds.reachable_set import LEVELS
@@ -23,7 +34,8 @@ from planner.planning.direct_transcription import TranscriptionOptions
 from planner.planning.inversion import invert_foot, invert_optimal
 from planner.report.comparison_tables import comparison_text
 from tests.instances import attainable, random_model, saturating
-from tests.plans import claiming
+from tests.plans import claiming, inversion
+from tests.strategies import models, trajectories
 
 JOINT = JointModel.ers210a()
 PHASE = 2.0 * np.pi * np.arange(88) / 88
@@ -147,6 +159,19 @@ def test_bounds_are_shown_under_the_level_that_was_proved(changes):
         ]
     )
     assert not _broken(comparison)
+
+
+@pytest.mark.parametrize("cyclic", [True, False])
+@given(model=models(friction=True, inertia=True, poses=True), requests=trajectories())
+def test_the_second_answer_agrees_for_any_joint(cyclic, model, requests):
+    load = np.random.default_rng(len(requests)).uniform(-1.0, 1.0, len(requests))
+    plan = inversion(model, requests, requests, cyclic=cyclic, load=load).plan
+    try:
+        answer = second_answer(plan)
+    except NoSteadyCycle:
+        return
+    assert answer.agreement <= AGREEMENT.value
+    assert not cyclic or answer.closure <= AGREEMENT.value
 
 
 def test_the_second_solvers_plan_is_a_plan_of_its_own_and_as_good(of_walk):
