@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import reduce
+
 import numpy as np
 import numpy.typing as npt
 
@@ -85,7 +87,7 @@ def sensitivities(
     np.add.at(driven, place, by_request.transpose(0, 2, 1))
     if cyclic:
         begin = np.zeros((size, n))
-        closing = np.eye(size) - _product(kept)
+        closing = np.eye(size) - reduce(lambda product, each: each @ product, kept, np.eye(size))
         if np.linalg.det(closing) > 0.0:
             begin = np.linalg.solve(closing, _recursion(kept, driven, begin)[-1])
         elif model.dead_band:
@@ -124,14 +126,6 @@ def _slope(model: JointModel, error: float, load: float) -> float:
     drive = abs(float(model.speed(error, load)) * model.tick) + model.law.friction
     beyond = float(np.sign(drive - most))
     return model.law.share * slope * (1.0 - beyond) / 2.0
-
-
-def _product(kept: Array) -> Array:
-    """The product of all matrices, the last one leftmost."""
-    product = np.eye(kept.shape[1])
-    for each in kept:
-        product = each @ product
-    return product
 
 
 def _recursion(kept: Array, driven: Array, before: Array) -> Array:
