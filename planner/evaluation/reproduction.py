@@ -29,6 +29,18 @@ RULE: Rule = "paper"
 REFINE = {"closed_form_plain": False, "closed_form": True}
 """Whether knots are moved by the error of the simulated joint. The paper's stay where they are."""
 
+PAIRS: Mapping[str, str] = {
+    "Des,Dir": "direct",
+    "Des,Plain": "closed_form_plain",
+    "Pwl,Plain": "closed_form_plain",
+    "Des,MB": "closed_form",
+    "Pwl,MB": "closed_form",
+    "Des,Opt": "optimal",
+    "Des,Foot": "foot_optimal",
+}
+"""The rows of Table 2, Plain for the closed form as in the paper and MB for ours, with two of the
+optimised plans, and the method whose angles each of them judges."""
+
 VISIBLE = 0.01
 """A speed has changed, or is the top speed, when it is this close, relative to the top speed."""
 
@@ -60,21 +72,10 @@ class JointOutcome:
     foot_optimal: Array
 
     @property
-    def distances(self) -> dict[str, Distance]:
-        """The rows of Table 2 [rad], Plain for the closed form as in the paper and MB for ours.
-
-        Two more are of the optimised plans, Opt and Foot.
-        """
-        plain, refined = self.closed_form_plain, self.closed_form
-        return {
-            "Des,Dir": angle_distance(self.direct, self.desired),
-            "Des,Plain": angle_distance(plain.predicted, self.desired),
-            "Pwl,Plain": angle_distance(plain.predicted, approximation(plain)),
-            "Des,MB": angle_distance(refined.predicted, self.desired),
-            "Pwl,MB": angle_distance(refined.predicted, approximation(refined)),
-            "Des,Opt": angle_distance(self.optimal.predicted, self.desired),
-            "Des,Foot": angle_distance(self.foot_optimal, self.desired),
-        }
+    def goals(self) -> dict[str, Array]:
+        """What the rows of Table 2 that are not about the desired angles are about [rad], (n,)."""
+        plain, refined = approximation(self.closed_form_plain), approximation(self.closed_form)
+        return {"Pwl,Plain": plain, "Pwl,MB": refined}
 
     @property
     def excesses(self) -> dict[str, float]:
@@ -158,10 +159,12 @@ class PlannedWalk:
         """Distances between angle trajectories by joint and comparison [degrees]: Table 2."""
         return {
             joint.name: {
-                comparison: distance.in_units_of(math.radians(1.0))
-                for comparison, distance in joint.distances.items()
+                pair: angle_distance(
+                    self.angles[method][:, j], joint.goals.get(pair, joint.desired)
+                ).in_units_of(math.radians(1.0))
+                for pair, method in PAIRS.items()
             }
-            for joint in self.joints
+            for j, joint in enumerate(self.joints)
         }
 
     @property

@@ -13,9 +13,9 @@ import numpy as np
 from planner.evaluation.metrics import Distance, angle_distance, foot_distance
 from planner.evaluation.paper import SEGMENTS
 from planner.evaluation.reproduction import (
+    PAIRS,
     Clock,
     PlannedWalk,
-    approximation,
     best_lead,
     plan_walk,
     walk_distance,
@@ -60,17 +60,6 @@ MEASURED_CYCLES = 2
 
 MOST_DROPPED = 20
 """Cycles after which a walk that is not steady will not be."""
-
-PAIRS: Mapping[str, str] = {
-    "Des,Dir": "direct",
-    "Des,Plain": "closed_form_plain",
-    "Pwl,Plain": "closed_form_plain",
-    "Des,MB": "closed_form",
-    "Pwl,MB": "closed_form",
-    "Des,Opt": "optimal",
-    "Des,Foot": "foot_optimal",
-}
-"""The rows of Table 2, and the method whose run each of them judges."""
 
 
 class OverCycles(NamedTuple):
@@ -196,14 +185,10 @@ class VirtualOutcome:
     def _table2(self, read: Callable[[Run], Array]) -> dict[str, dict[str, OverCycles]]:
         table: dict[str, dict[str, OverCycles]] = {}
         for j, joint in enumerate(self.planned.joints):
-            goals = {
-                "Pwl,Plain": approximation(joint.closed_form_plain),
-                "Pwl,MB": approximation(joint.closed_form),
-            }
             table[joint.name] = {
                 pair: over_cycles(
                     [
-                        angle_distance(cycle, goals.get(pair, joint.desired))
+                        angle_distance(cycle, joint.goals.get(pair, joint.desired))
                         for cycle in read(self.runs[method])[:, :, j]
                     ]
                 ).in_units_of(math.radians(1.0))
