@@ -20,7 +20,7 @@ from planner.exceptions import InvalidInput
 from planner.model.joint import JointModel
 from planner.planning.bounds.hull_cuts import UNBOUNDED, HullCut, RequestSet, separate
 from planner.planning.bounds.multipliers import dual_value, nearest_point
-from planner.planning.bounds.reachable_set import BoundProblem, distance_from_rest
+from planner.planning.bounds.reachable_set import BoundProblem, distance_from_rest, ticks_of
 from planner.trajectory import Array, Indices
 
 Intervals = dict[int, tuple[float, float]]
@@ -108,7 +108,7 @@ class ScaledProblem:
         self.desired = (desired - middle) / unit
         self.incumbent = incumbent / unit
         self.work, self.most_work = 0, most_work
-        self.ticks = len(desired) * model.hold if cyclic else (len(desired) - 1) * model.hold + 1
+        self.ticks = ticks_of(problem)
         self.sampled = np.arange(0, self.ticks, model.hold)
         self.start = None if start is None else (start - middle) / unit
         self.fixed: Intervals = {}
