@@ -53,8 +53,9 @@ def test_a_plan(planned):
 
 
 def test_learning(planned):
-    measured = planned.predicted + 0.02 * np.sin(np.arange(22))[:, np.newaxis]
+    measured = planned.predicted + 0.02 * np.sin(2.0 * np.pi * np.arange(22) / 22)[:, np.newaxis]
     after = planner.refine(planned, measured, reidentify=False)
+    assert np.max(np.abs(after.requests - planned.requests)) > 0.01
     for j in range(2):
         figure = learning.joint_figure(after, planned.requests, measured, j)
         desired, learnt = planned.desired[:, j], after.task.disturbance[:, j]
