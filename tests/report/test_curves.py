@@ -39,7 +39,7 @@ def same(got, expected):
 
 @pytest.fixture(scope="module")
 def planned():
-    return planner.plan([JOINT, replace(JOINT, v_max=1.3 * JOINT.v_max)], WALK.desired[::4, 1:])
+    return planner.plan([JOINT, replace(JOINT, v_max=1.3 * JOINT.v_max)], WALK.desired[:, 1:])
 
 
 def test_a_plan(planned):
@@ -53,7 +53,7 @@ def test_a_plan(planned):
 
 
 def test_learning(planned):
-    measured = planned.predicted + 0.02 * np.sin(2.0 * np.pi * np.arange(22) / 22)[:, np.newaxis]
+    measured = planned.predicted + 0.02 * np.sin(2.0 * np.pi * np.arange(88) / 88)[:, np.newaxis]
     after = planner.refine(planned, measured, reidentify=False)
     assert np.max(np.abs(after.requests - planned.requests)) > 0.01
     for j in range(2):
@@ -64,7 +64,7 @@ def test_learning(planned):
             {ERROR.label: measured[:, j] - desired, LEARNT.label: learnt},
             {BEFORE.label: planned.requests[:, j], AFTER.label: after.requests[:, j]},
         ]
-        same(drawn(figure, 22), expected)
+        same(drawn(figure, 88), expected)
 
 
 @pytest.fixture(scope="module")
