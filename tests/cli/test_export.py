@@ -120,10 +120,10 @@ def test_pulses_of_hobby_servos_are_asked_for_by_their_unit(run, desired):
     asked = ("export", desired, "--format", "csv", "--unit", "us")
     straight, turned = (
         np.genfromtxt(run(*asked, *more).stdout.splitlines(), delimiter=",", names=True)
-        for more in ((), ("--reverse", "knee", "--zero-tick", "knee=1600"))
+        for more in ((), ("--reverse", "knee", "--zero-tick", 1520, "--zero-tick", "knee=1600"))
     )
     assert straight.dtype.names == ("t_s", "hip_us", "knee_us")
-    assert np.array_equal(straight["hip_us"], turned["hip_us"])
+    assert np.array_equal(straight["hip_us"] + 20, turned["hip_us"])
     assert np.array_equal(straight["knee_us"] - 1500, 1600 - turned["knee_us"])
     unused = run("export", desired, "--format", "csv", "--reverse", "knee")
     assert "--reverse needs --unit ticks" in unused.stderr

@@ -283,6 +283,7 @@ def test_intervals_of_a_model_file_are_read_and_written_again_to_the_last_digit(
     ("written", "wrong", "said"),
     [
         ("[4.5, 5.5]", "[5.1, 5.5]", r"v_max_interval: got \[5.1, 5.5\], .* \[rad/s\], with 5,"),
+        ("[4.5, 5.5]", "[4.5, 4.9]", "v_max_interval: got .* with 5, that of the model, between"),
         ("[4.5, 5.5]", "[5.5, 4.5]", "v_max_interval: got .*, expected least and largest value"),
         ("[4.5, 5.5]", "5.0", "v_max_interval: got 5.0"),
         ("[4.5, 5.5]", '["fast", 5.5]', "v_max_interval: got "),
