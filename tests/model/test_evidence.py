@@ -327,3 +327,14 @@ def test_what_a_model_is_worth_beside_a_pure_delay_is_kept_in_its_file(tmp_path)
     seen = SEEN._replace(over_delay=0.4, spread=(0.5, 1.5))
     JointModel.ers210a().with_evidence(seen).to_toml(tmp_path / "joint.toml")
     assert planner.read_models(tmp_path / "joint.toml")[""].evidence == seen
+
+
+def test_what_is_known_of_a_joint_moves_with_its_gain_and_its_lag():
+    seen = Evidence(intervals={"lag": (0.01, 0.03), "gain": (10.0, 12.0), "v_max": (4.0, 5.0)})
+    moved = seen.moved(2.0, 0.005).intervals
+    assert moved == {
+        "lag": pytest.approx((0.015, 0.035)),
+        "gain": (20.0, 24.0),
+        "v_max": (4.0, 5.0),
+    }
+    assert seen.moved(1.0, -0.02).intervals["lag"] == pytest.approx((0.0, 0.01))

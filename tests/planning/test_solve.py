@@ -10,11 +10,11 @@ import pytest
 from planner.exceptions import SolverFailed
 from planner.gait.half_ellipse import reference_walk
 from planner.model.evidence import Evidence
-from planner.model.joint import JointModel
+from planner.model.joint import JointModel, request_ages
 from planner.planning import solve as searches
 from planner.planning.problem import problem_of
 from planner.planning.search import State
-from planner.planning.solve import Solved, holding, search, solve
+from planner.planning.solve import Solved, below_top_speed, holding, search, solve
 from planner.planning.task import Task
 from tests.plans import track
 
@@ -170,3 +170,14 @@ def test_the_first_request_leaves_the_middle_of_the_band_for_the_side_of_the_mot
     first = float(made.requests[0, 0])
     assert abs(first) < 0.03
     assert first == 0.0 if several else way * first == pytest.approx(0.03, rel=1e-6)
+
+
+@pytest.mark.parametrize("cyclic", [True, False])
+def test_samples_below_the_top_speed_are_counted_whichever_way_it_goes(cyclic):
+    model = ERS210A
+    shares = np.concatenate([np.zeros(30), np.repeat([1.0, -1.0, 0.5, -0.5], [8, 8, 5, 5])])
+    ideal = (model.v_max_per_period * np.cumsum(shares))[:, np.newaxis]
+    for way in (1.0, -1.0):
+        problem = track(model, way * ideal[:, 0], cyclic=cyclic, start=None if cyclic else 0.0)
+        resting = 0 if cyclic else request_ages(model).youngest + 1
+        assert below_top_speed(problem, way * ideal) == 40 - resting

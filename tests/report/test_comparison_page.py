@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -92,6 +93,11 @@ def test_requests_of_the_closed_form_beyond_the_limits_are_remarked(check):
     abductor = check.joints[1].plans
     excess = np.max(abductor[SHOWN].requests - abductor["optimal"].limits[1])
     assert f"abductor by {np.degrees(excess):.3g} degrees" in said
+    (*_, knee) = check.joints
+    low = SimpleNamespace(requests=knee.plans["optimal"].limits[0] - np.radians([0.0, 7.0]))
+    below = replace(knee, plans={**knee.plans, SHOWN: low})
+    (said,) = [each for each in remarks(replace(check, joints=(below,))) if "no limits" in each]
+    assert "more than they allow of knee by 7 degrees" in said
 
 
 def test_page_and_terminal_have_the_same_tables(check, page):

@@ -45,6 +45,13 @@ def test_the_page_says_what_is_promised_and_what_is_passed_on(made):
     assert page == replay_page(made, title="demo.csv", words="follows the state")
 
 
+def test_the_page_says_what_should_be_known_of_the_recording():
+    (log,) = logs("elbow")
+    times = log.times + 0.5 * (np.arange(80) >= 40)
+    page = replay_page(replay(replace(log, times=times), SERVO), title="demo.csv", words="follows")
+    assert "is bridged by a straight line" in page
+
+
 def test_the_verdict_is_bad_where_a_tolerance_is_missed_and_says_by_which_joint(made):
     about = {"title": "demo.csv", "words": "follows the state"}
     kept, missed = (replay_page(made, **about, missed=each) for each in ((), ("elbow: 3 deg",)))

@@ -181,6 +181,15 @@ def test_a_joint_that_rests_beside_its_request_keeps_it_when_it_is_stopped():
     assert arm.goals()[0] == pytest.approx(0.3, abs=0.5 * TICK)
 
 
+def test_an_angle_whose_answer_was_lost_is_asked_for_again(monkeypatch):
+    arm = arm_of(count=2)
+    arm.bus.write(1, "goal", 3000)  # without torque it stays
+    angles = arm.angles()
+    lost = arm.measure()._replace(angles=np.array([math.nan, angles[1]]))
+    monkeypatch.setattr(arm, "measure", lambda: lost)
+    assert arm.angles() == pytest.approx(angles, abs=2.0 * TICK)
+
+
 def test_two_joints_cannot_share_a_servo():
     bus = arm_of(count=1).bus
     with pytest.raises(InvalidInput, match=r"identifiers \[1, 1\], expected each once"):
