@@ -17,18 +17,41 @@ if TYPE_CHECKING:
     from planner.robot.arm import Arm, Servo
     from planner.robot.bus import Bus
 
-BUSES = ("virtual", "feetech", "dynamixel")
+BUSES = ("virtual", "feetech", "dynamixel", "xl320", "lerobot")
+
+KINDS = ("sts3215", "xl430", "xl330", "mx-64", "mx-106", "xl-320")
+"""Virtual servos: those of ``planner.virtual.servo_bus``, which takes longer to import."""
+
+ROBOT = "so101"
+"""The LeRobot robot that examples name."""
 
 INTERRUPTED = 130
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
+
+def _bus(text: str) -> str:
+    """A bus, perhaps with a kind of virtual servo or a robot of LeRobot."""
+    kind, colon, which = text.partition(":")
+    known = {"virtual": which in KINDS if colon else True, "lerobot": bool(which)}
+    if kind not in BUSES or not known.get(kind, not colon):
+        raise ValueError
+    return text
+
+
 _OPTIONS = (
     click.option(
         "--bus",
-        type=click.Choice(BUSES),
+        type=types.Parsed(
+            _bus,
+            f"{', '.join(BUSES[:-1])}, lerobot:ROBOT such as lerobot:{ROBOT}, or virtual:KIND with "
+            f"one of {', '.join(KINDS)}",
+        ),
         required=True,
-        help="What the servos speak; 'virtual' are simulated ones, here and at once.",
+        metavar="BUS",
+        help="What the servos speak: feetech, dynamixel (protocol 2.0: X series, MX) or xl320; "
+        f"lerobot:ROBOT, such as lerobot:{ROBOT}, is a robot by LeRobot's own classes; virtual are "
+        f"simulated servos, here and at once, as is virtual:KIND of {', '.join(KINDS)}.",
     ),
     click.option("--port", metavar="P", help="The serial port, such as /dev/ttyACM0."),
     click.option(
@@ -73,6 +96,20 @@ def _ids(text: str) -> dict[str, int]:
     return found
 
 
+def named(choices: Mapping[str, Any], ids: dict[str, int]) -> dict[str, int]:
+    """The servos by joint; those of a LeRobot robot have its names unless others are given."""
+    kind, _, which = choices["bus"].partition(":")
+    if kind != "lerobot":
+        return ids
+    from planner.robot.lerobot_bus import joints
+
+    known = joints(which)
+    return {
+        known.get(servo, name) if name == f"joint_{servo}" else name: servo
+        for name, servo in ids.items()
+    }
+
+
 def ids_type() -> click.ParamType:  # type: ignore[type-arg]  # generic from click 8.5 on
     """The type of an option that names servos."""
     return types.Parsed(_ids, "identifiers of servos, such as 1-6 or pan=1,lift=2, each once")
@@ -87,18 +124,26 @@ def open_bus(choices: Mapping[str, Any], ids: Mapping[str, int]) -> Iterator[Bus
         BusError: It cannot be opened.
     """
     from planner.robot.bus import Bus, SerialPort
-    from planner.robot.protocols import FEETECH, PROTOCOLS
+    from planner.robot.protocols import PROTOCOLS
 
-    kind, path = choices["bus"], choices["port"]
+    (kind, _, which), path = choices["bus"].partition(":"), choices["port"]
     if kind == "virtual":
         if path is not None:
             raise click.UsageError("--port has no effect with --bus virtual; leave it out.")
-        from planner.virtual.servo_bus import VirtualPort, VirtualServos
+        from planner.virtual import servo_bus
 
-        yield Bus(VirtualPort(VirtualServos(max(1, *ids.values()))), FEETECH)
+        made = servo_bus.KINDS[which or KINDS[0]]
+        servos = servo_bus.VirtualServos(max(1, *ids.values()), made)
+        yield Bus(servo_bus.VirtualPort(servos), made.protocol)
         return
     if path is None:
         raise click.UsageError(f"--bus {kind} needs --port, such as --port /dev/ttyACM0.")
+    if kind == "lerobot":
+        from planner.robot.lerobot_bus import lerobot_bus
+
+        with lerobot_bus(which, path) as bus:
+            yield bus
+        return
     port = SerialPort(path, choices["baud_rate"])
     try:
         yield Bus(port, PROTOCOLS[kind])

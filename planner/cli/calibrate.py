@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from planner.calibration.candidates import Compared
     from planner.calibration.measure import Check
     from planner.robot.arm import Arm, Servo
+    from planner.robot.protocols import ServoProtocol
 
 NOISY = math.radians(0.5)
 """Noise of an angle sensor at rest from which on something is wrong with it [rad]."""
@@ -57,7 +58,7 @@ SLOWEST = 16.0
     type=types.TICKS,
     multiple=True,
     metavar="[JOINT=]N",
-    help="Count of the servo at angle 0.  [default: 2048]",
+    help="Count of the servo at angle 0.  [default: the middle, 2048, or 512 of an XL-320]",
 )
 @click.option(
     "--rate-hz",
@@ -123,18 +124,22 @@ def calibrate(
         request-planner play requests.csv --bus virtual --model arm.toml -o log.csv
     """  # noqa: D301
     from planner.calibration import measure
+    from planner.robot.arm import Arm
 
     if choices["rate_hz"] < SLOWEST:
         got = f"{choices['rate_hz']:g}"
         raise click.UsageError(f"--rate-hz: got {got}, expected {SLOWEST:g} Hz or more.")
-    servos = _servos(ids, choices)
-    for name in chosen:
-        if name not in servos:
-            raise click.UsageError(f"--joint: got {name}, expected one of {', '.join(servos)}.")
-    joints = chosen or tuple(servos)
+    ids = buses.named(choices, ids)
+    by_joint = {"--zero-tick": dict(choices["zeros"]), "--reverse": choices["reversed_"]}
+    for option, names in {"--joint": chosen, **by_joint}.items():
+        for name in names:
+            if name and name not in ids:
+                raise click.UsageError(f"{option}: got {name}, expected one of {', '.join(ids)}.")
+    joints = chosen or tuple(ids)
     folder = buses.logs_folder(output)
     found: dict[str, Compared] = {}
-    with buses.open_arm(choices, servos) as arm:
+    with buses.open_bus(choices, ids) as bus:
+        arm = Arm(bus, _servos(ids, choices, bus.protocol))
         with Progress() as progress:
             progress("asking the servos")
             checked = measure.check(arm)
@@ -188,20 +193,18 @@ TESTS = 32.0
 """Time for the test motions of a joint, with the ways to their beginnings [s]."""
 
 
-def _servos(ids: Mapping[str, int], choices: Mapping[str, Any]) -> dict[str, Servo]:
+def _servos(
+    ids: Mapping[str, int], choices: Mapping[str, Any], protocol: ServoProtocol
+) -> dict[str, Servo]:
     from planner.robot.arm import Servo
 
     zeros: dict[str, int] = dict(choices["zeros"])
-    reversed_ = choices["reversed_"]
-    for option, names in (("--zero-tick", zeros), ("--reverse", reversed_)):
-        for name in names:
-            if name and name not in ids:
-                raise click.UsageError(f"{option}: got {name}, expected one of {', '.join(ids)}.")
     return {
         name: Servo(
             id=servo,
-            zero_tick=zeros.get(name, zeros.get("", 2048)),
-            direction=-1 if name in reversed_ else 1,
+            zero_tick=zeros.get(name, zeros.get("", protocol.middle)),
+            direction=-1 if name in choices["reversed_"] else 1,
+            ticks_per_turn=protocol.ticks_per_turn,
         )
         for name, servo in ids.items()
     }
@@ -216,7 +219,7 @@ def _checked_text(arm: Arm, checked: Check, period: float) -> str:
     ]
     for name, angle in checked.angles.items():
         settings = ", ".join(
-            f"{words} {checked.settings[name][key]}" for key, words in SETTINGS.items()
+            f"{SETTINGS[key]} {value}" for key, value in checked.settings[name].items()
         )
         noise = math.degrees(checked.noise[name])
         lines.append(f"  {name}: at {math.degrees(angle):.1f} deg, noise {noise:.2f}; {settings}")

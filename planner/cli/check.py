@@ -161,7 +161,7 @@ def _settings_changed(before: Any, now: Any) -> list[str]:
     return [
         f"{words} is {now[key]}, and was {before[key]}"
         for key, words in SETTINGS.items()
-        if key in before and before[key] != now[key]
+        if key in before and key in now and before[key] != now[key]
     ]
 
 

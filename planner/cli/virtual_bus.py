@@ -8,6 +8,7 @@ from typing import Any
 import click
 
 from planner.cli import types
+from planner.cli.buses import KINDS
 
 TIMED = ("stall", "overheat", "saturate")
 """Faults of one servo, from some time on."""
@@ -16,7 +17,7 @@ TIMED = ("stall", "overheat", "saturate")
 def _fault(text: str) -> tuple[str, int, float]:
     """A fault, its servo (0 for the bus), and its share or time."""
     kind, _, value = text.partition("=")
-    if kind in ("drop", "disconnect"):
+    if kind in ("drop", "disconnect", "power-off"):
         number = types.finite(value)
         if number < 0.0 or (kind == "drop" and number > 1.0):
             raise ValueError
@@ -27,7 +28,8 @@ def _fault(text: str) -> tuple[str, int, float]:
 
 
 FAULT = types.Parsed(
-    _fault, "drop=SHARE, disconnect=S, or stall, overheat or saturate=ID@S, such as stall=3@5"
+    _fault,
+    "drop=SHARE, disconnect=S, power-off=S, or stall, overheat or saturate=ID@S, such as stall=3@5",
 )
 
 
@@ -42,10 +44,13 @@ FAULT = types.Parsed(
 )
 @click.option(
     "--protocol",
-    type=click.Choice(["feetech", "dynamixel"]),
-    default="feetech",
-    show_default=True,
-    help="What they speak: STS3215 or X series.",
+    type=click.Choice(["feetech", "dynamixel", "xl320"]),
+    help="What they speak.  [default: feetech, or that of the kind]",
+)
+@click.option(
+    "--kind",
+    type=click.Choice(KINDS),
+    help="What they are.  [default: sts3215, xl430 or xl-320, by the protocol]",
 )
 @click.option(
     "--step-ms",
@@ -60,11 +65,16 @@ FAULT = types.Parsed(
     type=FAULT,
     multiple=True,
     metavar="FAULT",
-    help="drop=0.05 (of the packets), disconnect=10 (seconds from now), stall=3@5 (servo 3 after "
-    "5 s), overheat=3@5, saturate=3@5 (its supply sags); several times for several.",
+    help="drop=0.05 (of the packets), disconnect=10 (seconds from now), power-off=10, stall=3@5 "
+    "(servo 3 after 5 s), overheat=3@5, saturate=3@5 (its supply sags); several times for several.",
 )
 def virtual_bus(
-    *, servos: int, protocol: str, step_ms: float | None, faults: tuple[tuple[str, int, float], ...]
+    *,
+    servos: int,
+    protocol: str | None,
+    kind: str | None,
+    step_ms: float | None,
+    faults: tuple[tuple[str, int, float], ...],
 ) -> None:
     """Put moving virtual servos behind a pseudo-terminal, and print the port; Ctrl-C ends it.
 
@@ -77,20 +87,25 @@ def virtual_bus(
         request-planner virtual-bus --servos 6
         request-planner calibrate --bus feetech --port /dev/pts/3 --ids 1 -o arm.toml
     """  # noqa: D301
-    from planner.robot.protocols import PROTOCOLS
+    from planner.virtual import servo_bus
     from planner.virtual.servo_bus import Faults, VirtualServos, serve, terminal
 
+    spoken = {name: each.protocol.name for name, each in servo_bus.KINDS.items()}
+    if kind is None:
+        kind = next(name for name, each in spoken.items() if each == (protocol or each))
+    elif protocol not in (None, spoken[kind]):
+        raise click.UsageError(f"--protocol: got {protocol}, but --kind {kind} is {spoken[kind]}.")
     wrong: dict[str, Any] = {kind: {} for kind in TIMED}
-    for kind, servo, value in faults:
-        if kind not in TIMED:
-            wrong[kind] = value
+    for fault, servo, value in faults:
+        if fault not in TIMED:
+            wrong[fault.replace("-", "_")] = value
         elif servo in range(1, servos + 1):
-            wrong[kind][servo] = value
+            wrong[fault][servo] = value
         else:
             raise click.UsageError(f"--fault: got servo {servo}, expected 1 to {servos}.")
     moving = VirtualServos(
         servos,
-        PROTOCOLS[protocol],
+        servo_bus.KINDS[kind],
         faults=Faults(**wrong),
         step=None if step_ms is None else 1e-3 * step_ms,
     )

@@ -309,9 +309,12 @@ def read_servos(path: Path | str) -> dict[str, Servo]:
             if key == "limits":
                 fits = _reals(value).shape == (2,) and bool(np.isfinite(_reals(value)).all())
             else:
-                fits = isinstance(value, int) and not isinstance(value, bool)
+                numbers = int | float if key == "ticks_per_turn" else int
+                fits = isinstance(value, numbers) and not isinstance(value, bool)
             if not fits:
-                expected = "two angles [rad]" if key == "limits" else "a whole number"
+                expected = {"limits": "two angles [rad]", "ticks_per_turn": "a number"}.get(
+                    key, "a whole number"
+                )
                 words = f"{key}: got {shown(value)}, expected {expected}"
                 raise InvalidFile(file.path, words, line=line)
         if "id" not in table:

@@ -65,7 +65,7 @@ class Servo:
     id: int
     zero_tick: int = 2048
     direction: int = 1
-    ticks_per_turn: int = 4096
+    ticks_per_turn: float = 4096
     limits: tuple[float, float] = (-math.pi, math.pi)
     settings: Mapping[str, int] = field(default_factory=dict)
 
@@ -74,7 +74,7 @@ class Servo:
             raise InvalidInput(f"servo: got the identifier {self.id}, expected 0 to 252")
         if self.direction not in (1, -1):
             raise InvalidInput(f"direction: got {self.direction}, expected 1 or -1")
-        if self.ticks_per_turn < 2:
+        if not 2 <= self.ticks_per_turn < math.inf:
             raise InvalidInput(f"ticks_per_turn: got {self.ticks_per_turn}, expected 2 or more")
         if not self.limits[0] < self.limits[1]:
             raise InvalidInput(f"limits: got {list(self.limits)}, expected the lower one first")
@@ -168,9 +168,10 @@ class Arm:
         return angles
 
     def settings(self) -> dict[str, dict[str, int]]:
-        """By joint, the registers that shape its motion."""
+        """By joint, the registers that shape its motion, as far as its servo has them."""
+        known = [each for each in SETTINGS if each in self.bus.protocol.registers]
         return {
-            name: {each: self.bus.read(servo.id, each) for each in SETTINGS}
+            name: {each: self.bus.read(servo.id, each) for each in known}
             for name, servo in self.servos.items()
         }
 

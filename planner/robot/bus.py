@@ -235,31 +235,45 @@ class Bus:
 
     def _ask(self, servo: int, code: int, content: bytes, size: int) -> Packet:
         """The answer of one servo, asked for several times where it is lost."""
-        instruction = self.protocol.instruction(servo, code, content)
+        instruction, refusal = self.protocol.instruction(servo, code, content), ""
         for _ in range(ATTEMPTS):
             self.asked += 1
             for packet in self._answers(instruction, 1, size):
-                if packet.servo == servo and len(packet.content) == size:
-                    return packet
+                if packet.servo == servo:
+                    refusal = self.protocol.refusal(packet.code)
+                    if len(packet.content) == size and not refusal:
+                        return packet
             self.lost += 1
+        if refusal:
+            raise BusError(f"servo {servo} reports {refusal}; check its model and its settings")
         raise BusError(
             f"servo {servo} does not answer; check its identifier, the baud rate, the cable and "
             "the supply"
         )
 
     def _answers(self, instruction: bytes, count: int, size: int) -> list[Packet]:
-        """The packets that come back, at most so many, each with so many bytes of content."""
+        """The packets that come back, at most so many, each with so many bytes of content.
+
+        An adapter may hand back what was sent, before the answers.
+        """
         port, protocol = self.port, self.protocol
         whole = count * len(protocol.answer(1, 0, bytes(size)))
         end = port.now() + self.patience + 10.0 * (whole + len(instruction)) / port.baud_rate
         port.write(instruction)
-        buffer, packets = bytearray(), list[Packet]()
+        buffer, packets, echo = bytearray(), list[Packet](), len(instruction)
         missing = whole
         while missing > 0 and (left := end - port.now()) > 0.0:
             received = port.read(missing, left)
             buffer += received
+            if echo and received and instruction.startswith(buffer[:echo]):
+                if len(buffer) < echo:
+                    missing = echo - len(buffer)
+                    continue
+                del buffer[:echo]
+            echo = 0
             while (packet := protocol.take(buffer, answers=True)) is not None:
-                packets.append(packet)
+                if packet.servo < BROADCAST:
+                    packets.append(packet)
             if len(packets) == count or not received:
                 break
             missing = max(1, whole // count * (count - len(packets)) - len(buffer))

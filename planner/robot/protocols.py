@@ -1,15 +1,16 @@
-"""Packets and registers of two servo buses: Feetech STS/SMS, and Dynamixel protocol 2.0.
+"""Packets and registers of servo buses: Feetech STS/SMS, and Dynamixel protocol 2.0.
 
 Both protocols know the same instructions, and write numbers with the low byte first; they differ in
 their frames, in the width of addresses and in the sign of numbers. The control tables are those of
-Feetech's STS3215 and of Robotis' X series. Nothing here opens a port or keeps a state.
+Feetech's STS3215, of Robotis' X series (MX servos with protocol 2.0 have the same one), and of
+Robotis' XL-320. Nothing here opens a port or keeps a state.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 PING, READ, WRITE, SYNC_READ, SYNC_WRITE = 0x01, 0x02, 0x03, 0x82, 0x83
@@ -74,7 +75,7 @@ class Packet(NamedTuple):
 
 @dataclass(frozen=True)
 class ServoProtocol:
-    """A protocol and the control table of its servos; see the two subclasses.
+    """A protocol and the control table of servos; the subclasses have the frames.
 
     Attributes:
         name: What users call it.
@@ -85,7 +86,9 @@ class ServoProtocol:
         load_unit: Share of the largest load that a load of 1 stands for.
         errors: By bit of an answer's error, what it means.
         address_size: Bytes of an address.
-        models: Names of servos by model number.
+        ticks_per_turn: Counts of the angle in a turn.
+        middle: Count in the middle of the range, which is angle 0 unless one says otherwise.
+        refusals: By an answer's error without these bits, why the instruction was not carried out.
     """
 
     name: str
@@ -96,7 +99,9 @@ class ServoProtocol:
     load_unit: float
     errors: Mapping[int, str]
     address_size: int
-    models: Mapping[int, str]
+    ticks_per_turn: float = 4096
+    middle: int = 2048
+    refusals: Mapping[int, str] = field(default_factory=dict)
 
     def instruction(self, servo: int, code: int, content: bytes = b"") -> bytes:
         """The frame of an instruction."""
@@ -128,7 +133,13 @@ class ServoProtocol:
 
     def error_words(self, error: int) -> str:
         """What the error of an answer says, in words; empty for none."""
-        return " and ".join(words for bit, words in self.errors.items() if error & bit)
+        bits = [words for bit, words in self.errors.items() if error & bit]
+        return " and ".join(bits + ([self.refusal(error)] if self.refusal(error) else []))
+
+    def refusal(self, error: int) -> str:
+        """Why an instruction was not carried out, in words; empty where it was."""
+        number = error & ~sum(self.errors)
+        return self.refusals.get(number, f"error {number}") if self.refusals and number else ""
 
 
 class _Feetech(ServoProtocol):
@@ -252,8 +263,18 @@ FEETECH = _Feetech(
         0x20: "overload",
     },
     address_size=1,
-    models={777: "STS3215", 2825: "STS3250"},
 )
+
+_ALERT = {0x80: "a hardware error: overload, overheating or a wrong voltage"}
+_REFUSALS = {
+    1: "that it could not carry out the instruction",
+    2: "an unknown instruction",
+    3: "an instruction with a wrong checksum",
+    4: "a value beyond its range",
+    5: "a value of another length",
+    6: "a value beyond its limits",
+    7: "a register that cannot be read or written now",
+}
 
 DYNAMIXEL = _Dynamixel(
     name="dynamixel",
@@ -279,10 +300,40 @@ DYNAMIXEL = _Dynamixel(
     speed_unit=0.229 * 2.0 * math.pi / 60.0,
     acceleration_unit=214.577 * 2.0 * math.pi / 3600.0,
     load_unit=1e-3,
-    errors={0x80: "a hardware error: overload, overheating or a wrong voltage"},
+    errors=_ALERT,
     address_size=2,
-    models={1060: "XL430-W250", 1190: "XL330-M077", 1200: "XL330-M288", 1020: "XM430-W350"},
+    refusals=_REFUSALS,
 )
 
-PROTOCOLS: Mapping[str, ServoProtocol] = {each.name: each for each in (FEETECH, DYNAMIXEL)}
+XL320 = _Dynamixel(
+    name="xl320",
+    registers={
+        "model": Register(0, 2),
+        "least_position": Register(6, 2),
+        "largest_position": Register(8, 2),
+        "torque": Register(24, 1),
+        "d_gain": Register(27, 1),
+        "i_gain": Register(28, 1),
+        "p_gain": Register(29, 1),
+        "goal": Register(30, 2),
+        "profile_speed": Register(32, 2),
+        "torque_limit": Register(35, 2),
+        "position": Register(37, 2),
+        "speed": Register(39, 2, 10),
+        "load": Register(41, 2, 10),
+        "temperature": Register(46, 1),
+        "hardware_error": Register(50, 1),
+    },
+    feedback=("position", "speed", "load"),
+    speed_unit=0.111 * 2.0 * math.pi / 60.0,
+    acceleration_unit=0.0,
+    load_unit=1e-3,
+    errors=_ALERT,
+    address_size=2,
+    ticks_per_turn=1228.8,  # 1024 counts in 300 degrees
+    middle=512,
+    refusals=_REFUSALS,
+)
+
+PROTOCOLS: Mapping[str, ServoProtocol] = {each.name: each for each in (FEETECH, DYNAMIXEL, XL320)}
 """By the name that users give."""

@@ -3,11 +3,14 @@
 The law of :mod:`planner.model` is not used here, nor known to it. In each millisecond, with the
 error e between the goal, as the profile lets it through, and the counted angle::
 
-    duty    = clip(kp e + ki ∫e - kd w, -limit, limit), in steps of the PWM, 0 inside its dead band
-    current = clip((duty U - k w) / R, -I, I)
-    J dw/dt = k current - friction(w) - gravity sin(angle)
+    duty     = clip(kp e + ki ∫e - kd w, -limit, limit), in steps of the PWM, 0 inside its dead band
+    current  = clip((duty U - k w) / R, -I, I)
+    J dw/dt  = k current - gravity sin(angle) - viscous w - friction
+    friction = dry + load |k current - gravity sin(angle)| + rest exp(-|w| / w_s)
 
-Dry friction is implicit: it stops the joint, and never drives it.
+Dry friction is implicit: it stops the joint, and never drives it. Its form is the model M4 of BAM
+(Duclusaud, Passault and others, Rhoban/bam), whose parts that rest adds to that of the load are
+left out.
 """
 
 from __future__ import annotations
@@ -43,6 +46,9 @@ class Motor:
         torque_constant: At the joint [N m/A].
         inertia: At the joint, the load's included [kg m²].
         dry_friction: Coulomb friction [N m].
+        load_friction: Share of the torque in the gear that friction takes.
+        rest_friction: Friction that rest adds (Stribeck) [N m].
+        rest_speed: Speed at which it has fallen to a third [rad/s].
         viscous_friction: [N m s/rad].
         gravity: Torque that holds the load level [N m]; it hangs at 0.
         current_limit: [A].
@@ -62,6 +68,9 @@ class Motor:
     torque_constant: float = 1.2116
     inertia: float = 0.0284
     dry_friction: float = 0.12
+    load_friction: float = 0.0
+    rest_friction: float = 0.0
+    rest_speed: float = 1.0
     viscous_friction: float = 0.059
     gravity: float = 0.0
     current_limit: float = 2.7
@@ -77,6 +86,7 @@ class Motor:
 
 
 STS3215 = Motor()
+
 XL430 = Motor(
     voltage=12.0,
     resistance=8.6,
@@ -92,16 +102,114 @@ XL430 = Motor(
     delay=0.004,
 )
 
+# Winding, armature, friction and gain of the next four: params/{mx64,mx106,xl330,xl320} and
+# actuator.py of Rhoban/bam (M4; of the MX-106 M3, as no M4 is there), each with a link of its own;
+# voltages, current limits and counts: Robotis' data sheets. BAM's gain of the MX servos, 0.158 of
+# the duty per rad and unit of P, is that of protocol 1.0, a unit of which is 16 of protocol 2.0.
+MX64 = Motor(
+    voltage=12.0,
+    resistance=3.156,
+    torque_constant=1.663,
+    inertia=0.011 + 0.02,
+    dry_friction=0.0615,
+    load_friction=0.1,
+    rest_friction=0.0239,
+    rest_speed=1.52,
+    viscous_friction=0.0148,
+    gravity=0.8,
+    current_limit=4.1,
+    duty_steps=885.0,
+    proportional=0.158 / 16.0,
+    integral=1e-4,
+    derivative=2e-5,
+    delay=0.004,
+)
+MX106 = Motor(
+    voltage=12.0,
+    resistance=2.653,
+    torque_constant=2.204,
+    inertia=0.0248 + 0.04,
+    dry_friction=0.1134,
+    load_friction=0.108,
+    viscous_friction=0.0119,
+    gravity=1.2,
+    current_limit=5.2,
+    duty_steps=885.0,
+    proportional=0.158 / 16.0,
+    integral=1e-4,
+    derivative=2e-5,
+    delay=0.004,
+)
+XL330 = Motor(
+    voltage=5.0,
+    resistance=2.0,
+    torque_constant=0.2915,
+    inertia=0.00258 + 0.0008,
+    dry_friction=0.0022,
+    load_friction=0.252,
+    rest_friction=0.0004,
+    rest_speed=0.118,
+    viscous_friction=0.0178,
+    gravity=0.08,
+    current_limit=1.75,
+    duty_steps=885.0,
+    proportional=0.00246,
+    integral=1e-4,
+    derivative=2e-5,
+    delay=0.004,
+)
+XL320 = Motor(
+    voltage=7.4,
+    resistance=26.2,
+    torque_constant=0.995,
+    inertia=0.00148 + 0.0005,
+    dry_friction=0.0,
+    load_friction=0.221,
+    rest_friction=0.0215,
+    rest_speed=1.97,
+    viscous_friction=0.0078,
+    gravity=0.05,
+    current_limit=1.1,
+    duty_steps=1023.0,
+    proportional=0.0505,
+    integral=0.1,
+    derivative=0.002,
+    delay=0.004,
+    counts=1228.8,
+)
+# A servo of the class of a TowerPro MG996R at 6 V by its data sheet: it stalls at 1.08 N m and
+# 2.5 A, turns by 60 degrees in 0.14 s, and has a dead band of 5 µs of 2000 in 180 degrees. It hears
+# of its goal every 20 ms, and compares it with a potentiometer.
+HOBBY = Motor(
+    voltage=6.0,
+    resistance=2.4,
+    torque_constant=0.72,
+    inertia=0.006,
+    dry_friction=0.03,
+    load_friction=0.35,
+    viscous_friction=0.02,
+    gravity=0.15,
+    current_limit=2.5,
+    duty_steps=255.0,
+    duty_dead_band=8.0 * 0.5 * math.radians(0.45),
+    proportional=8.0,
+    integral=0.0,
+    derivative=0.1,
+    delay=0.02,
+    counts=4096.0,
+)
+
 
 def arm_of(motor: Motor, count: int) -> list[Motor]:
     """Such servos as the joints of an arm: each has another friction, the second and third lift."""
     lifts = {1: 0.5, 2: 0.3}
+    largest = motor.torque_constant * min(motor.current_limit, motor.voltage / motor.resistance)
     return [
         replace(
             motor,
             dry_friction=motor.dry_friction * (1.0 + 0.2 * (k % 3)),
             inertia=motor.inertia * (1.0 + 0.3 * lifts.get(k % 6, 0.0)),
-            gravity=lifts.get(k % 6, 0.0) * motor.torque_constant,
+            gravity=lifts.get(k % 6, 0.0) * largest / 2.7,
         )
         for k in range(count)
     ]
@@ -187,6 +295,9 @@ def _run(  # type: ignore[no-untyped-def]
             torque_constant,
             inertia,
             dry,
+            load,
+            rest,
+            rest_speed,
             viscous,
             gravity,
             current_limit,
@@ -243,9 +354,10 @@ def _run(  # type: ignore[no-untyped-def]
                 current = min(current_limit, max(-current_limit, current))
             else:
                 through, pace, integral, duty, current = counted, 0.0, 0.0, 0.0, 0.0
-            torque = torque_constant * current - gravity * math.sin(angle) - viscous * speed
-            free = speed + STEP * torque / inertia
-            speed = math.copysign(max(abs(free) - STEP * dry / inertia, 0.0), free)
+            torque = torque_constant * current - gravity * math.sin(angle)
+            free = speed + STEP * (torque - viscous * speed) / inertia
+            friction = dry + load * abs(torque) + rest * math.exp(-abs(speed) / rest_speed)
+            speed = math.copysign(max(abs(free) - STEP * friction / inertia, 0.0), free)
             if jammed[i] > 0.0:
                 speed = 0.0
             angle += STEP * speed

@@ -14,28 +14,29 @@ import tty
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
 from planner.exceptions import BusError
 from planner.robot.protocols import (
     BROADCAST,
+    DYNAMIXEL,
     FEETECH,
     PING,
     READ,
     SYNC_READ,
     SYNC_WRITE,
     WRITE,
+    XL320,
     Packet,
     ServoProtocol,
 )
-from planner.virtual.motors import STS3215, XL430, Motor, Motors, arm_of
+from planner.virtual import motors as made
+from planner.virtual.motors import Motor, Motors, arm_of
 
 REG_WRITE, ACTION = 0x04, 0x05
 """Instructions that only the emulator knows: write later, at the same moment."""
-
-ZERO = 2048
-"""Count at angle 0."""
 
 OVERLOADED = 2.0
 """Time at nearly full duty without motion after which a servo gives up [s]."""
@@ -52,22 +53,49 @@ WIRE = 1e-3
 PROTECTIVE, SAGGING = 0.2, 0.3
 """Largest duty of a servo that gave up, and at a supply that sags."""
 
-DEFAULTS: Mapping[str, Mapping[str, int]] = {
-    "feetech": {
-        "model": 777,
-        "largest_position": 4095,
-        "p_gain": 16,
-        "d_gain": 32,
-        "torque_limit": 1000,
-    },
-    "dynamixel": {
-        "model": 1060,
-        "largest_position": 4095,
-        "p_gain": 800,
-        "torque_limit": 885,
-    },
+
+class Kind(NamedTuple):
+    """A kind of servo: what it speaks, what it is made of, and what its registers hold at first.
+
+    Attributes:
+        protocol: Its packets and registers.
+        motor: What moves behind them.
+        registers: What they hold when the supply is switched on; the others hold 0.
+    """
+
+    protocol: ServoProtocol
+    motor: Motor
+    registers: Mapping[str, int]
+
+
+def _dynamixel(motor: Motor, model: int, gain: int) -> Kind:
+    registers = {"model": model, "largest_position": 4095, "p_gain": gain, "torque_limit": 885}
+    return Kind(DYNAMIXEL, motor, registers)
+
+
+KINDS: Mapping[str, Kind] = {
+    "sts3215": Kind(
+        FEETECH,
+        made.STS3215,
+        {
+            "model": 777,
+            "largest_position": 4095,
+            "p_gain": 16,
+            "d_gain": 32,
+            "torque_limit": 1000,
+        },
+    ),
+    "xl430": _dynamixel(made.XL430, 1060, 800),
+    "xl330": _dynamixel(made.XL330, 1200, 400),
+    "mx-64": _dynamixel(made.MX64, 311, 850),
+    "mx-106": _dynamixel(made.MX106, 321, 850),
+    "xl-320": Kind(
+        XL320,
+        made.XL320,
+        {"model": 350, "largest_position": 1023, "p_gain": 32, "torque_limit": 1023},
+    ),
 }
-"""What the registers hold when the supply is switched on; the others hold 0."""
+"""By name; the first of a protocol is the one that stands for it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,6 +105,7 @@ class Faults:
     Attributes:
         drop: Share of the packets, both ways, that are lost.
         disconnect: When the cable is pulled.
+        power_off: When the supply is switched off: the port stays, and no servo answers.
         stall: By servo, when something blocks it.
         overheat: By servo, when it is too hot.
         saturate: By servo, when its supply sags.
@@ -84,6 +113,7 @@ class Faults:
 
     drop: float = 0.0
     disconnect: float = float("inf")
+    power_off: float = float("inf")
     stall: Mapping[int, float] = field(default_factory=dict)
     overheat: Mapping[int, float] = field(default_factory=dict)
     saturate: Mapping[int, float] = field(default_factory=dict)
@@ -95,7 +125,7 @@ class VirtualServos:
     def __init__(
         self,
         count: int = 6,
-        protocol: ServoProtocol = FEETECH,
+        kind: Kind = KINDS["sts3215"],
         *,
         motors: Sequence[Motor] | None = None,
         faults: Faults | None = None,
@@ -106,23 +136,23 @@ class VirtualServos:
 
         Args:
             count: How many.
-            protocol: What they speak.
+            kind: One of :data:`KINDS`, or one's own.
             motors: What they are made of; by default an arm of such servos.
             faults: What goes wrong.
             step: Time between two sync writes [s], where they are to be the clock; any other packet
                 takes :data:`WIRE`.
             seed: Of the lost packets.
         """
-        self.protocol, self.ids = protocol, range(1, count + 1)
-        made = arm_of(STS3215 if protocol is FEETECH else XL430, count)
-        self.motors = Motors(list(motors or made), np.zeros(count))
+        self.protocol, self.ids = kind.protocol, range(1, count + 1)
+        self.motors = Motors(list(motors or arm_of(kind.motor, count)), np.zeros(count))
+        self._tick_angle = 2.0 * np.pi / kind.protocol.ticks_per_turn
         self.faults, self.step = faults or Faults(), step
         self._tick = 0.0
         self._random = np.random.default_rng(seed)
         self._received, self._later = bytearray(), list[Packet]()
         self._memories = [bytearray(256) for _ in self.ids]
         for servo in self.ids:
-            for name, value in {**DEFAULTS[protocol.name], "goal": ZERO}.items():
+            for name, value in {**kind.registers, "goal": kind.protocol.middle}.items():
                 self._set(servo, name, value)
 
     @property
@@ -144,7 +174,7 @@ class VirtualServos:
                         self._spoil(name, servo - 1)
             for k in np.flatnonzero(motors.overload_times > OVERLOADED):
                 motors.limits[k] = min(motors.limits[k], PROTECTIVE)
-            motors.powered[motors.temperatures > HOT] = 0.0
+            motors.powered[(motors.temperatures > HOT) | self._dead] = 0.0
 
     def feed(self, content: bytes) -> bytes:
         """The answers to bytes of the bus."""
@@ -155,7 +185,7 @@ class VirtualServos:
                 due = self._tick + self.step if packet.code == SYNC_WRITE else 0.0
                 self.run(max(due, self.motors.time + WIRE))
                 self._tick = self.motors.time if packet.code == SYNC_WRITE else self._tick
-            if not self._lost():
+            if not (self._dead or self._lost()):
                 answers += b"".join(each for each in self._carry_out(packet) if not self._lost())
         return answers
 
@@ -167,6 +197,10 @@ class VirtualServos:
             motors.temperatures[k] = max(motors.temperatures[k], HOT + 10.0)
         else:
             motors.limits[k] = min(motors.limits[k], SAGGING)
+
+    @property
+    def _dead(self) -> bool:
+        return self.motors.time >= self.faults.power_off
 
     def _lost(self) -> bool:
         return self.faults.drop > 0.0 and bool(self._random.random() < self.faults.drop)
@@ -222,7 +256,7 @@ class VirtualServos:
         """The memory of a servo, with what it measures now."""
         motors, k, protocol = self.motors, servo - 1, self.protocol
         for name, value in {
-            "position": ZERO + motors.angles[k] * 4096 / (2.0 * np.pi),
+            "position": protocol.middle + motors.angles[k] / self._tick_angle,
             "speed": motors.speeds[k] / protocol.speed_unit,
             "load": motors.duties[k] / protocol.load_unit,
             "temperature": motors.temperatures[k],
@@ -242,12 +276,12 @@ class VirtualServos:
             name: register.decode(memory[register.address :])
             for name, register in protocol.registers.items()
         }
-        motors.goals[k] = (value["goal"] - ZERO) * 2.0 * np.pi / 4096
+        motors.goals[k] = (value["goal"] - protocol.middle) * self._tick_angle
         motors.powered[k] = value["torque"] > 0 and motors.temperatures[k] <= HOT
         motors.gains[k] = [value[name] for name in ("p_gain", "i_gain", "d_gain")]
         motors.profiles[k] = [
             value["profile_speed"] * protocol.speed_unit,
-            value["profile_acceleration"] * protocol.acceleration_unit,
+            value.get("profile_acceleration", 0) * protocol.acceleration_unit,
         ]
 
 

@@ -13,6 +13,7 @@ from benchmark.machine import circumstances
 from benchmark.parts import (
     Options,
     Part,
+    calibrated,
     fit,
     foot,
     friction,
@@ -39,6 +40,7 @@ PARTS: dict[str, Part] = {
     "identify": identify.measure,
     "models": models.measure,
     "servos": servos.measure,
+    "calibrated": calibrated.measure,
     "friction": friction.measure,
     "smooth": smooth.measure,
     "stream": stream.measure,

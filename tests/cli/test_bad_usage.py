@@ -68,6 +68,9 @@ EXPORT = "export desired.csv"
 BAD = {
     **LOOPS,
     "a bus without a port": "calibrate --bus feetech --ids 1",
+    "a bus that is none": "calibrate --bus modbus --ids 1",
+    "a virtual servo of no kind": "calibrate --bus virtual:ax-12 --ids 1",
+    "a kind that speaks otherwise": "virtual-bus --kind xl-320 --protocol feetech",
     "a port of no bus": "calibrate --bus virtual --port p --ids 1",
     "a port that is not there": "calibrate --bus feetech --port p --baud-rate 12345 --ids 1",
     "identifiers backwards": "calibrate --bus virtual --ids 6-1",

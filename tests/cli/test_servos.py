@@ -13,6 +13,7 @@ import pytest
 
 from planner import JointModel
 from planner.calibration import measure
+from planner.cli import buses
 from planner.cli.check import _changes
 from planner.files.joint_model import read_models, read_servos
 from planner.files.logs.read import read_logs
@@ -166,6 +167,14 @@ def test_a_chosen_joint_is_calibrated_with_its_options_beside_those_in_the_file(
     assert read_models(arm)["lift"].period == pytest.approx(0.02)
 
 
+@pytest.mark.parametrize("kind", buses.KINDS)
+def test_every_kind_of_virtual_servo_is_calibrated_from_its_own_middle(run, kind):
+    assert set(buses.KINDS) == set(servo_bus.KINDS)
+    result = run("calibrate", "--bus", f"virtual:{kind}", "--ids", "1", "--dry-run")
+    assert result.exit_code == 0, result.stderr
+    assert "joint_1: at 0.0 deg, noise 0.00; P " in result.stderr
+
+
 def test_nothing_moves_in_a_dry_run(run, tmp_path, monkeypatch):
     monkeypatch.setattr(measure, "move", None)
     result = run("calibrate", *BRIEF, "--ids", "pan=1,lift=2", "--dry-run")
@@ -314,7 +323,7 @@ def test_a_model_that_holds_is_said_to_hold_and_another_gain_to_be_the_reason(
     holds = run(*asked)
     assert holds.exit_code == 0, holds.stderr
     assert "joint_1: the model holds: misses" in holds.stderr
-    monkeypatch.setitem(servo_bus.DEFAULTS["feetech"], "p_gain", 6)
+    monkeypatch.setitem(servo_bus.KINDS["sts3215"].registers, "p_gain", 6)
     gone = run(*asked)
     assert gone.exit_code == 1
     assert "joint_1: the model no longer holds" in gone.stderr

@@ -11,21 +11,19 @@ import pytest
 from planner.exceptions import BusError, InvalidInput
 from planner.robot.arm import Arm, Servo
 from planner.robot.bus import Bus, SerialPort
-from planner.robot.protocols import DYNAMIXEL, FEETECH, PROTOCOLS, SYNC_READ, SYNC_WRITE
-from planner.virtual.servo_bus import Faults, VirtualPort, VirtualServos
+from planner.robot.protocols import DYNAMIXEL, FEETECH, SYNC_READ, SYNC_WRITE
+from planner.virtual.servo_bus import KINDS, Faults, VirtualPort, VirtualServos
 
 PERIOD = 0.01
-TICK = 2.0 * math.pi / 4096
-BOTH = pytest.mark.parametrize("protocol", PROTOCOLS.values(), ids=PROTOCOLS)
+EVERY = pytest.mark.parametrize("kind", KINDS.values(), ids=KINDS)
 
 
-def arm_of(protocol=FEETECH, count=6, *, faults=None, seed=0, **servo):
-    servos = VirtualServos(count, protocol, faults=faults, seed=seed)
-    bus = Bus(VirtualPort(servos), protocol)
-    limits = (-1.0, 1.0)
-    return Arm(
-        bus, {f"joint_{k}": Servo(id=k, limits=limits, **servo) for k in range(1, count + 1)}
-    )
+def arm_of(kind=KINDS["sts3215"], count=6, *, faults=None, seed=0, **servo):
+    protocol = kind.protocol
+    bus = Bus(VirtualPort(VirtualServos(count, kind, faults=faults, seed=seed)), protocol)
+    known = {"zero_tick": protocol.middle, "ticks_per_turn": protocol.ticks_per_turn}
+    known |= {"limits": (-1.0, 1.0), **servo}
+    return Arm(bus, {f"joint_{k}": Servo(id=k, **known) for k in range(1, count + 1)})
 
 
 def waves(count=6, duration=4.0):
@@ -37,33 +35,35 @@ def torques(arm):
     return [arm.bus.read(servo.id, "torque") for servo in arm.servos.values()]
 
 
-@BOTH
+@EVERY
 def test_a_tick_is_one_sync_write_and_one_sync_read_whatever_the_number_of_joints(
-    protocol, monkeypatch
+    kind, monkeypatch
 ):
-    arm, sent = arm_of(protocol), []
+    arm, sent = arm_of(kind), []
     port = arm.bus.port
     write = port.write
     monkeypatch.setattr(port, "write", lambda content: (sent.append(content), write(content)))
     begin = port.now()
     arm.send(np.zeros(6))
     measured = arm.measure()
-    packets = [protocol.take(bytearray(each), answers=False) for each in sent]
+    packets = [kind.protocol.take(bytearray(each), answers=False) for each in sent]
     assert [packet.code for packet in packets] == [SYNC_WRITE, SYNC_READ]
     assert np.isfinite(measured.angles).all()
     assert port.now() - begin < 3e-3  # of a tick of 10 ms at 100 Hz
 
 
-@BOTH
+@EVERY
 @pytest.mark.parametrize("direction", [1, -1])
-def test_requests_arrive_as_angles_of_the_same_sign_about_the_zero(protocol, direction):
-    arm = arm_of(protocol, 1, zero_tick=1900, direction=direction)
+def test_requests_arrive_as_angles_of_the_same_sign_about_the_zero(kind, direction):
+    zero = kind.protocol.middle - 48
+    arm = arm_of(kind, 1, zero_tick=zero, direction=direction)
     with arm.powered():
         arm.perform(np.full((100, 1), 0.3), period=PERIOD)
         (angle,) = arm.angles()
     assert angle == pytest.approx(0.3, abs=0.06)  # its dead band and sag
     count = arm.bus.read(1, "position")
-    assert count == pytest.approx(1900 + direction * 0.3 / TICK, abs=0.06 / TICK)
+    tick = 2.0 * math.pi / kind.protocol.ticks_per_turn
+    assert count == pytest.approx(zero + direction * 0.3 / tick, abs=0.06 / tick)
 
 
 def test_no_joint_jumps_to_its_goal():
@@ -76,9 +76,9 @@ def test_no_joint_jumps_to_its_goal():
         assert 0.05 < arm.angles()[0] < 0.7
 
 
-@BOTH
-def test_the_torque_is_afterwards_as_it_was_before(protocol):
-    arm = arm_of(protocol, 3)
+@EVERY
+def test_the_torque_is_afterwards_as_it_was_before(kind):
+    arm = arm_of(kind, 3)
     arm.bus.write(2, "torque", 1)
     with arm.powered():
         assert torques(arm) == [1, 1, 1]
@@ -206,7 +206,36 @@ def test_a_port_that_cannot_be_opened_is_one_clear_error(tmp_path):
         SerialPort("/dev/ttyNONE", 123)
 
 
-def test_alerts_of_dynamixels_name_what_it_may_be():
-    assert "overload" in DYNAMIXEL.error_words(0x80)
-    assert DYNAMIXEL.error_words(0x04) == ""
+def test_errors_of_answers_are_words_by_bit_and_by_number():
     assert FEETECH.error_words(0x24) == "overheating and overload"
+    assert "overload" in DYNAMIXEL.error_words(0x80)
+    assert DYNAMIXEL.error_words(0x04) == "a value beyond its range"
+    assert DYNAMIXEL.error_words(0x87).endswith("and a register that cannot be read or written now")
+    assert DYNAMIXEL.error_words(0x00) == ""
+
+
+def test_a_dynamixel_that_refuses_a_write_is_an_error_with_its_reason(monkeypatch):
+    arm = arm_of(KINDS["xl430"], 1)
+    servos, protocol = arm.bus.port.servos, DYNAMIXEL
+    monkeypatch.setattr(servos, "_answer", lambda servo, _: protocol.answer(servo, 0x07))
+    with pytest.raises(BusError, match="servo 1 reports a register that cannot be read or written"):
+        arm.bus.write(1, "torque", 1)
+
+
+@pytest.mark.parametrize("kind", ["sts3215", "xl430"])
+@pytest.mark.parametrize("whole", [True, False])
+def test_what_an_adapter_hands_back_is_not_taken_for_an_answer(kind, whole, monkeypatch):
+    arm = arm_of(KINDS[kind], 2)
+    servos, port = arm.bus.port.servos, arm.bus.port
+    feed, read = servos.feed, port.read
+    monkeypatch.setattr(servos, "feed", lambda content: content + feed(content))
+    if not whole:  # a driver that hands over three bytes at a time
+        monkeypatch.setattr(port, "read", lambda count, _: read(min(3, count), 0.0))
+    arm.bus.write(1, "goal", 2100)
+    assert arm.bus.read(1, "goal") == 2100
+    arm.bus.sync_write("goal", {1: 2000, 2: 2001})
+    assert [each.values["goal"] for each in arm.bus.sync_read([1, 2], ["goal"]).values()] == [
+        2000,
+        2001,
+    ]
+    assert arm.bus.lost == 0
