@@ -64,10 +64,10 @@ def measure(_: Options) -> list[Table]:
         ("direct, deg", "shift, deg", "recommended", "told/met"),
         note="Virtual servos behind their real protocol, in lock step, each with a load; "
         "parameters from Rhoban/bam and data sheets (planner/virtual/motors.py). Each is "
-        f"calibrated as request-planner calibrate does, at {RATE:g} Hz; a cycle is then planned in the way "
-        "that was recommended, and played. Errors are root mean square, of measured angles; shift: "
-        "the desired angles early by the best time, sought on the servo itself. Recommended: its "
-        "error over that. Told: error to expect of the plan over that met.",
+        f"calibrated as request-planner calibrate does, at {RATE:g} Hz; a cycle is then planned "
+        "in the way that was recommended, and played. Errors are root mean square, of measured "
+        "angles; shift: the desired angles early by the best time, sought on the servo itself. "
+        "Recommended: its error over that. Told: error to expect of the plan over that met.",
         stub="kind, way: motion",
     )
     shares, told = [], []
