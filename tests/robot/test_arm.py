@@ -14,6 +14,9 @@ from planner.robot.bus import Bus, SerialPort
 from planner.robot.protocols import DYNAMIXEL, FEETECH, SYNC_READ, SYNC_WRITE
 from planner.virtual.servo_bus import KINDS, Faults, VirtualPort, VirtualServos
 
+TICK = 2.0 * math.pi / 4096
+"""A count [rad]."""
+
 PERIOD = 0.01
 EVERY = pytest.mark.parametrize("kind", KINDS.values(), ids=KINDS)
 
