@@ -239,7 +239,7 @@ def in_this_process(monkeypatch):
     """Let tasks run here, not in processes that import all first; tests/parallel holds those."""
     from tests.parallel.work import in_this_process
 
-    monkeypatch.setattr("planner.parallel.engine_of", in_this_process)
+    monkeypatch.setattr("planner.parallel.executor_of", in_this_process)
 
 
 @pytest.fixture

@@ -15,9 +15,9 @@ from planner.cli.console import Progress, deliver, naming, remark, warn
 if TYPE_CHECKING:
     from planner.exceptions import PlannerError
     from planner.files.logs.options import LogOptions
+    from planner.files.results import Task
     from planner.identification.log import Log
     from planner.identification.result import Identification
-    from planner.parallel import Task
 
 FEW_ROWS = 20_000
 """Up to so many rows the joints of a log are identified before other processes would have begun."""
@@ -223,7 +223,7 @@ def _identified(
         PlannerError: None can.
     """
     from planner.exceptions import PlannerError
-    from planner.parallel import Task
+    from planner.files.results import Task
 
     tick_ms = choices["tick_ms"]
     options = {
@@ -278,11 +278,11 @@ def pickled_outcome(question: Question) -> bytes:
 def _in_parallel(tasks: Sequence[Task]) -> list[Identification | PlannerError]:
     """The outcomes of the joints in their order, one process for each processor."""
     from planner.exceptions import PlannerError
-    from planner.parallel import engine_of, outcomes
+    from planner.parallel import executor_of, outcomes
 
     found: dict[str, Identification | PlannerError] = {}
-    with Progress(count=len(tasks)) as progress, engine_of() as engine:
-        for task, outcome in outcomes(pickled_outcome, tasks, engine):
+    with Progress(count=len(tasks)) as progress, executor_of() as executor:
+        for task, outcome in outcomes(pickled_outcome, tasks, executor):
             if outcome.result is None:
                 found[task.name] = PlannerError(outcome.reason)
             else:

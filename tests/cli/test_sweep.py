@@ -17,7 +17,7 @@ from planner.cli.sweep.search import evaluate, sweep, walking_speed
 from planner.cli.sweep.space import number_of_points, read_sweep
 from planner.exceptions import InvalidFile
 from planner.files.paths import write_joint_path
-from planner.parallel import Engine, Results
+from planner.files.results import Results
 from planner.report.sweep import Outcome, Requirement, Swept, verdict
 from tests.parallel.work import InThisProcess, at_work_on
 
@@ -40,16 +40,15 @@ method = "optimal"
 
 @pytest.fixture
 def swept(tmp_path):
-    """What a sweep file comes to, and the engine."""
+    """What a sweep file comes to, and how many points were planned."""
 
     def swept(text, *, resume=False):
         file = tmp_path / "sweep.toml"
         file.write_text(text)
         executor = InThisProcess()
-        engine = Engine(executor, lambda: 1)
         space = read_sweep(str(file))
         results = Results(tmp_path / "results", {}, resume=resume)
-        return sweep(space, results, engine, progress=lambda _: None), executor.ran
+        return sweep(space, results, executor, progress=lambda _: None), executor.ran
 
     return swept
 

@@ -18,8 +18,9 @@ import pytest
 
 from planner import JointModel, parallel, simulate
 from planner.files.exports.lerobot import Layout, lerobot_dataset
+from planner.files.results import Results
 from planner.files.staging import list_files
-from planner.parallel import Results, SchedulerLost
+from planner.parallel import SchedulerLost
 from tests.parallel import work
 from tests.parallel.test_parallel import run
 
@@ -115,7 +116,7 @@ def test_a_replay_and_a_sweep_on_a_cluster_are_those_of_this_machine(
         swept = cli_run("sweep", "gaits.toml", "--json", *where)
         assert swept.exit_code == 0, swept.stderr
         assert len(json.loads(swept.stdout)["front"]) == 2
-        monkeypatch.setattr(parallel, "engine_of", work.in_this_process)
+        monkeypatch.setattr(parallel, "executor_of", work.in_this_process)
     for name in ("{}", "sweep_{}"):
         made = [tmp_path / name.format(place) for place in ("there", "here")]
         files = list_files(made[0])

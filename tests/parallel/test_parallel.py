@@ -11,7 +11,8 @@ import pytest
 
 from planner import parallel
 from planner.exceptions import InvalidInput
-from planner.parallel import Results, Task, carry_out, engine_of, outcomes
+from planner.files.results import Results, Task
+from planner.parallel import carry_out, executor_of
 from tests.parallel import work
 
 pytestmark = pytest.mark.usefixtures("importable")
@@ -19,7 +20,7 @@ pytestmark = pytest.mark.usefixtures("importable")
 
 def run(function, tasks, results, *, workers=None, scheduler=None, **more):
     """Why tasks fail, by their names."""
-    with engine_of(workers, scheduler) as place:
+    with executor_of(workers, scheduler) as place:
         return carry_out(function, tasks, results, place, **more)
 
 
@@ -153,24 +154,6 @@ def test_a_folder_that_cannot_be_made_is_refused(tmp_path):
     (tmp_path / "file").touch()
     with pytest.raises(InvalidInput, match="cannot be written"):
         Results(tmp_path / "file" / "a", {})
-
-
-def test_the_tasks_in_flight_do_not_grow_with_their_number():
-    """Of 10,000 tasks no more are taken than are in flight or handed over."""
-    taken = 0
-
-    def counted():
-        nonlocal taken
-        for task in work.tasks(10_000):
-            taken += 1
-            yield task
-
-    ahead = 0
-    with engine_of(workers=2) as engine:
-        finished = outcomes(work.square, counted(), engine)
-        for done, _ in zip(range(300), finished, strict=False):
-            ahead = max(ahead, taken - done)
-    assert ahead <= 4, "two tasks a worker: one that runs, one that is handed over"
 
 
 @pytest.mark.parametrize("finished", [1, 4, 7])

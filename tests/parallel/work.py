@@ -14,7 +14,8 @@ from functools import partial
 from pathlib import Path
 
 from planner.exceptions import InvalidInput
-from planner.parallel import Engine, Results, Task, carry_out, engine_of
+from planner.files.results import Results, Task
+from planner.parallel import carry_out, executor_of
 
 
 def square(number):
@@ -75,8 +76,8 @@ class InThisProcess(Executor):
 
 @contextmanager
 def in_this_process(*_):
-    """An engine whose worker is this process."""
-    yield Engine(InThisProcess(), lambda: 1)
+    """An executor whose worker is this process."""
+    yield InThisProcess()
 
 
 def run_and_die_after(output, finished):
@@ -87,8 +88,8 @@ def run_and_die_after(output, finished):
         if len(held(results.folder)) >= finished:
             os.kill(os.getpid(), signal.SIGKILL)
 
-    with engine_of(workers=2) as engine:
-        carry_out(square, tasks(), results, engine, progress=progress)
+    with executor_of(workers=2) as executor:
+        carry_out(square, tasks(), results, executor, progress=progress)
 
 
 @contextmanager

@@ -14,11 +14,12 @@ from planner.cli.console import Progress, deliver, remark, warn
 from planner.cli.identify import log_options, to_log_options
 
 if TYPE_CHECKING:
+    from concurrent.futures import Executor
+
     from planner.cli.replay.dataset import Replayed
     from planner.cli.replay.task import ReplayTask
     from planner.cli.settings import Replay as ReplaySettings
     from planner.cli.settings import Run
-    from planner.parallel import Engine
     from planner.recording.replaying import Replay
 
 
@@ -102,7 +103,7 @@ def replay(
     from planner.cli.replay.files import check_writing
     from planner.cli.replay.task import tasks_of
     from planner.files.logs.recordings import recordings_in
-    from planner.parallel import engine_of
+    from planner.parallel import executor_of
 
     options.check_parallel(workers, scheduler)
     recordings = recordings_in(logs, to_log_options({**choices, "joint": "all"}))
@@ -121,8 +122,8 @@ def replay(
     if len(tasks) == 1:
         _replay_one(tasks[0], output=output, report=report, as_json=as_json)
     else:
-        with engine_of(workers, scheduler) as engine:
-            made = _replay_all(tasks, engine, output=output, resume=resume)
+        with executor_of(workers, scheduler) as executor:
+            made = _replay_all(tasks, executor, output=output, resume=resume)
         _say_all(made, logs, output=output, report=report, as_json=as_json)
 
 
@@ -154,7 +155,7 @@ def _replay_one(task: ReplayTask, *, output: str, report: str | None, as_json: b
 
 
 def _replay_all(
-    tasks: Sequence[ReplayTask], engine: Engine, *, output: str, resume: bool
+    tasks: Sequence[ReplayTask], executor: Executor, *, output: str, resume: bool
 ) -> Replayed:
     """Plan every recording into one dataset; those that fail are left out."""
     from planner.cli.replay.dataset import replay_many
@@ -162,7 +163,7 @@ def _replay_all(
 
     with Progress(count=len(tasks)) as progress:
         made = replay_many(
-            tasks, output, engine, resume=resume, progress=lambda task: progress(task.name)
+            tasks, output, executor, resume=resume, progress=lambda task: progress(task.name)
         )
     for words in filter(None, dict.fromkeys(left_out(each.recording) for each in tasks)):
         remark(words)

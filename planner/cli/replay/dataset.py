@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass
 from hashlib import sha256
@@ -20,8 +21,9 @@ from planner.cli.replay.task import RESENT, UNITS, ReplayTask, known
 from planner.exceptions import PlannerError
 from planner.files.exports.lerobot import Layout, lerobot_dataset
 from planner.files.logs.recordings import Recording
+from planner.files.results import Results, Task, finished, made_from
 from planner.files.text import to_json
-from planner.parallel import Engine, Results, Task, carry_out, finished, made_from
+from planner.parallel import carry_out
 from planner.recording.recorded_path import WHY
 from planner.recording.replaying import Replay
 from planner.report.table import number, text_table
@@ -77,7 +79,7 @@ def replayed_before(
 def replay_many(
     recordings: Sequence[ReplayTask],
     output: str,
-    engine: Engine,
+    executor: Executor,
     *,
     resume: bool = False,
     progress: Callable[[Task], None] = lambda _: None,
@@ -91,7 +93,7 @@ def replay_many(
     Args:
         recordings: The recordings, and how to replay them.
         output: The folder of the dataset.
-        engine: What they are replayed on.
+        executor: What they are replayed on.
         resume: Use the results of an earlier call that was killed, or in which some failed.
         progress: Called with each recording that is finished or has failed.
 
@@ -100,7 +102,7 @@ def replay_many(
     """
     results = Results(output, _settings(recordings[0]), resume=resume)
     tasks = [Task(each.recording.name, each, _inputs(each.recording)) for each in recordings]
-    failed = carry_out(replayed, tasks, results, engine, progress=progress)
+    failed = carry_out(replayed, tasks, results, executor, progress=progress)
     if len(failed) == len(recordings):
         results.remove()
         first = next(iter(failed.values()))

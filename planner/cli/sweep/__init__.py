@@ -100,8 +100,9 @@ def _carry_out(
     from planner.cli.sweep.files import summary, write_sweep
     from planner.cli.sweep.search import sweep
     from planner.cli.sweep.space import identity, number_of_points, origin
+    from planner.files.results import Results, finished
     from planner.files.staging import MANIFEST, check_folder, claimed, output_folder
-    from planner.parallel import Results, engine_of, finished
+    from planner.parallel import executor_of
 
     check_folder(out)
     click.get_current_context().with_resource(claimed(out))
@@ -116,9 +117,9 @@ def _carry_out(
         remark(f"{results.removed} results of an earlier sweep removed; --resume keeps them")
     with (
         Progress(count=number_of_points(space)) as progress,
-        engine_of(workers, scheduler) as engine,
+        executor_of(workers, scheduler) as executor,
     ):
-        swept = sweep(space, results, engine, progress=lambda task: progress(task.name))
+        swept = sweep(space, results, executor, progress=lambda task: progress(task.name))
     with output_folder(out) as folder:
         document = write_sweep(folder, space, swept)
     results.remove()

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 from planner.cli.declared import flat
 from planner.cli.desired import leg_title
 from planner.cli.sweep.space import origin
+from planner.files.results import made_from
 from planner.files.staging import MANIFEST, list_files
 from planner.files.table import csv_text
 from planner.files.text import to_json, write_text
-from planner.parallel import made_from
 from planner.report.page import linked_files, versions
 from planner.report.sweep import missed, points_table, sweep_page, verdict
 

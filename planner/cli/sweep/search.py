@@ -11,6 +11,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
@@ -23,7 +24,8 @@ from planner.cli.planning import Prepared, plan_of, prepare
 from planner.cli.settings import HalfEllipse, Run
 from planner.cli.sweep.space import Space
 from planner.exceptions import PlannerError
-from planner.parallel import Engine, Results, Task, carry_out
+from planner.files.results import Results, Task
+from planner.parallel import carry_out
 from planner.planning.plan import Plan
 from planner.report.sweep import Outcome, Point, Requirement, Swept
 from planner.trajectory import Array, error_norm, index_of_largest
@@ -45,14 +47,14 @@ UNPLANNED = 1e3
 
 
 def sweep(
-    space: Space, results: Results, engine: Engine, *, progress: Callable[[Task], None]
+    space: Space, results: Results, executor: Executor, *, progress: Callable[[Task], None]
 ) -> Swept:
     """Plan the points of a grid, or those that a search asks for.
 
     Args:
         space: What to search.
         results: Where the outcomes are kept.
-        engine: What the plans are made on.
+        executor: What the plans are made on.
         progress: Called with each point that is planned.
     """
     known: dict[Point, Outcome] = {}
@@ -63,7 +65,7 @@ def sweep(
             Task(repr(point), (space.content(point), str(Path(space.folder).resolve())))
             for point in new
         ]
-        failures = carry_out(evaluate, tasks, results, engine, progress=progress)
+        failures = carry_out(evaluate, tasks, results, executor, progress=progress)
         for point, task in zip(new, tasks, strict=True):
             reason, result = failures.get(task.name), results.read(task)
             said = {"reason": reason} if result is None else json.loads(result)

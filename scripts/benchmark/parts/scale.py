@@ -12,6 +12,7 @@ import re
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
+from concurrent.futures import Executor
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -24,7 +25,8 @@ import planner
 from benchmark.parts import Options
 from benchmark.parts.length import peak_memory
 from benchmark.table import Table
-from planner.parallel import Engine, Results, Task, carry_out, engine_of
+from planner.files.results import Results, Task
+from planner.parallel import carry_out, executor_of
 
 JOINT = planner.JointModel(v_max=5.0, theta_0=0.2, lag=0.03, acceleration_time=0.05, tick=1 / 30)
 """A hobby servo, requested 30 times a second."""
@@ -76,14 +78,16 @@ def tasks(count: int) -> list[Task]:
     return [Task(f"episode {number}", number) for number in range(count)]
 
 
-def carried_out(function: Callable[[int], bytes], count: int, engine: Engine) -> dict[str, float]:
+def carried_out(
+    function: Callable[[int], bytes], count: int, executor: Executor
+) -> dict[str, float]:
     """Times of some tasks [s], and the peak memory of a worker [MB]."""
     with TemporaryDirectory() as folder:
         warm = Results(Path(folder) / "warm", {})
-        carry_out(simulated, tasks(8), warm, engine)  # starts the workers
+        carry_out(simulated, tasks(8), warm, executor)  # starts the workers
         results = Results(Path(folder) / "measured", {})
         began, spent = perf_counter(), process_time()
-        failures = carry_out(function, tasks(count), results, engine)
+        failures = carry_out(function, tasks(count), results, executor)
         seconds, beside = perf_counter() - began, process_time() - spent
         if failures:
             raise RuntimeError(f"{failures}")
@@ -118,9 +122,9 @@ def measure(options: Options) -> list[Table]:
     places["Dask, 2 workers"] = dask
     first = 0.0
     for name, place in places.items():
-        with place() as engine:
-            run = carried_out(episode, count, engine)
-            idle = carried_out(nothing, 10 * count, engine)
+        with place() as executor:
+            run = carried_out(episode, count, executor)
+            idle = carried_out(nothing, 10 * count, executor)
         first = first or run["per second"]
         speed.add(
             name, run["per second"], run["per second"] / first, run["in a worker, ms"],
@@ -138,14 +142,14 @@ def measure(options: Options) -> list[Table]:
 
 
 @contextmanager
-def local(workers: int) -> Iterator[Engine]:
+def local(workers: int) -> Iterator[Executor]:
     """Processes on this machine."""
-    with engine_of(workers=workers) as engine:
-        yield engine
+    with executor_of(workers=workers) as executor:
+        yield executor
 
 
 @contextmanager
-def dask() -> Iterator[Engine]:
+def dask() -> Iterator[Executor]:
     """A Dask scheduler and two workers on the loopback interface."""
     begun = [sys.executable, "-P", "-m"]
     scheduler = subprocess.Popen(
@@ -165,8 +169,8 @@ def dask() -> Iterator[Engine]:
             stderr=subprocess.DEVNULL, env=environment(),
         )  # fmt: skip
         try:
-            with engine_of(scheduler=match[1]) as engine:
-                yield engine
+            with executor_of(scheduler=match[1]) as executor:
+                yield executor
         finally:
             for process in (workers, scheduler):
                 process.terminate()
@@ -192,6 +196,6 @@ def in_child(count: int) -> tuple[float, float]:
 if __name__ == "__main__":
     from benchmark.parts import scale  # whose functions workers import by this name
 
-    with engine_of(workers=2) as place:
+    with executor_of(workers=2) as place:
         run = scale.carried_out(scale.simulated, int(sys.argv[1]), place)
     sys.stdout.write(json.dumps([peak_memory(), run["memory"]]))

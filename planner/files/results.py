@@ -1,0 +1,176 @@
+"""Results of single tasks, kept beside the output that is built from them, and resumed.
+
+Whether an output is whole, and made from the same settings, is recognised by its manifest.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Mapping
+from dataclasses import dataclass
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+from planner._version import __version__
+from planner.exceptions import InvalidFile, InvalidInput
+from planner.files.staging import all_there, cannot_write, staged
+from planner.files.text import to_json
+
+DIGEST = sha256().digest_size
+"""Bytes before a result, by which a damaged one is recognised."""
+
+
+@dataclass(frozen=True)
+class Task:
+    """A piece of work.
+
+    Attributes:
+        name: What messages call it, such as "episode 12"; unique among the tasks.
+        argument: What the function takes; it is pickled.
+        inputs: Identifies the content of its inputs, such as a digest of a file: where that
+            changes, an earlier result is not used.
+    """
+
+    name: str
+    argument: Any
+    inputs: str = ""
+
+
+class Results:
+    """The results of tasks in a hidden folder beside the output that is built from them.
+
+    Each is a file that begins with a digest of its content; a damaged one counts as missing. A
+    result is found by what it was computed from: the settings, the name and the inputs of its task,
+    and the version of this package.
+    """
+
+    def __init__(
+        self, output: Path | str, settings: Mapping[str, Any], *, resume: bool = False
+    ) -> None:
+        """Open the folder ``.NAME.results``, or begin it.
+
+        Args:
+            output: The file or folder that is built from the results.
+            settings: What all results depend on, as JSON takes it.
+            resume: Keep the results that are there; they are removed otherwise.
+
+        Raises:
+            InvalidInput: The results that are there were computed with other settings.
+            InvalidFile: The folder cannot be made or written.
+        """
+        target = Path(output).resolve()
+        self.folder = target.with_name(f".{target.name}.results")
+        self._output = output
+        self._settings = json.loads(json.dumps({"version": __version__, **settings}))
+        self.removed = 0
+        manifest = self.folder / "settings.json"
+        before = _read_json(manifest)
+        if resume and before is not None:
+            self._check_same(before)
+            return
+        try:
+            if self.folder.exists() and not resume:
+                self.removed = sum(1 for _ in self.folder.glob("??/*"))
+                shutil.rmtree(self.folder)
+            self.folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise cannot_write(output, error) from error
+        self._keep(manifest, json.dumps(self._settings, indent=2).encode())
+
+    def __contains__(self, task: Task) -> bool:
+        return self.read(task) is not None
+
+    def write(self, task: Task, result: bytes) -> None:
+        """Keep a result; it appears whole or not at all.
+
+        Raises:
+            InvalidFile: The output cannot be written; what is kept stays.
+        """
+        self._keep(self._file(task), sha256(result).digest() + result)
+
+    def read(self, task: Task) -> bytes | None:
+        """The result of a task; None where there is none, or a damaged one."""
+        try:
+            content = self._file(task).read_bytes()
+        except OSError:
+            return None
+        digest, result = content[:DIGEST], content[DIGEST:]
+        return result if sha256(result).digest() == digest else None
+
+    def remove(self) -> None:
+        """Remove the folder, once the output is written."""
+        shutil.rmtree(self.folder, ignore_errors=True)
+
+    def remove_if_empty(self) -> None:
+        """Remove the folder where it holds no result."""
+        if next(self.folder.glob("??/*"), None) is None:
+            self.remove()
+
+    def _keep(self, file: Path, content: bytes) -> None:
+        try:
+            file.parent.mkdir(exist_ok=True)
+            with staged(file, content):
+                pass
+        except (InvalidFile, OSError) as error:  # with its hidden name, which says nothing
+            cause = error.__cause__ if isinstance(error.__cause__, OSError) else error
+            raise cannot_write(self._output, cause) from error
+
+    def _file(self, task: Task) -> Path:
+        name = _digest([self._settings, task.name, task.inputs])
+        return self.folder / name[:2] / name[2:]
+
+    def _check_same(self, before: Any) -> None:
+        if before == self._settings:
+            return
+        known = before if isinstance(before, dict) else {}
+        names = {**known, **self._settings}
+        others = [name for name in names if known.get(name) != self._settings.get(name)]
+        raise InvalidInput(
+            f"--resume: {self.folder} holds results for other settings ({', '.join(others)}); set "
+            "what was set then, or leave --resume out to compute all again"
+        )
+
+
+def made_from(settings: Mapping[str, Any], manifest: Mapping[str, Any]) -> dict[str, str]:
+    """The key of a manifest by which :func:`finished` recognises an output that is whole.
+
+    Args:
+        settings: All that the output depends on, as JSON takes it.
+        manifest: What the output says of itself, with or without this key.
+    """
+    others = {name: each for name, each in manifest.items() if name != "made_from"}
+    content = [__version__, settings, json.loads(to_json(others))]
+    return {"made_from": _digest(content)}
+
+
+def finished(output: Path | str, name: str, settings: Mapping[str, Any]) -> dict[str, Any] | None:
+    """The manifest of an output that was made from the same settings and is whole; None if not.
+
+    The results that another command has left beside it are removed then.
+
+    Args:
+        output: The folder.
+        name: The manifest in it, which holds what :func:`made_from` gives.
+        settings: All that the output depends on, as JSON takes it.
+    """
+    manifest: dict[str, Any] | None = _read_json(Path(output) / name)
+    same = isinstance(manifest, dict) and made_from(settings, manifest).items() <= manifest.items()
+    if not same or not all_there(output):
+        return None
+    target = Path(output).resolve()
+    shutil.rmtree(target.with_name(f".{target.name}.results"), ignore_errors=True)
+    return manifest
+
+
+def _digest(content: Any) -> str:
+    return sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:32]
+
+
+def _read_json(file: Path) -> Any:
+    """The content of a file; None where there is none that could be read."""
+    try:
+        return json.loads(file.read_bytes())
+    except (OSError, ValueError, RecursionError):
+        return None
