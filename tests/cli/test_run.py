@@ -230,16 +230,22 @@ def test_exports_are_those_of_export(run, write, desired, tmp_path):
         '[[export]]\nformat = "csv"\nfile = "servos/ticks.csv"\nunit = "ticks"\ncycles = 2\n'
         "rate_hz = 250\nzero_tick = 1000\nzero_ticks = {knee = 500}\n"
         '[[export]]\nformat = "csv"\nfile = "deg.csv"\nunit = "deg"\njoint_names = ["a", "b"]\n'
+        '[[export]]\nformat = "csv"\nfile = "slow.csv"\nrate_hz = 50\nbetween = "linear"\n'
     )
     result = run("run", write(content))
     assert result.exit_code == 0, result.stderr
     folder = tmp_path / "it"
-    assert results(folder)["files"] == ["deg.csv", "requests.csv", "servos/ticks.csv"]
+    assert results(folder)["files"] == ["deg.csv", "requests.csv", "servos/ticks.csv", "slow.csv"]
     ticks = (
         "--format csv --unit ticks --cycles 2 --rate-hz 250 --zero-tick 1000 --zero-tick knee=500"
     )
     degrees = "--format csv --unit deg --joint-names a,b"
-    for options, file in ((ticks, "servos/ticks.csv"), (degrees, "deg.csv")):
+    documents = {each.pop("file"): each for each in results(folder)["exports"]}
+    assert documents["slow.csv"]["requests_never_sent"] > 0
+    slow = ("slow.csv", "--format csv --rate-hz 50 --between linear")
+    for file, options in (("servos/ticks.csv", ticks), ("deg.csv", degrees), slow):
+        asked = ("export", folder / "requests.csv", *options.split(), "-o", "again", "--json")
+        assert json.loads(run(*asked).stdout) == documents[file]
         exported = run("export", folder / "requests.csv", *options.split())
         written = (folder / file).read_text()
         assert exported.stdout.splitlines()[0] == written.splitlines()[0]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -181,3 +182,21 @@ def test_samples_below_the_top_speed_are_counted_whichever_way_it_goes(cyclic):
         problem = track(model, way * ideal[:, 0], cyclic=cyclic, start=None if cyclic else 0.0)
         resting = 0 if cyclic else request_ages(model).youngest + 1
         assert below_top_speed(problem, way * ideal) == 40 - resting
+
+
+@pytest.mark.parametrize(("directly", "through_rms"), [(0.1, 0.2), (0.2, 0.1)])
+def test_of_two_searches_for_the_largest_error_of_a_foot_the_better_one_is_taken(
+    monkeypatch, directly, through_rms
+):
+    problem = SimpleNamespace(
+        norm="max", desired=DESIRED, admissible=np.copy, exact_angles=lambda requests: requests
+    )
+    ends = {False: (DESIRED + directly, directly), True: (DESIRED + through_rms, through_rms)}
+    found = lambda *_, through_rms=False: ends[through_rms]  # noqa: E731
+    monkeypatch.setattr(searches, "minimise", found)
+    monkeypatch.setattr(
+        searches, "with_stationary_joints", lambda same, best, *_, **__: (same, best)
+    )
+    monkeypatch.setattr(searches, "smoothed", lambda _, requests, **__: requests)
+    _, requests = searches.foot_requests(problem, DESIRED, smoothness=0.0)
+    np.testing.assert_allclose(requests - DESIRED, 0.1)

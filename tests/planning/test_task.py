@@ -251,3 +251,9 @@ def test_the_view_of_a_foot_has_the_models_of_all_joints_in_each_scenario():
     assert made.nominal.robust is None
     steps = np.abs(np.diff(task.desired, axis=0, append=task.desired[:1]))
     assert made.largest_step == np.max(steps)
+
+
+def test_the_period_of_a_task_is_that_of_its_requests():
+    model = replace(JointModel.ers210a(), hold=3)
+    task = Task.of(model, np.zeros(20))
+    assert task.period == model.period == 3.0 * model.tick
