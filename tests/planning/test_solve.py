@@ -86,13 +86,14 @@ def test_requests_for_the_nominal_models_are_kept_where_any_joint_has_several(si
     assert solve(Task.of(ERS210A, DESIRED)).nominal is None
 
 
-def test_what_cycles_have_measured_takes_the_place_of_what_models_were_known_to_miss(single):
+def test_a_share_of_a_measured_disturbance_takes_the_place_of_what_models_were_known_to_miss(single):
     known = ERS210A.with_evidence(Evidence(0.1))
     task = Task.of([[known, known]] * 3, DESIRED)
     solve(task)
-    solve(replace(task, disturbance=0.0 * DESIRED))
-    errors = [[model.evidence for model in each.models[0]] for each, _ in single]
-    assert errors == [[known.evidence] * 2] * 3 + [[None] * 2] * 3
+    solve(replace(task, disturbance=np.tile([0.01, -0.02, 0.0], (len(DESIRED), 1))))
+    errors = [[model.evidence.error for model in each.models[0]] for each, _ in single]
+    shares = [[pytest.approx(UNFORESEEN * size)] * 2 for size in (0.01, 0.02, 0.0)]
+    assert errors == [[0.1] * 2] * 3 + shares
 
 
 def test_models_in_scenarios_get_the_loads_that_they_feel(monkeypatch):
