@@ -17,6 +17,7 @@ from planner.planning.problem import problem_of
 from planner.planning.search import State
 from planner.planning.solve import Solved, below_top_speed, holding, search, solve
 from planner.planning.task import Task
+from planner.planning.trials import UNFORESEEN
 from tests.plans import track
 
 ERS210A = JointModel.ers210a()
@@ -86,7 +87,7 @@ def test_requests_for_the_nominal_models_are_kept_where_any_joint_has_several(si
     assert solve(Task.of(ERS210A, DESIRED)).nominal is None
 
 
-def test_a_share_of_a_measured_disturbance_takes_the_place_of_what_models_were_known_to_miss(single):
+def test_a_share_of_a_measured_disturbance_replaces_what_models_were_known_to_miss(single):
     known = ERS210A.with_evidence(Evidence(0.1))
     task = Task.of([[known, known]] * 3, DESIRED)
     solve(task)
