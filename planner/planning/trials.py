@@ -12,8 +12,8 @@ from planner.validation import freeze
 
 UNFORESEEN = 0.2
 """Share of a change of the angles by the model that a joint is expected not to make [-]. (Of 33
-first trials on servos from their physics the middle half missed 0.13 to 0.28 of it; by the model alone
-their errors were up to five times those predicted.)"""
+first trials on servos from their physics the middle half missed 0.13 to 0.28 of it; by the model
+alone their errors were up to five times those predicted.)"""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
