@@ -92,7 +92,9 @@ def row_of(servo: CompiledServo, model: planner.JointModel, path: Array) -> Row:
     met = [_error(servo, path, each.requests) for each in (own, plan)] + trials
     met += [_error(servo, path, each.requests) for each in robust] or [math.nan] * 2
     ends = plan.expected.error, plan.expected.low, plan.expected.high
-    return Row(best, tuple(met), ends, tuple(predicted), tuple(each.worst_error for each in robust))
+    return Row(
+        best, tuple(met), ends, tuple(predicted), tuple(each.over_models.worst for each in robust)
+    )
 
 
 def learnt(servo: CompiledServo, plan: planner.Inversion) -> tuple[list[float], list[float]]:
