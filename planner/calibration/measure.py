@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planner.exceptions import BusError, InvalidInput, angle_text
+from planner.exceptions import BusError, InvalidFile, InvalidInput, angle_text
 from planner.files.growing_log import GrowingLog
 from planner.files.logs.options import LogOptions
 from planner.files.logs.read import read_logs
@@ -24,6 +24,9 @@ LOOKS = 50
 
 MARGIN = 0.05
 """Share of a range that is left free at either end."""
+
+SAME = 1e-3
+"""Difference of requests below which a log holds the motion that was asked for [rad]."""
 
 LEAST_RANGE = math.radians(10.0)
 """Range below which a joint shows too little of its motion [rad]."""
@@ -153,6 +156,7 @@ def move(
     Raises:
         KeyboardInterrupt: Ctrl-C; the rows until then are kept.
         BusError: Something went wrong; the rows until then are kept.
+        InvalidFile: The finished log is of other requests.
     """
     if not (resume and log.exists()):
         place = arm.names.index(joint)
@@ -172,6 +176,15 @@ def move(
                 raise KeyboardInterrupt
             growing.finish()
     (read,) = read_logs([str(log)], options=LogOptions(joint=joint))
+    if resume:
+        rows = np.rint((read.times - read.times[0]) / period).astype(int)
+        asked = requests[np.minimum(rows, len(requests) - 1)]
+        if np.mean(np.abs(asked - read.requests) < SAME) < 0.5:  # rows may be late by one
+            raise InvalidFile(
+                log,
+                "holds another motion than would be played now: the rate, the duration or the "
+                "range differs; choose those of the interrupted run, or leave --resume out",
+            )
     return read
 
 

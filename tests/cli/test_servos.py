@@ -175,6 +175,16 @@ def test_every_kind_of_virtual_servo_is_calibrated_from_its_own_middle(run, kind
     assert "joint_1: at 0.0 deg, noise 0.00; P " in result.stderr
 
 
+@pytest.mark.parametrize("other", [("--rate-hz", "50"), ("--reach-deg", "25")])
+def test_logs_of_another_rate_or_range_are_not_taken(calibrated, command_line, monkeypatch, other):
+    folder, _ = calibrated
+    monkeypatch.chdir(folder)
+    monkeypatch.setattr(measure, "GrowingLog", None)  # nothing is measured
+    again = command_line("calibrate", *BRIEF, *other, "--ids", "1", "--resume", "-o", "arm.toml")
+    assert again.exit_code == 2
+    assert "holds another motion than would be played now" in again.stderr
+
+
 def test_nothing_moves_in_a_dry_run(run, tmp_path, monkeypatch):
     monkeypatch.setattr(measure, "move", None)
     result = run("calibrate", *BRIEF, "--ids", "pan=1,lift=2", "--dry-run")
