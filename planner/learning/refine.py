@@ -157,8 +157,8 @@ def refine(
         ...     print(f"{np.degrees(np.sqrt(np.mean((angles - desired) ** 2))):.2f} deg rms")
         ...     plan = refine(plan, angles)
         1.10 deg rms
-        0.07 deg rms
-        0.00 deg rms
+        0.06 deg rms
+        0.01 deg rms
     """
     reidentify = as_flag("reidentify", reidentify)
     if sensor_delay is not None and not abs(as_number(sensor_delay)) <= LONGEST_DELAY:
