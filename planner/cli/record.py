@@ -61,6 +61,8 @@ def record(
     """  # noqa: D301
     from contextlib import suppress
 
+    import numpy as np
+
     from planner.files.growing_log import GrowingLog
     from planner.files.joint_model import read_servos
 
@@ -75,6 +77,7 @@ def record(
             for servo in servos.values():
                 arm.bus.write(servo.id, "torque", 0)
         port, begin, row = arm.bus.port, arm.bus.port.now(), 0
+        heard = np.full(len(servos), begin)
         with suppress(KeyboardInterrupt):  # the end, where no duration is set
             while duration_s is None or row / rate_hz < duration_s:
                 wait = begin + row / rate_hz - port.now()
@@ -83,6 +86,8 @@ def record(
                 measured = arm.measure()
                 columns = [measured.angles] if by_hand else [arm.goals(), measured.angles]
                 log.keep(measured.time - begin, *columns)
+                heard[np.isfinite(measured.angles)] = measured.time
+                arm.check_heard(heard, measured.time)
                 row = max(row + 1, int((port.now() - begin) * rate_hz))
         log.finish()
     lost = arm.bus.lost / max(1, arm.bus.asked)

@@ -27,8 +27,9 @@ APPROACH = 0.5
 
 STUCK_ERROR, STUCK_MOTION, STUCK_TIME = math.radians(12.0), math.radians(1.0), 0.7
 """A joint that misses its request by more than the first, and has moved by less than the second
-[rad] in the last time [s], does not follow. A loaded servo at a gain of 16 rests up to 8 degrees
-off its request."""
+[rad] in the last time [s], does not follow; nor does one that has moved by less than the second for
+as long after its requests had a range of twice the first. A loaded servo at a gain of 16 rests up
+to 8 degrees off its request."""
 
 SETTLED = 0.5
 """Rest before a motion [s]."""
@@ -256,6 +257,12 @@ class Arm:
             requests, period=period, cycles=cycles, send=kept_tick, now=port.now, sleep=port.sleep
         )
 
+    def check_heard(self, heard: Array, now: float) -> None:
+        """Raise BusError where a joint was last heard of long before now [s]."""
+        for name, last in zip(self.names, heard.tolist(), strict=True):
+            if now - last > SILENT:
+                raise BusError(f"{name}: the servo has stopped answering; check cable and supply")
+
     def _check(self, requests: Array) -> None:
         for name, servo, column in zip(self.names, self.servos.values(), requests.T, strict=True):
             low, high = servo.limits
@@ -278,6 +285,8 @@ class _Guard:
         now = arm.bus.port.now()
         self._arm, self._anchors = arm, start.copy()
         self._moved, self._heard = np.full(len(start), now), np.full(len(start), now)
+        self._places, self._called = start.copy(), np.full(len(start), now)
+        self._least, self._most = np.full(len(start), np.inf), np.full(len(start), -np.inf)
 
     def check(self, requests: Array, measured: Measured) -> None:
         """Raise BusError where a joint is silent, stuck, beyond its range or reports a fault."""
@@ -287,13 +296,19 @@ class _Guard:
         errors = np.abs(requests - angles)
         free = heard & ~((errors > STUCK_ERROR) & (np.abs(angles - self._anchors) < STUCK_MOTION))
         self._anchors[free], self._moved[free] = angles[free], now
+        left = heard & (np.abs(angles - self._places) >= STUCK_MOTION)
+        self._places[left] = angles[left]
+        self._least[left], self._most[left] = np.inf, -np.inf
+        self._least = np.fmin(self._least, requests)
+        self._most = np.fmax(self._most, requests)
+        little = self._most - self._least <= 2.0 * STUCK_ERROR
+        self._called[little] = now  # since then the requests call for a motion
+        self._arm.check_heard(self._heard, now)
         for k, name in enumerate(self._arm.names):
             words = self._arm.bus.protocol.error_words(measured.errors[k])
             if words:
                 raise BusError(f"{name}: the servo reports {words}; stopped")
-            if now - self._heard[k] > SILENT:
-                raise BusError(f"{name}: the servo has stopped answering; check cable and supply")
-            if now - self._moved[k] > STUCK_TIME:
+            if now - min(self._moved[k], self._called[k]) > STUCK_TIME:
                 raise BusError(
                     f"{name}: does not follow: at {angle_text(angles[k])}, requested "
                     f"{angle_text(requests[k])}; stopped: what holds it?"

@@ -341,6 +341,28 @@ def test_a_model_that_holds_is_said_to_hold_and_another_gain_to_be_the_reason(
     assert gone.stderr.endswith("calibrate joint_1 again\n")
 
 
+def test_a_motion_that_a_new_model_would_miss_as_much_is_no_reason_to_calibrate_again(
+    run, arm, monkeypatch
+):
+    """A tenth of the error of the file would be exceeded on any motion."""
+    arm.write_text(ARM.replace("dead_band = 0.0134", "dead_band = 0.03\nexpected_error = 1e-4"))
+    checking = ("check", "--bus", "virtual", "--model", arm, "--duration-s", "6", "--json")
+    for held_out, holds in ((0.02, True), (1e-3, False)):
+        found = SimpleNamespace(model=None, intervals={}, held_out_rms=held_out)
+        monkeypatch.setattr("planner.identification.identify.identify", lambda _, each=found: each)
+        result = run(*checking)
+        assert result.exit_code == (0 if holds else 1)
+        assert json.loads(result.stdout)["joints"]["joint_1"]["holds"] == holds
+
+
+def test_a_servo_that_falls_silent_ends_a_record(run, arm, faulty, tmp_path):
+    faulty(power_off=0.5)
+    result = run("-q", "record", "--bus", "virtual", "--model", arm, "--duration-s", "5")
+    assert result.exit_code == 1
+    assert "joint_1: the servo has stopped answering" in result.stderr
+    assert 25 < len((tmp_path / "log.csv.part").read_text().splitlines()) < 60
+
+
 def test_a_model_is_checked_at_another_rate_with_requests_that_are_held(run, arm):
     arm.write_text(ARM.replace("[joint_1.servo]", "expected_error = 0.01\n\n[joint_1.servo]"))
     asked = ("check", "--bus", "virtual", "--model", arm, "--duration-s", "8", "--json")
@@ -369,7 +391,7 @@ def test_a_rate_too_low_for_the_test_motion_is_refused_before_anything_moves(run
     assert "--rate-hz: got 15, expected 16 Hz or more." in result.stderr
 
 
-def test_a_parameter_has_changed_where_the_intervals_before_and_now_are_apart(monkeypatch):
+def test_a_parameter_has_changed_where_the_intervals_before_and_now_are_apart():
     before = JointModel(v_max=5.0, theta_0=0.5, lag=0.02, acceleration_time=0.02, dead_band=0.02)
     before = before.with_evidence(Evidence(intervals={"v_max": (4.0, 6.0), "lag": (0.01, 0.03)}))
     now = replace(before, v_max=3.0, theta_0=0.6, lag=0.025, dead_band=0.021)
@@ -380,5 +402,4 @@ def test_a_parameter_has_changed_where_the_intervals_before_and_now_are_apart(mo
         "dead_band": Interval(0.0, 0.023),
     }
     found = SimpleNamespace(model=now, intervals=intervals)
-    monkeypatch.setattr("planner.identification.identify.identify", lambda _: found)
-    assert _changes(before, None) == ["v_max is 3, and was 5", "theta_0 is 0.6, and was 0.5"]
+    assert _changes(before, found) == ["v_max is 3, and was 5", "theta_0 is 0.6, and was 0.5"]

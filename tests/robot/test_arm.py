@@ -125,6 +125,22 @@ def test_a_fault_stops_the_motion_and_keeps_what_was_measured(fault, moment):
         assert torques(arm) == [0] * 6
 
 
+def test_a_stuck_joint_is_named_though_its_errors_are_never_large_for_long():
+    """Fast waves leave a joint that is stuck in their middle far behind for a moment only."""
+    arm = arm_of(count=1, faults=Faults(stall={1: 2.0}))
+    path = 0.3 * np.sin(2.0 * np.pi * 2.0 * PERIOD * np.arange(400))[:, None]
+    with pytest.raises(BusError, match="does not follow"), arm.powered():
+        arm.perform(path, period=PERIOD)
+    assert arm.bus.port.now() < 4.5
+
+
+def test_a_step_after_a_rest_is_not_taken_for_a_stuck_joint():
+    arm = arm_of(count=1)
+    path = np.repeat([0.4, -0.4, 0.4], 150)[:, None]
+    with arm.powered():
+        assert not arm.perform(path, period=PERIOD).interrupted
+
+
 def test_a_servo_that_falls_silent_is_named():
     arm = arm_of(count=2)
     arm.servos["joint_2"] = replace(arm.servos["joint_2"], id=9)
