@@ -40,7 +40,7 @@ nitpick_ignore_regex = [
         r"|Written|planner\.recording\.replaying\.JointReplay|TypeAliasForwardRef"
         r"|(planner\.planning\.result\.)?ErrorsOfModels|PathSpeeds|tuple\[float"
         r"|planner\.robot\.(arm\.Measured|bus\.(Port|Reading)|protocols\.ServoProtocol)"
-        r"|planner\.virtual\.motors\.Motor",
+        r"|planner\.virtual\.(motors\.Motor|servo_bus\.Kind)",
     ),  # the same, or aliases, or parts of an answer that its own docstring describes
     (
         "py:(mod|func|data|class)",
