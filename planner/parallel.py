@@ -42,8 +42,8 @@ if TYPE_CHECKING:
 Function = Callable[[Any], bytes]
 """Computes the result of a task from its argument; importable by name, as workers import it."""
 
-AHEAD = 1000
-"""Tasks handed over at once, more than there are workers, so that memory does not grow further."""
+AHEAD = 100
+"""Tasks handed over at once: more than one command keeps busy, and memory grows no further."""
 
 PATIENCE = 5.0
 """Time for a scheduler to answer [s]."""

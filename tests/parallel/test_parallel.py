@@ -156,6 +156,14 @@ def test_a_folder_that_cannot_be_made_is_refused(tmp_path):
         Results(tmp_path / "file" / "a", {})
 
 
+def test_the_tasks_handed_over_at_once_do_not_grow_with_their_number(monkeypatch):
+    monkeypatch.setattr(parallel, "AHEAD", 4)
+    executor = work.InThisProcess()
+    finished = parallel.outcomes(work.square, work.tasks(50), executor)
+    assert all(executor.ran - done <= 4 for done, _ in enumerate(finished))
+    assert executor.ran == 50
+
+
 @pytest.mark.parametrize("finished", [1, 4, 7])
 def test_a_command_that_is_killed_loses_nothing_and_leaves_no_process(finished, tmp_path, results):
     """Kill -9 once some results are there. Its workers hold the pipe that is read to its end."""
