@@ -54,12 +54,12 @@ class LearningOptions:
         worthwhile: Share of the error that the next requests must save by the model, else learning
             has ended.
         largest_change: The next requests differ from those of the best cycle by at most so many of
-            its errors, rms [-]. (Of 66 first trials on servos from their physics none needed more
-            than 2.)
+            its errors, rms [-]. (Of first trials on servos from their physics hardly any needed
+            more than 2.)
         visible: An error within so many standard deviations of the noise of the measured cycles,
             and within an encoder's step, is left alone: it would be as likely to grow. (Without
-            this 1 % of 264 trials on servos from their physics exceed the one before by a fifth, up
-            to 2.4 times; with it 0.4 %, up to 1.6 times.)
+            this 0.8 % of 264 trials on servos from their physics exceed the one before by a fifth,
+            at worst 3.1 times; with it 0.4 %, at worst 1.6 times.)
         settling: A first cycle that differs from the mean of the others by more than so many
             standard deviations of these is left out: the joint was on its way into the cycle.
         trials: Trials that are kept, the last ones and the best.

@@ -164,7 +164,7 @@ def test_a_closed_stream_is_one_line_and_status_2(redirection, message):
 def test_a_terminated_run_clears_its_half_made_folder_away(tmp_path):
     out = tmp_path / "out"
     with subprocess.Popen([*RUN, "reproduce", "--out", out], stderr=subprocess.PIPE) as process:
-        while process.poll() is None and not list(tmp_path.iterdir()):
+        while process.poll() is None and not list(tmp_path.glob(".out.new-*")):
             time.sleep(0.01)
         process.terminate()
         complaint = process.stderr.read()
