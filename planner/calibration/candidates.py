@@ -129,18 +129,30 @@ def compare(
         candidates.append(Candidate(name, rms(errors), largest, step, expected))
     least = min(each.error for each in candidates)
     recommended = next(each for each in candidates if each.error <= AS_GOOD * least)
-    used = plain if recommended.way == "optimal" else model
+    used, known = model, model.evidence or Evidence()
+    if recommended.way == "optimal":
+        used, known = plain, _of_plain(known, recommended)
     return Compared(
         identification=identification,
         candidates=tuple(candidates),
         recommended=recommended,
-        model=used.with_evidence(_judged(model.evidence, recommended)),
+        model=used.with_evidence(_judged(known, recommended)),
     )
 
 
-def _judged(evidence: Evidence | None, recommended: Candidate) -> Evidence:
+def _of_plain(known: Evidence, measured: Candidate) -> Evidence:
+    """What is known of a model without friction and load: its error on the test motion."""
+    return known._replace(
+        error=measured.error,
+        by_acceleration=(),
+        spread=Evidence().spread,
+        intervals={k: ends for k, ends in known.intervals.items() if k not in FRICTION_AND_LOAD},
+        correlations=(),
+    )
+
+
+def _judged(known: Evidence, recommended: Candidate) -> Evidence:
     """What is known of the model, with the verdict of the test motion where it lost there."""
-    known = evidence or Evidence()
     if recommended.way not in ("direct", "shift"):
         return known
     words = f"on the test motion of its calibration '{WORDS[recommended.way]}' was closer"
