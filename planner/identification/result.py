@@ -413,15 +413,20 @@ def _first_rows(fit: LogFit) -> npt.NDArray[np.bool_]:
 
 
 def _runs(fits: Sequence[LogFit], *, held_out: bool) -> list[Run]:
-    """The rows that were used, or held out, and follow one another, piece by piece."""
+    """The rows that were used, or held out, and follow one another, piece by piece.
+
+    What is planned with is the model of all rows: where rows are held out its errors count as much
+    as those of the model that did not know them. (An overloaded servo is missed by 45 mrad after
+    half of its log, by 7 after the whole.)
+    """
     found = []
     for fit in fits:
         rows = fit.held_out if held_out else fit.used
         predicted = fit.held_out_predicted if held_out else fit.predicted
         edges = np.flatnonzero(np.diff(np.concatenate([[False], rows, [False]]).astype(int)))
         for first, end in edges.reshape(-1, 2).tolist():
-            angles, errors = predicted[first:end], (fit.log.angles - predicted)[first:end]
-            found.append(Run(angles, errors, fit.log.period))
+            known = np.array([predicted, fit.predicted] if held_out else [predicted])[:, first:end]
+            found.append(Run(known[0], fit.log.angles[first:end] - known, fit.log.period))
     return found
 
 

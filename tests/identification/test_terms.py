@@ -14,6 +14,7 @@ from tests.identification.made import (
     AIBO,
     identified_rich,
     identified_steps,
+    logged,
     measured,
     rich_log,
     step_logs,
@@ -214,6 +215,23 @@ def test_inertia_an_acceleration_limit_and_friction_are_found_together(constant,
     for name in ("time_constant", "max_acceleration", "dead_band", "v_max", "theta_0"):
         assert abs(getattr(found.model, name) / getattr(truth, name) - 1.0) <= 0.05, name
     assert found.rms <= 1.1 * math.hypot(NOISE, QUANTUM / math.sqrt(12.0))
+
+
+def test_friction_that_nearly_holds_a_motor_leaves_one_that_moves_on_its_own_ticks():
+    """Shorter ticks take more of its acceleration limit, which once held the fit where it was."""
+    truth = planner.JointModel(
+        v_max=6.027,
+        theta_0=0.33,
+        lag=0.0253,
+        acceleration_time=0.0093,
+        tick=0.0005,
+        time_constant=0.0154,
+        max_acceleration=57.59,
+        dead_band=0.04622,
+    )
+    found = planner.identify(logged(truth, period=0.02, rows=1500, seed=13), hold_out=False)
+    assert found.rms <= 3.0 * found.noise
+    assert found.model.dead_band == pytest.approx(truth.dead_band, rel=0.05)
 
 
 def test_an_acceleration_limit_is_kept_in_the_file_with_its_interval(tmp_path):

@@ -144,7 +144,7 @@ def test_errors_that_grow_with_the_acceleration_are_found_as_they_are():
         angles = 0.3 * np.sin(2.0 * np.pi * frequency * times)
         size = 0.3 * (2.0 * np.pi * frequency) ** 2 / ROOT
         errors = (0.001 + 0.002 * size) * np.where(np.arange(500) % 2, 1.0, -1.0)
-        runs.append(Run(angles, errors, period))
+        runs.append(Run(angles, errors[np.newaxis], period))
     ((none, floor), (largest, error)), spread = errors_of_motion(runs)
     assert none == 0.0
     # Parts of 2 s hold no whole number of slow cycles, so that their acceleration varies.
@@ -157,7 +157,7 @@ def test_the_noise_of_the_sensor_is_no_error_of_the_joint():
     rng, times = np.random.default_rng(0), 0.02 * np.arange(3000)
     angles = 0.3 * np.sin(2.0 * np.pi * 0.5 * times)
     joint = 0.001 * np.where(times % 1.0 < 0.5, 1.0, -1.0)
-    run = Run(angles, joint + rng.normal(scale=0.002, size=3000), 0.02)
+    run = Run(angles, (joint + rng.normal(scale=0.002, size=3000))[np.newaxis], 0.02)
     with_noise, without = (
         Evidence(0.0, by_acceleration=errors_of_motion([run], noise=noise).by_acceleration)
         for noise in (0.0, 0.002)
@@ -169,15 +169,15 @@ def test_the_noise_of_the_sensor_is_no_error_of_the_joint():
 
 def test_a_log_without_motion_or_too_short_says_nothing_of_acceleration():
     unknown = ((), (0.0, math.inf))
-    assert errors_of_motion([Run(np.zeros(500), np.ones(500), 0.02)]) == unknown
-    assert errors_of_motion([Run(PHASE[:10], PHASE[:10], 0.02)]) == unknown
+    assert errors_of_motion([Run(np.zeros(500), np.ones((1, 500)), 0.02)]) == unknown
+    assert errors_of_motion([Run(PHASE[:10], PHASE[np.newaxis, :10], 0.02)]) == unknown
     assert errors_of_motion([]) == unknown
 
 
 def test_parts_in_which_the_joint_rests_say_nothing_of_its_motion():
     moving = 0.3 * np.sin(2.0 * np.pi * 0.5 * 0.02 * np.arange(400))
-    rest = Run(1e-4 * moving, np.full(400, 1e-5), 0.02)
-    runs = [Run(moving, np.full(400, 0.01), 0.02)]
+    rest = Run(1e-4 * moving, np.full((1, 400), 1e-5), 0.02)
+    runs = [Run(moving, np.full((1, 400), 0.01), 0.02)]
     assert errors_of_motion([*runs, *(5 * [rest])]) == errors_of_motion(runs)
 
 
@@ -185,15 +185,27 @@ def test_nine_parts_of_ten_are_within_the_range_of_errors_that_differ_from_part_
     random, period = np.random.default_rng(0), 0.02
     angles = 0.3 * np.sin(2.0 * np.pi * 0.5 * period * np.arange(100))
     sizes = 0.01 * np.exp(0.5 * random.standard_normal(400))
-    runs = [Run(angles, np.full(100, size), period) for size in sizes]
+    runs = [Run(angles, np.full((1, 100), size), period) for size in sizes]
     by_acceleration, spread = errors_of_motion(runs)
     seen = Evidence(0.01, by_acceleration=by_acceleration, spread=spread)
     low, high = seen.range_of(angles, period=period, cyclic=True)
     assert np.mean((low <= sizes) & (sizes <= high)) == pytest.approx(0.9, abs=0.03)
     own = expectation(seen, angles + 0.02, angles, period=period, cyclic=True)
-    assert own.low == pytest.approx(np.hypot(0.02, low))
-    assert own.high == pytest.approx(np.hypot(0.02, high))
+    # The two errors may cancel, or add up, by a correlation of 0.7.
+    assert own.low**2 == pytest.approx(0.02**2 + low**2 - 1.4 * 0.02 * low)
+    assert own.high**2 == pytest.approx(0.02**2 + high**2 + 1.4 * 0.02 * high)
     assert own.low < own.error < own.high
+
+
+def test_models_of_the_same_rows_count_by_the_geometric_mean_of_their_errors():
+    angles = 0.3 * np.sin(np.pi * 0.02 * np.arange(400))
+    each = np.array([0.002, 0.018])[:, np.newaxis] * np.ones(400)
+    told = [
+        Evidence(0.0, by_acceleration=errors_of_motion([Run(angles, errors, 0.02)]).by_acceleration)
+        for errors in (each, each[:1])
+    ]
+    errors = [one.error_of(angles, period=0.02, cyclic=False) for one in told]
+    assert errors == pytest.approx([0.006, 0.002])
 
 
 def test_the_interval_of_the_delay_counts_at_the_upper_end_of_the_range_only():

@@ -236,16 +236,17 @@ def rows(
                 model.v_max / model.theta_0 if name == "gain" else getattr(model, name)
                 for model in (joint, each.model)
             )
-            low, high = each.gain_interval if name == "gain" else each.intervals[name]
+            unknown = (math.nan, math.nan)
+            low, high = each.gain_interval if name == "gain" else each.intervals.get(name, unknown)
             size = 1e-3 if name in ("lag", "acceleration_time") else 0.01 * true
             known.append(((value - true) / size, low <= true <= high, (high - low) / 2.0 / size))
         errors, inside, half = np.array(known).T
-        kept = np.isfinite(errors)
+        kept = np.isfinite(half)
         table.add(
             stub + name,
             100.0 * float(np.mean(kept)),
             100.0 * float(np.mean(inside)),
             float(np.sqrt(np.mean(errors[kept] ** 2))),
             float(np.max(np.abs(errors[kept]))),
-            float(np.median(half)),
+            float(np.median(half[kept])),
         )

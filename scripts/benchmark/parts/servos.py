@@ -119,12 +119,14 @@ def summary(rows: list[Row]) -> str:
 
     plans = [row.met[1] / row.shift for row in rows]
     near = np.mean([0.7 <= row.told[0] / row.met[1] <= 1.4 for row in rows])
+    inside = np.mean([row.told[1] <= row.met[1] <= row.told[2] for row in rows])
     steps = [row.met[k + 1] / row.met[k] for row in rows for k in range(1, TRIALS + 1)]
     told = [each for row in rows for each in row.predicted]
     within = np.mean([1.0 / 1.5 <= each <= 1.5 for each in told])
     return (
         f" The plan's median is {median(1)}, its largest {max(plans):.2f}; in {near:.0%} of the "
-        f"rows 0.7 to 1.4 of the error met is told. The third trial's median is "
+        f"rows 0.7 to 1.4 of the error met is told, in {inside:.0%} it is in the range. The third "
+        f"trial's median is "
         f"{median(TRIALS + 1)}; a trial's error is at most {max(steps):.2f} of the one before, "
         f"and in {within:.0%} of the trials within a factor of 1.5 of what was predicted."
     )
