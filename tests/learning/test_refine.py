@@ -11,6 +11,7 @@ from benchmark.plants import MadeJoint, random_joint, random_path, random_servo
 
 import planner
 from planner.files.learning_history import LearningState, read_history, write_history
+from planner.learning import refine as refining
 from planner.model.evidence import Evidence
 from planner.planning.trials import Learning, SensorDelay, Trial
 from planner.trajectory import Array
@@ -268,6 +269,35 @@ def test_a_fifth_of_what_the_next_requests_change_is_in_the_error_predicted(atta
     after = planner.refine(attained, attained.predicted + off, reidentify=False, sensor_delay=0.0)
     np.testing.assert_allclose(after.requests, attained.requests - off, atol=0.02 * off)
     assert after.learning.next_error == pytest.approx(off / 5.0, rel=0.02)
+
+
+def test_the_change_of_requests_in_a_trial_is_bounded_by_its_error(
+    attained, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Along the straight line to the requests of (20), so that what limits these holds."""
+    measured = attained.predicted + 0.02 * np.sin(2.0 * np.pi * np.arange(88) / 22.0)
+    whole = planner.refine(attained, measured, reidentify=False).requests - attained.requests
+    error = rms(measured - attained.desired)
+    assert rms(whole) > 0.5 * error
+    shorter = replace(refining.OPTIONS, largest_change=0.5)
+    monkeypatch.setattr(refining, "OPTIONS", shorter)
+    change = planner.refine(attained, measured, reidentify=False).requests - attained.requests
+    np.testing.assert_allclose(change, 0.5 * error / rms(whole) * whole, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("steps", "deviations", "ends"), [(0.3, 1.6, True), (0.3, 2.4, False), (1.1, 1.6, False)]
+)
+def test_an_error_within_the_noise_and_an_encoders_step_ends_learning(
+    attained, steps, deviations, ends
+) -> None:
+    """An offset, in steps of the encoder and in standard deviations of the mean of four cycles."""
+    off = steps * ENCODER_STEP
+    noise = np.random.default_rng(5).standard_normal((4, 88))
+    noise -= noise.mean(axis=0)
+    noise *= 2.0 * off / deviations / math.sqrt(np.mean(noise**2) * 4.0 / 3.0)
+    after = planner.refine(attained, attained.predicted + off + noise, reidentify=False)
+    assert ("noise hides the error" in after.stopped) == ends
 
 
 def test_a_worse_cycle_makes_the_next_one_start_from_the_best() -> None:
