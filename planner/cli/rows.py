@@ -14,6 +14,7 @@ from planner.files.exports.ros_trajectory import (
     write_bag,
     write_trajectory_yaml,
 )
+from planner.files.logs.units import PULSE_ZERO, PULSES_PER_TURN
 from planner.robot.resample import never_sent, repeated, resampled
 
 if TYPE_CHECKING:
@@ -23,9 +24,8 @@ if TYPE_CHECKING:
 FOLDERS = ("bag", "mcap", "lerobot")
 """Formats that are a folder, which standard output cannot be."""
 
-COUNTED = {"ticks": (2048, 4096), "us": (1500, 4000)}
-"""Units in which servos count: the count at angle 0, and counts of a turn. Hobby servos turn by 180
-degrees over 2000 us."""
+COUNTED = {"ticks": (2048, 4096), "us": (PULSE_ZERO, PULSES_PER_TURN)}
+"""Units in which servos count: the count at angle 0, and counts of a turn."""
 
 
 def check_export(export: Export) -> None:

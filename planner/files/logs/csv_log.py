@@ -42,8 +42,10 @@ def read_csv_log(path: Path | str, options: LogOptions) -> tuple[Log, ...]:
             times=times,
             requests=numbers[:, 0],
             angles=numbers[:, 1],
-            request_scale=_scale(table, requested, pair.joint, options),
-            angle_scale=_scale(table, actual, pair.joint, options),
+            request_scale=_scale(
+                table, requested, options.unit_of(pair.joint, "requested"), options
+            ),
+            angle_scale=_scale(table, actual, options.unit_of(pair.joint, "actual"), options),
             torque_on=switch,
             load=_load(table, pair.joint),
             requested=requested,
@@ -53,7 +55,7 @@ def read_csv_log(path: Path | str, options: LogOptions) -> tuple[Log, ...]:
         source = Source(path=path, line=lambda k: table.lines[k])
         notes = (
             f"{clock}, {_columns_note(pair, several=len(chosen) > 1)}{torque}",
-            _unit_note(log_columns, options.unit_of(pair.joint)),
+            _unit_note(log_columns, options.unit_of(pair.joint, "actual")),
         )
         logs.append(make_log(source, log_columns, joint=pair.joint, notes=notes))
     return tuple(logs)
@@ -155,9 +157,8 @@ def _no_pair(table: Table, found: tuple[Pair, ...]) -> InvalidFile:
     )
 
 
-def _scale(table: Table, column: str, joint: str, options: LogOptions) -> Scale:
+def _scale(table: Table, column: str, given: str | None, options: LogOptions) -> Scale:
     _, said = split_name(column, ANGLE_NAMES)
-    given = options.unit_of(joint)
     if said is not None and given is not None and said != given:
         raise InvalidFile(
             table.path,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -11,13 +12,23 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.exceptions import InvalidFile, InvalidInput
-from planner.files.logs.units import Scale
+from planner.files.logs.units import COUNTS, Scale
 from planner.files.units import LARGEST, LEAST_DEG
 from planner.identification.log import FASTEST, FEWEST_ROWS, SLOWEST, Log, Written
 from planner.trajectory import Array, not_radians
 
 Switch = npt.NDArray[np.bool_]
 """Whether the torque was on, shape (n,)."""
+
+SLOW_TIME, SLOW_SHARE = 1.0, 0.15
+"""Requests that change by no more than so much of their range in so long [s] are slow: a joint is
+beside them by its delay and friction only, which two directions cancel."""
+
+SLOW_RANGE = 0.5
+"""Share of the range of all requests that slow ones have to reach for a scale to be fitted."""
+
+STRAIGHT = 0.1
+"""Share of their spread by which slow rows may miss a straight line, rms."""
 
 MOST_SHARE = 2.0
 """A share of the range beyond this either way is none."""
@@ -97,6 +108,7 @@ def make_log(source: Source, columns: Columns, *, joint: str, notes: tuple[str, 
     columns, source, left_out = _with_requests(source, columns)
     columns, source, doubles = _without_doubles(source, columns)
     columns, measured, unread = _filled(source, columns)
+    columns, fitted = _with_fitted_scale(source, columns, measured)
     if columns.request_scale.unit != columns.angle_scale.unit:
         raise InvalidFile(
             source.name,
@@ -127,7 +139,7 @@ def make_log(source: Source, columns: Columns, *, joint: str, notes: tuple[str, 
             unit=columns.angle_scale.unit,
             load=load,
             measured=measured,
-            notes=(*notes, *left_out, *doubles, *unread, *_doubts(columns)),
+            notes=(*notes, *left_out, *doubles, *unread, *fitted, *_doubts(columns)),
             written=_written(source, columns),
         )
     except InvalidInput as error:
@@ -178,6 +190,66 @@ def _kept(source: Source, columns: Columns, rows: Switch) -> tuple[Columns, Sour
     before = np.arange(len(rows)) if source.kept is None else source.kept
     kept = {name: array[rows] for name, array in _arrays(columns).items()}
     return replace(columns, **kept), replace(source, kept=before[rows])
+
+
+def _with_fitted_scale(
+    source: Source, columns: Columns, measured: Switch
+) -> tuple[Columns, tuple[str, ...]]:
+    """The columns with the scale of counts, by a straight line through slow rows, and a note on it.
+
+    Raises:
+        InvalidFile: The requests are in counts, too few rows are slow, or they are on no line.
+    """
+    if columns.request_scale.name == COUNTS:
+        raise InvalidFile(
+            source.name,
+            "requests in counts, of which nobody knows the scale; expected us, deg, rad or ticks, "
+            "with counts for the actual angles only",
+        )
+    if columns.angle_scale.name != COUNTS:
+        return columns, ()
+    requests = columns.request_scale.factor * columns.requests + columns.request_scale.shift
+    slow = measured & _slow(columns.times, requests)
+    if columns.torque_on is not None:
+        slow &= columns.torque_on
+    known, counts = requests[slow], columns.angles[slow]
+    if not _share(known, requests) >= SLOW_RANGE:
+        raise InvalidFile(
+            source.name,
+            f"the scale of actual angles in counts does not show: {len(known)} rows have slow "
+            f"requests, over {_share(known, requests):.0%} of their range; expected requests over "
+            f"{SLOW_RANGE:.0%} of it that move by at most {SLOW_SHARE:.0%} of it in {SLOW_TIME:g} "
+            "s, such as excite's slow triangle; or give the unit of the actual angles",
+        )
+    zero, slope = np.polynomial.polynomial.polyfit(known, counts, 1).tolist()
+    missed = float(np.std(counts - slope * known - zero)) / max(float(np.std(counts)), 1e-300)
+    if not missed <= STRAIGHT:
+        raise InvalidFile(
+            source.name,
+            f"actual angles in counts are {missed:.0%} of their spread beside a straight line of "
+            f"slow requests, expected at most {STRAIGHT:.0%}; is this the sensor of this joint?",
+        )
+    fitted = Scale(COUNTS, 1.0 / slope, -zero / slope, "rad")
+    note = (
+        f"a count of the actual angle is {np.degrees(fitted.factor):.4g} degrees and {zero:.4g} "
+        f"counts are a request of 0, by {len(known)} rows of slow requests: what the joint is "
+        "beside these everywhere does not show"
+    )
+    return replace(columns, angle_scale=fitted), (note,)
+
+
+def _share(some: Array, every: Array) -> float:
+    """Range of some requests over that of all; 0 for requests that never change."""
+    return float(np.ptp(some) / np.ptp(every)) if len(some) and np.ptp(every) else 0.0
+
+
+def _slow(times: Array, requests: Array) -> Switch:
+    """Rows around which the requests are slow, (n,)."""
+    from scipy.ndimage import maximum_filter1d, minimum_filter1d
+
+    rows = 2 * math.ceil(SLOW_TIME / float(np.median(np.diff(times)))) + 1
+    moved = maximum_filter1d(requests, rows) - minimum_filter1d(requests, rows)
+    return np.asarray(moved <= 2.0 * SLOW_SHARE * np.ptp(requests))
 
 
 def _unread(columns: Columns) -> Switch:

@@ -14,6 +14,9 @@ from planner.validation import as_positive, shown
 ALL_JOINTS = "all"
 """The name that stands for every joint of a log."""
 
+ROLES = ("requested", "actual")
+"""Columns of a joint that may have units of their own."""
+
 MOST_EPISODES = 1_000_000
 """Episodes that may be asked for; a range beyond it is a slip of the finger."""
 
@@ -28,10 +31,12 @@ class LogOptions:
         requested: CSV: the column of requested angles.
         actual: CSV: the column of actual angles.
         torque: CSV: the column that says whether the torque is on.
-        unit: The unit of the angles: rad, deg, ticks, turns, range (a share 0..1 of the joint's
-            range), percent (0..100 of it) or range_m100_100 (-100..100); and where joints differ,
-            ``rad,Jaw=range``.
-        ticks_per_turn: Steps of the sensor in one turn, for angles in ticks.
+        unit: The unit of the angles: rad, deg, ticks, us (pulses of a hobby servo), counts (of a
+            sensor whose scale is fitted), turns, range (a share 0..1 of the joint's range), percent
+            (0..100 of it) or range_m100_100 (-100..100). Where joints differ, ``rad,Jaw=range``;
+            where the columns do, ``requested=us,actual=counts``.
+        ticks_per_turn: Steps of the sensor in one turn, for angles in ticks; for pulses the
+            microseconds of a turn, by default 4000.
         topic: Bags: the topic of actual angles.
         command_topic: Bags: the topic of requested angles.
         episodes: LeRobot: the episodes to read, such as ``0-3,7``.
@@ -64,14 +69,19 @@ class LogOptions:
             as_positive("ticks per turn", self.ticks_per_turn, "more than 0, such as 4096")
         self.episode_numbers()
 
-    def unit_of(self, joint: str) -> str | None:
-        """The unit that the user gives for a joint's angles; None where the log has to say."""
+    def unit_of(self, joint: str, role: str = "") -> str | None:
+        """The unit that the user gives for a joint's angles; None where the log has to say.
+
+        Args:
+            joint: Name of the joint.
+            role: "requested" or "actual", where their columns may differ.
+        """
         units = _units(self.unit)
-        return units.get(joint, units.get(""))
+        return next((units[name] for name in (joint, role, "") if name in units), None)
 
     def joints_with_units(self) -> tuple[str, ...]:
         """The joints of which the user gives the unit by name."""
-        return tuple(joint for joint in _units(self.unit) if joint)
+        return tuple(joint for joint in _units(self.unit) if joint not in ("", *ROLES))
 
     def scale_of(self, joint: str) -> Scale | None:
         """The scale of :meth:`unit_of`.
@@ -137,7 +147,8 @@ def _units(text: str | None) -> dict[str, str]:
         if unit is None:
             raise InvalidInput(
                 f"unit '{word.strip()}' is unknown{nearest(word.strip(), ANGLE_UNITS)}; expected "
-                f"one of {', '.join(ANGLE_UNITS)}, or rad,Jaw=range where joints differ"
+                f"one of {', '.join(ANGLE_UNITS)}, or rad,Jaw=range where joints differ, or "
+                "requested=us,actual=counts where columns do"
             )
         units[joint.strip()] = unit
     return units

@@ -19,6 +19,12 @@ ANGLE_NAMES: Mapping[str, str] = {
     "°": "deg",
     "tick": "ticks",
     "ticks": "ticks",
+    "us": "us",
+    "µs": "us",
+    "usec": "us",
+    "count": "counts",
+    "counts": "counts",
+    "adc": "counts",
     "turn": "turns",
     "turns": "turns",
     "range": "range",
@@ -31,6 +37,13 @@ ANGLE_NAMES: Mapping[str, str] = {
 
 ANGLE_UNITS = tuple(dict.fromkeys(ANGLE_NAMES.values()))
 """The units of an angle."""
+
+PULSE_ZERO, PULSES_PER_TURN = 1500, 4000
+"""Pulse of a hobby servo at angle 0, and what a turn would be [us]: most turn by 180 degrees over
+2000 us."""
+
+COUNTS = "counts"
+"""Unit of a sensor whose scale is not known, such as a potentiometer at a converter."""
 
 SECONDS: Mapping[str, float] = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 """Units of time and what one of them is in seconds."""
@@ -74,7 +87,11 @@ def scale(name: str, ticks_per_turn: float | None) -> Scale:
 
     Args:
         name: One of :data:`ANGLE_UNITS`.
-        ticks_per_turn: Steps of the sensor in one turn; needed for ticks.
+        ticks_per_turn: Steps of the sensor in one turn; needed for ticks. Of hobby servos the
+            microseconds of a turn, by default 4000.
+
+    Returns:
+        The scale; of counts, whose scale the log has to tell, not a number.
 
     Raises:
         InvalidInput: Ticks without their number in a turn.
@@ -86,7 +103,10 @@ def scale(name: str, ticks_per_turn: float | None) -> Scale:
                 "for Dynamixel X and Feetech STS servos"
             )
         return Scale(name, 2.0 * math.pi / ticks_per_turn, 0.0, "rad")
+    pulse = 2.0 * math.pi / (ticks_per_turn or PULSES_PER_TURN)
     return {
+        "us": Scale("us", pulse, -PULSE_ZERO * pulse, "rad"),
+        COUNTS: Scale(COUNTS, math.nan, math.nan, "rad"),
         "rad": Scale("rad", 1.0, 0.0, "rad"),
         "deg": Scale("deg", math.pi / 180.0, 0.0, "rad"),
         "turns": Scale("turns", 2.0 * math.pi, 0.0, "rad"),
