@@ -41,14 +41,17 @@ _OPTIONS = {
     "unit": click.option(
         "--unit",
         metavar="UNIT",
-        help="Unit of the angles where the log does not say: rad, deg, ticks, turns, range (0..1), "
-        "percent or range_m100_100; 'rad,Jaw=range' where joints differ.",
+        help="Unit of the angles where the log does not say: rad, deg, ticks, turns, us (pulses of "
+        "a hobby servo), counts (of a sensor whose scale is fitted), range (0..1), percent or "
+        "range_m100_100; 'rad,Jaw=range' where joints differ, 'requested=us,actual=counts' where "
+        "columns do.",
     ),
     "ticks_per_turn": click.option(
         "--ticks-per-turn",
         type=float,
         metavar="N",
-        help="Ticks of one turn, such as 4096, for angles in ticks.",
+        help="Ticks of one turn, such as 4096, for angles in ticks; for pulses the us of one turn, "
+        "by default 4000.",
     ),
     "topic": click.option("--topic", metavar="TOPIC", help="Bags: the topic of actual angles."),
     "command_topic": click.option(

@@ -22,7 +22,7 @@ Switch = npt.NDArray[np.bool_]
 
 SLOW_TIME, SLOW_SHARE = 1.0, 0.15
 """Requests that change by no more than so much of their range in so long [s] are slow: a joint is
-beside them by its delay and friction only, which two directions cancel."""
+behind them by its delay and friction only, to two sides."""
 
 SLOW_RANGE = 0.5
 """Share of the range of all requests that slow ones have to reach for a scale to be fitted."""
@@ -213,16 +213,19 @@ def _with_fitted_scale(
     if columns.torque_on is not None:
         slow &= columns.torque_on
     known, counts = requests[slow], columns.angles[slow]
-    if not _share(known, requests) >= SLOW_RANGE:
+    behind = np.sign(np.gradient(requests))[slow]  # which way the joint trails
+    if not (_share(known, requests) >= SLOW_RANGE and {-1.0, 1.0} <= set(behind.tolist())):
         raise InvalidFile(
             source.name,
             f"the scale of actual angles in counts does not show: {len(known)} rows have slow "
             f"requests, over {_share(known, requests):.0%} of their range; expected requests over "
             f"{SLOW_RANGE:.0%} of it that move by at most {SLOW_SHARE:.0%} of it in {SLOW_TIME:g} "
-            "s, such as excite's slow triangle; or give the unit of the actual angles",
+            "s, up and down, such as excite's slow triangle; or give the unit of the actual angles",
         )
-    zero, slope = np.polynomial.polynomial.polyfit(known, counts, 1).tolist()
-    missed = float(np.std(counts - slope * known - zero)) / max(float(np.std(counts)), 1e-300)
+    basis = np.column_stack([np.ones_like(known), known, behind])
+    line, *_ = np.linalg.lstsq(basis, counts)
+    zero, slope, _ = line.tolist()
+    missed = float(np.std(counts - basis @ line)) / max(float(np.std(counts)), 1e-300)
     if not missed <= STRAIGHT:
         raise InvalidFile(
             source.name,

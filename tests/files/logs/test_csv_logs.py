@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import io
 import math
+import re
 import sys
 
 import numpy as np
 import pytest
 
+import planner
 from planner import InvalidFile, LogOptions, joints_in, read_logs
 
 EXACT = 1e-12
@@ -468,3 +470,84 @@ def test_a_note_names_the_line_of_the_file_after_rows_that_were_left_out(tmp_pat
     assert "line 13: left out, the same as the row before" in log.notes
     assert "line 33: the angle is missing, only the request counts" in log.notes
     assert len(log.times) == 40
+
+
+PER_RADIAN, MIDDLE = -163.0, 512.0
+"""Counts of a potentiometer that is wired the wrong way round [1/rad], and at angle 0."""
+
+
+def _potentiometer(tmp_path, *, slow=True):
+    """A log of a hobby servo: pulses, and counts of a converter of ten bits."""
+    times = 0.02 * np.arange(1000)
+    triangle = 0.6 * np.interp(times % 12.0, [0.0, 3.0, 9.0, 12.0], [0.0, 1.0, -1.0, 0.0])
+    steps = 0.6 * np.sign(np.sin(2.0 * np.pi * 0.9 * times))
+    requests = np.where((times < 12.0) & slow, triangle, steps)
+    joint = planner.JointModel(
+        v_max=4.0, theta_0=0.3, lag=0.02, acceleration_time=0.02, tick=0.02, dead_band=0.01
+    )
+    angles = planner.simulate(joint, requests, cyclic=False)
+    pulses = 1500.0 + 2000.0 / np.pi * requests
+    counts = np.round(MIDDLE + PER_RADIAN * angles)
+    file = tmp_path / "servo.csv"
+    columns = np.column_stack([times, pulses, counts])
+    np.savetxt(file, columns, delimiter=",", header="t_s,requested,actual", comments="")
+    return file, requests, angles
+
+
+def test_the_scale_of_a_potentiometer_is_that_of_slow_requests_and_reported(tmp_path):
+    file, requests, angles = _potentiometer(tmp_path)
+    log = _read(file, unit="requested=us,actual=counts")
+    np.testing.assert_allclose(log.requests, requests, atol=EXACT)
+    # Half a count of rounding; a scale within 1 %.
+    np.testing.assert_allclose(log.angles, angles, atol=0.5 / 163.0 + 0.01 * 0.6)
+    (note,) = [each for each in log.notes if "a count of the actual angle" in each]
+    per_count, zero = map(float, re.findall(r"(-?[\d.]+) (?:degrees|counts)", note))
+    assert per_count == pytest.approx(math.degrees(1.0 / PER_RADIAN), rel=0.01)
+    assert zero == pytest.approx(MIDDLE, abs=1.0)
+
+
+def test_pulses_of_another_servo_are_read_by_the_microseconds_of_a_turn(tmp_path):
+    file, requests, _ = _potentiometer(tmp_path)
+    log = _read(file, unit="requested=us,actual=counts", ticks_per_turn=8000)
+    np.testing.assert_allclose(log.requests, requests / 2.0, atol=EXACT)
+
+
+def test_names_of_columns_say_pulses_and_counts(tmp_path):
+    file, requests, _ = _potentiometer(tmp_path)
+    text = file.read_text().replace("t_s,requested,actual", "t_s,requested_us,actual_counts")
+    file.write_text(text)
+    log = _read(file)
+    np.testing.assert_allclose(log.requests, requests, atol=EXACT)
+    assert "angles in us and counts, as the columns said" in " ".join(log.notes)
+
+
+@pytest.mark.parametrize(
+    ("unit", "slow", "message"),
+    [
+        ("requested=us,actual=counts", False, "the scale of actual angles in counts does not show"),
+        ("counts", True, "requests in counts, of which nobody knows the scale"),
+        ("requested=counts,actual=us", True, "requests in counts"),
+    ],
+)
+def test_counts_without_a_scale_are_refused(tmp_path, unit, slow, message):
+    file, *_ = _potentiometer(tmp_path, slow=slow)
+    with pytest.raises(InvalidFile, match=message):
+        _read(file, unit=unit)
+
+
+def test_slow_requests_in_one_direction_tell_no_scale(tmp_path):
+    """The joint trails them by an amount that nobody knows."""
+    file, *_ = _potentiometer(tmp_path)
+    rows = file.read_text().splitlines()
+    file.write_text("\n".join([rows[0], *rows[160:440]]) + "\n")  # from the top to the bottom
+    with pytest.raises(InvalidFile, match="up and down"):
+        _read(file, unit="requested=us,actual=counts")
+
+
+def test_counts_of_another_sensor_are_refused(tmp_path):
+    file, *_ = _potentiometer(tmp_path)
+    table = np.loadtxt(file, delimiter=",", skiprows=1)
+    table[:, 2] = np.random.default_rng(0).uniform(0.0, 1023.0, len(table))
+    np.savetxt(file, table, delimiter=",", header="t_s,requested_us,actual_adc", comments="")
+    with pytest.raises(InvalidFile, match="beside a straight line of slow requests"):
+        _read(file)
