@@ -22,7 +22,7 @@ from planner.identification.least_squares import (
 )
 from planner.identification.log import Log, pieces_of
 from planner.identification.parameters import Parameters, only
-from planner.model.joint import slowed_by_friction, with_ticks
+from planner.model.joint import with_ticks
 from planner.trajectory import Array, rms
 
 SETTLED_ERRORS = 2.0
@@ -102,20 +102,9 @@ def at_ticks(logs: Sequence[Log], fit: Fit, tick: float) -> Fit:
     grid, at = fit.grid, fit.parameters
     if tick == grid.tick:
         return fit
+    gain, lag = with_ticks(at.gain, at.lag, grid.tick, tick, inertia=at.time_constant > 0.0)
     finer = resampled(logs, tick=tick, reach=grid.reach, burn_in=grid.burn_in, settled=grid.settled)
-    changed = with_ticks(
-        grid.tick,
-        tick,
-        gain=at.gain,
-        lag=at.lag,
-        dead_band=at.dead_band,
-        time_constant=at.time_constant,
-        max_acceleration=at.max_acceleration,
-    )
-    held = slowed_by_friction(changed["gain"], at.dead_band, at.time_constant, tick)
-    if at.time_constant > 0.0 and at.max_acceleration > held:  # its friction hardly differs
-        changed["max_acceleration"] = at.max_acceleration
-    begin = at._replace(**changed)
+    begin = at._replace(gain=gain, lag=lag)
     return least_squares(finer, begin, free=fit.free, starts=fit.starts)
 
 

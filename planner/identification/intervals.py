@@ -364,6 +364,12 @@ def all_intervals(
             known[term] = model_interval(fit, uncertainty, name)
             if not (bounds[name].bounded and bounds["v_max"].bounded):
                 known[term] = Interval(-math.inf if name == "asymmetry" else 0.0, math.inf)
+    limit = known.pop("acceleration", None)
+    if limit is not None:
+        known["max_acceleration"] = limit
+        if fit.parameters.dead_band > 0.0:
+            ends = model_interval(fit, uncertainty, "acceleration")
+            known["max_acceleration"] = ends if limit.bounded else Interval(ends.lower, math.inf)
     known["theta_0"] = _theta_0(fit, bounds, uncertainty)
     return {name: known[name] for name in (*PARAMETERS, "gain") if name in known}
 

@@ -16,6 +16,7 @@ from planner.identification.parameters import (
     Free,
     Parameters,
     bounds_of,
+    by_friction,
     coordinates_of,
     only,
     parameters_at,
@@ -49,9 +50,6 @@ change of the request the derivative jumps, and the mean of both sides is taken.
 MOST_REDUCTION = 3.0
 """A search ends where the loss would have to fall by more than so many times the reduction that its
 quadratic predicts."""
-
-VANISHES = 40.0
-"""Time constants after which nothing but rounding is left of a speed: exp(-40) is 4e-18."""
 
 
 class Effort(NamedTuple):
@@ -123,7 +121,7 @@ def servo_of(grid: Grid, at: Parameters) -> Servo:
         v_max=at.v_max,
         dead_band=at.dead_band,
         time_constant=at.time_constant,
-        max_acceleration=at.max_acceleration,
+        max_acceleration=at.max_acceleration(grid.tick),
         sag_sin=float(at.sag_sin),
         sag_cos=float(at.sag_cos),
     )
@@ -217,10 +215,7 @@ def _by_coordinates(grid: Grid, at: Parameters) -> Array:
     from planner.model import kernel
 
     tick, v_max = grid.tick, 0.0 if math.isinf(at.v_max) else at.v_max
-    inertia = 0.0  # of the motor's share, 1 - exp(-tick / time constant), by that
-    if tick <= VANISHES * at.time_constant:
-        inertia = -tick / at.time_constant**2 * math.exp(-tick / at.time_constant)
-    entries = (
+    entries = [
         (kernel.GAIN, "gain", tick),
         (kernel.V_MAX, "v_max", tick),
         (kernel.FASTER, "v_max", tick * at.asymmetry),
@@ -232,12 +227,15 @@ def _by_coordinates(grid: Grid, at: Parameters) -> Array:
         (kernel.FASTER, "asymmetry", tick * v_max),
         (kernel.SAG_LOAD, "compliance", 1.0),
         (kernel.FASTER_LOAD, "slowing", tick * v_max),
-        (kernel.SHARE, "time_constant", inertia),
-        (kernel.ACCELERATION, "max_acceleration", tick**2),
+        (kernel.SHARE, "time_constant", at.motor_by_time_constant(tick)),
+        (kernel.ACCELERATION, "acceleration", tick**2),
         (kernel.SAG_SIN, "sag_sin", 1.0),
         (kernel.SAG_COS, "sag_cos", 1.0),
         (kernel.PLAY, "play", 1.0),
-    )
+    ]
+    if math.isfinite(at.acceleration):
+        taken = by_friction(at, tick).items()
+        entries += [(kernel.ACCELERATION, name, tick**2 * value) for name, value in taken]
     change = np.zeros((kernel.START, len(Parameters._fields)))
     for column, field, value in entries:
         change[column, Parameters._fields.index(field)] = value
@@ -412,7 +410,7 @@ class _Quadratic(NamedTuple):
             by_parameter,
             whole - beside.T @ shares,
             by_parameter - shares.T @ by_start,
-            np.sqrt(np.diag(whole)),
+            np.sqrt(np.maximum(np.diag(whole), 0.0)),
             beside,
             squares,
             by_start,
@@ -462,7 +460,7 @@ class _Quadratic(NamedTuple):
 def _damped(matrix: Array, gradient: Array, radius: float) -> Array:
     """The Gauss-Newton step, damped so that it is no longer than the radius by a tenth."""
     values, axes = np.linalg.eigh(matrix)
-    values = np.maximum(values, 1e-12 * max(values[-1], 1e-300))
+    values = np.maximum(values, 1e-12 * max(values[-1], 1e-18))  # of a matrix in their own unit
     slopes = axes.T @ gradient
     damping = 0.0
     for _ in range(20):  # Newton's method for the damping
@@ -478,9 +476,7 @@ def _damped(matrix: Array, gradient: Array, radius: float) -> Array:
 def _evaluated(grid: Grid, parameters: Parameters, starts: Array, scale: float, free: Free) -> Fit:
     response = respond(grid, parameters, starts)
     residuals = response.predicted - grid.angles
-    law = servo_of(grid, parameters).law
-    moves = law.share * law.friction < law.acceleration  # else friction holds it whatever acts
-    cost = huber(residuals, scale) if moves else math.inf
+    cost = huber(residuals, scale)
     return Fit(grid, parameters, free, starts, response, residuals, scale, cost)
 
 

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.identification.grid import Grid
-from planner.model.joint import JointModel
+from planner.model.joint import JointModel, slowed_by_friction
 from planner.trajectory import Array
 
 Free = npt.NDArray[np.bool_]
@@ -35,11 +35,16 @@ SEEN = 0.3
 rest of a log better then is no joint."""
 
 
+VANISHES = 40.0
+"""Time constants after which nothing but rounding is left of a speed: exp(-40) is 4e-18."""
+
+
 class Parameters(NamedTuple):
     """A joint by what its motion shows; v_max may be infinite: then it never saturates.
 
     ``v_offset`` and ``speed_per_torque`` are shares of v_max here, so that their bounds do not
-    depend on it.
+    depend on it, and ``max_acceleration`` is counted from what dry friction takes, so that every
+    joint moves and ticks change it little.
     """
 
     gain: float  # v_max / theta_0 [1/s]
@@ -54,7 +59,7 @@ class Parameters(NamedTuple):
     sag_sin: float = 0.0  # by the sine of the angle [rad]
     sag_cos: float = 0.0  # by its cosine [rad]
     time_constant: float = 0.0  # [s]
-    max_acceleration: float = math.inf  # [rad/s^2]: see ``terms.py``
+    acceleration: float = math.inf  # most from rest, beyond friction [rad/s^2]: see ``terms.py``
     play: float = 0.0  # backlash between motor and angle [rad], which no model has
 
     @classmethod
@@ -71,7 +76,10 @@ class Parameters(NamedTuple):
             compliance=model.compliance,
             slowing=model.speed_per_torque / model.v_max,
             time_constant=model.time_constant,
-            max_acceleration=model.max_acceleration,
+            acceleration=model.max_acceleration
+            - slowed_by_friction(
+                model.v_max / model.theta_0, model.dead_band, model.time_constant, model.tick
+            ),
             sag_sin=model.sag_sin,
             sag_cos=model.sag_cos,
         )
@@ -92,6 +100,17 @@ class Parameters(NamedTuple):
         """Time by which the joint trails slow requests [s]."""
         return self.lag + self.acceleration_time / 2.0 + 1.0 / self.gain + self.time_constant
 
+    def max_acceleration(self, tick: float) -> float:
+        """Acceleration limit with these ticks [rad/s^2]."""
+        taken = slowed_by_friction(self.gain, self.dead_band, self.time_constant, tick)
+        return self.acceleration + taken
+
+    def motor_by_time_constant(self, tick: float) -> float:
+        """Derivative of a motor's share of each tick, 1 - exp(-tick / time constant) [1/s]."""
+        if tick > VANISHES * self.time_constant:
+            return 0.0
+        return -tick / self.time_constant**2 * math.exp(-tick / self.time_constant)
+
     def model(self, *, tick: float, hold: int) -> JointModel:
         """The model with these parameters."""
         return JointModel(
@@ -107,7 +126,7 @@ class Parameters(NamedTuple):
             compliance=self.compliance,
             speed_per_torque=self.slowing * self.v_max,
             time_constant=self.time_constant,
-            max_acceleration=self.max_acceleration,
+            max_acceleration=self.max_acceleration(tick),
             sag_sin=self.sag_sin,
             sag_cos=self.sag_cos,
         )
@@ -207,7 +226,7 @@ COORDINATES: dict[str, Coordinate] = {
         upper=lambda grid: grid.reach,
         scale=lambda _, at: at.whole_delay,
     ),
-    "max_acceleration": Coordinate(
+    "acceleration": Coordinate(
         unit=None,
         lower=lambda grid: 1e-3 * grid.span / grid.reach**2,
         upper=lambda grid: 1e3 * grid.span / grid.tick**2,
@@ -228,7 +247,7 @@ TERMS = {
     "sag_sin": "sag_sin",
     "sag_cos": "sag_cos",
     "time_constant": "time_constant",
-    "max_acceleration": "max_acceleration",
+    "acceleration": "max_acceleration",
 }
 """Parameters that are 0 unless they reduce the loss, with their names in a JointModel."""
 
@@ -272,7 +291,22 @@ def model_derivatives(grid: Grid, parameters: Parameters) -> Array:
         row = Parameters._fields.index(name)
         change[row] *= v_max
         change[row, 1] = v_max * getattr(parameters, name)
+    if math.isfinite(parameters.acceleration):
+        row, by = Parameters._fields.index("acceleration"), units(grid, parameters)
+        for name, value in by_friction(parameters, grid.tick).items():
+            index = Parameters._fields.index(name)
+            change[row, index] = value * by[index]
     return change
+
+
+def by_friction(at: Parameters, tick: float) -> dict[str, float]:
+    """Derivatives of what dry friction takes of the acceleration, by the parameters in it."""
+    share = -math.expm1(-tick / at.time_constant) if at.time_constant > 0.0 else 1.0
+    return {
+        "gain": share * at.dead_band / tick,
+        "dead_band": share * at.gain / tick,
+        "time_constant": at.motor_by_time_constant(tick) * at.gain * at.dead_band / tick,
+    }
 
 
 def bounds_of(grid: Grid) -> tuple[Parameters, Parameters]:

@@ -42,7 +42,6 @@ from planner.identification.least_squares import (
 from planner.identification.log import Log
 from planner.identification.parameters import TERMS, Parameters, coordinates_of, only
 from planner.identification.result import Interval, Term
-from planner.model.joint import slowed_by_friction
 from planner.trajectory import Array, Indices, Mask, rms
 
 ORDER = ("time_constant", "dead_band", "compliance", "slowing", "sag_sin", "asymmetry")
@@ -51,7 +50,7 @@ ORDER = ("time_constant", "dead_band", "compliance", "slowing", "sag_sin", "asym
 PARTNERS = {"sag_sin": ("sag_cos",)}
 """Parameters that a term has beside the one that it is called by."""
 
-MOTOR = ("max_acceleration", "time_constant", "dead_band")
+MOTOR = ("acceleration", "time_constant", "dead_band")
 """Terms that may show only together: a slow start hides dry friction, and friction the inertia."""
 
 SAVING = 0.2
@@ -173,10 +172,9 @@ def with_calm_friction(logs: Sequence[Log], fit: Fit) -> Fit:
             least, size = lower, alone.parameters.dead_band
     if size == at.dead_band:
         return fit
-    slowed = slowed_by_friction(at.gain, size - at.dead_band, at.time_constant, grid.tick)
     calm = least_squares(
         grid,
-        at._replace(dead_band=size, max_acceleration=at.max_acceleration + slowed),
+        at._replace(dead_band=size),
         free=fit.free & ~only("dead_band"),
         starts=fit.starts,
         scale=fit.scale,
@@ -212,7 +210,8 @@ def _motor(fit: Fit) -> Fit:
         each._replace(time_constant=0.5 * at.whole_delay, lag=0.3 * each.lag) for each in begins
     ]
     begins += [each._replace(dead_band=_some_dead_band(each, fit)) for each in begins]
-    begins += [each._replace(v_max=1.3 * each.v_max) for each in begins]
+    slower = [each._replace(acceleration=0.3 * each.acceleration) for each in begins]
+    begins += [each._replace(v_max=1.3 * each.v_max) for each in begins] + slower
     trials = [
         least_squares(
             excerpt.grid, each, free=free, starts=excerpt.starts, scale=fit.scale, effort=TRIAL
@@ -400,24 +399,16 @@ def _divided(at: Parameters, grid: Grid) -> Parameters:
 def _limited(at: Parameters, grid: Grid) -> Parameters:
     """Where the search for an acceleration limit begins: it takes half of the ramp."""
     speed = min(at.v_max, grid.fastest)
-    limited = at._replace(
+    return at._replace(
         acceleration_time=max(0.5 * at.acceleration_time, grid.tick),
         time_constant=max(0.5 * at.time_constant, grid.tick),
-        max_acceleration=speed / max(at.acceleration_time + at.time_constant, grid.tick),
+        acceleration=speed / max(at.acceleration_time + at.time_constant, grid.tick),
     )
-    return limited._replace(dead_band=min(at.dead_band, _most_dead_band(limited, grid)))
 
 
 def _some_dead_band(at: Parameters, fit: Fit) -> float:
     """Where the search for a dead band begins [rad]."""
-    return min(max(at.dead_band, 2.0 * fit.scale), _most_dead_band(at, fit.grid))
-
-
-def _most_dead_band(at: Parameters, grid: Grid) -> float:
-    """Half the dead band from which on the acceleration limit leaves no motion [rad]."""
-    constant = at.time_constant
-    slowing = at.gain * (-math.expm1(-grid.tick / constant) if constant > 0.0 else 1.0)
-    return 0.5 * at.max_acceleration * grid.tick / slowing
+    return max(at.dead_band, 2.0 * fit.scale)
 
 
 class Excerpt(NamedTuple):

@@ -196,7 +196,7 @@ class JointModel:
 
         The tick becomes the longest one that divides the period and is no longer than it was. Where
         it becomes shorter, lag, v_max / theta_0 and, with dry friction, max_acceleration become
-        those of a joint that answers the same: see ``with_ticks``.
+        those of a joint that answers the same: see ``with_ticks`` and ``slowed_by_friction``.
 
         Raises:
             InvalidModel: The period is not a finite time above 0.
@@ -216,18 +216,21 @@ class JointModel:
         if math.isclose(tick, self.tick, rel_tol=1e-9):
             return replace(self, tick=tick, hold=hold).with_evidence(self.evidence)
         gain = self.v_max / self.theta_0
-        changed = with_ticks(
-            self.tick,
-            tick,
-            gain=gain,
-            lag=self.lag,
-            dead_band=self.dead_band,
-            time_constant=self.time_constant,
-            max_acceleration=self.max_acceleration,
+        inertia = self.time_constant > 0.0
+        other, lag = with_ticks(gain, self.lag, self.tick, tick, inertia=inertia)
+        before, after = (
+            slowed_by_friction(each, self.dead_band, self.time_constant, of)
+            for each, of in ((gain, self.tick), (other, tick))
         )
-        other = changed.pop("gain")
-        model = replace(self, theta_0=self.v_max / other, tick=tick, hold=hold, **changed)
-        known = self.evidence and self.evidence.moved(other / gain, model.lag - self.lag)
+        model = replace(
+            self,
+            theta_0=self.v_max / other,
+            lag=lag,
+            tick=tick,
+            hold=hold,
+            max_acceleration=self.max_acceleration + after - before,
+        )
+        known = self.evidence and self.evidence.moved(other / gain, lag - self.lag)
         return model.with_evidence(known)
 
     @property
@@ -508,47 +511,25 @@ def weights_by_tick(model: JointModel) -> Array:
 
 
 def with_ticks(
-    tick: float,
-    other: float,
-    *,
-    gain: float,
-    lag: float,
-    dead_band: float,
-    time_constant: float,
-    max_acceleration: float,
-) -> dict[str, float]:
-    """The numbers of a joint that differ where it answers the same with other ticks.
+    gain: float, lag: float, tick: float, other: float, *, inertia: bool
+) -> tuple[float, float]:
+    """v_max / theta_0 [1/s] and lag [s] of a joint that answers the same with other ticks.
 
     The speed of a tick follows the error at its beginning: without inertia a tick's share of an
     error is 1 - exp(-gain * tick), with it the gain stays. What is requested during a tick shows at
-    its end, so that slow motion is as late with any ticks only if the lag differs, too. The
-    acceleration limit stays as far above what dry friction takes.
+    its end, so that slow motion is as late with any ticks only if the lag differs, too.
 
     Args:
-        tick: Time step [s].
-        other: The other time step [s].
         gain: v_max / theta_0 with ticks of ``tick`` [1/s].
         lag: Lag with these [s].
-        dead_band: Dead band [rad].
-        time_constant: Time constant [s].
-        max_acceleration: Acceleration limit with these [rad/s^2].
-
-    Returns:
-        ``gain``, ``lag`` and ``max_acceleration`` with ticks of ``other``.
+        tick: Time step [s].
+        other: The other time step [s].
+        inertia: Whether the joint has a time constant.
     """
-    changed, later = gain, other - tick
-    if time_constant == 0.0:
-        at_once = -math.log1p(-min(gain * tick, 0.9)) / tick
-        changed, later = -math.expm1(-at_once * other) / other, 0.5 * later
-    before, after = (
-        slowed_by_friction(each, dead_band, time_constant, of)
-        for each, of in ((gain, tick), (changed, other))
-    )
-    return {
-        "gain": changed,
-        "lag": max(lag + later, 0.0),
-        "max_acceleration": max_acceleration + after - before,
-    }
+    if inertia:
+        return gain, max(lag - (tick - other), 0.0)
+    at_once = -math.log1p(-min(gain * tick, 0.9)) / tick
+    return -math.expm1(-at_once * other) / other, max(lag - 0.5 * (tick - other), 0.0)
 
 
 def slowed_by_friction(gain: float, dead_band: float, time_constant: float, tick: float) -> float:

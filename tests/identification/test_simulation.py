@@ -67,7 +67,7 @@ def test_a_joint_that_comes_to_rest_does_not_waver():
         assert np.all(errors >= 0.0)
 
 
-FIELDS = [name for name in Parameters._fields if name not in ("max_acceleration", "play")]
+FIELDS = [name for name in Parameters._fields if name not in ("acceleration", "play")]
 
 
 @pytest.mark.parametrize("field", FIELDS)
@@ -78,6 +78,13 @@ def test_the_derivatives_are_slopes(field):
 @pytest.mark.parametrize("field", FIELDS)
 def test_the_derivatives_are_slopes_with_dry_friction_and_a_load(field):
     slopes_agree(STICKY, field)
+
+
+@pytest.mark.parametrize("field", ["gain", "dead_band", "time_constant", "acceleration"])
+def test_the_derivatives_are_slopes_where_friction_takes_of_the_acceleration(field):
+    motor = replace(STICKY, time_constant=0.03, max_acceleration=40.0)
+    assert Parameters.of(motor).model(tick=motor.tick, hold=motor.hold) == motor
+    slopes_agree(motor, field)
 
 
 def slopes_agree(model, field):
