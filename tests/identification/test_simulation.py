@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -80,11 +81,13 @@ def test_the_derivatives_are_slopes_with_dry_friction_and_a_load(field):
     slopes_agree(STICKY, field)
 
 
-@pytest.mark.parametrize("field", ["gain", "dead_band", "time_constant", "acceleration"])
-def test_the_derivatives_are_slopes_where_friction_takes_of_the_acceleration(field):
+def test_what_friction_takes_of_the_acceleration_is_added_in_the_model():
     motor = replace(STICKY, time_constant=0.03, max_acceleration=40.0)
-    assert Parameters.of(motor).model(tick=motor.tick, hold=motor.hold) == motor
-    slopes_agree(motor, field)
+    at = Parameters.of(motor)
+    gain = motor.v_max / motor.theta_0
+    share = -math.expm1(-motor.tick / 0.03)
+    assert at.acceleration == pytest.approx(40.0 - share * gain * motor.dead_band / motor.tick)
+    assert at.model(tick=motor.tick, hold=motor.hold) == motor
 
 
 def slopes_agree(model, field):
