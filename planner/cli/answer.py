@@ -15,7 +15,7 @@ from planner.cli.settings import FROM_URDF
 from planner.model.evidence import OPEN_TOP_SPEED, unproven_gains, untested_words
 from planner.planning.result import ErrorsOfModels
 from planner.planning.time_shift import shifted
-from planner.report.plan_tables import expected_words
+from planner.report.plan_tables import expected_words, feet_table
 from planner.report.table import NO_BOUND, NOTHING, percent, text_table
 from planner.trajectory import error_norm, rms
 
@@ -30,6 +30,10 @@ if TYPE_CHECKING:
     from planner.trajectory import Array
 
     Written = Sequence[tuple[str, Path | str | None]]
+
+
+MOST_LISTED = 6
+"""Joints of whose best time shifts each is listed."""
 
 
 def document(prepared: Prepared, plan: Plan, missed: list[str]) -> dict[str, Any]:
@@ -75,6 +79,16 @@ def document(prepared: Prepared, plan: Plan, missed: list[str]) -> dict[str, Any
             "over_models": together and _over_models(together, "cm", 100.0),
             "predicted_m": plan.foot.tolist(),
         }
+    legs = {}
+    for name, leg in desired.legs.items():
+        part = plan.of_leg(leg)
+        early = shifted(part.task)
+        legs[name] = {
+            **_errors(100.0 * part.distances, "cm"),
+            "expected_rms_cm": part.expected_foot and 100.0 * part.expected_foot,
+            "without_plan_rms_cm": 100.0 * rms(part.direct_distances),
+            "best_shift_rms_cm": 100.0 * rms(early.distances),
+        }
     step = float(np.min(task.max_step))
     asked = run.tolerance.deg is not None or run.tolerance.cm is not None
     return {
@@ -90,6 +104,7 @@ def document(prepared: Prepared, plan: Plan, missed: list[str]) -> dict[str, Any
         "lower_bound_withdrawn": NO_BOUND if task.load_of_pose else None,
         "joints": joints,
         "foot": foot,
+        "legs": legs,
         "within_tolerance": not missed if asked else None,
     }
 
@@ -105,7 +120,8 @@ def summary(prepared: Prepared, plan: Plan) -> str:
     for j in range(len(desired.names)):
         errors = _errors(np.degrees(np.abs(plan.errors[:, j])), "deg")
         bounded = [NOTHING, NOTHING]
-        if plan.inversions and not plan.task.load_of_pose:
+        by_feet = prepared.settings.plan.method == "foot-optimal"
+        if plan.inversions and not plan.task.load_of_pose and not by_feet:
             inversion = plan.inversions[j]
             bounded = [f"{np.degrees(inversion.lower_bound):.3f}", percent(inversion.gap)]
         robot = [expected_words(plan.expected[j])] * known
@@ -127,6 +143,9 @@ def summary(prepared: Prepared, plan: Plan) -> str:
     )
     if over_models := _over_models_table(desired, plan):
         text += f"\n\n{over_models}"
+    if desired.legs:
+        parts = {name: plan.of_leg(leg) for name, leg in desired.legs.items()}
+        text += f"\n\n{feet_table(parts).text()}\n"
     if desired.foot is not None:
         rms, largest = _errors(100.0 * plan.distances, "cm").values()
         text += f"\nfoot: {rms:.3f} cm rms from its path, {largest:.3f} cm at most"
@@ -169,6 +188,10 @@ def _best_shift(desired: Desired, plan: Plan) -> str:
         robot = "" if np.isnan(expected) else f", on the robot {expected:.3f}"
         error = np.degrees(rms(shift.errors[:, j]))
         each.append(f"{_label(desired, j)} {error:.3f}{robot} ({1e3 * lead:.0f} ms early)")
+    if len(each) > MOST_LISTED:
+        largest = math.degrees(max(rms(errors) for errors in shift.errors.T))
+        ends = " to ".join(f"{1e3 * lead:.0f}" for lead in (min(shift.leads), max(shift.leads)))
+        each = [f"at most {largest:.3f} ({ends} ms early)"]
     text = f"desired angles sent early instead, rms [deg]: {', '.join(each)}"
     if desired.foot is not None:
         text += f"; foot {100.0 * rms(shift.distances):.3f} cm"
@@ -310,12 +333,13 @@ def plan_report(
     run, desired = prepared.settings, prepared.desired
     return plan_page(
         plan,
-        title=leg_title(run.leg) or ", ".join(desired.names),
+        title=leg_title(run.leg) or ", ".join(desired.legs or desired.names),
         method=run.plan.method,
         origins=_origins(prepared, plan.task.leg),
         files=linked_files(page, [*_inputs(prepared), *written]),
         foot_given=desired.foot_given,
         unreachable=desired.unreachable,
+        legs=desired.legs,
         missed=missed,
         notes=_notes(prepared),
     )

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -24,6 +24,7 @@ from planner.files.paths import (
     path_table,
     write_joint_path,
 )
+from planner.files.robot import LegPlace, read_legs
 from planner.files.units import LEAST_DEG, SHARES
 from planner.model.evidence import refusal
 from planner.model.joint import JointModel
@@ -34,24 +35,6 @@ if TYPE_CHECKING:
 
 Limits = Mapping[str, tuple[float, float]]
 """Smallest and largest request by joint [rad]."""
-
-
-class LegPlace(NamedTuple):
-    """Where a leg is described, and what is needed to find it there.
-
-    Attributes:
-        urdf: The file.
-        base: The frame at its upper end.
-        foot: The frame at its lower end.
-        locked: Joints between them that are held, and where [rad; m for one that slides].
-        near: A pose near which paths start [rad]; None for any.
-    """
-
-    urdf: str
-    base: str
-    foot: str
-    locked: Mapping[str, float] = {}
-    near: Mapping[str, float] | None = None
 
 
 SHIPPED = {
@@ -87,6 +70,7 @@ class Desired:
         models: Their models.
         limits: Smallest and largest angle of each joint [rad], where a leg has them.
         leg: The leg, where one was named.
+        legs: The legs of a whole robot, by name, whose joints are all among these.
         foot: Desired positions of the foot [m], shape (n, 3), for a foot path; with "clamp", the
             positions at the clamped angles.
         foot_given: With "clamp", the positions before; None where the leg reaches all of them.
@@ -109,6 +93,7 @@ class Desired:
     cyclic: bool = True
     remarks: tuple[Remark, ...] = ()
     loads: Array | None = None
+    legs: Mapping[str, Leg] = field(default_factory=dict)
 
     @property
     def period(self) -> float:
@@ -185,6 +170,35 @@ def load_leg(place: LegPlace | None) -> Leg | None:
     )
 
 
+def legs_of(model: settings.Model, folder: str = "") -> dict[str, LegPlace]:
+    """The legs of the robot that the model file describes; those of the ERS-210A for its model."""
+    if model.file == settings.SHIPPED_MODEL and model.parameters is None:
+        from kinematics import urdf_path
+
+        return {
+            name: place._replace(urdf=str(urdf_path(place.urdf)))
+            for name, place in SHIPPED.items()
+            if name != "reference"
+        }
+    if model.file in (settings.SHIPPED_MODEL, settings.FROM_URDF) or model.parameters is not None:
+        return {}
+    return read_legs(beside(folder, model.file))
+
+
+def legs_among(joints: Sequence[str], model: settings.Model, folder: str = "") -> dict[str, Leg]:
+    """The legs of the robot all of whose joints are among these, by name."""
+    if model.file == settings.SHIPPED_MODEL:  # which is read for no other joints
+        named = tuple(f"{name.replace('-', '_')}_" for name in SHIPPED)
+        if not any(joint.startswith(named) for joint in joints):
+            return {}
+    found = {}
+    for name, place in legs_of(model, folder).items():
+        leg = load_leg(place)
+        if leg is not None and set(leg.joint_names) <= set(joints):
+            found[name] = leg
+    return found
+
+
 def leg_title(leg: settings.Leg) -> str:
     """The name of the leg on pages; empty where the settings name none."""
     return leg.name or (f"{Path(leg.urdf).name} · {leg.foot}" if leg.urdf else "")
@@ -232,6 +246,9 @@ def _from_file(run: settings.Run, leg: Leg | None, folder: str) -> Desired:
     if words := _lost(before, given, cyclic=closed):
         remarks = (*remarks, Remark(words))
     limits = {} if leg is None else _limits_of(leg)
+    legs = {} if leg is not None else legs_among(given.names, run.model, folder)
+    for each in legs.values():
+        limits |= _limits_of(each)
     strange = [name for name in given.names if leg is not None and name not in limits]
     if leg is not None and strange:
         raise BadSetting(
@@ -248,6 +265,7 @@ def _from_file(run: settings.Run, leg: Leg | None, folder: str) -> Desired:
         cyclic=closed,
         remarks=(*remarks, *refused_models(given.names, models)),
         loads=given.loads,
+        legs=legs,
     )
 
 

@@ -1,4 +1,4 @@
-"""``request-planner gait``: parameters of a walk in, the path of a foot out."""
+"""``request-planner gait``: parameters of a walk in, the path of a foot or of four legs out."""
 
 from __future__ import annotations
 
@@ -12,9 +12,13 @@ from planner.cli.console import Progress, deliver
 
 if TYPE_CHECKING:
     from kinematics import Leg
-    from planner.cli.settings import Run
+    from planner.cli.settings import HalfEllipse, Run
+    from planner.gait.pattern import Pattern
     from planner.gait.stride import Stride
     from planner.trajectory import Array
+
+PATTERNS = ("walk", "trot", "pace", "bound")
+"""Those of ``planner.gait.pattern``, which takes longer to import."""
 
 SHORTEST, LONGEST = 1e-6, 1e3
 """Range of the time between samples [s]: beyond it the unit is surely mistaken."""
@@ -34,10 +38,18 @@ SHORTEST, LONGEST = 1e-6, 1e3
     help="Find the shortest cycle at which the foot of a leg, planned with the joints of --model, "
     "stays within --tolerance-cm.",
 )
+@click.option(
+    "--pattern",
+    type=click.Choice(PATTERNS),
+    help="Four legs, those of the robot that --model describes, with the footfalls of this gait: "
+    "angles of all their joints instead of a foot path.",
+)
 @click.option("--period", default=0.008, show_default=True, help="Time between samples [s].")
 @options.output
 @options.as_json
-def gait(*, run: Run, period: float, fastest: bool, output: str, as_json: bool) -> None:
+def gait(
+    *, run: Run, period: float, fastest: bool, pattern: Pattern | None, output: str, as_json: bool
+) -> None:
     """Make the half-ellipse foot path of a walk, in the hip's frame; by default the paper's.
 
     With a leg the path is in the base's frame, around the foot of the leg's standing pose (--near),
@@ -47,6 +59,11 @@ def gait(*, run: Run, period: float, fastest: bool, output: str, as_json: bool) 
     Example, a longer and flatter step, and one as large as a leg can trace:
         request-planner gait --half-stroke 0.055 --height 0.03 -o foot.csv
         request-planner gait --leg front-left -o foot.csv
+
+    \b
+    Example, the four legs of the ERS-210A in a trot, and a plan for their twelve joints:
+        request-planner gait --pattern trot -o trot.csv
+        request-planner plan trot.csv -o requests.csv
 
     \b
     Example, the shortest cycle at which the foot stays within half a centimetre:
@@ -66,6 +83,13 @@ def gait(*, run: Run, period: float, fastest: bool, output: str, as_json: bool) 
         raise click.UsageError("--fastest and --tolerance-cm go together: give both, or neither.")
     walk = run.path.half_ellipse or HalfEllipse()
     samples = walk.samples
+    if pattern is not None:
+        if run.leg.name or run.leg.urdf or fastest:
+            raise click.UsageError(
+                "--pattern moves the four legs of --model: leave out --leg and --fastest."
+            )
+        _whole_robot(run, walk, pattern, period, output, as_json=as_json)
+        return
     leg = load_leg(find_leg(run.leg))
     if fastest and leg is None:
         raise click.UsageError("--fastest needs a leg: name it with --leg.")
@@ -87,6 +111,53 @@ def gait(*, run: Run, period: float, fastest: bool, output: str, as_json: bool) 
         document,
         words,
         lambda file: write_foot_path(file, path, period=period),
+        output=output,
+        as_json=as_json,
+    )
+
+
+def _whole_robot(
+    run: Run, walk: HalfEllipse, pattern: Pattern, period: float, output: str, *, as_json: bool
+) -> None:
+    """Four legs with the footfalls of a gait."""
+    import numpy as np
+
+    from planner.cli.desired import legs_of, load_leg
+    from planner.exceptions import InvalidFile, InvalidInput
+    from planner.files.paths import write_joint_path
+    from planner.gait.pattern import check_legs
+    from planner.gait.pattern import gait as gait_of
+    from planner.report.table import text_table
+
+    places = legs_of(run.model)
+    try:
+        check_legs(places)
+    except InvalidInput as error:
+        raise InvalidFile(
+            run.model.file,
+            f"{error}; describe each in a table [leg.front-left] with urdf, base and foot",
+        ) from error
+    legs = {name: leg for name, place in places.items() if (leg := load_leg(place)) is not None}
+    made = gait_of(legs, pattern, **walk.arguments(given_only=True))
+    document, rows = {}, []
+    for name, each in made.items():
+        about_it = about(legs[name], each.stride, period)
+        document[name] = {"phase": each.phase, **about_it}
+        pose = ", ".join(f"{joint} {angle:g}" for joint, angle in about_it["pose_deg"].items())
+        fastest = max(about_it["speeds_deg_s"].values())
+        numbers = (each.phase, *about_it["centre_m"])
+        rows.append([name, *(f"{number:.4g}" for number in numbers), f"{fastest:.0f}", pose])
+    one = next(iter(made.values())).stride
+    names = [joint for leg in legs.values() for joint in leg.joint_names]
+    angles = np.hstack([each.angles for each in made.values()])
+    columns = ["leg", "phase", "x [m]", "y [m]", "z [m]", "fastest [deg/s]", "standing pose [deg]"]
+    deliver(
+        {"pattern": pattern, "period_s": period, "legs": document}
+        | {f"{name}_deg": np.degrees(angles[:, j]).tolist() for j, name in enumerate(names)},
+        f"{pattern}: a cycle of {walk.samples} samples, {walk.samples * period:g} s, of "
+        f"{len(names)} joints; half stroke {one.length:.4g} m, height {one.height:.4g} m\n"
+        + text_table(columns, rows),
+        lambda file: write_joint_path(file, names, angles, period=period),
         output=output,
         as_json=as_json,
     )

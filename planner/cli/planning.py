@@ -12,7 +12,6 @@ import numpy as np
 from planner.cli import settings
 from planner.cli.desired import (
     Desired,
-    LegPlace,
     Limits,
     desired_of,
     find_leg,
@@ -23,6 +22,7 @@ from planner.cli.desired import (
 from planner.cli.faults import BadSetting, FailedCheck, Key
 from planner.cli.loads import Load, load_of, unused
 from planner.cli.models import model_words
+from planner.files.robot import LegPlace
 from planner.model.drawn_models import has_intervals
 from planner.planning.arguments import checked_leg, limits_of_each
 from planner.planning.inversion import planned
@@ -109,10 +109,15 @@ def check_settings(run: settings.Run, desired: Desired) -> None:
     for name in ignored:
         raise BadSetting(Key(name), " has no effect with ", method)
     if given.method == "foot-optimal" and desired.foot is None:
-        raise BadSetting(method, " plans for a foot path: it needs columns x_m, y_m, z_m and a leg")
+        moved = {joint for leg in desired.legs.values() for joint in leg.joint_names}
+        if moved != set(desired.names):
+            raise BadSetting(
+                method, " plans for a foot path: it needs columns x_m, y_m, z_m and a leg"
+            )
     _check_intervals(run, desired)
     degrees, centimetres = Key("tolerance.deg"), Key("tolerance.cm")
-    if run.tolerance.deg is not None and given.method == "foot-optimal":
+    of_foot = given.method == "foot-optimal" and desired.foot is not None
+    if run.tolerance.deg is not None and of_foot:
         raise BadSetting(
             degrees, " is for joints, and ", method, " plans for the foot: use ", centimetres
         )
@@ -161,7 +166,8 @@ def plan_of(
     """
     run, desired, limits = prepared.settings, prepared.desired, prepared.limits
     given = run.plan
-    if given.method == "foot-optimal":
+    whole_robot = given.method == "foot-optimal" and desired.foot is None
+    if given.method == "foot-optimal" and not whole_robot:
         progress("the foot")
     with desired.units_in_messages():
         made = planned(
@@ -172,6 +178,8 @@ def plan_of(
             lines={"segments": given.segments, "rule": given.rule or "paper"},
             progress=progress,
         )
+        if whole_robot:
+            made = _by_feet(prepared, made, progress)
     if made.task.goal == "angles":
         lower, upper = limits_of_each(limits, desired.names)
         whole = desired.leg is not None and desired.leg.joint_names == desired.names
@@ -187,6 +195,26 @@ def plan_of(
         progress("the lower bound")
         _ = made.foot_bound  # takes seconds, and is kept
     return made
+
+
+def _by_feet(prepared: Prepared, plan: Plan, progress: Callable[[str], None]) -> Plan:
+    """A plan for the joints of a robot with the requests of plans for the feet of its legs."""
+    desired, requests = prepared.desired, plan.requests.copy()
+    for name, leg in desired.legs.items():
+        progress(f"the foot {name}")
+        columns = [desired.names.index(joint) for joint in leg.joint_names]
+        angles = desired.angles[:, columns]
+        part = replace(
+            desired,
+            names=leg.joint_names,
+            angles=angles,
+            models=tuple(desired.models[j] for j in columns),
+            leg=leg,
+            foot=leg.foot_positions(angles),
+        )
+        made = planned(task_of(replace(prepared, desired=part)), method="optimal")
+        requests[:, columns] = made.requests
+    return replace(plan, requests=requests)
 
 
 def beyond_limits(plan: Plan, desired: Desired) -> list[FailedCheck]:
@@ -268,8 +296,7 @@ def task_of(prepared: Prepared) -> Task:
         "cyclic": desired.cyclic,
         "load": None if callable(prepared.load) else prepared.load,
     }
-    if given.method == "foot-optimal":
-        assert desired.foot is not None, "this method plans for a foot path"
+    if given.method == "foot-optimal" and desired.foot is not None:
         lower, upper = zip(*(limits[name] for name in desired.names), strict=True)
         options |= {"weights": given.weights or (1.0, 1.0, 1.0), "limits": (lower, upper)}
         return Task.of(desired.models, desired.foot, leg=checked_leg(desired.leg), **options)

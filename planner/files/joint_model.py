@@ -13,6 +13,7 @@ from typing import Any, get_args
 import numpy as np
 
 from planner.exceptions import InvalidFile, InvalidInput, InvalidModel, nearest
+from planner.files.robot import is_of_robot
 from planner.files.text import write_text
 from planner.files.toml import Toml, read_toml
 from planner.model.evidence import ACCEPTED, GAIN, Evidence, Verdict, warn_of_refused
@@ -132,6 +133,7 @@ def read_models(path: Path | str) -> dict[str, JointModel]:
     """Read joint models from TOML, or from standard input for ``-``.
 
     Keys above all tables hold for every joint; a table ``[knee]`` sets or changes some for one.
+    What the file says of a robot, its legs, bus and servos, is not read here.
 
     Args:
         path: The file, as ``identify`` and :meth:`planner.JointModel.to_toml` write it.
@@ -169,7 +171,8 @@ def read_models(path: Path | str) -> dict[str, JointModel]:
 def read_model_file(path: Path | str) -> ModelFile:
     """Read joint models, and where they came from; see :func:`read_models`."""
     file = read_toml(path, example="v_max = 5.45")
-    path, content = file.path, file.content
+    path = file.path
+    content = {key: each for key, each in file.content.items() if not is_of_robot(key, each)}
     common = {key: value for key, value in content.items() if not isinstance(value, dict)}
     tables = {
         joint: {key: each for key, each in own.items() if (key, type(each)) != (SERVO, dict)}

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal, NamedTuple, Self
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Self
 
 import numpy as np
 
@@ -22,6 +22,9 @@ from planner.planning.trials import Learning
 from planner.summary import Summarised, Summary
 from planner.trajectory import Array, error_norm, relative_gap, steps
 from planner.validation import freeze
+
+if TYPE_CHECKING:
+    from kinematics.leg import Leg
 
 Method = Literal["shift", "closed_form", "optimal", "foot_optimal"]
 
@@ -428,6 +431,11 @@ class Plan(Summarised):
             else np.ascontiguousarray(nominal[:, j : j + 1]),
             learning=self.learning[j : j + 1],
         )
+
+    def of_leg(self, leg: Leg) -> Plan:
+        """The part of a plan for many joints that moves a leg, with its foot."""
+        part = joined([self.joint(self.names.index(name)) for name in leg.joint_names])
+        return replace(part, task=replace(part.task, leg=leg))
 
     def save(self, path: Path | str) -> None:
         """Write the requests as CSV: ``t_s`` [s] and one ``<joint>_deg`` column per joint.

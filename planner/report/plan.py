@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -24,6 +24,7 @@ from planner.report.page import (
 )
 from planner.report.plan_tables import (
     expected_errors,
+    feet_table,
     is_bounded,
     joint_rows,
     joints_table,
@@ -69,6 +70,7 @@ def plan_page(
     files: Sequence[LinkedFile] = (),
     foot_given: Array | None = None,
     unreachable: int = 0,
+    legs: Mapping[str, Leg] | None = None,
     missed: Sequence[str] = (),
     notes: Sequence[str] = (),
 ) -> str:
@@ -83,23 +85,26 @@ def plan_page(
         foot_given: Desired positions of the foot [m], shape (n, 3), before they were clamped to
             what the leg reaches; None where they were not.
         unreachable: How many positions are out of the leg's reach.
+        legs: The legs of a robot whose joints are all planned, by name.
         missed: Tolerances that the plan misses, in words.
         notes: What else should be known first.
     """
     role = METHODS[method]
-    head, tail = verdict(plan)
+    parts = {name: plan.of_leg(leg) for name, leg in (legs or {}).items()}
+    head, tail = verdict(plan, parts)
+    bounded = is_bounded(plan) and method != "foot-optimal"
     foot = foot_figures(plan, role)
     told: dict[str, Any] = {
         "norm": plan.task.norm,
         "robust": plan.task.robust,
         "no_bound": NO_BOUND if plan.task.load_of_pose else "",
-        "bounded": is_bounded(plan),
+        "bounded": bounded,
     }
     of_joints = {each.plan.names[each.column]: _over_models(each) for each in plan.inversions}
     of_foot = {"foot": _over_models(plan.of_foot)} if plan.of_foot else {}
     joints = {
         **told,
-        "table": joints_table(plan),
+        "table": joints_table(plan, bounded=bounded),
         "over_models": models_errors_table("joint", of_joints, "deg"),
         "known": any(expected_errors(plan)),
         "joints": [joint_figure(plan, role, j) for j in range(len(plan.names))],
@@ -114,6 +119,9 @@ def plan_page(
         ),
         Section("The models", "{{ table }}", {"table": models}),
     ]
+    if parts:
+        feet = {"table": feet_table(parts), "feet": [feet_figure(parts, role)]}
+        sections.insert(0, Section("The feet", "{{ table }}{{ figures(feet) }}", feet))
     if foot:
         over_models = models_errors_table("", of_foot, "cm")
         values = {**told, "over_models": over_models, "foot": foot[1:]}
@@ -175,12 +183,17 @@ cost more accuracy (--smoothness).</p>
 # What the plan amounts to, in words.
 
 
-def verdict(plan: Plan) -> tuple[str, str]:
-    """The answer in a few words, and what it is worth."""
-    if plan.task.leg:
-        planned, direct = (size(each, 100.0) for each in (plan.distances, plan.direct_distances))
+def verdict(plan: Plan, legs: Mapping[str, Plan] | None = None) -> tuple[str, str]:
+    """The answer in a few words, and what it is worth; of a robot by the parts of its legs."""
+    feet = list((legs or {}).values()) or ([plan] if plan.task.leg else [])
+    if feet:
+        planned, direct = (
+            size(np.concatenate(each), 100.0)
+            for each in zip(*((one.distances, one.direct_distances) for one in feet), strict=True)
+        )
         unit = "cm"
-        head = f"By the model the foot stays within {at_most(planned.largest)} cm of its path"
+        words = "feet stay" if legs else "foot stays", "their paths" if legs else "its path"
+        head = f"By the model the {words[0]} within {at_most(planned.largest)} cm of {words[1]}"
     else:
         planned, direct = (
             size(errors, math.degrees(1.0)) for errors in (plan.errors, plan.direct - plan.desired)
@@ -196,7 +209,7 @@ def verdict(plan: Plan) -> tuple[str, str]:
     )
     if plan.task.leg and plan.expected_foot:
         tail += f". On the robot expect about {two_digits(100.0 * plan.expected_foot)} cm rms"
-    elif any(expected_errors(plan)) and not plan.task.leg:
+    elif any(expected_errors(plan)) and not feet:
         largest = max(each for each in expected_errors(plan) if each)
         tail += f". On the robot expect about {two_digits(largest)} degrees rms"
     return head, tail
@@ -336,6 +349,26 @@ def foot_figures(plan: Plan, role: Role) -> list[Figure]:
         movie=_movie(plan, leg, role),
     )
     return [moving, distances]
+
+
+def feet_figure(legs: Mapping[str, Plan], role: Role) -> Figure:
+    """The error of each foot of a robot over time."""
+    timeline, panels = timeline_of(next(iter(legs.values()))), []
+    for name, plan in legs.items():
+        curves = [
+            timeline.curve(100.0 * distances, looks)
+            for distances, looks in ((plan.direct_distances, DIRECT), (plan.distances, role))
+        ]
+        panels.append(Panel(Axis("distance", "cm", from_zero=True), tuple(curves), name))
+    return timeline.figure(
+        "feet_distances",
+        panels,
+        (
+            "The feet's errors over time",
+            "Distance of each foot from its desired position at the same moment.",
+        ),
+        clock=True,
+    )
 
 
 def _movie(plan: Plan, leg: Leg, role: Role) -> Movie:

@@ -110,9 +110,8 @@ def joint_rows(plan: Plan) -> list[JointRow]:
     return rows
 
 
-def joints_table(plan: Plan) -> Table:
+def joints_table(plan: Plan, *, bounded: bool) -> Table:
     """Errors, bounds, speeds and limits of every joint."""
-    bounded = is_bounded(plan)
     known = any(expected_errors(plan))
     is_shift = plan.method == "shift"
     columns = [
@@ -206,6 +205,24 @@ def motions_table(plan: Plan) -> Table:
         cells = (f"{step:.2f}", f"{motion.reversals_per_s:.1f}", lengths, f"{beyond:.2f}")
         rows.append(Row(name, cells))
     return Table("joint", columns, tuple(rows), label="How the requests move")
+
+
+def feet_table(legs: Mapping[str, Plan]) -> Table:
+    """How far the foot of each leg of a robot is from its path."""
+    known = all(plan.expected_foot is not None for plan in legs.values())
+    ways = ("rms", "at most")
+    columns = [Column("plan [cm]", ways), Column("without a plan [cm]", ways)]
+    columns += [Column("best shift [cm]", ways)] + [Column("on the robot, rms [cm]")] * known
+    rows = []
+    for name, plan in legs.items():
+        each = (plan.distances, plan.direct_distances, shifted(plan.task).distances)
+        cells: list[str | tuple[str, ...]] = [
+            tuple(f"{error:.3f}" for error in size(distances, 100.0)) for distances in each
+        ]
+        if plan.expected_foot is not None and known:
+            cells.append(f"{100.0 * plan.expected_foot:.3f}")
+        rows.append(Row(name, tuple(cells)))
+    return Table("foot", tuple(columns), tuple(rows), label="Feet")
 
 
 def requests_table(plan: Plan) -> Table:

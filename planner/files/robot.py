@@ -1,0 +1,107 @@
+"""What a model file says of the robot beside its models: legs, the bus, the servos' port."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from planner.exceptions import InvalidFile, nearest
+from planner.files.toml import Toml, read_toml
+from planner.validation import shown
+
+LEG = "leg"
+"""Key of the tables ``[leg.<name>]``."""
+
+BUS = ("bus", "port")
+"""Keys above all tables that say on which bus and port the servos are."""
+
+KEYS = {
+    "urdf": "the description of the robot, a file beside this one",
+    "base": "the frame at the leg's upper end",
+    "foot": "the frame at its lower end",
+    "near_deg": "a table of angles of the standing pose [deg]",
+    "lock_deg": "a table of joints that are held, with their angles [deg]",
+}
+"""Keys of a leg, and what they hold."""
+
+
+class LegPlace(NamedTuple):
+    """Where a leg is described, and what is needed to find it there.
+
+    Attributes:
+        urdf: The file.
+        base: The frame at its upper end.
+        foot: The frame at its lower end.
+        locked: Joints between them that are held, and where [rad; m for one that slides].
+        near: A pose near which paths start [rad]; None for any.
+    """
+
+    urdf: str
+    base: str
+    foot: str
+    locked: Mapping[str, float] = {}
+    near: Mapping[str, float] | None = None
+
+
+def is_of_robot(key: str, value: Any) -> bool:
+    """Whether a key of a model file is about the robot, and no parameter and no joint."""
+    if key == LEG:
+        return isinstance(value, dict) and all(isinstance(each, dict) for each in value.values())
+    return key in BUS and isinstance(value, str)
+
+
+def read_legs(path: Path | str) -> dict[str, LegPlace]:
+    """The legs of a model file, by name: its tables ``[leg.<name>]``; none where it has none.
+
+    Raises:
+        InvalidFile: A table has an unknown key, or lacks one.
+    """
+    file = read_toml(path, example='urdf = "robot.urdf"')
+    tables = file.content.get(LEG, {})
+    if not is_of_robot(LEG, tables):
+        return {}
+    return {name: _leg(file, name, table) for name, table in tables.items()}
+
+
+def read_bus(path: Path | str) -> dict[str, str]:
+    """Bus and port of a model file, where it has them."""
+    content = read_toml(path, example='bus = "feetech"').content
+    return {key: content[key] for key in BUS if isinstance(content.get(key), str)}
+
+
+def _leg(file: Toml, name: str, table: Mapping[str, Any]) -> LegPlace:
+    place = (LEG, name)
+    for key, value in table.items():
+        words = ""
+        if key not in KEYS:
+            words = f"unknown key '{key}'{nearest(key, list(KEYS))}; keys: {', '.join(KEYS)}"
+        elif key.endswith("_deg"):
+            if not isinstance(value, dict) or not all(map(_is_number, value.values())):
+                words = f"{key}: got {shown(value)}, expected {KEYS[key]}"
+        elif not isinstance(value, str) or not value:
+            words = f"{key}: got {shown(value)}, expected {KEYS[key]}"
+        if words:
+            line = file.line_of((*place, key))
+            raise InvalidFile(file.path, f"[{LEG}.{name}]: {words}", line=line)
+    if missing := [key for key in ("urdf", "base", "foot") if key not in table]:
+        said = "; ".join(f"{key} is {KEYS[key]}" for key in missing)
+        words = f"[{LEG}.{name}] has no {', '.join(missing)}; {said}"
+        raise InvalidFile(file.path, words, line=file.line_of(place))
+    near = table.get("near_deg")
+    return LegPlace(
+        str(Path(file.path).parent / table["urdf"]),
+        table["base"],
+        table["foot"],
+        _radians(table.get("lock_deg", {})),
+        None if near is None else _radians(near),
+    )
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def _radians(degrees: Mapping[str, float]) -> dict[str, float]:
+    return {joint: math.radians(angle) for joint, angle in degrees.items()}
