@@ -40,21 +40,22 @@ def _bus(text: str) -> str:
 
 
 _OPTIONS = (
-    click.option(
+    lambda required: click.option(
         "--bus",
         type=types.Parsed(
             _bus,
             f"{', '.join(BUSES[:-1])}, lerobot:ROBOT such as lerobot:{ROBOT}, or virtual:KIND with "
             f"one of {', '.join(KINDS)}",
         ),
-        required=True,
+        required=required,
         metavar="BUS",
         help="What the servos speak: feetech, dynamixel (protocol 2.0: X series, MX) or xl320; "
         f"lerobot:ROBOT, such as lerobot:{ROBOT}, is a robot by LeRobot's own classes; virtual are "
-        f"simulated servos, here and at once, as is virtual:KIND of {', '.join(KINDS)}.",
+        f"simulated servos, here and at once, as is virtual:KIND of {', '.join(KINDS)}."
+        + ("" if required else "  [default: that of the model file]"),
     ),
-    click.option("--port", metavar="P", help="The serial port, such as /dev/ttyACM0."),
-    click.option(
+    lambda _: click.option("--port", metavar="P", help="The serial port, such as /dev/ttyACM0."),
+    lambda _: click.option(
         "--baud-rate",
         type=click.IntRange(9600),
         default=1_000_000,
@@ -65,11 +66,19 @@ _OPTIONS = (
 )
 
 
-def bus_options(command: Command) -> Command:
-    """Give a command the options that :func:`open_bus` takes."""
-    for option in reversed(_OPTIONS):
-        command = option(command)
-    return command
+def bus_options(*, required: bool = False) -> Callable[[Command], Command]:
+    """Give a command the options that :func:`open_bus` takes.
+
+    Args:
+        required: Whether no model file can say which bus it is.
+    """
+
+    def decorate(command: Command) -> Command:
+        for option in reversed(_OPTIONS):
+            command = option(required)(command)
+        return command
+
+    return decorate
 
 
 def model_option(help_text: str) -> Callable[[Command], Command]:
@@ -152,9 +161,31 @@ def open_bus(choices: Mapping[str, Any], ids: Mapping[str, int]) -> Iterator[Bus
 
 
 @contextmanager
-def open_arm(choices: Mapping[str, Any], servos: Mapping[str, Servo]) -> Iterator[Arm]:
-    """The joints on the bus that the options name, in the block."""
+def open_arm(choices: Mapping[str, Any], servos: Mapping[str, Servo], model: str) -> Iterator[Arm]:
+    """The joints on the bus that the options name, or else the model file, in the block.
+
+    Raises:
+        click.UsageError: Neither does.
+        InvalidFile: The model file names no bus.
+    """
+    from planner.exceptions import InvalidFile
+    from planner.files.robot import read_bus
     from planner.robot.arm import Arm
+
+    if choices["bus"] is None:
+        known = read_bus(model)
+        if "bus" not in known:
+            raise click.UsageError(
+                f"{model} says of no bus where its servos are: name it with --bus, such as --bus "
+                "feetech --port /dev/ttyACM0."
+            )
+        try:
+            named_bus = _bus(known["bus"])
+        except ValueError:
+            raise InvalidFile(
+                model, f"bus: got '{known['bus']}', expected one of {', '.join(BUSES)}"
+            ) from None
+        choices = {**choices, "bus": named_bus, "port": choices["port"] or known.get("port")}
 
     with open_bus(choices, {name: servo.id for name, servo in servos.items()}) as bus:
         yield Arm(bus, servos)

@@ -30,7 +30,7 @@ SLOWEST = 16.0
 
 
 @click.command()
-@buses.bus_options
+@buses.bus_options(required=True)
 @click.option(
     "--ids",
     type=buses.ids_type(),
@@ -172,7 +172,7 @@ def calibrate(
                         arm, joint, period, choices["duration_s"], folder, resume, progress
                     )
                 settings = checked.settings
-                _write(output, found, arm, settings)
+                _write(output, found, arm, settings, choices)
     if report is not None:
         from planner.files.text import write_text
         from planner.report.calibration import calibration_page
@@ -294,18 +294,21 @@ def _write(
     found: Mapping[str, Compared],
     arm: Arm,
     settings: Mapping[str, Mapping[str, int]],
+    choices: Mapping[str, Any],
 ) -> None:
-    """Write the models and servos of the joints that are done, beside those that are there."""
+    """Write bus, models and servos of the joints that are done, beside what is there."""
     from dataclasses import replace
     from pathlib import Path
 
     from planner.exceptions import InvalidFile
     from planner.files.joint_model import models_text, read_model_file, read_servos
+    from planner.files.robot import BUS, legs_text
     from planner.files.text import write_text
     from planner.report.identification.text import model_comments, remarks
 
-    models, servos = {}, {}
+    models, servos, legs = {}, {}, ""
     if Path(output).exists():
+        legs = legs_text(output)
         models = dict(read_model_file(output).by_joint)
         try:
             servos = read_servos(output)
@@ -314,7 +317,9 @@ def _write(
     models |= {name: each.model for name, each in found.items()}
     servos |= {name: replace(arm.servos[name], settings=settings[name]) for name in found}
     about = model_comments({name: each.identification for name, each in found.items()})
-    write_text(output, models_text(models, remarks=remarks(), about=about, servos=servos))
+    bus = {name: choices[name] for name in BUS if choices[name]}
+    text = models_text(models, remarks=remarks(), about=about, servos=servos, bus=bus)
+    write_text(output, text + legs)
 
 
 def _document(found: Mapping[str, Compared], arm: Arm, checked: Check) -> dict[str, Any]:

@@ -30,7 +30,7 @@ PHYSICAL = ("v_max", "theta_0", "lag", "dead_band", "offset")
 
 
 @click.command()
-@buses.bus_options
+@buses.bus_options()
 @buses.model_option("The models and servos of the joints, as calibrate writes them.")
 @click.option(
     "--joint",
@@ -88,7 +88,7 @@ def check(
     befores = {name: _error_before(model, name, known) for name, known in models.items()}
     document, lines, lost = {}, [], []
     with (
-        buses.open_arm(choices, servos) as arm,
+        buses.open_arm(choices, servos, model) as arm,
         TemporaryDirectory() as folder,
         Progress() as progress,
         buses.stopping("nothing was changed"),

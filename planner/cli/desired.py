@@ -15,6 +15,7 @@ from planner.cli import settings
 from planner.cli.faults import BadSetting, Key, Remark
 from planner.cli.models import beside, check_joints, models_of
 from planner.exceptions import ANGLE_UNIT, JOINT_UNITS, InvalidFile
+from planner.files.joint_model import has_servos, read_servos
 from planner.files.paths import (
     FootPath,
     JointPath,
@@ -25,6 +26,7 @@ from planner.files.paths import (
     write_joint_path,
 )
 from planner.files.robot import LegPlace, read_legs
+from planner.files.text import STANDARD_STREAM
 from planner.files.units import LEAST_DEG, SHARES
 from planner.model.evidence import refusal
 from planner.model.joint import JointModel
@@ -180,9 +182,8 @@ def legs_of(model: settings.Model, folder: str = "") -> dict[str, LegPlace]:
             for name, place in SHIPPED.items()
             if name != "reference"
         }
-    if model.file in (settings.SHIPPED_MODEL, settings.FROM_URDF) or model.parameters is not None:
-        return {}
-    return read_legs(beside(folder, model.file))
+    file = _robot_file(model, folder)
+    return read_legs(file) if file is not None else {}
 
 
 def legs_among(joints: Sequence[str], model: settings.Model, folder: str = "") -> dict[str, Leg]:
@@ -197,6 +198,24 @@ def legs_among(joints: Sequence[str], model: settings.Model, folder: str = "") -
         if leg is not None and set(leg.joint_names) <= set(joints):
             found[name] = leg
     return found
+
+
+def servo_limits(
+    joints: Sequence[str], model: settings.Model, folder: str = ""
+) -> dict[str, tuple[float, float]]:
+    """Ranges of the servos that turn these joints by the model file, by joint [rad]."""
+    file = _robot_file(model, folder)
+    servos = read_servos(file) if file is not None and has_servos(file) else {}
+    return {joint: servos[joint].limits for joint in joints if joint in servos}
+
+
+def _robot_file(model: settings.Model, folder: str) -> str | None:
+    """The model file, where it may say more of the robot: one that can be read again."""
+    if model.parameters is not None:
+        return None
+    if model.file in (settings.SHIPPED_MODEL, settings.FROM_URDF, STANDARD_STREAM):
+        return None
+    return beside(folder, model.file)
 
 
 def leg_title(leg: settings.Leg) -> str:
@@ -249,7 +268,10 @@ def _from_file(run: settings.Run, leg: Leg | None, folder: str) -> Desired:
     legs = {} if leg is not None else legs_among(given.names, run.model, folder)
     for each in legs.values():
         limits |= _limits_of(each)
-    strange = [name for name in given.names if leg is not None and name not in limits]
+    for name, (low, high) in servo_limits(given.names, run.model, folder).items():
+        lower, upper = limits.get(name, (-math.inf, math.inf))
+        limits[name] = max(lower, low), min(upper, high)
+    strange = [name for name in given.names if leg is not None and name not in leg.joint_names]
     if leg is not None and strange:
         raise BadSetting(
             f"joint '{strange[0]}' of {given.path} is not on the leg; its joints: "

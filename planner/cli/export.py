@@ -10,7 +10,7 @@ from planner.cli import options, types
 from planner.cli.console import deliver
 
 if TYPE_CHECKING:
-    from planner.cli.settings import Run
+    from planner.cli.settings import Export, Run
     from planner.robot.schedule import Schedule
 
 
@@ -24,8 +24,23 @@ if TYPE_CHECKING:
     metavar="S",
     help="Time between requests, where the file has no column t_s.",
 )
+@click.option(
+    "--model",
+    type=types.INPUT,
+    metavar="FILE",
+    help="csv in ticks: zero, direction and ticks of a turn of each joint's servo, as calibrate "
+    "writes them, instead of --zero-tick, --reverse and --ticks-per-turn.",
+)
 @options.as_json
-def export(*, run: Run, requests: str, output: str, period_s: float | None, as_json: bool) -> None:
+def export(
+    *,
+    run: Run,
+    requests: str,
+    output: str,
+    period_s: float | None,
+    model: str | None,
+    as_json: bool,
+) -> None:
     """Write REQUESTS, a CSV as `plan` writes it, in a format that robots take; '-' is standard input.
 
     \b
@@ -39,6 +54,7 @@ def export(*, run: Run, requests: str, output: str, period_s: float | None, as_j
     Example, ten cycles for a Dynamixel at 50 Hz, and for a trajectory controller of ROS 2:
         request-planner plan path.csv --rate-hz 50 -o requests.csv
         request-planner export requests.csv --format csv --unit ticks --cycles 10 -o ticks.csv
+        request-planner export requests.csv --format csv --unit ticks --model arm.toml -o ticks.csv
         request-planner export requests.csv --format yaml --lead-s 2 --joint-names lf_hip,lf_knee
     """  # noqa: D301, E501
     from planner.cli.rows import (
@@ -52,15 +68,57 @@ def export(*, run: Run, requests: str, output: str, period_s: float | None, as_j
 
     (export,) = run.export
     check_export(export)
+    schedule = _read(requests, run.path.joints, period_s)
+    if model is not None:
+        export = _with_servos(export, model, schedule.names)
     if export.format in FOLDERS and output == "-":
         raise click.UsageError(f"--format {export.format} is a folder: name it with --output.")
-    rows, skipped = rows_of(export, _read(requests, run.path.joints, period_s))
+    rows, skipped = rows_of(export, schedule)
     deliver(
         rows_document(export, rows, skipped),
         rows_summary(rows, skipped),
         lambda file: write_rows(file, export, rows),
         output=output,
         as_json=as_json,
+    )
+
+
+def _with_servos(export: Export, model: str, names: tuple[str, ...]) -> Export:
+    """The settings with the servos of a model file.
+
+    Raises:
+        click.UsageError: The rows are not in ticks, or other options say the same.
+        InvalidFile: The file has no servo of a joint, or servos of different ticks.
+    """
+    from dataclasses import replace
+
+    from planner.exceptions import InvalidFile
+    from planner.files.joint_model import read_servos
+
+    if export.unit != "ticks":
+        raise click.UsageError("--model needs --unit ticks: other units know no servo.")
+    if export.zero_tick or export.zero_ticks or export.reverse or export.ticks_per_turn:
+        raise click.UsageError(
+            "--model says zeros, directions and ticks: leave out --zero-tick, --reverse and "
+            "--ticks-per-turn."
+        )
+    known = read_servos(model)
+    if missing := [name for name in names if name not in known]:
+        raise InvalidFile(
+            model, f"no servo of {', '.join(missing)}; servos are of {', '.join(known)}"
+        )
+    servos = {name: known[name] for name in names}
+    turns = {servo.ticks_per_turn for servo in servos.values()}
+    if len(turns) > 1:
+        several = ", ".join(f"{each:g}" for each in sorted(turns))
+        raise InvalidFile(
+            model, f"servos of {several} ticks a turn, expected one; choose them with --joints"
+        )
+    return replace(
+        export,
+        ticks_per_turn=round(turns.pop()),
+        zero_ticks={name: servo.zero_tick for name, servo in servos.items()},
+        reverse=tuple(name for name, servo in servos.items() if servo.direction < 0),
     )
 
 

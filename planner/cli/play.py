@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 @click.command()
 @click.argument("requests", type=types.INPUT)
-@buses.bus_options
+@buses.bus_options()
 @buses.model_option("The servos of the joints, with zeros and ranges, as calibrate writes them.")
 @click.option(
     "--cycles",
@@ -84,7 +84,7 @@ def play(
         )
     rows: list[tuple[float, Array]] = []
     servos = {name: known[name] for name in path.names}
-    with buses.open_arm(choices, servos) as arm, GrowingLog(output, path.names) as log:
+    with buses.open_arm(choices, servos, model) as arm, GrowingLog(output, path.names) as log:
 
         def keep(time: float, row: Array, angles: Array) -> None:
             log.keep(time, row, angles)

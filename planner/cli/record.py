@@ -11,7 +11,7 @@ from planner.cli.console import summarise
 
 
 @click.command()
-@buses.bus_options
+@buses.bus_options()
 @buses.model_option("The servos of the joints, as calibrate writes them.")
 @click.option(
     "--rate-hz",
@@ -69,7 +69,7 @@ def record(
     servos = read_servos(model)
     kinds = ("",) if by_hand else ("requested", "actual")
     with (
-        buses.open_arm(choices, servos) as arm,
+        buses.open_arm(choices, servos, model) as arm,
         GrowingLog(output, list(servos), kinds=kinds) as log,
         buses.stopping(f"the log until then is {log.unfinished}"),
     ):

@@ -203,6 +203,7 @@ def models_text(
     remarks: Sequence[str] = (),
     about: Mapping[str, Mapping[str, str]] | None = None,
     servos: Mapping[str, Servo] | None = None,
+    bus: Mapping[str, str] | None = None,
 ) -> str:
     """Models as TOML that :func:`read_models` reads, with comments.
 
@@ -212,8 +213,11 @@ def models_text(
         about: By joint, comments by key that take the place of the key's unit, and under "" one
             above the joint's keys.
         servos: By joint, the servo that turns it; see :func:`read_servos`.
+        bus: Bus and port of the servos; see :func:`planner.files.robot.read_bus`.
     """
     blocks = ["\n".join(_comment(remark) for remark in remarks)] if remarks else []
+    if bus:
+        blocks.append("\n".join(f"{key} = {_quoted(value)}" for key, value in bus.items()))
     for joint, model in models.items():
         said = (about or {}).get(joint, {})
         lines = [f"[{_key(joint)}]"] if joint else []
@@ -288,6 +292,12 @@ def _servo_lines(joint: str, servo: Servo) -> list[str]:
         f"limits = {list(servo.limits)}  # [rad] least and largest request",
         *(f"{name} = {value}" for name, value in servo.settings.items()),
     ]
+
+
+def has_servos(path: Path | str) -> bool:
+    """Whether a model file says of any joint which servo turns it."""
+    tables = read_toml(path, example="id = 1").content.values()
+    return any(isinstance(own, dict) and isinstance(own.get(SERVO), dict) for own in tables)
 
 
 def read_servos(path: Path | str) -> dict[str, Servo]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Mapping
 from pathlib import Path
@@ -69,6 +70,30 @@ def read_bus(path: Path | str) -> dict[str, str]:
     """Bus and port of a model file, where it has them."""
     content = read_toml(path, example='bus = "feetech"').content
     return {key: content[key] for key in BUS if isinstance(content.get(key), str)}
+
+
+def legs_text(path: Path | str) -> str:
+    """The tables of the legs of a model file as TOML, as they are, but for comments."""
+    tables = read_toml(path, example='urdf = "robot.urdf"').content.get(LEG, {})
+    if not is_of_robot(LEG, tables):
+        return ""
+    blocks = [
+        "\n".join([f"\n[{LEG}.{_quoted(name)}]", *(f"{key} = {_toml(each[key])}" for key in each)])
+        for name, each in tables.items()
+    ]
+    return "\n".join(blocks) + "\n" if blocks else ""
+
+
+def _toml(value: Any) -> str:
+    """A text, a number or a table of numbers as TOML."""
+    if isinstance(value, dict):
+        pairs = (f"{_quoted(key)} = {each!r}" for key, each in value.items())
+        return f"{{ {', '.join(pairs)} }}"
+    return _quoted(value) if isinstance(value, str) else repr(value)
+
+
+def _quoted(text: str) -> str:
+    return json.dumps(text, ensure_ascii=False)
 
 
 def _leg(file: Toml, name: str, table: Mapping[str, Any]) -> LegPlace:
