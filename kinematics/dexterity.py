@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from kinematics.chain import Array, Chain, read_only
@@ -15,15 +17,23 @@ STEPS = 25
 LEAST_DEXTERITY = 0.9
 """Dexterity from which on a pose is accepted, relative to the best one."""
 
+BELOW = 0.3
+"""How far the foot of a leg that stands is below its upper joints at least, to the leg's length.
+An arm's hand, which need not be, stays where it moves best."""
+
+STILL_DEXTEROUS = 0.7
+"""Dexterity with the foot below the hip, relative to the best pose, that a leg stands with."""
+
 MOST_GRID_JOINTS = 3
 """Joints up to which all poses of the grid are tried: 25 angles to this power."""
 
 
 def standing_pose(leg: Leg) -> Array:
-    """The pose nearest to the middle of the limits in which the foot moves almost best.
+    """A bent leg with its foot below the hip, z of the base frame pointing up.
 
-    Of a leg of two links below its hip that is the bent leg with the foot below the hip. Where the
-    leg has a pose to start near (``near``), it is that one.
+    The pose nearest to the middle of the limits in which the foot moves almost best, with the foot
+    then moved to below the joint before the last. Where that cannot be, as of an arm, it stays.
+    Where the leg has a pose to start near (``near``), it is that one.
 
     Args:
         leg: A leg of three joints at most.
@@ -52,7 +62,24 @@ def standing_pose(leg: Leg) -> Array:
     well = quality >= LEAST_DEXTERITY * quality.max()
     keys = (*-poses.T, np.where(well, away, np.inf))
     best = poses[np.lexsort(np.round(keys, 6))[0]]
-    return read_only(leg.limits.clip(np.radians(np.round(np.degrees(best)))))
+    best = _below_hip(leg, best, STILL_DEXTEROUS * float(quality.max()))
+    return read_only(leg.limits.clip(np.radians(np.round(np.degrees(best)) + 0.0)))
+
+
+def _below_hip(leg: Leg, pose: Array, least: float) -> Array:
+    """The pose with the foot straight below the joint before the last, or as it is."""
+    found = pose
+    for _ in range(2):  # that joint moves with those above it
+        points = leg.joint_positions(found[None])[0]
+        hip, foot = points[max(len(pose) - 2, 0)], points[-1]
+        if hip[2] - foot[2] < BELOW * leg.chain.size:
+            return pose
+        target = np.array([[hip[0], hip[1], foot[2]]])
+        solution = replace(leg, near=found).inverse(target, unreachable="nearest")
+        found = solution.angles[0]
+        if dexterity(leg.chain, found[None])[0] < least:
+            return pose
+    return found
 
 
 def dexterity(chain: Chain, angles: Array) -> Array:

@@ -104,7 +104,7 @@ def document(prepared: Prepared, plan: Plan, missed: list[str]) -> dict[str, Any
         "lower_bound_withdrawn": NO_BOUND if task.load_of_pose else None,
         "joints": joints,
         "foot": foot,
-        "legs": legs,
+        **({"legs": legs} if legs else {}),
         "within_tolerance": not missed if asked else None,
     }
 

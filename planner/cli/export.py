@@ -54,7 +54,6 @@ def export(
     Example, ten cycles for a Dynamixel at 50 Hz, and for a trajectory controller of ROS 2:
         request-planner plan path.csv --rate-hz 50 -o requests.csv
         request-planner export requests.csv --format csv --unit ticks --cycles 10 -o ticks.csv
-        request-planner export requests.csv --format csv --unit ticks --model arm.toml -o ticks.csv
         request-planner export requests.csv --format yaml --lead-s 2 --joint-names lf_hip,lf_knee
     """  # noqa: D301, E501
     from planner.cli.rows import (
@@ -107,7 +106,7 @@ def _with_servos(export: Export, model: str, names: tuple[str, ...]) -> Export:
         raise InvalidFile(
             model, f"no servo of {', '.join(missing)}; servos are of {', '.join(known)}"
         )
-    servos = {name: known[name] for name in names}
+    servos = dict(zip(export.joint_names or names, (known[name] for name in names), strict=True))
     turns = {servo.ticks_per_turn for servo in servos.values()}
     if len(turns) > 1:
         several = ", ".join(f"{each:g}" for each in sorted(turns))

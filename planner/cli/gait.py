@@ -41,8 +41,9 @@ SHORTEST, LONGEST = 1e-6, 1e3
 @click.option(
     "--pattern",
     type=click.Choice(PATTERNS),
-    help="Four legs, those of the robot that --model describes, with the footfalls of this gait: "
-    "angles of all their joints instead of a foot path.",
+    metavar="GAIT",
+    help="Four legs, those of the robot that --model describes, in this gait, one of "
+    f"{', '.join(PATTERNS)}: angles of all their joints instead of a foot path.",
 )
 @click.option("--period", default=0.008, show_default=True, help="Time between samples [s].")
 @options.output

@@ -179,12 +179,12 @@ SAME_AS_LEG = {"--urdf"}
 OF_ANY_LEG = {"--base", "--foot", "--lock", "--near", "--model", "--fastest", "--tolerance-cm"}
 
 ELSEWHERE = {
-    "export": {"--topic", "--task"},
+    "export": {"--topic", "--task", "--model"},
     "plan": SAME_AS_LEG | {"--near"},
-    "gait": SAME_AS_LEG | OF_ANY_LEG,
+    "gait": SAME_AS_LEG | OF_ANY_LEG | {"--pattern"},
 }
-"""What ``test_export`` reads back from bags and datasets, and what ``test_any_leg`` and
-``test_shortest_cycle`` are about."""
+"""What ``test_export`` reads back from bags and datasets, and what ``test_any_leg``,
+``test_shortest_cycle`` and ``test_whole_robot`` are about."""
 
 
 @pytest.fixture(scope="module")

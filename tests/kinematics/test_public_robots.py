@@ -156,3 +156,19 @@ def test_a_frame_on_the_last_axis_is_a_singular_foot(robots):
     assert not np.isfinite(leg.limits).any()
     with pytest.raises(SingularLeg, match="joint 'joint2' does not move the foot"):
         leg.joint_angles([[0.0, 0.0, 0.1]])
+
+
+WALKERS = ("Solo12", "ANYmal B", "ANYmal C", "Go2", "HyQ")
+
+
+@pytest.mark.parametrize("name", WALKERS)
+def test_a_leg_without_hints_stands_bent_with_its_foot_below_its_hip(robots, name):
+    """To a degree, to which the pose is rounded: 0.02 of the leg's length."""
+    chosen = LEGS[name]
+    leg = Leg.from_urdf(robots / chosen.urdf, base=chosen.base, foot=chosen.foot)
+    pose = standing_pose(leg)
+    *_, hip, _, foot = leg.joint_positions(pose[None])[0]
+    assert np.linalg.norm((foot - hip)[:2]) < 0.02 * leg.chain.size
+    assert foot[2] < hip[2] - 0.5 * leg.chain.size
+    assert 50.0 < abs(math.degrees(pose[2])) < 110.0
+    assert np.all((leg.limits.central[0] <= pose) & (pose <= leg.limits.central[1]))

@@ -1,0 +1,231 @@
+"""A robot of four legs in one file: a gait, a plan of its joints or feet, export and play."""
+
+from __future__ import annotations
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+
+from kinematics import Leg, urdf_path
+from planner.files.joint_model import read_models
+from planner.files.paths import read_joint_path
+from planner.files.robot import read_bus, read_legs
+from tests.cli.test_servos import ARM
+
+LEGS = ("front-left", "front-right", "hind-left", "hind-right")
+TURNED = "hind_left_knee"
+"""A joint whose servo is mounted the other way round."""
+
+
+def robot_text(*, reach=2.6, legs=LEGS):
+    """A model file of the ERS-210A on a virtual bus."""
+    joints = [
+        f"{leg.replace('-', '_')}_{joint}"
+        for leg in LEGS
+        for joint in ("rotator", "abductor", "knee")
+    ]
+    blocks = ['bus = "virtual"\n']
+    motor = ("time_constant", "max_acceleration", "dead_band")  # with which plans take longer
+    simple = "\n".join(line for line in ARM.splitlines() if not line.startswith(motor)) + "\n"
+    simple = simple.replace("acceleration_time = 0.0201", "acceleration_time = 0.06")
+    for number, joint in enumerate(joints):
+        block = simple.replace("joint_1", joint).replace("id = 1", f"id = {number + 1}")
+        block = block.replace("limits = [-0.7, 0.7]", f"limits = [{-reach}, {reach}]")
+        turned = "-1" if joint == TURNED else "1"
+        blocks.append(block.replace("direction = 1", f"direction = {turned}"))
+    for leg in legs:
+        foot = f"{leg.replace('-', '_')}_ball"
+        frames = f'urdf = "ers210a.urdf"\nbase = "body"\nfoot = "{foot}"\n'
+        blocks.append(f"[leg.{leg}]\n{frames}")
+    return "\n".join(blocks)
+
+
+@pytest.fixture
+def robot(tmp_path):
+    shutil.copy(urdf_path("ers210a.urdf"), tmp_path)
+    file = tmp_path / "robot.toml"
+    file.write_text(robot_text())
+    return file
+
+
+def foot_errors(robot, path, angles):
+    """Errors of the feet [m], rms, by leg."""
+    found = {}
+    for name, place in read_legs(robot).items():
+        leg = Leg.from_urdf(place.urdf, base=place.base, foot=place.foot)
+        columns = [path.names.index(joint) for joint in leg.joint_names]
+        feet = (leg.foot_positions(each[:, columns]) for each in (path.angles, angles))
+        found[name] = float(np.sqrt(np.mean(np.sum(np.subtract(*feet) ** 2, axis=1))))
+    return found
+
+
+def test_a_gait_is_planned_for_the_feet_and_played_from_one_file(run, robot, tmp_path):
+    arguments = ("--samples", "40", "--period", "0.02", "--model", robot)
+    assert run("gait", "--pattern", "trot", *arguments, "-o", "trot.csv").exit_code == 0
+    desired = read_joint_path(tmp_path / "trot.csv")
+    assert len(desired.names) == 12
+    errors = {}
+    for method in ("optimal", "foot-optimal"):
+        chosen = ("--rate-hz", "50", "--model", robot, "--method", method, "--smoothness", "0")
+        result = run("plan", "trot.csv", *chosen, "-o", "requests.csv", "--json")
+        assert result.exit_code == 0, result.stderr
+        document = json.loads(result.stdout)
+        joints = document["joints"]
+        predicted = np.radians([joints[name]["predicted_deg"] for name in desired.names]).T
+        errors[method] = foot_errors(robot, desired, predicted)
+        for name, error in errors[method].items():
+            told = document["legs"][name]
+            assert told["rms_cm"] == pytest.approx(100.0 * error, rel=1e-6)
+            assert told["rms_cm"] < told["best_shift_rms_cm"] < told["without_plan_rms_cm"]
+    for name, error in errors["foot-optimal"].items():
+        assert error < errors["optimal"][name]
+    played = run(
+        *("play", "requests.csv", "--model", robot, "--cycles", "3"),
+        *("--measured", "measured.csv", "-o", "log.csv"),
+    )
+    assert played.exit_code == 0, played.stderr
+    measured = read_joint_path(tmp_path / "measured.csv").angles[-40:]
+    direct = foot_errors(robot, desired, np.roll(desired.angles, 5, axis=0))
+    for name, error in foot_errors(robot, desired, measured).items():
+        assert error < 0.5 * direct[name]  # of models that know neither friction nor inertia
+    learnt = run(
+        *("refine", "requests.csv", "measured.csv", "--desired", "trot.csv", "--rate-hz", "50"),
+        *("--model", robot, "-o", "next.csv"),
+    )
+    assert learnt.exit_code == 0, learnt.stderr
+    assert read_joint_path(tmp_path / "next.csv").names == desired.names
+
+
+def test_the_page_of_a_robot_has_its_feet(run, robot, tmp_path):
+    run("gait", "--pattern", "pace", "--samples", "40", "--model", robot, "-o", "pace.csv")
+    chosen = (
+        "--rate-hz",
+        "50",
+        "--smoothness",
+        "0",
+        "--model",
+        robot,
+        "-o",
+        "requests.csv",
+        "--report",
+        "page.html",
+    )
+    result = run("plan", "pace.csv", *chosen)
+    assert result.exit_code == 0, result.stderr
+    assert "best shift [cm]" in result.output
+    page = (tmp_path / "page.html").read_text()
+    assert "The feet" in page
+    assert "the feet stay within" in page
+    assert all(f">{name}<" in page for name in LEGS)
+
+
+def test_the_ers210a_needs_no_file(run):
+    result = run("gait", "--pattern", "walk", "--samples", "40", "-o", "walk.csv", "--json")
+    assert result.exit_code == 0, result.stderr
+    document = json.loads(result.stdout)
+    assert [document["legs"][leg]["phase"] for leg in LEGS] == [0.25, 0.75, 0.0, 0.5]
+    assert list(document["legs"]) == list(LEGS)
+    planned = run("plan", "walk.csv", "-o", "requests.csv", "--json")
+    assert planned.exit_code == 0, planned.stderr
+    assert list(json.loads(planned.stdout)["legs"]) == list(LEGS)
+
+
+def test_ticks_are_those_of_each_servo(run, robot, tmp_path):
+    run("gait", "--pattern", "trot", "--samples", "40", "--model", robot, "-o", "trot.csv")
+    result = run(
+        *("export", "trot.csv", "--format", "csv", "--unit", "ticks", "--joint-names"),
+        *(",".join(f"j{number}" for number in range(12)), "--model", robot, "-o", "ticks.csv"),
+    )
+    assert result.exit_code == 0, result.stderr
+    table = np.genfromtxt(tmp_path / "ticks.csv", delimiter=",", names=True)
+    path = read_joint_path(tmp_path / "trot.csv")
+    for j, name in enumerate(path.names):
+        turns = path.angles[:, j] / (2.0 * np.pi) * (-1.0 if name == TURNED else 1.0)
+        np.testing.assert_allclose(table[f"j{j}_ticks"], 2048 + 4096 * turns, atol=0.51)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("--unit", "deg"), "--model needs --unit ticks"),
+        (("--unit", "ticks", "--zero-tick", "5"), "leave out --zero-tick"),
+    ],
+)
+def test_an_export_that_contradicts_the_servos_is_refused(run, robot, tmp_path, options, message):
+    (tmp_path / "path.csv").write_text("t_s,front_left_knee_deg\n0,1\n0.01,2\n0.02,3\n")
+    arguments = ("export", "path.csv", "--format", "csv", "--model", robot, "-o", "out.csv")
+    result = run(*arguments, *options)
+    assert result.exit_code == 2
+    assert message in result.stderr
+
+
+def test_requests_stay_within_the_ranges_of_the_servos(run, robot, tmp_path):
+    time = 0.02 * np.arange(50)
+    angles = 20.0 * np.sin(2.0 * np.pi * time)
+    rows = [f"{t:.2f},{a:.6f}" for t, a in zip(time, angles, strict=True)]
+    (tmp_path / "path.csv").write_text("\n".join(["t_s,front_left_knee_deg", *rows]) + "\n")
+    robot.write_text(robot_text(reach=np.radians(24.0)))
+    result = run("plan", "path.csv", "--rate-hz", "50", "--model", robot, "-o", "requests.csv")
+    assert result.exit_code == 0, result.stderr
+    requests = np.degrees(read_joint_path(tmp_path / "requests.csv").angles)
+    assert 23.0 < np.max(np.abs(requests)) <= 24.0 + 1e-6
+
+
+@pytest.mark.parametrize(
+    ("change", "arguments", "message"),
+    [
+        (("[leg.hind-left]", "[leg.tail]"), (), "expected front-left, front-right, hind-left"),
+        (("", ""), ("--leg", "front-left"), "leave out --leg and --fastest"),
+        (('base = "body"', ""), (), "[leg.front-left] has no base"),
+        (('base = "body"', "base = 3"), (), "base: got 3, expected the frame"),
+        (('base = "body"', 'basis = "body"'), (), "unknown key 'basis' (did you mean 'base'?)"),
+        (('base = "body"', 'base = "body"\nnear_deg = 3'), (), "near_deg: got 3, expected a table"),
+        (('"ers210a.urdf"', '"gone.urdf"'), (), "gone.urdf"),
+    ],
+)
+def test_a_robot_that_is_not_described_is_refused_in_one_line(
+    run, robot, change, arguments, message
+):
+    robot.write_text(robot_text().replace(*change))
+    result = run("gait", "--pattern", "trot", "--model", robot, *arguments, "-o", "out.csv")
+    assert result.exit_code == 2
+    assert message in result.stderr
+    assert not robot.with_name("out.csv").exists()
+
+
+def test_what_a_file_says_of_a_robot_is_no_model_and_no_joint(robot):
+    assert len(read_models(robot)) == 12
+    assert read_bus(robot) == {"bus": "virtual"}
+    text = robot_text().replace('base = "body"', 'base = "body"\nnear_deg = { knee = 90 }')
+    robot.write_text(text)
+    place = read_legs(robot)["hind-right"]
+    assert place.urdf == str(robot.with_name("ers210a.urdf"))
+    assert (place.base, place.foot) == ("body", "hind_right_ball")
+    assert place.near == {"knee": pytest.approx(np.pi / 2.0)}
+
+
+@pytest.mark.parametrize(
+    ("first", "message"),
+    [("", "says of no bus where its servos are"), ('bus = "can"', "bus: got 'can', expected one")],
+)
+def test_play_without_a_bus_is_refused(run, robot, tmp_path, first, message):
+    robot.write_text(robot_text().replace('bus = "virtual"', first))
+    (tmp_path / "path.csv").write_text("t_s,front_left_knee_deg\n0,1\n0.01,2\n0.02,3\n")
+    result = run("play", "path.csv", "--model", robot, "-o", "log.csv")
+    assert result.exit_code == 2
+    assert message in result.stderr
+
+
+def test_calibration_keeps_the_legs_of_a_file_and_names_the_bus(run, robot):
+    legs = read_legs(robot)
+    robot.write_text(robot_text().replace('bus = "virtual"\n', ""))
+    result = run(
+        *("calibrate", "--bus", "virtual", "--ids", "front_left_knee=3", "--duration-s", "16"),
+        *("--reach-deg", "30", "--yes", "-o", robot),
+    )
+    assert result.exit_code == 0, result.stderr
+    assert read_legs(robot) == legs
+    assert read_bus(robot) == {"bus": "virtual"}
+    assert len(read_models(robot)) == 12

@@ -1,0 +1,94 @@
+"""Gaits of four legs: footfalls at the phases of the pattern, and one walk for all legs."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from kinematics import Leg, urdf_path
+from planner.exceptions import InvalidInput
+from planner.gait.pattern import LEGS, PATTERNS, gait
+
+SAMPLES = 80
+"""Of a cycle: every phase is a whole number of them."""
+
+TRACED = 1e-9
+"""Largest distance to the foot that the inverse leaves [m]."""
+
+
+@pytest.fixture(scope="module")
+def legs():
+    urdf = urdf_path("ers210a.urdf")
+    feet = {name: f"{name.replace('-', '_')}_ball" for name in sorted(LEGS)}
+    return {name: Leg.from_urdf(urdf, base="body", foot=foot) for name, foot in feet.items()}
+
+
+def heights(legs, made):
+    """Heights of the feet above the ground [m], by leg, (n,)."""
+    return {
+        name: legs[name].foot_positions(each.angles)[:, 2] - each.stride.centre[2]
+        for name, each in made.items()
+    }
+
+
+def later(name, other, lifted):
+    """By which share of the cycle a foot leaves the ground later than another."""
+    begins = [int(np.argmax(lifted[each] & ~np.roll(lifted[each], 1))) for each in (name, other)]
+    return (begins[0] - begins[1]) % SAMPLES / SAMPLES
+
+
+@pytest.mark.parametrize(
+    ("pattern", "together", "apart", "ground"),
+    [
+        ("trot", ("front-left", "hind-right"), ("front-left", "front-right"), 0.5),
+        ("pace", ("front-left", "hind-left"), ("front-left", "front-right"), 0.5),
+        ("bound", ("front-left", "front-right"), ("front-left", "hind-left"), 0.4),
+    ],
+)
+def test_feet_fall_in_the_pairs_of_the_gait(legs, pattern, together, apart, ground):
+    made = gait(legs, pattern, samples=SAMPLES)
+    lifted = {name: each > TRACED for name, each in heights(legs, made).items()}
+    assert later(*together, lifted) == 0.0
+    assert later(*apart, lifted) == 0.5
+    for each in lifted.values():
+        assert np.mean(~each) == pytest.approx(ground, abs=1.5 / SAMPLES)
+
+
+def test_a_walk_lifts_one_foot_after_the_other_from_behind_on_each_side(legs):
+    lifted = {
+        name: each > TRACED
+        for name, each in heights(legs, gait(legs, "walk", samples=SAMPLES)).items()
+    }
+    order = [later(name, "hind-left", lifted) for name in LEGS]
+    assert order == [0.0, 0.25, 0.5, 0.75]
+    assert np.max(np.sum(list(lifted.values()), axis=0)) == 1
+
+
+@pytest.mark.parametrize("pattern", PATTERNS)
+def test_all_legs_have_one_stroke_at_one_height_of_the_body(legs, pattern):
+    made = gait(legs, pattern, samples=SAMPLES)
+    strides = [each.stride for each in made.values()]
+    for one in strides:
+        assert (one.length, one.height) == (strides[0].length, strides[0].height)
+        assert one.centre[2] == strides[0].centre[2]
+    assert min(strides[0].length, strides[0].height) > 0.0
+    assert list(made) == list(legs)
+
+
+def test_what_is_given_holds_for_all_legs(legs):
+    made = gait(legs, "trot", samples=SAMPLES, length=0.02, height=0.01, hip_height=0.1)
+    for name, each in made.items():
+        foot = legs[name].foot_positions(each.angles)
+        assert np.ptp(foot[:, 0]) == pytest.approx(0.04, abs=TRACED)
+        assert np.ptp(foot[:, 2]) == pytest.approx(0.01, rel=0.02)  # its top is between samples
+        assert np.min(foot[:, 2]) == pytest.approx(-0.1, abs=TRACED)
+
+
+def test_other_legs_or_gaits_are_refused(legs):
+    with pytest.raises(InvalidInput, match="got front-left, expected front-left, front-right"):
+        gait({"front-left": legs["front-left"]}, "trot")
+    odd = {("hind-lefft" if name == "hind-left" else name): leg for name, leg in legs.items()}
+    with pytest.raises(InvalidInput, match="did you mean 'hind-left'"):
+        gait(odd, "trot")
+    with pytest.raises(InvalidInput, match="pattern: got 'gallop'"):
+        gait(legs, "gallop")
