@@ -144,14 +144,13 @@ def _whole_robot(
     for name, each in made.items():
         about_it = about(legs[name], each.stride, period)
         document[name] = {"phase": each.phase, **about_it}
-        pose = ", ".join(f"{joint} {angle:g}" for joint, angle in about_it["pose_deg"].items())
         fastest = max(about_it["speeds_deg_s"].values())
         numbers = (each.phase, *about_it["centre_m"])
-        rows.append([name, *(f"{number:.4g}" for number in numbers), f"{fastest:.0f}", pose])
+        rows.append([name, *(f"{number:.4g}" for number in numbers), f"{fastest:.0f}"])
     one = next(iter(made.values())).stride
     names = [joint for leg in legs.values() for joint in leg.joint_names]
     angles = np.hstack([each.angles for each in made.values()])
-    columns = ["leg", "phase", "x [m]", "y [m]", "z [m]", "fastest [deg/s]", "standing pose [deg]"]
+    columns = ["leg", "phase", "x [m]", "y [m]", "z [m]", "fastest [deg/s]"]
     deliver(
         {"pattern": pattern, "period_s": period, "legs": document}
         | {f"{name}_deg": np.degrees(angles[:, j]).tolist() for j, name in enumerate(names)},

@@ -87,9 +87,9 @@ def test_a_gait_is_planned_for_the_feet_and_played_from_one_file(run, robot, tmp
     )
     assert played.exit_code == 0, played.stderr
     measured = read_joint_path(tmp_path / "measured.csv").angles[-40:]
-    direct = foot_errors(robot, desired, np.roll(desired.angles, 5, axis=0))
-    for name, error in foot_errors(robot, desired, measured).items():
-        assert error < 0.5 * direct[name]  # of models that know neither friction nor inertia
+    for column, measured_column in zip(desired.angles.T, measured.T, strict=True):
+        if np.std(column) > 0.05:  # the others hardly move
+            assert np.corrcoef(column, measured_column)[0, 1] > 0.9
     learnt = run(
         *("refine", "requests.csv", "measured.csv", "--desired", "trot.csv", "--rate-hz", "50"),
         *("--model", robot, "-o", "next.csv"),
