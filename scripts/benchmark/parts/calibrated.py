@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import math
+import subprocess
+import sys
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -20,11 +23,42 @@ from planner.planning.closed_form import invert_closed_form
 from planner.planning.inversion import invert_optimal
 from planner.planning.time_shift import invert_shift
 from planner.robot.arm import Arm, Servo
-from planner.robot.bus import Bus
+from planner.robot.bus import Bus, SerialPort
+from planner.robot.protocols import FEETECH, PROTOCOLS
 from planner.trajectory import rms
+from planner.virtual.motors import Motor
 from planner.virtual.servo_bus import KINDS, Kind, VirtualPort, VirtualServos
 
-SHOWN = ("mx-64", "mx-106", "xl330", "xl-320", "sts3215", "xl430")
+HOBBY = Kind(
+    FEETECH,
+    Motor(
+        voltage=6.0,
+        resistance=2.4,
+        torque_constant=0.82,
+        inertia=0.012,
+        dry_friction=0.06,
+        rest_friction=0.03,
+        rest_speed=0.5,
+        viscous_friction=0.01,
+        gravity=0.2,
+        current_limit=2.5,
+        duty_steps=255.0,
+        duty_dead_band=0.07,
+        proportional=14.0,
+        integral=0.0,
+        derivative=0.0,
+        delay=0.02,
+        counts=1024.0,
+    ),
+    {"model": 0, "largest_position": 4095, "p_gain": 1, "torque_limit": 1000},
+)
+"""A hobby servo of 20 kg cm and 0.16 s for 60 degrees at 6 V, as data sheets of such give them: an
+8-bit PWM with a dead band, a pulse every 20 ms, a potentiometer at a converter of ten bits."""
+
+SHOWN = {
+    **{name: KINDS[name] for name in ("mx-64", "mx-106", "xl330", "xl-320", "sts3215", "xl430")},
+    "hobby": HOBBY,
+}
 
 RATE, DURATION = 100.0, 60.0
 """Of the requests [Hz], and of the excitation [s]: what calibrate does by default."""
@@ -71,9 +105,9 @@ def measure(_: Options) -> list[Table]:
         stub="kind, way: motion",
     )
     shares, told = [], []
-    for name in SHOWN:
+    for name, kind in SHOWN.items():
         with TemporaryDirectory() as folder:
-            joint = calibrated(KINDS[name], Path(folder))
+            joint = calibrated(kind, Path(folder))
             for motion, row in rows_of(joint):
                 way = joint.found.recommended.way
                 table.add(f"{name}, {way}: {motion}", *row)
@@ -84,7 +118,56 @@ def measure(_: Options) -> list[Table]:
         f" The median is {np.median(shares):.2f}, the largest {max(shares):.2f}; in {near:.0%} of "
         f"the rows the error is told within {FAIR:.0%}."
     )
-    return [table]
+    return [table, loops()]
+
+
+SERVED = "from planner.cli.program import main; main()"
+"""The command line, in another process."""
+
+LOOP_SERVOS, LOOP_SECONDS = 6, 5.0
+"""Servos of the loop in real time, and how long it runs [s]."""
+
+
+def loops() -> Table:
+    """One row for each protocol: six servos at 100 Hz behind a pseudo-terminal, in real time."""
+    table = Table(
+        f"A loop of {LOOP_SERVOS} servos at {RATE:g} Hz in real time",
+        ("driver, ms", "late, ms", "latest, ms", "skipped", "lost, %"),
+        note="Virtual servos in another process, behind a pseudo-terminal; a tick is one sync "
+        "write and one sync read. Driver: processor time of this process for each tick. Late: of "
+        "requests behind their times, mean and most. Skipped: requests that were not sent in time.",
+        stub="protocol",
+    )
+    for name, kind in (("feetech", "sts3215"), ("dynamixel", "xl430")):
+        command = [sys.executable, "-P", "-c", SERVED, "virtual-bus", "--kind", kind]
+        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as served:
+            try:
+                assert served.stdout is not None, "a pipe was asked for"
+                port = SerialPort(served.stdout.readline().strip(), 1_000_000)
+                table.add(name, *_loop(port, name))
+                port.close()
+            finally:
+                served.terminate()
+    return table
+
+
+def _loop(port: SerialPort, protocol: str) -> tuple[float, ...]:
+    """Time of a tick in the driver, lateness [ms], requests skipped, answers lost [%]."""
+    count = round(RATE * LOOP_SECONDS)
+    phase = 2.0 * np.pi * np.arange(count) / count
+    rows = np.radians(20.0) * np.sin(phase)[:, None] * np.ones(LOOP_SERVOS)
+    arm = Arm(
+        Bus(port, PROTOCOLS[protocol]),
+        {f"joint {k}": Servo(id=k) for k in range(1, LOOP_SERVOS + 1)},
+    )
+    with arm.powered():
+        arm.perform(rows[:1], period=1.0 / RATE)  # to where it begins
+        begin = time.process_time()
+        played = arm.perform(rows, period=1.0 / RATE)
+        spent = time.process_time() - begin
+    lost = 100.0 * arm.bus.lost / arm.bus.asked
+    late = 1e3 * played.mean_lateness, 1e3 * played.latest
+    return 1e3 * spent / count, *late, float(played.skipped), lost
 
 
 def calibrated(kind: Kind, folder: Path) -> Joint:
