@@ -20,8 +20,8 @@ from planner.trajectory import Array, not_radians
 Switch = npt.NDArray[np.bool_]
 """Whether the torque was on, shape (n,)."""
 
-SLOW_TIME, SLOW_SHARE = 1.0, 0.15
-"""Requests that change by no more than so much of their range in so long [s] are slow: a joint is
+SLOW_TIME, SLOW_SHARE = 1.0, 0.4
+"""Requests whose way in so long [s] is no more than so much of their range are slow: a joint is
 behind them by its delay and friction only, to two sides."""
 
 SLOW_RANGE = 0.5
@@ -213,7 +213,8 @@ def _with_fitted_scale(
     if columns.torque_on is not None:
         slow &= columns.torque_on
     known, counts = requests[slow], columns.angles[slow]
-    behind = np.sign(np.gradient(requests))[slow]  # which way the joint trails
+    speeds = np.gradient(requests, columns.times)[slow]
+    behind = np.sign(speeds)  # which way friction holds the joint back
     if not (_share(known, requests) >= SLOW_RANGE and {-1.0, 1.0} <= set(behind.tolist())):
         raise InvalidFile(
             source.name,
@@ -222,9 +223,9 @@ def _with_fitted_scale(
             f"{SLOW_RANGE:.0%} of it that move by at most {SLOW_SHARE:.0%} of it in {SLOW_TIME:g} "
             "s, up and down, such as excite's slow triangle; or give the unit of the actual angles",
         )
-    basis = np.column_stack([np.ones_like(known), known, behind])
+    basis = np.column_stack([np.ones_like(known), known, behind, speeds])
     line, *_ = np.linalg.lstsq(basis, counts)
-    zero, slope, _ = line.tolist()
+    zero, slope, *_ = line.tolist()
     missed = float(np.std(counts - basis @ line)) / max(float(np.std(counts)), 1e-300)
     if not missed <= STRAIGHT:
         raise InvalidFile(
@@ -248,10 +249,11 @@ def _share(some: Array, every: Array) -> float:
 
 def _slow(times: Array, requests: Array) -> Switch:
     """Rows around which the requests are slow, (n,)."""
-    from scipy.ndimage import maximum_filter1d, minimum_filter1d
+    from scipy.ndimage import uniform_filter1d
 
     rows = 2 * math.ceil(SLOW_TIME / float(np.median(np.diff(times)))) + 1
-    moved = maximum_filter1d(requests, rows) - minimum_filter1d(requests, rows)
+    ways = np.abs(np.diff(requests, prepend=requests[:1]))
+    moved = rows * uniform_filter1d(ways, rows, mode="nearest")
     return np.asarray(moved <= 2.0 * SLOW_SHARE * np.ptp(requests))
 
 
