@@ -8,6 +8,8 @@ import re
 import numpy as np
 import pytest
 
+from planner import JointModel
+
 
 def joint(result, name):
     assert result.exit_code == 0, result.stderr
@@ -26,6 +28,16 @@ def test_fit_puts_knots_where_they_are_required_at_the_angle_given(run, desired)
     answer = joint(run("fit", desired, *asked, "--joint", "hip"), "hip")
     assert {10.0, 50.0} <= set(answer["knots"])
     assert answer["values_deg"][answer["knots"].index(10.0)] == pytest.approx(3.0, abs=1e-9)
+
+
+def test_lines_are_no_faster_than_a_joint_whose_requests_are_held(run, desired):
+    """Two ticks to a request: by the tick alone they would be twice as fast."""
+    model = JointModel(v_max=1.0, theta_0=0.1, lag=0.01, acceleration_time=0.02, tick=0.004, hold=2)
+    model.to_toml("held.toml")
+    answer = joint(run("fit", desired, "--model", "held.toml", "--segments", "4", "--json"), "hip")
+    knots, values = np.array(answer["knots"]), np.radians(answer["values_deg"])
+    speeds = np.diff(np.append(values, values[0])) / np.diff(np.append(knots, knots[0] + 88))
+    assert np.max(np.abs(speeds)) / 0.008 == pytest.approx(1.0, rel=1e-6)
 
 
 def test_fit_takes_all_knots_as_given(run, desired):

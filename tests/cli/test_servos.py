@@ -332,7 +332,10 @@ def test_a_model_that_holds_is_said_to_hold_and_another_gain_to_be_the_reason(
     asked = ("check", "--bus", "virtual", "--model", arm, "--duration-s", "8")
     holds = run(*asked)
     assert holds.exit_code == 0, holds.stderr
-    assert "joint_1: the model holds: misses" in holds.stderr
+    known = json.loads(run(*asked, "--json").stdout)["joints"]["joint_1"]
+    assert known["rms_before_deg"] == pytest.approx(np.degrees(0.01))
+    misses = f"misses {known['rms_deg']:.2f} deg rms, {known['rms_before_deg']:.2f} when"
+    assert f"joint_1: the model holds: {misses} it was calibrated" in holds.stderr
     monkeypatch.setitem(servo_bus.KINDS["sts3215"].registers, "p_gain", 6)
     gone = run(*asked)
     assert gone.exit_code == 1

@@ -149,6 +149,20 @@ def test_the_front_has_no_point_that_another_beats_in_both():
     assert list(made.front) == sorted(made.front, key=lambda each: each.speed)
 
 
+def test_the_command_of_a_point_has_its_values_to_the_last_bit_and_its_number():
+    points = ((0.1 + 0.2, 1.0 / 3.0), (0.5, 2.0))
+    outcomes = tuple(Outcome(point, 1.0 + k, 0.1) for k, point in enumerate(points))
+    made = Swept("my sweep.toml", ("length", "height"), outcomes, "cm/s", "cm")
+    words = shlex.split(made.command(outcomes[0]))
+    assert words[:3] == ["request-planner", "sweep", "my sweep.toml"]
+    given = [word.partition("=") for word in words if "=" in word]
+    assert {name: float(value) for name, _, value in given} == dict(
+        zip(made.names, points[0], strict=True)
+    )
+    assert words[-2:] == ["--out", f"point-{made.number(outcomes[0])}"]
+    assert made.number(outcomes[1]) != made.number(outcomes[0])
+
+
 def test_the_nearest_point_is_told_where_none_meets_what_is_required():
     outcomes = tuple(
         Outcome((float(k),), speed, error)
