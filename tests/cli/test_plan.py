@@ -238,6 +238,14 @@ def test_joints_that_are_requested_at_different_rates_are_refused(run, desired, 
     assert f"'knee' takes a request every {tick:g} s and 'hip' every 0.008 s" in result.stderr
 
 
+def test_joints_of_other_ticks_that_are_requested_at_one_rate_are_planned(run, desired):
+    JOINT.to_toml("models.toml")
+    with Path("models.toml").open("a") as file:
+        file.write("[knee]\ntick = 0.004\nhold = 2\n")
+    result = run("plan", desired, "--model", "models.toml", "-o", "requests.csv")
+    assert result.exit_code == 0, result.stderr
+
+
 def test_a_small_motion_is_doubted_in_degrees_only(run, tmp_path):
     motion = 0.03 * np.sin(2.0 * np.pi * np.arange(88) / 88)
     for unit, doubted in (("deg", True), ("rad", False)):

@@ -8,6 +8,7 @@ import pytest
 import planner
 from planner.cli import view
 from planner.files.paths import read_foot_path, read_joint_path, write_foot_path, write_joint_path
+from planner.model.evidence import Evidence
 from planner.report import scene as report
 from planner.report.scene import Recording
 
@@ -28,6 +29,14 @@ def test_a_foot_path_becomes_a_page(run, foot, meshcat, tmp_path):  # noqa: ARG0
     page = (tmp_path / "walk.html").read_text()
     assert "<h1>request-planner: front-left</h1>" in page
     assert page.count("<li><i") == 3
+
+
+def test_a_view_warns_of_a_model_that_is_not_to_be_planned_with(run, foot, meshcat):  # noqa: ARG001
+    refused = planner.JointModel.ers210a().with_evidence(Evidence(verdict="refused", reason="odd"))
+    refused.to_toml("refused.toml")
+    result = run("view", foot, "--leg", "front-left", "--model", "refused.toml", "--html", "a.html")
+    assert result.exit_code == 0, result.stderr
+    assert "do not plan with the model" in result.stderr
 
 
 @pytest.fixture

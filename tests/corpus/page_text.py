@@ -1,9 +1,15 @@
-"""What a reader of a page sees: its text."""
+"""What a reader of a page sees: its text, and what its figures draw, in a line each."""
 
 from __future__ import annotations
 
+import base64
+import json
 import re
 from html.parser import HTMLParser
+from itertools import chain
+from typing import Any
+
+import numpy as np
 
 SKIPPED = ("script", "style", "svg")
 """Elements without text for the reader."""
@@ -48,3 +54,76 @@ def text_of(page: str) -> str:
     parser.feed(page)
     lines = (" ".join(line.split()) for line in "".join(parser.parts).split("\n"))
     return "\n".join(line for line in lines if line.strip(" |"))
+
+
+def figures_of(page: str) -> str:
+    """A line for each figure of a page: of each curve its name, points, ends, and two sums.
+
+    The sums of the values, and of the values by their places, differ where any value does. They are
+    rounded to what single precision keeps.
+    """
+    found = re.search(r'id="live-figures">(.*?)</script>', page, re.DOTALL)
+    figures = json.loads(found[1]) if found else {}
+    return "\n".join(
+        f"figure {name}: "
+        + "; ".join([*map(_curve, figure.get("data") or _moving(figure)), *_around(figure)])
+        for name, figure in figures.items()
+    )
+
+
+def _around(figure: dict[str, Any]) -> list[str]:
+    """Ranges of axes, words and shades of a figure."""
+    layout = figure.get("layout", {})
+    ranges = [
+        f"{name} {' '.join(f'{end:.4g}' for end in axis['range'])}"
+        for name, axis in layout.items()
+        if name.startswith(("xaxis", "yaxis")) and axis.get("range")
+    ]
+    words = [str(each["text"]) for each in layout.get("annotations", [])]
+    shades = [
+        f"shade {each['x0']:.4g} {each['x1']:.4g}"
+        for each in layout.get("shapes", [])
+        if isinstance(each.get("x0"), float) and each.get("type") == "rect"
+    ]
+    return [*ranges, *words, *shades]
+
+
+def _moving(figure: dict[str, Any]) -> list[dict[str, object]]:
+    """What moves in a figure, as if they were curves."""
+    motions = [
+        {"name": each["name"], "x": np.ravel(each["points"]).tolist(), "y": each["distances"]}
+        for each in figure.get("motions", [])
+    ]
+    kinds = [
+        {"name": each["name"], "y": list(chain(*(values or [] for values in each["values"])))}
+        for each in figure.get("kinds", [])
+    ]
+    return [*motions, *kinds]
+
+
+def _curve(data: dict[str, object]) -> str:
+    words = [str(data.get("name", data.get("type", "")))]
+    for axis in ("x", "y"):
+        values = _numbers(data.get(axis))
+        known = values[np.isfinite(values)]
+        if not len(known):
+            continue
+        places = np.arange(1, len(known) + 1) / len(known)
+        size = float(np.sum(np.abs(known)))
+        sums = [float(np.sum(known)), float(np.sum(known * places))]
+        # What cancels is rounded to the size of what was added.
+        least = 10.0 ** (np.floor(np.log10(size)) - 4) if size > 0.0 else 1.0
+        shown = " ".join(f"{round(each / least) * least:.6g}" for each in sums)
+        words.append(f"{axis} {len(known)} {known.min():.4g} {known.max():.4g} {shown}")
+    return " ".join(words)
+
+
+def _numbers(given: object) -> np.ndarray:
+    """Numbers of a figure, as it packs them or in a list; none where they are no numbers."""
+    if isinstance(given, dict):
+        kind = np.dtype(given["dtype"]).newbyteorder("<")
+        return np.frombuffer(base64.b64decode(given["bdata"]), kind).astype(float)
+    try:
+        return np.array(given if isinstance(given, list) else [], dtype=float)
+    except (TypeError, ValueError):
+        return np.empty(0)

@@ -27,7 +27,7 @@ from click.testing import CliRunner
 from planner._version import __version__
 from planner.cli import cli
 from planner.cli.program import COMMANDS
-from tests.corpus.page_text import text_of
+from tests.corpus.page_text import figures_of, text_of
 from tests.snapshots import NUMBER
 
 INPUTS = Path(__file__).parent / "inputs"
@@ -69,12 +69,16 @@ CASES = {
     "gait": "gait --samples 8",
     "gait-json": "gait --samples 6 --heading-deg 90 --half-stroke 0.03 --json",
     "gait-leg": "gait --samples 8 --leg front-left -o out.csv",
+    "identify-all": "identify two_joints.csv --joint all --report page.html -o out.toml",
     "identify-json": "identify log.csv --no-hold-out --hold 1 --tick-ms 8 --json",
     "identify-page": "identify log.csv --report page.html -o out.toml",
     "identify-two": "identify log.csv log.csv --requested requested_deg --unit deg -q",
     "plan-closed-form": "plan path.csv --method closed-form --segments 4 --rule exact --model "
     "joint.toml --tolerance-deg 0.1 --report page.html",
     "plan-foot": f"plan stride.csv {CLAMPED} --method foot-optimal --norm rms --json",
+    "plan-motor": "plan path.csv --model motor.toml --limits-deg -40:60 --report page.html "
+    "-o out.csv",
+    "plan-motor-json": "plan path.csv --model motor.toml --robust worst --max-step-deg 8 --json",
     "plan-page": f"plan stride.csv {CLAMPED} --report page.html -o out.csv",
     "plan-rest": "plan path.csv --no-cyclic --start-deg 2 --limits-deg knee=0:40 --norm max -v",
     "plan-foot-robust": f"plan stride.csv {CLAMPED} --model uncertain.toml --method foot-optimal "
@@ -100,6 +104,7 @@ CASES = {
     "run-check": ["run walk.toml --check", "run --template"],
     "run-walk": "run walk.toml --out out --json",
     "simulate": "simulate requests.csv --model joint.toml",
+    "simulate-motor": "simulate requests.csv --model motor.toml --json",
     "simulate-desired": "simulate path.csv --desired path.csv --json",
     "simulate-rest": "simulate path.csv --no-cyclic --start-deg knee=3 --joint knee -o out.csv",
     "sweep-gaits": "sweep gaits.toml --workers 1",
@@ -175,6 +180,7 @@ def written(folder: Path, *, skipped: tuple[str, ...] = ()) -> list[str]:
         if file.suffix == ".html":
             page = file.read_text("utf-8")
             parts.append(masked(text_of(page)))
+            parts += [drawn] if (drawn := figures_of(page)) else []
         elif file.suffix == ".svg":
             texts = re.findall(r"<text[^>]*>([^<]*)</text>", file.read_text("utf-8"))
             parts += [text for text in texts if not re.fullmatch(r"[−\d.]*", text)]  # no ticks

@@ -51,6 +51,7 @@ def test_the_page_has_every_recording_and_what_is_left_out():
     curves = {each["name"]: each for each in figure["data"]}
     assert list(curves) == ["direct", "best time shift", "optimised", "lower bound"]
     assert page(document(rows)) == page(document(rows))
+    assert "not in the table" not in made
 
 
 def test_recordings_in_degrees_and_in_percent_have_a_figure_each():

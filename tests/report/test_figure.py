@@ -80,6 +80,36 @@ def test_the_curves_and_shades_of_a_file_are_those_of_the_figure():
     assert len(below.lines) == 1
 
 
+@pytest.mark.parametrize(
+    ("across", "upward", "ways"),
+    [("left", "bottom", (1, 1)), ("right", "top", (-1, -1)), ("center", "middle", (0, 0))],
+)
+def test_words_stand_beside_their_place_on_the_side_that_is_free(across, upward, ways):
+    words = Words("here", 1.0, 2.0, across, upward)
+    panel = Panel(Axis("angle", "deg"), (Curve(DIRECT, X, X),), words=(words,))
+    (axes,) = draw(figure_of(panel)).axes
+    (text,) = axes.texts
+    assert tuple(text.xy) == (1.0, 2.0)
+    assert tuple(np.sign(text.xyann)) == ways
+    assert (text.get_ha(), text.get_va()) == (across, {"middle": "center"}.get(upward, upward))
+
+
+@pytest.mark.parametrize(("side", "at"), [("left", 0.5), ("right", 1.5)])
+def test_the_words_of_a_span_stand_at_its_side(side, at):
+    span = Span(0.5, 1.5, DIRECT, 0.2, words="lag", words_side=side)
+    panel = Panel(Axis("angle", "deg"), (Curve(DIRECT, X, X),), spans=(span,))
+    (axes,) = draw(figure_of(panel)).axes
+    (text,) = [each for each in axes.texts if each.get_text() == "lag"]
+    assert text.xy[0] == at
+
+
+def test_a_room_around_values_is_a_share_of_what_they_span():
+    assert around([np.array([10.0, 12.0]), np.array([11.0])], margin=0.1) == pytest.approx(
+        (9.8, 12.2)
+    )
+    assert around([], margin=0.1) == (-1.0, 1.0)
+
+
 def test_numbers_are_shown_in_their_units_with_their_notes():
     told = plot(figure_of(*everything()))["data"]
     assert told[0]["hovertemplate"] == "%{y:.2f} deg"

@@ -152,7 +152,7 @@ def servos(seeds: int) -> Table:
             fit, _ = with_motor(fit, terms)
             backlash = backlash_of(with_observed_speed(fit))
             seconds += (time.process_time() - began) / seeds
-            limit = fit.parameters.max_acceleration
+            limit = fit.parameters.max_acceleration(fit.grid.tick)
             found = {"play": [backlash.size] if backlash else []}
             found["most"] = [limit] if math.isfinite(limit) else []
             errors += [abs(each / size - 1.0) for each in found.get(defect, [])]
