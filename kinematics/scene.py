@@ -57,7 +57,7 @@ class Scene:
         """The scene of the leg between two frames of the robot that a URDF describes.
 
         Where no link of the leg has a shape that can be drawn, bones from joint to joint stand for
-        them. Meshes that cannot be found or read are left out: they are looked for below the folder
+        them. Meshes that cannot be found or read are left out: they are sought below the folder
         of the URDF and those above; ``package://a/b`` is ``a/b`` below one of them, or below a
         folder where ROS keeps its packages. Takes what :meth:`kinematics.Leg.from_urdf` takes, and
         raises what that raises.

@@ -26,7 +26,7 @@ UNKNOWN = 0.1
 """Share by which a parameter without an interval may be off."""
 
 PHYSICAL = ("v_max", "theta_0", "lag", "dead_band", "offset")
-"""The parameters whose change is told."""
+"""The parameters whose change is reported."""
 
 
 @click.command()

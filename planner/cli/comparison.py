@@ -1,4 +1,4 @@
-"""The ways to plan, held against each other for the settings of a run."""
+"""The ways to plan, compared for the settings of a run."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def steps_of(desired: Desired) -> list[str]:
 def comparison_of(
     prepared: Prepared, progress: Callable[[str], None] = lambda _: None
 ) -> CrossCheck:
-    """The plans for what is desired, held against each other, under the load of that."""
+    """The plans for what is desired, compared under its load."""
     run, torques = prepared.settings, prepared.load
     desired, leg = _ordered(prepared.desired)
     if callable(torques):

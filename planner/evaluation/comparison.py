@@ -74,7 +74,7 @@ class JointComparison:
         plans: Plan by method; all share the model and the desired angles.
         certificates: Bounds on the error of any plan in the plans' norm, by level proved.
         answers: What an independent simulation says, by method.
-        checks: Every claim about these plans, held against its tolerance.
+        checks: Every claim about these plans, with its tolerance.
     """
 
     name: str
@@ -223,7 +223,7 @@ class FootComparison:
 
     Attributes:
         plans: Plan by method, one more than for a joint; all judged by the foot.
-        checks: Every claim about the foot, held against its tolerance.
+        checks: Every claim about the foot, with its tolerance.
     """
 
     plans: Mapping[str, Plan]
@@ -246,7 +246,7 @@ class FootComparison:
 
     @property
     def bound(self) -> float | None:
-        """What no requests within the limits bring the foot's error below [m].
+        """Lower bound on the foot's error for requests within the limits [m].
 
         None where a path is too long for it.
         """

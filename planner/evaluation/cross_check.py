@@ -115,7 +115,7 @@ def cross_check(
 ) -> CrossCheck:
     """Plan by the closed form, by our own optimiser and by CasADi with IPOPT, and judge the plans.
 
-    Each plan's predicted angles are held against an independent simulation, the optimised plan
+    Each plan's predicted angles are compared with an independent simulation, the optimised plan
     against the closed forms, with both of their rules, and against IPOPT's, all of them against
     bounds that no requests can go below; and where the requests differ, the answer says why.
 

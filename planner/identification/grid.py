@@ -43,7 +43,7 @@ class Timing(NamedTuple):
         period: Time between the rows of all logs [s].
         tick: Time step of the model [s].
         hold: Ticks in a period.
-        reach: Longest lag plus acceleration time that is looked for [s].
+        reach: Longest lag plus acceleration time of the search [s].
     """
 
     period: float

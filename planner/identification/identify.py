@@ -82,7 +82,7 @@ MOSTLY_FREE = 0.5
 """Share of the rows of a log that have to remain where something holds the joint in others."""
 
 CONTACT_ROUNDS = 3
-"""How often contact is looked for, each time without the rows that are known to have it."""
+"""How often contact is sought, each time without the rows that are known to have it."""
 
 
 @np.errstate(under="ignore")  # too small to matter, whatever the caller has set

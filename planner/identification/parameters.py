@@ -31,7 +31,7 @@ MOST_SAG = 0.3
 """
 
 SEEN = 0.3
-"""Share of the highest speed of a log below which no top speed is looked for: what explains the
+"""Share of the highest speed of a log below which no top speed is sought: what explains the
 rest of a log better then is no joint."""
 
 
@@ -310,7 +310,7 @@ def by_friction(at: Parameters, tick: float) -> dict[str, float]:
 
 
 def bounds_of(grid: Grid) -> tuple[Parameters, Parameters]:
-    """Least and largest parameters that are looked for."""
+    """Least and largest parameters of the search."""
     table = COORDINATES.values()
     return Parameters(*(c.lower(grid) for c in table)), Parameters(*(c.upper(grid) for c in table))
 

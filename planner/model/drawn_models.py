@@ -20,7 +20,7 @@ QUANTILE = 1.96
 """Half the width of a 95 % interval [standard deviations]."""
 
 MOST_REJECTED = 100
-"""Draws that are tried for a model: with five parameters near 0 one in 32 has none below it."""
+"""Draws that are tried for a model: with five parameters near 0 one in 32 has no negative one."""
 
 
 def drawn_models(model: JointModel, *, pairs: int = PAIRS, seed: int = 0) -> tuple[JointModel, ...]:
@@ -31,8 +31,8 @@ def drawn_models(model: JointModel, *, pairs: int = PAIRS, seed: int = 0) -> tup
     always the same ones. An interval that ends at 0, where lags, times and dead bands end, is as
     wide on that side as on the other, and what would be below 0 is not drawn: with 0 in its place
     the others would no longer fit it. A parameter does not move towards an end that is not known.
-    But where logs leave the top speed open above, the joint may have any: its reciprocal is drawn,
-    down to 0, and theta_0 keeps to the gain.
+    But where logs give no upper bound on the top speed, the joint may have any: its reciprocal is
+    drawn, down to 0, and theta_0 keeps to the gain.
 
     Args:
         model: The nominal model, with intervals as :attr:`planner.JointModel.evidence`.

@@ -249,7 +249,9 @@ def remarks(
         evidence = {row.name: seen[row.name] for row in fast}
         unknown = [name for name, each in evidence.items() if each and each.leaves_top_speed_open]
         if unknown:
-            said[-1] += f" For {', '.join(unknown)} this is the model's word: {OPEN_TOP_SPEED}."
+            said[-1] += (
+                f" For {', '.join(unknown)} this holds for the model only: {OPEN_TOP_SPEED}."
+            )
     if held := [row for row in rows if row.at_limit]:
         listed = ", ".join(f"{row.name} ({row.at_limit})" for row in held)
         said.append(f"Requests at a limit of their joint: {listed}.")

@@ -90,6 +90,12 @@ CASES = {
     "--no-reidentify -o out.csv",
     "refine-json": "refine path.csv measured.csv --desired path.csv --model joint.toml "
     "--no-reidentify --joint knee --sensor-delay-ms 0 --history learning.json -o out.csv --json",
+    "refine-foot": [
+        f"plan short_stride.csv {CLAMPED} --method foot-optimal -o r.csv -q",
+        "simulate r.csv --model joint.toml -o m.csv -q",
+        f"refine r.csv m.csv --desired short_stride.csv {CLAMPED} --method foot-optimal "
+        "--no-reidentify --report page.html -o n.csv",
+    ],
     "refine-page": "refine path.csv measured_from_rest.csv --desired path.csv --no-cyclic "
     "--model joint.toml --cycles 2 --no-reidentify --report page.html -o out.csv",
     "replay": "replay demo.csv --model joint.toml --speed 1.5 --begin-s 0.1 --end-s 0.8",

@@ -173,7 +173,7 @@ def _replay_all(
 def _say_all(
     made: Replayed, logs: Sequence[str], *, output: str, report: str | None, as_json: bool
 ) -> None:
-    """Say what the plans of many recordings promise, and list those that are left out last."""
+    """Say which errors the plans of many recordings have, and list those that are left out last."""
     from planner.cli.replay.dataset import episodes_report, episodes_text
     from planner.files.staging import staged
 

@@ -1,4 +1,4 @@
-"""Logs from bags: a controller's state, or joint states held against the commands before them."""
+"""Logs from bags: a controller's state, or joint states with the commands before them."""
 
 from __future__ import annotations
 

@@ -63,7 +63,7 @@ class Distance(NamedTuple):
 
 
 class Minima(NamedTuple):
-    """What no angles go below, and angles that come close to it.
+    """Lower bounds over all angles, and angles that come close to them.
 
     Attributes:
         proved: Lower bounds, shape (n,).

@@ -186,7 +186,7 @@ def virtual_page(results: Results, figures: Sequence[Figure], files: Sequence[st
                     known | _titled(table_1(results), "joint") | {"warnings": warnings}),
             Section("Table 2: joint angles", VIRTUAL_TABLE_2, known | _titled(table_2(results))),
             Section("The foot", VIRTUAL_FOOT, known | _titled(foot_table(results), "centimetres")),
-            Section("What the plans predicted, and what the robot made of it", EXECUTED,
+            Section("What the plans predicted and the robot did", EXECUTED,
                     _titled(executed_table(results), "L₂")),
             Section("Learning from executed cycles", LEARNING, {**known, "learning": learning}),
             Section("Figures", "{{ figures(others) }}", {"others": others}),

@@ -38,7 +38,7 @@ GAPS = {
 """Whose gaps over the lower bound the results hold, and under which key."""
 
 KEPT = ("closed_form_plain", "closed_form", "optimal", "foot_optimal")
-"""The methods whose requests are held against the limits of the joints."""
+"""The methods whose requests are compared with the limits of the joints."""
 
 NORMS = {"L2": "L₂", "Linf": "L∞"}
 
