@@ -228,6 +228,17 @@ def test_a_tolerance_of_the_foot_is_of_the_norm_that_is_planned_for(run):
     assert f"the foot is off by {largest:.4g} cm (max), expected at most 0.5" in result.stderr
 
 
+def test_a_tolerance_is_of_the_error_and_not_of_its_bound(run, desired):
+    ask = ("plan", desired, "--joint", "hip", "--method", "closed-form", "--segments", "3")
+    found = json.loads(run(*ask, "--json").stdout)["joints"]["hip"]
+    between = 0.5 * (found["rms_deg"] + found["lower_bound_deg"])
+    assert found["lower_bound_deg"] < 0.9 * between < between < 0.9 * found["rms_deg"]
+    missed = run(*ask, "--tolerance-deg", between, "-o", "requests.csv")
+    assert missed.exit_code == 1
+    assert f"hip is off by {found['rms_deg']:.4g} deg (rms)" in missed.stderr
+    assert run(*ask, "--tolerance-deg", 1.01 * found["rms_deg"]).exit_code == 0
+
+
 @pytest.mark.parametrize("tick", [0.004, 0.016])
 def test_joints_that_are_requested_at_different_rates_are_refused(run, desired, tick):
     JOINT.to_toml("models.toml")
