@@ -44,3 +44,28 @@ def test_the_model_of_any_recommended_way_can_be_kept_and_read_again(best, tmp_p
     assert set(kept.evidence.intervals) == ({"v_max"} if plain else set(INTERVALS))
     assert kept.evidence.error == pytest.approx(0.001)
     assert kept.evidence.refused == (best in ("direct", "shift"))
+
+
+def test_candidates_have_the_figures_of_what_was_played_after_the_run_in():
+    desired = candidates.test_motion(MODEL, LIMITS)
+    skipped = round(candidates.RUN_IN / MODEL.period)
+    played = {}
+
+    def measured(way, requests):
+        played[way] = requests
+        error = np.full(len(desired), 0.02)
+        error[:skipped] = 5.0  # of the run-in
+        error[-1] = -0.06
+        error[-2] = np.nan  # not read
+        return desired + error
+
+    found = candidates.compare(SimpleNamespace(model=MODEL), LIMITS, measured)
+    count = len(desired) - skipped - 1
+    for each in found.candidates:
+        assert each.error == pytest.approx(np.sqrt((0.02**2 * (count - 1) + 0.06**2) / count))
+        assert each.max_error == pytest.approx(0.06)
+        assert each.largest_step == np.max(np.abs(np.diff(played[each.way])))
+        assert np.all((played[each.way] >= LIMITS[0]) & (played[each.way] <= LIMITS[1]))
+        # Nothing was tested of the model without friction and load.
+        assert np.isfinite(each.expected) == (each.way in ("closed_form", "optimal_friction"))
+    assert found.recommended is found.named("direct")  # all are as good: the simplest
