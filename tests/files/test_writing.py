@@ -13,7 +13,7 @@ import pytest
 
 from planner.exceptions import InvalidFile
 from planner.files import staging
-from planner.files.staging import list_files, output_folder, staged
+from planner.files.staging import all_there, list_files, output_folder, staged
 from planner.files.text import read_text, write_text
 from tests.parallel.work import at_work_on
 
@@ -319,3 +319,15 @@ def test_an_empty_folder_is_filled_and_a_file_is_refused(tmp_path):
     file.touch()
     with pytest.raises(InvalidFile, match="is a file, expected a folder"):
         _run(file)
+
+
+def test_a_folder_is_all_there_while_none_of_its_files_is_gone(tmp_path):
+    folder = tmp_path / "out"
+    with output_folder(folder, export="test") as made:
+        (made / "tables").mkdir()
+        for name in ("results.json", "tables/a.csv"):
+            (made / name).write_text("1\n")
+    assert all_there(folder)
+    (folder / "tables/a.csv").unlink()
+    assert not all_there(folder)
+    assert not all_there(tmp_path / "never made")
