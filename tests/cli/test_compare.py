@@ -195,3 +195,12 @@ def test_the_folder_holds_what_the_plans_are_and_can_be_written_again(run, desir
         written = read_joint_path(folder / f"requests_{method}.csv", joints=["knee"]).angles[:, 0]
         assert np.degrees(written) == pytest.approx(plan["requests_deg"], abs=1e-9)
     assert {"comparison.png", "comparison.svg"} <= set(document["files"])
+
+
+def test_a_page_of_a_comparison_links_to_the_files_beside_it(run, brief, tmp_path):
+    asked = ("compare", brief, "--joint", "hip", "--segments", "4", "--report", "page.html")
+    result = run(*asked, "--out", "found", "--figure", "plans.png")
+    assert result.exit_code == 0, result.stderr
+    page = (tmp_path / "page.html").read_text()
+    for file in ("plans.png", *(f"found/{each.name}" for each in (tmp_path / "found").iterdir())):
+        assert f'href="{file}"' in page

@@ -104,7 +104,7 @@ def _moving(figure: dict[str, Any]) -> list[dict[str, object]]:
 def _curve(data: dict[str, object]) -> str:
     words = [str(data.get("name", data.get("type", "")))]
     for axis in ("x", "y"):
-        values = _numbers(data.get(axis))
+        values = numbers_of(data.get(axis))
         known = values[np.isfinite(values)]
         if not len(known):
             continue
@@ -118,7 +118,7 @@ def _curve(data: dict[str, object]) -> str:
     return " ".join(words)
 
 
-def _numbers(given: object) -> np.ndarray:
+def numbers_of(given: object) -> np.ndarray:
     """Numbers of a figure, as it packs them or in a list; none where they are no numbers."""
     if isinstance(given, dict):
         kind = np.dtype(given["dtype"]).newbyteorder("<")

@@ -5,7 +5,11 @@ from __future__ import annotations
 import json
 import re
 
+import numpy as np
+import pytest
+
 from planner.report.episodes import MOST_ROWS, episodes_page, episodes_table
+from tests.corpus.page_text import numbers_of
 
 
 def row(number, planned=0.2, unit="deg", **others):
@@ -50,6 +54,8 @@ def test_the_page_has_every_recording_and_what_is_left_out():
     (figure,) = live(made).values()
     curves = {each["name"]: each for each in figure["data"]}
     assert list(curves) == ["direct", "best time shift", "optimised", "lower bound"]
+    bounds = numbers_of(curves["lower bound"]["y"])
+    assert bounds[np.isfinite(bounds)] == pytest.approx(6 * [0.1])  # two ends of each
     assert page(document(rows)) == page(document(rows))
     assert "not in the table" not in made
 

@@ -20,6 +20,7 @@ from planner.files.joint_model import read_model_file
 from planner.files.paths import read_joint_path
 from planner.files.staging import list_files
 from planner.files.table import read_table
+from planner.report.paper.tables import signed_percent
 from planner.virtual.constants import Constants
 from planner.virtual.robot import VirtualRobot
 
@@ -186,6 +187,16 @@ def test_a_model_that_does_not_fit_ends_with_status_1_and_leaves_the_results(
     assert result.exit_code == 1
     assert "rotator: the model that was identified does not describe the joint" in result.stderr
     assert json.loads(result.stdout) == json.loads((out / "results.json").read_text())
+
+
+def test_the_cards_of_the_report_have_the_figures_of_the_results(results, virtually_reproduced):
+    (page,) = virtually_reproduced.folder.glob("*.html")
+    text = page.read_text("utf-8")
+    fidelity = [each["Pwl,Plain"]["L2"] for each in results["table2"].values()]
+    rms = [each["rms_deg"] for each in results["identified"].values()]
+    assert f"{min(fidelity):.1f} – {max(fidelity):.1f}°" in text
+    assert f"{min(rms):.2f} – {max(rms):.2f}°" in text
+    assert signed_percent(results["foot"]["foot_optimal"]["loss"]) in text
 
 
 def test_the_page_states_the_figures_of_the_foot(results):
