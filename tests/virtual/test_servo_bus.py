@@ -11,7 +11,7 @@ import pytest
 from planner.exceptions import BusError
 from planner.robot.arm import Arm, Servo
 from planner.robot.bus import Bus, SerialPort
-from planner.robot.protocols import FEETECH
+from planner.robot.protocols import BROADCAST, FEETECH, WRITE
 from planner.virtual.servo_bus import KINDS, Faults, VirtualPort, VirtualServos, serve, terminal
 
 STEP = 0.01
@@ -187,3 +187,16 @@ def test_the_integral_of_a_servo_that_is_held_ends_at_a_share_of_its_voltage():
         bus.port.sleep(20.0)
         loads.append(bus.sync_read([1])[1].values["load"])
     assert loads[0] == loads[1] == pytest.approx(300, abs=5)
+
+
+@pytest.mark.parametrize("kind", ["sts3215", "xl430", "xl-320"])
+def test_a_write_to_all_servos_is_answered_by_none_and_obeyed_by_all(kind):
+    made = KINDS[kind]
+    servos, protocol = VirtualServos(3, made), made.protocol
+    register = protocol.registers["torque"]
+    address = register.address.to_bytes(protocol.address_size, "little")
+    content = address + register.encode(1)
+    one = servos.feed(protocol.instruction(2, WRITE, content))
+    assert one == protocol.answer(2, 0, b"")
+    assert servos.feed(protocol.instruction(BROADCAST, WRITE, content)) == b""
+    assert servos.motors.powered.all()
