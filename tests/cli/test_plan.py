@@ -426,7 +426,7 @@ def test_bounds_at_an_unknown_top_speed_are_of_the_model_only(run, tmp_path, mos
     assert (
         "lower bounds of the model only: elbow (the logs do not determine" in done.stderr
     ) == said
-    assert ("For elbow this is the model" in page.read_text()) == said
+    assert ("For elbow this holds for the model only" in page.read_text()) == said
 
 
 @pytest.mark.parametrize(("rate", "lost"), [(3, True), (50, False)])
