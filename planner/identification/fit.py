@@ -153,12 +153,14 @@ def _without_saturation(best: Fit) -> Fit:
 
 def moving(grid: Grid) -> Grid:
     """The grid, or why nothing can be learned from it."""
+    from planner.model.kernel import in_force
+
     least = 1e-12  # of motion [rad]: what is less is rounding
     if len(grid.angles) < 10:
         raise InvalidInput(
             f"the log has {len(grid.angles)} rows to learn from, expected 10 or more with torque on"
         )
-    if np.ptp(grid.requests) <= least:
+    if np.ptp(in_force(grid.edges, grid.requests, grid.ticks)) <= least:
         raise InvalidInput(
             "the requests never change in this log: record one in which they move the joint"
         )

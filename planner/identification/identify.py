@@ -69,7 +69,7 @@ from planner.identification.result import (
     note,
 )
 from planner.identification.terms import backlash_of, with_calm_friction, with_motor, with_terms
-from planner.trajectory import Array, rms
+from planner.trajectory import Array, Mask, rms
 from planner.validation import as_flag
 
 SPEED_NOISE = 4.0 * math.sqrt(2.0) / 0.1
@@ -80,6 +80,12 @@ PAPER_TICK = 0.008
 
 MOSTLY_FREE = 0.5
 """Share of the rows of a log that have to remain where something holds the joint in others."""
+
+ALIKE_PARTS = 8
+"""Into how many parts each log is divided, every second of which tests whether a joint is a motor.
+
+The halves of a log that begins with slow motion are too unlike: the first may hold nothing that
+tells an acceleration limit, which in the second matters most."""
 
 CONTACT_ROUNDS = 3
 """How often contact is sought, each time without the rows that are known to have it."""
@@ -138,7 +144,8 @@ def identify(
     motor = full.fit is not plain.fit
     if motor and hold_out:
         bare, more = (
-            held_out(logs, timing, each.fit, motor=each is full) for each in (plain, full)
+            held_out(logs, timing, each.fit, motor=each is full, parts=ALIKE_PARTS)
+            for each in (plain, full)
         )
         motor = bare is None or more is None or more.rms <= bare.rms
     fit, terms = full if motor else plain
@@ -397,12 +404,18 @@ def _log_fits(logs: Sequence[Log], fit: Fit, held: HeldOut | None) -> tuple[LogF
 
 
 def held_out(
-    logs: Sequence[Log], timing: Timing, whole: Fit, *, faster: bool = False, motor: bool = True
+    logs: Sequence[Log],
+    timing: Timing,
+    whole: Fit,
+    *,
+    faster: bool = False,
+    motor: bool = True,
+    parts: int = 2,
 ) -> HeldOut | None:
-    """Fit the first part of every log, predict the rest; None where there is nothing to fit in it.
+    """Fit every second part of each log, predict the others; None where they hold nothing to fit.
 
-    A top speed that the first part does not bound, and the rest may exceed, cannot be predicted
-    from it: there that of the fit to all rows is taken, and the rest tests the other parameters.
+    A top speed that the parts do not bound, and the others may exceed, cannot be predicted from
+    them: there that of the fit to all rows is taken, and the others test the other parameters.
 
     Args:
         logs: The logs.
@@ -410,27 +423,23 @@ def held_out(
         whole: The fit to all rows that are used in the end.
         faster: Whether its top speed is that of rows that are not fitted; then it is taken, too.
         motor: Whether the terms of a motor are sought together, too.
+        parts: Into how many parts each log is divided; the first is fitted.
     """
     grid = whole.grid
-    middles = [_middle(log) for log in logs]
-    parts = [_first_rows(log, middle) for log, middle in zip(logs, middles, strict=True)]
-    known = [part for part in parts if part is not None]
-    if not known:
-        return None
+    out = [_every_second(log, parts) for log in logs]
+    known = [replace(log, torque_on=log.torque_on & ~o) for log, o in zip(logs, out, strict=True)]
     try:
         fit, terms = with_terms(*fit_joint(known, timing))
         fit, _ = with_motor(fit, terms) if motor else (fit, terms)
         fit = at_ticks(known, fit, grid.tick)
     except InvalidInput:
         return None
-    rows = np.concatenate(
-        [np.flatnonzero(used) >= middle for used, middle in zip(grid.places, middles, strict=True)]
-    )
+    rows = np.concatenate([o[used] for o, used in zip(out, grid.places, strict=True)])
     if not rows.any():
         return None
     shown = peak_command(fit)
     fit = with_observed_speed(fit)
-    at, starts = fit.parameters, _starts(grid, fit, parts)
+    at, starts = fit.parameters, _starts(grid, fit)
     response = respond(grid, at, starts)
     called = commanded_speed(at, response)
     beyond = called > 1.1 * shown and not speed_bounded(fit)
@@ -457,28 +466,15 @@ def held_out(
     )
 
 
-def _middle(log: Log) -> int:
-    """First row that is held out."""
-    powered = np.flatnonzero(log.torque_on)
-    if not len(powered):
-        return 0
-    return int(powered[min(int(np.ceil(0.5 * len(powered))), len(powered) - 1)])
+def _every_second(log: Log, parts: int) -> Mask:
+    """Rows in the second of so many parts, the fourth ..., each with as many rows with torque."""
+    before = np.cumsum(log.torque_on) - log.torque_on
+    part = before * parts // max(1, int(np.sum(log.torque_on)))
+    return np.asarray(part % 2 == 1)
 
 
-def _first_rows(log: Log, middle: int) -> Log | None:
-    if middle < 3:
-        return None
-    columns = ["times", "requests", "angles", "torque_on", "measured"]
-    columns += [] if log.load is None else ["load"]
-    return replace(log, **{name: getattr(log, name)[:middle] for name in columns})
-
-
-def _starts(grid: Grid, fit: Fit, parts: Sequence[Log | None]) -> Array:
+def _starts(grid: Grid, fit: Fit) -> Array:
     """Where the runs start: as fitted where the fit has seen it, else as measured."""
-    numbers = [i for i, part in enumerate(parts) if part is not None]
-    fitted_starts = {
-        (numbers[log], row): start
-        for (log, row), start in zip(fit.grid.firsts, fit.starts, strict=True)
-    }
+    fitted_starts = dict(zip(fit.grid.firsts, fit.starts, strict=True))
     pairs = zip(grid.firsts, grid.measured_starts, strict=True)
     return np.array([fitted_starts.get(first, angle) for first, angle in pairs])
