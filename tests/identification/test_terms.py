@@ -217,6 +217,18 @@ def test_inertia_an_acceleration_limit_and_friction_are_found_together(constant,
     assert found.rms <= 1.1 * math.hypot(NOISE, QUANTUM / math.sqrt(12.0))
 
 
+def test_an_acceleration_limit_is_found_in_a_log_whose_first_half_is_too_slow_to_show_it():
+    truth = replace(AIBO, tick=0.005, hold=4, max_acceleration=15.0, theta_0=0.4, v_max=5.0)
+    times, rng = 0.02 * np.arange(2000), np.random.default_rng(0)
+    slow = 0.35 * (2.0 * np.abs(2.0 * (times[:1000] / 8.0 % 1.0) - 1.0) - 1.0)
+    requests = np.append(slow, np.repeat(rng.uniform(-0.44, 0.44, 25), 40))
+    angles = measured(
+        planner.simulate(truth, requests, cyclic=False), rng, noise=NOISE, quantum=QUANTUM
+    )
+    found = planner.identify(planner.Log(times=times, requests=requests, angles=angles))
+    assert found.model.max_acceleration == pytest.approx(15.0, rel=0.05)
+
+
 def test_friction_that_nearly_holds_a_motor_leaves_one_that_moves_on_its_own_ticks():
     """Shorter ticks take more of its acceleration limit, which once held the fit where it was."""
     truth = planner.JointModel(
