@@ -81,8 +81,9 @@ PAPER_TICK = 0.008
 MOSTLY_FREE = 0.5
 """Share of the rows of a log that have to remain where something holds the joint in others."""
 
-ALIKE_PARTS = 8
-"""Into how many parts each log is divided, every second of which tests whether a joint is a motor.
+ALIKE_PARTS = 15
+"""Into how many parts each log is divided, every second of which tests whether a joint is a motor;
+odd and large, since test signals are made of a few parts, some of them twice.
 
 The halves of a log that begins with slow motion are too unlike: the first may hold nothing that
 tells an acceleration limit, which in the second matters most."""

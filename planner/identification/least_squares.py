@@ -354,6 +354,8 @@ def _minimised(begin: Fit, effort: Effort, enough: float, averaging: float) -> F
         coordinates = coordinates_of(grid, fit.parameters)
         here = coordinates[free]
         near = near or _Quadratic.of(fit, averaging)
+        if not np.isfinite(near.matrix).all():  # derivatives of a joint that hardly comes to rest
+            break
         sizes = np.maximum(sizes, near.sizes)
         if enough > 0.0 and fit.cost - MOST_REDUCTION * near.most_reduction() > enough:
             break
@@ -393,6 +395,7 @@ class _Quadratic(NamedTuple):
     by_start: Array  # first derivatives by them, (runs,)
 
     @classmethod
+    @np.errstate(over="ignore", invalid="ignore")
     def of(cls, fit: Fit, averaging: float) -> _Quadratic:
         from planner.model import kernel
 

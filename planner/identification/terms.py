@@ -38,6 +38,7 @@ from planner.identification.least_squares import (
     better,
     huber,
     least_squares,
+    respond,
 )
 from planner.identification.log import Log
 from planner.identification.parameters import TERMS, Parameters, coordinates_of, only
@@ -82,6 +83,10 @@ MOST_TICKS = 6000
 TRIAL = TERM._replace(evaluations=12, tolerance=1e-3)
 ENOUGH = TERM._replace(evaluations=100, tolerance=1e-5)
 """How far each of several beginnings is followed, and the best of them."""
+
+SCREENED, POPULATION, GENERATIONS, FOLLOWED = 256, 30, 40, 4
+"""Of the search for a motor: points at first, joints that evolve, how often, and how many of them a
+search by derivatives takes on."""
 
 
 def with_terms(fit: Fit) -> tuple[Fit, tuple[Term, ...]]:
@@ -128,11 +133,7 @@ def with_motor(fit: Fit, terms: tuple[Term, ...]) -> tuple[Fit, tuple[Term, ...]
         fit: A fit with terms.
         terms: What was tried for it.
     """
-    motor = fit
-    for _ in range(3):
-        last, motor = motor, _motor(motor)
-        if motor is last:
-            break
+    motor = _motor(fit)
     if motor is fit:
         return fit, terms
     known = {term.name: term for term in terms}
@@ -195,8 +196,8 @@ def _term(name: str, kept: bool, without: Fit, with_it: Fit, interval: Interval)
 def _motor(fit: Fit) -> Fit:
     """The fit with those of :data:`MOTOR` that reduce the loss, sought together.
 
-    Where the residuals are noise from row to row nothing is sought. The search begins with several
-    joints on an excerpt, and terms without which the loss is no larger are left out again.
+    Where the residuals are noise from row to row nothing is sought. Terms without which the loss is
+    no larger are left out again.
     """
     if structure_of(fit) < SAVING:
         return fit
@@ -204,23 +205,9 @@ def _motor(fit: Fit) -> Fit:
     if np.sum(excerpt.compared) < 2 * np.sum(fit.free):
         return fit
     free = fit.free | only(*MOTOR)
-    at, grid = fit.parameters, fit.grid
-    begins = [_limited(joint, grid) for joint in (at, _divided(at, grid))]
-    begins += [
-        each._replace(time_constant=0.5 * at.whole_delay, lag=0.3 * each.lag) for each in begins
-    ]
-    begins += [each._replace(dead_band=_some_dead_band(each, fit)) for each in begins]
-    slower = [each._replace(acceleration=0.3 * each.acceleration) for each in begins]
-    begins += [each._replace(v_max=1.3 * each.v_max) for each in begins] + slower
-    trials = [
-        least_squares(
-            excerpt.grid, each, free=free, starts=excerpt.starts, scale=fit.scale, effort=TRIAL
-        )
-        for each in begins
-    ]
-    best = min(trials, key=lambda trial: trial.cost).parameters
-    search = partial(least_squares, grid, starts=fit.starts, scale=fit.scale, effort=TERM)
-    trial = search(best, free=free)
+    search = partial(least_squares, fit.grid, starts=fit.starts, scale=fit.scale, effort=TERM)
+    trials = (search(begin, free=free) for begin in _evolved(fit, excerpt))
+    trial = min(trials, key=lambda each: each.cost)
     if not _pays(fit, trial):
         return fit
     for name in MOTOR:
@@ -396,14 +383,55 @@ def _divided(at: Parameters, grid: Grid) -> Parameters:
     )
 
 
-def _limited(at: Parameters, grid: Grid) -> Parameters:
-    """Where the search for an acceleration limit begins: it takes half of the ramp."""
-    speed = min(at.v_max, grid.fastest)
-    return at._replace(
-        acceleration_time=max(0.5 * at.acceleration_time, grid.tick),
-        time_constant=max(0.5 * at.time_constant, grid.tick),
-        acceleration=speed / max(at.acceleration_time + at.time_constant, grid.tick),
+def _evolved(fit: Fit, excerpt: Excerpt) -> list[Parameters]:
+    """Motors that are good on an excerpt, the best first: where the search by derivatives begins.
+
+    The loss has many local optima, in most of which a search by derivatives ends. Differential
+    evolution (Storn and Price, 1997) begins with the best of points that fill the box evenly
+    (Roberts' additive sequence, 2018).
+    """
+    from scipy.optimize import differential_evolution
+
+    at, grid = fit.parameters, fit.grid
+    delay, speed = at.whole_delay, min(at.v_max, grid.fastest)
+    size = _some_dead_band(at, fit)
+
+    def joint(place: Array) -> Parameters:
+        lag, window, constant, gain, limit, band, top = place.tolist()
+        return at._replace(
+            lag=0.9 * lag * delay,
+            acceleration_time=max(0.8 * window**2 * delay, grid.tick),
+            time_constant=max(0.6 * constant**2 * delay, 1e-3 * delay),
+            gain=0.5 * 20.0**gain / delay,
+            acceleration=0.3 * 100.0**limit * speed / delay,
+            dead_band=0.01 * 200.0**band * size,
+            v_max=max(at.v_max, grid.fastest) * 0.8 * 4.0**top,
+        )
+
+    def loss(place: Array) -> float:
+        response = respond(excerpt.grid, joint(place), excerpt.starts)
+        return huber(response.predicted - excerpt.grid.angles, fit.scale)
+
+    count = 7
+    ratio = 2.0  # the root above 1 of x^(count + 1) = x + 1
+    for _ in range(50):
+        ratio = (1.0 + ratio) ** (1.0 / (count + 1.0))
+    points = (0.5 + np.outer(np.arange(SCREENED), ratio ** -np.arange(1.0, count + 1.0))) % 1.0
+    best = np.argsort([loss(point) for point in points], kind="stable")[:POPULATION]
+    found = differential_evolution(
+        loss,
+        [(0.0, 1.0)] * count,
+        init=points[best],
+        maxiter=GENERATIONS,
+        tol=0.0,
+        mutation=(0.4, 0.9),
+        recombination=0.8,
+        updating="deferred",
+        polish=False,
+        rng=0,
     )
+    order = np.argsort(found.population_energies, kind="stable")[:FOLLOWED]
+    return [joint(place) for place in found.population[order]]
 
 
 def _some_dead_band(at: Parameters, fit: Fit) -> float:
