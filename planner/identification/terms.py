@@ -41,7 +41,7 @@ from planner.identification.least_squares import (
     respond,
 )
 from planner.identification.log import Log
-from planner.identification.parameters import TERMS, Parameters, coordinates_of, only
+from planner.identification.parameters import TERMS, Free, Parameters, coordinates_of, only
 from planner.identification.result import Interval, Term
 from planner.trajectory import Array, Indices, Mask, rms
 
@@ -84,9 +84,10 @@ TRIAL = TERM._replace(evaluations=12, tolerance=1e-3)
 ENOUGH = TERM._replace(evaluations=100, tolerance=1e-5)
 """How far each of several beginnings is followed, and the best of them."""
 
-SCREENED, POPULATION, GENERATIONS, FOLLOWED = 256, 30, 40, 4
-"""Of the search for a motor: points at first, joints that evolve, how often, and how many of them a
-search by derivatives takes on."""
+SCREENED, TRIALS, POPULATION, GENERATIONS, FOLLOWED = 256, 24, 40, 25, 3
+"""Of the search for a motor: points at first, how many of these are followed by derivatives and how
+many evolve, how often, and how many of both are followed on all rows. (With twice as many points
+and joints that evolve the loss of 155 fits is 1 % less in the mean, with half 12 % more.)"""
 
 
 def with_terms(fit: Fit) -> tuple[Fit, tuple[Term, ...]]:
@@ -206,8 +207,9 @@ def _motor(fit: Fit) -> Fit:
         return fit
     free = fit.free | only(*MOTOR)
     search = partial(least_squares, fit.grid, starts=fit.starts, scale=fit.scale, effort=TERM)
-    trials = (search(begin, free=free) for begin in _evolved(fit, excerpt))
+    trials = (search(begin, free=free) for begin in _beginnings(fit, excerpt, free))
     trial = min(trials, key=lambda each: each.cost)
+    trial = search(trial.parameters, starts=trial.starts, free=free, effort=ENOUGH)
     if not _pays(fit, trial):
         return fit
     for name in MOTOR:
@@ -383,12 +385,12 @@ def _divided(at: Parameters, grid: Grid) -> Parameters:
     )
 
 
-def _evolved(fit: Fit, excerpt: Excerpt) -> list[Parameters]:
-    """Motors that are good on an excerpt, the best first: where the search by derivatives begins.
+def _beginnings(fit: Fit, excerpt: Excerpt, free: Free) -> list[Parameters]:
+    """Motors that are good on an excerpt, where the search by derivatives on all rows begins.
 
-    The loss has many local optima, in most of which a search by derivatives ends. Differential
-    evolution (Storn and Price, 1997) begins with the best of points that fill the box evenly
-    (Roberts' additive sequence, 2018).
+    The loss has many local optima. Of points that fill a box evenly (Roberts' additive sequence,
+    2018) the best are followed in two ways: by derivatives, which is better where little but noise
+    is left, and by differential evolution (Storn and Price, 1997), where a motor is rougher.
     """
     from scipy.optimize import differential_evolution
 
@@ -403,7 +405,7 @@ def _evolved(fit: Fit, excerpt: Excerpt) -> list[Parameters]:
             acceleration_time=max(0.8 * window**2 * delay, grid.tick),
             time_constant=max(0.6 * constant**2 * delay, 1e-3 * delay),
             gain=0.5 * 20.0**gain / delay,
-            acceleration=0.3 * 100.0**limit * speed / delay,
+            acceleration=0.03 * 1000.0**limit * speed / delay,
             dead_band=0.01 * 200.0**band * size,
             v_max=max(at.v_max, grid.fastest) * 0.8 * 4.0**top,
         )
@@ -417,21 +419,33 @@ def _evolved(fit: Fit, excerpt: Excerpt) -> list[Parameters]:
     for _ in range(50):
         ratio = (1.0 + ratio) ** (1.0 / (count + 1.0))
     points = (0.5 + np.outer(np.arange(SCREENED), ratio ** -np.arange(1.0, count + 1.0))) % 1.0
-    best = np.argsort([loss(point) for point in points], kind="stable")[:POPULATION]
-    found = differential_evolution(
+    points = points[np.argsort([loss(point) for point in points], kind="stable")]
+    trials = [
+        least_squares(
+            excerpt.grid,
+            joint(point),
+            free=free,
+            starts=excerpt.starts,
+            scale=fit.scale,
+            effort=TRIAL,
+        )
+        for point in points[:TRIALS]
+    ]
+    trials.sort(key=lambda trial: trial.cost)
+    evolved = differential_evolution(
         loss,
         [(0.0, 1.0)] * count,
-        init=points[best],
+        init=points[:POPULATION],
         maxiter=GENERATIONS,
         tol=0.0,
         mutation=(0.4, 0.9),
-        recombination=0.8,
+        recombination=0.9,
         updating="deferred",
         polish=False,
         rng=0,
     )
-    order = np.argsort(found.population_energies, kind="stable")[:FOLLOWED]
-    return [joint(place) for place in found.population[order]]
+    best = evolved.population[np.argsort(evolved.population_energies, kind="stable")]
+    return [t.parameters for t in trials[:FOLLOWED]] + [joint(each) for each in best[:FOLLOWED]]
 
 
 def _some_dead_band(at: Parameters, fit: Fit) -> float:
