@@ -68,7 +68,12 @@ from planner.identification.result import (
     Term,
     note,
 )
-from planner.identification.terms import backlash_of, with_calm_friction, with_motor, with_terms
+from planner.identification.terms import (
+    backlash_of,
+    with_calm_friction,
+    with_motor,
+    with_terms,
+)
 from planner.trajectory import Array, Mask, rms
 from planner.validation import as_flag
 
@@ -87,6 +92,10 @@ odd and large, since test signals are made of a few parts, some of them twice.
 
 The halves of a log that begins with slow motion are too unlike: the first may hold nothing that
 tells an acceleration limit, which in the second matters most."""
+
+LOST = 0.2
+"""Share of the loss by which a motor is worse with shorter ticks where it is sought again: one that
+its requests nearly shake out of step goes another way after a small change."""
 
 CONTACT_ROUNDS = 3
 """How often contact is sought, each time without the rows that are known to have it."""
@@ -155,6 +164,8 @@ def identify(
     if tick is None and hold is None:
         finer = fine_hold(timing.period, fit.parameters.acceleration_time)
         fine = at_ticks(logs, fit, timing.period / finer)
+        if motor and fine.cost > (1.0 + LOST) * fit.cost:
+            fine, terms = with_motor(fine, terms)
         if timing.hold > 1 or not _by_rows(fit, fine):
             timing, fit = timing.ticking(fine.grid.tick), fine
             longer = at_ticks(logs, fine, 2.0 * timing.tick), fine
