@@ -137,7 +137,7 @@ def with_ranges(arm: Arm, ranges: Mapping[str, Array]) -> Arm:
 def excitation(arm: Arm, joint: str, *, period: float, duration: float) -> Array:
     """A slow triangle, a sum of sines, then steps, within the joint's range [rad], shape (n,)."""
     limits = arm.servos[joint].limits
-    return excite("combined", limits=limits, period=period, duration=duration, cycles=1).requests
+    return excite("combined", limits=limits, period=period, duration=duration).requests
 
 
 def move(

@@ -232,7 +232,7 @@ def _make(choices: dict[str, Any], model: JointModel) -> Excitation:
         duration=duration,
         centre=None if centre is None else math.radians(centre),
         amplitudes=amplitudes or None,
-        cycles=(1 if kind == "combined" else 3) if choices["cycles"] is None else choices["cycles"],
+        cycles=choices["cycles"],
         highest=choices["highest_hz"],
         seed=choices["seed"],
     )

@@ -141,7 +141,7 @@ def excite(
     duration: float,
     centre: float | None = None,
     amplitudes: Sequence[float] | None = None,
-    cycles: int = 3,
+    cycles: int | None = None,
     highest: float | None = None,
     seed: int = 0,
 ) -> Excitation:
@@ -157,7 +157,8 @@ def excite(
             as far to one side as to the other.
         amplitudes: For ``combined`` and ``steps``: height theta_test of each test [rad]; by default
             an eighth, half and the whole of what the limits allow.
-        cycles: For ``combined``, in each half, and ``steps``: cycles of each test.
+        cycles: For ``combined``, in each half, and ``steps``: cycles of each test; by default 1
+            and 3. Steps that follow too soon shake a servo out of step, which no model foretells.
         highest: For ``combined``, ``multisine`` and ``chirp``: highest frequency [Hz]; by default a
             tenth of the rate of the requests, at most 5.
         seed: For ``combined``, ``multisine`` and ``random_steps``.
@@ -177,6 +178,8 @@ def excite(
             f"highest: got {fastest:g} Hz, expected more than 0 and at most {0.5 / period:g}, half "
             "the rate of the requests"
         )
+    if cycles is None:
+        cycles = 1 if kind == "combined" else 3
     if cycles < 1:
         raise InvalidInput(f"cycles: got {cycles}, expected 1 or more")
     heights = _heights(amplitudes, reach) if kind in ("combined", "steps") else ()

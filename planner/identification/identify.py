@@ -157,7 +157,8 @@ def identify(
             held_out(logs, timing, each.fit, motor=each is full, parts=ALIKE_PARTS)
             for each in (plain, full)
         )
-        motor = bare is None or more is None or more.rms <= bare.rms
+        if bare and more:  # what is fitted and what is not count alike, as in the error to expect
+            motor = more.rms * full.fit.rms <= bare.rms * plain.fit.rms
     fit, terms = full if motor else plain
     coarse, rows = timing, fit.grid  # with the ticks on which the terms are sought
     longer: tuple[Fit, Fit] | None = None  # fits with longer and shorter ticks

@@ -144,9 +144,7 @@ class CompiledServo:
 
     def logs(self, seed: int = 0) -> list[planner.Log]:
         """What ``excite`` proposes by default, a minute, as its sensor reports it."""
-        signal = excite(
-            "combined", limits=(-0.85, 0.85), period=self.period, duration=60.0, cycles=1
-        )
+        signal = excite("combined", limits=(-0.85, 0.85), period=self.period, duration=60.0)
         angles = self.seen(self.angles(signal.requests), np.random.default_rng(seed))
         return [
             planner.Log(
