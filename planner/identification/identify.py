@@ -481,7 +481,7 @@ def held_out(
 
 def _every_second(log: Log, parts: int) -> Mask:
     """Rows in the second of so many parts, the fourth ..., each with as many rows with torque."""
-    before = np.cumsum(log.torque_on) - log.torque_on
+    before: Array = np.cumsum(log.torque_on) - log.torque_on
     part = before * parts // max(1, int(np.sum(log.torque_on)))
     return np.asarray(part % 2 == 1)
 

@@ -392,7 +392,7 @@ def _beginnings(fit: Fit, excerpt: Excerpt, free: Free) -> list[Parameters]:
     2018) the best are followed in two ways: by derivatives, which is better where little but noise
     is left, and by differential evolution (Storn and Price, 1997), where a motor is rougher.
     """
-    from scipy.optimize import differential_evolution
+    from scipy.optimize import Bounds, differential_evolution
 
     at, grid = fit.parameters, fit.grid
     delay, speed = at.whole_delay, min(at.v_max, grid.fastest)
@@ -434,7 +434,7 @@ def _beginnings(fit: Fit, excerpt: Excerpt, free: Free) -> list[Parameters]:
     trials.sort(key=lambda trial: trial.cost)
     evolved = differential_evolution(
         loss,
-        [(0.0, 1.0)] * count,
+        Bounds(np.zeros(count), np.ones(count)),
         init=points[:POPULATION],
         maxiter=GENERATIONS,
         tol=0.0,
