@@ -390,7 +390,8 @@ def _theta_0(fit: Fit, bounds: Mapping[str, Interval], uncertainty: Uncertainty)
 def over_ticks(intervals: Mapping[str, Interval], longer: Fit, fit: Fit) -> dict[str, Interval]:
     """Intervals that hold for the joint with shorter ticks, too, down to none.
 
-    What a fit with ticks twice as long differs by is what ticks make of the parameters.
+    What a fit with ticks twice as long differs by is what ticks make of the parameters, and by how
+    much a search in a rough loss ends beside its optimum, so that it counts to both sides.
 
     Args:
         intervals: Those of :func:`all_intervals`.
@@ -403,9 +404,9 @@ def over_ticks(intervals: Mapping[str, Interval], longer: Fit, fit: Fit) -> dict
     )
     found = {}
     for name, ends in intervals.items():
-        by = after[name] - before[name]
+        by = abs(after[name] - before[name])
         least = 0.0 if ends.lower >= 0.0 else -math.inf
-        farther = Interval(max(ends.lower + min(by, 0.0), least), ends.upper + max(by, 0.0))
+        farther = Interval(max(ends.lower - by, least), ends.upper + by)
         found[name] = farther if ends.bounded else ends
     return found
 
