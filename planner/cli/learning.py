@@ -290,7 +290,7 @@ def refined(
 
 
 def _resumed(plan: Plan, state: LearningState) -> Plan:
-    """The plan, with what the history says that it has learnt."""
+    """The plan, with the state of learning in its history."""
     models, learning = state
     return replace(plan, learning=(learning,), task=plan.task.with_models(models))
 

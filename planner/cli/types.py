@@ -34,7 +34,7 @@ class Parsed(click.ParamType):  # type: ignore[type-arg]  # generic from click 8
         """Take a function and what it parses.
 
         Args:
-            parse: The value that a text stands for; raises ValueError where it stands for none.
+            parse: The value of a text; raises ValueError where it has none.
             expected: What a user should write, in words, with an example.
         """
         self.parse = parse
@@ -59,7 +59,7 @@ class ByJoint(Parsed):
         """Take a function that parses the value; see :class:`Parsed`.
 
         Args:
-            parse: The value that a text stands for; raises ValueError where it stands for none.
+            parse: The value of a text; raises ValueError where it has none.
             expected: What a user should write, in words, with an example.
             all_joints: Whether a value without a name is that of all joints.
         """

@@ -24,7 +24,7 @@ EPOCH = 1e6
 """Times beyond this [s], eleven days, count from the epoch and are shifted to start at 0."""
 
 MISSING = ("", "nan", "nat")
-"""What stands for a date that is missing."""
+"""Placeholder of a missing date."""
 
 _WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+")
 

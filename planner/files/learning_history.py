@@ -23,7 +23,7 @@ SAME_ANGLE = 1e-6
 
 
 class LearningState(NamedTuple):
-    """What one plan has learnt.
+    """State of learning of one plan.
 
     Attributes:
         models: Its joints, perhaps identified anew since the first plan.
@@ -35,7 +35,7 @@ class LearningState(NamedTuple):
 
 
 def read_history(path: str, names: Collection[str], desired: Array) -> dict[str, LearningState]:
-    """What each plan has learnt.
+    """States of learning of all plans.
 
     Args:
         path: The file.
@@ -96,7 +96,7 @@ def write_history(path: str, desired: Array, states: Mapping[str, LearningState]
     Args:
         path: The file.
         desired: The path that the plans are for [rad], shape (n, k).
-        states: What each plan has learnt.
+        states: State of learning of each plan.
 
     Raises:
         InvalidFile: The file cannot be written.

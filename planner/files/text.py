@@ -14,7 +14,7 @@ from planner.files.limits import MOST_BYTES
 from planner.files.staging import cannot_write, reason, staged
 
 STANDARD_STREAM = "-"
-"""The name that stands for standard input or standard output."""
+"""The name of standard input and standard output."""
 
 CHUNK = 2**15
 """Characters that go to standard output at once: where Python does not buffer it, the rest of a

@@ -31,7 +31,7 @@ SENTENCES: Mapping[str, str] = {
     "{of_held_out:? in the part that was held out}, and a mere delay hardly more",
     "hardly better than a delay": "a pure delay predicts nearly as well",
     "simpler predicts better": "{simpler:simpler} predicts better",
-    "friction open": "the log leaves dry friction open",
+    "friction open": "the log does not determine dry friction",
     "shaken": "the joint is shaken",
     "not tested": "it was not tested on rows held out",
     "nothing found": "the log shows neither dry friction nor gravity",
@@ -69,7 +69,7 @@ SENTENCES: Mapping[str, str] = {
     "late?",
     "simpler": "{simpler:simpler} predicts better than the model (rms {theirs:angle} against "
     "{ours:angle}): the log is too short or too gentle for more",
-    "dry friction": "the log leaves dry friction open: the dead band may be larger by "
+    "dry friction": "the log does not determine dry friction: the dead band may be larger by "
     "{friction:angle}, and slow motion further off; record motion that is slow and reverses, such "
     "as excite --kind slow-triangle",
     # What the logs do not determine.

@@ -95,7 +95,7 @@ class Stage(NamedTuple):
 
 
 class Search(NamedTuple):
-    """Where a search is, and what it has learnt for its next step: changed in place.
+    """Iterate: requests, angles, damping, multipliers, active set; changed in place.
 
     Attributes:
         requests: R [rad], (n, J).

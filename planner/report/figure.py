@@ -31,7 +31,7 @@ class Curve:
     """A line, or marks, through points.
 
     Attributes:
-        role: What it stands for, with its looks.
+        role: Meaning, with its looks.
         x: Horizontal values in the unit of the figure's axis, shape (n,).
         y: Vertical values in the unit of the panel's axis, shape (n,); NaN leaves a gap.
         label: Its name in legends; the role's own by default. Equal names are hidden together.
@@ -173,7 +173,7 @@ class Motion:
     """How a leg moves.
 
     Attributes:
-        role: What it stands for, with its looks.
+        role: Meaning, with its looks.
         points: Where its joints and, last, its foot are [m], shape (n, joints + 1, 3).
         distances: How far the foot is from where it should be [m], shape (n,), or None.
         hidden: Whether it is drawn only on demand.

@@ -50,7 +50,7 @@ class Motion(NamedTuple):
     """How a leg moves.
 
     Attributes:
-        role: What it stands for, with its colour.
+        role: Meaning, with its colour.
         angles: Its joints' angles [rad], shape (n, k).
         foot: Where its foot is in the base frame [m], shape (n, 3).
         opacity: Of its links: 1 hides what is behind them.

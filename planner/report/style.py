@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 
 class Role(NamedTuple):
-    """What a curve stands for, and how it is drawn everywhere.
+    """The meaning of a curve, and how it is drawn everywhere.
 
     Attributes:
         label: Its name in legends.

@@ -81,9 +81,9 @@ class ServoProtocol:
         name: What users call it.
         registers: By name; the same names in both protocols.
         feedback: What one sync read fetches: registers beside one another.
-        speed_unit: Speed that a profile speed of 1 stands for [rad/s].
-        acceleration_unit: Acceleration that a profile acceleration of 1 stands for [rad/s²].
-        load_unit: Share of the largest load that a load of 1 stands for.
+        speed_unit: Speed of a profile speed of 1 [rad/s].
+        acceleration_unit: Acceleration of a profile acceleration of 1 [rad/s²].
+        load_unit: Share of the largest load of a load of 1.
         errors: By bit of an answer's error, what it means.
         address_size: Bytes of an address.
         ticks_per_turn: Counts of the angle in a turn.

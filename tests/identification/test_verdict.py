@@ -361,7 +361,7 @@ def test_motion_in_one_direction_leaves_friction_open_and_does_not_hold():
     angles = measured(planner.simulate(AIBO, requests, cyclic=False), np.random.default_rng(0))
     found = planner.identify((AIBO.tick * np.arange(500), requests, angles), hold_out=False)
     assert found.verdict == "usable"
-    assert any("leaves dry friction open" in warning for warning in found.warnings)
+    assert any("does not determine dry friction" in warning for warning in found.warnings)
 
 
 def test_a_log_in_which_the_joint_always_saturates_bounds_theta_0_from_above_only():
@@ -504,7 +504,7 @@ def test_dry_friction_that_may_be_a_tenth_of_the_motion_is_hidden(fitted):
         found = judged(fitted, friction=share * fit.rms)
         assert ("friction" in topics(found)) is hidden
         assert found.verdict == ("usable" if hidden else "holds")
-        assert ("the log leaves dry friction open" in found.reason) is hidden
+        assert ("the log does not determine dry friction" in found.reason) is hidden
     refused = judged(fitted, friction=np.inf, signal=2.0 * fit.rms)
     assert refused.verdict == "refused"
     assert "friction" not in topics(refused)  # of a model that is not used anyway

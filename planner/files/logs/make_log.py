@@ -203,7 +203,7 @@ def _with_fitted_scale(
     if columns.request_scale.name == COUNTS:
         raise InvalidFile(
             source.name,
-            "requests in counts, of which nobody knows the scale; expected us, deg, rad or ticks, "
+            "requests in counts, whose scale is unknown; expected us, deg, rad or ticks, "
             "with counts for the actual angles only",
         )
     if columns.angle_scale.name != COUNTS:

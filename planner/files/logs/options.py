@@ -12,7 +12,7 @@ from planner.files.logs.units import ANGLE_NAMES, ANGLE_UNITS, Scale, scale
 from planner.validation import as_positive, shown
 
 ALL_JOINTS = "all"
-"""The name that stands for every joint of a log."""
+"""The key of all joints of a log."""
 
 ROLES = ("requested", "actual")
 """Columns of a joint that may have units of their own."""
@@ -139,7 +139,7 @@ def choose_joints(path: Path | str, joints: Sequence[str], joint: str | None) ->
 
 
 def _units(text: str | None) -> dict[str, str]:
-    """Unit by joint; the joint "" stands for all others."""
+    """Unit by joint; the key "" holds that of all others."""
     units: dict[str, str] = {}
     for part in text.split(",") if text is not None else ():
         joint, _, word = part.rpartition("=")

@@ -525,7 +525,7 @@ def test_names_of_columns_say_pulses_and_counts(tmp_path):
     ("unit", "slow", "message"),
     [
         ("requested=us,actual=counts", False, "the scale of actual angles in counts does not show"),
-        ("counts", True, "requests in counts, of which nobody knows the scale"),
+        ("counts", True, "requests in counts, whose scale is unknown"),
         ("requested=counts,actual=us", True, "requests in counts"),
     ],
 )
