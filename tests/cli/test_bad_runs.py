@@ -29,6 +29,9 @@ WRONG = {
     "an export without a file": JOINTS + '[[export]]\nformat = "csv"\n',
     "an export's key that its format ignores": JOINTS
     + '[[export]]\nformat = "csv"\nfile = "a.csv"\nlead_s = 1\n',
+    "the second of two exports": JOINTS
+    + '[[export]]\nformat = "csv"\nfile = "a.csv"\n'
+    + '[[export]]\nformat = "csv"\nfile = "b.csv"\nlead_s = 1\n',
     "ticks of no ticks": JOINTS
     + '[[export]]\nformat = "csv"\nfile = "a.csv"\nzero_ticks = {knee = 1}\n',
     "a file outside the folder": JOINTS + '[output]\nrequests = "../requests.csv"\n',
