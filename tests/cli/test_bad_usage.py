@@ -104,6 +104,7 @@ BAD = {
     "a 0 that the method ignores": "plan desired.csv --method closed-form --smoothness 0",
     "one limit where there are two": "excite --limits-deg 45 -o steps.csv",
     "limits upside down": "plan desired.csv --limits-deg 10:-10",
+    "limits of a single angle": "plan desired.csv --limits-deg 10:10",
     "limits of nobody": "plan desired.csv --limits-deg ankle=0:1",
     "no such model": "simulate desired.csv --model robot.toml",
     "a joint at another rate": "simulate desired.csv --model slow.toml",

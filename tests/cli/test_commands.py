@@ -97,6 +97,16 @@ def test_simulate_compares_with_the_desired_path(run, desired):
     )
 
 
+def test_simulate_answers_each_joint_in_its_own_unit(run, tmp_path):
+    path = tmp_path / "arm.csv"
+    path.write_text("wrist_deg,jaw_range\n" + "30,0.25\n20,0.5\n" * 44)
+    JOINT.to_toml(tmp_path / "joint.toml")
+    asked = run("simulate", path, "--model", tmp_path / "joint.toml", "--json")
+    joints = json.loads(asked.stdout)["joints"]
+    wrist, jaw = joints["wrist"]["angles_deg"], joints["jaw"]["angles_percent"]
+    assert 20.0 < np.mean(wrist) < 30.0 < np.mean(jaw) < 45.0
+
+
 def test_simulate_from_rest_begins_at_the_start_given(run, desired):
     start = ("--start-deg", "30", "--start-deg", "knee=0")
     joints = json.loads(run("simulate", desired, "--no-cyclic", *start, "--json").stdout)["joints"]
