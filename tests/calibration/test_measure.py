@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from planner.calibration.measure import LOOKS, angles_of, check, servo_ranges
+from planner.calibration.measure import LOOKS, angles_of, check, move, servo_ranges
 from planner.identification.log import Log
 from planner.robot.arm import Arm, Servo
 from planner.robot.bus import Bus
@@ -48,3 +48,14 @@ def test_a_row_that_was_not_measured_is_no_angle_nor_is_one_that_came_too_late()
         measured=np.array([True, True, False, True, True]),
     )
     np.testing.assert_allclose(angles_of(log, 6, 0.02), [0.0, 0.1, np.nan, np.nan, 0.4, np.nan])
+
+
+@pytest.mark.parametrize("limits", [(0.05, 1.0), (-1.0, -0.05)])
+def test_joints_that_rest_beyond_their_range_stay_at_its_end(limits, tmp_path):
+    bus = Bus(VirtualPort(VirtualServos(2)), FEETECH)
+    other = Servo(id=2, zero_tick=2048, limits=limits)
+    arm = Arm(bus, {"moved": Servo(id=1, zero_tick=2048), "other": other})
+    with arm.powered():
+        move(arm, "moved", np.full(50, 0.1), period=0.02, log=tmp_path / "log.csv")
+        _, angle = arm.angles()
+    assert angle == pytest.approx(min(limits, key=abs), abs=0.02)

@@ -257,6 +257,17 @@ def test_joints_of_other_ticks_that_are_requested_at_one_rate_are_planned(run, d
     assert result.exit_code == 0, result.stderr
 
 
+def test_of_many_joints_the_largest_error_of_a_shift_is_told(run, tmp_path):
+    phase = 2.0 * np.pi * np.arange(40) / 40
+    angles = np.sin(phase)[:, np.newaxis] * np.linspace(0.05, 0.2, 7)
+    write_joint_path(
+        tmp_path / "seven.csv", [f"joint_{k}" for k in range(7)], angles, period=JOINT.period
+    )
+    error = planner.invert_shift(JOINT, angles[:, -1]).rms
+    answer = run("plan", tmp_path / "seven.csv", "--method", "closed-form").stderr
+    assert f"sent early instead, rms [deg]: at most {np.degrees(error):.3f} (" in answer
+
+
 def test_a_small_motion_is_doubted_in_degrees_only(run, tmp_path):
     motion = 0.03 * np.sin(2.0 * np.pi * np.arange(88) / 88)
     for unit, doubted in (("deg", True), ("rad", False)):

@@ -63,6 +63,14 @@ def test_a_grid_has_all_combinations_and_a_point_out_of_reach_a_reason(swept):
     assert ran == 4
 
 
+def test_the_slowest_joint_of_a_point_is_the_one_that_would_have_to_be_fastest(swept, tmp_path):
+    phase = 2.0 * np.pi * np.arange(40) / 40
+    angles = np.column_stack([0.05 * np.sin(phase), np.sin(phase)])
+    write_joint_path(tmp_path / "path.csv", ["hip", "knee"], angles, period=0.008)
+    made, _ = swept('path = { file = "path.csv" }\n[sweep.parameters]\nspeed = [1.0, 1.5]\n')
+    assert [each.slowest for each in made.outcomes] == ["knee", "knee"]
+
+
 def test_the_speed_of_a_gait_is_twice_its_length_in_its_time_on_the_ground(swept):
     made, _ = swept(GAIT + "length = [0.02]\nground_fraction = [0.5, 0.75]\n")
     for outcome, fraction in zip(made.outcomes, (0.5, 0.75), strict=True):

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from planner.exceptions import BusError, InvalidInput
-from planner.robot.arm import Arm, Servo
+from planner.robot.arm import SETTLED, Arm, Servo
 from planner.robot.bus import Bus, SerialPort
 from planner.robot.protocols import DYNAMIXEL, FEETECH, SYNC_READ, SYNC_WRITE
 from planner.virtual.servo_bus import KINDS, Faults, VirtualPort, VirtualServos
@@ -209,6 +210,16 @@ def test_an_angle_whose_answer_was_lost_is_asked_for_again(monkeypatch):
     assert arm.angles() == pytest.approx(angles, abs=2.0 * TICK)
 
 
+def test_joints_settle_at_the_first_request_before_the_motion_begins(monkeypatch):
+    arm, sent = arm_of(count=1), []
+    send = arm.send
+    monkeypatch.setattr(arm, "send", lambda row: (sent.append(float(row[0])), send(row)))
+    with arm.powered():
+        arm.perform(np.full((5, 1), 0.3), period=PERIOD)
+    settled = len(sent) - 1 - int(np.flatnonzero(np.array(sent) != 0.3)[-1]) - 5
+    assert settled * PERIOD == pytest.approx(SETTLED, abs=2.0 * PERIOD)
+
+
 def test_two_joints_cannot_share_a_servo():
     bus = arm_of(count=1).bus
     with pytest.raises(InvalidInput, match=r"identifiers \[1, 1\], expected each once"):
@@ -219,8 +230,10 @@ def test_a_port_that_cannot_be_opened_is_one_clear_error(tmp_path):
     with pytest.raises(BusError, match=r"cannot be opened \(no such file or directory\); check"):
         SerialPort("/dev/ttyNONE")
     (tmp_path / "file").write_text("")
+    before = len(list(Path("/proc/self/fd").iterdir()))
     with pytest.raises(BusError, match="is no serial port; expected such as /dev/ttyACM0"):
         SerialPort(str(tmp_path / "file"))
+    assert len(list(Path("/proc/self/fd").iterdir())) == before
     with pytest.raises(InvalidInput, match="baud rate: got 123, expected one of 9600"):
         SerialPort("/dev/ttyNONE", 123)
 
