@@ -9,14 +9,15 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from planner import JointModel, LogOptions, read_logs, simulate
+from planner import JointModel, Log, LogOptions, read_logs, replay, simulate
 from planner.cli import settings
 from planner.cli.replay.dataset import decoded, encoded, replay_episode
-from planner.cli.replay.task import tasks_of
+from planner.cli.replay.task import fastest_text, refuted_joints, tasks_of
 from planner.files.logs.recordings import recordings_in
 from planner.files.staging import list_files
 
@@ -618,3 +619,22 @@ def test_settings_of_the_search_that_make_no_sense_are_refused(
     result = run("replay", demo, "--model", model, *arguments)
     assert result.exit_code == 2
     assert message in result.stderr
+
+
+@pytest.mark.parametrize(("end", "refuted"), [(1.0, []), (1.9, ["elbow"])])
+def test_a_model_is_refuted_by_the_part_that_is_replayed_alone(end, refuted):
+    times = 0.02 * np.arange(100)
+    angles = np.where(times < 1.5, 0.2 * np.sin(3.0 * times), 1.0)  # 50 times as fast as it can be
+    log = Log(times=times, requests=angles, angles=angles, joint="elbow")
+    model = JointModel(v_max=1.0, theta_0=0.1, lag=0.02, acceleration_time=0.02)
+    made = replay(log, model.requested_every(0.02), end=end)
+    assert refuted_joints(made) == refuted
+
+
+def test_all_models_that_a_recording_contradicts_are_named():
+    found = SimpleNamespace(
+        contradicted=("elbow", "wrist"), speed=0.8, retime="constant", tolerance=0.02, foot=False
+    )
+    said = fastest_text(found)
+    assert "the recording contradicts the models of elbow, wrist: at its own speed" in said
+    assert "no requests would keep elbow, wrist within 1.15 degrees" in said
