@@ -224,12 +224,11 @@ class Player:
             answer: Given the number of the tick, and how many were missed since the last one;
                 called when the tick is due.
         """
-        start, tick, missed = self._now(), 0, 0
+        start, tick = self._now(), 0
         while True:
-            late = int((self._now() - start) / self._period) - tick
-            if late > 0:
-                tick, missed = tick + late, missed + late
-                self._skipped += late
+            missed = max(int((self._now() - start) / self._period) - tick, 0)
+            tick += missed
+            self._skipped += missed
             due = start + tick * self._period
             self._wait_until(due)
             answered = answer(tick, missed)
@@ -237,7 +236,6 @@ class Player:
                 return
             requests, held = answered
             self._held += held
-            missed = 0
             if np.isfinite(requests).all():
                 self._send_at(due, requests)
             self._overruns += self._now() >= due + self._period
