@@ -11,6 +11,7 @@ from planner import JointModel
 from planner.calibration import candidates
 from planner.files.joint_model import read_model_file
 from planner.model.evidence import Evidence
+from planner.report.calibration import WORDS, candidates_table
 
 LIMITS = (-0.7, 0.7)
 INTERVALS = {"v_max": (4.9, 5.1), "dead_band": (0.008, 0.012), "v_offset": (0.01, 0.03)}
@@ -37,6 +38,9 @@ def test_the_model_of_any_recommended_way_can_be_kept_and_read_again(best, tmp_p
 
     found = candidates.compare(SimpleNamespace(model=MODEL), LIMITS, measured)
     assert found.recommended.way == best
+    marked = [row for row in candidates_table({"knee": found}).text().splitlines() if "←" in row]
+    assert len(marked) == 1
+    assert WORDS[best] in marked[0]
     found.model.to_toml(tmp_path / "arm.toml")
     kept = read_model_file(tmp_path / "arm.toml").one()
     plain = best == "optimal"
