@@ -73,3 +73,12 @@ def test_candidates_have_the_figures_of_what_was_played_after_the_run_in():
         # Nothing was tested of the model without friction and load.
         assert np.isfinite(each.expected) == (each.way in ("closed_form", "optimal_friction"))
     assert found.recommended is found.named("direct")  # all are as good: the simplest
+
+
+def test_the_simplest_of_ways_that_are_about_as_good_is_recommended():
+    desired = candidates.test_motion(MODEL, LIMITS)
+    errors = {"shift": 1.05e-3, "closed_form": 1.01e-3, "optimal": 1.0e-3}
+    found = candidates.compare(
+        SimpleNamespace(model=MODEL), LIMITS, lambda way, _: desired + errors.get(way, 0.01)
+    )
+    assert found.recommended.way == "closed_form"

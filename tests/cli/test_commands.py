@@ -114,6 +114,16 @@ def test_simulate_from_rest_begins_at_the_start_given(run, desired):
     assert first == pytest.approx([30.0 - 2.5, 2.5])  # one tick at top speed toward the requests
 
 
+def test_a_failure_that_is_not_of_the_input_is_status_1(run, desired, monkeypatch):
+    def fails(*_, **__):
+        raise planner.PlannerError("the solver found no fit")
+
+    monkeypatch.setattr("planner.approximation.fit.fit_pwl", fails)
+    result = run("fit", desired)
+    assert (result.exit_code, result.stdout) == (1, "")
+    assert "the solver found no fit" in result.stderr
+
+
 def test_fit_gives_lines_that_the_joint_can_follow(run, desired):
     result = run("fit", desired, "--segments", "6", "--json")
     hip = json.loads(result.stdout)["joints"]["hip"]

@@ -179,6 +179,8 @@ def test_the_nearest_point_is_told_where_none_meets_what_is_required():
     swept = Swept("a.toml", ("length",), outcomes, "cm/s", "cm", Requirement("speed", 1.0))
     assert [each.point for each in swept.front] == [(0.0,), (2.0,), (3.0,)]
     assert verdict(swept).startswith("The best point with at least 1 cm/s has 1 cm/s at 0.2 cm:")
+    ends = "3 points on the front: from 1 cm/s at 0.2 cm to 3 cm/s at 1.5 cm"
+    assert verdict(replace(swept, requirement=None)) == ends
     swept = replace(swept, requirement=Requirement("error", 2.0))
     assert verdict(swept).startswith("The best point with at most 2 cm has 3 cm/s at 1.5 cm:")
     swept = replace(swept, outcomes=tuple(replace(each, reason="missed") for each in outcomes))

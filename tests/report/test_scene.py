@@ -166,3 +166,9 @@ def test_a_tube_has_its_radius_everywhere(points, closed):
     middles = np.stack([starts[moving], ends[moving]], axis=1)
     assert np.allclose(np.linalg.norm(rings - middles[:, :, None], axis=3), 0.01, atol=ROUNDING)
     assert faces.size == 0 or faces.max() == len(vertices) - 1
+
+
+def test_each_of_the_three_motions_has_its_own_angles_and_positions():
+    desired, direct, planned = ((np.full((2, 3), k), np.full((2, 3), 10.0 + k)) for k in range(3))
+    shown = motions(desired, direct, planned)
+    assert [(each.angles[0, 0], each.foot[0, 0]) for each in shown] == [(0, 10), (1, 11), (2, 12)]
