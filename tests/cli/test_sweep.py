@@ -17,7 +17,7 @@ from planner.cli.sweep.search import evaluate, sweep, walking_speed
 from planner.cli.sweep.space import number_of_points, read_sweep
 from planner.exceptions import InvalidFile
 from planner.files.paths import write_joint_path
-from planner.files.results import Results
+from planner.files.results import Results, Task
 from planner.report.sweep import Outcome, Requirement, Swept, verdict
 from tests.parallel.work import InThisProcess, at_work_on
 
@@ -212,6 +212,14 @@ def test_what_is_wrong_with_a_sweep_is_said_with_its_line(text, line, message, t
     with pytest.raises(InvalidFile, match=message) as caught:
         read_sweep(str(file))
     assert caught.value.line == line
+
+
+def test_results_of_an_earlier_sweep_are_counted_as_they_are_removed(tmp_path):
+    before = Results(tmp_path / "gaits", {"speed": 1.0})
+    for number in range(3):
+        before.write(Task(f"point {number}", number), b"done")
+    assert Results(tmp_path / "gaits", {"speed": 1.0}, resume=True).removed == 0
+    assert Results(tmp_path / "gaits", {"speed": 2.0}).removed == 3
 
 
 def test_the_command_of_a_point_gives_its_error(tmp_path, run):

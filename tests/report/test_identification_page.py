@@ -200,6 +200,12 @@ def test_plotly_takes_every_figure(found):
     check_words(plot(log_figure(found, found.fits[0], "")))
 
 
+def test_the_strip_of_a_short_lag_is_as_long_as_the_time_between_requests():
+    short = replace(made_up(), model=replace(made_up().model, lag=0.0))
+    (panel,) = intervals_figure(short).panels
+    assert f"{1e3 * short.model.period:.3g}" in [words.text for words in panel.words]
+
+
 @pytest.mark.parametrize("held_out", [True, False])
 def test_bars_and_numbers_of_the_descriptions_are_one_error_which_the_axis_names(held_out):
     found = made_up()
