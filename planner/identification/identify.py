@@ -164,11 +164,11 @@ def identify(
     longer: tuple[Fit, Fit] | None = None  # fits with longer and shorter ticks
     if tick is None and hold is None:
         finer = fine_hold(timing.period, fit.parameters.acceleration_time)
-        fine = at_ticks(logs, fit, timing.period / finer)
+        fine, found = at_ticks(logs, fit, timing.period / finer), terms
         if motor and fine.cost > (1.0 + LOST) * fit.cost:
-            fine, terms = with_motor(fine, terms)
+            fine, found = with_motor(fine, terms)
         if timing.hold > 1 or not _by_rows(fit, fine):
-            timing, fit = timing.ticking(fine.grid.tick), fine
+            timing, fit, terms = timing.ticking(fine.grid.tick), fine, found
             longer = at_ticks(logs, fine, 2.0 * timing.tick), fine
     fit = with_observed_speed(with_calm_friction(logs, fit))
     uncertainty = uncertainty_of(fit)
