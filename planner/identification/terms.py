@@ -86,8 +86,9 @@ ENOUGH = TERM._replace(evaluations=100, tolerance=1e-5)
 
 SCREENED, TRIALS, POPULATION, GENERATIONS, FOLLOWED = 256, 24, 40, 25, 3
 """Of the search for a motor: points at first, how many of these are followed by derivatives and how
-many evolve, how often, and how many of both are followed on all rows. (With twice as many points
-and joints that evolve the loss of 155 fits is 1 % less in the mean, with half 12 % more.)"""
+many evolve, how often, and how many of both are followed on all rows. (In 155 fits the loss of
+virtual servos is 16 % larger by derivatives alone, that of made joints 78 % larger by evolution
+alone, both in the mean; with twice as many points no less.)"""
 
 
 def with_terms(fit: Fit) -> tuple[Fit, tuple[Term, ...]]:
