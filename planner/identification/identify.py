@@ -68,12 +68,7 @@ from planner.identification.result import (
     Term,
     note,
 )
-from planner.identification.terms import (
-    backlash_of,
-    with_calm_friction,
-    with_motor,
-    with_terms,
-)
+from planner.identification.terms import backlash_of, with_calm_friction, with_motor, with_terms
 from planner.trajectory import Array, Mask, rms
 from planner.validation import as_flag
 

@@ -100,11 +100,6 @@ class Parameters(NamedTuple):
         """Time by which the joint trails slow requests [s]."""
         return self.lag + self.acceleration_time / 2.0 + 1.0 / self.gain + self.time_constant
 
-    @property
-    def is_motor(self) -> bool:
-        """Whether it has inertia: a time constant or an acceleration limit."""
-        return self.time_constant > 0.0 or math.isfinite(self.acceleration)
-
     def max_acceleration(self, tick: float) -> float:
         """Acceleration limit with these ticks [rad/s^2]."""
         taken = slowed_by_friction(self.gain, self.dead_band, self.time_constant, tick)

@@ -389,9 +389,9 @@ def _divided(at: Parameters, grid: Grid) -> Parameters:
 def _beginnings(fit: Fit, excerpt: Excerpt, free: Free) -> list[Parameters]:
     """Motors that are good on an excerpt, where the search by derivatives on all rows begins.
 
-    The loss has many local optima. Of points that fill a box evenly (Roberts' additive sequence,
-    2018) the best are followed in two ways: by derivatives, which is better where little but noise
-    is left, and by differential evolution (Storn and Price, 1997), where a motor is rougher.
+    The loss has many local optima. Of points that fill a box evenly the best are followed in two
+    ways: by derivatives, which is better where little but noise is left, and by differential
+    evolution (Storn and Price, 1997), where a motor is rougher.
     """
     from scipy.optimize import Bounds, differential_evolution
 
@@ -415,11 +415,7 @@ def _beginnings(fit: Fit, excerpt: Excerpt, free: Free) -> list[Parameters]:
         response = respond(excerpt.grid, joint(place), excerpt.starts)
         return huber(response.predicted - excerpt.grid.angles, fit.scale)
 
-    count = 7
-    ratio = 2.0  # the root above 1 of x^(count + 1) = x + 1
-    for _ in range(50):
-        ratio = (1.0 + ratio) ** (1.0 / (count + 1.0))
-    points = (0.5 + np.outer(np.arange(SCREENED), ratio ** -np.arange(1.0, count + 1.0))) % 1.0
+    points = _even_points(SCREENED, 7)
     points = points[np.argsort([loss(point) for point in points], kind="stable")]
     trials = [
         least_squares(
@@ -435,7 +431,7 @@ def _beginnings(fit: Fit, excerpt: Excerpt, free: Free) -> list[Parameters]:
     trials.sort(key=lambda trial: trial.cost)
     evolved = differential_evolution(
         loss,
-        Bounds(np.zeros(count), np.ones(count)),
+        Bounds(np.zeros(points.shape[1]), np.ones(points.shape[1])),
         init=points[:POPULATION],
         maxiter=GENERATIONS,
         tol=0.0,
@@ -447,6 +443,15 @@ def _beginnings(fit: Fit, excerpt: Excerpt, free: Free) -> list[Parameters]:
     )
     best = evolved.population[np.argsort(evolved.population_energies, kind="stable")]
     return [t.parameters for t in trials[:FOLLOWED]] + [joint(each) for each in best[:FOLLOWED]]
+
+
+def _even_points(count: int, dimensions: int) -> Array:
+    """Roberts' additive sequence (2018), which fills the unit box evenly, (count, dimensions)."""
+    ratio = 2.0  # the root above 1 of x^(dimensions + 1) = x + 1
+    for _ in range(50):
+        ratio = (1.0 + ratio) ** (1.0 / (dimensions + 1.0))
+    steps = ratio ** -np.arange(1.0, dimensions + 1.0)
+    return np.asarray((0.5 + np.outer(np.arange(count), steps)) % 1.0)
 
 
 def _some_dead_band(at: Parameters, fit: Fit) -> float:
