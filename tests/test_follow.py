@@ -56,7 +56,7 @@ def test_missed_ticks_are_left_out_and_the_stream_is_told():
     robot = Following()
     robot.stall_at, robot.stall = 20, 3.5 * TICK
     report = robot.follow()
-    assert (report.sent, report.skipped) == (58, 2)
+    assert (report.sent, report.skipped, report.overruns) == (58, 2, 1)
     assert robot.times[21] == 100.0 + 23.5 * TICK  # late, and in step with the clock
     assert robot.times[22] == 100.0 + 24 * TICK
     held = [*robot.rows[:21], *[robot.rows[20]] * 2, *robot.rows[21:]]

@@ -75,6 +75,16 @@ def test_candidates_have_the_figures_of_what_was_played_after_the_run_in():
     assert found.recommended is found.named("direct")  # all are as good: the simplest
 
 
+def test_the_motion_that_compares_them_is_one_that_the_joint_can_follow():
+    desired = candidates.test_motion(MODEL, LIMITS)
+    assert np.all((desired >= LIMITS[0]) & (desired <= LIMITS[1]))
+    assert np.max(np.abs(np.diff(desired))) / MODEL.period <= candidates.TEST_SPEED * MODEL.v_max
+    sines = desired[: len(desired) // 2]
+    power = np.abs(np.fft.rfft(sines - sines.mean())) ** 2
+    above = np.fft.rfftfreq(len(sines), MODEL.period) > 2.0
+    assert power[above].sum() < 0.01 * power.sum()  # fast sines leave no room for large ones
+
+
 def test_the_simplest_of_ways_that_are_about_as_good_is_recommended():
     desired = candidates.test_motion(MODEL, LIMITS)
     errors = {"shift": 1.05e-3, "closed_form": 1.01e-3, "optimal": 1.0e-3}

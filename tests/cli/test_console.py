@@ -123,6 +123,15 @@ def test_steps_in_parallel_are_counted_and_the_time_left_is_that_at_their_pace(c
         assert progress.line().endswith("  30 s left")
 
 
+def test_a_pace_that_differs_from_what_was_expected_counts_for_the_steps_that_are_left(clock):
+    progress = at(clock, {"hip": 2.0, "knee": 3.0, "ankle": 4.0})
+    for step in ("hip", "knee"):
+        progress(step)
+        clock[0] += 10.0
+    progress("ankle")
+    assert progress.line().endswith("  16 s left")  # 20 s for 5 parts of 9
+
+
 def test_work_inside_other_work_has_the_line_and_gives_it_back(clock, monkeypatch, capsys):
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
     with at(clock, ["outer"]) as outer:

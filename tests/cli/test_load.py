@@ -226,6 +226,12 @@ def test_the_scene_of_a_run_moves_under_its_load(run, folder, monkeypatch):
     ((_, direct, _),) = shown
     expected = planner.simulate(SOFT, DESIRED[:, 0], load=0.5)
     np.testing.assert_allclose(direct.angles[:, 0], expected, rtol=0.0, atol=1e-9)
+    heads = {
+        name: (folder / "it" / f"{name}.csv").read_text().splitlines()[0]
+        for name in ("requests", "angles", "desired")
+    }
+    assert "pendulum_load_Nm" in heads.pop("requests")  # what simulate needs again
+    assert not any("load" in head for head in heads.values())
 
 
 def test_a_model_that_was_not_tested_tells_no_error(run):

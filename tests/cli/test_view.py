@@ -54,12 +54,14 @@ def shown(meshcat, monkeypatch):  # noqa: ARG001
 
 def test_the_legs_go_where_the_paths_and_the_requests_say(run, foot, shown):
     run("plan", foot, "--leg", "front-left", "-o", "requests.csv")
+    made = read_joint_path("requests.csv")
+    write_joint_path("other.csv", made.names[::-1], made.angles[:, ::-1], period=0.008)
     shared = ("view", foot, "--leg", "front-left", "--html", "page.html")
-    run(*shared, "--requests", "requests.csv")
+    run(*shared, "--requests", "other.csv")  # whose columns stand in another order
     run(*shared, "--method", "optimal")
     run(*shared, "--method", "closed-form")
     (desired, direct, planned), (*_, same), (*_, other) = shown
-    requests = read_joint_path("requests.csv").angles
+    requests = made.angles
     for motion, sent in ((direct, desired.angles), (planned, requests)):
         for j in range(3):
             answer = planner.simulate(planner.JointModel.ers210a(), sent[:, j])

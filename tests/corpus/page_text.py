@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import json
 import re
+import zlib
 from html.parser import HTMLParser
 from itertools import chain
 from typing import Any
@@ -34,6 +35,8 @@ class _Text(HTMLParser):
             self.parts.append("\n")
         elif tag in ("td", "th"):
             self.parts.append(" | ")
+        if tag in ("tr", "td") and (kind := dict(attrs).get("class")):
+            self.parts.append(f"{{{kind}}} ")
         if tag == "a" and not self._skipped:
             self.parts.append(f"[{dict(attrs).get('href')}] ")
 
@@ -60,15 +63,27 @@ def figures_of(page: str) -> str:
     """A line for each figure of a page: of each curve its name, points, ends, and two sums.
 
     The sums of the values, and of the values by their places, differ where any value does. They are
-    rounded to what single precision keeps.
+    rounded to what single precision keeps. The last word is a checksum of how the figure looks.
     """
     found = re.search(r'id="live-figures">(.*?)</script>', page, re.DOTALL)
     figures = json.loads(found[1]) if found else {}
     return "\n".join(
         f"figure {name}: "
         + "; ".join([*map(_curve, figure.get("data") or _moving(figure)), *_around(figure)])
+        + f"; look {zlib.crc32(json.dumps(_look(figure), sort_keys=True).encode()):08x}"
         for name, figure in figures.items()
     )
+
+
+def _look(of: Any) -> Any:
+    """What is said of a figure but for its numbers, which processors round in their own ways."""
+    if isinstance(of, dict):
+        return {name: _look(value) for name, value in of.items() if name != "bdata"}
+    if isinstance(of, list):
+        return sorted({json.dumps(_look(each), sort_keys=True) for each in of})
+    if isinstance(of, str):
+        return re.sub(r"[\d.,−]+", "#", of)
+    return of if isinstance(of, bool) or of is None else "#"
 
 
 def _around(figure: dict[str, Any]) -> list[str]:

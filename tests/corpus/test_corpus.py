@@ -96,6 +96,18 @@ CASES = {
         f"refine r.csv m.csv --desired short_stride.csv {CLAMPED} --method foot-optimal "
         "--no-reidentify --report page.html -o n.csv",
     ],
+    "refine-trials": [
+        "plan path.csv --model joint.toml -o r0.csv -q",
+        *(
+            line
+            for k in range(3)
+            for line in (
+                f"simulate r{k}.csv --model motor.toml -o m{k}.csv -q",
+                f"refine r{k}.csv m{k}.csv --desired path.csv --model joint.toml --no-reidentify "
+                f"--history trials -o r{k + 1}.csv --report page.html -q",
+            )
+        ),
+    ],
     "refine-page": "refine path.csv measured_from_rest.csv --desired path.csv --no-cyclic "
     "--model joint.toml --cycles 2 --no-reidentify --report page.html -o out.csv",
     "replay": "replay demo.csv --model joint.toml --speed 1.5 --begin-s 0.1 --end-s 0.8",
@@ -188,7 +200,9 @@ def written(folder: Path, *, skipped: tuple[str, ...] = ()) -> list[str]:
             parts.append(masked(text_of(page)))
             parts += [drawn] if (drawn := figures_of(page)) else []
         elif file.suffix == ".svg":
-            texts = re.findall(r"<text[^>]*>([^<]*)</text>", file.read_text("utf-8"))
+            picture = file.read_text("utf-8")
+            texts = re.findall(r"<text[^>]*>([^<]*)</text>", picture)
+            parts += re.findall(r'viewBox="[^"]*"', picture)[:1]
             parts += [text for text in texts if not re.fullmatch(r"[−\d.]*", text)]  # no ticks
         elif file.suffix in TEXTS and file.suffix not in skipped:
             text = masked(file.read_text("utf-8")).rstrip("\n")

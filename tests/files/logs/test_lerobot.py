@@ -22,6 +22,8 @@ CLOCK = 1e-7
 
 LAYOUTS = {"v2.1": v21, "v3.0": v30}
 
+ELBOW = LogOptions(joint="elbow_flex", unit="deg")
+
 
 def _assert_is(log, episode, joint):
     action, state = (part[:, JOINTS.index(joint)].astype(float) for part in values(episode))
@@ -37,7 +39,7 @@ def _assert_is(log, episode, joint):
 def test_every_episode_is_a_log_of_the_named_joint(tmp_path, layout, names):
     root = LAYOUTS[layout](tmp_path / "set", NAMES[names])
     assert joints_in(root) == JOINTS
-    logs = read_logs(root, options=LogOptions(joint="elbow_flex", unit="deg"))
+    logs = read_logs(root, options=ELBOW)
     assert len(logs) == len(LENGTHS)
     for episode, log in enumerate(logs):
         _assert_is(log, episode, "elbow_flex")
@@ -46,6 +48,16 @@ def test_every_episode_is_a_log_of_the_named_joint(tmp_path, layout, names):
         "'observation.state'",
         "angles in deg, as --unit said",
     )
+
+
+def test_episodes_come_in_the_order_of_their_numbers_whatever_the_order_of_their_files(tmp_path):
+    folder = v30(tmp_path / "set") / "data" / "chunk-000"
+    first, second = folder / "file-000.parquet", folder / "file-001.parquet"
+    first.rename(folder / "last.parquet")
+    second.rename(first)
+    (folder / "last.parquet").rename(second)
+    found = lerobot_episodes(tmp_path / "set", ELBOW)
+    assert [each.episode for each in found] == [0, 1, 2]
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)
