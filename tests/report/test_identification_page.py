@@ -283,6 +283,17 @@ def test_a_log_without_a_single_interval_has_an_empty_cloud():
     check_words(plot(figure))
 
 
+def test_the_time_of_a_log_begins_where_the_log_does():
+    found = made_up()
+    fit = found.fits[0]
+    later = replace(fit, log=replace(fit.log, times=fit.log.times + 100.0))
+    own, shifted = (log_figure(replace(found, fits=(each,)), each, "a_") for each in (fit, later))
+    assert shifted.x_range == pytest.approx(own.x_range)
+    for panel, other in zip(own.panels, shifted.panels, strict=True):
+        for curve, same in zip(panel.curves, other.curves, strict=True):
+            np.testing.assert_allclose(same.x, curve.x, atol=1e-9)
+
+
 def test_units_stand_beside_the_titles_where_all_joints_have_the_same():
     joints = [
         Joint("hip", "hip", made_up(), "joint1_"),
