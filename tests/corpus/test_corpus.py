@@ -41,7 +41,18 @@ CASES = {
     "calibrate-named": "calibrate --bus virtual --ids pan=2,lift=1 --joint lift --reverse lift "
     "--zero-tick lift=2000 --rate-hz 50 --dry-run",
     "calibrate-slow": "calibrate --bus virtual --ids 1-8 --rate-hz 500 --dry-run",
+    "calibrate-run": "calibrate --bus virtual --ids 1 --yes -o new.toml --report page.html",
     "check": f"check {ARM} --duration-s 4",
+    "check-wrong": [
+        f"check {ARM} --joint elbow",
+        f"play path.csv {ARM}",
+        f"play played.csv {ARM} --cycles 0",
+        "record --model joint.toml --duration-s 1",
+        "export played.csv --model arm.toml --format csv",
+        "sweep speeds.toml --at speed=0.7",
+        "plan stride.csv --leg front-left",
+        "plan loaded.csv --load column",
+    ],
     "check-json": f"check {ARM} --duration-s 4 --rate-hz 50 --json",
     "check-named": f"check {ARM} --duration-s 4 --joint hip",
     "compare-json": "compare path.csv --limits-deg -30:40 --json",
@@ -60,6 +71,7 @@ CASES = {
         "export requests.csv --format bag -o bag",
         "export requests.csv --format lerobot --task walk -o episode --json",
     ],
+    "export-model": "export played.csv --model arm.toml --format csv --unit ticks --cycles 2",
     "export-yaml": "export requests.csv --format yaml --rate-hz 250 --lead-s 2 --joint-names a,b,c "
     "--velocities",
     "fit-exact": "fit path.csv --segments 4 --exact --joint hip --knots knots.csv",
@@ -69,6 +81,10 @@ CASES = {
     "gait": "gait --samples 8",
     "gait-json": "gait --samples 6 --heading-deg 90 --half-stroke 0.03 --json",
     "gait-leg": "gait --samples 8 --leg front-left -o out.csv",
+    "gait-trot": [
+        "gait --pattern trot --samples 12 -o trot.csv",
+        "plan trot.csv --report page.html -o requests.csv",
+    ],
     "identify-all": "identify two_joints.csv --joint all --report page.html -o out.toml",
     "identify-json": "identify log.csv --no-hold-out --hold 1 --tick-ms 8 --json",
     "identify-page": "identify log.csv --report page.html -o out.toml",
@@ -76,6 +92,7 @@ CASES = {
     "plan-closed-form": "plan path.csv --method closed-form --segments 4 --rule exact --model "
     "joint.toml --tolerance-deg 0.1 --report page.html",
     "plan-foot": f"plan stride.csv {CLAMPED} --method foot-optimal --norm rms --json",
+    "plan-load": "plan loaded.csv --model motor.toml --load column --report page.html -o out.csv",
     "plan-motor": "plan path.csv --model motor.toml --limits-deg -40:60 --report page.html "
     "-o out.csv",
     "plan-motor-json": "plan path.csv --model motor.toml --robust worst --max-step-deg 8 --json",
@@ -115,6 +132,13 @@ CASES = {
     "--joint knee --joint gripper --limits-deg -30:90 --norm max -o out.csv --json",
     "replay-lerobot": "replay demo.csv --model joint.toml --speed 3 --rate-hz 49.85 --as lerobot "
     "-o planned",
+    "replay-several": [
+        "replay demo.csv demo_2.csv --model tested.toml --speed 1.2 --as lerobot -o planned "
+        "--report page.html",
+        "replay planned --model joint.toml --unit deg --fastest --tolerance-deg 2 --as lerobot "
+        "-o again --report again.html",
+    ],
+    "replay-fastest": "replay demo_2.csv --model joint.toml --fastest --tolerance-deg 2 -o out.csv",
     "replay-again": "replay demo.csv --model tested.toml -o out.csv --report page.html",
     "replay-page": "replay demo.csv --model joint.toml --speed 0.5 --report page.html -o out.csv",
     "reproduce-file": "reproduce --out path.csv",
@@ -125,6 +149,7 @@ CASES = {
     "simulate-motor": "simulate requests.csv --model motor.toml --json",
     "simulate-desired": "simulate path.csv --desired path.csv --json",
     "simulate-rest": "simulate path.csv --no-cyclic --start-deg knee=3 --joint knee -o out.csv",
+    "sweep-best": "sweep best.toml --workers 1",
     "sweep-gaits": "sweep gaits.toml --workers 1",
     "sweep-point": "sweep gaits.toml --at length=0.02 --at period_s=0.24 --out point --json",
     "sweep-speeds": "sweep speeds.toml --workers 1 --json --out made",
@@ -152,6 +177,9 @@ MASKS = (
     (re.escape(f"request-planner {__version__}"), "request-planner VERSION"),
 )
 """What differs from run to run or from version to version."""
+
+ROUGH = ("calibrate-run",)
+"""Cases that identify joints of simulated motors: processors differ there in more than rounding."""
 
 MOST = 200
 """Longest object of JSON that stands in one line [characters]."""
@@ -184,6 +212,12 @@ def masked(text: str) -> str:
     for pattern, replacement in MASKS:
         text = re.sub(pattern, replacement, text)
     return text
+
+
+def without_numbers(text: str) -> str:
+    """The words of a text, one space apart, as columns are as wide as their numbers."""
+    text = re.sub(rf"(?:(?:−?{NUMBER.pattern}|null)[ ,]*\s*)+", "# ", text)
+    return re.sub(r" {2,}", " ", text)
 
 
 def written(folder: Path, *, skipped: tuple[str, ...] = ()) -> list[str]:
@@ -239,7 +273,8 @@ def test_a_command_prints_writes_and_answers_what_it_did(
         for kind, text in (("stdout", result.stdout), ("stderr", result.stderr)):
             parts += [f"---- {kind}", masked(text).rstrip("\n")] if text else []
     keep(name, tmp_path)
-    snapshot.check(name, compact("\n".join([*parts, *written(tmp_path)])) + "\n")
+    text = "\n".join([*parts, *written(tmp_path, skipped=(".csv",) * (name in ROUGH))])
+    snapshot.check(name, compact(without_numbers(text) if name in ROUGH else text) + "\n")
 
 
 @pytest.mark.parametrize("name", ["reproduced", "virtually_reproduced"])
@@ -253,6 +288,5 @@ def test_a_reproduction_prints_and_writes_what_it_did(name, request, snapshot, k
     text = "\n".join([masked(made.printed), *written(made.folder, skipped=(".csv",))]) + "\n"
     text = re.sub(r"(?<=CSV files: ).*", "out", text)
     if name == "virtually_reproduced":
-        text = re.sub(rf"(?:(?:−?{NUMBER.pattern}|null)[ ,]*\s*)+", "# ", text)
-        text = re.sub(r" {2,}", " ", text)  # columns are as wide as their numbers
+        text = without_numbers(text)
     snapshot.check(name, compact(text))
