@@ -3,11 +3,20 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from planner.calibration.measure import LOOKS, angles_of, check, move, servo_ranges
+from planner.calibration.measure import (
+    LOOKS,
+    angles_of,
+    check,
+    move,
+    ranges_by_hand,
+    servo_ranges,
+)
+from planner.exceptions import BusError
 from planner.identification.log import Log
 from planner.robot.arm import Arm, Servo
 from planner.robot.bus import Bus
@@ -30,6 +39,30 @@ def test_a_range_is_that_of_the_servos_limits_and_of_the_reach(kind, direction):
     limited = np.array([-248 * TICK, 0.5])[::direction] * direction  # around where it is
     assert ranges["joint_1"] - here == pytest.approx(limited, abs=2.0 * TICK)
     assert ranges["joint_2"] - here == pytest.approx([-0.5, 0.5], abs=2.0 * TICK)
+
+
+def test_a_range_by_hand_is_from_the_least_to_the_largest_angle_that_was_shown():
+    shown = iter([[0.3, 0.0], [-0.4, np.nan], [0.1, 0.2]])
+    arm = SimpleNamespace(
+        names=("hip", "knee"),
+        angles=lambda: np.array([0.0, 0.1]),
+        measure=lambda: SimpleNamespace(angles=np.array(next(shown))),
+        bus=SimpleNamespace(port=SimpleNamespace(sleep=lambda _: None)),
+    )
+    ends = iter([False, False, False, True])
+    found = ranges_by_hand(arm, lambda: next(ends), 0.02)
+    assert {name: each.tolist() for name, each in found.items()} == {
+        "hip": [-0.4, 0.3],
+        "knee": [0.0, 0.2],
+    }
+
+
+def test_a_servo_that_reports_a_fault_is_named_before_anything_moves():
+    servos = VirtualServos(2)
+    servos.motors.temperatures[1] = 90.0
+    arm = Arm(Bus(VirtualPort(servos), FEETECH), {f"joint_{k}": Servo(id=k) for k in (1, 2)})
+    with pytest.raises(BusError, match="joint_2: the servo reports .*; switch it off and on again"):
+        check(arm)
 
 
 def test_lost_answers_are_counted_among_those_of_the_looks_at_rest():

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from planner.files.paths import read_joint_path, write_joint_path
+from tests.cli.test_servos import ARM
 
 
 @pytest.fixture
@@ -48,6 +49,23 @@ def test_ticks_of_single_joints(run, requests):
         "--zero-tick", 180, "--zero-tick", "knee=100", "--joint", "knee",
     )  # fmt: skip
     assert result.stdout.splitlines()[:3] == ["t_s,knee_ticks", "0.0,120", "0.008,119"]
+
+
+def test_the_servos_of_a_model_file_have_the_zeros_and_directions_of_their_own_joints(
+    run, requests, tmp_path
+):
+    blocks = [
+        ARM.replace("joint_1", name)
+        .replace("direction = 1", f"direction = {way}")
+        .replace("zero_tick = 2048", f"zero_tick = {zero}")
+        for name, way, zero in (("wrist", 1, 1), ("knee", -1, 1000), ("hip", 1, 2000))
+    ]
+    (tmp_path / "arm.toml").write_text("".join(blocks))
+    shared = ("export", requests, "--format", "csv", "--unit", "ticks", "--model", "arm.toml")
+    rows = run(*shared).stdout.splitlines()
+    assert rows[:3] == ["t_s,hip_ticks,knee_ticks", "0.0,2000,772", "0.008,2011,784"]
+    named = run(*shared, "--joint-names", "a,b").stdout.splitlines()
+    assert named == ["t_s,a_ticks,b_ticks", *rows[1:]]
 
 
 def test_json_says_what_was_written(run, requests, tmp_path):

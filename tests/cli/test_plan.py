@@ -501,3 +501,12 @@ def test_the_shift_is_recommended_where_the_model_is_hardly_better_than_a_delay(
     assert json.loads(run(*asked, "--json").stdout)["recommended_method"] == recommended
     chosen = run("plan", brief, "--model", "joint.toml", "--method", "shift", "-o", "shift.csv")
     assert "recommended" not in chosen.stderr
+
+
+def test_a_path_of_some_joints_of_a_leg_has_their_limits_and_no_foot(run, tmp_path):
+    angles = np.radians([[0.0, 40.0]] * 10)
+    write_joint_path(tmp_path / "two.csv", ["rotator", "knee"], angles, period=0.008)
+    result = run("plan", "two.csv", "--leg", "reference", "--report", "page.html", "--json")
+    assert result.exit_code == 0, result.stderr
+    assert json.loads(result.stdout)["foot"] is None
+    assert 'id="leg"' not in (tmp_path / "page.html").read_text()

@@ -216,6 +216,16 @@ def test_the_first_pose_is_one_from_which_the_path_need_not_jump():
     np.testing.assert_allclose(leg.joint_angles(foot), angles, atol=1e-6)
 
 
+def test_of_several_first_poses_the_one_with_the_fewest_jumps_is_taken(monkeypatch):
+    poses = np.tile(np.array([0.0, 1.0, 2.0, 3.0])[:, None], (3, 1, 1))
+    monkeypatch.setattr(
+        "kinematics.branches.jumps", lambda _, path: range([3, 1, 2, 1][round(path[0, 0])])
+    )
+    limits = Limits(np.array([-4.0]), np.array([4.0]))  # 0 is deepest inside
+    chosen = choose(poses, np.ones((3, 4), bool), limits, chain=reference_leg().chain)
+    np.testing.assert_array_equal(chosen, np.ones((3, 1)))
+
+
 @given(scale=st.floats(0.5, 2.0), ratio=st.floats(0.6, 1.6))
 def test_the_standing_pose_is_dexterous_and_within_the_limits(scale, ratio, tmp_path_factory):
     joints = [

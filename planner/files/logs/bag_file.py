@@ -82,7 +82,7 @@ class Bag:
         connections = [found for found in self._reader.connections if found.topic == topic]
         kind = self.topics[topic]
         with _damage_reported(self.path):
-            stores = _stores(connections, ros1=self._ros1)
+            stores = _stores(connections)
             received = self._reader.messages(connections=connections)
             for k, (_, when, data) in enumerate(received):
                 place = f"topic {topic}, message {k + 1}"
@@ -145,7 +145,7 @@ def _damage_reported(path: Path | str) -> Iterator[None]:
         ) from error
 
 
-def _stores(connections: Sequence[Connection], *, ros1: bool) -> list[Typestore]:
+def _stores(connections: Sequence[Connection]) -> list[Typestore]:
     """Types to try, in this order: the bag's own, or those that are known without them."""
     from rosbags.interfaces import MessageDefinitionFormat
     from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
@@ -162,7 +162,7 @@ def _stores(connections: Sequence[Connection], *, ros1: bool) -> list[Typestore]
         stores = [get_typestore(Stores.EMPTY)]
         stores[0].register(own)
     else:
-        stores = [get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.LATEST) for _ in LAYOUTS]
+        stores = [get_typestore(Stores.LATEST) for _ in LAYOUTS]  # ROS 1 always has its own
         for store, layout in zip(stores, LAYOUTS, strict=True):
             store.register(get_types_from_msg(layout, CONTROLLER_STATE))
         if connections[0].msgtype != CONTROLLER_STATE:

@@ -172,6 +172,20 @@ def test_one_number_is_for_the_chosen_joint(tmp_path):
     assert "numbers of /knee_controller/command taken for knee" in log.notes
 
 
+def test_joints_whose_commands_begin_later_keep_the_time_of_the_bag(tmp_path):
+    kit, messages = Kit(store()), []
+    for k, rows in enumerate(zip(*angles(), strict=True)):
+        stamp, names = START + k * PERIOD, JOINTS if k >= 7 else JOINTS[:1]
+        asked, told = (kit.joint_state(stamp, row[: len(names)], names) for row in rows)
+        messages += [("/commands", stamp - PERIOD // 2, asked), ("/joint_states", stamp, told)]
+    path = write(tmp_path / "run", store(), messages, storage="mcap")
+    options = LogOptions(joint="all", command_topic="/commands")
+    hip, knee = read_logs(path, options=options)
+    assert hip.times[0] == 0.0
+    assert knee.times[0] == pytest.approx(7 * 1e-9 * PERIOD)
+    assert knee.times[-1] == pytest.approx(hip.times[-1])
+
+
 def test_states_before_the_first_command_are_left_out_and_said_so(tmp_path):
     folder = _command_bag(tmp_path / "run", COMMANDS["trajectory"], late=7)
     (log,) = read_logs(folder, options=LogOptions(joint="hip"))

@@ -121,6 +121,13 @@ def test_an_episode_has_the_task_of_its_own_rows(tmp_path):
     assert found == ["lift", "drop", "lift"]
 
 
+def test_tasks_that_cannot_be_read_cost_no_episode(tmp_path):
+    root = v30(tmp_path / "set")
+    (root / "meta" / "tasks.parquet").write_bytes(b"PAR1, and no more")
+    found = [read_episode(place) for place in lerobot_episodes(root, LogOptions())]
+    assert [each.task for each in found] == ["", "", ""]
+
+
 def test_times_in_lists_of_one_are_read(tmp_path):
     def change(table):
         listed = _set(table, "timestamp", [[k / FPS] for k in range(LENGTHS[0])])

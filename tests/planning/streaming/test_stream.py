@@ -297,6 +297,10 @@ BAD = {
 }
 
 
+NO_ROWS = ("another shape", "one row", "no row", "ragged", "nothing", "text")
+"""Those that are no rows of two angles."""
+
+
 @pytest.mark.parametrize("bad", BAD)
 def test_what_cannot_be_used_is_held_and_said(bad):
     desired, status = BAD[bad]
@@ -312,6 +316,7 @@ def test_what_cannot_be_used_is_held_and_said(bad):
     sent = stream.step(desired)
     assert stream.status == status
     assert "desired" in stream.problem
+    assert ("of shape (10, 2)" in stream.problem) == (bad in NO_ROWS)
     held = np.array([each == "held" for each in status])
     assert np.array_equal(sent[held], last[held])
     assert np.all(np.abs(sent) <= 1.0)
