@@ -61,7 +61,7 @@ def test_a_servo_that_reports_a_fault_is_named_before_anything_moves():
     servos = VirtualServos(2)
     servos.motors.temperatures[1] = 90.0
     arm = Arm(Bus(VirtualPort(servos), FEETECH), {f"joint_{k}": Servo(id=k) for k in (1, 2)})
-    with pytest.raises(BusError, match="joint_2: the servo reports .*; switch it off and on again"):
+    with pytest.raises(BusError, match=r"joint_2: the servo reports .*; switch it off"):
         check(arm)
 
 
