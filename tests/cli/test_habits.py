@@ -40,6 +40,10 @@ def command(name):
     return cli.get_command(click.Context(cli), name)
 
 
+def test_a_shell_completes_every_command():
+    assert cli.list_commands(click.Context(cli)) == list(COMMANDS)
+
+
 @pytest.mark.parametrize("name", COMMANDS)
 def test_every_command_has_a_short_help_an_example_and_help_for_every_option(name):
     told = command(name)

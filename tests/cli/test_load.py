@@ -192,6 +192,21 @@ def test_simulate_and_compare_tell_it_too(run, folder):
     assert told in (folder / "page.html").read_text(encoding="utf-8")
 
 
+def test_a_simulation_tells_of_each_joint_its_own_error(run, folder):
+    for name, error in (("hip", 0.01), ("knee", 0.03)):
+        model = SOFT.with_evidence(Evidence(error))
+        model.to_toml(folder / f"{name}.toml")
+    lines = [f"[{name}]\n" + (folder / f"{name}.toml").read_text() for name in ("hip", "knee")]
+    (folder / "both.toml").write_text("\n".join(lines))
+    write_joint_path("two.csv", ["hip", "knee"], np.tile(DESIRED, 2), period=SOFT.period)
+    said = run("simulate", "two.csv", "--desired", "two.csv", "--model", "both.toml").stderr
+    hip, knee = (line for line in said.splitlines() if "on the robot expect about" in line)
+    told = [float(line.partition("expect about ")[2].split()[0]) for line in (hip, knee)]
+    own = [float(line.partition(": ")[2].split()[0]) for line in (hip, knee)]
+    assert own[0] == own[1]
+    assert told == pytest.approx(np.hypot(own, np.degrees([0.01, 0.03])), abs=2e-3)
+
+
 def test_a_plan_outside_what_the_model_was_tested_on_says_so(run, folder):
     SOFT.with_evidence(TESTED._replace(speed=2.0, load=0.0)).to_toml(folder / "soft.toml")
     asked = ["plan", "path.csv", *LEG, "--load", "urdf", "--report", "page.html"]

@@ -37,6 +37,8 @@ class _Text(HTMLParser):
             self.parts.append(" | ")
         if tag in ("tr", "td") and (kind := dict(attrs).get("class")):
             self.parts.append(f"{{{kind}}} ")
+        if tag == "figure" and (label := dict(attrs).get("aria-label")):
+            self.parts.append(f"({label})")
         if tag == "a" and not self._skipped:
             self.parts.append(f"[{dict(attrs).get('href')}] ")
 
