@@ -21,24 +21,6 @@ def meshcat():
     return pytest.importorskip("meshcat", reason="needs the extra meshcat")
 
 
-def test_a_foot_path_becomes_a_page(run, foot, meshcat, tmp_path):  # noqa: ARG001
-    result = run("view", foot, "--leg", "front-left", "--html", "walk.html")
-    assert result.exit_code == 0, result.stderr
-    assert result.stdout == ""
-    assert result.stderr.startswith("walk.html: 88 samples; model: ers210a")
-    page = (tmp_path / "walk.html").read_text()
-    assert "<h1>request-planner: front-left</h1>" in page
-    assert page.count("<li><i") == 3
-
-
-def test_a_view_warns_of_a_model_that_is_not_to_be_planned_with(run, foot, meshcat):  # noqa: ARG001
-    refused = planner.JointModel.ers210a().with_evidence(Evidence(verdict="refused", reason="odd"))
-    refused.to_toml("refused.toml")
-    result = run("view", foot, "--leg", "front-left", "--model", "refused.toml", "--html", "a.html")
-    assert result.exit_code == 0, result.stderr
-    assert "do not plan with the model" in result.stderr
-
-
 @pytest.fixture
 def shown(meshcat, monkeypatch):  # noqa: ARG001
     """What the pages of the test show, page by page."""
@@ -50,6 +32,15 @@ def shown(meshcat, monkeypatch):  # noqa: ARG001
 
     monkeypatch.setattr(report, "scene_page", keep)
     return pages
+
+
+def test_a_view_warns_of_a_model_that_is_not_to_be_planned_with(run, foot, shown):
+    refused = planner.JointModel.ers210a().with_evidence(Evidence(verdict="refused", reason="odd"))
+    refused.to_toml("refused.toml")
+    result = run("view", foot, "--leg", "front-left", "--model", "refused.toml", "--html", "a.html")
+    assert result.exit_code == 0, result.stderr
+    assert len(shown) == 1
+    assert "do not plan with the model" in result.stderr
 
 
 def test_the_legs_go_where_the_paths_and_the_requests_say(run, foot, shown):

@@ -138,7 +138,6 @@ CASES = {
         "replay planned --model joint.toml --unit deg --fastest --tolerance-deg 2 --as lerobot "
         "-o again --report again.html",
     ],
-    "replay-fastest": "replay demo_2.csv --model joint.toml --fastest --tolerance-deg 2 -o out.csv",
     "replay-again": "replay demo.csv --model tested.toml -o out.csv --report page.html",
     "replay-page": "replay demo.csv --model joint.toml --speed 0.5 --report page.html -o out.csv",
     "reproduce-file": "reproduce --out path.csv",
