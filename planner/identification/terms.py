@@ -198,13 +198,10 @@ def _term(name: str, kept: bool, without: Fit, with_it: Fit, interval: Interval)
 def _motor(fit: Fit) -> Fit:
     """The fit with those of :data:`MOTOR` that reduce the loss, sought together.
 
-    Where the residuals are noise from row to row nothing is sought. Terms without which the loss is
-    no larger are left out again.
+    Terms without which the loss is no larger are left out again.
     """
-    if structure_of(fit) < SAVING:
-        return fit
-    excerpt = excerpt_of(fit)
-    if np.sum(excerpt.compared) < 2 * np.sum(fit.free):
+    excerpt = _unexplained(fit)
+    if excerpt is None:
         return fit
     free = fit.free | only(*MOTOR)
     search = partial(least_squares, fit.grid, starts=fit.starts, scale=fit.scale, effort=TERM)
@@ -329,14 +326,9 @@ class Backlash(NamedTuple):
 
 
 def backlash_of(fit: Fit) -> Backlash | None:
-    """The play of the joint of a fit, if it explains much; inertia and friction are free beside it.
-
-    Where the residuals are noise from row to row nothing is sought.
-    """
-    if structure_of(fit) < SAVING:
-        return None
-    excerpt = excerpt_of(fit)
-    if np.sum(excerpt.compared) < 2 * np.sum(fit.free):
+    """The play of the joint of a fit, if it explains much; inertia and friction are free beside it."""
+    excerpt = _unexplained(fit)
+    if excerpt is None:
         return None
     free, at = fit.free | only("dead_band", "time_constant"), fit.parameters
 
@@ -471,6 +463,14 @@ class Excerpt(NamedTuple):
     grid: Grid
     compared: Mask
     starts: Array
+
+
+def _unexplained(fit: Fit) -> Excerpt | None:
+    """An excerpt in which to seek more; None where the residuals are noise, or the rows are few."""
+    if structure_of(fit) < SAVING:
+        return None
+    excerpt = excerpt_of(fit)
+    return excerpt if np.sum(excerpt.compared) >= 2 * np.sum(fit.free) else None
 
 
 def excerpt_of(fit: Fit) -> Excerpt:
