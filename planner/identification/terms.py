@@ -326,7 +326,7 @@ class Backlash(NamedTuple):
 
 
 def backlash_of(fit: Fit) -> Backlash | None:
-    """The play of the joint of a fit, if it explains much; inertia and friction are free beside it."""
+    """The play of the joint of a fit, if it explains much; inertia and friction are free, too."""
     excerpt = _unexplained(fit)
     if excerpt is None:
         return None
