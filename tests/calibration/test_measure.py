@@ -15,8 +15,9 @@ from planner.calibration.measure import (
     move,
     ranges_by_hand,
     servo_ranges,
+    with_ranges,
 )
-from planner.exceptions import BusError
+from planner.exceptions import BusError, InvalidInput
 from planner.identification.log import Log
 from planner.robot.arm import Arm, Servo
 from planner.robot.bus import Bus
@@ -55,6 +56,18 @@ def test_a_range_by_hand_is_from_the_least_to_the_largest_angle_that_was_shown()
         "hip": [-0.4, 0.3],
         "knee": [0.0, 0.2],
     }
+
+
+@pytest.mark.parametrize("wide", [9.0, 11.0])
+def test_a_range_has_to_be_wide_enough_to_show_how_the_joint_moves(wide):
+    arm = Arm(Bus(VirtualPort(VirtualServos(1)), FEETECH), {"joint": Servo(id=1)})
+    ends = np.radians([-20.0, wide - 20.0])
+    if wide > 10.0:
+        low, high = with_ranges(arm, {"joint": ends}).servos["joint"].limits
+        assert ends[0] < low < high < ends[1]
+        return
+    with pytest.raises(InvalidInput, match=r"joint: its range is .*; turn the joint by hand"):
+        with_ranges(arm, {"joint": ends})
 
 
 def test_a_servo_that_reports_a_fault_is_named_before_anything_moves():

@@ -150,6 +150,17 @@ def test_a_servo_that_falls_silent_is_named():
         silent.angles()
 
 
+def test_an_arm_with_a_silent_servo_stops_the_joints_that_answer(monkeypatch):
+    arm = arm_of(count=3)
+    servos = arm.bus.port.servos
+    with arm.powered():
+        arm.send(np.full(3, 0.9))
+        arm.bus.port.sleep(0.05)  # they are on their way
+        monkeypatch.setattr(servos, "ids", [1, 3])
+        arm.hold()
+        assert np.all(servos.motors.goals[[0, 2]] < 0.8)
+
+
 def test_joints_that_answer_are_stopped_and_released_where_another_fell_silent(monkeypatch):
     arm = arm_of(count=3)
     servos = arm.bus.port.servos

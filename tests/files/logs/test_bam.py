@@ -139,3 +139,12 @@ def test_the_weight_of_the_pendulum_is_the_load(tmp_path):
 def test_a_pendulum_that_cannot_be_is_refused(tmp_path, mass):
     with pytest.raises(InvalidFile, match=r"'mass': got .* expected a number, 0 or more"):
         read_logs(_file(tmp_path, {"mass": mass, "length": 0.1, "entries": _entries()}))
+
+
+@pytest.mark.parametrize("value", [True, "1.0", [1.0]])
+def test_what_is_no_number_is_named_with_its_entry(tmp_path, value):
+    entries = _entries(entry_3={"position": value})
+    with pytest.raises(
+        InvalidFile, match=r"entry 4: 'position': got (bool|str|list), expected a number"
+    ):
+        read_logs(_file(tmp_path, {"entries": entries}))

@@ -506,6 +506,16 @@ def test_the_scale_of_a_potentiometer_is_that_of_slow_requests_and_reported(tmp_
     assert zero == pytest.approx(MIDDLE, abs=1.0)
 
 
+def test_the_scale_of_a_potentiometer_is_that_of_rows_with_torque(tmp_path):
+    file, _, angles = _potentiometer(tmp_path)
+    head, *rows = file.read_text().splitlines()
+    without = [row.rsplit(",", 1)[0] + ",100,0" for row in rows[100:160]]  # it hangs down
+    rows = [*(f"{row},1" for row in rows[:100]), *without, *(f"{row},1" for row in rows[160:])]
+    file.write_text("\n".join([f"{head},torque_on", *rows]))
+    log = _read(file, unit="requested=us,actual=counts")
+    np.testing.assert_allclose(log.angles[200:], angles[200:], atol=0.5 / 163.0 + 0.01 * 0.6)
+
+
 def test_pulses_of_another_servo_are_read_by_the_microseconds_of_a_turn(tmp_path):
     file, requests, _ = _potentiometer(tmp_path)
     log = _read(file, unit="requested=us,actual=counts", ticks_per_turn=8000)
