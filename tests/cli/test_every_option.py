@@ -166,6 +166,73 @@ CASES = {
             "--joint": Case("--format csv", "--joint knee"),
         }.items()
     },
+    "replay": {
+        name: Case(f"demo.csv {common}", one, other)
+        for name, (common, one, other) in {
+            "--model": ("", "--model fast.toml", "--model soft.toml"),
+            **{
+                each.split()[0]: (f"--model fast.toml {common}", each, "")
+                for each, common in {
+                    "--speed 0.8": "",
+                    "--track action": "",
+                    "--joint knee": "",
+                    "--begin-s 0.1": "",
+                    "--end-s 0.5": "",
+                    "--rate-hz 62.5": "",
+                    "--limits-deg -29:29": "",
+                    "--norm max": "--end-s 0.3",
+                    "--solver ipopt": "--end-s 0.3",
+                    "--max-step-deg 1": "",
+                    "--smoothness 0.3": "",
+                    "--fastest": "--tolerance-deg 9",
+                    "--tolerance-deg 0.01": "",
+                    "--retime varying": "--fastest --tolerance-deg 9",
+                    "--as yaml": "",
+                    "--report page.html": "",
+                }.items()
+            },
+        }.items()
+    },
+    "identify": {
+        name: Case(f"{common} -o out.toml", one, other)
+        for name, (common, one, other) in {
+            "--joint": ("demo.csv", "--joint hip", "--joint knee"),
+            "--time": (
+                "columns.csv --unit deg --requested a --actual b",
+                "--time s:s",
+                "--time t:s",
+            ),
+            "--requested": (
+                "columns.csv --unit deg --time s:s --actual b",
+                "--requested a",
+                "--requested c",
+            ),
+            "--actual": (
+                "columns.csv --unit deg --time s:s --requested a",
+                "--actual b",
+                "--actual d",
+            ),
+            "--torque": (
+                "columns.csv --unit deg --time s:s --requested a --actual b",
+                "--torque on",
+                "",
+            ),
+            "--unit": (
+                "columns.csv --time s:s --requested a --actual b",
+                "--unit deg",
+                "--unit percent",
+            ),
+            "--ticks-per-turn": (
+                "columns.csv --time s:s --requested a --actual b --unit ticks",
+                "--ticks-per-turn 4000",
+                "--ticks-per-turn 5000",
+            ),
+            "--tick-ms": ("demo.csv --joint hip", "--tick-ms 8", "--tick-ms 4"),
+            "--hold": ("demo.csv --joint hip", "--hold 1", "--hold 2"),
+            "--hold-out": ("demo.csv --joint hip", "--no-hold-out", ""),
+            "--report": ("demo.csv --joint hip", "--report page.html", ""),
+        }.items()
+    },
 }
 """An entry for every option of these commands but those of :data:`ELSEWHERE`."""
 
@@ -178,13 +245,31 @@ SAME_AS_LEG = {"--urdf"}
 
 OF_ANY_LEG = {"--base", "--foot", "--lock", "--near", "--model", "--fastest", "--tolerance-cm"}
 
+OF_DATASETS = {"--topic", "--command-topic", "--episodes"}
+
 ELSEWHERE = {
     "export": {"--topic", "--task", "--model"},
     "plan": SAME_AS_LEG | {"--near"},
     "gait": SAME_AS_LEG | OF_ANY_LEG | {"--pattern"},
+    "identify": OF_DATASETS,
+    "replay": SAME_AS_LEG
+    | OF_DATASETS
+    | {"--leg", "--base", "--foot", "--lock", "--near", "--urdf-joint", "--load", "--tolerance-cm"}
+    | {
+        "--time",
+        "--requested",
+        "--actual",
+        "--torque",
+        "--unit",
+        "--ticks-per-turn",
+        "--workers",
+        "--scheduler",
+        "--resume",
+    },
 }
 """What ``test_export`` reads back from bags and datasets, and what ``test_any_leg``,
-``test_shortest_cycle`` and ``test_whole_robot`` are about."""
+``test_shortest_cycle``, ``test_whole_robot``, ``test_load``, ``test_replay`` and the tests of logs,
+which have columns in the same way, are about."""
 
 
 @pytest.fixture(scope="module")
@@ -210,7 +295,29 @@ def files(tmp_path_factory):
     replace(AIBO, v_max=1.5 * AIBO.v_max, lag=0.02).to_toml(folder / "fast.toml")
     SOFT.to_toml(folder / "soft.toml")
     AIBO.with_evidence(Evidence(intervals=KNOWN)).to_toml(folder / "known.toml")
+    write_logs(folder)
     return folder
+
+
+def write_logs(folder):
+    """A log of two joints in ``demo.csv``, and ``columns.csv``, whose columns say nothing."""
+    rng = np.random.default_rng(3)
+    times = AIBO.period * np.arange(250)
+    requests = np.column_stack([np.repeat(rng.uniform(-0.5, 0.5, 25), 10) for _ in range(2)])
+    models = AIBO, replace(AIBO, lag=0.016)
+    angles = np.column_stack(
+        [
+            planner.simulate(model, each, cyclic=False) + rng.normal(0.0, 0.002, len(each))
+            for model, each in zip(models, requests.T, strict=True)
+        ]
+    )
+    columns = [times, *np.degrees(np.column_stack([requests, angles])).T]
+    head = "t_s,goal_hip_deg,goal_knee_deg,present_hip_deg,present_knee_deg"
+    save = {"fmt": "%.5g", "delimiter": ",", "comments": ""}
+    np.savetxt(folder / "demo.csv", np.column_stack(columns), header=head, **save)
+    columns += [2.0 * times, times < 1.5]
+    order = np.column_stack([columns[k] for k in (0, 1, 3, 2, 4, 5, 6)])
+    np.savetxt(folder / "columns.csv", order, header="s,a,b,c,d,t,on", **save)
 
 
 @pytest.fixture
