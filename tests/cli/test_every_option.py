@@ -44,6 +44,8 @@ JOINTS = "desired.csv"
 FOOT = "foot.csv --leg front-left"
 AT_ONCE = f"{FOOT} --method foot-optimal"
 
+LEARN = "brief.csv measured.csv --no-reidentify"
+
 PATH = {
     "--joint": Case(JOINTS, "--joint knee"),
     "--model": Case(JOINTS, "--model fast.toml"),
@@ -193,6 +195,29 @@ CASES = {
             },
         }.items()
     },
+    "refine": {
+        "--desired": Case(LEARN, "--desired brief.csv", "--desired other.csv"),
+        **{
+            each.split()[0]: Case(f"{LEARN} --desired brief.csv {common}", each)
+            for each, common in {
+                "--model fast.toml": "",
+                "--joint knee": "",
+                "--start-deg 9": "--no-cyclic",
+                "--norm max": "",
+                "--solver ipopt": "--joint hip",
+                "--max-step-deg 3": "",
+                "--max-request-speed-deg-s 300": "",
+                "--smoothness 0.3": "",
+                "--limits-deg -30:30": "",
+                "--history trials.json": "",
+                "--cycles 1": "",
+                "--sensor-delay-ms 4": "",
+                "--report page.html": "",
+            }.items()
+        },
+        "--cyclic": Case(f"{LEARN} --desired brief.csv", "--no-cyclic"),
+        "--load": Case(f"{LEARN} --desired heavy.csv --model soft.toml", "--load column"),
+    },
     "identify": {
         name: Case(f"{common} -o out.toml", one, other)
         for name, (common, one, other) in {
@@ -252,6 +277,9 @@ ELSEWHERE = {
     "plan": SAME_AS_LEG | {"--near"},
     "gait": SAME_AS_LEG | OF_ANY_LEG | {"--pattern"},
     "identify": OF_DATASETS,
+    "refine": SAME_AS_LEG
+    | {"--leg", "--base", "--foot", "--lock", "--near", "--unreachable", "--method", "--weights"}
+    | {"--rate-hz", "--reidentify"},
     "replay": SAME_AS_LEG
     | OF_DATASETS
     | {"--leg", "--base", "--foot", "--lock", "--near", "--urdf-joint", "--load", "--tolerance-cm"}
@@ -296,7 +324,23 @@ def files(tmp_path_factory):
     SOFT.to_toml(folder / "soft.toml")
     AIBO.with_evidence(Evidence(intervals=KNOWN)).to_toml(folder / "known.toml")
     write_logs(folder)
+    write_trial(folder, angles[::3])
     return folder
+
+
+def write_trial(folder, angles):
+    """A path, requests and three cycles that were measured under them, and two other paths."""
+    names = ["hip", "knee"]
+    loads = np.column_stack([np.linspace(0.1, 0.4, len(angles)), 0.2 + 0.0 * angles[:, 0]])
+    write_joint_path(folder / "brief.csv", names, angles, period=AIBO.period)
+    write_joint_path(folder / "heavy.csv", names, angles, period=AIBO.period, loads=loads)
+    write_joint_path(folder / "other.csv", names, 0.9 * angles, period=AIBO.period)
+    slower = replace(AIBO, v_max=0.9 * AIBO.v_max)
+    played = np.column_stack([planner.simulate(slower, each) for each in angles.T])
+    noise = np.random.default_rng(1).normal(0.0, 0.003, (3 * len(angles), 2))
+    write_joint_path(
+        folder / "measured.csv", names, np.tile(played, (3, 1)) + noise, period=AIBO.period
+    )
 
 
 def write_logs(folder):
