@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import os
 import threading
 from contextlib import contextmanager
 
@@ -219,3 +221,20 @@ def test_a_write_for_later_takes_effect_with_the_action_and_not_before():
     assert not servos.motors.powered.any()
     assert servos.feed(FEETECH.instruction(BROADCAST, ACTION)) == b""
     assert servos.motors.powered.tolist() == [0, 1]
+
+
+def test_a_port_that_has_nothing_yet_is_read_again(monkeypatch):
+    own, tries = os.read, []
+
+    def read(file, count):
+        tries.append(count)
+        if len(tries) == 1:
+            raise OSError(errno.EAGAIN, "not yet")
+        return own(file, count)
+
+    with terminal() as (end, path):
+        port = SerialPort(path)
+        os.write(end, b"abc")
+        monkeypatch.setattr("planner.robot.bus.os.read", read)
+        assert port.read(3, 1.0) == b"abc"
+    assert tries == [3, 3]

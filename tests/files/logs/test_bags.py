@@ -69,6 +69,23 @@ def _assert_holds_the_angles(log, joint):
     assert log.torque_on.all()
 
 
+def test_the_layout_of_a_controllers_state_is_that_of_its_package():
+    """control_msgs/msg/JointTrajectoryControllerState of Jazzy, without its comments."""
+    assert NEW.splitlines() == [
+        "std_msgs/Header header",
+        "string[] joint_names",
+        "trajectory_msgs/JointTrajectoryPoint reference",
+        "trajectory_msgs/JointTrajectoryPoint feedback",
+        "trajectory_msgs/JointTrajectoryPoint error",
+        "trajectory_msgs/JointTrajectoryPoint output",
+        "string[] multi_dof_joint_names",
+        "trajectory_msgs/MultiDOFJointTrajectoryPoint multi_dof_reference",
+        "trajectory_msgs/MultiDOFJointTrajectoryPoint multi_dof_feedback",
+        "trajectory_msgs/MultiDOFJointTrajectoryPoint multi_dof_error",
+        "trajectory_msgs/MultiDOFJointTrajectoryPoint multi_dof_output",
+    ]
+
+
 @pytest.mark.parametrize("layout", [OLD, HUMBLE, NEW], ids=["old", "humble", "new"])
 @pytest.mark.parametrize("storage", ["sqlite3", "mcap", "ros1"])
 def test_a_controllers_state_is_read_by_the_bags_own_definition(tmp_path, storage, layout):

@@ -41,6 +41,8 @@ def test_episodes_are_numbers_and_ranges():
 def test_a_unit_may_be_for_one_joint_only():
     options = LogOptions(unit="rad,Jaw=range")
     assert (options.unit_of("Jaw"), options.unit_of("Elbow")) == ("range", "rad")
+    spaced = LogOptions(unit=" rad , Jaw = range")
+    assert (spaced.unit_of("Jaw"), spaced.unit_of("Elbow")) == ("range", "rad")
     assert LogOptions(unit="Jaw=range").unit_of("Elbow") is None
 
 
