@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import errno
 import os
 import signal
 import subprocess
@@ -278,6 +279,16 @@ def test_everything_is_on_the_disk_before_a_rename_makes_it_an_output(tmp_path, 
         (new / "b.csv").write_text("more")
     assert tmp_path.stat().st_ino in {inode for inode, _ in flushed}, "the name is not on the disk"
     assert renamed == ["a.csv", "out"]
+
+
+@pytest.mark.parametrize("number", [errno.EINVAL, errno.ENOTSUP])
+def test_a_file_system_that_has_no_fsync_is_written_all_the_same(tmp_path, monkeypatch, number):
+    def refuse(_):
+        raise OSError(number, "not here")
+
+    monkeypatch.setattr("os.fsync", refuse)
+    write_text(tmp_path / "a.csv", "text")
+    assert (tmp_path / "a.csv").read_text() == "text"
 
 
 def test_a_folder_that_cannot_be_replaced_stays_as_it_was(tmp_path, monkeypatch):

@@ -106,6 +106,7 @@ def test_less_than_one_request_a_second_is_no_rate(tmp_path, parquet):  # noqa: 
 
 def test_episodes_follow_one_another(tmp_path, parquet, monkeypatch):
     monkeypatch.setattr(lerobot, "FILE_ROWS", 9)
+    monkeypatch.setattr(lerobot, "BATCH", 2)
     rng = np.random.default_rng(2)
     actions = [rng.normal(size=(count, 2)) for count in (4, 5, 3)]
     layout = Layout(features={"action": ("a", "b"), "observation.state": ("a", "b")}, rate=30)
