@@ -180,8 +180,8 @@ MASKS = (
 ROUGH = ("calibrate-run",)
 """Cases that identify joints of simulated motors: processors differ there in more than rounding."""
 
-MOST = 200
-"""Longest object of JSON that stands in one line [characters]."""
+MOST = 400
+"""Longest object of JSON that stands in one line [characters], with those inside it."""
 
 TEXTS = (".csv", ".json", ".toml", ".txt", ".yaml", ".jsonl")
 """Endings of files whose content stands in a snapshot."""
@@ -203,7 +203,9 @@ def compact(text: str) -> str:
 
     text = re.sub(r"(?m)(?:^[\d.,e+-]+\n){20,}", lambda rows: columns(rows[0]) + "\n", text)
     text = re.sub(r"\[[\s\d.,e+-]*\]", in_a_line, text)
-    return re.sub(r"\{\n[^{}]*\}", in_a_line, text)
+    for _ in range(3):  # objects in objects, from the inside
+        text = re.sub(r"\{\n(?:[^{}]|\{ [^{}\n]*\})*\}", in_a_line, text)
+    return text
 
 
 def masked(text: str) -> str:
