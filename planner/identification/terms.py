@@ -200,7 +200,7 @@ def _motor(fit: Fit) -> Fit:
 
     Terms without which the loss is no larger are left out again.
     """
-    excerpt = _unexplained(fit)
+    excerpt = _excerpt_to_search(fit)
     if excerpt is None:
         return fit
     free = fit.free | only(*MOTOR)
@@ -327,7 +327,7 @@ class Backlash(NamedTuple):
 
 def backlash_of(fit: Fit) -> Backlash | None:
     """The play of the joint of a fit, if it explains much; inertia and friction are free, too."""
-    excerpt = _unexplained(fit)
+    excerpt = _excerpt_to_search(fit)
     if excerpt is None:
         return None
     free, at = fit.free | only("dead_band", "time_constant"), fit.parameters
@@ -465,7 +465,7 @@ class Excerpt(NamedTuple):
     starts: Array
 
 
-def _unexplained(fit: Fit) -> Excerpt | None:
+def _excerpt_to_search(fit: Fit) -> Excerpt | None:
     """An excerpt in which to seek more; None where the residuals are noise, or the rows are few."""
     if structure_of(fit) < SAVING:
         return None

@@ -58,16 +58,17 @@ def test_a_range_by_hand_is_from_the_least_to_the_largest_angle_that_was_shown()
     }
 
 
-@pytest.mark.parametrize("wide", [9.0, 11.0])
-def test_a_range_has_to_be_wide_enough_to_show_how_the_joint_moves(wide):
+def test_the_limits_of_a_joint_are_its_range_less_a_margin():
     arm = Arm(Bus(VirtualPort(VirtualServos(1)), FEETECH), {"joint": Servo(id=1)})
-    ends = np.radians([-20.0, wide - 20.0])
-    if wide > 10.0:
-        low, high = with_ranges(arm, {"joint": ends}).servos["joint"].limits
-        assert ends[0] < low < high < ends[1]
-        return
+    ends = np.radians([-20.0, -9.0])
+    low, high = with_ranges(arm, {"joint": ends}).servos["joint"].limits
+    assert ends[0] < low < high < ends[1]
+
+
+def test_a_range_that_is_too_small_to_show_how_the_joint_moves_is_refused():
+    arm = Arm(Bus(VirtualPort(VirtualServos(1)), FEETECH), {"joint": Servo(id=1)})
     with pytest.raises(InvalidInput, match=r"joint: its range is .*; turn the joint by hand"):
-        with_ranges(arm, {"joint": ends})
+        with_ranges(arm, {"joint": np.radians([-20.0, -11.0])})
 
 
 def test_a_servo_that_reports_a_fault_is_named_before_anything_moves():

@@ -296,8 +296,8 @@ ELSEWHERE = {
     },
 }
 """What ``test_export`` reads back from bags and datasets, and what ``test_any_leg``,
-``test_shortest_cycle``, ``test_whole_robot``, ``test_load``, ``test_replay`` and the tests of logs,
-which have columns in the same way, are about."""
+``test_shortest_cycle``, ``test_whole_robot``, ``test_load``, ``test_refine``, ``test_replay`` and
+the tests of logs, which have columns in the same way, are about."""
 
 
 @pytest.fixture(scope="module")

@@ -9,6 +9,7 @@ import sys
 
 import click
 import pytest
+from click.shell_completion import ShellComplete
 
 from planner._version import __version__
 from planner.cli import cli
@@ -41,7 +42,8 @@ def command(name):
 
 
 def test_a_shell_completes_every_command():
-    assert cli.list_commands(click.Context(cli)) == list(COMMANDS)
+    completion = ShellComplete(cli, {}, "request-planner", "_COMPLETE")
+    assert [each.value for each in completion.get_completions([], "")] == list(COMMANDS)
 
 
 @pytest.mark.parametrize("name", COMMANDS)

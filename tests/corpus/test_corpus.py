@@ -216,7 +216,11 @@ def masked(text: str) -> str:
 
 
 def without_numbers(text: str) -> str:
-    """The words of a text, one space apart, as columns are as wide as their numbers."""
+    """The words of a text, one space apart, as columns are as wide as their numbers.
+
+    Without warnings about what a log determines, which begin at a threshold.
+    """
+    text = re.sub(r"(?m)^.* lies anywhere between .*\n", "", text)
     text = re.sub(rf"(?:(?:−?{NUMBER.pattern}|null)[ ,]*\s*)+", "# ", text)
     return re.sub(r" {2,}", " ", text)
 

@@ -14,6 +14,7 @@ from planner.identification.parameters import PARAMETERS
 from planner.identification.result import Alternative, Interval
 from planner.report.identification.figures import (
     MOST_POINTS,
+    _windows,
     alternatives_figure,
     cloud_figure,
     cloud_of,
@@ -281,6 +282,15 @@ def test_a_log_without_a_single_interval_has_an_empty_cloud():
     figure = cloud_figure(replace(found, fits=tuple(none)))
     assert [curve.name for curve in figure.panels[0].curves if curve.legend] == ["f, identified"]
     check_words(plot(figure))
+
+
+@pytest.mark.parametrize("shift", [-0.05, 0.0, 0.003, 0.02])
+def test_the_mean_of_a_constant_request_is_the_request_also_beside_the_log(shift):
+    log = made_up_log()
+    log = replace(log, requests=np.ones(len(log.times)))
+    ends = log.times[[0, 5, -1]] + shift
+    mean, least, most = _windows(log, ends - 0.01, ends)
+    np.testing.assert_allclose([mean, least, most], 1.0, rtol=1e-12)
 
 
 def test_the_time_of_a_log_begins_where_the_log_does():

@@ -125,7 +125,9 @@ def _windows(log: Log, starts: Array, ends: Array) -> tuple[Array, Array, Array]
 
     def integral(times: Array) -> Array:
         inner = np.interp(times, log.times, summed)
-        total: Array = inner + np.minimum(times - log.times[0], 0.0) * log.requests[0]
+        before = np.minimum(times - log.times[0], 0.0) * log.requests[0]
+        after = np.maximum(times - log.times[-1], 0.0) * log.requests[-1]  # by half a tick
+        total: Array = inner + before + after
         return total
 
     mean = (integral(ends) - integral(starts)) / (ends - starts)
