@@ -189,9 +189,14 @@ def identify(
     signal, noise = _signal(fit), noise_of(fit)
     model = fit.parameters.model(tick=timing.tick, hold=timing.hold)
     fits = _log_fits(every, fit, held)
+    intervals = all_intervals(fit, bounds, uncertainty)
+    if longer:
+        intervals = over_ticks(intervals, *longer)
+    gain = intervals.pop("gain")
+    delays = {name: intervals[name] for name in ("lag", "acceleration_time")}
     verdict, reason, notes = verdict_on(
         fit,
-        bounds,
+        {**bounds, **delays},
         uncertainty,
         held,
         errors,
@@ -202,10 +207,6 @@ def identify(
         friction=friction,
         shaken=shaken(model, fits),
     )
-    intervals = all_intervals(fit, bounds, uncertainty)
-    if longer:
-        intervals = over_ticks(intervals, *longer)
-    gain = intervals.pop("gain")
     if reason.topic != "motion":  # else nothing in the log is of the joint
         notes += [*notes_on(every, timing, jumps), *held_rows]
         if refuted:
