@@ -192,11 +192,9 @@ def identify(
     intervals = all_intervals(fit, bounds, uncertainty)
     if longer:
         intervals = over_ticks(intervals, *longer)
-    gain = intervals.pop("gain")
-    delays = {name: intervals[name] for name in ("lag", "acceleration_time")}
     verdict, reason, notes = verdict_on(
         fit,
-        {**bounds, **delays},
+        intervals,
         uncertainty,
         held,
         errors,
@@ -207,6 +205,7 @@ def identify(
         friction=friction,
         shaken=shaken(model, fits),
     )
+    gain = intervals.pop("gain")
     if reason.topic != "motion":  # else nothing in the log is of the joint
         notes += [*notes_on(every, timing, jumps), *held_rows]
         if refuted:

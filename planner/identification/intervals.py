@@ -404,15 +404,13 @@ def over_ticks(intervals: Mapping[str, Interval], longer: Fit, fit: Fit) -> dict
         longer: A fit to the same rows with ticks twice as long.
         fit: The fit that they belong to.
     """
-    models = [each.parameters.model(tick=each.grid.tick, hold=1) for each in (longer, fit)]
-    before, after = (
-        vars(model) | {"gain": each.parameters.gain}
-        for model, each in zip(models, (longer, fit), strict=True)
-    )
+    coarse, fine = (each.parameters.model(tick=each.grid.tick, hold=1) for each in (longer, fit))
+    before = vars(coarse) | {"gain": longer.parameters.gain}
+    after = vars(fine) | {"gain": fit.parameters.gain}
     found = {}
     for name, ends in intervals.items():
         if ends.bounded:
-            rough = ROUGH if models[1].has_inertia and name != "dead_band" else 1.0
+            rough = ROUGH if fine.has_inertia and name != "dead_band" else 1.0
             by = abs(after[name] - before[name]) + (rough - 1.0) * (ends.upper - ends.lower) / 2.0
             least = 0.0 if ends.lower >= 0.0 else -math.inf
             ends = Interval(max(ends.lower - by, least), ends.upper + by)

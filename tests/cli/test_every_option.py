@@ -169,31 +169,28 @@ CASES = {
         }.items()
     },
     "replay": {
-        name: Case(f"demo.csv {common}", one, other)
-        for name, (common, one, other) in {
-            "--model": ("", "--model fast.toml", "--model soft.toml"),
-            **{
-                each.split()[0]: (f"--model fast.toml {common}", each, "")
-                for each, common in {
-                    "--speed 0.8": "",
-                    "--track action": "",
-                    "--joint knee": "",
-                    "--begin-s 0.1": "",
-                    "--end-s 0.5": "",
-                    "--rate-hz 62.5": "",
-                    "--limits-deg -29:29": "",
-                    "--norm max": "--end-s 0.3",
-                    "--solver ipopt": "--end-s 0.3",
-                    "--max-step-deg 1": "",
-                    "--smoothness 0.3": "",
-                    "--fastest": "--tolerance-deg 9",
-                    "--tolerance-deg 0.01": "",
-                    "--retime varying": "--fastest --tolerance-deg 9",
-                    "--as yaml": "",
-                    "--report page.html": "",
-                }.items()
-            },
-        }.items()
+        "--model": Case("demo.csv", "--model fast.toml", "--model soft.toml"),
+        **{
+            each.split()[0]: Case(f"demo.csv --model fast.toml {common}", each)
+            for each, common in {
+                "--speed 0.8": "",
+                "--track action": "",
+                "--joint knee": "",
+                "--begin-s 0.1": "",
+                "--end-s 0.5": "",
+                "--rate-hz 62.5": "",
+                "--limits-deg -29:29": "",
+                "--norm max": "--end-s 0.3",
+                "--solver ipopt": "--end-s 0.3",
+                "--max-step-deg 1": "",
+                "--smoothness 0.3": "",
+                "--fastest": "--tolerance-deg 9",
+                "--tolerance-deg 0.01": "",
+                "--retime varying": "--fastest --tolerance-deg 9",
+                "--as yaml": "",
+                "--report page.html": "",
+            }.items()
+        },
     },
     "refine": {
         "--desired": Case(LEARN, "--desired brief.csv", "--desired other.csv"),
