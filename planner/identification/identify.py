@@ -68,7 +68,7 @@ from planner.identification.result import (
     Term,
     note,
 )
-from planner.identification.terms import backlash_of, with_calm_friction, with_motor, with_terms
+from planner.identification.terms import backlash_of, pays, with_calm_friction, with_motor, with_terms
 from planner.trajectory import Array, Mask, rms
 from planner.validation import as_flag
 
@@ -263,7 +263,7 @@ def _by_rows(whole: Fit, fine: Fit) -> bool:
     inertia = whole.parameters.time_constant > 0.0
     if not inertia and abs(whole.grid.tick - PAPER_TICK) <= 1e-3 * PAPER_TICK:
         return not better(whole, fine)
-    return better(fine, whole)
+    return pays(fine, whole)
 
 
 def _refuted(logs: Sequence[Log], fit: Fit, upper: float) -> Note | None:

@@ -26,9 +26,9 @@ MOST_ASYMMETRY = 0.5
 MOST_SLOWING = 0.45
 """Share of v_max by which the largest load changes them at most: both directions stay possible."""
 
-MOST_SAG = 0.3
-"""Largest sag by sine and cosine of the angle [rad]: 17 degrees, a motor far too weak for its load.
-"""
+MOST_SAG = 0.63
+"""Largest sag by sine and cosine of the angle [rad]: 36 degrees, a motor far too weak for its load;
+both together are within what a model may have."""
 
 SEEN = 0.3
 """Share of the highest speed of a log below which no top speed is sought: what explains the

@@ -31,12 +31,12 @@ MOST_TERMS = 5000
 """Most terms of Equation 3 between two requests, ``hold`` times the ticks of the acceleration time:
 a simulation's time grows with them. Models identified by default have half as many."""
 
-MOST_POSE_SAG = 0.5
+MOST_POSE_SAG = 0.9
 """Largest sag by the angle [rad]; from 1 on a joint may rest at several angles."""
 
 REST_STEPS = 8
-"""Steps of Newton's method to the angle at rest: with a sag of at most 0.5 each step squares half
-the distance, or less."""
+"""Steps of Newton's method to the angle at rest: with a sag of at most 0.9 the last one is of
+1e-15 rad, begun anywhere within the sag."""
 
 LEFT_OUT = ("time_constant", "max_acceleration", "sag_sin", "sag_cos")
 """Parameters that files leave out where a joint has none."""
@@ -380,6 +380,7 @@ class JointModel:
             angle -= np.where(
                 np.isfinite(held), (finite - self.pose_sag(finite) - held) / slope, 0.0
             )
+            angle = np.clip(angle, held - self.most_pose_sag, held + self.most_pose_sag)
         return angle
 
     @property

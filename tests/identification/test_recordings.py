@@ -7,6 +7,7 @@ import math
 import pytest
 
 import planner
+from planner.identification.terms import LARGE_SAG
 from tests.identification.made import pendulum, so101
 
 KNOWN = {"Pitch": 0.0126, "Wrist_Roll": 0.0054, "Jaw": 0.0031}
@@ -68,6 +69,15 @@ def test_an_overloaded_servo_is_refused(recordings, gain, motion):
     found = planner.identify(pendulum(recordings, "xl330", f"xl330_kp{gain}_{motion}"))
     assert not found.accepted
     assert any("the model does not fit" in warning for warning in found.warnings)
+
+
+def test_two_logs_of_an_overloaded_servo_are_explained_by_inertia_friction_and_sag(recordings):
+    motions = ("sin_sin", "sin_time_square")
+    found = planner.identify([pendulum(recordings, "xl330", f"xl330_kp800_{m}") for m in motions])
+    assert found.rms <= 0.075
+    assert found.accepted
+    assert found.model.sag_sin < -LARGE_SAG
+    assert found.model.has_inertia
 
 
 def test_a_gripper_that_opens_and_shuts_has_its_top_speed_bounded(recordings):

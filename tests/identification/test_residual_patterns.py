@@ -149,10 +149,10 @@ STICKY = planner.JointModel(
 """A joint whose dry friction shows, logged at 50 Hz."""
 
 
-def holds_log(model=STICKY, *, seed=0, rows=3000):
+def holds_log(model=STICKY, *, seed=0, rows=3000, largest=0.6):
     """Ramps between angles that are held for a second or so."""
     rng = np.random.default_rng(seed)
-    places, requests = rng.uniform(-0.6, 0.6, size=rows), [0.0]
+    places, requests = rng.uniform(-largest, largest, size=rows), [0.0]
     for place in places[: rows // 60]:
         ramp = max(2, round(abs(place - requests[-1]) / 0.03))
         requests += np.linspace(requests[-1], place, ramp)[1:].tolist() + [place] * 50
@@ -194,3 +194,13 @@ def test_the_dead_band_is_that_of_calm_motion():
     assert found.model.dead_band == pytest.approx(STICKY.dead_band, rel=0.05)
     same = planner.identify([holds_log(), holds_log(seed=2)], hold_out=False)
     assert same.model.dead_band == pytest.approx(STICKY.dead_band, rel=0.05)
+
+
+def test_the_dead_band_is_not_that_of_a_log_of_small_motion_alone():
+    """What holds a joint at rest is more than what slows it down."""
+    held = replace(STICKY, dead_band=1.5 * STICKY.dead_band)
+    small = replace(holds_log(held, seed=1, largest=0.2), name="small")
+    found = planner.identify([holds_log(), small], hold_out=False)
+    assert found.model.dead_band < 1.35 * STICKY.dead_band  # both fitted together
+    alone = planner.identify(small, hold_out=False)
+    assert alone.model.dead_band == pytest.approx(held.dead_band, rel=0.05)

@@ -217,6 +217,30 @@ def test_inertia_an_acceleration_limit_and_friction_are_found_together(constant,
     assert found.rms <= 1.1 * math.hypot(NOISE, QUANTUM / math.sqrt(12.0))
 
 
+def test_a_servo_that_its_load_overcomes_is_found_from_nothing():
+    """Without inertia, friction and sag together a fit misses a quarter of the motion."""
+    truth = planner.JointModel(
+        v_max=22.0,
+        theta_0=0.4,
+        lag=0.002,
+        acceleration_time=0.003,
+        tick=0.001,
+        time_constant=0.25,
+        dead_band=0.1,
+        sag_sin=-0.5,
+    )
+    times, random, logs = 0.005 * np.arange(1200), np.random.default_rng(3), []
+    for requests in (1.2 * np.sin(2.1 * times) + 0.5 * np.sin(5.3 * times), np.sin(0.9 * times**2)):
+        angles = planner.simulate(truth, np.repeat(requests, 5), cyclic=False)[::5]
+        noisy = angles + 0.001 * random.normal(size=len(times))
+        logs.append(planner.Log(times=times, requests=requests, angles=noisy))
+    found = planner.identify(logs)
+    assert found.verdict == "holds"
+    assert found.rms <= 0.0011
+    for name in ("time_constant", "dead_band", "sag_sin", "theta_0"):
+        assert getattr(found.model, name) == pytest.approx(getattr(truth, name), rel=0.03), name
+
+
 def test_an_acceleration_limit_is_found_in_a_log_whose_first_half_is_too_slow_to_show_it():
     truth = replace(AIBO, tick=0.005, hold=4, max_acceleration=15.0, theta_0=0.4, v_max=5.0)
     times, rng = 0.02 * np.arange(2000), np.random.default_rng(0)
