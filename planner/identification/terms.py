@@ -165,18 +165,22 @@ def with_motor(fit: Fit, terms: tuple[Term, ...]) -> tuple[Fit, tuple[Term, ...]
         fit: A fit with terms.
         terms: What was tried for it.
     """
-    motor = _motor(fit)
+    excerpt, loaded = _excerpt_to_search(fit), None
+    if excerpt is None:
+        return fit, terms
+    free = fit.free | only(*MOTOR)
+    motor = _motor(fit, _beginnings(fit, excerpt, free), free, fit.starts)
+    if fit.rms > POOR * float(np.std(fit.grid.angles)):
+        bare, loaded = _motor_anywhere(fit, free)
+        if _saving(fit, bare) >= SAVING:
+            motor = min(motor, bare, key=lambda each: huber(each.residuals, fit.scale))
+    known = {term.name: term for term in terms}
+    untried = "sag_sin" in known and not known["sag_sin"].kept
+    if untried and (loaded is not None or motor is not fit):
+        motor, tried = _with_term("sag_sin", motor, loaded)
+        known |= tried
     if motor is fit:
         return fit, terms
-    known = {term.name: term for term in terms}
-    if "sag_sin" in known and not known["sag_sin"].kept:
-        found, sag = None, only(*SAG)
-        if motor.free[sag].all():
-            found, free = motor, motor.free & ~sag
-            bare = motor.parameters._replace(sag_sin=0.0, sag_cos=0.0)
-            motor = least_squares(motor.grid, bare, free=free, starts=motor.starts)
-        motor, tried = _with_term("sag_sin", motor, found)
-        known |= tried
     motor = least_squares(motor.grid, motor.parameters, free=motor.free, starts=motor.starts)
     uncertainty = uncertainty_of(motor)
     for name in MOTOR:
@@ -234,19 +238,12 @@ def _term(name: str, kept: bool, without: Fit, with_it: Fit, interval: Interval)
     )
 
 
-def _motor(fit: Fit) -> Fit:
-    """The fit with those of :data:`MOTOR` that reduce the loss, sought together.
+def _motor(fit: Fit, begins: Sequence[Parameters], free: Free, starts: Array) -> Fit:
+    """The best fit from several beginnings; or the same fit, where none saves enough.
 
-    Terms without which the loss is no larger are left out again.
+    Those of :data:`MOTOR` without which the loss is no larger are left out again.
     """
-    excerpt, grid = _excerpt_to_search(fit), fit.grid
-    if excerpt is None:
-        return fit
-    poor = fit.rms > POOR * float(np.std(grid.angles))
-    free = fit.free | only(*MOTOR, *(SAG if poor and grid.unloaded else ()))
-    starts = grid.measured_starts if poor else fit.starts
-    search = partial(least_squares, grid, starts=starts, scale=fit.scale, effort=TERM)
-    begins = _beginnings(fit, excerpt, free) + (_anywhere(fit) if poor else [])
+    search = partial(least_squares, fit.grid, starts=starts, scale=fit.scale, effort=TERM)
     trial = min((search(begin, free=free) for begin in begins), key=lambda each: each.cost)
     trial = search(trial.parameters, starts=trial.starts, free=free, effort=ENOUGH)
     if not pays(fit, trial):
@@ -256,6 +253,17 @@ def _motor(fit: Fit) -> Fit:
         without = search(bare, free=trial.free & ~only(name))
         trial = trial if pays(without, trial) else without
     return trial if _saving(fit, trial) >= SAVING else fit
+
+
+def _motor_anywhere(fit: Fit, free: Free) -> tuple[Fit, Fit | None]:
+    """The best motor of a wide box, without a sag by the angle and, where that is new, with it."""
+    grid, sag = fit.grid, only(*SAG) & ~free
+    ways = free | sag if grid.unloaded else free
+    found = _motor(fit, _anywhere(fit), ways, grid.measured_starts)
+    if not (found.free & sag).any():
+        return found, None
+    at = found.parameters._replace(sag_sin=0.0, sag_cos=0.0)
+    return least_squares(grid, at, free=found.free & ~sag, starts=found.starts), found
 
 
 def _shows(name: str, fit: Fit) -> bool:
