@@ -68,7 +68,13 @@ from planner.identification.result import (
     Term,
     note,
 )
-from planner.identification.terms import backlash_of, pays, with_calm_friction, with_motor, with_terms
+from planner.identification.terms import (
+    backlash_of,
+    pays,
+    with_calm_friction,
+    with_motor,
+    with_terms,
+)
 from planner.trajectory import Array, Mask, rms
 from planner.validation import as_flag
 
