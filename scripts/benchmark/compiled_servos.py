@@ -281,10 +281,24 @@ PENDULUMS = (
     ),
 )
 
+
+def overloaded(servo: CompiledServo, times: int) -> CompiledServo:
+    """A servo with so many times the pendulum, which neither logs nor plans know."""
+    before, weight, after = servo.numbers[:7], servo.numbers[7], servo.numbers[8:]
+    kind = servo.name.partition(",")[0]
+    return replace(
+        servo,
+        name=f"{kind}, {times} times the load, not logged",
+        numbers=(*before, times * weight, *after),
+        pendulum=0.0,
+    )
+
+
 SERVOS: Sequence[CompiledServo] = (
     CASCADED,
     PROPORTIONAL,
     HOBBY,
     *map(with_friction, (0.49, 0.9, 1.23)),
     *PENDULUMS,
+    *(overloaded(PENDULUMS[k], times) for k, times in ((0, 3), (1, 2), (4, 3))),
 )

@@ -36,12 +36,12 @@ def measure(_: Options) -> list[Table]:
             *("mean", "worst", "told/met", "low", "high"),
         ),
         note="Each servo is identified from 60 s at 50 Hz (the recording that excite proposes; "
-        "encoder of 12 bits, noise of 0.03 degrees; of servos with a pendulum the load is known), "
-        "a cycle is planned and played. Errors are root mean squares of true angles; shift: the "
-        "desired angles early by the best time, sought on the servo. Errors over that: own shift "
-        "and plan, of invert_shift and invert_optimal; trials, of refine, one measured cycle "
-        "each; mean and worst, of robust plans. Told: error to expect of the plan over that met, "
-        "with its range.",
+        "encoder of 12 bits, noise of 0.03 degrees; of servos with a pendulum the load is known, "
+        "but where it says otherwise), a cycle is planned and played. Errors are root mean squares "
+        "of true angles; shift: the desired angles early by the best time, sought on the servo. "
+        "Errors over that: own shift and plan, of invert_shift and invert_optimal; trials, of "
+        "refine, one measured cycle each; mean and worst, of robust plans. Told: error to expect "
+        "of the plan over that met, with its range.",
         stub="servo, motion",
     )
     rows = [row for servo in SERVOS for row in rows_of(servo)]
