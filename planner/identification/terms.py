@@ -502,7 +502,7 @@ def _anywhere(fit: Fit) -> list[Parameters]:
 
     points = _even_points(SCREENED, 9)
     points = points[np.argsort([loss(point) for point in points], kind="stable")]
-    return [joint(each) for each in _evolved(loss, points[:POPULATION], 2 * GENERATIONS)]
+    return [joint(each) for each in _evolved(loss, points[: 2 * POPULATION], 2 * GENERATIONS)]
 
 
 def _evolved(loss: Callable[[Array], float], points: Array, generations: int) -> Array:
