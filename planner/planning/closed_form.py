@@ -21,7 +21,6 @@ from planner.planning.line_inverse import (
     offsets_of,
     slope_limits,
 )
-from planner.planning.pattern_search import refined_curve
 from planner.planning.plan import Plan
 from planner.planning.problem import Problem, problem_of
 from planner.planning.result import Inversion
@@ -198,6 +197,8 @@ def _one_inverted(
 
     requests = along(curve)
     if refine:
+        from planner.planning.pattern_search import refined_curve
+
         ahead = model.switching_time / model.period
         refined = refined_curve(problem, curve, rule=rule, ahead=ahead)
         answer = along(refined)

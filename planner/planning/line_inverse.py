@@ -160,7 +160,7 @@ def interpolated_offset(
     Returns:
         Offsets [rad], like ``slope``.
     """
-    table = _table(model, rule)
+    table = offset_table(model, rule)
     if model.speed_per_torque == 0.0:
         return np.asarray(np.interp(slope, *table) - model.compliance * np.asarray(load))
     limits = zip(model.speed_limits(load), model.speed_limits(), strict=True)
@@ -185,7 +185,7 @@ def advanced_load(load: Array, ahead: float, *, cyclic: bool) -> Array:
 
 
 @lru_cache(maxsize=32)
-def _table(model: JointModel, rule: Rule) -> tuple[Array, Array]:
+def offset_table(model: JointModel, rule: Rule) -> tuple[Array, Array]:
     """Slopes [rad/s], dense towards top speed where C_m is steepest, and their offsets [rad]."""
     shares = 1.0 - np.linspace(1.0, 0.0, TABLE) ** 2
     if model.dead_band:  # C_m jumps at 0

@@ -4,21 +4,31 @@ A pattern search (R. Hooke, T. A. Jeeves, "Direct search" solution of numerical 
 problems, Journal of the ACM 8, 1961) on the simulated error. The approximation nearest to the
 desired trajectory is not the one whose inverse tracks it best: a joint rounds corners, and it
 cannot follow a segment shorter than its acceleration time.
+
+Import this module where it is used, inside functions, as ``model/kernel.py``.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
 from planner.approximation.curve import PiecewiseLinear
+from planner.compilation import compiled, inner
+from planner.model.joint import weights_by_tick
+from planner.model.kernel import pose_sag, pose_sag_slope, run
+from planner.model.law import Law
+from planner.model.response import MOST_CYCLES
+from planner.model.steady_cycle import Cycle, run_steady_cycle
+from planner.planning.gauss_newton import Spec, limit
 from planner.planning.line_inverse import (
     AT_TOP_SPEED,
     Rule,
     advanced_load,
-    interpolated_offset,
+    offset_table,
     slope_limits,
 )
 from planner.planning.problem import Problem
@@ -52,73 +62,59 @@ LOWER = 1.0 - 1e-4
 """Share of the squared error down to which a move must bring it to be kept [-]."""
 
 
-class Move(NamedTuple):
-    """A change of knots and values, for a size of one sample."""
-
-    knots: Array  # [samples]
-    values: Array  # [rad]
+REST_STEPS = 8
+"""Steps of Newton's method to the angle at rest, as in ``model/joint.py``."""
 
 
-class TrackingError:
-    """Squared tracking error of the inverse of a piecewise linear curve, as its knots move."""
+class Lines(NamedTuple):
+    """The numbers by which lines are inverted and tracked.
 
-    def __init__(self, problem: Problem, curve: PiecewiseLinear, rule: Rule, ahead: float) -> None:
-        """Take what stays the same for every move."""
-        self.problem = problem
-        self.curve = curve
-        self.ahead = ahead
-        self.moments = np.arange(curve.samples, dtype=np.float64) + ahead
-        (self.model,) = problem.models
-        self.rule = rule
-        load = problem.loads[0]
-        low, high = slope_limits(self.model, load)
-        self.limits = low * (1.0 + AT_TOP_SPEED), high * (1.0 + AT_TOP_SPEED)
-        self.load = None if load is None else advanced_load(load, ahead, cyclic=curve.cyclic)
-        self.work = 0
+    Attributes:
+        cyclic: Whether the curve repeats.
+        hold: Ticks of a request.
+        oldest: Age of the oldest request that acts before a sample [requests].
+        start: From rest: angle of the joint [rad].
+        ahead: How long before a knot the requests change line [samples].
+        tick: Time between samples [s].
+        low: Least slope [rad/s].
+        high: Largest slope [rad/s].
+        loaded: Whether offsets depend on the sample, by its load.
+        sag: Sag without a load [rad].
+        dead_band: Of the joint [rad].
+    """
 
-    def __call__(self, knots: Array, values: Array) -> float:
-        """Sum of squared errors [rad^2]; inf beyond v_max, or below a sample a segment."""
-        curve = self.curve
-        ends, heights = knots, values
-        if curve.cyclic:
-            ends = np.concatenate([knots, knots[:1] + curve.samples])
-            heights = np.concatenate([values, values[:1]])
-        lengths = ends[1:] - ends[:-1]
-        if lengths.min() < 1.0:
-            return np.inf
-        slopes = (heights[1:] - heights[:-1]) / (lengths * curve.tick)
-        low, high = self.limits
-        if slopes.max() > high or slopes.min() < low:
-            return np.inf
-        since = self.moments - knots[0]
-        if curve.cyclic:
-            since %= curve.samples
-        places = knots - knots[0]
-        segment = places.searchsorted(since, side="right") - 1
-        segment = np.minimum(np.maximum(segment, 0), len(slopes) - 1)
-        past = (since - places[segment] - self.ahead) * curve.tick
-        if self.load is None:
-            offsets = interpolated_offset(self.model, slopes, rule=self.rule)[segment]
-        else:
-            in_force = slopes[segment]
-            offsets = interpolated_offset(self.model, in_force, rule=self.rule, load=self.load)
-        requests = heights[segment] + slopes[segment] * past + offsets
-        if self.model.most_pose_sag > 0.0:
-            acting = heights[segment] + slopes[segment] * (past + self.ahead * curve.tick)
-            requests -= self.model.pose_sag(acting)
-        self.work += curve.samples
-        angles = self.problem.exact_angles(self.problem.admissible(requests[:, np.newaxis]))
-        if angles is None:
-            return np.inf
-        return float(self.problem.squares(angles).sum())
+    cyclic: bool
+    hold: int
+    oldest: int
+    start: float
+    ahead: float
+    tick: float
+    low: float
+    high: float
+    loaded: bool
+    sag: float
+    dead_band: float
+
+
+class Tracking(NamedTuple):
+    """What a joint should follow, and what it does under the requests of a curve.
+
+    Attributes:
+        desired: Desired angles [rad], (n,).
+        table: Slopes, rising [rad/s], and their offsets without a load [rad], (2, m).
+        by_load: Factors by which the load changes the top speeds down and up [-], and the sag by it
+            [rad], (3, n).
+        requests: Filled with the requests [rad], (n, 1).
+    """
+
+    desired: Array
+    table: Array
+    by_load: Array
+    requests: Array
 
 
 def refined_curve(
-    problem: Problem,
-    curve: PiecewiseLinear,
-    *,
-    rule: Rule,
-    ahead: float,
+    problem: Problem, curve: PiecewiseLinear, *, rule: Rule, ahead: float
 ) -> PiecewiseLinear:
     """Move the knots of ``curve`` until its inverse makes the joint track no better.
 
@@ -135,69 +131,245 @@ def refined_curve(
     Returns:
         A curve with as many segments, slopes within ±v_max and none shorter than a sample.
     """
-    evaluate = TrackingError(problem, curve, rule, ahead)
     knots, values = np.array(curve.knots), np.array(curve.values)
-    least = evaluate(knots, values)
-    size = OPTIONS.coarsest
-    while size >= OPTIONS.finest and evaluate.work < OPTIONS.most_work:
-        kept = False
-        for number in range(moves_of(curve)):
-            for sign in (size, -size):
-                move = make_move(number, knots, values, curve, evaluate.model.v_max)
-                moved = knots + sign * move.knots, values + sign * move.values
-                error = evaluate(*moved)
-                if error < LOWER * least:
-                    (knots, values), least, kept = moved, error, True
-                    break
-            if evaluate.work >= OPTIONS.most_work:
-                break
-        if not kept:
-            size /= 2.0
+    steps = OPTIONS.coarsest, OPTIONS.finest, problem.models[0].v_max * curve.tick
+    search(*tracked(problem, curve, rule, ahead), knots, values, steps, OPTIONS.most_work)
     return replace(curve, knots=knots, values=values)
 
 
-def moves_of(curve: PiecewiseLinear) -> int:
-    """How many moves there are: four a knot, two a segment."""
-    return 4 * curve.knots.size + 2 * curve.segments
+def tracked(
+    problem: Problem, curve: PiecewiseLinear, rule: Rule, ahead: float
+) -> tuple[Spec, Cycle, Lines, Tracking]:
+    """The first arguments of :func:`search`."""
+    (model,), load, spec = problem.models, problem.loads[0], problem.spec
+    count, weights, (low, high) = curve.samples, weights_by_tick(model), slope_limits(model, load)
+    torques = np.zeros(count)
+    if load is not None:
+        torques = advanced_load(load, ahead, cyclic=curve.cyclic)
+    scales = np.array(model.speed_limits(torques)) / np.array(model.speed_limits())[:, None]
+    lines = Lines(
+        curve.cyclic,
+        model.hold,
+        spec.youngest + weights.shape[1] - 1,
+        0.0 if problem.start is None else float(problem.start[0]),
+        ahead,
+        curve.tick,
+        low * (1.0 + AT_TOP_SPEED),
+        high * (1.0 + AT_TOP_SPEED),
+        load is not None,
+        model.offset,
+        model.dead_band,
+    )
+    tracking = Tracking(
+        np.ascontiguousarray(problem.desired[:, 0]),
+        np.array(offset_table(model, rule)),
+        np.vstack([scales, model.compliance * torques]),
+        np.empty((count, 1)),
+    )
+    history, motion = np.empty(count + weights.shape[1] - 1), (np.empty(count), np.empty(count))
+    joint = Cycle(model.law, weights, history, spec.periods[0, 0], spec.periods[1, 0], *motion)
+    return spec, joint, lines, tracking
 
 
-def make_move(
-    number: int, knots: Array, values: Array, curve: PiecewiseLinear, v_max: float
-) -> Move:
-    """The move of this number, below :func:`moves_of`, at the present knots.
+@compiled
+def search(
+    spec: Spec,
+    joint: Cycle,
+    lines: Lines,
+    tracking: Tracking,
+    knots: Array,
+    values: Array,
+    steps: tuple[float, float, float],
+    most_work: int,
+) -> float:
+    """The pattern search.
 
     Args:
-        number: Four a knot (up, along, along the line that ends there, along that which begins),
-            then two a segment (up, along).
-        knots: Knots [samples], shape (k,).
-        values: Values there [rad], shape (k,).
-        curve: The curve whose knots move.
-        v_max: Top speed of the joint, which scales moves of values [rad/s].
+        spec: The problem, for its limits.
+        joint: The joint; filled with its motion.
+        lines: How lines are inverted.
+        tracking: What the joint should follow.
+        knots: Knots [samples], and
+        values: values there [rad]; moved in place.
+        steps: Size of the first moves, that below which the search ends [samples], and by how much
+            values move for a size of one sample [rad].
+        most_work: Samples that are simulated at most, but for the last move.
+
+    Returns:
+        Sum of squared errors at the end [rad^2], or as :func:`squared_error`.
+    """
+    (size, finest, lift), count, samples = steps, len(knots), len(tracking.desired)
+    along, up = np.empty(count), np.empty(count)
+    moved, moved_values = np.empty(count), np.empty(count)
+    moves = 4 * count + 2 * (count if lines.cyclic else count - 1)
+    least, work = squared_error(spec, joint, lines, tracking, knots, values), samples
+    while size >= finest and work < most_work:
+        kept = False
+        for number in range(moves):
+            set_move(number, knots, values, lift, lines.cyclic, samples, along, up)
+            for turn in range(2):
+                sign = -size if turn else size
+                for k in range(count):
+                    moved[k], moved_values[k] = knots[k] + sign * along[k], values[k] + sign * up[k]
+                error = squared_error(spec, joint, lines, tracking, moved, moved_values)
+                if error >= 0.0:
+                    work += samples
+                if 0.0 <= error < LOWER * least:
+                    for k in range(count):
+                        knots[k], values[k] = moved[k], moved_values[k]
+                    least, kept = error, True
+                    break
+            if work >= most_work:
+                break
+        if not kept:
+            size /= 2.0
+    return least
+
+
+@inner
+def squared_error(
+    spec: Spec, joint: Cycle, lines: Lines, tracking: Tracking, knots: Array, values: Array
+) -> float:
+    """Sum of squared tracking errors [rad^2], inf where the joint has no steady cycle.
+
+    -1 where a slope is beyond the top speed, or a segment is shorter than a sample.
+    """
+    desired, table, by_load, requests = tracking
+    law, weights, history, sags, faster, angles, speeds = joint
+    if not set_requests(lines, law, table, by_load, knots, values, requests):
+        return -1.0
+    limit(spec, requests)
+    count = len(requests)
+    for k in range(len(history)):
+        number = k - lines.oldest
+        history[k] = requests[number % count if lines.cyclic else max(number, 0), 0]
+    if not lines.cyclic:
+        start, last = lines.start, lines.hold - 1
+        run(law, weights, history, sags, faster, start, 0.0, last, angles, speeds)
+    elif run_steady_cycle(joint, rest(law, requests[0, 0] + sags[0]), MOST_CYCLES) > 0.0:
+        return math.inf
+    total = 0.0
+    for k in range(count):
+        total += (angles[k] - desired[k]) ** 2
+    return float(total)
+
+
+@inner
+def rest(law: Law, held: float) -> float:
+    """:meth:`planner.JointModel.rest` of a request plus the sag without that by the angle [rad]."""
+    angle, most = held, math.hypot(law.sag_sin, law.sag_cos)
+    for _ in range(REST_STEPS if most > 0.0 else 0):
+        slope = 1.0 - pose_sag_slope(law, angle)
+        angle -= (angle - pose_sag(law, angle) - held) / slope
+        angle = min(max(angle, held - most), held + most)
+    return angle
+
+
+@inner
+def set_requests(
+    lines: Lines,
+    law: Law,
+    table: Array,
+    by_load: Array,
+    knots: Array,
+    values: Array,
+    requests: Array,
+) -> bool:
+    """Set the requests [rad]; False where the curve is too steep or too fine."""
+    count, size = len(requests), len(knots)
+    segments = size if lines.cyclic else size - 1
+    for s in range(segments):
+        if not lines.low <= slope_at(lines, count, knots, values, s) <= lines.high:
+            return False
+    for k in range(count):
+        since = k + lines.ahead - knots[0]
+        if lines.cyclic:
+            since %= count
+        s = segments - 1
+        while s > 0 and knots[s] - knots[0] > since:
+            s -= 1
+        slope = slope_at(lines, count, knots, values, s)
+        past = (since - (knots[s] - knots[0]) - lines.ahead) * lines.tick
+        scale = by_load[0 if slope < 0.0 else 1, k]
+        offset = interpolated(slope / scale, table)
+        if lines.loaded:
+            band = 0.0 if slope == 0.0 else math.copysign(lines.dead_band, slope)
+            offset = band + scale * (offset + lines.sag - band) - (lines.sag + by_load[2, k])
+        acting = values[s] + slope * (past + lines.ahead * lines.tick)
+        requests[k, 0] = values[s] + slope * past + offset - pose_sag(law, acting)
+    return True
+
+
+@inner
+def slope_at(lines: Lines, count: int, knots: Array, values: Array, s: int) -> float:
+    """Slope of a segment [rad/s]; NaN where it is shorter than a sample."""
+    size = len(knots)
+    end = knots[s + 1] if s + 1 < size else knots[0] + count
+    length = end - knots[s]
+    if length < 1.0:
+        return math.nan
+    return float((values[(s + 1) % size] - values[s]) / (length * lines.tick))
+
+
+@inner
+def interpolated(place: float, table: Array) -> float:
+    """Linear interpolation in a table of rising places and their values, (2, m)."""
+    low, high = 0, table.shape[1] - 1
+    if place <= table[0, low]:
+        return float(table[1, low])
+    if place >= table[0, high]:
+        return float(table[1, high])
+    while high - low > 1:
+        middle = (low + high) // 2
+        if table[0, middle] <= place:
+            low = middle
+        else:
+            high = middle
+    slope = (table[1, high] - table[1, low]) / (table[0, high] - table[0, low])
+    return float(slope * (place - table[0, low]) + table[1, low])
+
+
+@inner
+def set_move(
+    number: int,
+    knots: Array,
+    values: Array,
+    lift: float,
+    cyclic: bool,
+    samples: int,
+    along: Array,
+    up: Array,
+) -> None:
+    """Set the move of this number, by knots [samples] and values [rad] for a size of one sample.
+
+    Four a knot (up, along, along the line that ends there, along that which begins), then two a
+    segment (up, along).
     """
     size = len(knots)
-    along, lift = np.zeros(size), np.zeros(size)
-    segment, kind = divmod(number - 4 * size, 2)
-    moved = [segment, (segment + 1) % size]
-    if number < 4 * size:
-        knot, kind = divmod(number, 4)
-        moved = [knot]
+    for k in range(size):
+        along[k] = up[k] = 0.0
+    first, kind = number // 4, number % 4
+    second = first
+    if number >= 4 * size:
+        first, kind = (number - 4 * size) // 2, number % 2
+        second = (first + 1) % size
     if kind == 0:
-        lift[moved] = v_max * curve.tick
+        up[first] = up[second] = lift
     else:
-        along[moved] = 1.0
-    if kind >= 2:  # along the line that ends, or that begins, at the knot
-        lift[moved] = _slope(knots, values, moved[0] - (kind == 2), curve)
-    if not curve.cyclic:
-        along[[0, -1]] = 0.0  # the ends stay where they are
-    return Move(along, lift)
+        along[first] = along[second] = 1.0
+    if kind >= 2:
+        up[first] = slope_of(knots, values, first - (1 if kind == 2 else 0), cyclic, samples)
+    if not cyclic:  # the ends stay where they are
+        along[0] = along[-1] = 0.0
 
 
-def _slope(knots: Array, values: Array, segment: int, curve: PiecewiseLinear) -> float:
+@inner
+def slope_of(knots: Array, values: Array, segment: int, cyclic: bool, samples: int) -> float:
     """Slope of a segment [rad/sample]; of the nearest one beyond the ends."""
-    if curve.cyclic:
-        size = len(knots)
-        before, after = segment % size, (segment + 1) % size
-        length = (knots[after] - knots[before]) % curve.samples or float(curve.samples)
-        return float((values[after] - values[before]) / length)
-    before = min(max(segment, 0), len(knots) - 2)
-    return float((values[before + 1] - values[before]) / (knots[before + 1] - knots[before]))
+    size = len(knots)
+    if not cyclic:
+        before = min(max(segment, 0), size - 2)
+        return float((values[before + 1] - values[before]) / (knots[before + 1] - knots[before]))
+    before, after = segment % size, (segment + 1) % size
+    length = (knots[after] - knots[before]) % samples
+    return float((values[after] - values[before]) / (length if length > 0.0 else samples))

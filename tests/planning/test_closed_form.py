@@ -12,8 +12,11 @@ from planner.approximation.curve import CurveStack, PiecewiseLinear
 from planner.exceptions import InvalidInput, InvalidTrajectory
 from planner.model.joint import JointModel
 from planner.model.response import simulate
-from planner.planning.closed_form import invert_closed_form, requests_of
+from planner.planning import pattern_search
+from planner.planning.closed_form import approximations, invert_closed_form, requests_of
 from planner.planning.line_inverse import RULES, line_offset
+from planner.planning.problem import problem_of
+from planner.planning.task import Task
 from tests.independent import from_rest
 from tests.instances import REFERENCE_JOINTS, random_model, saturating
 
@@ -182,10 +185,42 @@ def test_a_refinement_that_tracks_worse_is_not_taken(monkeypatch):
 
     knee = REFERENCE_JOINTS[2].desired
     plain = invert_closed_form(ERS210A, knee, segments=6, refine=False)
-    monkeypatch.setattr("planner.planning.closed_form.refined_curve", flattened)
+    monkeypatch.setattr("planner.planning.pattern_search.refined_curve", flattened)
     np.testing.assert_array_equal(
         invert_closed_form(ERS210A, knee, segments=6).requests, plain.requests
     )
+
+
+@pytest.mark.parametrize("cyclic", [True, False])
+@pytest.mark.parametrize(
+    ("terms", "load"),
+    [
+        ({}, None),
+        ({"dead_band": 0.03}, None),
+        ({"time_constant": 0.02, "sag_sin": -0.3, "sag_cos": 0.1}, None),
+        ({"compliance": 0.05, "speed_per_torque": 0.4, "dead_band": 0.02, "offset": 0.1}, 0.6),
+    ],
+)
+def test_the_search_for_knots_counts_the_error_of_the_simulated_requests(terms, load, cyclic):
+    model = replace(ERS210A, **terms)
+    shares = np.arange(88) / 88
+    desired = 0.4 * np.sin(2.0 * np.pi * shares) + 0.15 * np.cos(6.0 * np.pi * shares)
+    torques = None if load is None else load * np.cos(2.0 * np.pi * shares)
+    task = Task.of([model], desired, names=("",), cyclic=cyclic, load=torques)
+    problem = problem_of(task).unlimited
+    for curve in approximations(problem, segments=6, refine=True):
+        ahead = model.switching_time / model.period
+        tracking = pattern_search.tracked(problem, curve, "exact", ahead)
+        knots, values = np.array(curve.knots), np.array(curve.values)
+        found = pattern_search.search(*tracking, knots, values, (0.0, 1.0, 0.0), 0)
+        stack = CurveStack.of([curve])
+        requests = requests_of(model, stack, rule="exact", load=problem.loads[0]).T
+        error = problem.exact_error(problem.admissible(requests))
+        # Offsets from a table are good to some 1e-5 of theta_0.
+        assert math.sqrt(found / len(desired)) == pytest.approx(error, abs=1e-4 * model.theta_0)
+        refined = pattern_search.refined_curve(problem, curve, rule="exact", ahead=ahead)
+        better = requests_of(model, CurveStack.of([refined]), rule="exact", load=problem.loads[0]).T
+        assert problem.exact_error(problem.admissible(better)) < error
 
 
 def test_refining_the_lines_helps_on_the_reference_walk():
