@@ -19,7 +19,7 @@ import numpy as np
 from planner.approximation.curve import PiecewiseLinear
 from planner.compilation import compiled, inner
 from planner.model.joint import weights_by_tick
-from planner.model.kernel import pose_sag, pose_sag_slope, run
+from planner.model.kernel import pose_sag, run
 from planner.model.law import Law
 from planner.model.response import MOST_CYCLES
 from planner.model.steady_cycle import Cycle, run_steady_cycle
@@ -60,10 +60,6 @@ OPTIONS = PatternSearchOptions()
 
 LOWER = 1.0 - 1e-4
 """Share of the squared error down to which a move must bring it to be kept [-]."""
-
-
-REST_STEPS = 8
-"""Steps of Newton's method to the angle at rest, as in ``model/joint.py``."""
 
 
 class Lines(NamedTuple):
@@ -246,23 +242,14 @@ def squared_error(
     if not lines.cyclic:
         start, last = lines.start, lines.hold - 1
         run(law, weights, history, sags, faster, start, 0.0, last, angles, speeds)
-    elif run_steady_cycle(joint, rest(law, requests[0, 0] + sags[0]), MOST_CYCLES) > 0.0:
-        return math.inf
+    else:
+        held = requests[0, 0] + sags[0]  # to first order, the angle at rest
+        if run_steady_cycle(joint, held + pose_sag(law, held), MOST_CYCLES) > 0.0:
+            return math.inf
     total = 0.0
     for k in range(count):
         total += (angles[k] - desired[k]) ** 2
     return float(total)
-
-
-@inner
-def rest(law: Law, held: float) -> float:
-    """:meth:`planner.JointModel.rest` of a request plus the sag without that by the angle [rad]."""
-    angle, most = held, math.hypot(law.sag_sin, law.sag_cos)
-    for _ in range(REST_STEPS if most > 0.0 else 0):
-        slope = 1.0 - pose_sag_slope(law, angle)
-        angle -= (angle - pose_sag(law, angle) - held) / slope
-        angle = min(max(angle, held - most), held + most)
-    return angle
 
 
 @inner

@@ -284,3 +284,18 @@ def test_numbers_too_small_to_matter_do_not_end_an_identification_or_a_plan():
         assert planner.identify(log).model.v_max == pytest.approx(5.0, rel=0.05)
         path = 1.2 * np.sin(2.0 * np.pi * np.arange(88) / 88)
         assert planner.invert_optimal(planner.JointModel.ers210a(), path, norm="max").gap >= 0.0
+
+
+def test_ticks_as_long_as_rows_are_not_taken_where_noise_alone_speaks_for_them():
+    """The window is three rows long, so that ticks of a row fit by 0.4 % better."""
+    joint = planner.JointModel(
+        v_max=5.90844161611189,
+        theta_0=0.47913949598003,
+        lag=0.02256848263955137,
+        acceleration_time=0.02608332602627264,
+        tick=0.0005,
+        dead_band=0.05529372330357782,
+    )
+    found = planner.identify(logged(joint, period=0.0081, rows=3704, seed=14), hold_out=False)
+    assert found.model.tick < 0.002
+    assert found.model.lag == pytest.approx(joint.lag, abs=0.001)

@@ -130,6 +130,17 @@ def test_a_model_file_holds_it(tmp_path):
     assert "sag" not in (tmp_path / "paper.toml").read_text()
 
 
+@pytest.mark.parametrize("share", [0.0, 0.6, 1.0])
+def test_the_largest_sag_has_an_angle_at_rest_for_every_request(share):
+    turned = 0.5 * math.pi * share
+    sags = 0.999 * MOST_POSE_SAG * np.array([math.sin(turned), -math.cos(turned)])
+    model = replace(PAPER, sag_sin=float(sags[0]), sag_cos=float(sags[1]))
+    requests = np.linspace(-7.0, 7.0, 2001)
+    angles = model.rest(requests)
+    np.testing.assert_allclose(requests + model.pose_sag(angles), angles, rtol=0.0, atol=1e-12)
+    assert np.all(np.diff(angles) > 0.0)
+
+
 def test_a_sag_that_leaves_several_angles_at_rest_is_refused():
     with pytest.raises(InvalidModel, match="sag_sin, sag_cos"):
         replace(PAPER, sag_sin=0.8 * MOST_POSE_SAG, sag_cos=0.8 * MOST_POSE_SAG)

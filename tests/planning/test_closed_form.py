@@ -196,7 +196,7 @@ def test_a_refinement_that_tracks_worse_is_not_taken(monkeypatch):
     ("terms", "load"),
     [
         ({}, None),
-        ({"dead_band": 0.03}, None),
+        ({"dead_band": 0.03, "tick": 0.002, "hold": 4}, None),
         ({"time_constant": 0.02, "sag_sin": -0.3, "sag_cos": 0.1}, None),
         ({"compliance": 0.05, "speed_per_torque": 0.4, "dead_band": 0.02, "offset": 0.1}, 0.6),
     ],
