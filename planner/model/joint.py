@@ -380,7 +380,6 @@ class JointModel:
             angle -= np.where(
                 np.isfinite(held), (finite - self.pose_sag(finite) - held) / slope, 0.0
             )
-            angle = np.clip(angle, held - self.most_pose_sag, held + self.most_pose_sag)
         return angle
 
     @property
