@@ -207,6 +207,18 @@ def test_the_strip_of_a_short_lag_is_as_long_as_the_time_between_requests():
     assert f"{1e3 * short.model.period:.3g}" in [words.text for words in panel.words]
 
 
+def test_the_interval_of_a_sag_below_zero_is_drawn_around_it():
+    ends = {"sag_sin": Interval(-0.5, -0.3), "sag_cos": Interval(-0.1, 0.2)}
+    model = replace(made_up().model, sag_sin=-0.4, sag_cos=0.1)
+    sagging = made_up(model=model, intervals={**made_up().intervals, **ends})
+    (panel,) = intervals_figure(sagging).panels
+    bars, marks = (
+        [c for c in panel.curves if c.label == text] for text in ("95 % interval", "estimate")
+    )
+    for bar, mark in zip(bars[-2:], marks[-2:], strict=True):
+        assert 0.0 < bar.x[0] < mark.x[0] < bar.x[1] < 100.0
+
+
 @pytest.mark.parametrize("held_out", [True, False])
 def test_bars_and_numbers_of_the_descriptions_are_one_error_which_the_axis_names(held_out):
     found = made_up()

@@ -229,7 +229,7 @@ def intervals_figure(found: Identification, prefix: str = "") -> Figure:
         f"{prefix}intervals",
         "The parameters and their 95 % intervals",
         "Every strip runs from zero to twice the estimate, that of a short lag to the time between "
-        "requests, and that of the static sag as far to either side; the short upright line is the "
+        "requests, and those of sags are as far to either side; the short upright line is the "
         "estimate, the bar its interval, which may go on beyond the strip.",
         Axis("", range=(-1.0, 101.0), names={}),
         (
@@ -248,6 +248,9 @@ def _strip(found: Identification, name: str, value: float) -> tuple[float, float
     model = found.model
     if name == "offset":
         most = max(0.25 * model.theta_0, 1.5 * abs(value))
+        return -most, most
+    if name in ("sag_sin", "sag_cos"):
+        most = 1.5 * model.most_pose_sag or 1.0
         return -most, most
     if name == "lag":
         return 0.0, max(2.0 * value, model.period)
