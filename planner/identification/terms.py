@@ -72,8 +72,9 @@ EXPLAINED = 0.25
 explains less is another joint."""
 
 POOR = 0.1
-"""The same, from which on a motor is sought anywhere: of twelve overloaded servos, whose fits
-without inertia miss 20 to 30 % of the motion, all are found so, and none by the fit's own delay."""
+"""Rms of a fit over the standard deviation of the angles from which on a wide box is searched, too:
+of twelve overloaded servos, whose fits without inertia miss 20 to 30 % of the motion, all are found
+so, and none in a box by the fit's own delay."""
 
 LARGE_SAG = 0.3
 """Sag by the angle [rad] from which on it is believed of an overloaded joint only: else a table on
@@ -95,7 +96,7 @@ FEWEST_ROWS = 100
 
 MOVING = 0.5
 """Standard deviation of a log that shows the friction of motion, to that of the widest log. Without
-it logs of an SO-101 that mostly rests (0.3) give its wrist a dead band 1.3 to 1.4 times as large,
+it a log of an SO-101 that hardly moves (0.3) gives its wrist a dead band 1.3 to 1.4 times as large,
 and motions that were not fitted are missed by 4.1 and 3.9 mrad, not by 3.8 and 3.1; twice as much
 changes nothing there."""
 
@@ -130,6 +131,10 @@ def with_terms(fit: Fit) -> tuple[Fit, tuple[Term, ...]]:
             fit, tried = _with_term(name, fit)
             terms |= tried
     fit = least_squares(fit.grid, fit.parameters, free=fit.free, starts=fit.starts)
+    if fit.free[only(*SAG)].any() and _sag(fit) >= LARGE_SAG:  # it grew after it was kept
+        at, free = fit.parameters._replace(sag_sin=0.0, sag_cos=0.0), fit.free & ~only(*SAG)
+        fit = least_squares(fit.grid, at, free=free, starts=fit.starts)
+        terms |= {name: replace(terms[name], kept=False) for name in SAG}
     return fit, tuple(terms.values())
 
 
@@ -145,8 +150,7 @@ def _with_term(name: str, fit: Fit, known: Fit | None = None) -> tuple[Fit, dict
     kept, uncertainty = pays(fit, trial), uncertainty_of(trial)
     if name == "sag_sin":
         kept = kept and _sag_is_determined(trial, uncertainty)
-        sag = math.hypot(trial.parameters.sag_sin, trial.parameters.sag_cos)
-        kept = kept and (known is not None or sag < LARGE_SAG)
+        kept = kept and (known is not None or _sag(trial) < LARGE_SAG)
     terms = {}
     for each in (name, *PARTNERS.get(name, ())):
         interval = model_interval(trial, uncertainty, each)
@@ -159,7 +163,8 @@ def _with_term(name: str, fit: Fit, known: Fit | None = None) -> tuple[Fit, dict
 def with_motor(fit: Fit, terms: tuple[Term, ...]) -> tuple[Fit, tuple[Term, ...]]:
     """The fit with those of :data:`MOTOR` that reduce the loss, sought together; or the same fit.
 
-    A sag by the angle that was not kept is tried again beside them: it may show only there.
+    A sag by the angle that was not kept is tried again beside them: it may show only there. Where
+    the fit is poor a wide box is searched, too, and with the sag.
 
     Args:
         fit: A fit with terms.
@@ -195,16 +200,17 @@ def with_calm_friction(logs: Sequence[Log], fit: Fit) -> Fit:
 
     Whatever shakes a joint, other joints or the ground, hides its dry friction, so that logs of one
     joint show different amounts; the largest is that of calm motion. A log counts where the lower
-    end of its own interval lies above what all logs together show, and where the joint moves: what
-    holds it at rest, static friction, is more than what slows it down.
+    end of its own interval lies above what all logs together show, and its angles spread at least
+    half as far as those of the widest log: static friction, which holds a joint that hardly moves,
+    is more than what slows it down.
     """
     if len(logs) < 2 or not fit.free[Parameters._fields.index("dead_band")]:
         return fit
     grid, at = fit.grid, fit.parameters
     least, size = at.dead_band, at.dead_band
-    widest = max(float(np.std(log.angles)) for log in logs)
-    for log in logs:
-        if np.std(log.angles) < MOVING * widest:
+    spreads = [float(np.std(log.angles[log.torque_on])) for log in logs]
+    for log, spread in zip(logs, spreads, strict=True):
+        if spread < MOVING * max(spreads):
             continue
         part = resampled([log], tick=grid.tick, reach=grid.reach, burn_in=grid.burn_in)
         if len(part.angles) < FEWEST_ROWS:
@@ -263,7 +269,10 @@ def _motor_anywhere(fit: Fit, free: Free) -> tuple[Fit, Fit | None]:
     if not (found.free & sag).any():
         return found, None
     at = found.parameters._replace(sag_sin=0.0, sag_cos=0.0)
-    return least_squares(grid, at, free=found.free & ~sag, starts=found.starts), found
+    bare = least_squares(
+        grid, at, free=found.free & ~sag, starts=found.starts, scale=fit.scale, effort=ENOUGH
+    )
+    return bare, found
 
 
 def _shows(name: str, fit: Fit) -> bool:
@@ -315,6 +324,11 @@ def _fitted_with(name: str, fit: Fit) -> Fit:
     return found
 
 
+def _sag(fit: Fit) -> float:
+    """Largest sag by the angle [rad]."""
+    return math.hypot(fit.parameters.sag_sin, fit.parameters.sag_cos)
+
+
 def _any_dead_band_does(fit: Fit, trial: Fit, uncertainty: Uncertainty) -> bool:
     """Whether a dead band of half the errors fits as well, with another sag.
 
@@ -351,7 +365,7 @@ def _sag_is_determined(fit: Fit, uncertainty: Uncertainty) -> bool:
 
 
 def pays(without: Fit, with_it: Fit) -> bool:
-    """Whether the information criterion, and the least saving, speak for a term."""
+    """Whether another joint lowers the information criterion and 1 % of the loss: (16a)."""
     before, after = (huber(fit.residuals, without.scale) for fit in (without, with_it))
     return after < 0.99 * before and better(without, with_it)
 
@@ -473,34 +487,39 @@ def _beginnings(fit: Fit, excerpt: Excerpt, free: Free) -> list[Parameters]:
 
 
 def _anywhere(fit: Fit) -> list[Parameters]:
-    """Motors that are good on all rows, in a wide box that does not depend on the fit.
+    """Motors that are good in a wide box, which does not depend on the fit.
 
-    A joint without inertia, friction and sag, each of which shows only with the others, says little
-    about an overloaded servo: it is late by seconds.
+    The fitted delay of a model without inertia, friction and sag may be seconds where a load
+    overcomes the servo, so that it cannot scale the box. They are compared on all rows, or in long
+    logs on an excerpt.
     """
-    at, grid = fit.parameters, fit.grid
+    at, grid, starts = fit.parameters, fit.grid, fit.grid.measured_starts
+    longest, tick, fastest = min(0.1, 0.4 * grid.reach), grid.tick, max(grid.fastest, 1e-3)
+    if len(grid.ticks) > 4 * MOST_TICKS:
+        excerpt = excerpt_of(fit)
+        grid, starts = excerpt.grid, excerpt.measured_starts
 
     def joint(place: Array) -> Parameters:
         lag, window, constant, gain, limit, band, top, by_sine, by_cosine = place.tolist()
-        sag = grid.unloaded
-        return at._replace(
-            lag=min(0.1, 0.4 * grid.reach) * lag,
-            acceleration_time=max(min(0.1, 0.4 * grid.reach) * window**2, grid.tick),
-            time_constant=min(0.002 * 250.0**constant, 0.9 * grid.reach),
-            gain=0.5 * 200.0**gain,
-            acceleration=0.5 * 1000.0**limit * grid.fastest,
+        found = at._replace(
+            lag=longest * lag,
+            acceleration_time=max(longest * window**2, tick),
+            time_constant=min(0.002 * 250.0**constant, 0.9 * fit.grid.reach),
+            gain=min(0.5 * 200.0**gain, 1.9 / tick),
+            acceleration=0.5 * 1000.0**limit * fastest,
             dead_band=0.2 * grid.span * band**2,
-            v_max=grid.fastest * 0.8 * 10.0**top,
-            offset=0.0,
-            sag_sin=MOST_SAG * (2.0 * by_sine - 1.0) if sag else at.sag_sin,
-            sag_cos=MOST_SAG * (2.0 * by_cosine - 1.0) if sag else at.sag_cos,
+            v_max=0.8 * 10.0**top * fastest,
         )
+        if not grid.unloaded:
+            return found
+        sags = [MOST_SAG * (2.0 * each - 1.0) for each in (by_sine, by_cosine)]
+        return found._replace(offset=0.0, sag_sin=sags[0], sag_cos=sags[1])
 
     def loss(place: Array) -> float:
-        response = respond(grid, joint(place), grid.measured_starts)
+        response = respond(grid, joint(place), starts)
         return huber(response.predicted - grid.angles, fit.scale)
 
-    points = _even_points(SCREENED, 9)
+    points = _even_points(SCREENED, 9)  # two more than near the fit: twice the effort
     points = points[np.argsort([loss(point) for point in points], kind="stable")]
     return [joint(each) for each in _evolved(loss, points[: 2 * POPULATION], 2 * GENERATIONS)]
 
@@ -546,11 +565,13 @@ class Excerpt(NamedTuple):
         grid: The chunks.
         compared: Which of the fit's rows they hold.
         starts: Angle of the fit where each chunk begins [rad].
+        measured_starts: Measured angle there [rad].
     """
 
     grid: Grid
     compared: Mask
     starts: Array
+    measured_starts: Array
 
 
 def _excerpt_to_search(fit: Fit) -> Excerpt | None:
@@ -590,7 +611,9 @@ def excerpt_of(fit: Fit) -> Excerpt:
         firsts=(),
         places=(),
     )
-    return Excerpt(part, compared, fit.response.states[grid.states[chunks[:, 0]] - 1])
+    firsts = grid.states[chunks[:, 0]] - 1
+    rows = np.minimum(np.searchsorted(grid.before, firsts), len(grid.before) - 1)
+    return Excerpt(part, compared, fit.response.states[firsts], grid.angles[rows])
 
 
 def _chunks(fit: Fit) -> Indices:

@@ -125,7 +125,7 @@ def refined_curve(
         ahead: How long before a knot the requests change line [samples].
 
     Returns:
-        A curve with as many segments, slopes within ±v_max and none shorter than a sample.
+        A curve with as many segments, none shorter than a sample, within the joint's speeds.
     """
     knots, values = np.array(curve.knots), np.array(curve.values)
     steps = OPTIONS.coarsest, OPTIONS.finest, problem.models[0].v_max * curve.tick
@@ -192,13 +192,15 @@ def search(
         most_work: Samples that are simulated at most, but for the last move.
 
     Returns:
-        Sum of squared errors at the end [rad^2], or as :func:`squared_error`.
+        Sum of squared errors at the end [rad^2]; inf where no curve can be followed.
     """
     (size, finest, lift), count, samples = steps, len(knots), len(tracking.desired)
     along, up = np.empty(count), np.empty(count)
     moved, moved_values = np.empty(count), np.empty(count)
     moves = 4 * count + 2 * (count if lines.cyclic else count - 1)
     least, work = squared_error(spec, joint, lines, tracking, knots, values), samples
+    if least < 0.0:  # any curve that can be followed is better
+        least = math.inf
     while size >= finest and work < most_work:
         kept = False
         for number in range(moves):

@@ -286,7 +286,7 @@ def test_numbers_too_small_to_matter_do_not_end_an_identification_or_a_plan():
         assert planner.invert_optimal(planner.JointModel.ers210a(), path, norm="max").gap >= 0.0
 
 
-def test_ticks_as_long_as_rows_are_not_taken_where_noise_alone_speaks_for_them():
+def test_ticks_as_long_as_rows_are_not_taken_for_less_than_a_percent_of_the_loss():
     """The window is three rows long, so that ticks of a row fit by 0.4 % better."""
     joint = planner.JointModel(
         v_max=5.90844161611189,

@@ -196,6 +196,16 @@ def test_the_dead_band_is_that_of_calm_motion():
     assert same.model.dead_band == pytest.approx(STICKY.dead_band, rel=0.05)
 
 
+def test_rows_without_torque_do_not_make_a_log_wide():
+    """A log of small motion, moved by hand in the end."""
+    shaken = holds_log(replace(STICKY, dead_band=0.01), seed=1)
+    last = np.arange(len(shaken.times)) >= 0.75 * len(shaken.times)
+    moved = np.where(last, shaken.angles + 2.0 * np.sin(0.5 * shaken.times), shaken.angles)
+    by_hand = replace(shaken, name="shaken", angles=moved, torque_on=~last)
+    found = planner.identify([replace(holds_log(), name="calm"), by_hand], hold_out=False)
+    assert found.model.dead_band == pytest.approx(STICKY.dead_band, rel=0.05)
+
+
 def test_the_dead_band_is_not_that_of_a_log_of_small_motion_alone():
     """What holds a joint at rest is more than what slows it down."""
     held = replace(STICKY, dead_band=1.5 * STICKY.dead_band)

@@ -223,6 +223,23 @@ def test_the_search_for_knots_counts_the_error_of_the_simulated_requests(terms, 
         assert problem.exact_error(problem.admissible(better)) < error
 
 
+def test_the_search_leaves_a_curve_that_the_joint_cannot_follow():
+    """A line that is a little too steep becomes less so by the first move that flattens it."""
+    desired = np.zeros(88)
+    task = Task.of([ERS210A], desired, names=("",), cyclic=True)
+    problem, rise = problem_of(task).unlimited, 1.001 * ERS210A.v_max_per_tick
+    curve = PiecewiseLinear(
+        knots=np.array([10.0, 20.0, 60.0]),
+        values=np.array([0.0, 10.0 * rise, 0.0]),
+        samples=88,
+        tick=ERS210A.tick,
+        cyclic=True,
+    )
+    ahead = ERS210A.switching_time / ERS210A.period
+    refined = pattern_search.refined_curve(problem, curve, rule="exact", ahead=ahead)
+    assert np.max(np.abs(refined.slopes)) <= ERS210A.v_max * (1.0 + 1e-6)
+
+
 def test_refining_the_lines_helps_on_the_reference_walk():
     knee = REFERENCE_JOINTS[2].desired
     plain = invert_closed_form(ERS210A, knee, segments=6, refine=False)
