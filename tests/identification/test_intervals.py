@@ -117,6 +117,15 @@ def test_a_joint_that_saturates_has_bounded_intervals_and_a_covariance():
         assert 1.5 * deviation <= (upper - lower) / 2.0 <= 2.5 * deviation
 
 
+def test_derivatives_that_outgrow_numbers_are_no_error(monkeypatch):
+    """Those of a joint that nearly rings for ever; warnings are errors here."""
+    (log,) = step_logs(AIBO, amplitudes=(0.5,), samples=250)
+    (fit,) = fit_joint([log], timing_of([log], tick=None, hold=None))
+    huge = fit.slopes()._replace(of_law=1e200 * fit.slopes().of_law)
+    monkeypatch.setattr("planner.identification.least_squares.slopes_of", lambda *_, **__: huge)
+    assert not np.isnan(uncertainty_of(fit).covariance).all()
+
+
 def test_slow_motion_cannot_tell_the_delays_apart():
     times = np.arange(600) * AIBO.period
     requests = 0.2 * np.sin(2.0 * np.pi * 0.5 * times)
