@@ -16,7 +16,7 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -56,7 +56,9 @@ ORDER = ("time_constant", "dead_band", "compliance", "slowing", "sag_sin", "asym
 """In which order the terms are tried, each beside those that were kept before it."""
 
 SAG = ("sag_sin", "sag_cos")
-PARTNERS = {"sag_sin": ("sag_cos",)}
+"""The sag by the angle."""
+
+PARTNERS = {SAG[0]: SAG[1:]}
 """Parameters that a term has beside the one that it is called by."""
 
 MOTOR = ("acceleration", "time_constant", "dead_band")
@@ -132,8 +134,7 @@ def with_terms(fit: Fit) -> tuple[Fit, tuple[Term, ...]]:
             terms |= tried
     fit = least_squares(fit.grid, fit.parameters, free=fit.free, starts=fit.starts)
     if fit.free[only(*SAG)].any() and _sag(fit) >= LARGE_SAG:  # it grew after it was kept
-        at, free = fit.parameters._replace(sag_sin=0.0, sag_cos=0.0), fit.free & ~only(*SAG)
-        fit = least_squares(fit.grid, at, free=free, starts=fit.starts)
+        fit = _without_sag(fit)
         terms |= {name: replace(terms[name], kept=False) for name in SAG}
     return fit, tuple(terms.values())
 
@@ -268,11 +269,7 @@ def _motor_anywhere(fit: Fit, free: Free) -> tuple[Fit, Fit | None]:
     found = _motor(fit, _anywhere(fit), ways, grid.measured_starts)
     if not (found.free & sag).any():
         return found, None
-    at = found.parameters._replace(sag_sin=0.0, sag_cos=0.0)
-    bare = least_squares(
-        grid, at, free=found.free & ~sag, starts=found.starts, scale=fit.scale, effort=ENOUGH
-    )
-    return bare, found
+    return _without_sag(found, scale=fit.scale, effort=ENOUGH), found
 
 
 def _shows(name: str, fit: Fit) -> bool:
@@ -324,6 +321,12 @@ def _fitted_with(name: str, fit: Fit) -> Fit:
     return found
 
 
+def _without_sag(fit: Fit, **how: Any) -> Fit:
+    """The fit without a sag by the angle; further arguments are those of the search."""
+    at, free = fit.parameters._replace(sag_sin=0.0, sag_cos=0.0), fit.free & ~only(*SAG)
+    return least_squares(fit.grid, at, free=free, starts=fit.starts, **how)
+
+
 def _sag(fit: Fit) -> float:
     """Largest sag by the angle [rad]."""
     return math.hypot(fit.parameters.sag_sin, fit.parameters.sag_cos)
@@ -355,7 +358,7 @@ def _sag_is_determined(fit: Fit, uncertainty: Uncertainty) -> bool:
     What the model does not explain, such as a mechanical stop, may be like a sag, and logs of few
     or close angles do not tell a sag by the angle from a constant one.
     """
-    pair = np.flatnonzero(only("sag_sin", *PARTNERS["sag_sin"]))
+    pair = np.flatnonzero(only(*SAG))
     sag = coordinates_of(fit.grid, fit.parameters)[pair]
     covariance = uncertainty.covariance[np.ix_(pair, pair)]
     if any(at_edge(fit, index) for index in pair.tolist()) or not np.isfinite(covariance).all():
