@@ -248,28 +248,30 @@ def unwrapped(log: Log) -> tuple[Log, int]:
     """
     if log.unit != "rad":
         return log, 0
-    turns = _turns(log)
+    rows = log.measured
+    turns = _turns(log.times[rows], log.angles[rows])
     jumps = int(np.count_nonzero(np.diff(turns)))
     if not jumps:
         return log, 0
-    angles = log.angles + TURN * turns
+    angles = log.angles.copy()
+    angles[rows] += TURN * turns
     requests = min(
         (log.requests, *(np.unwrap(log.requests, discont=step) for step in (SUDDEN, 0.0))),
-        key=lambda each: float(np.std(each - angles)),
+        key=lambda each: float(np.std((each - angles)[rows])),
     )
-    if np.std(requests - angles) >= np.std(log.requests - log.angles):
+    if np.std((requests - angles)[rows]) >= np.std((log.requests - log.angles)[rows]):
         return log, 0
-    angles = angles + TURN * np.round(np.median(requests - angles) / TURN)
+    angles = angles + TURN * np.round(np.median((requests - angles)[rows]) / TURN)
     return replace(log, requests=requests, angles=angles), jumps
 
 
-def _turns(log: Log) -> Array:
-    """Turns to add to each row; none for glitches, which jump away and back within two rows.
+def _turns(times: Array, angles: Array) -> Array:
+    """Turns to add to measured angles; none for glitches, which jump away and back in two rows.
 
     No joint moves at 25 rad/s for three quarters of a turn from row to row: servos reach 20.
     """
-    steps = np.diff(log.angles)
-    fast = np.abs(steps) > np.maximum(SUDDEN, 25.0 * np.diff(log.times))
+    steps = np.diff(angles)
+    fast = np.abs(steps) > np.maximum(SUDDEN, 25.0 * np.diff(times))
     turns: Array = np.concatenate([[0.0], -np.cumsum(np.where(fast, np.round(steps / TURN), 0.0))])
     padded = np.pad(turns, 2, mode="edge")
     lasting = np.median(np.lib.stride_tricks.sliding_window_view(padded, 5), axis=1)

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import functools
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 import planner
+from planner.identification.excitation import excite
 
 AIBO = planner.JointModel.ers210a()
 
@@ -177,6 +179,69 @@ def random_servo(seed, *, kinds=("steps", "sines", "mixed"), seconds=30.0, **def
         angles=measured(angles, random, noise=noise, quantum=quantum),
         name=f"servo {seed}",
     )
+
+
+JOINT = planner.JointModel(
+    v_max=5.0, theta_0=0.3, lag=0.02, acceleration_time=0.05, tick=0.005, hold=4
+)
+
+
+STICKY = planner.JointModel(
+    tick=0.02, hold=1, lag=0.02, acceleration_time=0.04, v_max=4.0, theta_0=0.3, dead_band=0.02
+)
+"""A joint whose dry friction shows, logged at 50 Hz."""
+
+
+def holds_log(model=STICKY, *, seed=0, rows=3000, largest=0.6):
+    """Ramps between angles that are held for a second or so."""
+    rng = np.random.default_rng(seed)
+    places, requests = rng.uniform(-largest, largest, size=rows), [0.0]
+    for place in places[: rows // 60]:
+        ramp = max(2, round(abs(place - requests[-1]) / 0.03))
+        requests += np.linspace(requests[-1], place, ramp)[1:].tolist() + [place] * 50
+    requests = np.array(requests[:rows])
+    angles = planner.simulate(model, requests, cyclic=False)
+    noisy = measured(angles, rng, noise=0.0005, quantum=0.0015)
+    return planner.Log(times=0.02 * np.arange(len(requests)), requests=requests, angles=noisy)
+
+
+def on_the_table(log, *, table=-0.35):
+    """The joint stands on something: it does not go below, and rests on it at several angles."""
+    low = log.angles < table
+    return replace(log, angles=np.where(low, table + 0.25 * (log.angles - table), log.angles)), low
+
+
+def stopped():
+    log = rich_log(noise=NOISE, rows=800)
+    return changed(log, angles=np.minimum(log.angles, 0.3))
+
+
+def rings():
+    (log,) = step_logs(amplitudes=(0.5,), quantum=0.0)
+    edges = np.flatnonzero(np.diff(log.requests)) + 1
+    angles = log.angles.copy()
+    for edge in edges:
+        rows = np.arange(edge, len(angles))
+        since = (rows - edge - 20.0).clip(0.0) * log.period
+        step = log.requests[edge] - log.requests[edge - 1]
+        angles[rows] += 0.3 * step * np.sin(50.0 * since) * np.exp(-25.0 * since)
+    return changed(log, angles=angles)
+
+
+def calm_and_shaken():
+    """Step tests of a joint with friction, once calm and once shaken at 4 Hz by something else."""
+    sticky = replace(AIBO, dead_band=0.02)
+    (calm,) = step_logs(sticky, amplitudes=(0.5,), samples=250, noise=0.0, quantum=0.0015)
+    shaking = 0.006 * np.sin(2.0 * np.pi * 4.0 * calm.times)
+    return calm, changed(calm, angles=calm.angles + shaking)
+
+
+def swung(model, *, seed=0, reach=0.9):
+    """A log of slow and quick sines over most of a servo's range."""
+    signal = excite("multisine", limits=(-reach, reach), period=model.period, duration=30.0)
+    angles = planner.simulate(model, signal.requests, cyclic=False)
+    angles = measured(angles, np.random.default_rng(seed), noise=FINE_NOISE, quantum=FINE_QUANTUM)
+    return planner.Log(times=signal.times, requests=signal.requests, angles=angles)
 
 
 @functools.cache

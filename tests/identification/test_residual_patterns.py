@@ -13,13 +13,16 @@ from planner.identification.residual_patterns import _ringing
 from tests.identification.made import (
     AIBO,
     NOISE,
+    STICKY,
     changed,
     hobby_servo,
+    holds_log,
     identified_rich,
     identified_steps,
-    measured,
+    on_the_table,
     rich_log,
     step_logs,
+    stopped,
 )
 
 NAMES = ("asymmetry:", "mechanical stop", "ringing:", "slow drift", "backlash:")
@@ -27,45 +30,6 @@ NAMES = ("asymmetry:", "mechanical stop", "ringing:", "slow drift", "backlash:")
 
 def named(found):
     return {name for name in NAMES if any(name in text for text in found.warnings)}
-
-
-def stopped():
-    log = rich_log(noise=NOISE, rows=800)
-    return changed(log, angles=np.minimum(log.angles, 0.3))
-
-
-def rings():
-    (log,) = step_logs(amplitudes=(0.5,), quantum=0.0)
-    edges = np.flatnonzero(np.diff(log.requests)) + 1
-    angles = log.angles.copy()
-    for edge in edges:
-        rows = np.arange(edge, len(angles))
-        since = (rows - edge - 20.0).clip(0.0) * log.period
-        step = log.requests[edge] - log.requests[edge - 1]
-        angles[rows] += 0.3 * step * np.sin(50.0 * since) * np.exp(-25.0 * since)
-    return changed(log, angles=angles)
-
-
-def drifts():
-    log = rich_log(noise=NOISE, rows=800)
-    return changed(log, angles=log.angles + np.linspace(-0.05, 0.05, 800))
-
-
-def asymmetric():
-    return rich_log(replace(AIBO, v_offset=0.15 * AIBO.v_max), noise=NOISE, rows=800)
-
-
-@pytest.mark.parametrize(
-    ("make", "name"),
-    [
-        (stopped, "mechanical stop"),
-        (rings, "ringing:"),
-        (drifts, "slow drift"),
-        (asymmetric, "asymmetry:"),
-    ],
-)
-def test_what_the_model_does_not_have_is_named(make, name):
-    assert name in named(planner.identify(make(), hold_out=False))
 
 
 def test_ringing_that_the_models_inertia_explains_is_not_named():
@@ -122,16 +86,6 @@ def test_a_loaded_hobby_servo_is_predicted_and_its_asymmetry_named():
     assert 250.0 <= np.degrees(down) <= 360.0  # seldom reached: it still accelerates
 
 
-def test_logs_that_contradict_each_other_are_said_to():
-    one = replace(rich_log(noise=NOISE), name="first")
-    other = replace(rich_log(noise=NOISE, seed=1), name="second")
-    assert not any("contradict" in text for text in planner.identify([one, other]).warnings)
-    moved = replace(other, angles=other.angles + 0.05)
-    found = planner.identify([one, moved], hold_out=False)
-    (said,) = (text for text in found.warnings if "contradict" in text)
-    assert "higher in second than in first" in said
-
-
 def test_a_joint_like_the_model_shows_nothing():
     assert not named(identified_steps())
     assert not named(identified_rich())
@@ -141,31 +95,6 @@ def test_a_log_in_which_the_joint_is_sent_nowhere_is_no_fault():
     log = rich_log(noise=NOISE, rows=400)
     idle = changed(log, requests=np.full(400, 0.1), angles=np.full(400, 0.1))
     assert planner.identify([log, idle], hold_out=False).rms < 2.0 * NOISE
-
-
-STICKY = planner.JointModel(
-    tick=0.02, hold=1, lag=0.02, acceleration_time=0.04, v_max=4.0, theta_0=0.3, dead_band=0.02
-)
-"""A joint whose dry friction shows, logged at 50 Hz."""
-
-
-def holds_log(model=STICKY, *, seed=0, rows=3000, largest=0.6):
-    """Ramps between angles that are held for a second or so."""
-    rng = np.random.default_rng(seed)
-    places, requests = rng.uniform(-largest, largest, size=rows), [0.0]
-    for place in places[: rows // 60]:
-        ramp = max(2, round(abs(place - requests[-1]) / 0.03))
-        requests += np.linspace(requests[-1], place, ramp)[1:].tolist() + [place] * 50
-    requests = np.array(requests[:rows])
-    angles = planner.simulate(model, requests, cyclic=False)
-    noisy = measured(angles, rng, noise=0.0005, quantum=0.0015)
-    return planner.Log(times=0.02 * np.arange(len(requests)), requests=requests, angles=noisy)
-
-
-def on_the_table(log, *, table=-0.35):
-    """The joint stands on something: it does not go below, and rests on it at several angles."""
-    low = log.angles < table
-    return replace(log, angles=np.where(low, table + 0.25 * (log.angles - table), log.angles)), low
 
 
 def test_rows_in_which_the_joint_stands_on_something_are_left_out_with_a_note():

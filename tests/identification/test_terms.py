@@ -18,10 +18,14 @@ from tests.identification.made import (
     measured,
     rich_log,
     step_logs,
+    swung,
 )
-
-NOISE, QUANTUM = math.radians(0.1), math.radians(0.09)
-"""Of a servo with a good encoder [rad]."""
+from tests.identification.made import (
+    FINE_NOISE as NOISE,
+)
+from tests.identification.made import (
+    FINE_QUANTUM as QUANTUM,
+)
 
 EXACT = 1e-6
 """Without noise terms are found to this, relative to their size."""
@@ -85,14 +89,6 @@ def test_one_load_tells_neither_compliance_nor_slowing():
     assert {each.name for each in found.terms} <= {"time_constant", "dead_band", "v_offset"}
     assert not found.model.feels_load
     assert abs(found.model.offset - 0.025) <= 0.001  # rad: it is in the static sag
-
-
-def swung(model, *, seed=0, reach=0.9):
-    """A log of slow and quick sines over most of a servo's range."""
-    signal = excite("multisine", limits=(-reach, reach), period=model.period, duration=30.0)
-    angles = planner.simulate(model, signal.requests, cyclic=False)
-    angles = measured(angles, np.random.default_rng(seed), noise=NOISE, quantum=QUANTUM)
-    return planner.Log(times=signal.times, requests=signal.requests, angles=angles)
 
 
 @pytest.mark.parametrize("phase", [0.0, 2.0])
