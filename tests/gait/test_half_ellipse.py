@@ -192,6 +192,8 @@ def test_more_samples_refine_the_same_path():
         ({"samples": 3}, "samples: got 3, expected a whole number, at least 4"),
         ({"samples": 88.0}, "samples: got 88.0, expected a whole number"),
         ({"samples": True}, "samples: got True, expected a whole number"),
+        ({"samples": 1_000_001}, "samples: got 1000001, expected at most 1000000"),
+        ({"forward": -2e9}, r"forward: got -2e\+09, expected at most 1e\+09; check the unit"),
         ({"length": 0.0}, "length: got 0.0, expected a finite number above 0"),
         ({"length": float("nan")}, "length: got nan, expected a finite number above 0"),
         ({"height": -0.01}, "height: got -0.01, expected a finite number at least 0"),

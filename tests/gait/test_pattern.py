@@ -8,6 +8,7 @@ import pytest
 from kinematics import Leg, urdf_path
 from planner.exceptions import InvalidInput
 from planner.gait.pattern import LEGS, PATTERNS, gait
+from planner.gait.stride import stride
 
 SAMPLES = 80
 """Of a cycle: every phase is a whole number of them."""
@@ -64,14 +65,20 @@ def test_a_walk_lifts_one_foot_after_the_other_from_behind_on_each_side(legs):
     assert np.max(np.sum(list(lifted.values()), axis=0)) == 1
 
 
+@pytest.mark.parametrize("walk", [{}, {"length": 0.02}, {"height": 0.01}])
 @pytest.mark.parametrize("pattern", PATTERNS)
-def test_all_legs_have_one_stroke_at_one_height_of_the_body(legs, pattern):
-    made = gait(legs, pattern, samples=SAMPLES)
+def test_all_legs_have_one_stroke_at_the_height_of_the_body_at_which_the_lowest_stands(
+    legs, pattern, walk
+):
+    made = gait(legs, pattern, samples=SAMPLES, **walk)
+    hips = [float(-stride(leg).centre[2]) for leg in legs.values()]
+    assert min(hips) < max(hips)
     strides = [each.stride for each in made.values()]
     for one in strides:
         assert (one.length, one.height) == (strides[0].length, strides[0].height)
-        assert one.centre[2] == strides[0].centre[2]
+        assert one.centre[2] == pytest.approx(-min(hips))
     assert min(strides[0].length, strides[0].height) > 0.0
+    assert walk.items() <= vars(strides[0]).items()
     assert list(made) == list(legs)
 
 

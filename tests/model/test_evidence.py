@@ -20,6 +20,7 @@ from planner.model.evidence import (
     expectation,
     under_moving_requests,
     untested_words,
+    with_reasons,
 )
 from planner.model.joint import JointModel
 
@@ -52,14 +53,18 @@ def test_without_pairs_the_error_is_that_of_all_rows():
 @pytest.mark.parametrize(
     ("amplitude", "frequency", "load", "outside"),
     [
-        (0.1, 1.0, 0.5, ()),
-        (0.05, 7.5, 0.0, ("speed", "acceleration")),
-        (0.02, 3.0, 0.0, ("acceleration",)),
+        (0.1, 1.0, -0.54, ()),
+        (0.1, 1.0, -0.56, ("load",)),
+        (2.15 / (0.8 * np.pi), 0.4, 0.0, ()),
+        (2.25 / (0.8 * np.pi), 0.4, 0.0, ("speed",)),
+        (4.35 * ROOT / (4.0 * np.pi) ** 2, 2.0, 0.0, ()),
+        (4.45 * ROOT / (4.0 * np.pi) ** 2, 2.0, 0.0, ("acceleration",)),
         (1.3, 0.2, 0.0, ("angle",)),
-        (0.1, 1.0, -0.6, ("load",)),
     ],
 )
-def test_motion_is_outside_where_it_exceeds_what_was_tested(amplitude, frequency, load, outside):
+def test_motion_is_outside_where_it_exceeds_what_was_tested_by_10_percent(
+    amplitude, frequency, load, outside
+):
     angles, period = sine(amplitude, frequency)
     assert SEEN.exceeded(angles, period=period, cyclic=True, load=load) == outside
 
@@ -214,7 +219,8 @@ def test_the_interval_of_the_delay_counts_at_the_upper_end_of_the_range_only():
     low, high = seen.range_of(angles, period=period, cyclic=True)
     least, most = seen._replace(delay_error=0.05).range_of(angles, period=period, cyclic=True)
     speed = 0.2 * 2.0 * np.pi / ROOT
-    assert least == low
+    tested = SEEN.error_of(angles, period=period, cyclic=True)
+    assert (least, low, high) == pytest.approx((0.5 * tested, 0.5 * tested, 2.0 * tested))
     assert most == pytest.approx(np.hypot(high, 0.05 * speed), rel=1e-3)
 
 
@@ -276,10 +282,38 @@ def test_intervals_in_another_unit_are_scaled_but_for_times_and_the_gain():
     assert scaled.correlations == ((1.0,),)
 
 
-def test_evidence_in_another_unit_is_scaled():
-    angles, period = sine(0.3)
-    told = SEEN.scaled(2.0).error_of(2.0 * angles, period=period, cyclic=True)
-    assert told == pytest.approx(2.0 * SEEN.error_of(angles, period=period, cyclic=True))
+def test_evidence_in_another_unit_is_scaled_but_for_loads_times_and_shares():
+    seen = SEEN._replace(delay_error=0.01, spread=(0.5, 2.0), over_delay=0.3)
+    assert seen.scaled(100.0) == seen._replace(
+        error=2.0, speed=200.0, angles=(-100.0, 100.0), by_acceleration=((0.0, 1.0), (400.0, 3.0))
+    )
+
+
+def test_a_short_log_is_cut_into_shorter_parts():
+    angles = 0.3 * np.sin(2.0 * np.pi * 2.0 * 0.02 * np.arange(60))
+    (_, (_, error)), _ = errors_of_motion([Run(angles, np.full((1, 60), 0.01), 0.02)])
+    assert error == pytest.approx(0.01)
+
+
+def test_reasons_beyond_the_third_are_counted_by_their_joints():
+    reasons = dict(zip("abcdef", ("slow", "slow", "late", "stuck", "weak", "weak"), strict=True))
+    assert with_reasons(reasons) == "a, b (slow), c (late), d (stuck) and 2 more"
+
+
+def test_the_same_joint_with_requests_at_another_rate_has_its_intervals_moved_with_it():
+    intervals = {"lag": (0.03, 0.034), "gain": (40.0, 50.0), "v_max": (5.0, 6.0)}
+    joint = JointModel.ers210a().with_evidence(SEEN._replace(intervals=intervals))
+    other = joint.requested_every(0.02)
+    later, gain = other.lag - joint.lag, joint.theta_0 / other.theta_0
+    assert later == pytest.approx(-0.5 * (0.008 - 0.02 / 3.0))
+    assert gain > 1.01
+    assert other.evidence.intervals == {
+        "lag": pytest.approx((0.03 + later, 0.034 + later)),
+        "gain": pytest.approx((40.0 * gain, 50.0 * gain)),
+        "v_max": (5.0, 6.0),
+    }
+    same = joint.requested_every(2.0 * joint.tick)
+    assert (same.hold, same.evidence) == (2, joint.evidence)
 
 
 def test_evidence_that_is_none_is_refused():

@@ -253,6 +253,30 @@ def test_the_same_joint_with_requests_more_often_answers_the_same_motion(constan
     assert np.sqrt(np.mean(apart**2)) <= math.radians(0.15)
 
 
+def test_a_joint_has_a_request_at_most_every_thousand_ticks():
+    joint = _model(hold=2, acceleration_time=0.008)
+    assert joint.requested_every(8.0).hold == 1000
+    for period in (8.1, 1.5e-6):  # 8 ms are at most 5000 ticks, with the lag 100,000
+        with pytest.raises(InvalidModel, match=r"expected one every 1.6e-06 to 8 s"):
+            joint.requested_every(period)
+
+
+@pytest.mark.parametrize(
+    ("theta_0", "acceleration", "keeps"),
+    [(0.0401, 4, True), (0.0399, 1, False), (0.0599, 6, False), (0.0601, 6, True)],
+)
+def test_equation_13_holds_from_a_tick_and_from_a_fourth_of_the_acceleration_time_on(
+    theta_0, acceleration, keeps
+):
+    joint = _model(theta_0=theta_0, acceleration_time=acceleration * 0.008)  # 0.04 rad a tick
+    assert joint.keeps_equation_13 is keeps
+
+
+def test_requests_change_from_line_to_line_by_the_delays_of_the_joint_before_the_angles():
+    joint = _model(lag=0.01, acceleration_time=0.03, time_constant=0.02, tick=0.004, hold=3)
+    assert joint.switching_time == pytest.approx(0.01 + 0.015 + 0.02 + 0.004)
+
+
 def test_a_model_is_frozen_hashable_and_equal_by_value():
     model = JointModel.ers210a()
     with pytest.raises(FrozenInstanceError):

@@ -259,3 +259,11 @@ def test_a_path_is_too_fast_by_the_top_speed_of_its_direction_under_its_load():
     np.testing.assert_allclose(found.limits, [4.5, -3.5, 5.5, -3.5], atol=1e-12)
     assert found.too_fast.tolist() == [False, True, False, True]
     assert found.highest == pytest.approx((5.0, 3.5))
+    steady = path_speeds(joint, 0.45 * np.arange(9), cyclic=False)
+    assert not steady.too_fast.any()
+
+
+def test_a_simulation_of_more_ticks_than_days_is_refused():
+    held = replace(ERS210A, acceleration_time=ERS210A.tick, hold=1000)
+    with pytest.raises(InvalidTrajectory, match="got 20001, each held for 1000 ticks, expected at"):
+        simulate(held, np.zeros(20001))
