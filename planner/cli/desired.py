@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, TypeVar
 
 import numpy as np
 
@@ -30,10 +30,13 @@ from planner.files.text import STANDARD_STREAM
 from planner.files.units import LEAST_DEG, SHARES
 from planner.model.evidence import refusal
 from planner.model.joint import JointModel
+from planner.trajectory import index_of_largest
 
 if TYPE_CHECKING:
     from kinematics import Leg
     from planner.trajectory import Array
+
+AnyPath = TypeVar("AnyPath", JointPath, FootPath)
 
 Limits = Mapping[str, tuple[float, float]]
 """Smallest and largest request by joint [rad]."""
@@ -258,12 +261,7 @@ def _from_file(run: settings.Run, leg: Leg | None, folder: str) -> Desired:
     given = joint_path(table, joints=path.joints, even=even)
     models = models_of(run.model, given.names, leg, folder, rate_hz=path.rate_hz)
     models = _models_in(given.units, run.model, models)
-    closed, remarks = repeats(given.angles, run.plan.cyclic)
-    remarks = (*remarks, *_small(given))
-    before = given
-    given = given.in_step(models[0].period, resample=not even, cyclic=closed, speed=path.speed)
-    if words := _lost(before, given, cyclic=closed):
-        remarks = (*remarks, Remark(words))
+    given, closed, remarks = _in_step(given, run, models[0].period)
     limits = {} if leg is None else _limits_of(leg)
     legs = {} if leg is not None else legs_among(given.names, run.model, folder)
     for each in legs.values():
@@ -291,31 +289,38 @@ def _from_file(run: settings.Run, leg: Leg | None, folder: str) -> Desired:
     )
 
 
-def _lost(before: JointPath | FootPath, after: JointPath | FootPath, *, cyclic: bool) -> str:
-    """What is lost of a motion by resampling it, in words; empty where it is little."""
-    rows, left = (
-        path.angles if isinstance(path, JointPath) else path.positions for path in (before, after)
-    )
-    if len(left) >= len(rows) or before.times is None:
-        return ""
-    since = before.times - before.times[0]
-    whole = since[-1] * (len(rows) / (len(rows) - 1) if cyclic else 1.0)
-    at = since / whole * (len(left) if cyclic else len(left) - 1)
-    closed = np.vstack([left, left[:1]]) if cyclic else left
-    numbers = np.arange(len(closed))
-    again = np.column_stack([np.interp(at, numbers, column) for column in closed.T])
+def _in_step(
+    path: AnyPath, run: settings.Run, period: float
+) -> tuple[AnyPath, bool, tuple[Remark, ...]]:
+    """The path with a sample every ``period`` [s], whether it repeats, and remarks on it."""
+    first, speed = path.samples[0], run.path.speed
+    closed, remarks = repeats(getattr(path, first), run.plan.cyclic)
+    if isinstance(path, JointPath):
+        remarks += _small(path)
+    resample = run.path.rate_hz is not None
+    made = path.in_step(period, resample=resample, cyclic=closed, speed=speed)
+    rows, left = getattr(path, first), getattr(made, first)
+    if path.times is None or len(left) >= len(rows):
+        return made, closed, remarks
+    since, step = path.times - path.times[0], period * (speed or 1.0)
+    if closed:  # stretched over a whole number of samples
+        step = since[-1] * len(rows) / (len(rows) - 1) / len(left)
+        left = np.vstack([left, left[:1]])
+    at = step * np.arange(len(left))
+    again = np.column_stack([np.interp(since, at, column) for column in left.T])
     moved = np.std(rows, axis=0)
     missed = np.sqrt(np.mean((again - rows) ** 2, axis=0))
-    names = before.names if isinstance(before, JointPath) else ("x", "y", "z")
-    worst = int(np.argmax(missed - LOST * moved))
-    if missed[worst] <= LOST * moved[worst]:
-        return ""
-    return (
-        f"{before.path}: a request every {1e3 * whole / max(len(closed) - 1, 1):.3g} ms loses "
-        f"{100.0 * missed[worst] / moved[worst]:.0f} % of the motion of {names[worst]} "
-        "(rms of what it moves), and the errors are those from the path that is left: plan with a "
-        "higher rate (--rate-hz) to keep it"
-    )
+    worst = index_of_largest(missed - LOST * moved)
+    if missed[worst] > LOST * moved[worst]:
+        names = path.names if isinstance(path, JointPath) else ("x", "y", "z")
+        words = (
+            f"{path.path}: a request every {1e3 * period:.3g} ms loses "
+            f"{100.0 * missed[worst] / moved[worst]:.0f} % of the motion of {names[worst]} (rms of "
+            "what it moves), and the errors are those from the path that is left: plan with a "
+            "higher rate (--rate-hz) to keep it"
+        )
+        remarks += (Remark(words),)
+    return made, closed, remarks
 
 
 def _small(path: JointPath) -> tuple[Remark, ...]:
@@ -447,14 +452,9 @@ def _limits_of(leg: Leg) -> dict[str, tuple[float, float]]:
 
 def _from_foot(given: FootPath, run: settings.Run, leg: Leg, folder: str) -> Desired:
     """What the joints of a leg should do for its foot to follow a path."""
-    rate_hz, speed, unreachable = run.path.rate_hz, run.path.speed, run.leg.unreachable
-    models = models_of(run.model, leg.joint_names, leg, folder, rate_hz=rate_hz)
-    closed, remarks = repeats(given.positions, run.plan.cyclic)
-    resample = rate_hz is not None or speed is not None
-    rows = given
-    given = given.in_step(models[0].period, resample=resample, cyclic=closed, speed=speed)
-    if words := _lost(rows, given, cyclic=closed):
-        remarks = (*remarks, Remark(words))
+    unreachable = run.leg.unreachable
+    models = models_of(run.model, leg.joint_names, leg, folder, rate_hz=run.path.rate_hz)
+    given, closed, remarks = _in_step(given, run, models[0].period)
     solution = leg.inverse(given.positions, unreachable=unreachable)
     count = int((~solution.reachable).sum())
     clamped = unreachable == "clamp" and count > 0
