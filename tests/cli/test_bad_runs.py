@@ -50,6 +50,11 @@ WRONG = {
     "a model of nobody": JOINTS + "[model.joints.kne]\nlag = 0.03\n",
     "a model of half its parameters": JOINTS + "[model.parameters]\nlag = 0.03\n",
     "a model twice": JOINTS + f'[model]\nfile = "ers210a"\n[model.parameters]\n{PARAMETERS}',
+    "a joint's model twice": JOINTS + '[model.joints.knee]\nfile = "a.toml"\nlag = 0.03\n',
+    "a start for a foot": WALK
+    + '[plan]\nmethod = "foot-optimal"\ncyclic = false\n[start.joints]\nknee = 3\n',
+    "joints of a half ellipse": WALK + '[path]\njoints = ["knee"]\n',
+    "a joint that slides on no leg": "[leg.lock_m]\nslide = 0.1\n" + JOINTS,
     "a start for a cycle": JOINTS + "[start]\ndeg = 3\n",
     "a key that the method ignores": JOINTS + "[plan]\nsegments = 6\n",
     "a foot's tolerance for joints": JOINTS + "[tolerance]\ncm = 1\n",

@@ -311,8 +311,12 @@ def test_an_unknown_frame_lists_those_that_there_are(run, foot):
     assert result.stderr.count("\n") == 1
 
 
-def test_a_plan_beyond_the_limits_that_were_asked_for_is_status_1_and_no_plan(run, desired):
-    result = run("plan", desired, "--method", "closed-form", "--limits-deg", "knee=5:29")
-    assert result.exit_code == 1
-    assert result.stdout == ""
-    assert "beyond the limits 5.00 to 29.00; --method optimal keeps to them" in result.stderr
+@pytest.mark.parametrize("limits", ["5:99", "-99:29"])
+def test_a_plan_beyond_a_limit_that_was_asked_for_is_status_1_and_no_plan(run, desired, limits):
+    result = run("plan", desired, "--method", "closed-form", "--limits-deg", f"knee={limits}")
+    assert (result.exit_code, result.stdout) == (1, "")
+    low, high = map(float, limits.split(":"))
+    assert result.stderr.startswith("request-planner: knee: request ")
+    assert f"beyond the limits {low:.2f} to {high:.2f}; --method optimal keeps to them" in (
+        result.stderr
+    )

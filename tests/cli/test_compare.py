@@ -13,7 +13,9 @@ import pytest
 import planner
 from planner.evaluation import cross_check as cross_check_module
 from planner.evaluation.comparison import METHODS
-from planner.files.paths import read_joint_path
+from planner.exceptions import InvalidInput
+from planner.files.joint_model import models_text
+from planner.files.paths import read_joint_path, write_joint_path
 from planner.model.joint import JointModel
 
 JOINT = JointModel.ers210a()
@@ -146,6 +148,32 @@ def test_joints_of_a_leg_may_come_in_any_order_and_some_may_be_missing(run, tmp_
     alone = json.loads(run(*arguments, "--joint", "knee").stdout)
     assert alone["foot"] is None
     assert alone["joints"]["knee"]["limits_deg"] == pytest.approx([-27.0, 147.0])
+
+
+def test_joints_of_a_leg_are_compared_in_its_order_each_with_its_own_limits_and_load(
+    run, tmp_path, monkeypatch
+):
+    given = {}
+
+    def compared(models, angles, **arguments):
+        given.update(arguments, angles=angles, speeds=[each.v_max for each in models])
+        raise InvalidInput("enough")
+
+    monkeypatch.setattr("planner.cli.comparison.cross_check", compared)
+    names = ("knee", "rotator", "abductor")
+    rows = np.radians([30.0, 10.0, 20.0]) + np.linspace(0.0, 0.1, 6)[:, np.newaxis]
+    write_joint_path(tmp_path / "leg.csv", names, rows, period=0.008, loads=10.0 * rows)
+    slow = [replace(JOINT, v_max=3.0 + j, compliance=0.1) for j in range(3)]
+    (tmp_path / "leg.toml").write_text(models_text(dict(zip(names, slow, strict=True))))
+    ask = ("compare", "leg.csv", "--leg", "reference", "--model", "leg.toml", "--load", "column")
+    run(*ask, "--limits-deg", "knee=-20:140", "--segments", 3)
+    order = [1, 2, 0]
+    assert given["names"] == ("rotator", "abductor", "knee")
+    assert given["speeds"] == [4.0, 5.0, 3.0]
+    np.testing.assert_allclose(given["angles"], rows[:, order], atol=1e-12)
+    np.testing.assert_allclose(given["load"], 10.0 * rows[:, order], atol=1e-11)
+    np.testing.assert_allclose(np.degrees(given["limits"][0]), [-117.0, -11.0, -20.0])
+    assert (given["segments"], given["cyclic"]) == (3, False)
 
 
 @pytest.mark.usefixtures("sabotage", "undrawn")

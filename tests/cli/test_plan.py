@@ -117,6 +117,20 @@ def test_an_axis_that_counts_more_is_followed_more_closely(run, unbounded):
     assert heights[1] < 0.8 * heights[0]
 
 
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [(("--norm", "max"), "at most"), (("--weights", 1, 1, 2), "rms as weighted")],
+)
+def test_the_bound_of_a_foot_is_told_in_its_norm_and_as_weighted(
+    run, foot, monkeypatch, more, words
+):
+    monkeypatch.setattr("planner.planning.plan.Plan.lower_bounds", np.array([1e-6]))
+    ask = ("plan", foot, "--leg", "front-left", "--method", "foot-optimal", "-o", "out.csv")
+    assert f"no requests within the limits bring it below 0.000 cm {words}: the plan is" in (
+        run(*ask, *more).stderr
+    )
+
+
 def test_positions_out_of_reach_stay_wanted_and_count(run, unbounded):
     text, wanted = unbounded
     nearest = ("--leg", "reference", "--unreachable", "nearest", "--method", "foot-optimal")
@@ -268,13 +282,35 @@ def test_of_many_joints_the_largest_error_of_a_shift_is_told(run, tmp_path):
     assert f"sent early instead, rms [deg]: at most {np.degrees(error):.3f} (" in answer
 
 
-def test_a_small_motion_is_doubted_in_degrees_only(run, tmp_path):
-    motion = 0.03 * np.sin(2.0 * np.pi * np.arange(88) / 88)
-    for unit, doubted in (("deg", True), ("rad", False)):
-        (tmp_path / "small.csv").write_text(
-            "\n".join([f"knee_{unit}", *map(repr, motion.tolist())])
-        )
-        assert ("are they radians?" in run("plan", "small.csv", "-o", "-").stderr) is doubted
+@pytest.mark.parametrize(
+    ("unit", "rows", "other", "doubted"),
+    [
+        ("deg", 88, 1.0, True),
+        ("rad", 88, 1.0, False),
+        ("deg", 88, 500.0, False),
+        ("deg", 10, 1.0, True),
+        ("deg", 9, 1.0, False),
+        ("deg", 88, 0.0, True),
+    ],
+)
+def test_small_motions_in_degrees_are_doubted_unless_one_is_large_or_there_are_few_rows(
+    run, tmp_path, unit, rows, other, doubted
+):
+    motion = 0.03 * np.cos(2.0 * np.pi * np.arange(rows) / rows)
+    lines = [f"{angle!r},{other * angle!r}" for angle in motion.tolist()]
+    (tmp_path / "small.csv").write_text("\n".join([f"knee_{unit},hip_{unit}", *lines]))
+    said = run("plan", "small.csv", "--method", "shift", "-o", "-").stderr
+    doubt = "the angles span only 0.06 degrees: are they radians? then rename knee_deg to knee_rad"
+    assert (doubt in said) is doubted
+
+
+def test_uneven_times_are_resampled_for_another_rate_or_speed_and_else_refused(run, tmp_path):
+    times = np.cumsum(np.tile([0.008, 0.012], 20))
+    rows = [f"{t:.3f},{10.0 * math.sin(15.0 * t):.4f}" for t in times]
+    (tmp_path / "uneven.csv").write_text("\n".join(["t_s,knee_deg", *rows]))
+    ask = ("plan", "uneven.csv", "--method", "shift", "-o", "out.csv")
+    answers = [run(*ask, *more).exit_code for more in ((), ("--speed", 1), ("--rate-hz", 125))]
+    assert answers == [2, 0, 0]
 
 
 def test_an_error_below_its_own_bound_is_reported_and_nothing_is_written(run, desired, monkeypatch):

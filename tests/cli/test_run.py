@@ -5,11 +5,12 @@ from __future__ import annotations
 import json
 import shutil
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-import planner
+from planner.cli.models import model_words
 from planner.cli.run_file import read_run
 from planner.exceptions import MissingExtra
 from planner.files.paths import read_joint_path
@@ -120,36 +121,35 @@ def test_standard_input_is_a_run_file_too(run, tmp_path):
     )
 
 
-def test_models_are_inline_or_files_for_all_joints_or_for_one(run, write, desired, tmp_path):
-    assert desired.exists()
-    slow = JointModel(v_max=4.0, theta_0=0.12, lag=0.05, acceleration_time=0.05)
-    knee = "v_max = 4.0\ntheta_0 = 0.12\nlag = 0.05\nacceleration_time = 0.05\n"
-    (tmp_path / "knee.toml").write_text(knee)
-    ways = {
-        "inline": JOINTS + f"[model.joints.knee]\n{knee}",
-        "a file of one joint": JOINTS + '[model.joints.knee]\nfile = "knee.toml"\n',
-        "all, but for one key": JOINTS
-        + "[model.parameters]\n"
-        + knee.replace("0.05\nacc", "0.02\nacc")
-        + "[model.joints.knee]\nlag = 0.05\n",
-    }
-    for name, content in ways.items():
-        result = run("run", write(content), "--out", name)
-        assert result.exit_code == 0, result.stderr
-        requests = read_joint_path(tmp_path / name / "requests.csv").angles
-        angles = read_joint_path(tmp_path / name / "angles.csv").angles
-        assert np.max(np.abs(planner.simulate(slow, requests[:, 1]) - angles[:, 1])) <= SAME
-    hip = JointModel.ers210a()
-    requests = read_joint_path(tmp_path / "inline" / "requests.csv").angles
-    angles = read_joint_path(tmp_path / "inline" / "angles.csv").angles
-    assert np.max(np.abs(planner.simulate(hip, requests[:, 0]) - angles[:, 0])) <= SAME
+AIBO = JointModel.ers210a()
+SLOW = JointModel(v_max=4.0, theta_0=0.12, lag=0.05, acceleration_time=0.05)
+KNEE = "v_max = 4.0\ntheta_0 = 0.12\nlag = 0.05\nacceleration_time = 0.05\n"
+SAGGING = replace(SLOW, offset=0.01)
+OWN = "; knee with a model of its own"
 
 
-def test_a_joint_with_a_model_of_its_own_is_named(run, write, desired):
+@pytest.mark.parametrize(
+    ("content", "models", "words"),
+    [
+        (f"[model.joints.knee]\n{KNEE}", (AIBO, SLOW), f"ers210a, a joint of the Sony Aibo{OWN}"),
+        ("[model.joints.knee]\nlag = 0\n", (AIBO, replace(AIBO, lag=0.0)), None),
+        ('[model.joints.knee]\nfile = "joints"\n', (AIBO, SAGGING), None),
+        ('[model]\nfile = "joints"\n', (SLOW, SAGGING), "joints"),
+        (
+            f"[model.parameters]\n{KNEE}offset = 0.01\n[model.joints.knee]\noffset = 0\n",
+            (SAGGING, SLOW),
+            f"the parameters of the run file{OWN}",
+        ),
+    ],
+)
+def test_models_are_inline_or_files_for_all_joints_or_for_one(
+    write, desired, tmp_path, content, models, words
+):
     assert desired.exists()
-    result = run("run", write(JOINTS + "[model.joints.knee]\nlag = 0.04\n"))
-    assert result.exit_code == 0, result.stderr
-    assert "model: ers210a, a joint of the Sony Aibo; knee with a model of its own" in result.stderr
+    (tmp_path / "joints").write_text(f"{KNEE}[knee]\noffset = 0.01\n")
+    prepared = read_run(str(tmp_path / write(JOINTS + content))).prepared
+    assert prepared.desired.models == models
+    assert words is None or model_words(prepared.settings.model) == f"model: {words}"
 
 
 def test_a_walk_is_sized_for_the_leg_of_a_description_near_a_pose(run, write, tmp_path):

@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 
 from kinematics import Leg, urdf_path
+from planner.cli.desired import legs_among
+from planner.cli.settings import Model
 from planner.files.joint_model import read_models
-from planner.files.paths import read_joint_path
+from planner.files.paths import read_joint_path, write_joint_path
 from planner.files.robot import read_bus, read_legs
 from tests.cli.test_servos import ARM
 
@@ -119,6 +121,7 @@ def test_the_page_of_a_robot_has_its_feet(run, robot, tmp_path):
     assert "The feet" in page
     assert "the feet stay within" in page
     assert all(f">{name}<" in page for name in LEGS)
+    assert "−27.0 to 147.0" in page, "the leg's limits within the wider ones of its servos"
 
 
 def test_the_ers210a_needs_no_file(run):
@@ -161,16 +164,26 @@ def test_an_export_that_contradicts_the_servos_is_refused(run, robot, tmp_path, 
     assert message in result.stderr
 
 
-def test_requests_stay_within_the_ranges_of_the_servos(run, robot, tmp_path):
+def test_requests_stay_within_the_ranges_of_the_servos_or_each_joint_is_named(run, robot, tmp_path):
     time = 0.02 * np.arange(50)
-    angles = 20.0 * np.sin(2.0 * np.pi * time)
-    rows = [f"{t:.2f},{a:.6f}" for t, a in zip(time, angles, strict=True)]
-    (tmp_path / "path.csv").write_text("\n".join(["t_s,front_left_knee_deg", *rows]) + "\n")
+    angles = np.radians(20.0) * np.sin(2.0 * np.pi * np.column_stack([time, time + 0.1]))
+    names = ["front_left_knee", "front_right_knee"]
+    write_joint_path(tmp_path / "path.csv", names, angles, period=0.02)
     robot.write_text(robot_text(reach=np.radians(24.0)))
-    result = run("plan", "path.csv", "--rate-hz", "50", "--model", robot, "-o", "requests.csv")
+    asked = ("plan", "path.csv", "--rate-hz", "50", "--model", robot, "-o", "requests.csv")
+    result = run(*asked)
     assert result.exit_code == 0, result.stderr
     requests = np.degrees(read_joint_path(tmp_path / "requests.csv").angles)
     assert 23.0 < np.max(np.abs(requests)) <= 24.0 + 1e-6
+    warned = run(*asked, "--method", "closed-form").stderr.splitlines()
+    said = [line for line in warned if "beyond the limits -24.00 to 24.00; --method opt" in line]
+    assert [line.split(": ")[2] for line in said] == names
+
+
+def test_legs_are_those_all_of_whose_joints_are_planned():
+    knee, *others = (f"front_left_{joint}" for joint in ("knee", "rotator", "abductor"))
+    assert list(legs_among([knee, "tail", *others], Model())) == ["front-left"]
+    assert legs_among([knee, "tail"], Model()) == {}
 
 
 @pytest.mark.parametrize(

@@ -34,6 +34,12 @@ INPUTS = Path(__file__).parent / "inputs"
 
 CLAMPED = "--leg reference --unreachable clamp"
 
+NEAREST = "--leg reference --unreachable nearest"
+
+PERMUTED = "--leg reference --joint knee --joint rotator --joint abductor"
+
+FRONT_LEFT = " ".join(f"--joint front_left_{each}" for each in ("knee", "rotator", "abductor"))
+
 ARM = "--bus virtual --model arm.toml"
 
 CASES = {
@@ -52,6 +58,8 @@ CASES = {
         "sweep speeds.toml --at speed=0.7",
         "plan stride.csv --leg front-left",
         "plan loaded.csv --load column",
+        "plan requests.csv --leg reference --tolerance-cm 1",
+        "plan loaded.csv --joint hip --model motor.toml --load urdf",
     ],
     "check-json": f"check {ARM} --duration-s 4 --rate-hz 50 --json",
     "check-named": f"check {ARM} --duration-s 4 --joint hip",
@@ -89,18 +97,40 @@ CASES = {
     "identify-json": "identify log.csv --no-hold-out --hold 1 --tick-ms 8 --json",
     "identify-page": "identify log.csv --report page.html -o out.toml",
     "identify-two": "identify log.csv log.csv --requested requested_deg --unit deg -q",
+    "plan-beyond": f"plan stride.csv {CLAMPED} --method closed-form --model soft.toml "
+    "--tolerance-cm 0.1 --report page.html -o out.csv",
     "plan-closed-form": "plan path.csv --method closed-form --segments 4 --rule exact --model "
     "joint.toml --tolerance-deg 0.1 --report page.html",
+    "plan-feet": [
+        "gait --pattern trot --samples 24 -o trot.csv",
+        f"plan trot.csv {FRONT_LEFT} --method foot-optimal --limits-deg front_left_knee=10:112 "
+        "--max-step-deg 30 -o out.csv",
+        f"plan trot.csv {FRONT_LEFT} --joint front_right_knee --no-cyclic --start-deg 20 "
+        "--start-deg front_left_knee=60 --json",
+    ],
     "plan-foot": f"plan stride.csv {CLAMPED} --method foot-optimal --norm rms --json",
+    "plan-foot-load": f"plan short_stride.csv {NEAREST} --method foot-optimal --model soft.toml "
+    "--load urdf --max-request-speed-deg-s 4000 -o out.csv",
     "plan-load": "plan loaded.csv --model motor.toml --load column --report page.html -o out.csv",
     "plan-motor": "plan path.csv --model motor.toml --limits-deg -40:60 --report page.html "
     "-o out.csv",
     "plan-motor-json": "plan path.csv --model motor.toml --robust worst --max-step-deg 8 --json",
     "plan-page": f"plan stride.csv {CLAMPED} --report page.html -o out.csv",
+    "plan-pose": f"plan requests.csv {PERMUTED} --model soft.toml --load urdf-dynamics "
+    "--method closed-form --segments 4 --tolerance-deg 6 -o out.csv",
     "plan-rest": "plan path.csv --no-cyclic --start-deg 2 --limits-deg knee=0:40 --norm max -v",
     "plan-foot-robust": f"plan stride.csv {CLAMPED} --model uncertain.toml --method foot-optimal "
     "--robust mean --report page.html",
     "plan-shift": "plan path.csv --method shift --report page.html -o out.csv",
+    "plan-shares": [
+        "plan shares.csv --model shares.toml --report page.html -o r.csv",
+        "simulate r.csv --model shares.toml --desired shares.csv -o a.csv",
+        "refine r.csv a.csv --desired shares.csv --model shares.toml --no-reidentify -o n.csv",
+        "plan shares.csv --model shares.toml --load column --rate-hz 40 --method shift",
+        "plan shares.csv --cyclic --joint hip --speed 4 -o out.csv",
+        "compare shares.csv --model shares.toml",
+        "export r.csv --format csv",
+    ],
     "plan-robust": "plan path.csv --speed 0.5 --model uncertain.toml --robust mean --report "
     "page.html",
     "refine": "refine path.csv measured.csv --desired path.csv --model joint.toml "
