@@ -112,6 +112,8 @@ def test_the_same_log_gives_the_same_file(identified, run):
     folder, _ = identified
     again = run("identify", folder / "log.csv")
     assert again.stdout == (folder / "joint.toml").read_text()
+    named = run("identify", folder / "log.csv", "--joint", "all", "--no-hold-out")
+    assert "\n[knee]\n" in named.stdout
 
 
 def test_json_has_what_a_machine_needs(identified, run):

@@ -73,6 +73,18 @@ CASES = {
     "excite-random": "excite --limits-deg -20 20 --kind random-steps --duration-s 3 --joint knee "
     "--model joint.toml --rate-hz 125 --seed 3 --json",
     "excite-triangle": "excite --limits-deg -20 20 --kind triangle --duration-s 4",
+    "excite-wrong": [
+        *(
+            f"excite --limits-deg -20:20 {each}"
+            for each in (
+                "--kind triangle --cycles 2",
+                "--kind steps --highest-hz 2",
+                "--kind chirp --amplitude-deg 3",
+                "--resolution-deg 1e-12",
+            )
+        ),
+        "excite --limits-deg -20 10 --kind random-steps --resolution-deg 0 --rate-hz 10 --seed 2",
+    ],
     "export-csv": "export requests.csv --format csv --unit ticks --zero-tick knee=100 --cycles 2",
     "export-folders": [
         "export requests.csv --format mcap -o bag.mcap",
@@ -96,6 +108,8 @@ CASES = {
     "identify-all": "identify two_joints.csv --joint all --report page.html -o out.toml",
     "identify-json": "identify log.csv --no-hold-out --hold 1 --tick-ms 8 --json",
     "identify-page": "identify log.csv --report page.html -o out.toml",
+    "identify-rough": "identify rough.csv two_joints.csv log.csv --joint all --no-hold-out "
+    "-o /dev/null",
     "identify-two": "identify log.csv log.csv --requested requested_deg --unit deg -q",
     "plan-beyond": f"plan stride.csv {CLAMPED} --method closed-form --model soft.toml "
     "--tolerance-cm 0.1 --report page.html -o out.csv",
@@ -160,6 +174,14 @@ CASES = {
     "replay": "replay demo.csv --model joint.toml --speed 1.5 --begin-s 0.1 --end-s 0.8",
     "replay-joints": "replay demo.csv --model joint.toml --track action --end-s 0.5 --as joints "
     "--joint knee --joint gripper --limits-deg -30:90 --norm max -o out.csv --json",
+    "replay-foot": [
+        f"replay leg_log.csv --model {each} --leg reference --urdf-joint Turn=rotator -o out.csv"
+        for each in (
+            "tested.toml --fastest --tolerance-cm 0.6 --report page.html",
+            "joint.toml --fastest --tolerance-cm 0.6 --end-s 0.3 --json",
+            "joint.toml --tolerance-cm 0.001",
+        )
+    ],
     "replay-lerobot": "replay demo.csv --model joint.toml --speed 3 --rate-hz 49.85 --as lerobot "
     "-o planned",
     "replay-several": [
@@ -169,7 +191,32 @@ CASES = {
         "-o again --report again.html",
     ],
     "replay-again": "replay demo.csv --model tested.toml -o out.csv --report page.html",
+    "replay-mixed": [
+        f"replay demo_2.csv {each} --model from-log --as lerobot -o planned --end-s 0.1"
+        for each in (
+            "path.csv foot.csv requests.csv measured.csv measured_from_rest.csv loaded.csv "
+            "stride.csv short_stride.csv played.csv rough.csv --workers 1",
+            "rough.csv --json --report page.html",
+            "rough.csv --resume --workers 1 -q",
+            "demo.csv -q",
+        )
+    ],
     "replay-page": "replay demo.csv --model joint.toml --speed 0.5 --report page.html -o out.csv",
+    "replay-rough": [
+        "replay rough.csv --model from-log --report page.html -o /dev/null",
+        "replay rough.csv --model motor.toml --begin-s 0.9 --joint tail --limits-deg 160:250 "
+        "--limits-deg tail=150:240 --tolerance-deg 0.1 -o short.csv",
+    ],
+    "replay-wrong": [
+        f"replay demo.csv {each}"
+        for each in (
+            "--model urdf",
+            "--model joint.toml --tolerance-deg 1 --tolerance-cm 1",
+            "--model joint.toml --tolerance-cm 1",
+            "--model joint.toml --limits-deg -1:1 -o nowhere/out.csv",
+            "rough.csv demo_2.csv --model joint.toml --limits-deg -1:1 --as lerobot -o planned",
+        )
+    ],
     "reproduce-file": "reproduce --out path.csv",
     "run": "run run.toml",
     "run-check": ["run walk.toml --check", "run --template"],
@@ -309,6 +356,7 @@ def test_a_command_prints_writes_and_answers_what_it_did(
             parts += [f"---- {kind}", masked(text).rstrip("\n")] if text else []
     keep(name, tmp_path)
     text = "\n".join([*parts, *written(tmp_path, skipped=(".csv",) * (name in ROUGH))])
+    text = text.replace(str(tmp_path), "…")
     snapshot.check(name, compact(without_numbers(text) if name in ROUGH else text) + "\n")
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass
@@ -20,6 +20,7 @@ from planner.cli.replay.files import lerobot_layout, lerobot_rows
 from planner.cli.replay.task import RESENT, UNITS, ReplayTask, known
 from planner.exceptions import PlannerError
 from planner.files.exports.lerobot import Layout, lerobot_dataset
+from planner.files.logs.lerobot import ACTION
 from planner.files.logs.recordings import Recording
 from planner.files.results import Results, Task, finished, made_from
 from planner.files.text import to_json
@@ -110,10 +111,21 @@ def replay_many(
     figures = []
     about: dict[str, str] = {}
     with ExitStack() as outputs:
-        add = None
-        for episode in _episodes(tasks, results):
-            if add is None:
-                add = outputs.enter_context(lerobot_dataset(output, episode.layout, beside=about))
+        layout, add = None, None
+        for task in tasks:
+            content = results.read(task)
+            if content is None:
+                continue
+            episode = decoded(content)
+            if layout is None or add is None:
+                layout = episode.layout
+                add = outputs.enter_context(lerobot_dataset(output, layout, beside=about))
+            if episode.layout.features != layout.features:
+                failed[task.name] = (
+                    f"its actions are {', '.join(episode.layout.features[ACTION])}, those of the "
+                    f"dataset {', '.join(layout.features[ACTION])}; replay it on its own"
+                )
+                continue
             add(episode.rows, episode.task)
             figures.append(episode.figures)
         first_task = recordings[0]
@@ -253,11 +265,6 @@ def episodes_report(document: Mapping[str, Any], logs: Sequence[str]) -> str:
         words=episodes_line(document),
         origins=[*(("recordings", name) for name in logs), ("track", document["track"])],
     )
-
-
-def _episodes(tasks: Sequence[Task], results: Results) -> Iterator[Episode]:
-    """The episodes with a result, in the order of the recordings."""
-    return (decoded(each) for task in tasks if (each := results.read(task)) is not None)
 
 
 def _settings(task: ReplayTask) -> dict[str, Any]:
