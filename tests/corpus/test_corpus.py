@@ -178,8 +178,8 @@ CASES = {
         f"replay leg_log.csv --model {each} --leg reference --urdf-joint Turn=rotator -o out.csv"
         for each in (
             "tested.toml --fastest --tolerance-cm 0.6 --report page.html",
-            "joint.toml --fastest --tolerance-cm 0.6 --end-s 0.3 --json",
-            "joint.toml --tolerance-cm 0.001",
+            "tested.toml --fastest --tolerance-cm 0.6 --end-s 0.3 --json",
+            "motor.toml --load urdf --tolerance-cm 0.001",
         )
     ],
     "replay-lerobot": "replay demo.csv --model joint.toml --speed 3 --rate-hz 49.85 --as lerobot "
@@ -188,33 +188,54 @@ CASES = {
         "replay demo.csv demo_2.csv --model tested.toml --speed 1.2 --as lerobot -o planned "
         "--report page.html",
         "replay planned --model joint.toml --unit deg --fastest --tolerance-deg 2 --as lerobot "
-        "-o again --report again.html",
+        "--rate-hz 62.5 -o again --report again.html",
     ],
     "replay-again": "replay demo.csv --model tested.toml -o out.csv --report page.html",
     "replay-mixed": [
-        f"replay demo_2.csv {each} --model from-log --as lerobot -o planned --end-s 0.1"
+        f"replay demo_2.csv --model from-log --as lerobot -o planned --end-s 0.1 {each}"
         for each in (
             "path.csv foot.csv requests.csv measured.csv measured_from_rest.csv loaded.csv "
             "stride.csv short_stride.csv played.csv rough.csv --workers 1",
             "rough.csv --json --report page.html",
             "rough.csv --resume --workers 1 -q",
-            "demo.csv -q",
+            "demo.csv --model tested.toml --max-step-deg 1 --end-s 0.5",
         )
     ],
     "replay-page": "replay demo.csv --model joint.toml --speed 0.5 --report page.html -o out.csv",
     "replay-rough": [
         "replay rough.csv --model from-log --report page.html -o /dev/null",
         "replay rough.csv --model motor.toml --begin-s 0.9 --joint tail --limits-deg 160:250 "
-        "--limits-deg tail=150:240 --tolerance-deg 0.1 -o short.csv",
+        "--limits-deg tail=150:225 --tolerance-deg 0.1 -o short.csv",
+        "replay rough.csv --model from-log --joint left_hand --end-s 0.4 --json -o /dev/null",
     ],
     "replay-wrong": [
         f"replay demo.csv {each}"
         for each in (
+            "",
             "--model urdf",
-            "--model joint.toml --tolerance-deg 1 --tolerance-cm 1",
-            "--model joint.toml --tolerance-cm 1",
-            "--model joint.toml --limits-deg -1:1 -o nowhere/out.csv",
+            "--model from-log --speed 1e-9",
+            "--model from-log --speed 1e9",
+            "--model from-log --rate-hz 1e-9",
+            "--model from-log --joint knea",
             "rough.csv demo_2.csv --model joint.toml --limits-deg -1:1 --as lerobot -o planned",
+            *(
+                f"--model joint.toml {more}"
+                for more in (
+                    "--as lerobot",
+                    "--speed 0",
+                    "--joint knea",
+                    "--begin-s 9",
+                    "--limits-deg knea=0:1",
+                    "--limits-deg -1:1 -o nowhere/out.csv",
+                    "demo_2.csv",
+                    "--tolerance-deg 1 --tolerance-cm 1",
+                    "--tolerance-cm 1",
+                    "--fastest",
+                    "--fastest --tolerance-cm 1",
+                    "--fastest --tolerance-deg 1 --speed 2",
+                    "--retime varying",
+                )
+            ),
         )
     ],
     "reproduce-file": "reproduce --out path.csv",

@@ -91,6 +91,8 @@ def test_grippers_and_joints_without_a_model_get_their_recorded_requests():
     moments = OWN * 1.5 * np.arange(len(made.requests))
     assert made.requests[:, 1] == pytest.approx(np.interp(moments, jaw.times, jaw.requests))
     assert made.summary()["joints"]["tail"]["reason"] == "no model"
+    only = recorded_path([elbow, jaw, tail], {"elbow": SERVO}, joints=["elbow"])
+    assert [each.reason for each in only.joints] == ["", "a gripper", "not chosen"]
 
 
 def test_a_gripper_is_planned_where_it_is_named_or_alone():
@@ -105,6 +107,9 @@ def test_shares_of_a_range_stay_inside_it():
     made = replay(log, SERVO, speed=4.0)
     assert made.requests.min() >= 0.0
     assert made.requests.max() <= 1.0
+    beyond = recorded("jaw", requests=asked(size=1.3) - 0.1, unit="1")
+    assert np.max(beyond.angles) < 1.198
+    assert recorded_path(beyond, SERVO).limits == {"jaw": pytest.approx((-0.1, 1.2), abs=1e-3)}
 
 
 def test_jitter_and_gaps_are_bridged_on_even_requests():
@@ -127,6 +132,7 @@ def test_joints_that_begin_later_keep_their_time():
     late = replace(late, times=late.times + 0.1)
     for logs in ([first, late], [late, first]):
         made = replay(logs, SERVO, begin=0.2)
+        assert made.path.last == pytest.approx(first.times[-1])
         desired = {each.name: each.desired for each in made.joints}
         assert desired["a"][0] == pytest.approx(np.interp(0.2, first.times, first.angles))
         assert desired["b"][0] == pytest.approx(np.interp(0.2, late.times, late.angles))
@@ -187,6 +193,28 @@ def test_the_expected_error_holds_that_of_the_model():
     (joint,) = replay(recorded(), SERVO.with_evidence(seen)).joints
     assert joint.expected == pytest.approx(np.hypot(joint.inversion.rms, 0.01))
     assert joint.untested == ("speed",)
+
+
+@pytest.mark.parametrize(
+    ("error", "off", "serve"),
+    [(0.45, -1, False), (0.55, -1, True), (0.55, 19, True), (0.55, 20, False), (0.55, 149, False)],
+)
+def test_recorded_requests_may_serve_by_half_of_their_error_where_the_torque_was_on(
+    error, off, serve
+):
+    """Of a slower joint than the model, whose torque was off at one row, before the part or in it.
+
+    The error to expect is the root of the squares of the plan's and the model's.
+    """
+    slow = replace(SERVO, theta_0=1.2 * SERVO.theta_0)
+    angles = simulate(slow, asked(), cyclic=False)
+    log = replace(recorded(), angles=angles, torque_on=np.arange(COUNT) != off)
+    part = {"begin": 20 * OWN, "smoothness": 0.0}
+    (joint,) = replay(log, SERVO, **part).joints
+    size = rms(joint.errors["resent"])
+    of_model = math.sqrt((error * size) ** 2 - rms(joint.errors["planned"]) ** 2)
+    known = SERVO.with_evidence(Evidence(of_model))
+    assert replay(log, known, **part).joints[0].resent_may_serve == serve
 
 
 def test_a_replay_can_be_sent_to_another_process():
@@ -319,9 +347,18 @@ def test_a_part_that_is_too_fast_up_to_the_end_ends_with_the_recording():
 
 def test_the_summary_of_a_replay_has_the_figures_of_its_joints():
     logs = [recorded("elbow", requests=asked(1.5)), recorded("wrist", requests=asked(0.3))]
-    known = SERVO.with_evidence(Evidence(0.01))
+    known = SERVO.with_evidence(Evidence(0.01, speed=0.2))
     made = replay(logs, {"elbow": SERVO, "wrist": known}, speed=2.0)
     told = made.summary()
+    lines = [line.split() for line in repr(made).splitlines()]
+    assert " ".join(lines[0]) == (
+        "Replay at 2 times the speed: 75 requests to 2 joints, one every 20 ms"
+    )
+    for joint, line in zip(made.joints, lines[2:], strict=True):
+        plan = joint.inversion
+        assert line == [joint.name, f"{plan.rms:.4g}", f"{plan.max_error:.4g}", "rad"]
+        assert plan.max_error > 1.2 * plan.rms
+    assert "of its range" in repr(replay(recorded("jaw", unit="1"), SERVO, speed=4.0))
     assert (told["track"], told["speed"], told["requests"]) == ("state", 2.0, 75)
     assert told["period_s"] == pytest.approx(OWN)
     assert told["duration_s"] == pytest.approx(74 * OWN)
@@ -334,6 +371,8 @@ def test_the_summary_of_a_replay_has_the_figures_of_its_joints():
         assert figures["lower_bound"] == joint.inversion.lower_bound
         assert figures["largest_step"] == joint.inversion.largest_step
         assert figures["norm"] == "rms"
+        assert figures["untested"] == (["speed"] if joint.name == "wrist" else [])
+        assert figures["too_fast_s"] == [list(span) for span in joint.too_fast]
         assert figures["recorded_rms"] == rms(joint.recorded_errors)
         off = joint.path.requests - joint.path.angles
         assert figures["recorded_rms"] == pytest.approx(rms(off))
