@@ -12,6 +12,7 @@ import click
 
 from planner.cli import buses, options, types
 from planner.cli.console import Progress, deliver, remark, summarise, warn
+from planner.exceptions import InvalidFile, about
 
 if TYPE_CHECKING:
     from planner.calibration.candidates import Compared
@@ -270,7 +271,6 @@ def _calibrated(
 ) -> Compared:
     from planner.calibration.candidates import WORDS, compare
     from planner.calibration.measure import angles_of, excitation, move
-    from planner.cli.console import naming
     from planner.identification.identify import identify
 
     def measured(way: str, requests: Any) -> Any:
@@ -279,7 +279,7 @@ def _calibrated(
         moved = move(arm, joint, requests, period=period, log=log, resume=resume)
         return angles_of(moved, len(requests), period)
 
-    with naming(joint):
+    with about(joint):
         progress(f"{joint}: excitation, {duration:g} s")
         requests = excitation(arm, joint, period=period, duration=duration)
         log = move(arm, joint, requests, period=period, log=folder / f"{joint}.csv", resume=resume)
@@ -300,7 +300,6 @@ def _write(
     from dataclasses import replace
     from pathlib import Path
 
-    from planner.exceptions import InvalidFile
     from planner.files.joint_model import models_text, read_model_file, read_servos
     from planner.files.robot import BUS, legs_text
     from planner.files.text import write_text

@@ -13,14 +13,14 @@ import sys
 import textwrap
 import threading
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
 from functools import partial
 from typing import Any, Literal, TextIO
 
 import click
 
-from planner.exceptions import PlannerError, printable
+from planner.exceptions import printable
 from planner.files.text import STANDARD_STREAM, to_json, write_text
 
 Verbosity = Literal["quiet", "normal", "verbose"]
@@ -86,16 +86,6 @@ def _print_notice(message: str, label: str = "", **style: Any) -> None:
         )
     styled = label or opening
     print_line(text.replace(styled, click.style(styled, **style), 1) if style else text)
-
-
-@contextmanager
-def naming(joint: str) -> Iterator[None]:
-    """Note on an error of ours that is raised within which joint it is about."""
-    try:
-        yield
-    except PlannerError as error:
-        error.add_note(joint)
-        raise
 
 
 def deliver(

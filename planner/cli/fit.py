@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from planner.cli import options, types
-from planner.cli.console import Progress, deliver, naming
+from planner.cli.console import Progress, deliver
+from planner.exceptions import about
 
 if TYPE_CHECKING:
     from planner.approximation.fit import PiecewiseLinearFit
@@ -175,7 +176,7 @@ def _fits(path: Desired, question: dict[str, Any]) -> dict[str, PiecewiseLinearF
     with Progress(path.names) as progress:
         for j, (name, joint) in enumerate(zip(path.names, path.models, strict=True)):
             progress(name)
-            with naming(name):
+            with about(name):
                 fits[name] = fit_pwl(
                     path.angles[:, j], v_max=joint.v_max, tick=joint.period, **question
                 )

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from planner.cli import options, types
-from planner.cli.console import Progress, deliver, naming, remark, warn
+from planner.cli.console import Progress, deliver, remark, warn
+from planner.exceptions import PlannerError, about
 
 if TYPE_CHECKING:
-    from planner.exceptions import PlannerError
     from planner.files.logs.options import LogOptions
     from planner.files.results import Task
     from planner.identification.log import Log
@@ -225,7 +225,6 @@ def _identified(
     Raises:
         PlannerError: None can.
     """
-    from planner.exceptions import PlannerError
     from planner.files.results import Task
 
     tick_ms = choices["tick_ms"]
@@ -262,12 +261,11 @@ Question = tuple[str, Sequence["Log"], Mapping[str, Any]]
 
 def outcome_of(question: Question) -> Identification | PlannerError:
     """What is found of a joint, or why nothing is."""
-    from planner.exceptions import PlannerError
     from planner.identification.identify import identify as run
 
     joint, logs, options = question
     try:
-        with naming(joint) if joint else nullcontext():
+        with about(joint):
             return run(logs, **options)
     except PlannerError as error:
         return error
@@ -280,7 +278,6 @@ def pickled_outcome(question: Question) -> bytes:
 
 def _in_parallel(tasks: Sequence[Task]) -> list[Identification | PlannerError]:
     """The outcomes of the joints in their order, one process for each processor."""
-    from planner.exceptions import PlannerError
     from planner.parallel import executor_of, outcomes
 
     found: dict[str, Identification | PlannerError] = {}

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 import click
 
 from planner.cli import options, types
-from planner.cli.console import deliver, naming, warn
+from planner.cli.console import deliver, warn
+from planner.exceptions import InvalidFile, about
 
 if TYPE_CHECKING:
     from planner.cli.desired import Desired
@@ -54,7 +55,6 @@ def simulate(
 
     from planner.cli.desired import load_joints, refused_models, repeats, starts_of
     from planner.cli.models import model_words, verdict_document
-    from planner.exceptions import InvalidFile
     from planner.files.paths import write_joint_path
     from planner.model.evidence import untested_words
     from planner.model.response import simulate as simulate_joint
@@ -74,7 +74,7 @@ def simulate(
         warn("the load in the columns is not used: ask for it with --load column")
     columns = []
     for j, (name, joint) in enumerate(zip(given.names, given.models, strict=True)):
-        with naming(name):
+        with about(name):
             column = None if loads is None else loads[:, j]
             columns.append(
                 simulate_joint(
@@ -128,7 +128,6 @@ def simulate(
 
 def _desired(file: str, given: Desired) -> JointPath:
     """The path that the requests were planned for."""
-    from planner.exceptions import InvalidFile
     from planner.files.paths import read_joint_path
 
     path = read_joint_path(file, joints=given.names)

@@ -9,9 +9,9 @@ import sys
 import numpy as np
 import pytest
 
-from planner.cli.console import BAR, Progress, naming, terminal_width, warn
+from planner.cli.console import BAR, Progress, terminal_width, warn
 from planner.cli.reproduce import DURATIONS
-from planner.exceptions import PlannerError, SolverFailed
+from planner.exceptions import SolverFailed
 from planner.files.text import to_json
 
 
@@ -37,15 +37,6 @@ def test_a_solver_that_fails_is_one_line_and_status_1(run, desired, monkeypatch)
         "request-planner: hip: the requests: the solver stopped with status 'no progress'; "
         "worst constraint violated by 0.25\n"
     )
-
-
-def test_only_errors_of_ours_are_said_to_be_about_a_joint():
-    with pytest.raises(PlannerError) as ours, naming("hip"):
-        raise SolverFailed("the requests", "no progress")
-    assert ours.value.__notes__ == ["hip"]
-    with pytest.raises(MemoryError) as other, naming("hip"):
-        raise MemoryError
-    assert not hasattr(other.value, "__notes__")
 
 
 def test_a_plan_below_its_own_bound_is_a_failed_check(run, desired, monkeypatch):
