@@ -327,7 +327,7 @@ class Plan(Settings):
         option="--load",
     )
     norm: Norm | None = setting(
-        "Methods optimal and foot-optimal: the error to make small.",
+        "Methods shift, optimal and foot-optimal: the error to make small.",
         default=None,
         only=("shift", *OPTIMISED),
         otherwise='"rms"',

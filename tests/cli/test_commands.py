@@ -3,12 +3,22 @@
 from __future__ import annotations
 
 import json
+import math
 
+import click
 import numpy as np
 import pytest
 
 import planner
+from kinematics import exceptions as kinematics
 from planner.cli.program import COMMANDS
+from planner.exceptions import (
+    InvalidFile,
+    InvalidInput,
+    NoSteadyCycle,
+    PlannerError,
+    SolverFailed,
+)
 from planner.files.paths import read_joint_path
 from planner.model.joint import JointModel
 
@@ -114,14 +124,69 @@ def test_simulate_from_rest_begins_at_the_start_given(run, desired):
     assert first == pytest.approx([30.0 - 2.5, 2.5])  # one tick at top speed toward the requests
 
 
-def test_a_failure_that_is_not_of_the_input_is_status_1(run, desired, monkeypatch):
+ENDS = {
+    "an error of ours": (PlannerError("no fit"), 1, "hip: no fit"),
+    "a solver": (
+        SolverFailed("the requests", "no progress", violation=0.25),
+        1,
+        "hip: the requests: the solver stopped with status 'no progress'; worst constraint "
+        "violated by 0.25",
+    ),
+    "a cycle": (
+        lambda: NoSteadyCycle(math.radians(1.0), 3),
+        1,
+        "hip: no steady cycle after 3 cycles: its ends are 1 deg apart; under these requests the "
+        "joint drifts or, with inertia, rings; bring them closer to its range, make them smoother, "
+        "or simulate from rest (--no-cyclic)",
+    ),
+    "arguments": (
+        InvalidInput("max step and highest, locked: 3, 2"),
+        2,
+        "hip: --max-step-deg and --highest-hz, --lock: 3, 2",
+    ),
+    "lengths of a path": (InvalidInput("samples: 3"), 2, "hip: samples: 3"),
+    "advice": (
+        InvalidInput("give max_error, max_rms or unreachable='nearest'; x-max_error, max_errors"),
+        2,
+        "hip: give --max-error, --max-rms or --unreachable nearest; x-max_error, max_errors",
+    ),
+    "a file": (InvalidFile("cycles", "max_rms"), 2, "hip: cycles: --max-rms"),
+    "a leg": (kinematics.InvalidInput("locked: no joint"), 2, "--lock: no joint"),
+    "a leg that fails": (kinematics.KinematicsError("odd"), 1, "odd"),
+    "memory": (
+        MemoryError(),
+        2,
+        "not enough memory for so many samples; shorten the path, or plan fewer requests per "
+        "second",
+    ),
+    "a disk": (
+        OSError(28, "No space left on device"),
+        2,
+        "standard output: no space left on device; choose another place",
+    ),
+    "a place": (
+        OSError(13, "Permission denied", "out.csv"),
+        2,
+        "out.csv: permission denied; choose another place",
+    ),
+    "anything": (OSError("Odd"), 2, "standard output: odd; choose another place"),
+    "a reader": (BrokenPipeError(), 141, None),
+    "a user": (KeyboardInterrupt(), 130, None),
+    "an answer": (click.Abort(), 130, None),
+}
+"""What may be raised, the exit status, and what is said on standard error."""
+
+
+@pytest.mark.parametrize(("error", "status", "said"), ENDS.values(), ids=ENDS)
+def test_every_failure_has_its_status_and_one_line(run, desired, monkeypatch, error, status, said):
     def fails(*_, **__):
-        raise planner.PlannerError("the solver found no fit")
+        raise error() if callable(error) else error
 
     monkeypatch.setattr("planner.approximation.fit.fit_pwl", fails)
     result = run("fit", desired)
-    assert (result.exit_code, result.stdout) == (1, "")
-    assert "the solver found no fit" in result.stderr
+    assert (result.exit_code, result.stdout) == (status, "")
+    assert result.stderr.strip() == ("" if said is None else f"request-planner: {said}")
+    assert result.stderr.count("\n") <= 1
 
 
 def test_fit_gives_lines_that_the_joint_can_follow(run, desired):

@@ -11,7 +11,6 @@ import pytest
 
 from planner.cli.console import BAR, Progress, terminal_width, warn
 from planner.cli.reproduce import DURATIONS
-from planner.exceptions import SolverFailed
 from planner.files.text import to_json
 
 
@@ -23,20 +22,6 @@ def test_a_rule_outside_its_domain_is_a_warning_in_one_line(run, desired, tmp_pa
     json.loads(result.stdout)
     assert result.stderr.startswith("request-planner: warning: the paper's rule assumes")
     assert result.stderr.count("\n") == 1
-
-
-def test_a_solver_that_fails_is_one_line_and_status_1(run, desired, monkeypatch):
-    def fail(*_, **__):
-        raise SolverFailed("the requests", "no progress", violation=0.25)
-
-    monkeypatch.setattr("planner.planning.solve.solve_joint", fail)
-    result = run("plan", desired)
-    assert result.exit_code == 1
-    assert result.stdout == ""
-    assert result.stderr == (
-        "request-planner: hip: the requests: the solver stopped with status 'no progress'; "
-        "worst constraint violated by 0.25\n"
-    )
 
 
 def test_a_plan_below_its_own_bound_is_a_failed_check(run, desired, monkeypatch):

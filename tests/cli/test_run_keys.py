@@ -7,7 +7,9 @@ import inspect
 import math
 import re
 import tomllib
+from contextlib import suppress
 from pathlib import Path
+from typing import get_args
 
 import click
 import pytest
@@ -17,7 +19,8 @@ from planner.cli import cli
 from planner.cli.declared import ANY, Unfit, fitted, markdown, tables, template, understand
 from planner.cli.options import SETTINGS
 from planner.cli.program import COMMANDS
-from planner.cli.settings import HalfEllipse, Parameters, Run
+from planner.cli.settings import Export, HalfEllipse, Parameters, Plan, Replay, Run
+from planner.cli.sweep.space import Search
 from planner.files.toml import Toml, read_toml
 
 PAGE = (Path(__file__).parents[2] / "docs" / "run.md").read_text(encoding="utf-8")
@@ -25,6 +28,7 @@ PAGE = (Path(__file__).parents[2] / "docs" / "run.md").read_text(encoding="utf-8
 DECLARED = [
     ((*table.place, name), key) for table in tables(Run) for name, key in table.keys.items()
 ]
+REPLAY = [(("replay", name), key) for name, key in Replay.keys.items()]
 NAMES = [".".join(part for part in place if part != ANY) for place, _ in DECLARED]
 
 
@@ -77,16 +81,65 @@ def test_every_key_is_in_the_template_and_its_example_is_of_its_kind(place, key)
         fitted(key.annotation, example)
 
 
-def test_every_option_that_is_a_setting_is_one_of_a_command():
-    context = click.Context(cli)
-    names = {
-        name
-        for command in COMMANDS
-        for parameter in cli.get_command(context, command).params
-        for name in parameter.opts
-    }
+@pytest.mark.parametrize(("place", "key"), [*DECLARED, *REPLAY], ids=[*NAMES, *Replay.keys])
+def test_a_number_at_an_end_of_its_range_is_taken_where_the_words_say_so(place, key):
+    def takes(number):
+        with suppress(ValueError):
+            return fitted(key.annotation, number) == number
+        return False
+
+    if whole := re.fullmatch(r"a whole number from (-?\d+) to (\d+)", key.expected):
+        low, high = map(int, whole.groups())
+        assert [*map(takes, (low - 1, low, high, high + 1))] == [False, True, True, False]
+    elif key.expected.startswith("a number"):
+        for words, end in re.findall(r"(above|of at least|below) ([\d.]+)", key.expected):
+            at, inside = float(end), math.inf if words != "below" else -math.inf
+            assert takes(at) is (words == "of at least")
+            assert takes(math.nextafter(at, inside))
+            assert not takes(math.nextafter(at, -inside))
+        assert takes(math.inf) is key.expected.endswith("or inf")
+        assert not takes(math.nan)
+        assert not takes(True)
+
+
+@pytest.mark.parametrize(
+    ("table", "choice", "rest"),
+    [
+        (Plan, "method", {}),
+        (Export, "format", {"format": "csv", "file": "a"}),
+        (Search, "method", {}),
+    ],
+)
+def test_a_setting_has_an_effect_with_the_choices_that_its_help_begins_with(table, choice, rest):
+    choices, named = get_args(table.keys[choice].type), set()
+    for name, key in table.keys.items():
+        begins, colon, _ = key.about.help.partition(":")
+        if not begins.startswith("The same"):  # as the one before
+            named = {each for each in re.findall(r"[\w-]+", begins) if each in choices and colon}
+        assert {*key.about.only} == named, name
+        if named:
+            given = table.of({**rest, name: key.type is bool or key.about.example})
+            without = [each for each in choices if name in given.without_effect(each)]
+            assert without == [each for each in choices if each not in named]
+
+
+def test_every_option_that_is_a_setting_is_one_of_a_command_and_keeps_its_earlier_names():
+    context, names, earlier = click.Context(cli), set(), {}
+    for command in COMMANDS:
+        for parameter in cli.get_command(context, command).params:
+            names.update(parameter.opts)
+            for name in getattr(parameter, "earlier", ()):
+                earlier.setdefault(f"{name} {parameter.opts[-1]}", []).append(command)
     for setting in SETTINGS.values():
         assert setting.about.option.partition("/")[0] in names
+    assert earlier == {
+        "--limits --limits-deg": ["compare", "plan", "refine", "replay"],
+        "--length --half-stroke": ["gait"],
+        "--out --output": ["identify"],
+        "--start --start-deg": ["plan", "refine", "simulate"],
+        "--start --begin-s": ["replay"],
+        "--end --end-s": ["replay"],
+    }
 
 
 def test_the_half_ellipse_has_the_parameters_of_the_library():
