@@ -28,7 +28,6 @@ PAGE = (Path(__file__).parents[2] / "docs" / "run.md").read_text(encoding="utf-8
 DECLARED = [
     ((*table.place, name), key) for table in tables(Run) for name, key in table.keys.items()
 ]
-REPLAY = [(("replay", name), key) for name, key in Replay.keys.items()]
 NAMES = [".".join(part for part in place if part != ANY) for place, _ in DECLARED]
 
 
@@ -81,8 +80,11 @@ def test_every_key_is_in_the_template_and_its_example_is_of_its_kind(place, key)
         fitted(key.annotation, example)
 
 
-@pytest.mark.parametrize(("place", "key"), [*DECLARED, *REPLAY], ids=[*NAMES, *Replay.keys])
-def test_a_number_at_an_end_of_its_range_is_taken_where_the_words_say_so(place, key):
+KEYS = {**dict(zip(NAMES, (key for _, key in DECLARED), strict=True)), **Replay.keys}
+
+
+@pytest.mark.parametrize("key", KEYS.values(), ids=KEYS)
+def test_a_number_at_an_end_of_its_range_is_taken_where_the_words_say_so(key):
     def takes(number):
         with suppress(ValueError):
             return fitted(key.annotation, number) == number

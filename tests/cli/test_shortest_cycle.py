@@ -3,36 +3,71 @@
 from __future__ import annotations
 
 import json
+import math
 
 import pytest
 
 from planner import JointModel
 from planner.files.paths import read_foot_path
 from planner.gait import shortest_cycle
-from planner.model.evidence import Evidence
+from planner.model.evidence import OPEN_TOP_SPEED, Evidence
 
 TESTED = Evidence(0.01, 1.0, 0.0, (-3.0, 3.0))
 """Of a joint whose logs were slow."""
 
 
 @pytest.fixture
-def walk(tmp_path, monkeypatch):
-    """A small walk of a leg, without the bounds that take seconds."""
-    monkeypatch.setattr(shortest_cycle, "PROOFS", 0)
+def fastest(run, tmp_path, monkeypatch):
+    """Seek the shortest cycle of a small walk, without the bounds that take seconds."""
     monkeypatch.setattr("planner.planning.bounds.foot_bound.MOST_SAMPLES_BOUNDED", 0)
-    file = tmp_path / "joint.toml"
-    JointModel.ers210a().with_evidence(TESTED).to_toml(file)
-    return "--leg", "front-left", "--model", file
+
+    def fastest(evidence, proof, *more):
+        monkeypatch.setattr(shortest_cycle, "_too_short", lambda *_: proof)
+        JointModel.ers210a().with_evidence(evidence).to_toml(tmp_path / "joint.toml")
+        asked = ("gait", "--leg", "front-left", "--model", "joint.toml", "--samples", 24)
+        size = ("--half-stroke", 0.01, "--height", 0.005, "--fastest", "--tolerance-cm", 0.2)
+        result = run(*asked, *size, "-o", "foot.csv", *more)
+        assert result.exit_code == 0, result.output
+        return result
+
+    return fastest
 
 
-def test_the_path_is_planned_within_the_tolerance_as_is_said(run, tmp_path, walk):
-    file = tmp_path / "foot.csv"
-    asked = ("gait", *walk, "--half-stroke", 0.01, "--height", 0.005, "--samples", 24)
-    result = run(*asked, "--fastest", "--tolerance-cm", 0.2, "-o", file)
-    assert result.exit_code == 0, result.output
-    assert "plan it with --method foot-optimal --norm max" in result.stderr
-    assert "outside what the models were tested on" in result.stderr
-    assert "front_left_knee (speed)" in result.stderr
-    plan = ("plan", file, *walk, "--method", "foot-optimal", "--norm", "max", "--json")
-    assert json.loads(run(*plan).stdout)["foot"]["max_cm"] < 0.2
-    assert len(read_foot_path(file).positions) > 12
+def test_the_path_is_planned_within_the_tolerance_as_is_said(run, fastest):
+    said = fastest(TESTED, None).stderr
+    assert "s, is the shortest at which the planned foot stays within 0.2 cm by the model; " in said
+    assert "; no shorter one is proved impossible\nplan it with --method foot-optimal" in said
+    assert "outside what the models were tested on" in said
+    assert "front_left_knee (speed)" in said
+    asked = ("--leg", "front-left", "--model", "joint.toml", "--method", "foot-optimal")
+    plan = json.loads(run("plan", "foot.csv", *asked, "--norm", "max", "--json").stdout)
+    document = json.loads(fastest(TESTED, None, "--json").stdout)
+    found, count = document["fastest"], len(read_foot_path("foot.csv").positions)
+    assert plan["foot"]["max_cm"] == pytest.approx(found.pop("max_cm"), rel=1e-3)
+    assert plan["foot"]["max_cm"] < 0.2
+    assert 12 < count < 24
+    assert found.pop("untested")["front_left_knee"] == ["speed"]
+    assert found == {
+        "tolerance_cm": 0.2,
+        "samples": count,
+        "cycle_s": pytest.approx(0.008 * count),
+        "too_short": None,
+    }
+
+
+@pytest.mark.parametrize("fastest_joint", [math.inf, 5.5])
+def test_a_cycle_that_is_proved_too_short_is_told_with_what_the_proof_holds_for(
+    fastest, fastest_joint
+):
+    proof, unknown = shortest_cycle.TooShort(12, 0.0022), fastest_joint == math.inf
+    evidence = Evidence(0.01, intervals={"v_max": (5.0, fastest_joint)})
+    said = fastest(evidence, proof).stderr
+    assert "by the model; in 0.096 s no requests keep it there" in said
+    assert (f"holds for the models only: {OPEN_TOP_SPEED}\n" in said) is unknown
+    document = json.loads(fastest(evidence, proof, "--json").stdout)
+    assert document["fastest"]["too_short"] == {
+        "samples": 12,
+        "cycle_s": pytest.approx(0.096),
+        "lower_bound_cm": pytest.approx(0.22),
+        "of_model_only": unknown,
+    }
