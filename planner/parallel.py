@@ -98,8 +98,7 @@ def carry_out(
                 results.write(task, outcome.result)
             progress(task)
     except BaseException:  # such as a scheduler that went away before the first result
-        if not any(results.folder.glob("??/*")):
-            results.remove()
+        results.remove_if_empty()
         raise
     return {task.name: failures[task.name] for task in tasks if task.name in failures}
 

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import subprocess
 import sys
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 
 from planner import parallel
-from planner.exceptions import InvalidInput
+from planner.exceptions import ANGLE_UNIT, InvalidInput
 from planner.files.results import Results, Task
 from planner.parallel import carry_out, executor_of
 from tests.parallel import work
@@ -49,6 +51,32 @@ def test_a_task_that_fails_is_reported_and_the_rest_goes_on(results):
     assert [task in results for task in work.tasks()] == [k != 3 for k in range(8)]
 
 
+def test_reasons_come_in_the_order_of_the_tasks_in_words_and_units_of_the_caller(results):
+    executor, unit = work.LastFirst(5), ANGLE_UNIT.set("deg")
+    with pytest.warns(UserWarning, match="odd") as warned:
+        failures = carry_out(work.fail_in_many_ways, work.tasks(5), results, executor)
+    ANGLE_UNIT.reset(unit)
+    assert list(failures.items()) == [
+        ("task 0", "foot: frame 'paw' is not in the URDF; frames: ball"),
+        ("task 1", "ValueError: two lines"),
+        ("task 2", "SystemExit: stop"),
+        ("task 3", "knee: got 180 deg"),
+    ]
+    assert [(str(each.message), each.category) for each in warned] == [("odd", UserWarning)]
+    assert results.read(work.tasks(5)[4]) == b"4"
+
+
+@pytest.mark.parametrize("kept", [0, 1])
+def test_a_folder_without_a_result_does_not_outlive_what_ends_the_tasks(results, kept):
+    def ends(*_):
+        raise KeyboardInterrupt
+
+    run(work.square, work.tasks(kept), results, workers=1)
+    with pytest.raises(KeyboardInterrupt):
+        carry_out(work.square, work.tasks(), results, SimpleNamespace(submit=ends))
+    assert results.folder.exists() is bool(kept)
+
+
 def test_a_task_whose_worker_is_killed_is_tried_again(tmp_path, results):
     tasks = [replace(task, argument=(task.argument, tmp_path / "mark")) for task in work.tasks()]
     assert run(work.kill_once, tasks, results, workers=2) == {}
@@ -65,10 +93,12 @@ def test_a_task_that_kills_every_worker_is_reported_and_no_other_is_lost(tmp_pat
 
 def test_a_worker_uses_one_thread_and_this_process_what_it_did(results, monkeypatch):
     monkeypatch.setenv("OMP_NUM_THREADS", "7")
+    monkeypatch.delenv("MKL_NUM_THREADS", raising=False)
     task = Task("threads", "OMP_NUM_THREADS")
     run(work.threads, [task], results, workers=1)
     assert results.read(task) == b"1"
-    assert parallel.os.environ["OMP_NUM_THREADS"] == "7"
+    assert os.environ["OMP_NUM_THREADS"] == "7"
+    assert "MKL_NUM_THREADS" not in os.environ
 
 
 def test_only_what_is_missing_is_computed(results):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import pickle
 import signal
@@ -13,7 +14,8 @@ from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 
-from planner.exceptions import InvalidInput
+from kinematics.exceptions import UnknownFrame
+from planner.exceptions import InvalidInput, about, angle_text
 from planner.files.results import Results, Task
 from planner.parallel import carry_out, executor_of
 
@@ -51,6 +53,22 @@ def kill_always(argument):
     return square(number)
 
 
+def fail_in_many_ways(number):
+    """No result, but for the last task, which warns."""
+    if number == 0:
+        raise UnknownFrame("paw", ["ball"], role="foot")
+    if number == 1:
+        raise ValueError("two\nlines")
+    if number == 2:
+        raise SystemExit("stop")
+    if number == 3:
+        with about("knee"):
+            raise InvalidInput(f"got {angle_text(math.pi)}")
+    for category in (UserWarning, UserWarning, DeprecationWarning):
+        warnings.warn("odd", category, stacklevel=1)
+    return b"4"
+
+
 def threads(name):
     """What a worker's linear algebra is told about threads."""
     return os.environ[name].encode()
@@ -71,6 +89,22 @@ class InThisProcess(Executor):
         self.ran += 1
         future = Future()
         future.set_result(pickle.loads(pickle.dumps(partial(function, *given)))())
+        return future
+
+
+class LastFirst(Executor):
+    """An executor that runs the last of so many calls first."""
+
+    def __init__(self, count):
+        self.count = count
+        self.calls = []
+
+    def submit(self, function, /, *given):
+        future = Future()
+        self.calls.append((future, partial(function, *given)))
+        if len(self.calls) == self.count:
+            for each, call in reversed(self.calls):
+                each.set_result(call())
         return future
 
 
