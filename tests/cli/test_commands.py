@@ -226,13 +226,6 @@ def test_version_and_bare_call(run):
     assert all(command in bare.stdout for command in COMMANDS)
 
 
-def test_colours_are_for_those_who_want_them(run, desired):
-    coloured = run("fit", desired, color=True)
-    assert "\x1b[" in coloured.stderr
-    plain = run("fit", desired, color=True, env={"NO_COLOR": "1"})
-    assert "\x1b[" not in plain.stderr
-
-
 @pytest.mark.parametrize("limits", [("--limits", "knee=0:40"), ("--limits=knee=0:40",)])
 def test_an_earlier_name_of_an_option_is_understood_with_a_note(run, desired, limits):
     today, earlier = (

@@ -4,14 +4,42 @@ from __future__ import annotations
 
 import io
 import json
+import logging
+import math
+import os
 import sys
+from types import SimpleNamespace
 
+import click
 import numpy as np
 import pytest
 
-from planner.cli.console import BAR, Progress, terminal_width, warn
+from planner.cli.console import (
+    BAR,
+    KEY,
+    Progress,
+    coloured,
+    complain,
+    detail,
+    print_log,
+    remark,
+    summarise,
+    terminal_width,
+    warn,
+)
 from planner.cli.reproduce import DURATIONS
+from planner.exceptions import (
+    ANGLE_UNIT,
+    JOINT_UNITS,
+    LONGEST,
+    PlannerError,
+    about,
+    angle_text,
+    printable,
+)
 from planner.files.text import to_json
+
+ERASE = "\r\x1b[K"
 
 
 def test_a_rule_outside_its_domain_is_a_warning_in_one_line(run, desired, tmp_path):
@@ -38,15 +66,34 @@ def test_json_has_no_numbers_that_are_none():
     assert json.loads(text) == {"gap": None, "list": [None, 1.5], "name": "Δ"}
 
 
-@pytest.mark.parametrize("watched", [True, False], ids=["terminal", "file"])
-def test_progress_is_for_terminals(monkeypatch, capsys, watched):
+SHOWN = {
+    ("normal", True): f"{ERASE}the walk …{ERASE}the abducto{ERASE}",
+    ("verbose", True): f"{ERASE}the walk …{ERASE}request-planner: the walk: 1.25 s\n"
+    f"{ERASE}the abducto{ERASE}request-planner: the abductor of the leg: 2 s\n{ERASE}",
+    ("quiet", True): "",
+    ("normal", False): "",
+    ("verbose", False): "request-planner: the walk: 1.25 s\n"
+    "request-planner: the abductor of the leg: 2 s\n",
+}
+"""What is said of two steps, by what is asked for, on a terminal of 12 columns and elsewhere."""
+
+
+@pytest.mark.parametrize(("asked", "watched"), SHOWN)
+def test_progress_is_for_terminals_and_the_time_of_each_step_for_who_asks(
+    monkeypatch, capsys, clock, asked, watched
+):
     monkeypatch.setattr(sys.stderr, "isatty", lambda: watched, raising=False)
-    progress = Progress()
-    progress("the walk")
-    progress.done()
-    said = capsys.readouterr()
-    assert said.out == ""
-    assert ("the walk" in said.err) is watched
+    monkeypatch.setattr("shutil.get_terminal_size", lambda: os.terminal_size((12, 24)))
+    monkeypatch.setattr("planner.cli.console.REDRAWN", 1e6)
+    monkeypatch.setenv("NO_COLOR", "1")
+    with click.Context(click.Command("plan")) as context:
+        context.meta[KEY] = asked
+        with at(clock, []) as progress:
+            progress("the walk")
+            clock[0] = 1.25
+            progress("the abductor of the leg")
+            clock[0] = 3.25
+    assert capsys.readouterr() == ("", SHOWN[asked, watched])
 
 
 @pytest.fixture
@@ -68,6 +115,8 @@ def test_the_time_left_follows_the_pace_of_the_steps_that_are_done(clock):
     assert progress.line() == f"knee …  {'█' * (BAR // 4)}{'░' * (BAR - BAR // 4)}  30 s left"
     clock[0] = 30.0
     assert progress.line() == f"knee …  {'█' * (3 * BAR // 4)}{'░' * (BAR // 4)}  10 s left"
+    clock[0] = 39.9
+    assert progress.line().endswith("  1 s left")
 
 
 def test_a_step_that_takes_longer_than_expected_is_not_said_to_end(clock):
@@ -80,7 +129,15 @@ def test_a_step_that_takes_longer_than_expected_is_not_said_to_end(clock):
 
 
 @pytest.mark.parametrize(
-    ("spent", "said"), [(1.0, ""), (50.0, "  50 s"), (600.0, "  10 min"), (9000.0, "  2.5 h")]
+    ("spent", "said"),
+    [
+        (1.99, ""),
+        (2.0, "  2 s"),
+        (99.4, "  99 s"),
+        (100.0, "  2 min"),
+        (5900.0, "  98 min"),
+        (6000.0, "  1.7 h"),
+    ],
 )
 def test_work_of_unknown_length_says_how_long_it_has_been_going_on(clock, spent, said):
     progress = at(clock, [])
@@ -95,8 +152,16 @@ def test_steps_in_parallel_are_counted_and_the_time_left_is_that_at_their_pace(c
         progress("episode 3")
         progress("episode 1")
         assert progress.line() == f"2 of 8 …  {'█' * (BAR // 4)}{'░' * (BAR - BAR // 4)}"
+        clock[0] = 1.99
+        assert "left" not in progress.line()
         clock[0] = 10.0
         assert progress.line().endswith("  30 s left")
+        for k in range(6):
+            progress(f"episode {k + 4}")
+        assert progress.line() == f"8 of 8 …  {'█' * BAR}  1 s left"
+    with Progress(count=8, clock=lambda: clock[0]) as progress:
+        clock[0] = 20.0
+        assert progress.line() == f"0 of 8 …  {'░' * BAR}"
 
 
 def test_a_pace_that_differs_from_what_was_expected_counts_for_the_steps_that_are_left(clock):
@@ -145,11 +210,111 @@ def test_a_warning_is_wrapped_on_a_terminal_and_one_line_elsewhere(monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("columns", "width"), [("60", 60), ("0", None), ("wide", None), (None, None)]
+    ("columns", "width"), [("60", 60), ("1", 1), ("0", None), ("wide", None), (None, None)]
 )
-def test_columns_set_the_width_of_tables_that_are_piped(monkeypatch, columns, width):
-    if columns is None:
-        monkeypatch.delenv("COLUMNS", raising=False)
-    else:
+def test_columns_set_the_width_before_the_terminal_does(monkeypatch, columns, width):
+    monkeypatch.delenv("COLUMNS", raising=False)
+    if columns is not None:
         monkeypatch.setenv("COLUMNS", columns)
-    assert terminal_width(io.StringIO()) == width
+    assert terminal_width(None) == terminal_width(io.StringIO()) == width
+    terminal = SimpleNamespace(isatty=lambda: True, fileno=lambda: 2)
+    for there, shown in ((132, 132), (0, 80), (None, 80)):
+
+        def size(_, there=there):
+            if there is None:
+                raise OSError
+            return os.terminal_size((there, 24))
+
+        monkeypatch.setattr("os.get_terminal_size", size)
+        assert terminal_width(terminal) == (width or shown)
+
+
+@pytest.mark.parametrize(
+    ("settings", "answer"),
+    [
+        ({}, None),
+        ({"TERM": "xterm"}, None),
+        ({"TERM": "dumb"}, False),
+        ({"TERM": "dumb", "FORCE_COLOR": "1"}, True),
+        ({"FORCE_COLOR": "1"}, True),
+        ({"FORCE_COLOR": ""}, None),
+        ({"FORCE_COLOR": "1", "NO_COLOR": "1"}, False),
+        ({"FORCE_COLOR": "1", "NO_COLOR": ""}, True),
+    ],
+)
+def test_colours_depend_on_the_terminal_unless_the_environment_says(monkeypatch, settings, answer):
+    for name in ("NO_COLOR", "FORCE_COLOR", "TERM"):
+        monkeypatch.delenv(name, raising=False)
+    for name, value in settings.items():
+        monkeypatch.setenv(name, value)
+    assert coloured() is answer
+
+
+def test_the_first_line_of_a_summary_and_the_label_of_a_notice_stand_out(monkeypatch, capsys):
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    monkeypatch.delenv("NO_COLOR", raising=False)
+    summarise("first\nsecond\nthird")
+    warn("a warning: of warning:")
+    remark("a remark")
+    complain("an\n  error \x1b")
+    assert capsys.readouterr().err == (
+        "\x1b[1mfirst\x1b[0m\nsecond\nthird\n"
+        "request-planner: \x1b[33mwarning:\x1b[0m a warning: of warning:\n"
+        "request-planner: a remark\n"
+        "\x1b[31m\x1b[1mrequest-planner:\x1b[0m an error \\x1b\n"
+    )
+    with click.Context(click.Command("plan")) as context:
+        context.meta[KEY] = "quiet"
+        summarise("first")
+        remark("a remark")
+        detail("a detail")
+        assert capsys.readouterr().err == ""
+        warn("a warning")
+        complain("an error")
+        assert capsys.readouterr().err.count("\n") == 2
+
+
+def test_the_log_is_printed_until_the_command_ends(capsys):
+    log = logging.getLogger("planner")
+    before = log.level, [*log.handlers]
+    with click.Context(click.Command("plan")) as context:
+        context.meta[KEY] = "verbose"
+        end = print_log()
+        logging.getLogger("planner.planning").debug("%d iterations", 3)
+        assert capsys.readouterr().err == "request-planner: 3 iterations\n"
+        end()
+        assert (log.level, log.handlers) == before
+
+
+@pytest.mark.parametrize(
+    ("unit", "angles", "said"),
+    [
+        ("rad", (0.5,), "0.5 rad"),
+        ("deg", (1.0,), "57.2958 degrees"),
+        ("deg", (math.radians(1.0),), "1 degree"),
+        ("deg", (0.0, math.pi), "0 to 180 degrees"),
+        ("percent", (math.radians(1.0),), "1 percent"),
+    ],
+)
+def test_angles_are_said_in_the_unit_of_the_user_and_of_the_joint(unit, angles, said):
+    token = ANGLE_UNIT.set(unit)
+    try:
+        assert angle_text(*angles, spelt=True) == said
+        assert angle_text(*angles) == said.replace("degrees", "deg").replace("degree", "deg")
+        units = JOINT_UNITS.set({"jaw": "percent"})
+        for joint, expected in (("jaw", "percent"), ("hip", unit), ("", unit)):
+            with pytest.raises(PlannerError) as caught, about(joint):
+                raise PlannerError(angle_text(math.pi))
+            assert str(caught.value).endswith(f" {expected}")
+            assert getattr(caught.value, "__notes__", []) == [joint] * bool(joint)
+        JOINT_UNITS.reset(units)
+        assert ANGLE_UNIT.get() == unit
+    finally:
+        ANGLE_UNIT.reset(token)
+
+
+def test_a_long_message_keeps_its_beginning_and_its_end():
+    for text in ("x" * LONGEST, "a" * 1200 + "b" * 9000 + "c" * 300):
+        shown = printable(text)
+        assert shown == (text if len(text) == LONGEST else f"{'a' * 1200} … {'c' * 300}")
+    assert printable("\x1b\n" * 700) == "\\x1b\\n" * 200 + " … " + "\\x1b\\n" * 50

@@ -11,7 +11,6 @@ import click
 import pytest
 from click.shell_completion import ShellComplete
 
-from planner._version import __version__
 from planner.cli import cli
 from planner.cli.program import COMMANDS
 
@@ -33,8 +32,6 @@ HEAVY = (
     "yaml",
 )
 """Packages that take long to import."""
-
-RED = "\x1b[31m"
 
 
 def command(name):
@@ -89,21 +86,6 @@ def test_a_plan_of_joints_imports_what_it_needs_only(tmp_path):
     assert imported & {*HEAVY, "kinematics.leg", "scipy.optimize"} == needed
 
 
-def test_the_version_is_that_of_the_package(run):
-    assert run("--version").stdout == f"request-planner {__version__}\n"
-
-
-@pytest.mark.parametrize("wrong", ["plann", "simulat", "comparee"])
-def test_a_misspelt_command_names_the_nearest(run, wrong):
-    near = {"plann": "plan", "simulat": "simulate", "comparee": "compare"}[wrong]
-    result = run(wrong)
-    assert result.exit_code == 2
-    assert result.stderr == (
-        f"request-planner: No such command '{wrong}'. Did you mean '{near}'? "
-        "See 'request-planner --help'.\n"
-    )
-
-
 @pytest.mark.parametrize("arguments", [["-q", "plan"], ["plan", "--quiet"]])
 def test_quiet_leaves_the_data_alone(run, desired, arguments):
     result = run(*arguments, desired)
@@ -142,39 +124,15 @@ def test_quiet_and_verbose_contradict_each_other(run):
     assert "--quiet and --verbose contradict each other: leave one out." in result.stderr
 
 
-@pytest.mark.parametrize(
-    ("settings", "coloured"),
-    [
-        ({}, False),
-        ({"FORCE_COLOR": "1"}, True),
-        ({"FORCE_COLOR": "1", "NO_COLOR": "1"}, False),
-        ({"FORCE_COLOR": "1", "NO_COLOR": ""}, True),
-        ({"FORCE_COLOR": ""}, False),
-    ],
-)
-def test_colours_are_for_terminals_and_those_who_ask(run, monkeypatch, settings, coloured):
+@pytest.mark.parametrize("asked", ["NO_COLOR", "FORCE_COLOR"])
+def test_colours_are_for_those_who_ask_and_not_in_data(run, monkeypatch, asked):
     for name in ("NO_COLOR", "FORCE_COLOR", "TERM"):
         monkeypatch.delenv(name, raising=False)
-    for name, value in settings.items():
-        monkeypatch.setenv(name, value)
-    assert (RED in run("bogus").stderr) is coloured
+    monkeypatch.setenv(asked, "1")
+    coloured = asked == "FORCE_COLOR"
+    assert ("\x1b[31m" in run("bogus").stderr) is coloured
     assert ("\x1b[1m" in run("gait", "-o", "foot.csv").stderr) is coloured
     assert "\x1b" not in run("gait").stdout
-
-
-@pytest.mark.parametrize(
-    ("shell", "line"),
-    [
-        ("bash", "complete -o nosort -F _request_planner_completion request-planner"),
-        ("zsh", "#compdef request-planner"),
-        ("fish", "complete --no-files --command request-planner"),
-    ],
-)
-def test_every_shell_gets_its_script(run, shell, line):
-    result = run("completion", shell)
-    assert result.exit_code == 0
-    assert line in result.stdout
-    assert "_REQUEST_PLANNER_COMPLETE" in result.stdout
 
 
 @pytest.mark.parametrize(
@@ -187,6 +145,8 @@ def test_every_shell_gets_its_script(run, shell, line):
         ("gait -o fo", ["file,fo"]),
         ("run wal", ["file,wal"]),
         ("reproduce --out ou", ["dir,ou"]),
+        ("plan --leg fr", ["plain,front-left", "plain,front-right"]),
+        ("plan --leg left", ["file,left"]),
         ("completion z", ["plain,zsh"]),
     ],
 )
