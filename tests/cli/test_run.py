@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 import sys
 from dataclasses import replace
@@ -24,6 +25,9 @@ ROUNDED = 1e-6
 
 JOINTS = '[path]\nfile = "desired.csv"\n'
 """The least that makes a run, on the file of two joints."""
+
+SERVO = "v_max = 4\ntheta_0 = 0.1\nlag = 0.03\nacceleration_time = 0.04\n"
+"""Parameters of a joint."""
 
 
 @pytest.fixture
@@ -266,14 +270,65 @@ def test_a_comparison_is_that_of_compare(run, write, brief, tmp_path):
     assert (tmp_path / "it" / "comparison.svg").read_text().startswith("<?xml")
 
 
-def test_the_scene_is_a_page(run, write, foot, tmp_path):
+def test_pages_link_to_all_files_and_only_requests_carry_the_load(run, write, foot, tmp_path):
     pytest.importorskip("meshcat", reason="needs the extra 'meshcat'")
-    assert foot.exists()
     content = (
-        '[leg]\nname = "front-left"\n[path]\nfile = "foot.csv"\n[output]\nscene = "leg.html"\n'
+        f'[leg]\nname = "front-left"\n[path]\nfile = "{foot.name}"\n'
+        f'[plan]\nmethod = "closed-form"\nload = "urdf"\n[model.parameters]\n{SERVO}'
+        'compliance = 0.3\n[output]\nscene = "pages/leg.html"\nreport = "pages/plan.html"\n'
+        'desired = ""\n[[export]]\nformat = "csv"\nfile = "arm/sent.csv"\n'
     )
-    assert run("run", write(content)).exit_code == 0
-    assert "<html" in (tmp_path / "it" / "leg.html").read_text(encoding="utf-8")[:500]
+    result = run("run", write(content))
+    assert result.exit_code == 0, result.stderr
+    folder = tmp_path / "it"
+    files = ["angles.csv", "arm/sent.csv", "foot.csv", "pages/leg.html", "pages/plan.html"]
+    assert results(folder)["files"] == [*files, "requests.csv"]
+    page = (folder / "pages" / "plan.html").read_text(encoding="utf-8")
+    links = set(re.findall(r'<a href="([^"#]+)"', page))
+    assert links == {
+        "../../foot.csv",
+        "../../it.toml",
+        *(f"../{name}" for name in (*files[:3], "requests.csv", "results.json")),
+        "leg.html",
+    }
+    scene = (folder / "pages" / "leg.html").read_text(encoding="utf-8")
+    assert "<title>request-planner: front-left</title>" in scene
+    heads = {
+        name: (folder / f"{name}.csv").read_text().partition("\n")[0]
+        for name in ("requests", "angles")
+    }
+    loads = ",".join(f"front_left_{name}_load_Nm" for name in ("rotator", "abductor", "knee"))
+    assert heads["requests"] == f"{heads['angles']},{loads}"
+
+
+def test_requests_beyond_limits_that_the_method_does_not_know_are_warned_of(run, write, tmp_path):
+    angles = 10.0 - 20.0 * np.cos(2.0 * np.pi * np.arange(24) / 24)
+    rows = [f"{0.008 * k:.3f},{angle:.4f}" for k, angle in enumerate(angles)]
+    (tmp_path / "near.csv").write_text("\n".join(["t_s,front_left_abductor_deg", *rows]))
+    leg = '[leg]\nname = "front-left"\n[path]\nfile = "near.csv"\n'
+    planned = run("plan", "near.csv", "--leg", "front-left", "--method", "closed-form")
+    for result, method in (
+        (run("run", write(f'{leg}[plan]\nmethod = "closed-form"\n')), 'plan.method = "optimal"'),
+        (planned, "--method optimal"),
+    ):
+        assert result.exit_code == 0
+        assert re.match(
+            r"request-planner: warning: front_left_abductor: request \d+ is -\d\d\.\d\d deg, "
+            rf"beyond the limits -11\.00 to 89\.00; {method} keeps to them\n",
+            result.stderr,
+        )
+
+
+def test_shares_of_a_range_are_neither_exported_nor_compared(run, write, tmp_path):
+    rows = "\n".join(f"{0.008 * k:.3f},{50 + 9 * (k % 2)}" for k in range(12))
+    (tmp_path / "jaw.csv").write_text(f"t_s,jaw_percent\n{rows}\n")
+    (tmp_path / "servo.toml").write_text(SERVO)
+    path = '[path]\nfile = "jaw.csv"\n[model]\nfile = "servo.toml"\n'
+    for more in ("[output]\ncomparison = true\n", '[[export]]\nformat = "csv"\nfile = "a.csv"\n'):
+        result = run("run", write(path + more), "--check")
+        assert result.exit_code == 2
+        assert "'jaw' is in shares of its range, expected an angle; choose" in result.stderr
+    assert run("run", write(path), "--check").exit_code == 0
 
 
 def test_json_is_what_the_folder_holds(run, write, desired, tmp_path):

@@ -92,9 +92,12 @@ CASES = {
         "export requests.csv --format lerobot --task walk -o episode --json",
     ],
     "export-model": "export played.csv --model arm.toml --format csv --unit ticks --cycles 2",
-    "export-yaml": "export requests.csv --format yaml --rate-hz 250 --lead-s 2 --joint-names a,b,c "
-    "--velocities",
-    "fit-exact": "fit path.csv --segments 4 --exact --joint hip --knots knots.csv",
+    "export-yaml": "export requests.csv --format yaml --rate-hz 250 --lead-s 2 "
+    "--joint-names 'a, b ,c' --velocities",
+    "fit-exact": [
+        "fit path.csv --segments 4 --exact --joint hip --knots knots.csv",
+        "fit path.csv --segments 4 --joint hip --knots /dev/null -o /dev/null",
+    ],
     "fit-figure": "fit path.csv --max-error 2 --figure fit.svg --json",
     "fit-path": "fit path.csv --no-cyclic --max-rms 9 --required-s 0=0 --required-s 0.08 --model "
     "joint.toml",
