@@ -42,8 +42,11 @@ _METHODS = ("direct", "closed form plain", "closed form", "optimal", "foot optim
 DURATIONS = {
     "model": {**_PLANS, "the step tests": 0.01, "the report": 7.0},
     "virtual": {
-        **{f"the step tests of the {joint}": 0.25 for joint in _JOINTS},
-        **{f"the model of the {joint}": 0.4 for joint in _JOINTS},
+        **{
+            f"{step} of the {joint}": seconds
+            for joint in _JOINTS
+            for step, seconds in (("the step tests", 0.25), ("the model", 0.4))
+        },
         **_PLANS,
         **{f"20 cycles of the walk: {method}": 0.5 for method in _METHODS},
         "10 trials of learning": 8.0,

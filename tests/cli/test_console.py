@@ -27,7 +27,6 @@ from planner.cli.console import (
     terminal_width,
     warn,
 )
-from planner.cli.reproduce import DURATIONS
 from planner.exceptions import (
     ANGLE_UNIT,
     JOINT_UNITS,
@@ -183,10 +182,6 @@ def test_work_inside_other_work_has_the_line_and_gives_it_back(clock, monkeypatc
         assert Progress.shown is outer
     assert Progress.shown is None
     assert capsys.readouterr().err.count("inner …") >= 1
-
-
-def test_the_steps_of_the_experiment_are_those_that_are_expected(reproduced):
-    assert [*reproduced.told, "the report"] == list(DURATIONS["model"])
 
 
 LONG = "the model of the knee was identified from a log in which the joint hardly moved: record it"

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from planner import JointModel
+from planner.report.fit import fits_figure
 
 
 def joint(result, name):
@@ -62,17 +63,23 @@ def test_fit_proves_its_answer_on_request(run, desired):
     assert proved["rms_deg"] <= moved["rms_deg"] * (1.0 + 1e-6)
 
 
-def test_fit_writes_the_knots_of_a_joint(run, desired, tmp_path):
-    result = run("fit", desired, "--joint", "hip", "--knots", "knots.csv", "-o", "angles.csv")
-    assert result.exit_code == 0, result.stderr
-    assert (tmp_path / "knots.csv").read_text().startswith("knot_s,value_deg\n")
+@pytest.mark.parametrize(("name", "start"), [("fit.SVG", b"<?xml"), ("fit.png", b"\x89PNG")])
+def test_fit_draws_the_lines_of_every_joint_and_its_other_choices(
+    run, brief, tmp_path, monkeypatch, name, start
+):
+    drawn = {}
 
+    def figure(fits, choices):
+        drawn.update({joint: (fits[joint], choices[joint]) for joint in fits})
+        return fits_figure(fits, choices)
 
-@pytest.mark.parametrize(("name", "start"), [("fit.svg", b"<?xml"), ("fit.png", b"\x89PNG")])
-def test_fit_draws_its_lines(run, desired, tmp_path, name, start):
-    result = run("fit", desired, "--segments", "4", "--joint", "hip", "--figure", name, "-o", "a")
+    monkeypatch.setattr("planner.report.fit.fits_figure", figure)
+    result = run("fit", brief, "--segments", "4", "--figure", name, "-o", "a")
     assert result.exit_code == 0, result.stderr
     assert (tmp_path / name).read_bytes().startswith(start)
+    assert list(drawn) == ["hip", "knee"]
+    for fit, choices in drawn.values():
+        assert choices.rms[choices.segments.index(4)] == pytest.approx(fit.rms, rel=1e-6)
 
 
 def test_verbose_says_what_the_solver_of_the_values_reports(run, desired):

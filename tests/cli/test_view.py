@@ -81,9 +81,35 @@ def test_the_joints_of_a_path_may_come_in_any_order(run, shown):
     )
 
 
-def test_the_server_is_fed_and_ends_with_ctrl_c(run, foot, meshcat, monkeypatch):
-    window = Recording()
-    window.open = lambda: pytest.fail("no browser was asked for")
+@pytest.mark.usefixtures("meshcat", "foot")
+@pytest.mark.parametrize(
+    ("asked", "method"),
+    [
+        ("foot.csv", "foot-optimal"),
+        ("joints.csv", "optimal"),
+        ("foot.csv --method closed-form", "closed-form"),
+    ],
+)
+def test_a_foot_path_is_planned_for_the_foot_unless_another_method_is_named(
+    run, monkeypatch, asked, method
+):
+    names = [f"front_left_{name}" for name in ("rotator", "abductor", "knee")]
+    write_joint_path("joints.csv", names, np.full((8, 3), 0.1), period=0.008)
+    planned = []
+
+    def plan_of(prepared):
+        planned.append(prepared.settings.plan.method)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("planner.cli.planning.plan_of", plan_of)
+    assert run("view", *asked.split(), "--leg", "front-left").exit_code == 130
+    assert planned == [method]
+
+
+@pytest.mark.parametrize("option", [[], ["--open"], ["--no-open"]])
+def test_the_server_is_fed_and_ends_with_ctrl_c(run, foot, meshcat, monkeypatch, option):
+    window, opened = Recording(), []
+    window.open = lambda: opened.append(window)
     viewer = meshcat.Visualizer(window=window)
 
     def visualizer():
@@ -97,8 +123,9 @@ def test_the_server_is_fed_and_ends_with_ctrl_c(run, foot, meshcat, monkeypatch)
         raise KeyboardInterrupt
 
     monkeypatch.setattr(view.time, "sleep", interrupted)
-    result = run("view", foot, "--leg", "front-left", "--no-open")
+    result = run("view", foot, "--leg", "front-left", "--method", "closed-form", *option)
     assert result.exit_code == 130
+    assert opened == ([] if option == ["--no-open"] else [window])
     assert result.stdout == ""
     assert "You can open the visualizer" in result.stderr
     assert len(window.commands) > 50

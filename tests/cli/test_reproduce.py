@@ -1,0 +1,55 @@
+"""``request-planner reproduce``: its steps, and tables that hold what was computed."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from planner.cli.reproduce import DURATIONS
+from planner.files.joint_model import read_model_file
+from planner.files.paths import read_foot_path, read_joint_path
+from planner.files.table import read_table
+from planner.report.paper.results import joint_paths
+
+WRITTEN = 1e-9
+"""Rounding of 12 decimals [deg, m]."""
+
+
+@pytest.mark.parametrize("robot", ["model", "virtual"])
+def test_the_steps_of_the_experiment_are_those_that_are_expected(reproduction_of, robot):
+    assert [*reproduction_of(robot).told, "the report"] == list(DURATIONS[robot])
+
+
+def check(folder, kept):
+    """Compare tables of joints in a folder with angles [rad], by their names."""
+    for name, angles in kept.items():
+        path = read_joint_path(folder / f"{name}.csv")
+        assert path.names == ("rotator", "abductor", "knee")
+        assert np.degrees(path.angles) == pytest.approx(np.degrees(angles), abs=WRITTEN), name
+
+
+def test_tables_of_the_experiment_hold_its_angles_and_positions(reproduced):
+    answer, folder = reproduced.answer, reproduced.folder
+    check(folder, joint_paths(answer))
+    feet = {"desired": answer.walk.desired_foot, **answer.foot}
+    for name, positions in feet.items():
+        written = read_foot_path(folder / f"foot_{name}.csv").positions
+        assert written == pytest.approx(positions, abs=WRITTEN), name
+    tables = {f"{name}.csv" for name in joint_paths(answer)} | {f"foot_{name}.csv" for name in feet}
+    assert {file.name for file in folder.glob("*.csv")} == tables
+
+
+def test_tables_of_the_virtual_robot_hold_its_walks_logs_and_models(virtually_reproduced):
+    answer, folder = virtually_reproduced.answer, virtually_reproduced.folder
+    check(folder, {"desired": answer.planned.walk.desired})
+    for method, run in answer.runs.items():
+        kept = {"requests": run.requests, "angles": run.angles, "sensed": run.sensed}
+        for kind, angles in kept.items():
+            check(folder, {f"{kind}_{method}": np.reshape(angles, (-1, 3))})
+    for name, found in zip(answer.planned.walk.joint_names, answer.identifications, strict=True):
+        assert read_model_file(folder / f"{name}.toml").for_joints([name]) == (found.model,)
+        for fit in found.fits:
+            height = np.degrees(np.ptp(fit.log.requests))
+            rows = read_table(folder / f"step_test_{name}_{height:.0f}.csv").rows
+            kept = fit.log.times, np.degrees(fit.log.requests), np.degrees(fit.log.angles)
+            assert np.array(rows, float) == pytest.approx(np.column_stack(kept), abs=WRITTEN)
