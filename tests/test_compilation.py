@@ -40,12 +40,17 @@ def folder_of(name):
 def test_a_change_of_a_source_that_is_imported_leaves_no_compiled_code_of_before(modules):
     first = folder_of("one")
     assert first.parent == modules["one"].parent / "__pycache__"
+    others = [first.with_name(f"{name}-{16 * '0'}") for name in ("two", "one-more", "ones")]
+    others += [first.with_name("one.cpython-311.pyc")]
+    for other in others:
+        other.mkdir()
     assert folder_of("one") == first
     modules["three"].write_text("LIMIT = 2.0\n")
     second = folder_of("one")
     assert second != first
     assert second.is_dir()
     assert not first.exists()
+    assert all(other.exists() for other in others)
 
 
 def test_compiled_code_goes_where_numba_is_told_or_to_the_user_or_nowhere(
@@ -99,6 +104,13 @@ def test_of_processes_that_compile_at_the_same_time_one_announces_it(announced):
 def test_no_garbage_is_collected_while_functions_of_the_package_compile(ours, announced):
     announced()
     listener = compilation._Compilation()
+    gc.disable()
+    try:
+        for report in (listener.on_start, listener.on_end):
+            report(SimpleNamespace(data={"dispatcher": kernel.run}))
+            assert not gc.isenabled(), "as the caller wants it"
+    finally:
+        gc.enable()
     outer = SimpleNamespace(data={"dispatcher": kernel.run if ours else numba.njit(lambda: 1)})
     collected = []
     for report in (listener.on_start, listener.on_start, listener.on_end, listener.on_end):

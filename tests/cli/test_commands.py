@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import warnings
 
 import click
 import numpy as np
@@ -11,11 +12,13 @@ import pytest
 
 import planner
 from kinematics import exceptions as kinematics
+from planner.approximation.fit import fit_pwl
 from planner.cli.program import COMMANDS
 from planner.exceptions import (
     InvalidFile,
     InvalidInput,
     NoSteadyCycle,
+    OutsideEquation13,
     PlannerError,
     SolverFailed,
 )
@@ -224,6 +227,21 @@ def test_version_and_bare_call(run):
     bare = run()
     assert bare.exit_code == 0
     assert all(command in bare.stdout for command in COMMANDS)
+
+
+def test_each_warning_is_said_once(run, desired, monkeypatch):
+    fit = fit_pwl
+
+    def warns(*given, **more):
+        for text in ("the rule", "another", "the rule"):
+            warnings.warn(OutsideEquation13(text), stacklevel=2)
+        return fit(*given, **more)
+
+    monkeypatch.setattr("planner.approximation.fit.fit_pwl", warns)
+    result = run("fit", desired, "--segments", "4", "-q")
+    assert result.stderr == (
+        "request-planner: warning: the rule\nrequest-planner: warning: another\n"
+    )
 
 
 @pytest.mark.parametrize("limits", [("--limits", "knee=0:40"), ("--limits=knee=0:40",)])
