@@ -106,7 +106,8 @@ def _with_servos(export: Export, model: str, names: tuple[str, ...]) -> Export:
         raise InvalidFile(
             model, f"no servo of {', '.join(missing)}; servos are of {', '.join(known)}"
         )
-    servos = dict(zip(export.joint_names or names, (known[name] for name in names), strict=True))
+    # that there are as many names as joints is checked with the rows
+    servos = dict(zip(export.joint_names or names, (known[name] for name in names), strict=False))
     turns = {servo.ticks_per_turn for servo in servos.values()}
     if len(turns) > 1:
         several = ", ".join(f"{each:g}" for each in sorted(turns))

@@ -58,10 +58,15 @@ def run(*, file: str | None, out: str | None, check: bool, template: bool, as_js
     ready = read_run(file)
     desired = ready.prepared.desired
     if check:
-        summarise(
-            f"{file}: holds; {len(desired.angles)} samples, {desired.period:g} s apart, of "
-            f"{', '.join(desired.names)}; method {ready.settings.plan.method}"
-        )
+        samples, method = len(desired.angles), ready.settings.plan.method
+        if as_json:
+            checked = {"holds": True, "samples": samples, "period_s": desired.period}
+            print_json({**checked, "joints": list(desired.names), "method": method})
+        else:
+            summarise(
+                f"{file}: holds; {samples} samples, {desired.period:g} s apart, of "
+                f"{', '.join(desired.names)}; method {method}"
+            )
         return
     carry_out_run(ready, _folder(file, out, ready), as_json=as_json)
 
