@@ -44,6 +44,13 @@ def test_noise_between_cycles_has_its_variance_however_few_there_are(cycles, cyc
     np.testing.assert_allclose(np.sqrt(power.mean(axis=0)), [0.01, 0.02], rtol=0.05)
 
 
+def test_noise_at_one_frequency_is_spread_over_four_neighbours_to_either_side():
+    line = np.cos(2.0 * np.pi * 20 * np.arange(SAMPLES) / SAMPLES)[:, np.newaxis]
+    (power,) = noise_of([np.stack([line, -line])], np.zeros((SAMPLES, 1)), cyclic=True).T
+    np.testing.assert_array_equal(np.flatnonzero(power > 1e-9), np.arange(16, 25))
+    assert power[20] == pytest.approx(SAMPLES / 2.0 / 9.0)  # 2 |X|^2 over one degree of freedom
+
+
 def test_a_power_is_averaged_over_the_neighbours_that_there_are():
     powers = np.arange(6.0)[:, np.newaxis] ** 2
     expected = [np.mean(powers[max(k - 2, 0) : k + 3]) for k in range(6)]

@@ -14,7 +14,7 @@ from planner.gait.half_ellipse import reference_walk
 from planner.model.evidence import Evidence
 from planner.recording.recorded_path import recorded_path
 from planner.recording.replaying import replay_at
-from planner.recording.retiming import Measure, fastest_at
+from planner.recording.retiming import Measure, _nearby, _Search, fastest_at
 
 SERVO = JointModel(v_max=4.0, theta_0=0.2, lag=0.03, acceleration_time=0.05, tick=0.005, hold=4)
 PERIOD = SERVO.period
@@ -187,7 +187,12 @@ class MadeUp:
             for each in path.planned
         )
         return SimpleNamespace(
-            planned=joints, joints=joints, speed=speed, moments=moments, path=path
+            planned=joints,
+            joints=joints,
+            speed=speed,
+            moments=moments,
+            path=path,
+            period=path.period,
         )
 
     def lower_bound(self, _, desired, **options):
@@ -350,3 +355,104 @@ def test_a_bound_is_about_the_load_of_the_log_and_the_tolerance_of_the_joint(mon
             assert load[-1] > 0.9  # at the last request of a fast replay
         else:
             assert load is None
+
+
+def test_errors_count_for_as_long_as_a_joint_answers_at_the_speed_of_the_replay():
+    """Over 0.15 s of the replay to either side, at twice the speed 0.3 s of the recording."""
+    moments = np.arange(0.0, 10.0, 0.04)
+    errors = np.where(np.abs(moments - 5.0) < 0.01, 0.7, 0.0)
+    at = np.arange(0.0, 10.0, 0.05)
+    near = _nearby(SimpleNamespace(moments=moments, speed=2.0), errors, at)
+    expected = np.where(np.abs(at - 5.0) < 0.3, 0.7, 1e-3)
+    inside = np.abs(np.abs(at - 5.0) - 0.3) > 0.01  # or at the edge
+    np.testing.assert_array_equal(near[inside], expected[inside])
+
+
+def search(rows=401, *, first=0.0, **options):
+    path = replace(recorded_path(log(swing(0.8, rows)), SERVO), first=first)
+    return _Search(path, Measure.of(path, TOLERANCE, None, None), lambda _: None, options)
+
+
+@pytest.mark.parametrize(
+    ("whole", "first", "rows", "found"),
+    [
+        (0.69, 0.2, 201, 0.7),  # by requests, one every 0.02 s
+        (0.31, 0.2, 201, 0.5),  # where the first two seconds can be followed, too
+        (1.57, 0.2, 1601, 1.64),  # by at most a hundred moments of the first half
+        (2.07, 0.2, 201, 2.08),
+        (2.09, 0.2, 201, None),
+    ],
+)
+def test_a_recording_begins_at_the_first_moment_from_which_all_of_it_can_be_followed(
+    whole, first, rows, found, monkeypatch
+):
+    """Of the first half of the part that is replayed."""
+    looking = search(rows, first=first)
+    monkeypatch.setattr(looking, "bounds", lambda *given: bounds(*given))
+
+    def bounds(speed, begin, last):
+        assert speed == 1.0
+        least = whole if last == looking.path.last else 0.49
+        assert last in (looking.path.last, begin + 2.0)
+        return [("wrist", 0.5), ("elbow", 1.1 if begin < least - 1e-9 else 1.0)]
+
+    moment = looking.first_at_rest()
+    assert moment == (None if found is None else pytest.approx(found))
+
+
+def test_a_bound_is_that_of_the_part_from_rest(monkeypatch):
+    asked = []
+
+    def bound(_, desired, *, start, **__):
+        asked.append((len(desired), start == desired[0]))
+        return 3.0 * TOLERANCE
+
+    monkeypatch.setattr("planner.recording.retiming.lower_bound", bound)
+    looking = search()
+    for part in ((1.0, 0.0), (2.0, 0.0), (1.0, 2.0), (1.0, 2.0, 4.0), (1.0, 2.0, 99.0)):
+        assert list(looking.bounds(*part)) == [("elbow", pytest.approx(3.0))]
+    assert asked == [(rows, True) for rows in (401, 201, 301, 101, 301)]
+
+
+def test_under_a_load_of_the_pose_a_speed_without_a_plan_is_too_fast(monkeypatch):
+    made_up = MadeUp(monkeypatch, best=9.0)
+
+    def limited(path, moments, *, speed, **options):
+        if speed > least:
+            raise Infeasible("the load does not settle")
+        return made_up.replay_at(path, moments, speed=speed, **options)
+
+    monkeypatch.setattr("planner.recording.retiming.replay_at", limited)
+    swung = log(0.2 + swing(0.5, ROWS))
+    least = 1.5
+    found = fastest(swung, SERVO, tolerance=TOLERANCE, load=np.cos)
+    assert least / 1.0101 <= found.constant <= least
+    assert [each.speed for each in found.curve][-1] == found.constant
+    with pytest.raises(Infeasible, match="does not settle"):
+        fastest(swung, SERVO, tolerance=TOLERANCE)
+    least = 0.9
+    with pytest.raises(Infeasible, match="does not settle"):
+        fastest(swung, SERVO, tolerance=TOLERANCE, load=np.cos)
+
+
+@pytest.mark.parametrize(("half_of", "most"), [(0.5, 6.0), (2.0, 1.0)])
+def test_a_varying_factor_is_kept_where_it_is_faster_and_is_at_most_six_times_the_constant_one(
+    half_of, most, monkeypatch
+):
+    """Of a joint that errs in the first half only, and of one that errs all along."""
+    made_up, said = MadeUp(monkeypatch, best=1.3), []
+
+    def half(path, moments, **options):
+        made = made_up.replay_at(path, moments, **options)
+        factors = np.gradient(moments) / path.period
+        errors = TOLERANCE * factors / 1.3 * np.where(moments < half_of * path.last, 1.0, 1e-4)
+        made.joints[0].error_of = lambda _: errors
+        return made
+
+    monkeypatch.setattr("planner.recording.retiming.replay_at", half)
+    swung = log(0.2 + swing(0.5, ROWS))
+    found = fastest(swung, SERVO, tolerance=TOLERANCE, retime="varying", progress=said.append)
+    assert np.max(found.factors[:-1]) == pytest.approx(most * found.constant, rel=0.01)
+    assert (found.speed > 1.2 * found.constant) == (most > 1.0)
+    assert found.speed >= found.constant
+    assert said.count("varying speed, round 14 of 14") == 1

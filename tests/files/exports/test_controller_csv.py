@@ -159,7 +159,8 @@ def test_hobby_servos_get_pulses_in_microseconds_of_their_own_centre_and_directi
     servos = Ticks(per_turn=4000, zero=1500, zeros={"knee": 1460}, reversed=["knee"], unit="us")
     write_controller_csv(file, quarter, unit="us", ticks=servos)
     assert file.read_text() == "t_s,hip_us,knee_us\n0.0,1500,1460\n0.02,2500,960\n"
-    with pytest.raises(InvalidInput, match=r"a pulse of 2540 us, expected 500 to 2500; check the"):
-        to_ticks(quarter.renamed(["knee", "hip"]), Ticks(4000, 1500, {"knee": 1540}, unit="us"))
+    beyond = r"knee: request 1, 45\.00 deg, is a pulse of 2540 us, expected 500 to 2500; check"
+    with pytest.raises(InvalidInput, match=beyond):
+        to_ticks(quarter, Ticks(4000, 1500, {"knee": 2040}, unit="us"))
     with pytest.raises(InvalidInput, match="reverse: no joint 'ankle'; joints: hip, knee"):
         to_ticks(quarter, Ticks(reversed=["ankle"]))

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import errno
+import sqlite3
+
 import numpy as np
 import pytest
 
@@ -138,6 +141,21 @@ def test_a_bag_replaces_a_bag_but_nothing_else(schedule, tmp_path):
     with pytest.raises(InvalidFile, match=r"holds files that no earlier run made \(notes.txt\)"):
         write_bag(tmp_path / "walk", message)
     assert (tmp_path / "walk" / "walk.mcap").exists()
+
+
+@pytest.mark.parametrize("storage", ["sqlite3", "mcap"])
+def test_a_bag_on_a_full_disk_is_refused_whole(schedule, tmp_path, monkeypatch, storage):
+    rosbag2 = pytest.importorskip("rosbags.rosbag2", reason="needs the extra bags")
+
+    def full(*_):
+        if storage == "mcap":
+            raise OSError(errno.ENOSPC, "No space left on device")
+        raise sqlite3.OperationalError("database or disk is full")
+
+    monkeypatch.setattr(rosbag2.Writer, "write", full)
+    with pytest.raises(InvalidFile, match=r"walk: cannot be written \("):
+        write_bag(tmp_path / "walk", joint_trajectory(schedule), storage=storage)
+    assert list_files(tmp_path) == []
 
 
 @pytest.mark.parametrize("topic", ["", "/", "a b"])

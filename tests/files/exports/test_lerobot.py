@@ -87,7 +87,14 @@ def test_the_same_requests_make_the_same_files(schedule, tmp_path, parquet):  # 
 
 @pytest.mark.parametrize(
     ("period", "fps"),
-    [(1 / 30, 30), (0.0333333, 30), (1 / 49.85, 49.85), (0.0200602, 49.85), (0.0123, 81.3008)],
+    [
+        (1 / 30, 30),
+        (0.03334, 30),
+        (0.0334, 29.9401),
+        (1 / 49.85, 49.85),
+        (0.0200602, 49.85),
+        (0.0123, 81.3008),
+    ],
 )
 def test_the_rate_is_what_it_is(tmp_path, parquet, period, fps):
     write_lerobot(tmp_path / "out", Schedule(("knee",), np.zeros((4, 1)), period))
@@ -106,6 +113,7 @@ def test_less_than_one_request_a_second_is_no_rate(tmp_path, parquet):  # noqa: 
 
 def test_episodes_follow_one_another(tmp_path, parquet, monkeypatch):
     monkeypatch.setattr(lerobot, "FILE_ROWS", 9)
+    monkeypatch.setattr(lerobot, "CHUNK_FILES", 1)
     monkeypatch.setattr(lerobot, "BATCH", 2)
     rng = np.random.default_rng(2)
     actions = [rng.normal(size=(count, 2)) for count in (4, 5, 3)]
@@ -117,7 +125,7 @@ def test_episodes_follow_one_another(tmp_path, parquet, monkeypatch):
     for log, action in zip(read, actions, strict=True):
         assert log.requests == pytest.approx(action[:, 0], abs=1e-6)
         assert log.angles == pytest.approx(-action[:, 0], abs=1e-6)
-    files = [tmp_path / "out" / f"data/chunk-000/file-00{number}.parquet" for number in (0, 1)]
+    files = [tmp_path / "out" / f"data/chunk-00{number}/file-000.parquet" for number in (0, 1)]
     data = [row for file in files for row in parquet.read_table(file).to_pylist()]
     assert [row["index"] for row in data] == list(range(12))
     assert [row["frame_index"] for row in data] == [*range(4), *range(5), *range(3)]
@@ -128,7 +136,10 @@ def test_episodes_follow_one_another(tmp_path, parquet, monkeypatch):
     rows = parquet.read_table(tmp_path / "out" / "meta/episodes/chunk-000/file-000.parquet")
     about = rows.to_pylist()
     assert [each["dataset_from_index"] for each in about] == [0, 4, 9]
-    assert [each["data/file_index"] for each in about] == [0, 0, 1]
+    assert [each["data/chunk_index"] for each in about] == [0, 0, 1]
+    assert [each["data/file_index"] for each in about] == [0, 0, 0]
+    assert [each["length"] for each in about] == [4, 5, 3]
+    assert [each["episode_index"] for each in about] == [0, 1, 2]
     assert [each["tasks"] for each in about] == [["down"], ["up"], ["up"]]
     assert [each["dataset_to_index"] for each in about] == [4, 9, 12]
     stats = json.loads((tmp_path / "out" / "meta" / "stats.json").read_text())["action"]
@@ -136,6 +147,8 @@ def test_episodes_follow_one_another(tmp_path, parquet, monkeypatch):
     assert stats["std"] == pytest.approx(every.std(axis=0), abs=1e-6)
     assert stats["mean"] == pytest.approx(every.mean(axis=0), abs=1e-6)
     assert stats["count"] == [12]
+    assert stats["min"] == every.min(axis=0).tolist()
+    assert stats["max"] == every.max(axis=0).tolist()
     parts = [np.quantile(each.astype(np.float32), 0.99, axis=0) for each in actions]
     assert about[1]["stats/action/q99"] == pytest.approx(parts[1], abs=1e-6)
     assert stats["q99"] == pytest.approx(np.average(parts, axis=0, weights=[4, 5, 3]), abs=1e-6)
