@@ -15,7 +15,6 @@ from planner.identification.parameters import Parameters, units
 from planner.model import kernel
 from tests.from_python import from_python
 from tests.identification.made import rich_log
-from tests.independent import of_whole_ticks
 
 INERT = planner.JointModel(
     v_max=4.0,
@@ -30,13 +29,6 @@ INERT = planner.JointModel(
     speed_per_torque=0.3,
     time_constant=0.02,
 )
-
-
-def test_the_papers_joint_moves_by_equation_3():
-    requests = np.random.default_rng(0).uniform(-1.0, 1.0, 300)
-    model = planner.JointModel.ers210a()
-    angles = planner.simulate(model, requests, cyclic=False, start=0.2)
-    np.testing.assert_allclose(angles, of_whole_ticks(model, requests, 0.2), rtol=0.0, atol=1e-12)
 
 
 def test_a_time_constant_far_below_a_tick_and_an_endless_acceleration_change_nothing():

@@ -1,10 +1,9 @@
-"""Derivatives: of the periods against CasADi's, of the angles against central differences."""
+"""Derivatives of the angles against central differences; of periods: ``test_friction.py``."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 
-import casadi
 import numpy as np
 import pytest
 
@@ -12,7 +11,6 @@ from planner.exceptions import InvalidInput, InvalidTrajectory, NoSteadyCycle
 from planner.model.joint import JointModel, request_ages
 from planner.model.response import Motion, simulate
 from planner.model.sensitivity import sensitivities
-from planner.model.symbolic import period
 from tests.instances import random_model, random_model_outside_equation_13
 from tests.model.rounded_periods import rounded_periods
 
@@ -21,67 +19,11 @@ ERS210A = JointModel.ers210a()
 SAME = 1e-13
 """Two routes through one period [rad]."""
 
-STEP = 1e-5
-"""Step of the central differences of slopes [rad]."""
-
-SLOPES = 1e-6
-"""Central differences on corners of radius 0.3 theta_0 are right to this."""
-
 HALF_STEP = 1e-6
 """Half the distance of the central differences of angles [rad]."""
 
 AGREEMENT = 1e-5
 """What is left of a cycle's 1e-12 rad after division by HALF_STEP, and room for amplification."""
-
-HELD = pytest.mark.parametrize("hold", [1, 2, 3])
-
-
-def random_periods(seed, *, samples=9, hold=1):
-    """A joint, and angles and requests for periods of it."""
-    rng = np.random.default_rng([seed, hold])
-    model = random_model(rng, whole=False, hold=hold, offset=True)
-    before = rng.uniform(-1.0, 1.0, samples)
-    errors = rng.uniform(-1.5, 1.5, (samples, request_ages(model).width)) * model.theta_0
-    return model, before, before[:, np.newaxis] + errors - model.offset
-
-
-def symbolic_period(model):
-    """The period and its derivatives, written by CasADi, of angle, requests and radius."""
-    angle, radius = casadi.SX.sym("angle"), casadi.SX.sym("radius")
-    requests = casadi.SX.sym("requests", request_ages(model).width)
-    after = period(model, angle, requests, radius=radius).angle
-    slopes = [casadi.jacobian(after, angle), casadi.jacobian(after, requests)]
-    return casadi.Function("period", [angle, requests, radius], [after, *slopes])
-
-
-@HELD
-@pytest.mark.parametrize("smoothing", [0.0, 0.01, 0.4])
-@pytest.mark.parametrize("seed", range(3))
-def test_every_period_and_its_derivatives_are_those_that_casadi_writes(seed, smoothing, hold):
-    model, before, windows = random_periods(seed, hold=hold)
-    written, compiled = symbolic_period(model), rounded_periods(model, before, windows, smoothing)
-    for k, (angle, window) in enumerate(zip(before, windows, strict=True)):
-        # A corner that is not rounded at all has no derivative; none is met here.
-        answers = written(angle, window, max(smoothing * model.theta_0, 1e-150))
-        after, by_angle, by_request = (np.asarray(a).ravel() for a in answers)
-        assert compiled.states[k, 0] == pytest.approx(after[0], abs=SAME)
-        assert compiled.by_state[k, 0, 0] == pytest.approx(by_angle[0], abs=SAME)
-        np.testing.assert_allclose(compiled.by_request[k, 0], by_request, rtol=0.0, atol=SAME)
-
-
-def test_the_bending_is_the_slope_of_the_slopes():
-    _, before, windows = random_periods(3)  # the bending by requests that are held is an estimate
-    model, width = ERS210A, request_ages(ERS210A).width
-    windows = np.resize(windows, (len(before), width))
-    response = rounded_periods(model, before, windows, 0.3)
-    for j in range(width):
-        push = STEP * (np.arange(width) == j)
-        above, below = (
-            rounded_periods(model, before, windows + s * push, 0.3).by_request[:, 0, j]
-            for s in (1.0, -1.0)
-        )
-        expected = (above - below) / (2.0 * STEP)
-        np.testing.assert_allclose(response.bending[:, 0, j], expected, rtol=0.0, atol=SLOPES)
 
 
 def test_smoothing_is_measured_in_each_joints_own_errors():

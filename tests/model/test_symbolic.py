@@ -13,19 +13,11 @@ from hypothesis import strategies as st
 from planner.model.joint import JointModel, acting, request_ages
 from planner.model.response import simulate
 from planner.model.symbolic import period
-from tests.independent import of_whole_ticks
 from tests.instances import random_model
-from tests.strategies import models, trajectories
+from tests.strategies import models
 
 SAME = 2e-14
 """Agreement of two ways to write a sum over some periods [rad]."""
-
-
-@given(models(whole=True, holds=(1, 1), offsets=False), trajectories(), st.floats(-1.0, 1.0))
-def test_whole_ticks_are_equation_3_to_the_letter(model, requests, start):
-    expected = of_whole_ticks(model, requests, start)
-    angles = simulate(model, requests, cyclic=False, start=start)
-    np.testing.assert_allclose(angles, expected, rtol=0.0, atol=1e-12)
 
 
 @pytest.mark.parametrize("hold", [1, 2, 3, 4])
