@@ -123,7 +123,7 @@ GENTLE_FIRST = np.concatenate([rich(3, rows=300, amplitude=size) for size in (0.
 LOGS = {
     "worn": worn,
     "loaded": loaded,
-    "gripper": lambda: replace(rich_log(rows=500, noise=NOISE), unit="1", joint="jaw"),
+    "gripper": lambda: replace(rich_log(amplitude=0.05, noise=NOISE / 10.0), unit="1", joint="jaw"),
     "turned": turned,
     "jitter": jitter,
     "unequal": unequal,
@@ -163,6 +163,7 @@ def told(found):
         lines.append(f"{name} {numbers([getattr(found.model, name), *ends])}")
     lines.append(f"gain {numbers([found.gain, *found.gain_interval])}, hold {found.model.hold}")
     for term in found.terms:
+        assert not term.kept or term.interval == found.intervals[term.name]
         kept = "kept" if term.kept else "not kept"
         lines.append(f"{term.name} {kept} {numbers([term.rms_without, *term.interval])}")
     for each in found.alternatives:

@@ -101,6 +101,7 @@ def test_a_slow_triangle_tells_friction_and_no_jump_hides_it():
     (lower, upper) = found.intervals["dead_band"]
     assert lower <= sticky.dead_band <= upper <= 1.2 * lower
     assert "dead band" in made.meaning
+    assert (found.model.tick, found.model.hold) == (pytest.approx(0.02 / 3.0), 3)
 
 
 @pytest.mark.parametrize("kind", ["multisine", "chirp"])

@@ -237,6 +237,11 @@ def test_a_top_speed_that_nothing_called_for_is_lowered_to_what_was():
     lowered = with_observed_speed(fit)
     errors = np.abs(log.requests[:, np.newaxis] - log.angles)
     assert lowered.parameters.v_max <= fit.parameters.gain * np.max(errors) * 1.01
+    reached = fit.response._replace(errors=np.full((1, 2), 0.8 / fit.parameters.gain))
+    for asymmetry, v_max in ((0.3, 1.0), (0.1, 0.8)):  # it saturates in one direction, or in none
+        at = fit.parameters._replace(v_max=1.0, asymmetry=-asymmetry)
+        kept = with_observed_speed(replace(fit, parameters=at, response=reached))
+        assert kept.parameters.v_max == pytest.approx(v_max, rel=1e-5)
     again = least_squares(grid, lowered.parameters, free=only())
     assert np.max(np.abs(again.predicted - fit.predicted)) <= 1e-9  # rad: no request feels it
 

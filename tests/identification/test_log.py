@@ -54,6 +54,19 @@ def test_a_request_for_a_whole_turn_stays_one():
     assert np.max(np.abs(read.angles - angles)) <= SAME
 
 
+def test_angles_that_were_not_measured_make_no_turn():
+    """What stands in their rows, here for ten rows and at the start, is of no matter."""
+    log = rich_log(noise=NOISE)
+    known = (np.arange(400) >= 3) & ((np.arange(400) < 100) | (np.arange(400) >= 110))
+    high = replace(log, requests=log.requests + 3.1, angles=log.angles + 3.1)
+    gaps = replace(high, angles=np.where(known, high.angles, -9.0), measured=known)
+    assert unwrapped(gaps) == (gaps, 0)
+    turned = wrapped(high.angles)
+    read, jumps = unwrapped(replace(gaps, angles=np.where(known, turned, -9.0)))
+    assert jumps == np.count_nonzero(np.abs(np.diff(turned[known])) > 4.0) > 0
+    assert np.max(np.abs((read.angles - high.angles)[known])) <= SAME
+
+
 def test_glitches_shares_and_slow_logs_are_left_alone():
     log = rich_log(noise=NOISE)
     angles = log.angles.copy()
@@ -94,8 +107,8 @@ def test_every_row_of_every_piece_with_known_requests_is_used():
 
 
 def test_the_logs_of_a_joint_leave_room_for_the_delay_of_the_longest_not_of_their_sum():
-    logs = [rich_log(rows=100, seed=seed) for seed in range(3)]
-    assert timing_of(logs, tick=None, hold=None).reach == pytest.approx(0.25 * 99 * AIBO.period)
+    logs = [rich_log(rows=rows) for rows in (100, 140, 120)]
+    assert timing_of(logs, tick=None, hold=None).reach == pytest.approx(0.25 * 139 * AIBO.period)
 
 
 @pytest.mark.parametrize("period", [0.008, 1.0 / 30.0, 0.1, 0.2])
@@ -142,3 +155,27 @@ def test_the_row_before_which_time_does_not_pass_is_named():
     times[7] = times[6]
     with pytest.raises(planner.InvalidTrajectory, match=r"got 0\.048 s in row 7 after 0\.048 s"):
         changed(log, times=times)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        (
+            {"angles": np.full(50, 2e9)},
+            r"arm: angles: got 2e\+09 at index 0, expected at most 1e\+09",
+        ),
+        ({"times": 1e11 * np.arange(50.0)}, r"arm: times: got 4.9e\+12 at index 49, .* 1e\+12"),
+        ({"requests": np.zeros(49)}, r"arm: requests: got shape \(49,\), expected \(50,\), one a"),
+        ({"torque_on": [True]}, r"arm: torque_on: got shape \(1,\), expected \(50,\)"),
+        ({"measured": [[1], [1, 0]]}, "arm: measured: .*; expected flags"),
+        ({"notes": "guessed"}, "arm: notes: got 'guessed', expected a list of texts"),
+        ({"unit": "deg"}, "arm: unit: got 'deg', expected one of rad, 1"),
+        ({"joint": 3}, "log: joint: got 3, expected a text"),
+        ({"times": [0.0, 1.0]}, "arm: times: got 2 samples, expected at least 3"),
+    ],
+)
+def test_a_column_that_is_none_is_named_with_its_log(wrong, message):
+    log = replace(rich_log(rows=50), name="arm", notes=["angles in deg"])
+    assert log.notes == ("angles in deg",)
+    with pytest.raises(planner.InvalidTrajectory, match=f"^{message}"):
+        replace(log, **wrong)

@@ -7,7 +7,7 @@ import pytest
 
 import planner
 from planner.identification.fit import evenly_timed
-from planner.identification.grid import timing_of
+from planner.identification.grid import fine_hold, measured_speed, timing_of
 from tests.identification.made import AIBO, NOISE, changed, measured, rich_log, step_logs
 
 JITTER = 1e-3
@@ -95,8 +95,58 @@ def test_a_loop_that_is_late_now_and_then_has_the_period_of_most_of_its_rows():
     assert abs(timing.period - 0.0205) <= 1e-9  # the mean would be 21.6 ms
 
 
+@pytest.mark.parametrize(
+    ("period", "given", "tick", "hold"),
+    [
+        (0.008, {}, 0.008, 1),
+        (0.0084, {}, 0.0084, 1),  # 5 % more than the tick of the paper
+        (0.0085, {}, 0.00425, 2),
+        (0.02, {}, 0.005, 4),
+        (0.0211, {}, 0.00422, 5),
+        (0.2, {}, 0.01, 20),
+        (0.02, {"tick": 0.004}, 0.004, 5),
+        (0.02, {"hold": 2}, 0.01, 2),
+        (0.02, {"tick": 0.01, "hold": 2}, 0.01, 2),
+    ],
+)
+def test_ticks_are_those_asked_for_or_of_five_milliseconds_and_at_most_twenty(
+    period, given, tick, hold
+):
+    log = rich_log(rows=50)
+    timing = timing_of(
+        [changed(log, times=period * np.arange(50))], **{"tick": None, "hold": None, **given}
+    )
+    assert (timing.tick, timing.period) == pytest.approx((tick, period))
+    assert timing.hold == hold
+    assert timing.ticking(1.01 * tick)[1:3] == pytest.approx((tick, hold))
+
+
 @pytest.mark.parametrize("scale", [1e3, 1e-3])
 def test_rows_too_far_apart_or_too_close_to_be_of_a_joint_are_refused(scale):
     log = rich_log()
     with pytest.raises(planner.InvalidInput, match="expected one every 2e-05 to 2 s"):
         planner.identify(changed(log, times=scale * log.times))
+
+
+@pytest.mark.parametrize(
+    ("period", "window", "hold"),
+    [(0.0004, 0.0, 1), (0.008, 0.05, 8), (0.02, 0.05, 20), (0.1, 0.05, 20), (0.02, 0.5, 10)],
+)
+def test_a_fit_ends_on_ticks_of_a_millisecond_and_fewer_of_a_long_window(period, window, hold):
+    assert fine_hold(period, window) == hold
+
+
+@pytest.mark.parametrize(("row", "speed"), [(9, 5.0), (10, 5.0), (15, 5.0), (16, 0.0), (4, 0.0)])
+def test_a_joint_is_as_fast_as_in_a_tenth_of_a_second_with_one_of_the_rows_in_it(row, speed):
+    """It jumps by half a radian from row 10 to 11, and by more in rows that say nothing."""
+    rows = np.arange(60)
+    angles = np.where(rows > 10, 0.5, 0.0) + 9.0 * (rows == 30) + 9.0 * (rows > 40)
+    log = planner.Log(
+        times=0.02 * rows + 5.0 * (rows > 50),
+        requests=angles,
+        angles=angles + 9.0 * (rows > 50),
+        torque_on=rows <= 40,
+        measured=rows != 30,
+    )
+    assert measured_speed(log, rows == row) == pytest.approx(speed)
+    assert measured_speed(log) == pytest.approx(5.0)
