@@ -82,19 +82,12 @@ def fit_joint(logs: Sequence[Log], timing: Timing, *, choose_tick: bool = False)
             logs, tick=timing.period, reach=timing.reach, burn_in=burn_in, settled=settled
         )
         simple = least_squares(rows, found.parameters, scale=best.scale, effort=SEARCH)
-        fits += [simple] if _worth_trying(best, simple) else []
+        # Where the log does not tell which ticks the joint has, they agree to a tenth of this.
+        fits += [simple] if huber(simple.residuals, best.scale) < 0.995 * best.cost else []
     again = (
         least_squares(fit.grid, fit.parameters, starts=fit.starts, effort=SEARCH) for fit in fits
     )
     return tuple(map(_without_saturation, again))
-
-
-def _worth_trying(fine: Fit, whole: Fit) -> bool:
-    """Whether terms are sought on ticks of a whole period, too: a search there may find others.
-
-    Where the log does not tell which ticks the joint has, the two agree to a tenth of the bound.
-    """
-    return huber(whole.residuals, fine.scale) < 0.995 * huber(fine.residuals, fine.scale)
 
 
 def at_ticks(logs: Sequence[Log], fit: Fit, tick: float) -> Fit:
@@ -175,18 +168,17 @@ def moving(grid: Grid) -> Grid:
 def settled_pieces(logs: Sequence[Log], fit: Fit) -> set[Place]:
     """Pieces whose first rows show that their first request had been in force before."""
     grid = fit.grid
-    pieces = {(i, piece.start) for i, log in enumerate(logs) for piece in pieces_of(log)}
     every = resampled(logs, tick=grid.tick, reach=grid.reach, burn_in=0.0)
     whole = least_squares(every, fit.parameters, free=only(), scale=fit.scale, effort=SEARCH)
     errors = every.per_log(whole.residuals)
     bound = max(SETTLED_ERRORS * fit.scale, ROUNDED * float(np.std(grid.angles)))
     found = set()
-    for number, row in pieces:
+    for number, log in enumerate(logs):
         new = every.places[number] & ~grid.places[number]
-        stop = next((p.stop for p in pieces_of(logs[number]) if p.start == row), 0)
-        new[:row] = new[stop:] = False
-        if new.any() and rms(errors[number][new]) <= bound:
-            found.add((number, row))
+        for piece in pieces_of(log):
+            of_piece = errors[number][piece][new[piece]]
+            if len(of_piece) and rms(of_piece) <= bound:
+                found.add((number, piece.start))
     return found
 
 

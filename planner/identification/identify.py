@@ -283,8 +283,7 @@ def _refuted(logs: Sequence[Log], fit: Fit, upper: float) -> Note | None:
     if upper == math.inf:
         return None
     model = fit.parameters.model(tick=fit.grid.tick, hold=1)
-    heaviest = float(np.max(np.abs(fit.grid.loads), initial=0.0))
-    limits = model.speed_limits(np.array([-heaviest, 0.0, heaviest]))
+    limits = model.speed_limits(fit.grid.heaviest * np.array([-1.0, 0.0, 1.0]))
     most = float(np.max(np.abs(limits))) * upper / fit.parameters.v_max
     speeds = [measured_speed(log, ~used) for log, used in zip(logs, fit.grid.places, strict=True)]
     log, speed = max(zip(logs, speeds, strict=True), key=lambda each: each[1])

@@ -467,12 +467,7 @@ def _beginnings(fit: Fit, excerpt: Excerpt, free: Free) -> list[Parameters]:
             v_max=max(at.v_max, grid.fastest) * 0.8 * 4.0**top,
         )
 
-    def loss(place: Array) -> float:
-        response = respond(excerpt.grid, joint(place), excerpt.starts)
-        return huber(response.predicted - excerpt.grid.angles, fit.scale)
-
-    points = _even_points(SCREENED, 7)
-    points = points[np.argsort([loss(point) for point in points], kind="stable")]
+    loss, points = _screened(joint, 7, excerpt.grid, excerpt.starts, fit.scale)
     trials = [
         least_squares(
             excerpt.grid,
@@ -518,13 +513,21 @@ def _anywhere(fit: Fit) -> list[Parameters]:
         sags = [MOST_SAG * (2.0 * each - 1.0) for each in (by_sine, by_cosine)]
         return found._replace(offset=0.0, sag_sin=sags[0], sag_cos=sags[1])
 
-    def loss(place: Array) -> float:
-        response = respond(grid, joint(place), starts)
-        return huber(response.predicted - grid.angles, fit.scale)
-
-    points = _even_points(SCREENED, 9)  # two more than near the fit: twice the effort
-    points = points[np.argsort([loss(point) for point in points], kind="stable")]
+    # two dimensions more than near the fit: twice the effort
+    loss, points = _screened(joint, 9, grid, starts, fit.scale)
     return [joint(each) for each in _evolved(loss, points[: 2 * POPULATION], 2 * GENERATIONS)]
+
+
+def _screened(
+    joint: Callable[[Array], Parameters], dimensions: int, grid: Grid, starts: Array, scale: float
+) -> tuple[Callable[[Array], float], Array]:
+    """The loss of the joint at a point of the unit box, and points that fill it, best first."""
+
+    def loss(place: Array) -> float:
+        return huber(respond(grid, joint(place), starts).predicted - grid.angles, scale)
+
+    points = _even_points(SCREENED, dimensions)
+    return loss, points[np.argsort([loss(point) for point in points], kind="stable")]
 
 
 def _evolved(loss: Callable[[Array], float], points: Array, generations: int) -> Array:
