@@ -9,7 +9,7 @@ from dataclasses import replace
 from planner.calibration.candidates import WORDS, Compared
 from planner.report.identification.figures import cloud_figure
 from planner.report.identification.text import next_step
-from planner.report.page import Card, Page, Section, heading
+from planner.report.page import Card, Page, Section, figures_section, heading, table_section
 from planner.report.table import Column, Row, Table, number
 
 
@@ -76,13 +76,13 @@ def calibration_page(found: Mapping[str, Compared]) -> str:
                 "<ul>{% for line in lines %}<li>{{ line }}</li>{% endfor %}</ul><p>{{ step }}</p>",
                 {"lines": lines, "step": step},
             ),
-            Section("Every way", "{{ table }}", {"table": candidates_table(found)}),
-            Section("The joints", "{{ figures(drawn) }}", {"drawn": figures}),
+            table_section("Every way", candidates_table(found)),
+            figures_section("The joints", figures),
         ),
         footer="Errors are measured: every way was played on the servos.",
         good=all(each.identification.accepted for _, each in joints),
         cards=(
             Card("–".join(dict.fromkeys(ends)), "×", "closer than the best shift"),
-            Card(str(len(joints)), "", "joints"),
+            Card(str(len(joints)), "", f"joint{'s' * (len(joints) > 1)}"),
         ),
     ).html()

@@ -8,10 +8,12 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from markupsafe import Markup
 
 from planner._version import __version__
 from planner.evaluation.checks import AGREES
 from planner.evaluation.comparison import SECOND
+from planner.report import figure
 from planner.report.comparison_tables import (
     SHOWN,
     checks_table,
@@ -21,16 +23,7 @@ from planner.report.comparison_tables import (
     plans_table,
     tolerance_reasons,
 )
-from planner.report.figure import (
-    Axis,
-    Figure,
-    Motion,
-    Movie,
-    Panel,
-    Timeline,
-    line,
-    near_limits,
-)
+from planner.report.figure import Axis, Figure, Motion, Movie, Panel, Timeline, line, near_limits
 from planner.report.matplotlib_figure import draw_grid
 from planner.report.page import (
     Card,
@@ -40,14 +33,9 @@ from planner.report.page import (
     heading,
     models_table,
     origin_lists,
+    table_section,
 )
-from planner.report.style import (
-    CLOSED_FORM,
-    DESIRED,
-    FOOT_OPTIMAL,
-    INK,
-    OPTIMAL,
-)
+from planner.report.style import CLOSED_FORM, DESIRED, FOOT_OPTIMAL, INK, OPTIMAL
 from planner.report.table import percent
 from planner.trajectory import error_norm
 
@@ -89,8 +77,6 @@ def comparison_page(
         unreachable: How many samples were out of the leg's reach.
         notes: What else should be known first.
     """
-    from markupsafe import Markup
-
     head, tail = verdict(check)
     names = [joint.name for joint in check.joints]
     foot = [foot_figure(check)] if check.foot is not None else []
@@ -103,7 +89,6 @@ def comparison_page(
     }
     figures = [*(joint_figure(check, joint, j) for j, joint in enumerate(check.joints)), *foot]
     checks = {"table": checks_table(check.checks), "reasons": tolerance_reasons(check.checks)}
-    models = models_table(names, [joint.model for joint in check.joints])
     return Page(
         heading=f"Plans compared for the leg “{title}”"
         if leg
@@ -118,7 +103,9 @@ def comparison_page(
             Section("How good each plan is", PLANS, plans),
             Section("Angles and requests", FIGURES, {"shown": figures}),
             Section("What was checked", CHECKS, checks),
-            Section("The models", "{{ table }}", {"table": models}),
+            table_section(
+                "The models", models_table(names, [joint.model for joint in check.joints])
+            ),
         ],
         listings=origin_lists(origins, files),
         footer=Markup(FOOTER),
@@ -341,15 +328,7 @@ def foot_figure(check: CrossCheck) -> Figure:
         timeline.curve(100.0 * check.foot.plans[method].distances, role)
         for method, role in FOOT_ROLES.items()
     ]
-    return timeline.figure(
-        "foot_distances",
-        [Panel(Axis("distance", "cm", from_zero=True), tuple(curves), height=1.8)],
-        (
-            "The foot’s error over time",
-            "Distance of the foot from its desired position at the same moment.",
-        ),
-        clock=True,
-    )
+    return figure.foot_figure(timeline, {"": curves})
 
 
 def leg_figure(check: CrossCheck, foot: FootComparison, leg: Leg) -> Figure:

@@ -75,7 +75,7 @@ def plans_table(joints: Sequence[JointComparison]) -> Table:
         *("rms [deg]", "max [deg]", *["on the robot [deg]"] * known, "gap"),
         *("requests differ: rms [deg]", "most [deg]", "at"),
     )
-    return Table("joint, plan", _columns(titles), tuple(rows), label="Plans")
+    return Table("joint, plan", tuple(map(Column, titles)), tuple(rows), label="Plans")
 
 
 def foot_table(foot: FootComparison) -> Table:
@@ -93,7 +93,7 @@ def foot_table(foot: FootComparison) -> Table:
         cells = _only(f"{100.0 * foot.bound:.3f}", 0 if foot.norm == "rms" else 1, 5)
         rows.append(Row("lower bound within the limits", cells, "foot", "bound"))
     titles = ("rms [cm]", "max [cm]", "gap", "requests differ: rms [deg]", "most [deg]")
-    return Table("foot, plan", _columns(titles), tuple(rows), label="Foot")
+    return Table("foot, plan", tuple(map(Column, titles)), tuple(rows), label="Foot")
 
 
 def checks_table(checks: Sequence[Check]) -> Table:
@@ -111,7 +111,7 @@ def checks_table(checks: Sequence[Check]) -> Table:
             holds = "yes" if each.passed else "NO"
             cells = (f"{each.value:.1e}", tolerance, holds, where)
             rows.append(Row(each.name, cells, kind="" if each.passed else "broken"))
-    columns = (*_columns(("worst", "tolerance", "holds")), Column("where", words=True))
+    columns = (*map(Column, ("worst", "tolerance", "holds")), Column("where", words=True))
     return Table("check", columns, tuple(rows), label="Checks")
 
 
@@ -133,10 +133,6 @@ def notes(joints: Sequence[JointComparison]) -> Iterator[str]:
                     "which so keeps whatever angle it starts with; another steady cycle is "
                     f"{math.degrees(answer.elsewhere):.2f} deg away"
                 )
-
-
-def _columns(titles: Sequence[str], *, words: int = 0) -> tuple[Column, ...]:
-    return tuple(Column(title, words=number < words) for number, title in enumerate(titles))
 
 
 def _only(cell: str, column: int, columns: int) -> tuple[str, ...]:

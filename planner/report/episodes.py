@@ -9,7 +9,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from planner.report.figure import Axis, Curve, Figure, Panel, joined
-from planner.report.page import Card, Page, Section, footer, origin_lists, sentence, spoken
+from planner.report.page import (
+    Card,
+    Page,
+    Section,
+    figures_section,
+    footer,
+    origin_lists,
+    sentence,
+    spoken,
+    table_section,
+)
 from planner.report.style import DIRECT, LOWER_BOUND, OPTIMAL, SHIFT
 from planner.report.table import NOTHING, Column, Row, Table, number
 
@@ -62,11 +72,10 @@ def episodes_page(
         )
     ]
     if failed:
-        sections.append(Section("Left out", "{{ table }}", {"table": failures_table(failed)}))
+        sections.append(table_section("Left out", failures_table(failed)))
     figures = [errors_figure(rows, unit) for unit in units]
     if len(figures) > 1:
-        several = {"figures_of_units": figures[1:]}
-        sections.insert(0, Section("", "{{ figures(figures_of_units) }}", several))
+        sections.insert(0, figures_section("", figures[1:]))
     worst = _worst(rows)
     median = {kind: float(np.median([row[f"{kind}_rms"] for row in rows])) for kind in MEDIANS}
     unit = UNITS[units[0]] if len(units) == 1 else "deg, or % of a range,"

@@ -412,6 +412,25 @@ def joint_figure(
     return timeline.figure(name, drawn, words, clock=clock)
 
 
+def foot_figure(timeline: Timeline, feet: Mapping[str, Sequence[Curve]]) -> Figure:
+    """How far feet are from their desired positions over time [cm], by leg; "" for the only one."""
+    only = "" in feet
+    axis = Axis("distance", "cm", from_zero=True)
+    return timeline.figure(
+        "foot_distances" if only else "feet_distances",
+        [
+            Panel(axis, tuple(curves), name, height=1.8 if only else 1.0)
+            for name, curves in feet.items()
+        ],
+        (
+            "The foot's error over time" if only else "The feet's errors over time",
+            f"Distance of {'the' if only else 'each'} foot from its desired position at the same "
+            "moment.",
+        ),
+        clock=True,
+    )
+
+
 def around(values: Iterable[Array], *, margin: float = MARGIN) -> tuple[float, float]:
     """The ends of an axis on which all values lie, with room on both sides."""
     known = [each[np.isfinite(each)] for each in values]

@@ -16,6 +16,7 @@ from planner.report.page import (
     LinkedFile,
     Page,
     Section,
+    figures_section,
     footer,
     heading,
     origin_lists,
@@ -128,7 +129,7 @@ def learning_page(
         figure=errors_figure(first),
         sections=[
             Section("The trials", TRIALS, {"table": trials_table(progress), "more": more}),
-            Section("The joints", "{{ figures(joints) }}", {"joints": joints}),
+            figures_section("The joints", joints),
         ],
         listings=origin_lists(origins, files),
         footer=footer("refine"),

@@ -21,15 +21,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 from urllib.parse import quote
 
+from markupsafe import Markup, escape
+
 from planner._version import __version__
 from planner.report.figure import Figure
 from planner.report.plotly_figure import live
 from planner.report.style import ROLES
-from planner.report.table import Column, Row, Table, percent, signed
+from planner.report.table import Column, Row, Table, percent
 
 if TYPE_CHECKING:
     import jinja2
-    from markupsafe import Markup
 
     from planner.model.joint import JointModel
 
@@ -71,6 +72,12 @@ ALWAYS = ("v_max", "theta_0", "lag", "acceleration_time", "tick", "hold", "offse
 MANY = 6
 """So many figures stand in columns, each below the one before, and not in rows."""
 
+HINTS = Markup(
+    '<p class="note hints">Drag in a plot (on a touch screen, use its buttons) to zoom into it; '
+    "plots over time zoom together. Double-click to see everything again. An entry of a legend "
+    "hides its curve.</p>"
+)
+
 BREAKS = "/_-"
 """After these a long name of a file may break."""
 
@@ -97,6 +104,16 @@ class Section:
     title: str
     template: str
     context: Mapping[str, Any]
+
+
+def table_section(title: str, table: Table) -> Section:
+    """A table under a heading."""
+    return Section(title, "{{ table }}", {"table": table})
+
+
+def figures_section(title: str, figures: Sequence[Figure]) -> Section:
+    """Figures side by side under a heading."""
+    return Section(title, "{{ figures(drawn) }}", {"drawn": figures})
 
 
 class Listing(NamedTuple):
@@ -147,8 +164,6 @@ class Page:
         bodies = [
             templates.from_string(each.template).render(each.context) for each in self.sections
         ]
-        from markupsafe import Markup
-
         return templates.get_template("base.html").render(
             page=self,
             figure=figure,
@@ -171,15 +186,11 @@ class _Drawing:
 
     def show(self, figure: Figure) -> Markup:
         """A figure as an element of the page."""
-        from markupsafe import Markup
-
         told = self.live[figure.name] = live(figure)
         return Markup(self._template.render(figure=figure, live=told, downloads=self._downloads))
 
     def several(self, figures: Iterable[Figure]) -> Markup:
         """Figures side by side."""
-        from markupsafe import Markup
-
         shown = [self.show(figure) for figure in figures]
         kind = "pictures many" if len(shown) >= MANY else "pictures"
         return Markup('<div class="{}">\n{}\n</div>').format(kind, Markup("\n").join(shown))
@@ -198,16 +209,13 @@ def environment() -> jinja2.Environment:
     )
     environment.filters["fixed"] = lambda value, digits=2: f"{value:.{digits}f}"
     environment.filters["percent"] = percent
-    environment.filters["signed"] = signed
     environment.filters["breakable"] = _breakable
-    environment.globals["hints"] = _hints()
+    environment.globals["hints"] = HINTS
     return environment
 
 
 def live_head() -> Markup:
     """The elements of a page's head that keep it from the network."""
-    from markupsafe import Markup
-
     return Markup(f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">')
 
 
@@ -220,8 +228,6 @@ def live_scripts(figures: Mapping[str, Mapping[str, Any]]) -> Markup:
         figures: By the identifier of a ``figure`` element, what is drawn in its ``live`` element:
             from :func:`planner.report.plotly_figure.live`.
     """
-    from markupsafe import Markup
-
     # Within a script no "<" may stand that could end it.
     data = json.dumps(figures, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
     parts = [f'<script type="application/json" id="live-figures">{data}</script>']
@@ -304,8 +310,6 @@ def linked_files(
 
 def origin_lists(origins: Sequence[tuple[str, str]], linked: Sequence[LinkedFile]) -> list[Listing]:
     """Where a page comes from: what it was made from, its files, and versions."""
-    from markupsafe import Markup
-
     links = [
         (each.role, Markup('<a href="{}">{}</a>').format(each.href, _breakable(each.name)))
         for each in linked
@@ -320,16 +324,12 @@ def origin_lists(origins: Sequence[tuple[str, str]], linked: Sequence[LinkedFile
 
 def file_links(files: Sequence[str]) -> Listing:
     """The files of a folder, relative to its page."""
-    from markupsafe import Markup
-
     links = [(Markup('<a href="{0}">{0}</a>').format(file), "") for file in files]
     return Listing("Files of this run", links)
 
 
 def footer(command: str, more: str = "") -> Markup:
     """Whose model a page of a command rests on."""
-    from markupsafe import Markup
-
     return Markup(
         "request-planner {} {}. The model is that of Stronger &amp; Stone, <cite>A Model-Based "
         "Approach to Robot Joint Control</cite>, Equations 2 and 3{}."
@@ -338,8 +338,6 @@ def footer(command: str, more: str = "") -> Markup:
 
 def spoken(head: str, tail: str, link: str = ", ") -> Markup:
     """The answer in a few words, and what it is worth, as a sentence."""
-    from markupsafe import Markup
-
     return Markup("<strong>{}</strong>{}{}.").format(head, link if tail else "", tail)
 
 
@@ -356,20 +354,8 @@ def sentence(words: str) -> str:
 
 def _breakable(name: str) -> Markup:
     """A name of a file that may break between its parts, not inside a word."""
-    from markupsafe import Markup, escape
-
     parts = "".join(f"{letter}\0" if letter in BREAKS else letter for letter in name).split("\0")
     return Markup("<wbr>").join(escape(part) for part in parts)
-
-
-def _hints() -> Markup:
-    from markupsafe import Markup
-
-    return Markup(
-        '<p class="note hints">Drag in a plot (on a touch screen, use its buttons) to zoom into '
-        "it; plots over time zoom together. Double-click to see everything again. An entry of a "
-        "legend hides its curve.</p>"
-    )
 
 
 def _seen_from(folder: Path, file: Path) -> tuple[str, str]:

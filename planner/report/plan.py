@@ -10,7 +10,7 @@ import numpy as np
 
 from planner.model.evidence import OPEN_TOP_SPEED, unproven_gains, untested_words
 from planner.report import figure
-from planner.report.figure import Axis, Figure, Motion, Movie, Panel
+from planner.report.figure import Figure, Motion, Movie
 from planner.report.page import (
     Card,
     LinkedFile,
@@ -21,6 +21,7 @@ from planner.report.page import (
     models_table,
     origin_lists,
     spoken,
+    table_section,
 )
 from planner.report.plan_tables import (
     expected_errors,
@@ -109,7 +110,6 @@ def plan_page(
         "known": any(expected_errors(plan)),
         "joints": [joint_figure(plan, role, j) for j in range(len(plan.names))],
     }
-    models = models_table(plan.names, plan.models)
     sections = [
         Section("The joints", JOINTS, joints),
         Section(
@@ -117,10 +117,10 @@ def plan_page(
             REQUESTS,
             {"motions": motions_table(plan), "table": requests_table(plan)},
         ),
-        Section("The models", "{{ table }}", {"table": models}),
+        table_section("The models", models_table(plan.names, plan.models)),
     ]
     if parts:
-        feet = {"table": feet_table(parts), "feet": [feet_figure(parts, role)]}
+        feet = {"table": feet_table(parts), "feet": [distances_figure(parts, role)]}
         sections.insert(0, Section("The feet", "{{ table }}{{ figures(feet) }}", feet))
     if foot:
         over_models = models_errors_table("", of_foot, "cm")
@@ -329,48 +329,27 @@ def foot_figures(plan: Plan, role: Role) -> list[Figure]:
     leg = plan.task.leg
     if leg is None:
         return []
-    timeline = timeline_of(plan)
-    curves = [
-        timeline.curve(100.0 * distances, looks)
-        for distances, looks in ((plan.direct_distances, DIRECT), (plan.distances, role))
-    ]
-    distances = timeline.figure(
-        "foot_distances",
-        [Panel(Axis("distance", "cm", from_zero=True), tuple(curves), height=1.8)],
-        (
-            "The foot's error over time",
-            "Distance of the foot from its desired position at the same moment.",
-        ),
-        clock=True,
-    )
     moving = Figure(
         "leg",
         "The leg and the paths of its foot",
         "Move the slider and the leg follows, drag it and it turns.",
-        timeline.axis,
+        timeline_of(plan).axis,
         movie=_movie(plan, leg, role),
     )
-    return [moving, distances]
+    return [moving, distances_figure({"": plan}, role)]
 
 
-def feet_figure(legs: Mapping[str, Plan], role: Role) -> Figure:
-    """The error of each foot of a robot over time."""
-    timeline, panels = timeline_of(next(iter(legs.values()))), []
-    for name, plan in legs.items():
-        curves = [
+def distances_figure(legs: Mapping[str, Plan], role: Role) -> Figure:
+    """The error of each foot over time, without a plan and with it; "" for that of the only leg."""
+    timeline = timeline_of(next(iter(legs.values())))
+    feet = {
+        name: [
             timeline.curve(100.0 * distances, looks)
             for distances, looks in ((plan.direct_distances, DIRECT), (plan.distances, role))
         ]
-        panels.append(Panel(Axis("distance", "cm", from_zero=True), tuple(curves), name))
-    return timeline.figure(
-        "feet_distances",
-        panels,
-        (
-            "The feet's errors over time",
-            "Distance of each foot from its desired position at the same moment.",
-        ),
-        clock=True,
-    )
+        for name, plan in legs.items()
+    }
+    return figure.foot_figure(timeline, feet)
 
 
 def _movie(plan: Plan, leg: Leg, role: Role) -> Movie:

@@ -33,6 +33,7 @@ from planner.report.page import (
     origin_lists,
     sentence,
     spoken,
+    table_section,
 )
 from planner.report.style import (
     APPROXIMATION,
@@ -101,15 +102,12 @@ def replay_page(
                 "joints": [joint_figure(replay, j) for j in range(len(replay.joints))],
             },
         ),
-        Section(
+        table_section(
             "The models",
-            "{{ table }}",
-            {
-                "table": models_table(
-                    [each.name for each in planned],
-                    [each.inversion.model for each in planned if each.inversion],
-                )
-            },
+            models_table(
+                [each.name for each in planned],
+                [each.inversion.model for each in planned if each.inversion],
+            ),
         ),
     ]
     if found is not None:
@@ -224,12 +222,12 @@ def cards(replay: Replay) -> list[Card]:
             Card(f"{factor * each.expected:.3g}", f"{unit} rms",
                  f"to expect on the robot of {each.name}, the plan's error and the model's")
         )  # fmt: skip
-    count = len(replay.moments)
+    count, joints = len(replay.moments), len(replay.joints)
     seconds = (count - 1) * replay.period
     made.append(
         Card(f"{seconds:.3g}", "s",
-             f"{count} requests to {len(replay.joints)} joints at {1.0 / replay.period:.4g} Hz, "
-             f"for {replay.path.duration:.3g} s of the recording")
+             f"{count} requests to {joints} joint{'s' * (joints > 1)} at "
+             f"{1.0 / replay.period:.4g} Hz, for {replay.path.duration:.3g} s of the recording")
     )  # fmt: skip
     return made
 

@@ -25,16 +25,6 @@ class Role(NamedTuple):
     width: float = 1.8
     dashes: Any = "-"
 
-    @property
-    def line(self) -> dict[str, Any]:
-        """Arguments for matplotlib's ``plot``."""
-        return {
-            "color": self.light,
-            "linewidth": self.width,
-            "linestyle": self.dashes,
-            "label": self.label,
-        }
-
 
 INK = Role("ink", "#1f2328", "#e8eaed")
 MUTED = Role("muted", "#6b7280", "#9aa3ad")

@@ -21,6 +21,7 @@ from planner.report.page import (
     heading,
     origin_lists,
     spoken,
+    table_section,
 )
 from planner.report.style import DIRECT, FOOT_OPTIMAL, LIMIT, OPTIMAL
 from planner.report.table import Column, Row, Table
@@ -173,7 +174,7 @@ def sweep_page(
             ),
         ]
     if failed := failures_table(swept):
-        sections.append(Section("Points without a plan", "{{ table }}", {"table": failed}))
+        sections.append(table_section("Points without a plan", failed))
     head, _, tail = verdict(swept).partition(": ")
     return Page(
         heading="Speed against error",

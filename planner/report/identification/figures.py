@@ -14,13 +14,7 @@ from planner.identification.log import Log
 from planner.identification.result import Identification, LogFit
 from planner.model.joint import JointModel
 from planner.report.figure import Axis, Curve, Figure, Panel, Span, Words, line, replace_width
-from planner.report.identification.words import (
-    errors,
-    estimate,
-    parameters,
-    unit_of,
-    units_of,
-)
+from planner.report.identification.words import errors, estimate, parameters, unit_of, units_of
 from planner.report.style import CLOSED_FORM, DIRECT, GRID, INK, MUTED, OPTIMAL, REQUESTED, Role
 from planner.report.table import signed
 from planner.trajectory import Array, index_of_largest

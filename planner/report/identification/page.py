@@ -9,6 +9,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from markupsafe import Markup
 
 from planner.identification.result import Identification
 from planner.report.identification.figures import (
@@ -63,8 +64,6 @@ def identification_page(
         identifications: By joint; "" for one without a name.
         files: Files of the run to link to.
     """
-    from markupsafe import Markup
-
     several = len(identifications) > 1
     joints = [
         Joint(name, re.sub(r"\W+", "-", f"{prefix}{name or 'joint'}"), found, prefix)
@@ -220,8 +219,6 @@ def _sections(joint: Joint) -> list[Section]:
 
 def _verdict(found: Identification) -> str:
     """The verdict, what it is worth, and what is known."""
-    from markupsafe import Markup
-
     said = verdict(found).replace(" %", "\N{NO-BREAK SPACE}%")
     head, tail = said.split(":", 1)
     start = Markup("<strong>{}</strong>:").format(head[0].upper() + head[1:])

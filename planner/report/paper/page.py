@@ -4,12 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+from markupsafe import Markup
 
 from planner.report.figure import Figure
-from planner.report.page import Card, Listing, Page, Section, environment, file_links, parameters_of
+from planner.report.page import (
+    Card,
+    Listing,
+    Page,
+    Section,
+    environment,
+    figures_section,
+    file_links,
+    parameters_of,
+)
 from planner.report.paper.figures import FEATURED
 from planner.report.paper.tables import (
+    Results,
     dropped_words,
     executed_table,
     foot_table,
@@ -20,11 +32,6 @@ from planner.report.paper.tables import (
 )
 from planner.report.paper.virtual_figures import VIRTUAL_FEATURED
 from planner.report.table import Column, Row, Table, percent, signed
-
-if TYPE_CHECKING:
-    from markupsafe import Markup
-
-Results = Mapping[str, Any]
 
 EYEBROW = (
     "request-planner · Stronger &amp; Stone, <cite>A Model-Based Approach to Robot Joint "
@@ -74,7 +81,7 @@ def paper_page(results: Results, figures: Sequence[Figure], files: Sequence[str]
             Section("Table 2: joint angles", TABLE_2, known | _titled(table_2(results))),
             Section("The foot", FOOT, known | _titled(foot_table(results), "centimetres")),
             Section("How good could any requests be?", BOUNDS, {"table": limits_table(results)}),
-            Section("Figures", "{{ figures(others) }}", {"others": others}),
+            figures_section("Figures", others),
         ],
         listings=[file_links(files), Listing("Parameters", listed), *_ends(results)],
         footer=f"{results['made_by']}. Published figures: {results['source']}.",
@@ -189,7 +196,7 @@ def virtual_page(results: Results, figures: Sequence[Figure], files: Sequence[st
             Section("What the plans predicted and the robot did", EXECUTED,
                     _titled(executed_table(results), "L₂")),
             Section("Learning from executed cycles", LEARNING, {**known, "learning": learning}),
-            Section("Figures", "{{ figures(others) }}", {"others": others}),
+            figures_section("Figures", others),
             Section("What the robot is made of", ROBOT,
                     {**known, "table": constants_table(results["robot"]["constants"])}),
         ],
@@ -317,12 +324,8 @@ def _rendered(template: str, known: Mapping[str, Any]) -> Markup:
 
 
 def _markup(text: str) -> Markup:
-    from markupsafe import Markup
-
     return Markup(text)  # our own, escaped where it was rendered
 
 
 def _code(name: str, words: str) -> Markup:
-    from markupsafe import Markup
-
     return Markup("<code>{}</code> {}").format(name, words)
