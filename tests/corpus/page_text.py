@@ -8,9 +8,13 @@ import re
 import zlib
 from html.parser import HTMLParser
 from itertools import chain
+from pathlib import Path
 from typing import Any
+from urllib.parse import unquote
 
 import numpy as np
+
+from planner.report.style import ROLES
 
 SKIPPED = ("script", "style", "svg")
 """Elements without text for the reader."""
@@ -22,43 +26,79 @@ BLOCKS = (
 """Elements that begin a line."""
 
 
-class _Text(HTMLParser):
-    def __init__(self) -> None:
+VOID = ("meta", "link", "br", "img", "hr", "input", "wbr")
+"""Elements that have no end."""
+
+DATA = re.compile(r'<script type="[^"]*" id=.*?</script>', re.DOTALL)
+"""What only the scripts of a page read."""
+
+
+class _Reader(HTMLParser):
+    """What a page says and links to; its elements must be closed in order."""
+
+    def __init__(self, page: str) -> None:
         super().__init__()
         self.parts: list[str] = []
-        self._skipped: list[str] = []
+        self.links: list[str] = []
+        self.ids: list[str] = []
+        self._open: list[str] = []
+        self.feed(page)
+        assert not self._open
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        if tag in SKIPPED:
-            self._skipped.append(tag)
-        elif tag in BLOCKS or tag == "br":
+        given = {name: value or "" for name, value in attrs}
+        self.links += [given[key] for key in ("href", "src", "xlink:href") if key in given]
+        self.ids += [given["id"]] if "id" in given else []
+        if tag not in VOID:
+            self._open.append(tag)
+        if tag in BLOCKS or tag == "br":
             self.parts.append("\n")
         elif tag in ("td", "th"):
             self.parts.append(" | ")
-        if tag in ("tr", "td") and (kind := dict(attrs).get("class")):
+        kind = given.get("class", "")
+        if (tag in ("tr", "td") and kind) or kind == "verdict no":
             self.parts.append(f"{{{kind}}} ")
-        if tag == "figure" and (label := dict(attrs).get("aria-label")):
-            self.parts.append(f"({label})")
-        if tag == "a" and not self._skipped:
-            self.parts.append(f"[{dict(attrs).get('href')}] ")
+        if tag == "figure":
+            assert len(given["aria-label"]) > 30, "every figure is described"
+            self.parts.append(f"({given['aria-label']})")
+        if tag == "a":
+            self.parts.append(f"[{given['href']}] ")
 
     def handle_endtag(self, tag: str) -> None:
-        if self._skipped and tag == self._skipped[-1]:
-            self._skipped.pop()
-        elif tag in BLOCKS:
+        assert self._open.pop() == tag
+        if tag in BLOCKS:
             self.parts.append("\n")
 
     def handle_data(self, data: str) -> None:
-        if not self._skipped:
+        if not set(SKIPPED) & set(self._open):
             self.parts.append(re.sub(r"\s+", " ", data))
 
 
 def text_of(page: str) -> str:
     """The text of a page, a line for each block and for each row of a table."""
-    parser = _Text()
-    parser.feed(page)
-    lines = (" ".join(line.split()) for line in "".join(parser.parts).split("\n"))
+    lines = (" ".join(line.split()) for line in "".join(_Reader(page).parts).split("\n"))
     return "\n".join(line for line in lines if line.strip(" |"))
+
+
+def check_needs_nothing_else(page: str, folder: Path) -> None:
+    """A page links to its own places and to files beside it, loads nothing, and has its colours."""
+    reader = _Reader(page)
+    assert len(reader.ids) == len(set(reader.ids))
+    for link in reader.links:
+        if link.startswith("#"):
+            assert link[1:] in reader.ids
+        elif not link.startswith("data:,"):
+            assert (folder / unquote(link)).is_file(), link
+    shown = DATA.sub("", page)
+    addresses = re.findall(r"(?:https?:)?//[\w.]+[^\"'\s<>)]*", shown)
+    assert [each for each in addresses if "www.w3.org" not in each] == []
+    assert "default-src 'none'; script-src 'unsafe-inline';" in page
+    assert not re.findall(r"@import|<(?:script|img|iframe|object)[^>]*\b(?:src|data)=", page)
+    assert ('id="plotly"' in page) == ('"kind":"plot"' in page)
+    for variable, role in ROLES.items():
+        assert role.light not in shown[shown.index("<body>") :], role.label
+        assert f"--{variable}: {role.light};" in page
+        assert f"--{variable}: {role.dark};" in page
 
 
 def figures_of(page: str) -> str:

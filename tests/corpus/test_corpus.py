@@ -27,7 +27,7 @@ from click.testing import CliRunner
 from planner._version import __version__
 from planner.cli import cli
 from planner.cli.program import COMMANDS
-from tests.corpus.page_text import figures_of, text_of
+from tests.corpus.page_text import check_needs_nothing_else, figures_of, text_of
 from tests.snapshots import NUMBER
 
 INPUTS = Path(__file__).parent / "inputs"
@@ -339,7 +339,9 @@ def written(folder: Path, *, skipped: tuple[str, ...] = ()) -> list[str]:
         if file.suffix == ".html":
             page = file.read_text("utf-8")
             parts.append(masked(text_of(page)))
-            parts += [drawn] if (drawn := figures_of(page)) else []
+            if drawn := figures_of(page):
+                check_needs_nothing_else(page, file.parent)
+                parts.append(drawn)
         elif file.suffix == ".svg":
             picture = file.read_text("utf-8")
             texts = re.findall(r"<text[^>]*>([^<]*)</text>", picture)

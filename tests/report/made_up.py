@@ -9,13 +9,7 @@ import numpy as np
 
 from planner.identification.excitation import excite
 from planner.identification.log import Log
-from planner.identification.result import (
-    Alternative,
-    Finding,
-    Identification,
-    Interval,
-    LogFit,
-)
+from planner.identification.result import Alternative, Finding, Identification, Interval, LogFit
 from planner.model.joint import JointModel
 from planner.model.response import simulate
 

@@ -125,13 +125,6 @@ def test_a_plan_at_a_bound_of_zero_has_an_error_and_no_infinite_gap(check):
         assert not re.search(r"\binf\b", said)
 
 
-def test_the_figure_has_the_difference_of_the_requests(check):
-    joint = check.joints[0]
-    difference = joint_figure(check, joint, 0).panels[2].curves[-1]
-    expected = np.degrees(joint.plans[SHOWN].requests - joint.plans["optimal"].requests)
-    np.testing.assert_allclose(difference.y[:-1], expected, atol=SAME)
-
-
 def test_plotly_takes_every_figure(check):
     check_words(live(foot_figure(check)))
     for j, joint in enumerate(check.joints):

@@ -7,8 +7,6 @@ from xml.etree import ElementTree
 
 import pytest
 
-from planner.report.style import ROLES
-
 PICTURES = (
     "foot_paths",
     "step_tests",
@@ -27,13 +25,6 @@ def text(folder):
     return (folder / "report.html").read_text()
 
 
-def test_every_link_is_a_file_of_the_run(text, folder):
-    links = [link for link in re.findall(r'<a href="([^"]+)"', text) if not link.startswith("#")]
-    assert len(links) > 30
-    for link in links:
-        assert (folder / link).is_file(), link
-
-
 def test_every_picture_is_well_formed_described_and_drawn(text, folder):
     for name in PICTURES:
         assert f'<figure id="{name}"' in text
@@ -41,19 +32,6 @@ def test_every_picture_is_well_formed_described_and_drawn(text, folder):
         assert (folder / "figures" / f"{name}.png").read_bytes()[:4] == b"\x89PNG"
     labels = re.findall(r'<figure id="[^"]*" aria-label="([^"]{40,})"', text)
     assert len(labels) == len(PICTURES)
-
-
-def test_nothing_is_loaded_from_a_network(text):
-    text = re.sub(r'<script type="[^"]*" id=.*?</script>', "", text)  # numbers in base 64
-    addresses = set(re.findall(r"(?:https?:)?//[\w.]+[^\"'\s<>)]*", text))
-    assert {address for address in addresses if "www.w3.org" not in address} == set()
-    assert "default-src 'none'; script-src 'unsafe-inline';" in text
-
-
-def test_pictures_wear_the_colours_of_the_page(text):
-    body = text[text.index("<body>") :]
-    for role in ROLES.values():
-        assert role.light not in body, role.label
 
 
 def test_every_constant_of_the_robot_stands_in_the_page(text, results):
