@@ -2,30 +2,15 @@
 
 from __future__ import annotations
 
-import json
 import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from kinematics import Leg, urdf_path
-from planner import JointModel, Log, fastest, replay, simulate
+from planner import fastest, replay
 from planner.report.replay import cards, replay_page, speeds_figure
-
-SERVO = JointModel(v_max=4.0, theta_0=0.2, lag=0.03, acceleration_time=0.05, tick=0.005, hold=4)
-
-
-def logs(*names, size=0.5):
-    requests = size * (1.0 - np.cos(np.linspace(0.0, 2.0 * np.pi, 80))) / 2.0
-    angles = simulate(SERVO, requests, cyclic=False)
-    times = SERVO.period * np.arange(80)
-    return [Log(times=times, requests=requests, angles=angles, joint=name) for name in names]
-
-
-def live(page):
-    found = re.search(r'<script type="application/json" id="live-figures">(.*?)</script>', page)
-    return json.loads(found[1])
+from tests.report.test_made_up_pages import SERVO, logs
 
 
 @pytest.fixture(scope="module")
@@ -60,39 +45,11 @@ def test_the_verdict_is_bad_where_a_tolerance_is_missed_and_says_by_which_joint(
     assert 'class="verdict no"' not in kept
 
 
-def test_a_slider_shows_every_joint_at_a_moment(made):
-    figures = live(replay_page(made, title="demo.csv", words="follows the state"))
-    moment = figures["moment"]
-    assert moment["kind"] == "moment"
-    assert [each["name"] for each in moment["joints"]] == ["elbow", "gripper"]
-    kinds = {each["name"]: each["values"] for each in moment["kinds"]}
-    assert len(kinds["path"][0]) == moment["samples"] == len(made.moments)
-    assert kinds["predicted"][1] is None
-    assert {"joint_0", "joint_1"} < set(figures)
-    assert figures["joint_0"]["clock"] == 1000.0
-
-
-def test_an_arm_moves_through_the_episode():
-    place = {"path": urdf_path("ers210a.urdf"), "base": "body", "foot": "front_left_ball"}
-    leg = Leg.from_urdf(**place)
-    made = replay(logs(*leg.joint_names), SERVO)
-    figures = live(replay_page(made, title="demo.csv", words="follows the state", arm=leg))
-    assert figures["arm"]["kind"] == "leg"
-    assert [each["name"] for each in figures["arm"]["motions"]] == [
-        "desired",
-        "direct",
-        "optimised",
-    ]
-    assert "moment" not in figures
-
-
 def test_the_curve_of_errors_over_speed_is_on_the_page():
     found = fastest(logs("elbow"), SERVO, tolerance=0.02)
     page = replay_page(
         found.replay, title="demo.csv", words="follows the state", found=found, verdict="v_max is 1"
     )
-    names = [each["name"] for each in live(page)["speeds"]["data"]]
-    assert names[-4:] == ["direct, off the scale", "best time shift", "optimised", "lower bound"]
     coarse = speeds_figure(fastest(logs("elbow"), SERVO, tolerance=0.2))
     assert "direct" in [curve.name for curve in coarse.panels[0].curves]
     (panel,) = speeds_figure(replace(found, foot=True)).panels  # the tolerance in metres then

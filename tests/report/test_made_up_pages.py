@@ -1,0 +1,148 @@
+"""Pages of answers that no command line of tests/corpus has, held by snapshots."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from kinematics import Leg, urdf_path
+from planner import JointModel, Log, replay, simulate
+from planner.calibration.candidates import WORDS, Candidate, Compared
+from planner.identification.result import Interval
+from planner.model.evidence import Evidence
+from planner.recording.retiming import Fastest, Impossible, SpeedErrors
+from planner.report.calibration import calibration_page, calibration_text
+from planner.report.episodes import MOST_REASONS, episodes_page
+from planner.report.identification.page import identification_page
+from planner.report.replay import replay_page
+from planner.report.sweep import Outcome, Requirement, Swept, sweep_page
+from tests.corpus.page_text import check_needs_nothing_else, figures_of, text_of
+from tests.corpus.test_corpus import masked
+from tests.report.made_up import made_up, made_up_log, never_saturated
+from tests.report.test_episodes_page import document, row
+
+SERVO = JointModel(v_max=4.0, theta_0=0.2, lag=0.03, acceleration_time=0.05, tick=0.005, hold=4)
+
+
+EXPECTED = (math.nan, math.nan, 0.2, 0.15, 0.14)
+"""Error that the model leads one to expect of each way of a calibration [deg]."""
+
+
+def calibrated(best, *, accepted=True):
+    """A joint whose ways have errors of 1, 2, 3 ... tenths of a degree, the best one 0.05."""
+    ways = [
+        Candidate(way, *np.radians([0.05 if way == best else 0.1 * k, 0.3 * k, 2.0 * k, expected]))
+        for k, (way, expected) in enumerate(zip(WORDS, EXPECTED, strict=True), 1)
+    ]
+    found = made_up(made_up_log(duration=4.0), verdict="holds" if accepted else "refused")
+    (chosen,) = (each for each in ways if each.way == best)
+    return Compared(
+        identification=found, candidates=tuple(ways), recommended=chosen, model=found.model
+    )
+
+
+def calibration():
+    ways = ("direct", "shift", "optimal")
+    found = {f"to_{best}": calibrated(best, accepted=best != "shift") for best in ways}
+    return f"{calibration_text(found, 'arm.toml')}\n{calibration_page(found)}"
+
+
+def one_calibration():
+    return calibration_page({"knee": calibrated("closed_form")})
+
+
+def identification():
+    refused = replace(never_saturated(), verdict="refused", held_out_rms=None)
+    gripper = made_up(made_up_log(unit="1", joint="<gripper> & co", name="<img src=x>.csv"))
+    stuck = replace(gripper.model, dead_band=0.01)
+    intervals = {**gripper.intervals, "dead_band": Interval(0.009, 0.011)}
+    sticky = replace(gripper, model=stuck, intervals=intervals)
+    return identification_page({"knee": refused, "<gripper> & co": sticky})
+
+
+def logs(*names, size=0.5):
+    """A motion there and back, recorded of some joints."""
+    requests = size * (1.0 - np.cos(np.linspace(0.0, 2.0 * np.pi, 80))) / 2.0
+    angles = simulate(SERVO, requests, cyclic=False)
+    times = SERVO.period * np.arange(80)
+    return [Log(times=times, requests=requests, angles=angles, joint=name) for name in names]
+
+
+def replayed_arm():
+    place = {"path": urdf_path("ers210a.urdf"), "base": "body", "foot": "front_left_ball"}
+    leg = Leg.from_urdf(**place)
+    hip, knee, jaw = leg.joint_names
+    tested = SERVO.with_evidence(
+        Evidence(error=0.01, speed=1.0, intervals={"v_max": (3.0, math.inf)})
+    )
+    recorded = [*logs(hip, size=2.5), *logs(knee, jaw)]
+    made = replay(recorded, {hip: tested, knee: SERVO}, speed=1.5)
+    return replay_page(made, title="demo.csv", words="follows the state", arm=leg)
+
+
+def fastest_replay():
+    seen = Evidence(intervals={"v_max": (3.0, math.inf)})
+    made = replay(logs("elbow", size=3.0), SERVO.with_evidence(seen), speed=2.0)
+    found = Fastest(
+        replay=made,
+        constant=1.8,
+        tolerance=math.radians(2.0),
+        foot=False,
+        retime="varying",
+        impossible=Impossible(2.5, "elbow", 1.1, of_model_only=True),
+        curve=(
+            SpeedErrors(1.0, 25.0, 1.5, 0.25, 0.125),
+            SpeedErrors(2.0, 30.0, 3.0, 0.75, math.nan),
+            SpeedErrors(3.0, 40.0, 6.0, 2.0, 1.5),
+        ),
+    )
+    found.__dict__["factors"] = np.linspace(1.0, 3.0, len(made.moments) - 1)
+    about = {"title": "demo.csv", "words": "follows the state", "verdict": "v_max is 1"}
+    return replay_page(made, found=found, **about)
+
+
+def episodes():
+    rows = [row(0), row(1, planned=0.4), row(3, unit="percent", lower_bound=None)]
+    failed = [f"data/walks, episode {10 + k}" for k in range(MOST_REASONS + 2)]
+    return episodes_page(document(rows, left_out=failed), title="walks", words="follows the state")
+
+
+def swept(*outcomes, required=None):
+    made = Swept("a b.toml", ("speed", "height"), outcomes, "times", "deg", required)
+    return sweep_page(made)
+
+
+def unplanned_sweep():
+    return swept(*(Outcome((0.5 + k, 0.1), reason="too far") for k in range(3)))
+
+
+def missed_sweep():
+    sizes = {"largest": 1.0, "direct": 3.0, "too_fast": 0.25, "slowest": "hip"}
+    outcomes = [Outcome((k, 0.1), k, error, **sizes) for k, error in ((1.0, 0.2), (2.0, 0.3))]
+    required = Requirement("error", 0.1)
+    return swept(*(replace(each, reason="0.1 deg") for each in outcomes), required=required)
+
+
+PAGES = {
+    made.__name__: made
+    for made in (
+        calibration,
+        one_calibration,
+        identification,
+        replayed_arm,
+        fastest_replay,
+        episodes,
+        unplanned_sweep,
+        missed_sweep,
+    )
+}
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_a_page_says_and_draws_what_it_did(name, snapshot, tmp_path):
+    page = PAGES[name]()
+    check_needs_nothing_else(page, tmp_path)
+    snapshot.check(name, masked(f"{text_of(page)}\n{figures_of(page)}\n"))
