@@ -194,11 +194,7 @@ def _log(joint: str, expected: Identification) -> bytes:
 
 
 def _check(choices: dict[str, Any]) -> None:
-    """Refuse options that the kind ignores, and numbers that are none.
-
-    Raises:
-        click.UsageError: The message says which.
-    """
+    """Refuse options that the kind ignores, and numbers that are none."""
     kind = choices["kind"]
     for name, kinds in (
         ("amplitude_deg", ("combined", "steps")),

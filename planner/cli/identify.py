@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pickle
 from collections.abc import Callable, Collection, Mapping, Sequence
-from contextlib import nullcontext
+from contextlib import AbstractContextManager, nullcontext
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
@@ -136,8 +136,13 @@ def identify(
         remarks=remarks(),
         about=model_comments(tables),
     )
-    files = [*(("log", file) for file in logs), ("model", output)]
-    page = nullcontext() if report is None else staged(report, _page(found, report, files).encode())
+    page: AbstractContextManager[None] = nullcontext()
+    if report is not None:
+        from planner.report.identification.page import identification_page
+        from planner.report.page import linked_files
+
+        files = linked_files(report, [*(("log", file) for file in logs), ("model", output)])
+        page = staged(report, identification_page(found, files=files).encode())
     with page:
         deliver(
             _document(found, every=choices["joint"] == "all"),
@@ -161,11 +166,7 @@ def to_log_options(choices: Mapping[str, Any]) -> LogOptions:
 
 
 def _check(asked: Collection[str], found: Mapping[str, Identification]) -> None:
-    """Make sure that every joint has a model, and that every model is one to plan with.
-
-    Raises:
-        click.ClickException: It is not so; everything else is written by then.
-    """
+    """Refuse joints without a model, and models not to plan with; everything is written by then."""
     from planner.model.evidence import with_reasons
 
     left_out = [joint for joint in asked if joint not in found]
@@ -182,11 +183,7 @@ def _check(asked: Collection[str], found: Mapping[str, Identification]) -> None:
 
 
 def _by_joint(paths: Sequence[str], choices: Mapping[str, Any]) -> dict[str, list[Log]]:
-    """The logs, by joint where every joint is asked for; what was guessed goes to standard error.
-
-    Raises:
-        click.UsageError: The logs are of several joints, and --joint names none of them.
-    """
+    """The logs, by joint where every joint is asked for; what was guessed goes to stderr."""
     from planner.files.logs.read import read_logs
 
     logs = read_logs(paths, options=to_log_options(choices))
@@ -220,11 +217,7 @@ def _echo_notes(logs: Sequence[Log]) -> None:
 def _identified(
     logs: Mapping[str, Sequence[Log]], choices: Mapping[str, Any]
 ) -> dict[str, Identification]:
-    """What is found of each joint; of several, those that cannot be identified are left out.
-
-    Raises:
-        PlannerError: None can.
-    """
+    """What is found of each joint; of several, those that cannot be identified are left out."""
     from planner.files.results import Task
 
     tick_ms = choices["tick_ms"]
@@ -289,14 +282,6 @@ def _in_parallel(tasks: Sequence[Task]) -> list[Identification | PlannerError]:
                 found[task.name] = pickle.loads(outcome.result)  # of a process of our own
             progress(task.name)
     return [found[task.name] for task in tasks]
-
-
-def _page(found: Mapping[str, Identification], page: str, files: Sequence[tuple[str, str]]) -> str:
-    """The page about what was found, which will stand at ``page`` and links to the files."""
-    from planner.report.identification.page import identification_page
-    from planner.report.page import linked_files
-
-    return identification_page(found, files=linked_files(page, files))
 
 
 def _document(found: Mapping[str, Identification], *, every: bool) -> dict[str, Any]:

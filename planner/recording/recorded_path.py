@@ -134,11 +134,7 @@ class RecordedPath:
 
 
 def _rows(name: str, duration: float, period: float, speed: float) -> int:
-    """How many requests a replay has.
-
-    Raises:
-        InvalidInput: They are too many or too few.
-    """
+    """How many requests a replay has; too many or too few are refused."""
     count = duration / speed / period
     if count > MOST_SAMPLES:
         raise InvalidInput(
@@ -163,11 +159,9 @@ def check_length(
     """Make sure that a replay has a number of requests that can be planned; see :func:`replay`.
 
     Raises:
-        InvalidInput: They are too many or too few, the part or the rate is none, or the rows are
-            too far apart or too close to be of a joint.
+        InvalidInput: They are too many or too few, or the part or the rate is none.
     """
     logs = as_logs(recording)
-    check_periods(logs)
     first, last = _part(logs, min(float(log.times[0]) for log in logs), begin, end)
     _rows(logs[0].name, last - first, _period(logs, rate), speed)
 
@@ -186,6 +180,7 @@ def recorded_path(
     """A recording with the models of its joints, ready for any speed; see :func:`replay`."""
     check_choice("track", track, get_args(Track))
     logs = as_logs(recording)
+    check_periods(logs)
     names = _names(logs)
     every = {"": models} if isinstance(models, JointModel) else _by_joint(models)
     if isinstance(joints, str) or not all(isinstance(name, str) for name in _items(joints)):
@@ -254,11 +249,7 @@ def _names(logs: Sequence[Log]) -> tuple[str, ...]:
 def _planned(
     names: Sequence[str], models: Mapping[str, JointModel], joints: Sequence[str]
 ) -> frozenset[str]:
-    """The joints to plan.
-
-    Raises:
-        InvalidInput: One of them is not there or has no model, or there is none.
-    """
+    """The joints to plan, each with a model."""
     for name in joints:
         if name not in names:
             raise InvalidInput(
@@ -325,11 +316,7 @@ def _period(logs: Sequence[Log], rate: float | None) -> float:
 
 
 def _requested_every(model: JointModel, period: float, joint: str) -> JointModel:
-    """The model with a request every period, in as many ticks where the period is about its own.
-
-    Raises:
-        InvalidInput: The model cannot have so many, or so few.
-    """
+    """The model with a request every period, in as many ticks where the period is about its own."""
     if abs(model.period - period) <= SAME_PERIOD * period:
         return replace(model, tick=period / model.hold).with_evidence(model.evidence)
     try:

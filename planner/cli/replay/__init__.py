@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import AbstractContextManager, nullcontext
 from functools import partial
+from pathlib import PurePath
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
     from planner.cli.replay.task import ReplayTask
     from planner.cli.settings import Replay as ReplaySettings
     from planner.cli.settings import Run
-    from planner.recording.replaying import Replay
 
 
 @click.command()
@@ -129,6 +129,7 @@ def replay(
 
 def _replay_one(task: ReplayTask, *, output: str, report: str | None, as_json: bool) -> None:
     """Plan one recording, and write it."""
+    from planner.cli.replay.files import write_replay
     from planner.cli.replay.task import document, fastest_document, missed, replay_report, summary
     from planner.files.staging import staged
 
@@ -149,7 +150,13 @@ def _replay_one(task: ReplayTask, *, output: str, report: str | None, as_json: b
     for each in made.path.remarks:
         remark(f"{made.path.name}: {each}")
     with page:
-        deliver(said, words, lambda file: _write(file, task, made), output=output, as_json=as_json)
+        deliver(
+            said,
+            words,
+            lambda file: write_replay(file, task.recording, made, task.replay.write_as),
+            output=output,
+            as_json=as_json,
+        )
     if misses:
         raise click.ClickException(f"{'; '.join(misses)}; the requests are written all the same")
 
@@ -174,8 +181,9 @@ def _say_all(
     made: Replayed, logs: Sequence[str], *, output: str, report: str | None, as_json: bool
 ) -> None:
     """Say which errors the plans of many recordings have, and list those that are left out last."""
-    from planner.cli.replay.dataset import episodes_report, episodes_text
+    from planner.cli.replay.dataset import episodes_line, episodes_text
     from planner.files.staging import staged
+    from planner.report.episodes import episodes_page
 
     said = made.document
     if made.nothing_missing:
@@ -184,7 +192,13 @@ def _say_all(
     if report is not None:
         with Progress() as progress:
             progress("the page")
-            with staged(report, episodes_report(said, logs).encode()):
+            page = episodes_page(
+                said,
+                title=", ".join(dict.fromkeys(PurePath(name).name for name in logs)),
+                words=episodes_line(said),
+                origins=[*(("recordings", name) for name in logs), ("track", said["track"])],
+            )
+            with staged(report, page.encode()):
                 pass
     deliver(said, episodes_text(said), lambda _: None, output=output, as_json=as_json)
     failed = said["left_out"]
@@ -198,24 +212,12 @@ def _say_all(
         )
 
 
-def _write(output: str, task: ReplayTask, made: Replay) -> None:
-    """Write one recording's requests."""
-    from planner.cli.replay.files import lerobot_layout, lerobot_rows, write_replay
-    from planner.files.exports.lerobot import lerobot_dataset
-
-    if task.replay.write_as != "lerobot":
-        write_replay(output, made, task.replay.write_as)
-        return
-    with lerobot_dataset(output, lerobot_layout(task.recording, made)) as add:
-        add(*lerobot_rows(task.recording, made))
-
-
 def _check_output(replay: ReplaySettings, output: str) -> None:
     """Make sure that the output can be written, before anything is computed.
 
     A folder and the results beside it are this command's until it ends.
     """
-    from planner.cli.replay.files import FOLDERS
+    from planner.cli.rows import FOLDERS
     from planner.files.staging import check_folder, check_writable, claimed
 
     if replay.write_as in FOLDERS:

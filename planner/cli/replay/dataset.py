@@ -255,18 +255,6 @@ def _resent_words(rows: Sequence[Mapping[str, Any]]) -> list[str]:
     return [f"in {len(of)} of {len(rows)} recordings {RESENT}, {where}"]
 
 
-def episodes_report(document: Mapping[str, Any], logs: Sequence[str]) -> str:
-    """The page about many recordings, in the files or datasets of these names."""
-    from planner.report.episodes import episodes_page
-
-    return episodes_page(
-        document,
-        title=", ".join(dict.fromkeys(Path(name).name for name in logs)),
-        words=episodes_line(document),
-        origins=[*(("recordings", name) for name in logs), ("track", document["track"])],
-    )
-
-
 def _settings(task: ReplayTask) -> dict[str, Any]:
     """What every episode depends on, beside its recording."""
     models = {name: repr(model) for name, model in task.models.by_joint.items()}

@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from planner.cli import settings
 from planner.cli.faults import BadSetting, Key
+from planner.cli.rows import FOLDERS, write_rows
 from planner.exceptions import InvalidInput
 from planner.files.clock import TIME
 from planner.files.exports import check_format
-from planner.files.exports.lerobot import TASK, Layout, frame_rate
-from planner.files.exports.ros_trajectory import (
-    joint_trajectory,
-    write_bag,
-    write_trajectory_yaml,
-)
+from planner.files.exports.lerobot import TASK, Layout, frame_rate, lerobot_dataset
 from planner.files.logs.lerobot import ACTION, STATE, find_dataset, read_episode
 from planner.files.paths import write_joint_path
 from planner.files.table import write_table
@@ -27,9 +24,6 @@ if TYPE_CHECKING:
     from planner.files.logs.recordings import Recording
     from planner.recording.replaying import JointReplay, Replay
     from planner.trajectory import Array
-
-FOLDERS = ("lerobot", "bag", "mcap")
-"""Formats that are folders."""
 
 
 def check_writing(form: ReplayFormat, recordings: Sequence[Recording], output: str) -> None:
@@ -53,11 +47,14 @@ def check_writing(form: ReplayFormat, recordings: Sequence[Recording], output: s
         check_format(form, Schedule(("joint",), np.zeros((3, 1)), 0.02))
 
 
-def write_replay(file: str, replay: Replay, form: ReplayFormat) -> None:
-    """Write the requests of one recording; "lerobot" is written by :func:`lerobot_rows`."""
+def write_replay(file: str, recording: Recording, replay: Replay, form: ReplayFormat) -> None:
+    """Write the requests of one recording."""
     names, requests = replay.names, replay.requests
-    if form == "csv":
-        columns = [f"{column_of(joint)}" for joint in replay.joints]
+    if form == "lerobot":
+        with lerobot_dataset(file, lerobot_layout(recording, replay)) as add:
+            add(*lerobot_rows(recording, replay))
+    elif form == "csv":
+        columns = [column_of(joint) for joint in replay.joints]
         times = np.arange(len(requests)) * replay.period
         values = np.column_stack([as_written(joint, joint.requests) for joint in replay.joints])
         write_table(file, [TIME, *columns], np.column_stack([times, values]))
@@ -67,12 +64,8 @@ def write_replay(file: str, replay: Replay, form: ReplayFormat) -> None:
         angles = np.where(shares, np.radians(100.0 * requests), requests)
         write_joint_path(file, names, angles, period=replay.period, units=units)
     else:
-        message = joint_trajectory(Schedule(names, requests, replay.period))
-        if form == "yaml":
-            write_trajectory_yaml(file, message)
-        else:
-            storage: Literal["mcap", "sqlite3"] = "mcap" if form == "mcap" else "sqlite3"
-            write_bag(file, message, storage=storage)
+        export = settings.Export(format=form, file=file)
+        write_rows(file, export, Schedule(names, requests, replay.period))
 
 
 def lerobot_layout(recording: Recording, replay: Replay) -> Layout:

@@ -99,11 +99,7 @@ def _recorded_joints(recordings: Sequence[Recording]) -> list[str]:
 def _identified(
     replay: settings.Replay, recordings: Sequence[Recording], progress: Callable[[str], None]
 ) -> JointModels:
-    """Models of the joints from the recordings that are to be replayed.
-
-    Raises:
-        PlannerError: None can be identified.
-    """
+    """Models of the joints from the recordings that are to be replayed."""
     used = recordings[:MOST_IDENTIFIED]
     by_joint: dict[str, list[Log]] = {}
     for log in _readable(used):
@@ -158,8 +154,7 @@ def _identified(
 def _readable(recordings: Sequence[Recording]) -> Iterator[Log]:
     """The logs of the recordings that can be read; the others are reported when they are planned.
 
-    Raises:
-        PlannerError: There is only one, and it cannot.
+    A recording alone is reported here.
     """
     for recording in recordings:
         try:

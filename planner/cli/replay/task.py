@@ -76,7 +76,6 @@ class ReplayTask:
         """
         logs = self.recording.read()
         chosen = self.replay
-        self.check_length(logs)
         path = recorded_path(
             logs,
             self.models.by_joint,
@@ -88,16 +87,6 @@ class ReplayTask:
             limits=_limits(self.given.limits, logs),
         )
         return replace(path, name=self.recording.name)
-
-    def check_length(self, logs: Sequence[Log]) -> None:
-        """Make sure that the replay has a number of requests that can be planned.
-
-        Raises:
-            InvalidInput: They are too many or too few.
-        """
-        chosen = self.replay
-        begin, end, rate = chosen.begin_s, chosen.end_s, chosen.rate_hz or self.rate
-        check_length(logs, speed=chosen.speed, begin=begin, end=end, rate=rate)
 
     def run(self, progress: Callable[[str], None] = lambda _: None) -> Replay:
         """Read the recording and plan its replay.
@@ -169,10 +158,14 @@ def tasks_of(
     """
     _check_tolerance(run, replay)
     rate = _rate(recordings)
-    models = JointModels(by_joint={})
     if len(recordings) == 1:  # of several, those that are too short or too long are left out
-        first = ReplayTask(recording=recordings[0], models=models, replay=replay, rate=rate)
-        first.check_length(first.recording.read())
+        check_length(
+            recordings[0].read(),
+            speed=replay.speed,
+            begin=replay.begin_s,
+            end=replay.end_s,
+            rate=replay.rate_hz or rate,
+        )
     models = joint_models(run.model, replay, recordings, progress)
     folder = str(Path.cwd()) if len(recordings) > 1 else ""  # workers of a cluster have another
     return tuple(
@@ -458,11 +451,7 @@ def _errors(errors: Any, unit: str, factor: float) -> dict[str, float]:
 
 
 def _check_tolerance(run: settings.Run, replay: settings.Replay) -> None:
-    """Refuse settings of the fastest replay that do not go together.
-
-    Raises:
-        BadSetting: The message says which.
-    """
+    """Refuse settings of the fastest replay that do not go together."""
     degrees, centimetres = Key("tolerance.deg"), Key("tolerance.cm")
     both = run.tolerance.deg is not None, run.tolerance.cm is not None
     if all(both):
