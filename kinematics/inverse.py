@@ -24,7 +24,7 @@ REACHED = 1e-9
 """A pose reaches a point when its foot is within this of it [m]."""
 
 UNMOVED = 1e-9
-"""Movement of the foot per radian below this, to the length of the leg, is rounding."""
+"""Movement of the foot below this is rounding [m/rad]."""
 
 TRIED = np.array([[0.3, -0.7, 1.1], [-1.3, 0.5, 0.8], [2.1, 1.7, -0.4], [0.9, -2.3, 2.6]])
 """Poses at which Jacobians are evaluated [rad], without a symmetry that could hide a movement."""
@@ -86,12 +86,11 @@ def solve_inverse(
         nearest = nearest_poses(chain, limits, foot[missed])
         poses, distances = _widened(poses, distances, nearest.shape[1])
         poses[missed], distances[missed] = nearest, _distances(chain, nearest, foot[missed])
-        missed = distances.min(axis=1) > REACHED
     if unreachable == "raise" and missed.any():
         indices, least = np.flatnonzero(missed), distances[missed].min(axis=1)
         raise UnreachableFoot(read_only(indices), read_only(least), of=len(foot))
-    allowance = np.where(missed, distances.min(axis=1) + REACHED, REACHED)
-    angles = choose(poses, distances <= allowance[:, None], limits, near=near, chain=chain)
+    allowed = distances <= distances.min(axis=1, keepdims=True) + REACHED
+    angles = choose(poses, allowed, limits, near=near, chain=chain)
     distance = _distances(chain, angles[:, None], foot)[:, 0]
     return InverseSolution(read_only(angles), read_only(distance <= REACHED), read_only(distance))
 
@@ -107,9 +106,7 @@ def check_joints(chain: Chain, names: Sequence[str]) -> None:
         SingularLeg: The foot lies on the axis of a joint, whatever the others do.
     """
     moved = np.linalg.norm(chain.jacobians(TRIED[:, : len(chain.axes)]), axis=1).max(axis=0)
-    unmoving = tuple(
-        name for name, most in zip(names, moved, strict=True) if most <= UNMOVED * chain.size
-    )
+    unmoving = tuple(name for name, most in zip(names, moved, strict=True) if most <= UNMOVED)
     if unmoving:
         raise SingularLeg(
             f"leg: singular in every pose, as joint {unmoving[0]!r} does not move the foot, which "

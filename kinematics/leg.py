@@ -282,7 +282,7 @@ def _pose(near: Mapping[str, float], names: tuple[str, ...], limits: Limits) -> 
 
 
 def _as_path(values: npt.ArrayLike, *, name: str, columns: int, unit: str) -> Array:
-    """Copy ``values`` into a finite (n, columns) array, or say why they cannot be a path."""
+    """The values as a finite array (n, columns), or say why they cannot be a path."""
     try:
         given = np.asarray(values)
     except ValueError as error:  # rows of different lengths
@@ -300,4 +300,4 @@ def _as_path(values: npt.ArrayLike, *, name: str, columns: int, unit: str) -> Ar
             f"{name}: {bad.size} of {len(given)} rows are not finite or beyond {FARTHEST:g} "
             f"{unit}: first index {bad[0]} ({given[bad[0]]}); mend or remove them first"
         )
-    return np.array(given, dtype=np.float64)
+    return given.astype(np.float64)

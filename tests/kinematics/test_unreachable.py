@@ -120,6 +120,8 @@ def test_the_error_lists_which_points_are_out_of_reach_and_by_how_much(name, tmp
         leg.joint_angles(foot)
     np.testing.assert_array_equal(error.value.indices, [4, 17])
     np.testing.assert_allclose(error.value.distances, nearest.distance[[4, 17]], atol=EXACT)
+    assert not error.value.indices.flags.writeable
+    assert not error.value.distances.flags.writeable
 
 
 def test_the_error_names_the_worst_point_and_only_the_first_ten():
