@@ -218,7 +218,7 @@ def executed_plans(
     if given.method == "foot-optimal" and (desired.leg is None or desired.foot is None):
         raise BadSetting(Key("plan.method", "foot-optimal"), " plans for a foot path of a leg")
     torques = load(desired.angles) if callable(load) else load
-    single = given.method == "optimal" or by_joint
+    single = given.method != "foot-optimal" or by_joint
     method: Literal["optimal", "foot-optimal"] = "optimal" if single else "foot-optimal"
     given = replace(given, method=method, robust=None)
     asked = replace(
@@ -375,6 +375,7 @@ def progress_of(answer: Refined) -> list[Progress]:
         unit = "cm" if foot else desired.unit(desired.names.index(name))
         factor = 100.0 if foot else math.degrees(1.0)
         bound, noise = learning.floor
+        bound = math.nan if plan.task.load_of_pose else bound
         remarks = [as_options(text, desired.names) for text in learning.remarks]
         if not any("identified anew" in text for text in remarks):
             remarks += _other_models(plan, name, desired)

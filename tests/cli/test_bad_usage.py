@@ -219,6 +219,7 @@ BAD = {
     "an option of another format": f"{EXPORT} --format yaml --unit deg",
     "velocities of a table": f"{EXPORT} --format csv --velocities",
     "ticks without the unit": f"{EXPORT} --format csv --zero-tick 3",
+    "a tick of 0 without the unit": f"{EXPORT} --format csv --zero-tick 0",
     "half a tick": f"{EXPORT} --format csv --unit ticks --zero-tick knee=1.5",
     "a bag on standard output": f"{EXPORT} --format bag",
     "lines without a rate": f"{EXPORT} --format csv --between linear",

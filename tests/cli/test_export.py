@@ -43,12 +43,15 @@ def test_cycles_rate_unit_and_names(run, requests, tmp_path):
     assert np.allclose(hip, np.tile([0, 2.5, 5, 7.5], 3), rtol=0.0, atol=1e-9)
 
 
-def test_ticks_of_single_joints(run, requests):
-    result = run(
-        "export", requests, "--format", "csv", "--unit", "ticks", "--ticks-per-turn", 360,
-        "--zero-tick", 180, "--zero-tick", "knee=100", "--joint", "knee",
-    )  # fmt: skip
-    assert result.stdout.splitlines()[:3] == ["t_s,knee_ticks", "0.0,120", "0.008,119"]
+@pytest.mark.parametrize(
+    ("zero", "first"), [(("180", "--zero-tick", "knee=100"), 120), (("0",), 20)]
+)
+def test_ticks_of_single_joints(run, requests, zero, first):
+    shared = ("export", requests, "--format", "csv", "--unit", "ticks", "--ticks-per-turn", 360)
+    result = run(*shared, "--zero-tick", *zero, "--joint", "knee")
+    assert result.stdout.splitlines()[:3] == [
+        "t_s,knee_ticks", f"0.0,{first}", f"0.008,{first - 1}"
+    ]  # fmt: skip
 
 
 def test_the_servos_of_a_model_file_have_the_zeros_and_directions_of_their_own_joints(
@@ -66,6 +69,8 @@ def test_the_servos_of_a_model_file_have_the_zeros_and_directions_of_their_own_j
     assert rows[:3] == ["t_s,hip_ticks,knee_ticks", "0.0,2000,772", "0.008,2011,784"]
     named = run(*shared, "--joint-names", "a,b").stdout.splitlines()
     assert named == ["t_s,a_ticks,b_ticks", *rows[1:]]
+    (tmp_path / "arm.toml").write_text("".join([blocks[1].replace("4096", "4000"), blocks[2]]))
+    assert "servos of 4000, 4096 ticks a turn, expected one" in run(*shared).stderr
 
 
 def test_json_says_what_was_written(run, requests, tmp_path):

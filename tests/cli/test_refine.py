@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from planner import JointModel, half_ellipse, simulate
+from planner.cli.learning import as_options
 from planner.files.paths import read_joint_path, write_foot_path, write_joint_path
 
 KNOWN = JointModel.ers210a()
@@ -67,6 +68,17 @@ def test_a_page_and_a_table_say_what_was_learnt(run, desired, execute, tmp_path)
     assert "--sensor-delay-ms" in result.stderr
     assert "sensor_delay=" not in result.stderr
     assert "the error of each trial" in (tmp_path / "page.html").read_text()
+
+
+def test_the_table_has_the_errors_of_the_first_the_last_and_the_best_trial(run, desired, execute):
+    run("plan", desired, "-o", "requests.csv")
+    line = ("refine", "requests.csv", "measured.csv", "--desired", desired, "--no-reidentify")
+    for factor in (1.0, 0.8):
+        write_joint_path("measured.csv", ("hip", "knee"), factor * execute(), period=0.008)
+        result = run(*line, "--history", "all.json", "-o", "requests.csv")
+    row = next(each for each in result.stderr.splitlines() if each.startswith("knee [deg]"))
+    first, last, best, *_ = map(float, row.split()[2:])
+    assert first == best < last
 
 
 def test_calls_after_a_model_was_identified_anew_say_so_too(run, tmp_path):
@@ -152,6 +164,33 @@ def test_what_does_not_fit_is_refused(run, desired, tmp_path, execute, options, 
     assert result.exit_code == 2
     assert message in result.stderr
     assert result.stdout == ""
+
+
+def test_what_all_recordings_have_of_the_first_cycles_is_learnt(run, desired, execute):
+    """Two files of one cycle and 12 rows more, the second without one of the joints."""
+    run("plan", desired, "-o", "requests.csv")
+    for file, factor in (("one.csv", 1.0), ("two.csv", 0.9)):
+        angles = factor * execute()
+        rows = np.vstack([angles, angles[:12]])
+        write_joint_path(file, ("hip", "knee"), rows, period=0.008)
+    keep_columns("two.csv", "knee")
+    line = ("refine", "requests.csv", "one.csv", "two.csv", "--desired", desired)
+    line = (*line, "--no-reidentify", "-o", "next.csv", "--cycles")
+    both, first = (run(*line, cycles) for cycles in (2, 1))
+    for result, count in ((both, "2 measured cycles"), (first, "1 measured cycle")):
+        assert "warning: 24 measured rows after the last whole cycle are not used" in result.stderr
+        assert "no measured angles of hip: requests kept as they are\n" in result.stderr
+        assert f"\n{count} of 88 requests" in result.stderr
+    assert "got 2 of 88 rows, expected 3 cycles" in run(*line, 3).stderr
+    alone = run("refine", "requests.csv", "one.csv", *line[3:], "1", "--joint", "knee").stderr
+    assert alone.splitlines()[-1] == first.stderr.splitlines()[-1]
+    assert both.stderr.splitlines()[-1] != first.stderr.splitlines()[-1]
+    assert "12 more than 1 cycles of 88" in run(*line, 1, "--no-cyclic").stderr
+
+
+def test_remarks_of_the_library_name_joints_and_options():
+    said = as_options("joint 2 is late: sensor_delay=0.008, as joint 1", ("hip", "knee"))
+    assert said == "knee is late: --sensor-delay-ms 8, as hip"
 
 
 def test_the_same_recording_twice_is_refused_before_anything_is_written(
@@ -271,7 +310,7 @@ def test_joints_that_were_not_measured_keep_their_requests_and_are_named(
         keep_columns("measured.csv", "knee")
         result = run(*line)
         assert result.exit_code == 0, result.output
-        assert result.stderr.count(said) == 1
+        assert result.stderr.count(f"{said}\n") == 1
         assert said in (tmp_path / "page.html").read_text("utf-8")
         after = read_joint_path("requests.csv")
         assert after.names == ("hip", "knee")

@@ -60,6 +60,8 @@ CASES = {
         "plan stride.csv --leg front-left",
         "plan loaded.csv --load column",
         "plan requests.csv --leg reference --tolerance-cm 1",
+        "refine measured.csv measured.csv --desired path.csv",
+        "refine played.csv played.csv --desired path.csv --joint hip",
         "plan loaded.csv --joint hip --model motor.toml --load urdf",
     ],
     "check-json": f"check {ARM} --duration-s 4 --rate-hz 50 --json",
@@ -151,25 +153,31 @@ CASES = {
     ],
     "plan-robust": "plan path.csv --speed 0.5 --model uncertain.toml --robust mean --report "
     "page.html",
-    "refine": "refine path.csv measured.csv --desired path.csv --model joint.toml "
-    "--no-reidentify -o out.csv",
+    "refine": "refine path.csv measured.csv --desired path.csv --model joint.toml --method shift "
+    "--no-reidentify --sensor-delay-ms 0 -o out.csv",
     "refine-json": "refine path.csv measured.csv --desired path.csv --model joint.toml "
-    "--no-reidentify --joint knee --sensor-delay-ms 0 --history learning.json -o out.csv --json",
+    "--no-reidentify --joint knee --sensor-delay-ms 4 --cycles 1 --history learning.json "
+    "-o out.csv --json",
     "refine-foot": [
         f"plan short_stride.csv {CLAMPED} --method foot-optimal -o r.csv -q",
         "simulate r.csv --model joint.toml -o m.csv -q",
         f"refine r.csv m.csv --desired short_stride.csv {CLAMPED} --method foot-optimal "
         "--no-reidentify --report page.html -o n.csv",
     ],
+    "refine-pose": [
+        "simulate requests.csv --model joint.toml -o m.csv -q",
+        "refine requests.csv m.csv --desired requests.csv --leg reference --model soft.toml --load "
+        "urdf --limits-deg knee=20:140 --no-reidentify -o n.csv",
+    ],
     "refine-trials": [
         "plan path.csv --model joint.toml -o r0.csv -q",
         *(
             line
-            for k in range(3)
+            for k, joints in enumerate(("--joint hip --joint knee",) * 2 + ("--joint knee",))
             for line in (
-                f"simulate r{k}.csv --model motor.toml -o m{k}.csv -q",
+                f"simulate r{k}.csv --model motor.toml {joints} -o m{k}.csv -q",
                 f"refine r{k}.csv m{k}.csv --desired path.csv --model joint.toml --no-reidentify "
-                f"--history trials -o r{k + 1}.csv --report page.html -q",
+                f"--history trials -o r{k + 1}.csv --report page.html",
             )
         ),
     ],
