@@ -43,7 +43,7 @@ def document(prepared: Prepared, plan: Plan, missed: list[str]) -> dict[str, Any
     for j, name in enumerate(desired.names):
         inversion, unit = plan.inversions[j] if plan.inversions else None, desired.unit(j)
         joints[name] = {
-            **_errors(np.degrees(np.abs(plan.errors[:, j])), unit),
+            **_errors(np.degrees(plan.errors[:, j]), unit),
             "norm": inversion and inversion.norm,
             "solver": inversion and inversion.solver,
             f"expected_rms_{unit}": _degrees_or_null(plan.expected[j].error),
@@ -118,7 +118,7 @@ def summary(prepared: Prepared, plan: Plan) -> str:
         f"{model_words(prepared.settings.model)}\n"
     )
     for j in range(len(desired.names)):
-        errors = _errors(np.degrees(np.abs(plan.errors[:, j])), "deg")
+        errors = _errors(np.degrees(plan.errors[:, j]), "deg")
         bounded = [NOTHING, NOTHING]
         by_feet = prepared.settings.plan.method == "foot-optimal"
         if plan.inversions and not plan.task.load_of_pose and not by_feet:

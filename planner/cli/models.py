@@ -17,6 +17,9 @@ from planner.model.joint import JointModel, joint_of_top_speed
 if TYPE_CHECKING:
     from kinematics import Leg
 
+Common = ModelFile | JointModel | Mapping[str, float]
+"""Models of all joints: those of a file, one, or top speeds by the leg's description [rad/s]."""
+
 
 def models_of(
     model: settings.Model,
@@ -42,9 +45,9 @@ def models_of(
     check_joints("model.joints", model.joints, joints)
     common = _models_of_all(model, leg, folder)
     models = tuple(
-        _model_of_joint(model.joints[joint], joint, common, leg, folder)
+        _model_of_joint(model.joints[joint], joint, common, folder)
         if joint in model.joints
-        else _model_from(common, joint, leg)
+        else _model_from(common, joint)
         for joint in joints
     )
     if rate_hz is not None:
@@ -98,10 +101,8 @@ def check_joints(key: str, given: Mapping[str, object], joints: Sequence[str]) -
             )
 
 
-def _models_of_all(
-    model: settings.Model, leg: Leg | None, folder: str
-) -> ModelFile | JointModel | None:
-    """The models of all joints: those of a file or one; None for those of the leg's description."""
+def _models_of_all(model: settings.Model, leg: Leg | None, folder: str) -> Common:
+    """The models of all joints."""
     parameters = Key("model.parameters")
     if model.parameters is not None:
         if "file" in model.keys_set:
@@ -130,34 +131,26 @@ def _models_of_all(
             " takes speeds from a leg's URDF: name it with ",
             Key("leg.name"),
         )
-    return None
+    return dict(zip(leg.joint_names, leg.speeds.tolist(), strict=True))
 
 
-def _model_from(common: ModelFile | JointModel | None, joint: str, leg: Leg | None) -> JointModel:
+def _model_from(common: Common, joint: str) -> JointModel:
     """The model of a joint without settings of its own."""
     if isinstance(common, ModelFile):
         return common.for_joints([joint])[0]
-    if common is not None:
+    if isinstance(common, JointModel):
         return common
-    assert leg is not None, "a leg that has no speeds was refused"
-    assert leg.speeds is not None, "a leg that has no speeds was refused"
-    speeds = dict(zip(leg.joint_names, leg.speeds.tolist(), strict=True))
-    if math.isnan(speeds.get(joint, math.nan)):
+    speed = common.get(joint, math.nan)
+    if math.isnan(speed):
         raise BadSetting(
             Key("model.file", settings.FROM_URDF),
             f": the URDF has no usable top speed of joint '{joint}'; give a model file, as "
             "`identify` writes it",
         )
-    return joint_of_top_speed(speeds[joint])
+    return joint_of_top_speed(speed)
 
 
-def _model_of_joint(
-    own: settings.OfJoint,
-    joint: str,
-    common: ModelFile | JointModel | None,
-    leg: Leg | None,
-    folder: str,
-) -> JointModel:
+def _model_of_joint(own: settings.OfJoint, joint: str, common: Common, folder: str) -> JointModel:
     """The model of a joint with a table of its own."""
     key = Key("model.joints", joint=joint)
     set_to = own.values().items()
@@ -169,6 +162,6 @@ def _model_of_joint(
             )
         return read_model_file(beside(folder, own.file)).for_joints([joint])[0]
     try:
-        return replace(_model_from(common, joint, leg), **changes)
+        return replace(_model_from(common, joint), **changes)
     except InvalidModel as error:
         raise BadSetting(key, f": {error}") from error

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     from planner.cli.desired import Desired
     from planner.cli.settings import Run
     from planner.files.paths import JointPath
-    from planner.model.evidence import Expectation
-    from planner.trajectory import Array
 
 
 @click.command()
@@ -55,8 +53,9 @@ def simulate(
 
     from planner.cli.desired import load_joints, refused_models, repeats, starts_of
     from planner.cli.models import model_words, verdict_document
+    from planner.evaluation.metrics import angle_distance
     from planner.files.paths import write_joint_path
-    from planner.model.evidence import untested_words
+    from planner.model.evidence import Expectation, expectation, untested_words
     from planner.model.response import simulate as simulate_joint
 
     given = load_joints(requests, run)
@@ -82,39 +81,35 @@ def simulate(
                 )
             )
     angles = np.column_stack(columns)
-    distances = {} if path is None else _distances(path, given, angles)
-    expected = () if path is None else _expected(path, given, angles, loads, cyclic=cyclic)
-    robot = {
-        name: {
-            f"expected_rms_{given.unit(j)}": None
-            if np.isnan(each.error)
-            else float(np.degrees(each.error)),
-            "untested": list(each.untested),
-        }
-        for j, (name, each) in enumerate(zip(given.names, expected, strict=False))
-    }
-    document = {
-        "cyclic": cyclic,
-        "period_s": given.period,
-        "joints": {
-            name: {
-                **distances.get(name, {}),
-                **robot.get(name, {}),
-                **verdict_document(given.models[j]),
-                f"angles_{given.unit(j)}": np.degrees(angles[:, j]).tolist(),
-            }
-            for j, name in enumerate(given.names)
-        },
-    }
+    joints: dict[str, dict[str, Any]] = {}
+    expected = list[Expectation]()
     summary = f"{len(angles)} requests of {', '.join(given.names)}; {model_words(run.model)}"
-    for j, (name, distance) in enumerate(distances.items()):
-        unit, (rms, largest) = given.unit(j), distance.values()
-        summary += f"\n{name}: {rms:.3f} {unit} rms from the desired angles"
-        summary += f", {largest:.3f} {unit} at most"
-        if np.isfinite(expected[j].error):
-            summary += f"; on the robot expect about {np.degrees(expected[j].error):.3f} {unit} rms"
+    for j, (name, model) in enumerate(zip(given.names, given.models, strict=True)):
+        unit, joints[name] = given.unit(j), {}
+        if path is not None:
+            wanted, reached = path.angles[:, j], angles[:, j]
+            column = None if loads is None else loads[:, j]
+            each = expectation(
+                model.evidence, wanted, reached, period=given.period, cyclic=cyclic, load=column
+            )
+            expected.append(each)
+            rms, largest, robot = np.degrees([*angle_distance(reached, wanted), each.error])
+            known = np.isfinite(robot)
+            joints[name] = {
+                f"rms_{unit}": float(rms),
+                f"max_{unit}": float(largest),
+                f"expected_rms_{unit}": float(robot) if known else None,
+                "untested": list(each.untested),
+            }
+            summary += f"\n{name}: {rms:.3f} {unit} rms from the desired angles"
+            summary += f", {largest:.3f} {unit} at most"
+            if known:
+                summary += f"; on the robot expect about {robot:.3f} {unit} rms"
+        joints[name] |= verdict_document(model)
+        joints[name][f"angles_{unit}"] = np.degrees(angles[:, j]).tolist()
     if expected and (words := untested_words(given.names, expected)):
         summary += f"\n{words}"
+    document = {"cyclic": cyclic, "period_s": given.period, "joints": joints}
     deliver(
         document,
         summary,
@@ -138,37 +133,3 @@ def _desired(file: str, given: Desired) -> JointPath:
             "compare with the path that the requests were planned for",
         )
     return path
-
-
-def _expected(
-    path: JointPath, given: Desired, angles: Array, loads: Array | None, *, cyclic: bool
-) -> tuple[Expectation, ...]:
-    """What to expect of each joint on the robot."""
-    from planner.model.evidence import expectation
-
-    return tuple(
-        expectation(
-            model.evidence,
-            path.angles[:, j],
-            angles[:, j],
-            period=given.period,
-            cyclic=cyclic,
-            load=None if loads is None else loads[:, j],
-        )
-        for j, model in enumerate(given.models)
-    )
-
-
-def _distances(path: JointPath, given: Desired, angles: Array) -> dict[str, dict[str, float]]:
-    import numpy as np
-
-    from planner.evaluation.metrics import angle_distance
-
-    distances = {}
-    for j, name in enumerate(given.names):
-        distance = angle_distance(angles[:, j], path.angles[:, j])
-        distances[name] = {
-            f"rms_{given.unit(j)}": float(np.degrees(distance.rms)),
-            f"max_{given.unit(j)}": float(np.degrees(distance.max)),
-        }
-    return distances

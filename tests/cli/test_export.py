@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 
 import numpy as np
@@ -71,37 +70,6 @@ def test_the_servos_of_a_model_file_have_the_zeros_and_directions_of_their_own_j
     assert named == ["t_s,a_ticks,b_ticks", *rows[1:]]
     (tmp_path / "arm.toml").write_text("".join([blocks[1].replace("4096", "4000"), blocks[2]]))
     assert "servos of 4000, 4096 ticks a turn, expected one" in run(*shared).stderr
-
-
-def test_json_says_what_was_written(run, requests, tmp_path):
-    pytest.importorskip("yaml", reason="needs the extra yaml")
-    file = tmp_path / "out.yaml"
-    result = run("export", requests, "--format", "yaml", "--lead-s", 2, "-o", file, "--json")
-    assert json.loads(result.stdout) == {
-        "format": "yaml",
-        "joints": ["hip", "knee"],
-        "rows": 10,
-        "period_s": 0.008,
-        "duration_s": 0.08,
-        "requests_never_sent": 0,
-    }
-    assert "  time_from_start: {sec: 2, nanosec: 0}" in file.read_text()
-
-
-@pytest.mark.parametrize(
-    ("kind", "package", "file"),
-    [
-        ("bag", "rosbags", "walk.db3"),
-        ("mcap", "rosbags", "walk.mcap"),
-        ("lerobot", "pyarrow", "meta/info.json"),
-    ],
-)
-def test_folders_appear_whole(run, requests, tmp_path, kind, package, file):
-    pytest.importorskip(package, reason="needs an extra")
-    result = run("export", requests, "--format", kind, "-o", "out/walk")
-    assert result.exit_code == 0, result.stderr
-    assert (tmp_path / "out" / "walk" / file).is_file()
-    assert [each.name for each in (tmp_path / "out").iterdir()] == ["walk"]
 
 
 def test_a_bag_has_the_topic_and_a_dataset_the_task_of_its_options(run, requests, tmp_path):

@@ -57,19 +57,6 @@ def test_the_same_line_again_and_again_lowers_the_error(run, desired, execute):
     assert read_joint_path("requests.csv").names == ("hip", "knee")
 
 
-def test_a_page_and_a_table_say_what_was_learnt(run, desired, execute, tmp_path):
-    run("plan", desired, "-o", "requests.csv")
-    execute(cycles=3)
-    line = ("refine", "requests.csv", "measured.csv", "--desired", desired, "-o", "next.csv")
-    result = run(*line, "--report", "page.html", "--no-reidentify")
-    assert result.exit_code == 0
-    assert "3 measured cycles of 88 requests" in result.stderr
-    assert "predicted next" in result.stderr
-    assert "--sensor-delay-ms" in result.stderr
-    assert "sensor_delay=" not in result.stderr
-    assert "the error of each trial" in (tmp_path / "page.html").read_text()
-
-
 def test_the_table_has_the_errors_of_the_first_the_last_and_the_best_trial(run, desired, execute):
     run("plan", desired, "-o", "requests.csv")
     line = ("refine", "requests.csv", "measured.csv", "--desired", desired, "--no-reidentify")

@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import csv
+import itertools
 import json
 import math
 import shlex
+import shutil
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import planner
+from kinematics import urdf_path
 from planner.cli.settings import HalfEllipse
-from planner.cli.sweep.search import evaluate, sweep, walking_speed
-from planner.cli.sweep.space import number_of_points, read_sweep
+from planner.cli.sweep.files import summary
+from planner.cli.sweep.search import sweep, walking_speed
+from planner.cli.sweep.space import identity, number_of_points, read_sweep
 from planner.exceptions import InvalidFile
 from planner.files.paths import write_joint_path
 from planner.files.results import Results, Task
@@ -54,7 +58,7 @@ def swept(tmp_path):
 
 
 def test_a_grid_has_all_combinations_and_a_point_out_of_reach_a_reason(swept):
-    made, ran = swept(GAIT + "length = [0.02, 0.2]\nperiod_s = [0.4, 0.5]\n")
+    made, ran = swept(GAIT + "length = [0.02, 0.2]\nperiod_s = [0.4, 0.499, 0.5]\n")
     assert [each.point[0] for each in made.outcomes] == [0.02, 0.02, 0.2, 0.2]
     periods = [each.point[1] for each in made.outcomes]
     assert periods == pytest.approx([0.4, 0.496, 0.4, 0.496], abs=1e-12)
@@ -93,6 +97,15 @@ def test_the_speed_is_that_along_the_heading(heading):
     walk = HalfEllipse(heading_deg=heading)
     foot = planner.half_ellipse(heading=math.radians(heading))
     assert walking_speed(foot, walk, 0.008) == pytest.approx(0.04893 * 2 / (44 * 0.008))
+
+
+def test_a_cycle_is_of_requests_at_the_rate_of_the_file(tmp_path):
+    file = tmp_path / "sweep.toml"
+    file.write_text(f"path.rate_hz = 50\n{GAIT}period_s = [0.4, 0.41, 0.5]\n")
+    space = read_sweep(str(file))
+    assert [space.canonical([value]) for value in space.values["period_s"]] == [
+        (0.4,), (0.4,), (0.5,)
+    ]  # fmt: skip
 
 
 def test_steps_are_even_from_the_first_to_the_last_value(tmp_path):
@@ -203,6 +216,16 @@ def test_the_nearest_point_is_told_where_none_meets_what_is_required():
         (GAIT + "length = [0.1]\n[sweep]\nat_error_deg = 2.0\n", 17, "is for the path of joints"),
         (GAIT + "length = [0.1]\n[sweep]\nseed = 1\n", 17, "no effect with .*grid"),
         (GAIT + "length = [0.1, 0.2]\n[sweep]\nmethod = 'cma'\n", 17, "needs two parameters"),
+        (
+            GAIT + "length = [0.1, 0.2]\nheight = [0.01]\n[sweep]\nmethod = 'cma'\n",
+            16,
+            "height: got one value, expected two or more with method cma",
+        ),
+        (
+            GAIT + "length = [0.1]\n[sweep]\nat_error_cm = 1\nat_speed_cm_s = 20\n",
+            18,
+            "at_speed_cm_s: got sweep.at_error_cm too, expected one of them",
+        ),
         (GAIT.replace('name = "reference"', "") + "length = [0.1]\n", 14, "a gait needs a leg"),
     ],
 )
@@ -241,14 +264,18 @@ def test_the_command_of_a_point_gives_its_error(tmp_path, run):
 
 
 def test_what_a_sweep_needs_is_asked_for(tmp_path, run):
-    (tmp_path / "gaits.toml").write_text(GAIT + "length = [0.02, 0.03]\n")
+    (tmp_path / "gaits.toml").write_text(
+        "out = 'o'\n" + GAIT + "length = [0.02]\nheight = [0.02]\n"
+    )
+    (tmp_path / "gaits").write_text(GAIT + "length = [0.02]\n")
     for arguments, message in (
+        (("gaits",), "name a folder for the results with --out"),
         ((), "name a sweep file, or begin one with --template"),
         (("-",), "a sweep is read from a file"),
         (("gaits.toml", "--at", "length=0.02"), "--at: name a folder for its results with --out"),
         (
             ("gaits.toml", "--at", "height=0.02", "--out", "it"),
-            "--at: got height, expected a value ",
+            "--at: got height, expected a value for each of length, height",
         ),
     ):
         result = run("sweep", *arguments)
@@ -257,13 +284,73 @@ def test_what_a_sweep_needs_is_asked_for(tmp_path, run):
 
 
 @pytest.mark.usefixtures("in_this_process")
-def test_a_sweep_that_is_complete_is_not_planned_again(tmp_path, monkeypatch, run):
-    (tmp_path / "gaits.toml").write_text(GAIT + "length = [0.02, 0.03]\n")
-    first = run("sweep", "gaits.toml", "--json", "--workers", "1")
-    monkeypatch.setattr("planner.cli.sweep.search.sweep", None)
-    again = run("sweep", "gaits.toml", "--json", "--resume")
-    assert "nothing is missing: gaits holds all 2 points" in again.stderr
-    assert (again.exit_code, again.stdout) == (0, first.stdout)
+def test_a_sweep_that_is_complete_is_resumed_without_a_plan_unless_it_has_changed(
+    tmp_path, monkeypatch, run
+):
+    file = tmp_path / "gaits.toml"
+    file.write_text(GAIT + "length = [0.02, 0.2]\n[sweep]\nat_error_cm = 1e-9\n")
+    words = ("sweep", "gaits.toml", "--json", "--workers", "1")
+    first = run(*words)
+    missed = json.loads(first.stdout)["missed"]
+    assert first.stderr == f"request-planner: {missed}; the files are written all the same\n"
+    again = run(*words)
+    assert (again.exit_code, again.stdout, again.stderr) == (1, first.stdout, first.stderr)
+    with monkeypatch.context() as patch:
+        patch.setattr("planner.cli.sweep.search.sweep", None)
+        again = run(*words, "--resume")
+    said = "request-planner: nothing is missing: gaits holds all 2 points, planned like this\n"
+    assert (again.exit_code, again.stdout, again.stderr) == (1, first.stdout, said + first.stderr)
+    file.write_text(GAIT + "length = [0.02, 0.03, 0.2]\n")
+    other = run(*words, "--resume")
+    assert (len(json.loads(other.stdout)["points"]), other.stderr) == (3, "")
+
+
+@pytest.mark.usefixtures("in_this_process")
+def test_files_of_a_sweep_are_named_from_its_place(tmp_path, monkeypatch, run):
+    folder = tmp_path / "work"
+    folder.mkdir()
+    angles = 0.3 * np.sin(2.0 * np.pi * np.arange(40)[:, np.newaxis] / 40)
+    write_joint_path(folder / "path.csv", ["hip"], angles, period=0.008)
+    planner.JointModel.ers210a().to_toml(folder / "joint.toml")
+    text = 'out = "results"\nmodel = {file = "joint.toml"}\npath = {file = "path.csv"}\n'
+    (folder / "it.toml").write_text(text + "[sweep.parameters]\nspeed = [1.0, 1.5]\n")
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    monkeypatch.chdir(elsewhere)
+    words = ("sweep", folder / "it.toml", "--json")
+    result = run(*words, "--workers", "1")
+    assert result.exit_code == 0, result.stderr
+    assert [each["reason"] for each in json.loads(result.stdout)["points"]] == [None, None]
+    assert (folder / "results" / "points.csv").is_file()
+    assert list(elsewhere.iterdir()) == []
+    assert run(*words, "--at", "speed=1.5", "--out", "point").exit_code == 0
+
+
+def test_outcomes_depend_on_the_content_of_all_files(tmp_path):
+    walk = "[path.half_ellipse]\n[sweep.parameters]\nlength = [0.03]\n"
+    text = '[leg]\nurdf = "r.urdf"\nbase = "hip"\nfoot = "foot"\n[model]\nfile = "all.toml"\n'
+    (tmp_path / "s.toml").write_text(f'{text}[model.joints.knee]\nfile = "knee.toml"\n{walk}')
+    shutil.copy(urdf_path("reference_leg.urdf"), tmp_path / "r.urdf")
+    for name in ("all", "knee"):
+        planner.JointModel.ers210a().to_toml(tmp_path / f"{name}.toml")
+    seen = [identity(read_sweep(str(tmp_path / "s.toml")))]
+    for name in ("r.urdf", "all.toml", "knee.toml"):
+        with (tmp_path / name).open("a") as file:
+            file.write("\n")
+        seen.append(identity(read_sweep(str(tmp_path / "s.toml"))))
+    assert all(one != other for one, other in itertools.pairwise(seen))
+
+
+def test_the_first_ten_reasons_are_printed_with_the_number_of_their_points():
+    outcomes = [Outcome((float(k),), reason=f"reason {k // 2}") for k in range(2 * 12)]
+    made = Swept("a.toml", ("length",), tuple(outcomes[:20]), "cm/s", "cm")
+    lines = summary(made).splitlines()
+    assert lines[1] == "0 of 20 points have a plan; the front:"
+    assert lines[2:] == [f"point {2 * k + 1} and 1 more: reason {k}" for k in range(10)]
+    assert summary(replace(made, outcomes=tuple(outcomes[:-1]))).splitlines()[11:] == [
+        "point 19 and 1 more: reason 9",
+        "2 more reasons in points.csv",
+    ]
 
 
 @pytest.mark.usefixtures("in_this_process")
@@ -278,6 +365,8 @@ def test_a_sweep_is_resumed_whatever_has_become_of_its_files(tmp_path, monkeypat
     with monkeypatch.context() as patch:
         patch.setattr("planner.cli.sweep.files.write_sweep", killed)
         assert run(*words).exit_code == 130
+        fresh = run("sweep", "gaits.toml", "--workers", "1")
+        assert "2 results of an earlier sweep removed; --resume keeps them" in fresh.stderr
     left = tmp_path / ".gaits.results"
     for kept, damage in zip(sorted(left.glob("??/*")), (b"", b"{}"), strict=True):
         kept.write_bytes(damage)
@@ -336,8 +425,3 @@ def test_a_parquet_has_the_table_of_the_csv(tmp_path, run):
     assert [row["reason"] or None for row in rows] == [each["reason"] for each in made]
     assert float(rows[0]["error_cm"]) == made[0]["error_cm"]
     assert made[1]["error_cm"] is None
-
-
-def test_an_outcome_is_json_whatever_happens():
-    content = {"leg": {"name": "reference"}, "path": {"half_ellipse": {"length": 0.5}}}
-    assert "out of reach" in json.loads(evaluate((content, "")))["reason"]

@@ -212,7 +212,7 @@ def _values(search: Search) -> dict[str, tuple[float, ...]]:
             Key("sweep.parameters"),
             f": is empty, expected values of one or more of {', '.join(Parameters.keys)}",
         )
-    if search.method == "cma" or search.steps is None:
+    if search.steps is None:
         return given
     return {
         name: tuple(np.linspace(values[0], values[-1], search.steps).tolist())
