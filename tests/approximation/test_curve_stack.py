@@ -67,9 +67,12 @@ def test_fields_of_another_kind_are_refused_as_those_of_one_curve_are(change, me
 
 
 def test_only_curves_that_agree_are_stacked():
-    one = PiecewiseLinear(knots=[0.0, 4.0], values=[0.0, 1.0], cyclic=True, **OVER)
-    other = PiecewiseLinear(knots=[0.0], values=[0.0], cyclic=True, **OVER)
-    with pytest.raises(InvalidInput, match="curve 1 has another number"):
-        CurveStack.of([one, other])
+    same = {"knots": [0.0, 4.0], "values": [0.0, 1.0], "cyclic": True, **OVER}
+    one = PiecewiseLinear(**same)
+    assert CurveStack.of([one, one]).values.shape == (2, 2)
+    single = {"knots": [0.0], "values": [0.0]}
+    for change in (single, {"samples": 11}, {"tick": 0.25}, {"cyclic": False}):
+        with pytest.raises(InvalidInput, match="curve 2 has another number"):
+            CurveStack.of([one, one, PiecewiseLinear(**{**same, **change})])
     with pytest.raises(InvalidInput, match="got none"):
         CurveStack.of([])

@@ -25,7 +25,13 @@ from planner.evaluation.checks import (
 )
 from planner.evaluation.comparison import METHODS, SECOND, compare_joint, judge_foot
 from planner.evaluation.cross_check import cross_check
-from planner.exceptions import Infeasible, InvalidInput, InvalidTrajectory, NoSteadyCycle
+from planner.exceptions import (
+    Infeasible,
+    InvalidInput,
+    InvalidTrajectory,
+    NoSteadyCycle,
+    SolverFailed,
+)
 from planner.model.evidence import Evidence
 from planner.model.joint import JointModel
 from planner.planning.bounds.reachable_set import LEVELS
@@ -436,6 +442,29 @@ def test_of_several_joints_the_one_at_fault_is_named():
             names=["hip", "knee"],
         )
     assert raised.value.__notes__ == ["knee"]
+
+
+def test_the_foot_is_planned_for_under_what_was_asked_of_its_joints(monkeypatch, walk):
+    asked, told = [], []
+
+    def stop(*arguments, **options):
+        asked.append((*arguments, options))
+        raise SolverFailed("foot", "asked")
+
+    monkeypatch.setattr("planner.evaluation.cross_check.invert_foot", stop)
+    monkeypatch.setattr("planner.evaluation.cross_check._plans", lambda *_: {})
+    monkeypatch.setattr("planner.evaluation.cross_check.compare_joint", lambda *_, **__: None)
+    sagging, desired = replace(JOINT, compliance=0.01), walk.desired[::8]
+    options = {"cyclic": False, "norm": "max", "load": 0.2, "progress": told.append}
+    with pytest.raises(SolverFailed, match="asked"):
+        cross_check(sagging, desired, leg=walk.leg, limits=(-3.0, [2.0, 3.0, 3.0]), **options)
+    ((models, leg, foot, given),) = asked
+    assert (models, leg) == ((sagging,) * 3, walk.leg)
+    np.testing.assert_array_equal(foot, walk.leg.foot_positions(desired))
+    assert (given["cyclic"], given["norm"]) == (False, "max")
+    np.testing.assert_array_equal(given["limits"], [[-3.0] * 3, [2.0, 3.0, 3.0]])
+    np.testing.assert_array_equal(given["load"], np.full((11, 3), 0.2))
+    assert told == [*walk.joint_names, "foot"]
 
 
 def test_a_leg_has_a_column_for_each_joint(walk):

@@ -212,14 +212,6 @@ def test_the_foot_on_the_robot_is_expected_off_by_the_plans_errors_and_those_of_
     np.testing.assert_array_equal(dataclasses.replace(made, task=learnt).lower_bounds, [0.0])
 
 
-def test_requests_keep_a_task_that_are_within_both_limits_and_the_largest_step():
-    task = Task.of(AIBO, DESIRED, limits=(-0.5, 0.5), max_step=0.2)
-    for rows, kept in (([0.4, 0.5, 0.4], True), ([0.4, 0.6, 0.4], False), ([-0.6] * 3, False)):
-        requests = np.repeat(rows, 20)[:, np.newaxis] * [1.0, 0.0]
-        assert task.keeps(requests, rounding=1e-9) is kept
-    assert not task.keeps(np.repeat([0.0, 0.21], 30)[:, np.newaxis] * [0.0, 1.0], rounding=1e-9)
-
-
 def test_a_plan_for_the_nominal_models_alone_is_robust_against_nothing():
     models = [[AIBO, dataclasses.replace(AIBO, lag=0.05)], AIBO]
     made = planner.plan(models, DESIRED)

@@ -12,6 +12,7 @@ from planner.exceptions import SolverFailed
 from planner.gait.half_ellipse import reference_walk
 from planner.model.evidence import Evidence
 from planner.model.joint import JointModel, request_ages
+from planner.planning import closed_form
 from planner.planning import solve as searches
 from planner.planning.problem import problem_of
 from planner.planning.search import State
@@ -202,3 +203,138 @@ def test_of_two_searches_for_the_largest_error_of_a_foot_the_better_one_is_taken
     monkeypatch.setattr(searches, "smoothed", lambda _, requests, **__: requests)
     _, requests = searches.foot_requests(problem, DESIRED, smoothness=0.0)
     np.testing.assert_allclose(requests - DESIRED, 0.1)
+
+
+def recorded(monkeypatch, problem, state, *, error):
+    """The searches that are made where each leaves this error: stages, beginning, by which norm."""
+    early = searches.early_and_late(problem)
+    names = {
+        "ideal": state.requests,
+        "closed form": state.requests + 7.0,
+        "early": early[0],
+        "as they are": early[1],
+    }
+    made = []
+
+    def record(_, begun, stages, *, through_rms=False):
+        (begins,) = (each for each, rows in names.items() if rows is begun.requests)
+        way = {searches.NARROW: "narrow", searches.WIDE: "wide"}[stages]
+        made.append(f"{way} from {begins}{' through rms' if through_rms else ''}")
+        return begun.requests, error
+
+    monkeypatch.setattr(searches, "minimise", record)
+    monkeypatch.setattr(searches, "best_closed_form", lambda _: names["closed form"])
+    monkeypatch.setattr(searches, "early_and_late", lambda _: early)
+    search(problem, state)
+    return made
+
+
+SLOW = 0.3 * np.sin(2.0 * np.pi * np.arange(40) / 40)
+BRIEF = 0.05 * np.sin(2.0 * np.pi * np.arange(21) / 21)
+TWO = 2 * request_ages(ERS210A).oldest  # windows
+LIMITED = replace(ERS210A, max_acceleration=40.0)
+OVERSHOOTING = replace(ERS210A, theta_0=0.9 * ERS210A.v_max_per_tick)
+
+
+IDEAL, RMS, LINES = "narrow from ideal", "narrow from ideal through rms", "narrow from closed form"
+SHIFTED = ["narrow from early", "narrow from as they are"]
+
+
+def wide(*begins):
+    return [f"wide from {each}" for each in begins]
+
+
+@pytest.mark.parametrize(
+    ("model", "desired", "norm", "error", "made"),
+    [
+        (ERS210A, SLOW, "rms", 1e-5, [IDEAL]),
+        (ERS210A, SLOW, "max", 1e-5, [IDEAL, RMS]),
+        (ERS210A, SLOW, "rms", 0.1, [IDEAL, *wide("ideal")]),
+        (ERS210A, SLOW, "max", 0.1, [IDEAL, RMS, *wide("ideal")]),
+        (ERS210A, 20.0 * SLOW, "rms", 0.1, [IDEAL, LINES, *wide("ideal", "closed form")]),
+        (ERS210A, np.zeros(16), "rms", 0.0, [IDEAL, LINES]),
+        (ERS210A, np.zeros(17), "rms", 0.0, [IDEAL]),
+        (LIMITED, SLOW, "rms", 1e-3, [IDEAL, *wide("ideal")]),  # within an encoder's step
+        (LIMITED, SLOW, "rms", 0.1, [IDEAL, LINES, *wide("ideal", "closed form")]),
+        (LIMITED, 0.1 * SLOW, "rms", 0.1, [IDEAL, *wide("ideal")]),
+        (OVERSHOOTING, SLOW, "rms", 0.1, [IDEAL, *SHIFTED, *wide("ideal", "early", "as they are")]),
+        (
+            ERS210A,
+            BRIEF[:TWO],
+            "rms",
+            0.1,
+            [IDEAL, *SHIFTED, *wide("ideal", "early", "as they are")],
+        ),
+        (ERS210A, BRIEF[: TWO + 1], "rms", 0.1, [IDEAL, *wide("ideal")]),  # more than two windows
+    ],
+)
+def test_further_searches_are_made_where_the_first_leaves_more_than_it_must(
+    monkeypatch, model, desired, norm, error, made
+):
+    """Lines for joints at top speed or at their acceleration, wide corners far from the ideal."""
+    problem = track(model, desired, cyclic=True, norm=norm)
+    state = State(problem.resting.copy(), problem.desired)
+    assert recorded(monkeypatch, problem, state, error=error) == made
+
+
+STICKY = replace(ERS210A, dead_band=0.05)
+NOISY = SLOW + 0.004 * (-1.0) ** np.arange(40)
+
+
+@pytest.mark.parametrize(
+    ("model", "smoothness", "starts"),
+    [
+        (ERS210A, 0.02, []),
+        (LIMITED, 0.02, ["smooth"]),
+        (LIMITED, 0.0, []),
+        (STICKY, 0.02, ["calm"]),
+        (STICKY, 0.0, []),
+        (replace(STICKY, max_acceleration=400.0), 0.02, ["calm", "smooth"]),
+    ],
+)
+def test_smoothing_starts_from_a_calmer_path_and_from_smooth_stages_too(
+    monkeypatch, model, smoothness, starts
+):
+    """The first with dry friction, the second where the acceleration is limited."""
+    given, solvers = [], []
+
+    def best(problem, solver):
+        solvers.append(solver)
+        return problem.desired + 1.0
+
+    def smooth(_, requests, **options):
+        given.append((requests, options))
+        return requests
+
+    def stages(problem, _, used):
+        assert used == searches.SMOOTH
+        return problem.desired + 2.0, 0.1
+
+    monkeypatch.setattr(searches, "best_requests", best)
+    monkeypatch.setattr(searches, "minimise", stages)
+    monkeypatch.setattr(searches, "smoothed", smooth)
+    task = Task.of([model], NOISY, names=("",), smoothness=smoothness)
+    made = searches.solve_joint(task, solver="ipopt")
+    ((requests, options),) = given
+    np.testing.assert_array_equal(requests, task.desired + 1.0)
+    np.testing.assert_array_equal(made.requests, requests)
+    assert (made.nominal, options["smoothness"]) == (None, smoothness)
+    assert solvers == ["ipopt"] * (1 + ("calm" in starts))
+    calm = searches.without_small_reversals(NOISY, 0.2 * 0.05, cyclic=True)
+    assert np.max(np.abs(calm - NOISY)) > 1e-3
+    expected = {"calm": calm[:, np.newaxis] + 1.0, "smooth": task.desired + 2.0}
+    assert len(options["others"]) == len(starts)
+    for other, start in zip(options["others"], starts, strict=True):
+        np.testing.assert_array_equal(other, expected[start])
+
+
+@pytest.mark.parametrize("count", [1, 2, 3])
+def test_a_curve_of_more_lines_must_be_better_by_half_a_per_cent(monkeypatch, count):
+    monkeypatch.setattr(closed_form, "_one_inverted", lambda _, error, *__: (str(error), error))
+    problem = SimpleNamespace(exact_error=lambda error: error)
+    for errors, taken in (
+        ([1.0, 0.996, 0.992], ["1.0", "1.0", "0.992"]),
+        ([1.0, 0.994, 0.990], ["1.0", "0.994", "0.994"]),
+    ):
+        curve, _ = closed_form.inverted(problem, errors[:count], rule="exact", refine=True)
+        assert curve == taken[count - 1]

@@ -166,6 +166,9 @@ def test_requests_keep_a_task_up_to_rounding_and_across_the_boundary_of_a_cycle(
     assert not once.keeps(rows + 1e-6, rounding=1e-7)
     assert not once.keeps(rows * (1.0 + 1e-4) - 0.1, rounding=1e-6)
     assert once.keeps(rows * (1.0 + 1e-4) - 0.1, rounding=1e-4)
+    both = Task.of(SERVO, np.zeros((4, 2)), cyclic=False, max_step=[0.05, 0.1])
+    assert both.keeps(rows * [0.5, 1.0], rounding=1e-9)
+    assert not both.keeps(rows * [1.0, 0.5], rounding=1e-9)
 
 
 def test_a_joint_with_one_model_has_it_beside_every_model_of_the_others():
