@@ -140,10 +140,18 @@ def test_one_curve_has_one_row_and_the_answer_is_read_only():
 
 
 def test_what_does_not_fit_the_joint_is_refused():
-    steep = PiecewiseLinear(knots=[0, 4], values=[0.0, 1.0], samples=88, tick=0.008, cyclic=True)
-    with pytest.raises(InvalidInput, match=r"in curve 0, expected slopes within ±v_max"):
-        closed_form_requests(ERS210A, steep)
-    with pytest.raises(InvalidInput, match=r"every 0\.01 s, expected every 0\.008 s"):
-        closed_form_requests(ERS210A, replace(steep, tick=0.01))
+    flat = PiecewiseLinear(knots=[0, 4], values=[0.0, 0.0], samples=88, tick=0.016, cyclic=True)
+    steep = replace(flat, values=[0.0, 1.0])
+    held = replace(ERS210A, hold=2, v_offset=0.5)
+    even = replace(held, v_offset=0.0)
+    for model, within in (
+        (even, r"within ±v_max = ±5\.45415 rad/s"),
+        (held, r"from -4\.95415 rad/s to 5\.95415 rad/s"),
+    ):
+        told = rf"got 15\.625 rad/s in curve 1, expected slopes {within}; no request"
+        with pytest.raises(InvalidInput, match=told):
+            closed_form_requests(model, [flat, steep, flat])
+    with pytest.raises(InvalidInput, match=r"every 0\.01 s, expected every 0\.016 s"):
+        closed_form_requests(held, replace(flat, tick=0.01))
     with pytest.raises(InvalidInput, match="rule: got 'best'"):
-        closed_form_requests(ERS210A, replace(steep, values=[0.0, 0.0]), rule="best")
+        closed_form_requests(held, flat, rule="best")

@@ -59,9 +59,12 @@ def random_joint(seed):
 
 @pytest.mark.parametrize("rows", [2, 10])
 def test_a_preview_no_longer_than_lag_and_acceleration_time_is_warned_of(rows):
-    with pytest.warns(UserWarning, match=rf"preview: got {rows} rows, .*joint_1 take 10 rows of 8"):
-        planner.Stream(planner.JointModel.ers210a(), preview=rows)
-    planner.Stream(planner.JointModel.ers210a(), preview=11)
+    knee = planner.JointModel.ers210a()
+    models = {"hip": replace(knee, lag=0.0), "knee": knee, "toe": replace(knee, lag=0.008)}
+    told = rf"preview: got {rows} rows, .* of knee take 10 rows of 8 ms: .* 200 ms are 25$"
+    with pytest.warns(UserWarning, match=told):
+        planner.Stream(models, preview=rows)
+    planner.Stream(models, preview=11)
 
 
 def test_a_path_in_degrees_is_held_and_said_and_a_joint_that_winds_is_planned():
@@ -99,11 +102,13 @@ def test_requests_depend_on_the_preview_and_the_past_only(cycle):
     assert not np.array_equal(one[first:], two[first:])
 
 
-def test_rows_beyond_the_preview_have_no_effect():
+def test_rows_beyond_the_preview_have_no_effect_and_the_last_of_too_few_is_held():
     one, two = (planner.Stream(planner.JointModel.ers210a(), preview=20) for _ in range(2))
     path = smooth_path(80)
     for k in range(30):
         assert np.array_equal(one.step(path[k : k + 20]), two.step(path[k : k + 45]))
+    padded = np.concatenate([path[30:42], np.repeat(path[41:42], 8, axis=0)])
+    assert np.array_equal(one.step(path[30:42]), two.step(padded))  # the last row is held
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -371,6 +376,33 @@ def test_joints_with_different_periods_are_refused():
     joint = planner.JointModel.ers210a()
     with pytest.raises(planner.InvalidInput, match=r"from 0\.008 to 0\.02 s"):
         planner.Stream({"hip": joint, "knee": joint.requested_every(0.02)}, preview=10)
+    nearly = joint.requested_every(joint.period * 1.0005)  # as logs of one robot differ
+    assert planner.Stream([joint, nearly], preview=10).period == joint.period
+
+
+def test_of_several_joints_at_fault_the_worst_of_the_first_kind_is_named():
+    """What is desired comes before what is measured, and a joint far off before one less so."""
+    joint, path = planner.JointModel.ers210a(), np.zeros((10, 3))
+    options = {"preview": 10, "limits": (-1.0, 1.0)}
+    strict, stream = (planner.Stream([joint] * 3, **options, on_bad=b) for b in ("raise", "hold"))
+    for each in (strict, stream):
+        each.step(path, [0.0, 0.0, 0.0])
+        each.step(path)
+        each.step(path, [0.0, 0.8, 2.5])  # nothing is wrong with what is asked
+        assert each.problem == (
+            "measured: joint_3 is 2.5 rad from where it was 16 ms before, which no joint can be: "
+            "taken as missing"
+        )
+        assert each.status == ("planned",) * 3
+    path[3], path[5] = [1.1, -1.25, 0.0], [-1.15, 0.0, 0.0]
+    told = "desired: joint_2 should go 0.25 rad beyond the angles where the limits on its requests"
+    stream.step(path, [0.0, 0.0, -2.9])
+    assert stream.problem.startswith(told)
+    assert stream.status == ("unreachable", "unreachable", "planned")
+    before = strict.angles
+    with pytest.raises(planner.Infeasible, match=told):
+        strict.step(path, [0.0, 0.0, -2.9])
+    np.testing.assert_array_equal(strict.angles, before)
 
 
 def test_bad_extras_of_a_step_are_said_and_left_out():
