@@ -57,6 +57,10 @@ def test_one_recording_of_a_minute_is_proposed_with_what_each_part_determines(ru
     names = ["slow triangle", "sum of sines", "steps"]
     assert [part["name"] for part in parts] == 2 * names
     assert parts[0]["begin_s"] == 0.5
+    words = [part["determines"] for part in parts]
+    assert words[:3] == words[3:]
+    assert len(set(words)) == 3
+    assert "dead band" in words[0]
     assert parts[-1]["end_s"] == 59.5
     edges = [part["begin_s"] for part in parts[1:]]
     assert edges == pytest.approx([part["end_s"] for part in parts[:-1]])

@@ -20,8 +20,11 @@ from planner import JointModel, Log, LogOptions, read_logs, replay, simulate
 from planner.cli import settings
 from planner.cli.replay.dataset import decoded, encoded, replay_episode
 from planner.cli.replay.task import fastest_text, refuted_joints, tasks_of
+from planner.files.joint_model import models_text
 from planner.files.logs.recordings import recordings_in
 from planner.files.staging import list_files
+from planner.identification.grid import sound_rows
+from planner.model.evidence import Evidence
 
 SERVO = JointModel(v_max=4.0, theta_0=0.2, lag=0.03, acceleration_time=0.05, tick=0.005, hold=4)
 RATE = 30
@@ -79,11 +82,13 @@ def dataset(tmp_path):
             np.column_stack([200.0 * (each - 0.5), 200.0 * (each - 0.5), 50.0 * each])
             for each in (requests, angles)
         )
+        if episode == 1:
+            state[20] = np.nan
         numbers = np.arange(count)
         columns = {
             "action": list(action.astype(np.float32)),
             "observation.state": list(state.astype(np.float32)),
-            "timestamp": (numbers / RATE).astype(np.float32),
+            "timestamp": (0.5 + numbers / RATE).astype(np.float32),
             "frame_index": numbers,
             "episode_index": np.full(count, episode),
             "index": numbers,
@@ -149,7 +154,7 @@ def test_the_requests_of_a_recording_repeat_it_at_its_own_speed_as_well_as_a_pla
     assert line[1:] in page
 
 
-@pytest.mark.parametrize("case", ["another speed", "the action", "a hand", "a bad recording"])
+@pytest.mark.parametrize("case", ["slower", "faster", "the action", "a hand", "a bad recording"])
 def test_recorded_requests_are_not_praised_where_they_did_not_make_the_path(case, run, demo, model):
     names, *rows = demo.read_text().splitlines()
     table = np.loadtxt(rows, delimiter=",")
@@ -159,7 +164,8 @@ def test_recorded_requests_are_not_praised_where_they_did_not_make_the_path(case
     if case == "a bad recording":  # in which the joint is off by much more than the plan's error
         table[:, 2] += np.where(table[:, 0] > 0.5, 2.0, 0.0)
     np.savetxt(demo, table, delimiter=",", header=names, comments="", fmt="%.9g")
-    options = {"another speed": ("--speed", 1.01), "the action": ("--track", "action")}
+    options = {"slower": ("--speed", 0.99), "faster": ("--speed", 1.01)}
+    options["the action"] = ("--track", "action")
     result = run("replay", demo, "--model", model, "-o", "out.csv", *options.get(case, ()))
     assert result.exit_code == 0, result.stderr
     assert RESENT not in result.stderr
@@ -257,12 +263,23 @@ def test_a_dataset_comes_back_as_a_dataset(run, dataset, model):
     assert [log.joint for log in made] == [log.joint for log in given]
     for old, new in zip(given, made, strict=True):
         assert np.allclose(np.diff(new.times), 1.0 / RATE, atol=1e-6)
-        assert new.angles == pytest.approx(
-            np.interp(1.5 * new.times, old.times, old.angles), abs=1e-5
+        sound, moments = sound_rows(old), 1.5 * new.times + old.times[0]
+        again, asked = (
+            np.interp(moments, old.times[sound], each[sound]) for each in (old.angles, old.requests)
         )
+        print(
+            old.joint,
+            old.name,
+            len(old.times),
+            old.times[:3],
+            np.flatnonzero(~sound),
+            again[12:15],
+            new.angles[12:15],
+            old.angles[18:23],
+        )
+        assert new.angles == pytest.approx(again, abs=1e-5)
         if old.joint == "gripper":
-            again = np.interp(1.5 * new.times, old.times, old.requests)
-            assert new.requests == pytest.approx(again, abs=1e-5)
+            assert new.requests == pytest.approx(asked, abs=1e-5)
         else:
             answer = simulate(ELBOW, new.requests, cyclic=False, start=new.angles[0])
             assert np.sqrt(np.mean((answer - new.angles) ** 2)) < 0.01
@@ -382,6 +399,8 @@ def test_a_replay_that_is_complete_is_not_computed_again(run, dataset, model, ne
     assert again.stdout == first.stdout
     assert _held(dataset.parent / "planned") == before
     assert not (dataset.parent / ".planned.results").exists()
+    with pytest.raises(AssertionError, match="planned again"):
+        run(*words, catch_exceptions=False)
     for changed in (
         *(("--speed", 2), ("--limits-deg", "0:90"), ("--episodes", "0-1"), ("--norm", "max")),
         *(("--unit", "range"), ("--tolerance-deg", 9), ("--foot", "front_right_paw")),
@@ -427,6 +446,7 @@ def test_what_failed_alone_is_done_again_once_it_is_mended(run, dataset, model):
     good = file.read_bytes()
     words = ("replay", dataset, *UNITS, "--model", model, "--as", "lerobot", "-o", "planned")
     file.write_bytes(b"PAR1 nothing")
+    assert run(*words, "--workers", 1, "--speed", 2).exit_code == 1
     first = run(*words, "--workers", 1)
     assert first.exit_code == 1
     kept = dataset.parent / ".planned.results"
@@ -552,6 +572,17 @@ def test_limits_of_a_joint_in_shares_are_percent_of_its_range(run, demo, model):
     jaw = np.loadtxt("out.csv", delimiter=",", skiprows=1)[:, place]
     assert jaw.min() == pytest.approx(0.28)
     assert jaw.max() <= 0.82 + 1e-9
+
+
+def test_only_models_of_joints_that_are_planned_are_warned_of(run, demo):
+    refused = SERVO.with_evidence(Evidence(verdict="refused", reason="it misses 41% of the motion"))
+    models = {"elbow": refused, "jaw": SERVO, "knee": refused}
+    demo.with_name("arm.toml").write_text(models_text(models))
+    for joints, said in (((), "the model of elbow ("), (("--joint", "jaw"), None)):
+        result = run("replay", demo, "--model", "arm.toml", "-o", "out.csv", *joints)
+        assert result.exit_code == 0, result.stderr
+        assert ("not plan with" in result.stderr) == bool(said)
+        assert said is None or said in result.stderr
 
 
 @pytest.mark.parametrize(

@@ -73,7 +73,7 @@ CASES = {
     "completion-fish": "completion fish",
     "completion-zsh": "completion zsh",
     "excite-log": "excite --limits-deg -20 20 --duration-s 4 -o out.csv --expected-log out_log.csv",
-    "excite-random": "excite --limits-deg -20 20 --kind random-steps --duration-s 3 --joint knee "
+    "excite-random": "excite --limits-deg -20 30 --kind random-steps --duration-s 3 --joint knee "
     "--model joint.toml --rate-hz 125 --seed 3 --json",
     "excite-triangle": "excite --limits-deg -20 20 --kind triangle --duration-s 4",
     "excite-wrong": [
@@ -215,10 +215,11 @@ CASES = {
     ],
     "replay-page": "replay demo.csv --model joint.toml --speed 0.5 --report page.html -o out.csv",
     "replay-rough": [
-        "replay rough.csv --model from-log --report page.html -o /dev/null",
+        "replay rough.csv --model from-log -o /dev/null",
         "replay rough.csv --model motor.toml --begin-s 0.9 --joint tail --limits-deg 160:250 "
-        "--limits-deg tail=150:225 --tolerance-deg 0.1 -o short.csv",
-        "replay rough.csv --model from-log --joint left_hand --end-s 0.4 --json -o /dev/null",
+        "--limits-deg tail=150:225 --tolerance-deg 0.1 --report page.html -o short.csv",
+        "replay rough.csv --model from-log --joint left_hand --end-s 0.4 --tolerance-deg 0.001 "
+        "--json -o /dev/null",
     ],
     "replay-wrong": [
         f"replay demo.csv {each}"
@@ -244,7 +245,7 @@ CASES = {
                     "--tolerance-cm 1",
                     "--fastest",
                     "--fastest --tolerance-cm 1",
-                    "--fastest --tolerance-deg 1 --speed 2",
+                    "--fastest --tolerance-deg 1 --speed 0.5",
                     "--retime varying",
                 )
             ),

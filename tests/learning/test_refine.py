@@ -278,6 +278,35 @@ def test_a_fifth_of_what_the_next_requests_change_is_in_the_error_predicted(atta
     assert after.learning.next_error == pytest.approx(off / 5.0, rel=0.02)
 
 
+@pytest.mark.parametrize(
+    ("missed", "noise", "share"),
+    [
+        (0.5, 0.0, 0.5),
+        (-0.5, 0.0, 0.5),
+        (0.1, 0.0, 0.2),
+        (0.5, 0.2, math.sqrt(0.5**2 - 1.25 * 0.2**2)),
+        (0.5, 0.88, 0.2),  # of which the last trial has 0.88, and the one before a half
+        (1.5, 0.88, math.sqrt(1.5**2 - 1.25 * 0.88**2)),
+        (1.5, 0.9, 0.2),
+    ],
+)
+def test_what_the_last_change_of_the_requests_did_not_do_is_expected_of_the_next_too(
+    missed, noise, share, attained
+) -> None:
+    """In shares of the change of the angles by the model, without what noise explains of it."""
+    requests = [attained.requests, attained.requests + 0.02 * np.sin(3.0 * PHASE)]
+    first, second = (planner.simulate(KNOWN, each) for each in requests)
+    third = second - missed * (second - first)
+    trials = [
+        Trial(requests=sent[:, None], measured=np.stack([angles[:, None]] * cycles), error=0.1)
+        for sent, angles, cycles in zip(requests, (first, third), (4, 1), strict=True)
+    ]
+    deviation = noise * np.array([rms(second - first)])
+    of_one = attained.plan.joint(attained.column)
+    assert refining._unforeseen(of_one, trials, deviation) == pytest.approx(share, rel=1e-6)
+    assert refining._unforeseen(of_one, trials[1:], deviation) == 0.2
+
+
 def test_the_change_of_requests_in_a_trial_is_bounded_by_its_error(
     attained, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -343,7 +372,13 @@ def test_cycles_of_the_same_requests_identify_no_model(two_trials) -> None:
     """Any model that is fitted to a motion predicts that motion."""
     joint, first, _ = two_trials
     again = replace(first, requests=first.learning.trials[0].requests[:, 0])
-    for plan in (first, planner.refine(again, joint.play(again.requests, 5)[1])):
+    measured = joint.play(first.requests, 3)[1]
+    second = planner.refine(first, measured, reidentify=False)  # as would be, but for this
+    back = replace(second, requests=again.requests)
+    for plan in (
+        first,
+        *(planner.refine(each, joint.play(each.requests, 5)[1]) for each in (again, back)),
+    ):
         assert plan.model == KNOWN
         assert plan.learning.reidentified == (0,)
 
@@ -382,6 +417,8 @@ def test_joints_of_a_plan_learn_each_by_themselves_and_keep_their_names() -> Non
     assert set(after.stopped) <= {"hip", "knee"}
     with pytest.raises(planner.InvalidTrajectory, match=r"\(88, 2\) or \(cycles, 88, 2\)"):
         planner.refine(plan, angles[:, 0])
+    with pytest.raises(planner.InvalidTrajectory, match=r"the joint does not move: .*\nknee$"):
+        planner.refine(plan, angles * [1.0, 0.0])
 
 
 def test_a_foot_is_learnt_with_all_joints_at_once(monkeypatch: pytest.MonkeyPatch) -> None:

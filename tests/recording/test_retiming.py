@@ -277,6 +277,7 @@ def test_a_tolerance_for_the_foot_counts_its_distance_in_the_order_of_the_legs_j
     leg, names = walk.leg, ("knee", "rotator", "abductor")
     columns = dict(zip(leg.joint_names, walk.desired.T, strict=True))
     logs = [log(np.resize(columns[name], 200), name) for name in names]
+    logs.insert(0, log(swing(0.5, 200), "gripper"))  # which is not planned
     path = recorded_path(logs, SERVO)
     made = replay_at(path, path.moments(1.0), smoothness=0.1)
     found = Measure.of(path, None, 0.004, leg)
@@ -289,7 +290,7 @@ def test_a_tolerance_for_the_foot_counts_its_distance_in_the_order_of_the_legs_j
         np.testing.assert_allclose(found.errors(made, kind), expected)
     assert [each.name for each in found.late(made)] == [each.name for each in made.planned]
     with pytest.raises(InvalidInput, match="leg: its joint 'knee' is not planned"):
-        Measure.of(recorded_path(logs[1:], SERVO), None, 0.004, leg)
+        Measure.of(recorded_path(logs[2:], SERVO), None, 0.004, leg)
 
 
 def test_the_foot_of_a_recorded_leg_is_kept_within_its_tolerance_without_a_bound(monkeypatch):

@@ -95,8 +95,11 @@ def test_yaml_is_read_back_by_the_parser_of_ros(schedule, tmp_path):
 
 def test_small_numbers_stay_numbers_in_yaml():
     yaml = pytest.importorskip("yaml", reason="needs the extra yaml")
-    tiny = joint_trajectory(Schedule(("knee",), np.array([[1e-7], [-3e-12]]), 0.1))
-    assert yaml.safe_load(trajectory_yaml(tiny)) == tiny
+    rows = np.array([[1e-7], [-3e-12], [-1e-14], [-1e-14]])
+    tiny = joint_trajectory(Schedule(("knee",), rows, 0.1), velocities=True)
+    text = trajectory_yaml(tiny)
+    assert yaml.safe_load(text) == tiny
+    assert "-0.0]" not in text
 
 
 @pytest.mark.parametrize("storage", ["sqlite3", "mcap"])
@@ -105,7 +108,8 @@ def test_a_bag_is_read_back(schedule, tmp_path, storage):
     from rosbags.typesys import Stores, get_typestore
 
     out = tmp_path / "walk"
-    write_bag(out, joint_trajectory(schedule, lead=2.0), storage=storage)
+    points = joint_trajectory(schedule, lead=2.0, velocities=storage == "mcap")
+    write_bag(out, points, storage=storage)
     ending = {"sqlite3": "db3", "mcap": "mcap"}[storage]
     assert list_files(out) == ["metadata.yaml", "results.json", f"walk.{ending}"]
     with rosbag2.Reader(out) as reader:
@@ -117,7 +121,8 @@ def test_a_bag_is_read_back(schedule, tmp_path, storage):
     assert np.max(np.abs(positions - schedule.requests)) <= ROUNDING
     assert [point.time_from_start.nanosec for point in message.points[:2]] == [0, 8_000_000]
     assert message.points[0].time_from_start.sec == 2
-    assert len(message.points[0].velocities) == 0
+    for point, given in zip(message.points, points["points"], strict=True):
+        assert point.velocities.tolist() == given.get("velocities", [])
 
 
 @pytest.mark.parametrize("storage", ["sqlite3", "mcap"])
