@@ -65,6 +65,29 @@ def test_compiled_code_goes_where_numba_is_told_or_to_the_user_or_nowhere(
     assert folder_of("one") is None
 
 
+def test_a_function_goes_to_its_own_folder_and_others_where_numba_was_told(modules, monkeypatch):
+    monkeypatch.setattr(compilation.CONFIG, "CACHE_DIR", "told")
+    told = []
+
+    def njit(function, **options):
+        told.append((compilation.CONFIG.CACHE_DIR, options))
+        return function
+
+    monkeypatch.setattr(numba, "njit", njit)
+    function = SimpleNamespace(__module__="planner.one")
+    for folder in (modules["one"].parent / "one", None):
+        monkeypatch.setattr(compilation, "_cache_folder", lambda _, folder=folder: folder)
+        assert compilation.compiled(function) is function
+    compilation.inner(function)
+    cached, plain, inner = told
+    assert cached == (str(modules["one"].parent / "one"), {"cache": True, "error_model": "numpy"})
+    assert plain == ("told", {"error_model": "numpy"})
+    assert inner[1].pop("pipeline_class") is compilation._InnerCompiler
+    wrappers = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+    assert inner == ("told", {"error_model": "numpy", **wrappers})
+    assert compilation.CONFIG.CACHE_DIR == "told"
+
+
 @pytest.fixture
 def announced(tmp_path, monkeypatch, caplog):
     """What is announced of two compiled functions by a process of its own, after others."""
@@ -74,11 +97,11 @@ def announced(tmp_path, monkeypatch, caplog):
         caplog.set_level(logging.WARNING, logger=name)
     monkeypatch.setattr(compilation, "_cache_folder", lambda _: tmp_path / "__pycache__" / "kept")
 
-    def announced():
+    def announced(*functions):
         stream = io.StringIO()
         monkeypatch.setattr("sys.stderr", stream)
         listener = compilation._Compilation()
-        for function in (kernel.run, kernel.along):
+        for function in functions or (kernel.run, kernel.along):
             compiling = SimpleNamespace(data={"dispatcher": function})
             listener.on_start(compiling)
             listener.on_end(compiling)
@@ -94,6 +117,10 @@ def test_compilation_is_announced_once_to_a_terminal_and_to_any_other_stream(ann
 def test_compilation_without_a_cache_is_announced_with_what_to_do(announced, monkeypatch):
     monkeypatch.setattr(compilation, "_cache_folder", lambda _: None)
     assert announced() == compilation.NO_CACHE + "\n"
+
+
+def test_the_compilation_of_a_users_function_is_not_announced(announced):
+    assert announced(numba.njit(lambda: 1)) == ""
 
 
 def test_of_processes_that_compile_at_the_same_time_one_announces_it(announced):

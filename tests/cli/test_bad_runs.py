@@ -21,6 +21,9 @@ WRONG = {
     "a misspelt table": JOINTS + "[plann]\n",
     "a misspelt choice": JOINTS + '[plan]\nmethod = "optiml"\n',
     "a number as text": WALK + 'samples = "88"\n',
+    "a truth as text": JOINTS + '[plan]\ncyclic = "True"\n',
+    "a truth for a number": JOINTS + "[plan]\nsegments = true\n",
+    "a number beyond counting": JOINTS + f"[plan]\nsegments = -1{'0' * 80}\n",
     "a number out of range": WALK + "ground_fraction = 1.5\n",
     "no number": WALK + "height = nan\n",
     "a value for a table": "plan = 3\n",
@@ -50,6 +53,7 @@ WRONG = {
     "a half ellipse without a leg": "[path.half_ellipse]\n",
     "two legs": '[leg]\nurdf = "a.urdf"\n' + 'name = "reference"\n' + JOINTS,
     "standard input": '[path]\nfile = "-"\n',
+    "a name in two lines": '[path]\nfile = "a\\nb"\n',
     "a name beyond any name": f'[path]\nfile = "{"x" * 1001}"\n',
     "limits upside down": JOINTS + "[limits]\ndeg = [10, -10]\n",
     "limits of a single angle": JOINTS + "[limits]\ndeg = [10, 10]\n",
@@ -65,7 +69,7 @@ WRONG = {
     "a start for a cycle": JOINTS + "[start]\ndeg = 3\n",
     "a key that the method ignores": JOINTS + "[plan]\nsegments = 6\n",
     "a foot's tolerance for joints": JOINTS + "[tolerance]\ncm = 1\n",
-    "a level of no comparison": JOINTS + '[output]\nlevel = "exact"\n',
+    "a level of no comparison": JOINTS + '[output]\nlevel = "slope"\n',
     "an export at a rate of atoms": JOINTS
     + '[[export]]\nformat = "csv"\nfile = "a"\nrate_hz = 1e9\n',
     "names of other joints": JOINTS
@@ -77,11 +81,14 @@ WRONG = {
     + '[[export]]\nformat = "lerobot"\nfile = "a"\nrate_hz = 12.5\n',
     "a lead beyond ROS": JOINTS + '[[export]]\nformat = "yaml"\nfile = "a"\nlead_s = 1e10\n',
     "a scene without a leg": JOINTS + '[output]\nscene = "a.html"\n',
+    "a scene of some joints": JOINTS.replace("desired", "some")
+    + '[leg]\nname = "reference"\n[output]\nscene = "a.html"\n',
 }
 
 
 def test_a_bad_run_file_is_one_line_and_status_2(run, desired, tmp_path, snapshot):
-    assert desired.exists()
+    text = desired.read_text()
+    (tmp_path / "some.csv").write_text(text.replace("hip", "rotator"))
     said = []
     for name, content in WRONG.items():
         (tmp_path / "it.toml").write_text(content)

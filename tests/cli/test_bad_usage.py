@@ -130,6 +130,13 @@ BAD = {
     "more samples than anybody needs": "gait --samples 999999999999",
     "an error below zero": "fit desired.csv --max-error -1",
     "no period": "gait --period 0",
+    "a period of hours": "gait --period 1001",
+    "the fastest of no tolerance": "gait --leg front-left --fastest",
+    "a tolerance of no search": "gait --leg front-left --tolerance-cm 1",
+    "the fastest without a leg": "gait --fastest --tolerance-cm 1",
+    "the fastest of four legs": "gait --pattern trot --fastest --tolerance-cm 1",
+    "a view of requests by a method": "view foot.csv --leg front-left --requests r "
+    "--method optimal",
     "a folder that is not ours": "reproduce --out .",
     "an output folder that is not there": "gait -o nowhere/foot.csv",
     "a path in place of which its requests would be written": "plan d.csv -o d.csv",
@@ -137,6 +144,7 @@ BAD = {
     "a model in place of which a page would be written": "plan d.csv --model slow.toml "
     "--report slow.toml",
     "a recording in place of which its replay would be written": "replay log.csv -o log.csv",
+    "an input by another name": "plan linked.csv -o d.csv",
     "an input in place of which another output would be written": "fit d.csv --knots d.csv",
     "two outputs in one file": "plan d.csv -o new.csv --report new.csv",
     "an unknown option value": "plan d.csv --method magic",
@@ -266,6 +274,7 @@ def test_bad_input_is_one_line_and_status_2_and_nothing_is_written(
     (tmp_path / "folder").mkdir()
     for name in ("loop", "loop.urdf"):
         (tmp_path / name).symlink_to(name)
+    (tmp_path / "linked.csv").symlink_to("d.csv")
     for name, content in FILES.items():
         (tmp_path / name).write_bytes(content)
     before = _held(tmp_path)

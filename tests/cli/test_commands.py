@@ -143,9 +143,10 @@ ENDS = {
         "or simulate from rest (--no-cyclic)",
     ),
     "arguments": (
-        InvalidInput("max step and highest, locked: 3, 2"),
+        InvalidInput("max step and highest, locked, limits, start, rate and lead: 3, 2"),
         2,
-        "hip: --max-step-deg and --highest-hz, --lock: 3, 2",
+        "hip: --max-step-deg and --highest-hz, --lock, --limits-deg, --start-deg, --rate-hz and "
+        "--lead-s: 3, 2",
     ),
     "lengths of a path": (InvalidInput("samples: 3"), 2, "hip: samples: 3"),
     "advice": (
@@ -233,8 +234,9 @@ def test_each_warning_is_said_once(run, desired, monkeypatch):
     fit = fit_pwl
 
     def warns(*given, **more):
-        for text in ("the rule", "another", "the rule"):
-            warnings.warn(OutsideEquation13(text), stacklevel=2)
+        warnings.warn(OutsideEquation13("the rule"), stacklevel=1)
+        warnings.warn(OutsideEquation13("another"), stacklevel=1)
+        warnings.warn(OutsideEquation13("the rule"), stacklevel=1)  # from another line
         return fit(*given, **more)
 
     monkeypatch.setattr("planner.approximation.fit.fit_pwl", warns)

@@ -174,14 +174,21 @@ def test_a_pace_that_differs_from_what_was_expected_counts_for_the_steps_that_ar
 
 def test_work_inside_other_work_has_the_line_and_gives_it_back(clock, monkeypatch, capsys):
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
+    monkeypatch.setattr("planner.cli.console.REDRAWN", 1e6)
     with at(clock, ["outer"]) as outer:
         outer("outer")
         with at(clock, ["inner"]) as inner:
             inner("inner")
             assert Progress.shown is inner
+            assert capsys.readouterr().err.endswith(inner.line())
+            for progress, drawn in ((outer, ""), (inner, f"{ERASE}{inner.line()}")):
+                ends = iter([False, True])
+                with monkeypatch.context() as patch:
+                    patch.setattr(progress._ended, "wait", lambda _, ends=ends: next(ends))
+                    progress._keep_time()
+                assert capsys.readouterr().err == drawn
         assert Progress.shown is outer
     assert Progress.shown is None
-    assert capsys.readouterr().err.count("inner …") >= 1
 
 
 LONG = "the model of the knee was identified from a log in which the joint hardly moved: record it"

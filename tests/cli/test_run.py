@@ -13,7 +13,7 @@ import pytest
 
 from planner.cli.models import model_words
 from planner.cli.run_file import read_run
-from planner.exceptions import MissingExtra
+from planner.exceptions import MissingExtra, NoSteadyCycle
 from planner.files.paths import read_joint_path
 from planner.model.joint import JointModel
 
@@ -270,16 +270,40 @@ def test_a_comparison_is_that_of_compare(run, write, brief, tmp_path):
     assert (tmp_path / "it" / "comparison.svg").read_text().startswith("<?xml")
 
 
+def test_a_comparison_that_fails_a_check_is_status_1_like_a_missed_tolerance(
+    run, write, brief, monkeypatch
+):
+    monkeypatch.setattr("planner.evaluation.checks.Check.passed", False)
+    content = JOINTS.replace("desired", brief.stem) + "[output]\ncomparison = true\n"
+    result = run("run", write(f'{content}level = "slope"\n[tolerance]\ndeg = 1e-6\n'))
+    assert result.exit_code == 1
+    last = result.stderr.splitlines()[-1]
+    assert last.startswith("request-planner: hip is off by")
+    assert last.count(" is off by ") == 2
+    assert "; failed: 0 of " in last
+    assert last.endswith("; the files are written all the same")
+
+
+def test_advice_of_the_library_is_told_as_keys(run, write, desired, monkeypatch):
+    def fails(*_, **__):
+        raise NoSteadyCycle(0.1, 3)
+
+    monkeypatch.setattr("planner.cli.planning.planned", fails)
+    result = run("run", write(f'[path]\nfile = "{desired.name}"\n'))
+    assert result.exit_code == 1
+    assert result.stderr.endswith("or simulate from rest (plan.cyclic = false)\n")
+
+
 def test_pages_link_to_all_files_and_only_requests_carry_the_load(run, write, foot, tmp_path):
     pytest.importorskip("meshcat", reason="needs the extra 'meshcat'")
     content = (
         f'[leg]\nname = "front-left"\n[path]\nfile = "{foot.name}"\n'
         f'[plan]\nmethod = "closed-form"\nload = "urdf"\n[model.parameters]\n{SERVO}'
         'compliance = 0.3\n[output]\nscene = "pages/leg.html"\nreport = "pages/plan.html"\n'
-        'desired = ""\n[[export]]\nformat = "csv"\nfile = "arm/sent.csv"\n'
+        'desired = ""\n[tolerance]\ncm = 1e-4\n[[export]]\nformat = "csv"\nfile = "arm/sent.csv"\n'
     )
     result = run("run", write(content))
-    assert result.exit_code == 0, result.stderr
+    assert result.exit_code == 1, result.stderr
     folder = tmp_path / "it"
     files = ["angles.csv", "arm/sent.csv", "foot.csv", "pages/leg.html", "pages/plan.html"]
     assert results(folder)["files"] == [*files, "requests.csv"]
@@ -291,6 +315,8 @@ def test_pages_link_to_all_files_and_only_requests_carry_the_load(run, write, fo
         *(f"../{name}" for name in (*files[:3], "requests.csv", "results.json")),
         "leg.html",
     }
+    assert "the foot is off by" in page
+    assert page.count("expected at most 0.0001") >= 1
     scene = (folder / "pages" / "leg.html").read_text(encoding="utf-8")
     assert "<title>request-planner: front-left</title>" in scene
     heads = {

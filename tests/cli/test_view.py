@@ -136,15 +136,16 @@ WRONG = {
         ["desired.csv"],
         "name the leg with --leg. See 'request-planner view --help'.",
     ),
-    "two plans": (
-        ["foot.csv", "--leg", "front-left", "--requests", "r.csv", "--method", "optimal"],
-        "--method plans what --requests brings along: leave one out. "
-        "See 'request-planner view --help'.",
-    ),
     "some of the joints": (
         ["some.csv", "--leg", "reference"],
         "some.csv: got joints knee, expected those of the leg: rotator, abductor, knee. "
         "See 'request-planner view --help'.",
+    ),
+    "requests at another rate": (
+        ["foot.csv", "--leg", "front-left", "--requests", "slow.csv"],
+        "slow.csv: one sample every 0.02 s, expected one every 0.008 s, the time between requests; "
+        "plan with --rate-hz 125 to resample the path, or with --rate-hz 50 to send as many "
+        "requests, or set tick and hold in the model",
     ),
     "requests of another path": (
         ["foot.csv", "--leg", "front-left", "--requests", "short.csv"],
@@ -160,6 +161,7 @@ def test_wrong_input_is_one_line_and_status_2(run, tmp_path, arguments, message)
     (tmp_path / "some.csv").write_text("knee_deg\n1\n2\n")
     joints = ",".join(f"front_left_{name}_deg" for name in ("rotator", "abductor", "knee"))
     (tmp_path / "short.csv").write_text(f"{joints}\n1,2,3\n1,2,3\n")
+    (tmp_path / "slow.csv").write_text(f"t_s,{joints}\n0,1,2,3\n0.02,1,2,3\n0.04,1,2,3\n")
     result = run("view", *arguments)
     assert result.exit_code == 2
     assert result.stderr == f"request-planner: {message}\n"

@@ -6,6 +6,8 @@ import os
 import signal
 import subprocess
 import sys
+from concurrent.futures import Future
+from contextlib import nullcontext
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -89,6 +91,33 @@ def test_a_task_that_kills_every_worker_is_reported_and_no_other_is_lost(tmp_pat
     assert (tmp_path / "mark").read_text().count("killed") == 2
     assert failures == {"task 3": "its process died, 2 times (out of memory?)"}
     assert len(work.held(results.folder)) == 7
+
+
+def test_lost_workers_end_the_wait_for_tasks_that_they_do_not_finish(monkeypatch):
+    monkeypatch.setattr(parallel, "PATIENCE", 0.01)
+
+    def lost():
+        raise parallel.SchedulerLost("no workers")
+
+    executor = SimpleNamespace(submit=lambda *_: Future(), check_workers=lost)
+    with pytest.raises(parallel.SchedulerLost, match="no workers"):
+        next(parallel.outcomes(work.square, work.tasks(), executor))
+
+
+@pytest.mark.parametrize(("asked", "begun"), [(3, 3), (None, 5)])
+def test_there_is_a_worker_for_each_usable_processor_unless_another_number_is_asked_for(
+    monkeypatch, asked, begun
+):
+    made = []
+
+    def processes(workers):
+        made.append(workers)
+        return nullcontext()
+
+    monkeypatch.setattr(parallel, "Processes", processes)
+    monkeypatch.setattr("os.sched_getaffinity", lambda _: set(range(5)))
+    with executor_of(asked):
+        assert made == [begun]
 
 
 def test_a_worker_uses_one_thread_and_this_process_what_it_did(results, monkeypatch):
