@@ -164,25 +164,17 @@ def nearest(name: str, names: Sequence[str]) -> str:
 
 
 @contextmanager
-def in_unit_of(joint: str) -> Iterator[None]:
-    """Let messages inside the block use the unit of a joint; that of all for ""."""
+def about(joint: str) -> Iterator[None]:
+    """Let errors inside the block name a joint, as a note, and use its unit; "" is no joint."""
     token = ANGLE_UNIT.set((JOINT_UNITS.get() or {}).get(joint, ANGLE_UNIT.get()))
     try:
         yield
+    except PlannerError as error:
+        if joint:
+            error.add_note(joint)
+        raise
     finally:
         ANGLE_UNIT.reset(token)
-
-
-@contextmanager
-def about(joint: str) -> Iterator[None]:
-    """Let errors inside the block name a joint, as a note, and use its unit; "" is no joint."""
-    with in_unit_of(joint):
-        try:
-            yield
-        except PlannerError as error:
-            if joint:
-                error.add_note(joint)
-            raise
 
 
 def printable(text: str) -> str:

@@ -242,7 +242,6 @@ class Progress:
         self._expected = (
             dict(expected) if isinstance(expected, Mapping) else dict.fromkeys(expected, 1.0)
         )
-        self._verbose = verbosity() == "verbose"
         watched = sys.stderr is not None and sys.stderr.isatty()
         self._watched = watched and verbosity() != "quiet"
         self._doing = ""
@@ -332,8 +331,7 @@ class Progress:
         now = self._time()
         if self._doing:
             self._done.append(self._doing)
-            if self._verbose:
-                detail(f"{self._doing}: {now - self._step_began:.3g} s")
+            detail(f"{self._doing}: {now - self._step_began:.3g} s")
         self._doing = ""
         self._step_began = now
 

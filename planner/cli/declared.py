@@ -166,8 +166,15 @@ class Settings:
     keys_set: frozenset[str] = frozenset()
     """The keys that a file or the command line has set."""
 
-    def __init_subclass__(cls) -> None:
-        """Make a dataclass of the annotations, and keep what they declare."""
+    def __init_subclass__(cls, *, optional: type[Settings] | None = None) -> None:
+        """Make a dataclass of the annotations, and keep what they declare.
+
+        Args:
+            optional: Another table; its keys follow those of this one, and none has to be set.
+        """
+        for name, key in () if optional is None else optional.keys.items():
+            cls.__annotations__[name] = key.annotation | None
+            setattr(cls, name, field(default=None, metadata={"about": key.about}))
         dataclass(frozen=True, kw_only=True)(cls)
         cls.keys = _declared(cls)
 
@@ -309,13 +316,12 @@ def _declared(cls: type[Settings]) -> dict[str, Declared]:
         annotation = annotations[each.name]
         default = each.default if each.default_factory is MISSING else each.default_factory()
         base, notes = _unwrapped(annotation)
-        noted = next((note for note in notes if isinstance(note, About)), About())
         in_words = any(isinstance(note, Expected) for note in notes)
         keys[each.name] = Declared(
             annotation,
             default,
             base,
-            each.metadata.get("about", noted),
+            each.metadata.get("about", About()),
             _expected(base, notes),
             free=get_origin(base) is dict and not in_words,
         )

@@ -59,11 +59,6 @@ class _Fault(PlannerError):
         """The message, with the settings as the user writes them."""
         return "".join(part if isinstance(part, str) else spelling(part) for part in self.parts)
 
-    @property
-    def keys(self) -> tuple[Key, ...]:
-        """The settings that the message speaks of."""
-        return tuple(part for part in self.parts if isinstance(part, Key))
-
 
 class BadSetting(_Fault, InvalidInput):
     """Settings that do not go together, or not with the files that they name."""

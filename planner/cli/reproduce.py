@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -128,21 +128,11 @@ def reproduce(*, out: str, robot: str, as_json: bool) -> None:
         raise click.ClickException("; ".join(failures))
 
 
-class Results(NamedTuple):
-    """The answer of an experiment.
-
-    Attributes:
-        document: For machines: the content of ``results.json`` but for its list of files.
-        text: For people.
-        failures: Checks of its own that it failed, in words.
-    """
-
-    document: dict[str, Any]
-    text: str
-    failures: tuple[str, ...] = ()
+Answer = tuple[dict[str, Any], str, list[str]]
+"""``results.json`` but for its list of files, the same for people, and the checks that failed."""
 
 
-def on_model(folder: Path, progress: Callable[[str], None]) -> Results:
+def on_model(folder: Path, progress: Callable[[str], None]) -> Answer:
     """The paper's experiment on the paper's own model."""
     from planner.evaluation.reproduction import reproduce
     from planner.report.paper.figures import paper_figures
@@ -155,10 +145,10 @@ def on_model(folder: Path, progress: Callable[[str], None]) -> Results:
     _write_paths(folder, reproduction)
     document = paper_results(reproduction)
     _write_report(folder, document, paper_figures(reproduction), paper_page)
-    return Results(document, paper_text(document))
+    return document, paper_text(document), []
 
 
-def on_virtual_robot(folder: Path, progress: Callable[[str], None]) -> Results:
+def on_virtual_robot(folder: Path, progress: Callable[[str], None]) -> Answer:
     """The paper's experiment on the virtual robot, whose joints are not the model."""
     from planner.evaluation.virtual_experiment import play_experiment
     from planner.report.paper.page import virtual_page
@@ -177,11 +167,10 @@ def on_virtual_robot(folder: Path, progress: Callable[[str], None]) -> Results:
         for joint, found in zip(outcome.planned.joints, outcome.identifications, strict=True)
         if not found.accepted
     ]
-    return Results(document, virtual_text(document), tuple(failures))
+    return document, virtual_text(document), failures
 
 
 def _write_paths(folder: Path, reproduction: Reproduction) -> None:
-
     from planner.files.paths import write_foot_path, write_joint_path
     from planner.report.paper.results import joint_paths
 

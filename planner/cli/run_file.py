@@ -100,7 +100,7 @@ def speaking_of(file: Toml) -> Iterator[None]:
     try:
         yield
     except BadSetting as error:
-        lines = (file.line_of(key.place) for key in error.keys)
+        lines = (file.line_of(part.place) for part in error.parts if isinstance(part, Key))
         line = next((line for line in lines if line is not None), None)
         raise InvalidFile(file.path, str(error), line=line) from error
     except FailedCheck as error:

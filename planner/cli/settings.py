@@ -5,7 +5,6 @@ from typing import Annotated, Any, Literal
 
 from planner.cli import types
 from planner.cli.declared import (
-    About,
     Count,
     Expected,
     NotNegative,
@@ -124,68 +123,49 @@ class Leg(Settings):
     )
 
 
-TopSpeed = Annotated[float, About("Top speed [rad/s].", example=5.4542)]
-FullSpeedError = Annotated[
-    float, About("Error from which on the joint moves at top speed [rad].", example=0.1222)
-]
-Lag = Annotated[float, About("Time before a request has any effect [s].", example=0.032)]
-AccelerationTime = Annotated[
-    float, About("Time over which a request takes effect [s].", example=0.048)
-]
-TickTime = Annotated[float, About("Time step of the model [s].", example=0.008)]
-Hold = Annotated[Count, About("Ticks for which a request is held.", example=1)]
-Offset = Annotated[float, About("Static sag [rad].", example=0.0)]
-DeadBand = Annotated[
-    float, About("Error that dry friction holds, without any motion [rad].", example=0.0)
-]
-SpeedOffset = Annotated[
-    float,
-    About("Top speed upwards less v_max, and v_max less downwards [rad/s].", example=0.0),
-]
-Compliance = Annotated[float, About("Sag by a torque on the joint [rad/(N m)].", example=0.0)]
-SpeedPerTorque = Annotated[
-    float, About("Change of the top speeds by that torque [rad/(s N m)].", example=0.0)
-]
-TimeConstant = Annotated[
-    float, About("Time constant of the speed, a motor's inertia [s].", example=0.0)
-]
-MaxAcceleration = Annotated[
-    float,
-    Range(gt=0.0, infinite=True),
-    About("Largest acceleration [rad/s^2]; inf where there is no limit.", example=300.0),
-]
-
-SagBySine = Annotated[
-    float,
-    About(
-        help="Sag by the sine of the joint's angle [rad]: gravity where no torque is known.",
-        example=0.0,
-    ),
-]
-SagByCosine = Annotated[float, About("Sag by the cosine of the joint's angle [rad].", example=0.0)]
-
-
 class Parameters(Settings):
     """In place of model.file: the parameters of all joints."""
 
-    v_max: TopSpeed
-    theta_0: FullSpeedError
-    lag: Lag
-    acceleration_time: AccelerationTime
-    tick: TickTime = 0.008
-    hold: Hold = 1
-    offset: Offset = 0.0
-    dead_band: DeadBand = 0.0
-    v_offset: SpeedOffset = 0.0
-    compliance: Compliance = 0.0
-    speed_per_torque: SpeedPerTorque = 0.0
-    time_constant: TimeConstant = 0.0
-    max_acceleration: MaxAcceleration = math.inf
-    sag_sin: SagBySine = 0.0
-    sag_cos: SagByCosine = 0.0
+    v_max: float = setting("Top speed [rad/s].", example=5.4542)
+    theta_0: float = setting(
+        "Error from which on the joint moves at top speed [rad].", example=0.1222
+    )
+    lag: float = setting("Time before a request has any effect [s].", example=0.032)
+    acceleration_time: float = setting("Time over which a request takes effect [s].", example=0.048)
+    tick: float = setting("Time step of the model [s].", default=0.008, example=0.008)
+    hold: Count = setting("Ticks for which a request is held.", default=1, example=1)
+    offset: float = setting("Static sag [rad].", default=0.0, example=0.0)
+    dead_band: float = setting(
+        "Error that dry friction holds, without any motion [rad].", default=0.0, example=0.0
+    )
+    v_offset: float = setting(
+        "Top speed upwards less v_max, and v_max less downwards [rad/s].", default=0.0, example=0.0
+    )
+    compliance: float = setting(
+        "Sag by a torque on the joint [rad/(N m)].", default=0.0, example=0.0
+    )
+    speed_per_torque: float = setting(
+        "Change of the top speeds by that torque [rad/(s N m)].", default=0.0, example=0.0
+    )
+    time_constant: float = setting(
+        "Time constant of the speed, a motor's inertia [s].", default=0.0, example=0.0
+    )
+    max_acceleration: Annotated[float, Range(gt=0.0, infinite=True)] = setting(
+        "Largest acceleration [rad/s^2]; inf where there is no limit.",
+        default=math.inf,
+        example=300.0,
+    )
+    sag_sin: float = setting(
+        "Sag by the sine of the joint's angle [rad]: gravity where no torque is known.",
+        default=0.0,
+        example=0.0,
+    )
+    sag_cos: float = setting(
+        "Sag by the cosine of the joint's angle [rad].", default=0.0, example=0.0
+    )
 
 
-class OfJoint(Settings):
+class OfJoint(Settings, optional=Parameters):
     """A joint that is unlike the others: its own file, or the parameters that differ."""
 
     file: Source | None = setting(
@@ -193,21 +173,6 @@ class OfJoint(Settings):
         default=None,
         example="knee.toml",
     )
-    v_max: TopSpeed | None = None
-    theta_0: FullSpeedError | None = None
-    lag: Lag | None = None
-    acceleration_time: AccelerationTime | None = None
-    tick: TickTime | None = None
-    hold: Hold | None = None
-    offset: Offset | None = None
-    dead_band: DeadBand | None = None
-    v_offset: SpeedOffset | None = None
-    compliance: Compliance | None = None
-    speed_per_torque: SpeedPerTorque | None = None
-    time_constant: TimeConstant | None = None
-    max_acceleration: MaxAcceleration | None = None
-    sag_sin: SagBySine | None = None
-    sag_cos: SagByCosine | None = None
 
 
 class Model(Settings):
