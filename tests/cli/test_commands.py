@@ -13,7 +13,6 @@ import pytest
 import planner
 from kinematics import exceptions as kinematics
 from planner.approximation.fit import fit_pwl
-from planner.cli.program import COMMANDS
 from planner.exceptions import (
     InvalidFile,
     InvalidInput,
@@ -80,23 +79,6 @@ def test_a_leg_keeps_the_requests_inside_its_limits(run, foot):
     abductor = joints["front_left_abductor"]["requests_deg"]
     assert min(abductor) >= -11.0 - 1e-9
     assert max(abductor) <= 89.0 + 1e-9
-
-
-def test_plan_from_rest_starts_where_the_path_starts(run, desired):
-    result = run("plan", desired, "--no-cyclic", "--method", "closed-form", "--json")
-    assert result.exit_code == 0
-    hip = json.loads(result.stdout)["joints"]["hip"]
-    assert hip["predicted_deg"][0] == pytest.approx(0.0, abs=1e-9)
-
-
-def test_a_model_file_is_used(run, desired, tmp_path):
-    slow = tmp_path / "slow.toml"
-    slow.write_text("v_max = 1.0\ntheta_0 = 0.1\nlag = 0.04\nacceleration_time = 0.08\n")
-    fast, slow = (
-        json.loads(run("simulate", desired, "--desired", desired, "--json", *more).stdout)
-        for more in ((), ("--model", slow))
-    )
-    assert slow["joints"]["hip"]["rms_deg"] > fast["joints"]["hip"]["rms_deg"]
 
 
 def test_simulate_compares_with_the_desired_path(run, desired):
@@ -193,41 +175,11 @@ def test_every_failure_has_its_status_and_one_line(run, desired, monkeypatch, er
     assert result.stderr.count("\n") <= 1
 
 
-def test_fit_gives_lines_that_the_joint_can_follow(run, desired):
-    result = run("fit", desired, "--segments", "6", "--json")
-    hip = json.loads(result.stdout)["joints"]["hip"]
-    assert hip["segments"] == len(hip["knots"]) == len(hip["slopes_deg_per_s"]) == 6
-    assert np.max(np.abs(hip["slopes_deg_per_s"])) <= np.degrees(JOINT.v_max) * (1.0 + 1e-9)
-    assert hip["max_deg"] < 3.0
-
-
-def test_fit_keeps_a_largest_error(run, desired):
-    result = run("fit", desired, "--max-error", "1.5", "--joint", "knee")
-    assert result.exit_code == 0
-    joint, _, _, largest = result.stderr.splitlines()[2].split()
-    assert joint == "knee"
-    assert float(largest) <= 1.5
-    assert result.stdout.startswith("t_s,knee_deg\n")
-
-
-def test_gait_takes_its_parameters(run):
-    document = json.loads(run("gait", "--samples", "40", "--hip-height", "0.1", "--json").stdout)
-    assert len(document["x_m"]) == 40
-    assert min(document["z_m"]) == -0.1
-
-
 def test_json_leaves_the_csv_to_a_file(run, desired, tmp_path):
     file = tmp_path / "out.csv"
     result = run("fit", desired, "--json", "-o", file)
     json.loads(result.stdout)
     assert read_joint_path(file).names == ("hip", "knee")
-
-
-def test_version_and_bare_call(run):
-    assert run("--version").stdout == f"request-planner {planner.__version__}\n"
-    bare = run()
-    assert bare.exit_code == 0
-    assert all(command in bare.stdout for command in COMMANDS)
 
 
 def test_each_warning_is_said_once(run, desired, monkeypatch):

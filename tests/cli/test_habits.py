@@ -9,7 +9,6 @@ import sys
 
 import click
 import pytest
-from click.shell_completion import ShellComplete
 
 from planner.cli import cli
 from planner.cli.program import COMMANDS
@@ -36,11 +35,6 @@ HEAVY = (
 
 def command(name):
     return cli.get_command(click.Context(cli), name)
-
-
-def test_a_shell_completes_every_command():
-    completion = ShellComplete(cli, {}, "request-planner", "_COMPLETE")
-    assert [each.value for each in completion.get_completions([], "")] == list(COMMANDS)
 
 
 @pytest.mark.parametrize("name", COMMANDS)
