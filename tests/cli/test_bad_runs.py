@@ -21,6 +21,8 @@ WRONG = {
     "a misspelt table": JOINTS + "[plann]\n",
     "a misspelt choice": JOINTS + '[plan]\nmethod = "optiml"\n',
     "a number as text": WALK + 'samples = "88"\n',
+    "a word for a number": WALK + 'samples = "many"\n',
+    "a number for a table of joints": JOINTS + "[limits]\njoints = 3\n",
     "a truth as text": JOINTS + '[plan]\ncyclic = "True"\n',
     "a truth for a number": JOINTS + "[plan]\nsegments = true\n",
     "a number beyond counting": JOINTS + f"[plan]\nsegments = -1{'0' * 80}\n",

@@ -6,7 +6,6 @@ One cluster serves them all, and its end is the last test.
 from __future__ import annotations
 
 import json
-import logging
 import os
 import re
 import signal
@@ -18,7 +17,6 @@ import numpy as np
 import pytest
 
 from planner import JointModel, parallel, simulate
-from planner.exceptions import InvalidInput
 from planner.files.exports.lerobot import Layout, lerobot_dataset
 from planner.files.results import Results
 from planner.files.staging import list_files
@@ -89,17 +87,6 @@ def test_a_task_that_fails_on_a_cluster_is_reported(results, cluster):
     with pytest.warns(UserWarning, match="four is even"):
         failures = run(work.refuse_three, tasks, results, scheduler=address)
     assert failures == {"task 3": "episode: got nothing, expected samples"}
-
-
-def test_a_worker_of_another_version_is_refused_and_messages_are_logged_again(
-    results, cluster, monkeypatch
-):
-    monkeypatch.setattr(parallel, "__version__", "99.0")
-    with pytest.raises(
-        InvalidInput, match=r"worker tcp://\S+ has request-planner .*, expected 99.0"
-    ):
-        run(work.square, work.tasks(), results, scheduler=cluster[0])
-    assert logging.root.manager.disable == logging.NOTSET
 
 
 @pytest.fixture

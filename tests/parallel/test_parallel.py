@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import signal
 import subprocess
@@ -14,7 +15,8 @@ from types import SimpleNamespace
 import pytest
 
 from planner import parallel
-from planner.exceptions import ANGLE_UNIT, InvalidInput
+from planner._version import __version__
+from planner.exceptions import ANGLE_UNIT, InvalidInput, MissingExtra, PlannerError
 from planner.files.results import Results, Task
 from planner.parallel import carry_out, executor_of
 from tests.parallel import work
@@ -236,6 +238,76 @@ def test_a_command_that_is_killed_loses_nothing_and_leaves_no_process(finished, 
     run(work.square, work.tasks(), results, workers=2)
     assert work.held(folder) == work.held(results.folder)
     assert all((folder / name).stat().st_mtime_ns == time for name, time in before.items())
+
+
+WORKERS = {
+    "none": (
+        TimeoutError(),
+        "tcp://a:1: the scheduler has no workers; start some with `dask worker tcp://a:1 "
+        "--nthreads 1`",
+    ),
+    "without the package": (
+        ImportError("no planner"),
+        "--scheduler: a worker of tcp://a:1 cannot import request-planner (no planner); install "
+        "it there",
+    ),
+    "of an older version": (
+        {"one": __version__, "two": "0.0.1"},
+        f"--scheduler: worker two has request-planner 0.0.1, expected {__version__} as here",
+    ),
+    "of a newer version": (
+        {"one": "99.0"},
+        f"--scheduler: worker one has request-planner 99.0, expected {__version__} as here",
+    ),
+    "fit": ({"one": __version__}, ""),
+}
+"""What the workers of a cluster answer when they are asked for their version, and what is said."""
+
+
+@pytest.mark.parametrize(("answer", "said"), WORKERS.values(), ids=WORKERS)
+def test_workers_that_cannot_do_the_tasks_are_refused_before_and_while_they_run(
+    answer, said, monkeypatch
+):
+    class Client:
+        def __init__(self, address, timeout):
+            assert (address, timeout) == ("tcp://a:1", parallel.PATIENCE)
+            assert logging.root.manager.disable >= logging.CRITICAL
+
+        def wait_for_workers(self, count, timeout):
+            assert (count, timeout) == (1, parallel.ARRIVAL)
+
+        def run(self, _):
+            if isinstance(answer, Exception):
+                raise answer
+            return answer
+
+        def get_executor(self, *, pure):
+            assert not pure
+            return SimpleNamespace()
+
+        def close(self, timeout):
+            assert timeout == parallel.PATIENCE
+            raise TimeoutError
+
+    async def close():
+        pass
+
+    async def connect(*_, **__):
+        return SimpleNamespace(close=close)
+
+    monkeypatch.setitem(sys.modules, "distributed", SimpleNamespace(Client=Client))
+    monkeypatch.setitem(sys.modules, "distributed.comm", SimpleNamespace(connect=connect))
+    refused = pytest.raises(PlannerError) if said else nullcontext()
+    with refused as caught, executor_of(scheduler="tcp://a:1") as executor:
+        executor.check_workers()
+    assert said == (str(caught.value) if said else "")
+    assert logging.root.manager.disable == logging.NOTSET
+
+
+def test_a_cluster_needs_its_extra(monkeypatch):
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(MissingExtra, match="a Dask scheduler needs the extra 'cluster'"):
+        executor_of(scheduler="tcp://a:1").__enter__()
 
 
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "nonsense", "http://127.0.0.1:8786"])
