@@ -70,16 +70,21 @@ def test_a_function_goes_to_its_own_folder_and_others_where_numba_was_told(modul
     told = []
 
     def njit(function, **options):
+        if "cache" in options and function is unwritable:
+            raise RuntimeError("no locator available")
         told.append((compilation.CONFIG.CACHE_DIR, options))
         return function
 
     monkeypatch.setattr(numba, "njit", njit)
-    function = SimpleNamespace(__module__="planner.one")
+    function, unwritable = (SimpleNamespace(__module__="planner.one", number=k) for k in range(2))
     for folder in (modules["one"].parent / "one", None):
         monkeypatch.setattr(compilation, "_cache_folder", lambda _, folder=folder: folder)
         assert compilation.compiled(function) is function
     compilation.inner(function)
-    cached, plain, inner = told
+    monkeypatch.setattr(compilation, "_cache_folder", lambda _: modules["one"].parent)
+    assert compilation.compiled(unwritable) is unwritable
+    cached, plain, inner, uncached = told
+    assert uncached[1] == {"error_model": "numpy"}
     assert cached == (str(modules["one"].parent / "one"), {"cache": True, "error_model": "numpy"})
     assert plain == ("told", {"error_model": "numpy"})
     assert inner[1].pop("pipeline_class") is compilation._InnerCompiler

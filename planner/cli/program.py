@@ -133,7 +133,7 @@ class Commands(click.Group):
     ) -> tuple[str | None, click.Command | None, list[str]]:
         """The command that the arguments begin with, or an error that names the nearest."""
         name = args[0]
-        if name not in COMMANDS and not name.startswith("-"):
+        if name not in COMMANDS:
             from difflib import get_close_matches
 
             close = get_close_matches(name, list(COMMANDS), n=1)

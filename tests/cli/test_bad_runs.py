@@ -23,6 +23,11 @@ WRONG = {
     "a number as text": WALK + 'samples = "88"\n',
     "a word for a number": WALK + 'samples = "many"\n',
     "a number for a table of joints": JOINTS + "[limits]\njoints = 3\n",
+    "a key of several words": JOINTS + '[plan]\n"me thod" = "optimal"\n',
+    "a value of the second export": JOINTS
+    + '[[export]]\nformat = "csv"\nfile = "a.csv"\n'
+    + '[[export]]\nformat = "csv"\nfile = "b.csv"\ncycles = 0\n',
+    "a number among names": '[path]\nfile = "desired.csv"\njoints = ["hip", 3]\n',
     "a truth as text": JOINTS + '[plan]\ncyclic = "True"\n',
     "a truth for a number": JOINTS + "[plan]\nsegments = true\n",
     "a number beyond counting": JOINTS + f"[plan]\nsegments = -1{'0' * 80}\n",
@@ -60,6 +65,8 @@ WRONG = {
     "limits upside down": JOINTS + "[limits]\ndeg = [10, -10]\n",
     "limits of a single angle": JOINTS + "[limits]\ndeg = [10, 10]\n",
     "limits of nobody": JOINTS + "[limits.joints]\nkne = [0, 1]\n",
+    "limits of a joint upside down": JOINTS + "[limits.joints]\nhip = [0, 1]\nknee = [1, 0]\n",
+    "a misspelt parameter of a joint": JOINTS + "[model.joints.knee]\nlagg = 0.03\n",
     "a model of nobody": JOINTS + "[model.joints.kne]\nlag = 0.03\n",
     "a model of half its parameters": JOINTS + "[model.parameters]\nlag = 0.03\n",
     "a model twice": JOINTS + f'[model]\nfile = "ers210a"\n[model.parameters]\n{PARAMETERS}',

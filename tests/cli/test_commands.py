@@ -220,6 +220,9 @@ def test_a_path_whose_ends_are_far_apart_is_a_motion_from_rest_unless_it_shall_r
     assert told.stderr == repeated.stderr == ""
     assert "does not close, its ends are 52.7 times its largest step apart" in taken.stderr
     assert "--cyclic lets it repeat" in taken.stderr
+    fitted = run("fit", "open.csv", "--segments", "3", "--json")
+    assert fitted.stderr == taken.stderr
+    assert json.loads(fitted.stdout)["cyclic"] is False
     run(*asked)
     again = run("simulate", "requests.csv", "--desired", "open.csv", "--json")
     joint = json.loads(taken.stdout)["joints"]["hip"]

@@ -80,7 +80,7 @@ def test_the_template_runs_as_it_is_and_plans_what_plan_does(run, write, templat
 
 def test_the_same_file_makes_the_same_bytes(run, write, desired, tmp_path):
     assert desired.exists()
-    file = write(JOINTS)
+    file = write(f'out = "three"\n{JOINTS}')
     for out in ("one", "two"):
         assert run("run", file, "--out", out).exit_code == 0
     for each in (tmp_path / "one").iterdir():
@@ -292,6 +292,16 @@ def test_advice_of_the_library_is_told_as_keys(run, write, desired, monkeypatch)
     result = run("run", write(f'[path]\nfile = "{desired.name}"\n'))
     assert result.exit_code == 1
     assert result.stderr.endswith("or simulate from rest (plan.cyclic = false)\n")
+
+
+def test_a_scene_without_its_extra_is_refused_before_anything_is_planned(
+    run, write, foot, monkeypatch
+):
+    monkeypatch.setitem(sys.modules, "meshcat", None)
+    leg = f'[leg]\nname = "front-left"\n[path]\nfile = "{foot.name}"\n'
+    result = run("run", write(f'{leg}[output]\nscene = "a.html"\n'), "--check")
+    assert result.exit_code == 2
+    assert "the view in Meshcat needs the extra 'meshcat'" in result.stderr
 
 
 def test_pages_link_to_all_files_and_only_requests_carry_the_load(run, write, foot, tmp_path):

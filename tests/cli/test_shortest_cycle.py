@@ -16,6 +16,12 @@ TESTED = Evidence(0.01, 1.0, 0.0, (-3.0, 3.0))
 """Of a joint whose logs were slow."""
 
 
+def walk():
+    """A small walk of a leg."""
+    size = ("--samples", 24, "--half-stroke", 0.01, "--height", 0.005)
+    return "gait", "--leg", "front-left", *size
+
+
 @pytest.fixture
 def fastest(run, tmp_path, monkeypatch):
     """Seek the shortest cycle of a small walk, without the bounds that take seconds."""
@@ -24,9 +30,8 @@ def fastest(run, tmp_path, monkeypatch):
     def fastest(evidence, proof, *more):
         monkeypatch.setattr(shortest_cycle, "_too_short", lambda *_: proof)
         JointModel.ers210a().with_evidence(evidence).to_toml(tmp_path / "joint.toml")
-        asked = ("gait", "--leg", "front-left", "--model", "joint.toml", "--samples", 24)
-        size = ("--half-stroke", 0.01, "--height", 0.005, "--fastest", "--tolerance-cm", 0.2)
-        result = run(*asked, *size, "-o", "foot.csv", *more)
+        search = ("--fastest", "--tolerance-cm", 0.2, "-o", "foot.csv")
+        result = run(*walk(), "--model", "joint.toml", *search, *more)
         assert result.exit_code == 0, result.output
         return result
 
@@ -45,6 +50,10 @@ def test_the_path_is_planned_within_the_tolerance_as_is_said(run, fastest):
     found, count = document["fastest"], len(read_foot_path("foot.csv").positions)
     assert plan["foot"]["max_cm"] == pytest.approx(found.pop("max_cm"), rel=1e-3)
     assert plan["foot"]["max_cm"] < 0.2
+    whole = json.loads(run(*walk(), "--json").stdout)["stride"]
+    for joint, speed in document["stride"].pop("speeds_deg_s").items():
+        assert speed == pytest.approx(whole["speeds_deg_s"][joint] * 24 / count)
+    assert document["stride"] == {key: whole[key] for key in document["stride"]}
     assert 12 < count < 24
     assert found.pop("untested")["front_left_knee"] == ["speed"]
     assert found == {
@@ -71,3 +80,12 @@ def test_a_cycle_that_is_proved_too_short_is_told_with_what_the_proof_holds_for(
         "lower_bound_cm": pytest.approx(0.22),
         "of_model_only": unknown,
     }
+
+
+def test_the_joints_take_the_period_that_is_asked_for_and_a_refused_model_is_warned_of(fastest):
+    refused = Evidence(0.01, verdict="refused", reason="odd")
+    result = fastest(refused, None, "--period", 0.016, "--json")
+    found = json.loads(result.stdout)["fastest"]
+    assert found["cycle_s"] == pytest.approx(0.016 * found["samples"])
+    assert found["samples"] == len(read_foot_path("foot.csv").positions)
+    assert result.stderr.count("do not plan with the model") == 1

@@ -95,6 +95,16 @@ def test_a_task_that_kills_every_worker_is_reported_and_no_other_is_lost(tmp_pat
     assert len(work.held(results.folder)) == 7
 
 
+def test_a_result_that_does_not_arrive_is_a_reason(results):
+    def lost(*_):
+        future = Future()
+        future.set_exception(EOFError("no more"))
+        return future
+
+    failures = carry_out(work.square, work.tasks(1), results, SimpleNamespace(submit=lost))
+    assert failures == {"task 0": "EOFError: no more"}
+
+
 def test_lost_workers_end_the_wait_for_tasks_that_they_do_not_finish(monkeypatch):
     monkeypatch.setattr(parallel, "PATIENCE", 0.01)
 
