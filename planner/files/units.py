@@ -126,7 +126,7 @@ def _without_unit(table: Table, columns: Sequence[str], units: Mapping[str, floa
     """The error that columns have no unit of these."""
     name = columns[0]
     stem, _, word = name.rpartition("_")
-    if stem and not word.isdigit() and word.lower() in OTHER_UNITS:
+    if stem and word.lower() in OTHER_UNITS:
         name = stem
     expected = " or ".join(f"{name}_{unit}" for unit in units if unit not in SHARES)
     if len(columns) == 1:

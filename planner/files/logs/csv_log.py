@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -196,9 +197,11 @@ def _check_radians(table: Table, column: str, requests: Array) -> None:
 
 def _columns_note(pair: Pair, *, several: bool) -> str:
     """The columns of a joint in words, which are the same for joints whose columns are alike."""
-    shown = "<joint>" if several and pair.joint else pair.joint
-    requested = pair.requested[0].replace(pair.joint, shown, 1)
-    actual = pair.actual[0].replace(pair.joint, shown, 1)
+    requested, actual = pair.requested[0], pair.actual[0]
+    if several and pair.joint:
+        # The joint as a word: `a` of `act_a` is not the first letter.
+        word = rf"(?:(?<![^\W_])|(?<=[a-z])(?=[A-Z])){re.escape(pair.joint)}(?![^\W_A-Z])"
+        requested, actual = (re.sub(word, "<joint>", each) for each in (requested, actual))
     return f"requested from '{requested}', actual from '{actual}'"
 
 

@@ -124,20 +124,16 @@ def make_log(source: Source, columns: Columns, *, joint: str, notes: tuple[str, 
             f"{joint}{': ' if joint else ''}the actual angles equal the requested ones in every "
             "row, expected measured angles; is the same column recorded twice?",
         )
-    switch, load = columns.torque_on, columns.load
-    if load is not None and not np.isfinite(load).all():
-        k = int(np.argmin(np.isfinite(load)))
-        raise source.fault(f"load: got {load[k]}, expected a torque [N m]", k)
     try:
         return Log(
             times=columns.times,
             requests=requests,
             angles=angles,
-            torque_on=np.ones(len(requests), bool) if switch is None else switch,
+            torque_on=np.ones_like(measured) if columns.torque_on is None else columns.torque_on,
             name=source.name,
             joint=joint,
             unit=columns.angle_scale.unit,
-            load=load,
+            load=columns.load,
             measured=measured,
             notes=(*notes, *left_out, *doubles, *unread, *fitted, *_doubts(columns)),
             written=_written(source, columns),
