@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 
 from planner import read_models
@@ -33,11 +35,17 @@ JOINT_PATHS = {
     "no unit": b"knee\n1\n2\n",
     "a strange unit": b"knee_degrees\n1\n2\n",
     "mixed units": b"knee_deg,hip_rad\n1,2\n3,4\n",
-    "beyond belief": b"knee_deg\n1\n1e300\n",
+    "digits of another script": "knee_deg\n1\n٣\n".encode(),
+    "a number among names": b"knee_deg,7\n1,2\n3,4\n",
+    "an open quote after comments": b'# a\n# b\nknee_deg\n1\n"2\n',
+    "no names after comments": b"# 1.0,2.0\n3.0,4.0\n5,6\n",
+    "more names than can be shown": ",".join(f"joint_{k}_deg" for k in range(20)) + "\n1\n2\n",
+    "beyond belief": b"t_s,knee_deg,hip_deg\n0,1,2\n0.01,3,-1e300\n",
     "only time": b"t_s,index\n0,0\n1,1\n",
     "time backwards": b"t_s,knee_deg\n0,1\n0.02,2\n0.01,3\n",
     "time stands still": b"t_s,knee_deg\n0,1\n0,2\n0.01,3\n",
     "uneven time": b"t_s,knee_deg\n0,1\n0.01,2\n0.02,3\n0.05,4\n",
+    "a step too short": b"t_ms,knee_deg\n0,1\n10,2\n15,3\n25,4\n",
     "times twice": b"time_s,t_ms,knee_deg\n0,0,1\n0.01,10,2\n",
     "time that is no number": b"t_s,knee_deg\n0,1\nlater,2\n",
 }
@@ -45,6 +53,8 @@ JOINT_PATHS = {
 FOOT_PATHS = {
     "a missing axis": b"x_m,y_m\n1,2\n3,4\n",
     "mixed units": b"x_m,y_cm,z_m\n1,2,3\n4,5,6\n",
+    "axes without a unit": b"x,y,z\n1,2,3\n3,4,5\n",
+    "an axis in other units": b"x_metres,y_Inch,z_m\n1,2,3\n3,4,5\n",
     "an axis twice": b"x_m,x_cm,y_m,z_m\n1,2,3,4\n4,5,6,7\n",
     "NaN": b"x_m,y_m,z_m\n1,2,3\n4,NaN,6\n",
 }
@@ -83,6 +93,31 @@ def test_every_bad_file_says_what_is_wrong(tmp_path, snapshot):
     snapshot.check("bad_input", "".join(said))
 
 
+PATH = "t_s,knee_deg,hip_deg\n0,1,2\n0.01,3,4\n"
+
+LIMITS = {
+    "columns": ("table.MOST_COLUMNS", 3, "3 columns, expected at most 2; leave out"),
+    "cells": ("table.MOST_CELLS", 6, "more than 5 cells; split the file"),
+    "rows": ("paths.MOST_SAMPLES", 2, "more than 1 rows, expected at most so many samples"),
+    "joints": ("paths.MOST_JOINTS", 2, "2 joints, expected at most 1; choose some with --joint"),
+    "characters": ("text.MOST_BYTES", len(PATH), "longer than 0 MiB; is it the right file?"),
+    "size": ("units.LARGEST", math.radians(4.0), "'hip_deg': got 4, expected at most 3.99"),
+}
+"""The constant of a limit, what the path has, and the message of one that has more."""
+
+
+@pytest.mark.parametrize("limit", LIMITS)
+def test_a_path_may_be_as_large_as_a_limit_and_no_larger(tmp_path, monkeypatch, limit):
+    place, has, message = LIMITS[limit]
+    file = tmp_path / "path.csv"
+    file.write_text(PATH)
+    monkeypatch.setattr(f"planner.files.{place}", has)
+    assert read_joint_path(file).names == ("knee", "hip")
+    monkeypatch.setattr(f"planner.files.{place}", has - 1 if has >= 1 else 0.999 * has)
+    with pytest.raises(InvalidFile, match=message):
+        read_joint_path(file)
+
+
 def test_a_soft_joint_whose_logs_leave_its_top_speed_open_is_no_model_in_degrees(tmp_path):
     file = tmp_path / "model.toml"
     file.write_text(
@@ -91,15 +126,23 @@ def test_a_soft_joint_whose_logs_leave_its_top_speed_open_is_no_model_in_degrees
     assert read_model_file(file).one().theta_0 == 4.0
 
 
-def test_a_joint_that_is_not_in_the_file_is_named_with_the_nearest(tmp_path):
+@pytest.mark.parametrize(
+    ("joints", "message"),
+    [
+        (
+            ["kne"],
+            ", line 1: no column kne_deg or kne_rad (did you mean 'knee'?); columns: t_s, "
+            "knee_deg, hip_deg",
+        ),
+        (["hip", "knee", "hip"], ": 'hip' is named 2 times; name it once"),
+    ],
+)
+def test_joints_that_cannot_be_chosen_are_named(tmp_path, joints, message):
     file = tmp_path / "path.csv"
-    file.write_text("knee_deg,hip_deg\n1,2\n3,4\n")
+    file.write_text(PATH)
     with pytest.raises(InvalidFile) as caught:
-        read_joint_path(file, joints=["kne"])
-    assert str(caught.value) == (
-        f"{file}, line 1: no column kne_deg or kne_rad (did you mean 'knee'?); "
-        "columns: knee_deg, hip_deg"
-    )
+        read_joint_path(file, joints=joints)
+    assert str(caught.value) == f"{file}{message}"
 
 
 def test_a_file_that_does_not_exist_and_a_folder_are_bad_input(tmp_path):

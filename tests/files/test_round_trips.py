@@ -53,34 +53,41 @@ def test_a_written_foot_path_is_read_back(tmp_path_factory, positions):
     assert np.max(np.abs(path.positions - positions)) <= WRITTEN
 
 
-@pytest.mark.parametrize(("unit", "factor"), [("m", 1.0), ("cm", 0.01), ("mm", 0.001)])
-def test_a_foot_path_may_be_in_any_unit_and_any_order_of_columns(tmp_path, unit, factor):
-    file = tmp_path / "foot.csv"
-    file.write_text(f"z_{unit},note,x_{unit},y_{unit}\n3,a,1,2\n6,b,4,5\n")
-    table = read_table(file)
-    assert is_foot_path(table)
-    assert foot_path(table).positions == pytest.approx(
-        factor * np.array([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]])
-    )
+READ = {
+    "degrees": b"\xef\xbb\xbfindex, knee_deg ,sample\r\n0,180,1\r\n\r\n1,-90,2\r\n",
+    "radians": b"hip_rad,knee_rad\n0.1,1.5\n0.2,-2\n",
+    "shares beside angles": b"hip_deg,jaw_percent\n0,25\n1,50\n",
+    "shares": b"t_ms,jaw_range\n5,0.25\n15,0.5\n",
+    "loads": b"t_s,hip_deg,knee_deg,knee_load_Nm\n0,1,2,0.5\n0.01,3,4,0.6\n",
+    "no loads of these joints": (b"hip_deg,knee_deg,knee_load_Nm\n1,2,0.5\n3,4,0.6\n", ["hip"]),
+    "chosen joints": (b"note,knee_deg,hip_deg\nstart,1,2\nend,3,4\n", ["hip", "knee"]),
+    "a column of a log": (b"t_s,req_knee_deg,act_knee_deg\n0,1,2\n1,3,4\n", ["act_knee"]),
+    "a spreadsheet's": b"sep=;\r\nt_ms;knee_deg\r\n0;1,5\r\n20,5;-2,5e1\r\n",
+    "semicolons": b"\n\nt_ms;knee_deg\n0;1,5\n20,5;-2,5e1\n",
+    "tabs": b"t_ms\tknee_deg\n0\t1,5\n20,5\t-2.5e1\n",
+    "titles of formulas": b"'=1+2_deg,'knee_deg,'-a_deg\n1,2,3\n4,5,6\n",
+    "a joint that is called t": b"t_deg,knee_deg\n1,2\n3,4\n",
+    "dates": b"clock,knee_deg\n2026-11-23T10:04:00.000,1\n2026-11-23T10:04:00.020,2\n",
+    "comments": b"# robot 3\n#t_s, knee_deg\n0,1\n# paused\n0.5,2\n",
+    "metres": b"x_m,y_m,z_m\n1,2,3\n4,5,6\n",
+    "centimetres": b"z_cm,note,x_cm,y_cm,t_s\n3,a,1,2,0\n6,b,4,5,0.5\n",
+    "millimetres": b"t_us,x_mm,y_mm,z_mm\n0,1,2,3\n2000,4,5,6\n",
+}
+"""What a file holds, and the joints to read."""
 
 
-def test_degrees_radians_byte_order_marks_blank_lines_and_carriage_returns_are_understood(
-    tmp_path,
-):
-    file = tmp_path / "path.csv"
-    file.write_bytes(b"\xef\xbb\xbfindex, knee_deg \r\n0,180\r\n\r\n1,-90\r\n")
-    assert read_joint_path(file).angles[:, 0] == pytest.approx([np.pi, -np.pi / 2])
-    file.write_text("knee_rad\n1.5\n-2\n")
-    assert read_joint_path(file).angles[:, 0].tolist() == [1.5, -2.0]
-    assert not is_foot_path(read_table(file))
-
-
-def test_chosen_joints_come_in_the_chosen_order_and_leave_other_columns_alone(tmp_path):
-    file = tmp_path / "path.csv"
-    file.write_text("note,knee_deg,hip_deg\nstart,1,2\nend,3,4\n")
-    path = joint_path(read_table(file), joints=["hip", "knee"])
-    assert path.names == ("hip", "knee")
-    assert np.degrees(path.angles) == pytest.approx(np.array([[2.0, 1.0], [4.0, 3.0]]))
+def test_a_path_is_what_its_columns_say(tmp_path, snapshot):
+    file, said = tmp_path / "path.csv", []
+    for name, case in READ.items():
+        content, joints = case if isinstance(case, tuple) else (case, [])
+        file.write_bytes(content)
+        table = read_table(file)
+        path = foot_path(table) if is_foot_path(table) else joint_path(table, joints=joints)
+        values = vars(path).values()
+        said.append(
+            f"{name}: {[v.tolist() if isinstance(v, np.ndarray) else v for v in values][1:]}\n"
+        )
+    snapshot.check("paths", "".join(said))
 
 
 def test_what_is_read_is_read_only(tmp_path):
