@@ -88,7 +88,9 @@ class Kit:
 
     def trajectory(self, nanoseconds, values, joints=JOINTS):
         return self.t["trajectory_msgs/msg/JointTrajectory"](
-            header=self.header(nanoseconds), joint_names=list(joints), points=[self.point(values)]
+            header=self.header(nanoseconds),
+            joint_names=list(joints),
+            points=[self.point(values), self.point([9.0] * len(values))],
         )
 
     def numbers(self, values):

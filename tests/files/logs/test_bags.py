@@ -164,6 +164,24 @@ def test_naming_the_commands_leaves_the_other_states_for_the_actual_angles(tmp_p
     _assert_holds_the_angles(*read_logs(folder, options=options), "hip")
 
 
+@pytest.mark.parametrize(
+    ("options", "actual", "requested"),
+    [
+        ({}, STATE, STATE),
+        ({"command_topic": "/commands"}, "/joint_states", "/commands"),
+        ({"topic": "/joint_states", "command_topic": STATE}, "/joint_states", STATE),
+        ({"topic": STATE, "command_topic": "/commands"}, STATE, "/commands"),
+    ],
+)
+def test_topics_beside_a_controllers_state_are_read_where_the_options_name_them(
+    tmp_path, options, actual, requested
+):
+    states = lambda kit, stamp: kit.state(stamp, [0.0, 0.1], [0.5, 0.6])  # noqa: E731
+    folder = _command_bag(tmp_path / "run", COMMANDS["trajectory"], extra=[(STATE, states)])
+    (log,) = read_logs(folder, options=LogOptions(joint="hip", **options))
+    assert log.notes[0] == f"actual from {actual}, requested from {requested}"
+
+
 def test_messages_without_angles_are_passed_over(tmp_path):
     stops = lambda kit, _: kit.t["trajectory_msgs/msg/JointTrajectory"](  # noqa: E731
         header=kit.header(0), joint_names=list(JOINTS), points=[]
@@ -259,7 +277,12 @@ def test_commands_stamped_by_another_clock_count_from_their_receipt(tmp_path):
             ("/joint_states", received + 10, kit.joint_state(received, actual[k])),
         ]
     write(tmp_path / "run", types, messages)
-    _assert_holds_the_angles(read_logs(tmp_path / "run", options=LogOptions(joint="hip"))[0], "hip")
+    (log,) = read_logs(tmp_path / "run", options=LogOptions(joint="hip"))
+    _assert_holds_the_angles(log, "hip")
+    assert (
+        log.notes[1]
+        == "time of the actual angles from its header, of the requested ones from receipt"
+    )
 
 
 def test_a_message_that_came_late_does_not_make_its_stamps_another_clocks(tmp_path):
@@ -354,6 +377,7 @@ REFUSED = {
         {"command_topic": "/commands"},
         {"command_topic": "/commands", "joint": "kneee"},
         {"episodes": "0"},
+        {"joint": "hip"},
     ),
     "states as their own commands": (
         lambda path: _command_bag(path, COMMANDS["trajectory"]),

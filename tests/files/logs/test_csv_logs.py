@@ -12,6 +12,7 @@ import pytest
 
 import planner
 from planner import InvalidFile, InvalidInput, LogOptions, read_logs
+from tests.files.logs.told import told
 
 EXACT = 1e-12
 """Angles and times come through unchanged but for one product of float64 [rad, s]."""
@@ -154,31 +155,13 @@ READ = {
 """What a file holds, and options."""
 
 
-def _told(logs):
-    """All that logs say: a line for each, and then each note once."""
-    lines = []
-    for log in logs:
-        unit, factor = ("deg", 180.0 / math.pi) if log.unit == "rad" else ("of the range", 1.0)
-        columns = [1e6 * log.times, factor * log.requests, factor * log.angles]
-        columns += [log.torque_on.astype(int)] * (not log.torque_on.all())
-        columns += [log.measured.astype(int)] * (not log.measured.all())
-        columns += [log.load] * (log.load is not None)
-        cells = [" ".join(f"{each:.7g}" for each in values) for values in columns]
-        _, _, column, written, scale, shift = log.written
-        lines.append(
-            f"{log.joint} [{unit}] {'; '.join(cells)}; {column}: {written} {scale:.6g} {shift:.6g}"
-        )
-    lines += dict.fromkeys(note for log in logs for note in log.notes)
-    return "".join(f"  {line}\n" for line in lines)
-
-
 def test_a_log_says_what_its_columns_and_the_options_say(tmp_path, snapshot):
     file, said = tmp_path / "FILE", []
     for name, case in READ.items():
         content, options = (case, {}) if isinstance(case, str) else case
         file.write_text(content)
         said.append(f"{name}\n")
-        said.append(_told(read_logs(file, options=LogOptions(**options))))
+        said.append(told(read_logs(file, options=LogOptions(**options))))
     snapshot.check("csv_read", "".join(said))
 
 

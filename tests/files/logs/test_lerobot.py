@@ -11,8 +11,9 @@ import pytest
 from pyarrow import parquet
 
 from planner import InvalidFile, LogOptions, joints_in, read_logs
-from planner.files.logs.lerobot import _ranges, lerobot_episodes, read_episode
+from planner.files.logs.lerobot import _ranges, find_dataset, lerobot_episodes, read_episode
 from tests.files.logs.datasets import FPS, JOINTS, LENGTHS, NAMES, info, rows, v21, v30, values
+from tests.files.logs.told import told
 
 EXACT = 1e-12
 """Angles come through unchanged but for one product of float64 [rad]."""
@@ -81,15 +82,6 @@ def test_a_single_file_is_read_with_the_description_above_it(tmp_path, layout, f
         _assert_is(log, episode, "shoulder_pan")
 
 
-def test_all_joints_are_read_each_in_its_unit(tmp_path):
-    options = LogOptions(joint="all", unit="deg,gripper=percent", episodes="0")
-    logs = read_logs(v30(tmp_path / "set"), options=options)
-    assert [(log.joint, log.unit) for log in logs] == list(
-        zip(JOINTS, ("rad", "rad", "1"), strict=True)
-    )
-    np.testing.assert_allclose(logs[2].requests, values(0)[0][:, 2] / 100.0, atol=1e-7)
-
-
 @pytest.mark.parametrize("names", [None, [], ["motors"]], ids=["none", "empty", "of the axis"])
 def test_joints_without_names_are_numbered(tmp_path, names):
     root = v21(tmp_path / "set", names)
@@ -98,27 +90,23 @@ def test_joints_without_names_are_numbered(tmp_path, names):
     np.testing.assert_allclose(log.requests, np.radians(values(0)[0][:, 1]), atol=1e-7)
 
 
-def test_action_and_observation_may_have_other_orders(tmp_path):
-    root = v21(tmp_path / "set")
-    described = info("v2.1", list(JOINTS))
-    state = described["features"]["observation.state"]
-    described["features"]["observation.state"] = {**state, "names": list(JOINTS[::-1])}
-    (root / "meta" / "info.json").write_text(json.dumps(described))
-    (log,) = read_logs(root, options=LogOptions(joint="gripper", unit="deg", episodes="0"))
-    action, observed = values(0)
-    np.testing.assert_allclose(log.requests, np.radians(action[:, 2].astype(float)), atol=EXACT)
-    np.testing.assert_allclose(log.angles, np.radians(observed[:, 0].astype(float)), atol=EXACT)
-
-
 def test_an_episode_has_the_task_of_its_own_rows(tmp_path):
     root = v30(tmp_path / "set")
     file = root / "data" / "chunk-000" / "file-000.parquet"
-    numbers = [0] * LENGTHS[0] + [1] * LENGTHS[1]
+    numbers = [0] * (LENGTHS[0] - 1) + [1] * (LENGTHS[1] + 1)  # the last row has the next task
     parquet.write_table(_set(parquet.read_table(file), "task_index", numbers), file)
     tasks = pa.table({"task_index": [0, 1], "task": ["lift", "drop"]})
     parquet.write_table(tasks, root / "meta" / "tasks.parquet")
     found = [read_episode(place).task for place in lerobot_episodes(root, LogOptions())]
     assert found == ["lift", "drop", "lift"]
+    (root / "meta" / "tasks.parquet").unlink()
+    lines = [
+        {"task_index": 0, "task": "lift"},
+        {"task_index": 1, "task": "drop"},
+        {"task_index": 2},
+    ]
+    (root / "meta" / "tasks.jsonl").write_text("\n\n".join(map(json.dumps, lines)))
+    assert find_dataset(root).tasks() == {0: "lift", 1: "drop", 2: ""}
 
 
 def test_tasks_that_cannot_be_read_cost_no_episode(tmp_path):
@@ -136,6 +124,69 @@ def test_times_in_lists_of_one_are_read(tmp_path):
     root, _ = _with_table(tmp_path, change)
     (log,) = read_logs(root, options=LogOptions(joint="gripper", unit="deg", episodes="0"))
     _assert_is(log, 0, "gripper")
+
+
+def _described(root, **changes):
+    """Change what a dataset says of itself."""
+    file = root / "meta" / "info.json"
+    file.write_text(json.dumps(json.loads(file.read_text()) | changes))
+
+
+def _with_features(root, action, state):
+    names = {"action": {"names": action}, "observation.state": {"names": state}}
+    _described(root, features=names)
+
+
+FEATURES = info("v2.1", [f"{joint}.pos" for joint in JOINTS])["features"]
+
+READ = {
+    "an old version": (
+        lambda root: _described(root, codebase_version="v2.0"),
+        {"joint": "gripper"},
+    ),
+    "another order": (
+        lambda root: _with_features(root, list(JOINTS), list(JOINTS[::-1])),
+        {"joint": "gripper"},
+    ),
+    "names that would be the same": (
+        lambda root: _with_features(root, *[["main_a", "a.pos", "b.pos"]] * 2),
+        {"joint": "a.pos"},
+    ),
+    "names that would be empty": (
+        lambda root: _with_features(root, *[["main_", "a", "b"]] * 2),
+        {"joint": "main_"},
+    ),
+    "joints in one of both": (
+        lambda root: _with_features(root, ["x", "a", "z"], ["a", "y", "z"]),
+        {"joint": "all"},
+    ),
+    "places in groups": (
+        lambda root: _with_features(root, *[{"arm": {"a": 1, "b": 0}, "hand": ["c"]}] * 2),
+        {"joint": "a"},
+    ),
+    "an unusual description": (
+        lambda root: _described(
+            root, fps=0, robot_type=3, features=FEATURES | {"images": {}, "index": {}}
+        ),
+        {"joint": "gripper"},
+    ),
+    "units by joints": (lambda _: None, {"joint": "all", "unit": "ticks,gripper=percent"}),
+    "two episodes": (lambda _: None, {"joint": "gripper", "episodes": "2,0"}),
+}
+"""Changes of a dataset, and options."""
+
+
+def test_a_dataset_says_what_its_description_and_the_options_say(tmp_path, snapshot):
+    said = []
+    for name, (change, options) in READ.items():
+        root = v21(tmp_path / name)
+        change(root)
+        asked = {"unit": "ticks", "ticks_per_turn": 360.0, "episodes": "1", **options}
+        logs = read_logs(root, options=LogOptions(**asked))
+        dataset = find_dataset(root)
+        known = dataset.written["action"], dataset.others, dataset.rate, dataset.robot_type
+        said += [f"{name}: {known}\n", told(logs)]
+    snapshot.check("lerobot_read", "".join(said))
 
 
 def _refused(path, **options):
@@ -161,7 +212,7 @@ def test_what_a_dataset_does_not_tell_is_asked_for(tmp_path, snapshot):
 @pytest.mark.parametrize("layout", LAYOUTS)
 def test_an_episode_that_is_not_there_is_reported_with_those_that_are(tmp_path, layout):
     root = LAYOUTS[layout](tmp_path / "set")
-    for episodes in ("1,7", "7"):
+    for episodes in ("1,7", "7", "9,2,7"):
         assert _refused(root, joint="gripper", unit="deg", episodes=episodes) == (
             f"{root}: no episode 7; episodes: 0-2"
         )
@@ -189,6 +240,8 @@ TABLES = {
     "text": lambda table: _set(table, "timestamp", list("abcde")),
     "unsorted": lambda table: _set(table, "timestamp", [0.0, 0.1, 0.3, 0.2, 0.4]),
     "no episode's number": lambda table: _set(table, "episode_index", [0.5] * 5),
+    "an episode below 0": lambda table: _set(table, "episode_index", [-1] * 5),
+    "the same column twice": lambda table: table.append_column("action", table["action"]),
     "no end of episodes": lambda table: _set(table, "episode_index", [np.inf] * 5),
     "two times a row": lambda table: _set(table, "timestamp", [[0.0, 1.0]] * 5),
     "one row": lambda table: table.slice(0, 1),
@@ -241,6 +294,10 @@ INFOS = {
     "another version": {**info("v1.6", list(JOINTS))},
     "a list": [],
     "no features": {"codebase_version": "v3.0"},
+    "no joint in common": {
+        "codebase_version": "v2.1",
+        "features": {"action": {"names": ["x", "y", "z"]}, "observation.state": {"names": JOINTS}},
+    },
     "no observation": {"codebase_version": "v3.0", "features": {"action": {"names": list(JOINTS)}}},
 }
 
@@ -250,20 +307,10 @@ def test_a_description_that_cannot_be_understood_is_refused(tmp_path, snapshot):
     file = root / "meta" / "info.json"
     for name, content in INFOS.items():
         file.write_text(json.dumps(content))
-        said.append(f"{name}: {_refused(root)}\n".replace(str(file), "FILE"))
+        said.append(
+            f"{name}: {_refused(root)}\n".replace(str(file), "FILE").replace(str(root), "SET")
+        )
     snapshot.check("lerobot_descriptions", "".join(said))
-
-
-def test_action_and_observation_without_a_joint_in_common_are_refused(tmp_path):
-    root = v21(tmp_path / "set")
-    described = info("v2.1", list(JOINTS))
-    described["features"]["action"] = {"names": ["x", "y", "z"]}
-    (root / "meta" / "info.json").write_text(json.dumps(described))
-    file = root / "data" / "chunk-000" / "episode_000000.parquet"
-    assert _refused(root, joint="gripper", unit="deg") == (
-        f"{file}: no joint is in both 'action' (x, y, z) and 'observation.state' (shoulder_pan, "
-        "elbow_flex, gripper)"
-    )
 
 
 def test_a_dataset_without_its_data_is_refused(tmp_path):
