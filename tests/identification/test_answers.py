@@ -35,6 +35,11 @@ def noisy(requests, *, joint=AIBO, quantum=0.0):
     )
 
 
+def mirrored(log):
+    """The log with the other sign."""
+    return replace(log, requests=-log.requests, angles=-log.angles)
+
+
 def worn():
     """Failed readings, glitches, a long and a short gap, and rows without torque."""
     log = rich_log(replace(AIBO, dead_band=0.03), noise=NOISE / 2.0, rows=700)
@@ -132,7 +137,7 @@ LOGS = {
     "gentle": lambda: rich_log(amplitude=0.05, noise=NOISE / 10.0),
     "gentle at first": lambda: noisy(GENTLE_FIRST),
     "one way": lambda: noisy(ONE_WAY, quantum=QUANTUM),
-    "stopped": stopped,
+    "stopped below": lambda: mirrored(stopped()),
     "rings": rings,
     "drifts": drifts,
     "asymmetric": lambda: rich_log(replace(AIBO, v_offset=0.8), noise=NOISE, rows=800),

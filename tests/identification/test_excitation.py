@@ -65,6 +65,14 @@ def test_a_signal_uses_what_the_limits_allow(kind):
     assert np.max(np.abs(made.requests - made.centre)) > 0.98 * made.reach
 
 
+@pytest.mark.parametrize("centre", [0.1, 0.3])
+def test_a_signal_deflects_as_far_to_one_side_of_its_centre_as_to_the_other(centre):
+    made = signal("triangle", centre=centre)
+    assert made.reach == pytest.approx(min(centre + 0.5, 0.9 - centre))
+    ends = [np.min(made.requests), np.max(made.requests)]
+    np.testing.assert_allclose(ends, [centre - made.reach, centre + made.reach], atol=0.02)
+
+
 def test_steps_are_those_of_equation_1_about_the_centre():
     made = signal("steps", amplitudes=(0.2, 1.0), cycles=2, duration=9.0, centre=0.1)
     assert made.amplitudes == (0.2, 1.0)

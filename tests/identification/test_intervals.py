@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import planner
-from planner.identification.fit import fit_joint, with_observed_speed
-from planner.identification.grid import resampled, timing_of
+from planner.identification.fit import fit_joint, moving, with_observed_speed
+from planner.identification.grid import resampled, runs_of, timing_of
 from planner.identification.intervals import (
     correlation_time,
     intervals_of,
@@ -204,9 +204,24 @@ def test_a_log_without_motion_is_refused(angles, requests, message):
 
 
 def test_a_log_without_torque_is_refused():
-    log = changed(step_logs()[0], torque_on=np.zeros(264, dtype=bool))
-    with pytest.raises(planner.InvalidInput, match="0 rows to learn from"):
-        planner.identify(log)
+    log = step_logs()[0]
+    for rows in (0, 9):
+        few = changed(log, torque_on=np.arange(264) < rows)
+        with pytest.raises(planner.InvalidInput, match=f"^the log has {rows} rows to learn from"):
+            planner.identify(few)
+
+
+def test_a_run_has_three_rows_with_torque_or_more():
+    log = rich_log(rows=40)
+    torque = np.isin(np.arange(40), [5, 6, 10, 11, 12, *range(20, 30), 39])
+    runs = [rows for _, rows in runs_of([changed(log, torque_on=torque)], 0.0)]
+    assert runs == [slice(10, 13), slice(20, 30)]
+    part = resampled([changed(log, torque_on=torque)], tick=AIBO.tick, reach=0.1, burn_in=0.1)
+    assert part.firsts == ((0, 20),)  # the others are within the time that is left out
+    moved = replace(part, angles=np.arange(10.0))
+    assert moving(moved) is moved
+    with pytest.raises(planner.InvalidInput, match="has 9 rows"):
+        moving(replace(moved, angles=moved.angles[:9]))
 
 
 @pytest.mark.parametrize(

@@ -65,12 +65,14 @@ def test_a_joint_was_as_fast_as_in_rows_that_are_not_fitted():
     angles = np.append(0.0, simulate(joint, requests, cyclic=False, start=0.0)[:-1])
     noise = np.radians(0.05) * np.random.default_rng(3).standard_normal(len(times))
     log = Log(times=times, requests=requests, angles=angles + noise)
-    found = identify(log, hold_out=False)
+    calm = slice(100, None)
+    slow = Log(times=times[calm], requests=log.requests[calm], angles=log.angles[calm], name="slow")
+    found = identify([log, slow], hold_out=False)
     fast = np.max(angles[3:] - angles[:-3]) / 0.1
     assert found.intervals["v_max"].lower >= 0.95 * fast > 4.0
     assert found.intervals["v_max"].upper == np.inf
     assert found.model.v_max >= found.intervals["v_max"].lower
-    (fit,) = found.fits
+    fit, _ = found.fits
     (reason,) = fit.left_out
     assert reason == "on which requests before the log act"
     assert fit.left_out == {reason: int(np.sum(~fit.used))}

@@ -55,6 +55,7 @@ def test_backlash_is_named_with_its_play_and_the_rows_after_reversals(degrees):
     assert abs(math.degrees(play) / degrees - 1.0) <= 0.1
     places = PLACE.findall(said)
     assert len(places) == 2
+    assert "most in rows " in said  # without the name of the only log
     reversals = 20 * np.flatnonzero(np.isin(levels, [0.3, 0.1]))  # the first steps down and up
     for first, last, begins, ends in places:
         assert begins == f"{log.times[int(first)]:.2f}"

@@ -136,6 +136,21 @@ def test_requests_move_where_they_neither_jump_nor_rest(requests, share):
     assert np.mean(under_moving_requests(requests, 0.02)) == pytest.approx(share, abs=0.05)
 
 
+def test_a_cycle_is_as_fast_and_as_accelerated_as_where_it_begins_again():
+    saw = 0.4 * np.linspace(-1.0, 1.0, 200)
+    for cyclic, outside in ((True, ("speed", "acceleration")), (False, ())):
+        assert SEEN.exceeded(saw, period=0.005, cyclic=cyclic) == outside
+    turns = np.r_[np.zeros(100), 0.004, np.zeros(99)]  # the same jump and stop, wherever it is
+    told = [SEEN.error_of(np.roll(turns, k), period=0.01, cyclic=True) for k in (0, 99, 100)]
+    assert told == pytest.approx(3 * told[:1])
+
+
+def test_what_is_expected_of_a_plan_is_outside_under_a_load_that_was_not_tested():
+    for load, untested in ((None, ()), (np.full(200, 0.6), ("load",))):
+        told = expectation(SEEN, 0.0 * PHASE, 0.0 * PHASE, period=0.01, cyclic=True, load=load)
+        assert told.untested == untested
+
+
 def test_what_is_not_known_is_not_exceeded_but_for_a_load():
     angles, period = sine(9.0, 10.0)
     assert not Evidence(0.01).exceeded(angles, period=period, cyclic=True)

@@ -106,6 +106,7 @@ def test_raising_every_request_raises_every_angle_by_as_much(cyclic):
     requests = rng.uniform(-0.3, 0.3, size=30)
     derivatives = sensitivities(JointModel.ers210a(), requests, cyclic=cyclic)
     np.testing.assert_allclose(derivatives.sum(axis=1), 1.0, rtol=0.0, atol=1e-12)
+    assert not derivatives.flags.writeable
 
 
 def test_at_a_corner_the_derivative_is_the_mean_of_both_sides():

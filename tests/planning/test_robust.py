@@ -109,6 +109,7 @@ def test_several_models_that_are_one_get_the_plan_of_that_one():
 def test_models_are_drawn_from_an_identification_alike_every_time(identified):
     models = drawn_models(identified.model)
     assert models == drawn_models(identified.model)
+    assert models[1:] != drawn_models(identified.model, seed=1)[1:]
     assert len(models) == 9
     assert models[0] is identified.model
     for name, interval in identified.intervals.items():
