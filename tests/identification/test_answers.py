@@ -47,7 +47,7 @@ def worn():
     angles = np.where((rows >= 100) & (rows < 103), 5.0, log.angles)
     angles[[40, 41, 600]] += 2.0
     return planner.Log(
-        times=log.times + 2.0 * (rows >= 300) + 0.7 * (rows >= 310),
+        times=log.times + 2.0 * (rows >= 300) + 0.7 * (rows >= 302),
         requests=log.requests,
         angles=angles,
         torque_on=(rows < 450) | (rows >= 500),
