@@ -238,19 +238,14 @@ class Grid:
             self.share,
         )
 
-    def at_rows(self, states: Array) -> Array:
-        """Values at the used rows, between ticks on a straight line; along the first axis."""
-        after = np.minimum(self.before + 1, len(states) - 1)
-        share = self.share.reshape(-1, *(1,) * (states.ndim - 1))
-        return np.asarray((1.0 - share) * states[self.before] + share * states[after])
-
     @cached_property
     def times(self) -> Array:
         """Time of each used row on the axis [s], shape (rows,)."""
         at_states = np.zeros(len(self.ticks) + len(self.starts))
         at_states[self.states] = self.ticks
         at_states[self.starts] = at_states[self.starts + 1] - self.tick
-        return self.at_rows(at_states)
+        after = at_states[np.minimum(self.before + 1, len(at_states) - 1)]
+        return np.asarray((1.0 - self.share) * at_states[self.before] + self.share * after)
 
     @property
     def measured_starts(self) -> Array:

@@ -39,17 +39,6 @@ PERIOD = 0.02
 
 
 @pytest.mark.parametrize(
-    ("noise", "verdict"), [(0.085, "holds"), (0.115, "usable"), (0.23, "usable"), (0.28, "refused")]
-)
-def test_a_model_is_doubted_from_a_tenth_of_the_motion_on_and_refused_from_a_fourth(noise, verdict):
-    moved = float(np.std(rich_log(rows=600).angles))
-    found = planner.identify(rich_log(noise=noise * moved, rows=600))
-    assert found.verdict == verdict
-    assert found.reason.startswith("it misses ")
-    assert "% of the motion in the part that was held out" in found.reason
-
-
-@pytest.mark.parametrize(
     ("delayed", "verdict", "why"),
     [
         (True, "refused", "% of the motion, and a mere delay hardly more"),
