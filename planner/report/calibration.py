@@ -19,14 +19,9 @@ def candidates_table(found: Mapping[str, Compared]) -> Table:
     for joint, each in found.items():
         for one in each.candidates:
             mark = " ←" if one is each.recommended else ""
-            expected = "–" if math.isnan(one.expected) else number(math.degrees(one.expected))
-            cells = (
-                number(math.degrees(one.error)) + mark,
-                number(math.degrees(one.max_error)),
-                expected,
-                number(math.degrees(one.largest_step)),
-            )
-            rows.append(Row(WORDS[one.way], cells, subject=joint))
+            sizes = (one.error, one.max_error, one.expected, one.largest_step)
+            error, *others = (number(math.degrees(each)) for each in sizes)
+            rows.append(Row(WORDS[one.way], (error + mark, *others), subject=joint))
     columns = tuple(
         Column(title) for title in ("error, rms", "largest", "expected", "largest step")
     )

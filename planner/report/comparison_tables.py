@@ -62,7 +62,7 @@ def plans_table(joints: Sequence[JointComparison]) -> Table:
                 differs = (f"{rms:.2f}", f"{abs(apart[most]):.2f}", f"{most}")
             errors = (f"{math.degrees(plan.rms):.3f}", f"{math.degrees(plan.max_error):.3f}")
             expected = math.degrees(plan.expected.error)
-            robot = (NOTHING if math.isnan(expected) else f"{expected:.3f}",) * known
+            robot = (number(expected, 3),) * known
             row = (*errors, *robot, percent(joint.gap(method)), *differs)
             rows.append(Row(METHODS[method], row, joint.name))
         column = 0 if joint.plans["optimal"].norm == "rms" else 1

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -45,14 +45,13 @@ from planner.report.style import (
     REQUESTED,
     SHIFT,
 )
-from planner.report.table import NOTHING, Column, Row, Table, at_most
+from planner.report.table import NOTHING, Column, Row, Table, at_most, number
 from planner.trajectory import error_norm
 
 if TYPE_CHECKING:
     from kinematics.leg import Leg
     from planner.recording.replaying import JointReplay, Replay
     from planner.recording.retiming import Fastest
-    from planner.report.style import Role
     from planner.trajectory import Array
 
 UNITS = {"rad": ("deg", math.degrees(1.0)), "1": ("%", 100.0)}
@@ -260,8 +259,8 @@ def joints_table(replay: Replay) -> Table:
                 pairs["direct"],
                 (*pairs["shifted"], f"{1e3 * joint.lead:.0f}"),
                 pairs["planned"],
-                _figure(factor * joint.expected),
-                _figure(factor * joint.lower_bound),
+                number(factor * joint.expected, 3),
+                number(factor * joint.lower_bound, 3),
                 f"{spent:.2f}" if spent else "0",
             ]
         rows.append(Row(f"{joint.name} [{unit}]", tuple(cells)))
@@ -295,24 +294,17 @@ def moment_figure(replay: Replay) -> Figure:
 def arm_figure(replay: Replay, arm: Leg) -> Figure:
     """The moving arm: its path, with the path as requests, and planned."""
     by_name = {each.name: each for each in replay.joints}
-    chosen = [by_name[name] for name in arm.joint_names]
-    columns: dict[str, list[Array]] = {"path": [], "direct": [], "planned": []}
-    for each in chosen:
-        predicted = each.predicted
-        columns["path"].append(each.desired)
-        columns["direct"].append(each.recorded_angles if predicted is None else each.direct)
-        columns["planned"].append(each.recorded_angles if predicted is None else predicted)
-    angles = {kind: np.column_stack(each) for kind, each in columns.items()}
-    feet = {kind: arm.foot_positions(each) for kind, each in angles.items()}
-    looks = {"path": DESIRED, "direct": DIRECT, "planned": OPTIMAL}
-    motions = [
-        Motion(
-            looks[kind],
-            arm.joint_positions(each),
-            None if kind == "path" else np.linalg.norm(feet[kind] - feet["path"], axis=1),
-        )
-        for kind, each in angles.items()
-    ]
+    joints = [by_name[name] for name in arm.joint_names]
+    path = arm.joint_positions(np.column_stack([each.desired for each in joints]))
+    motions = [Motion(DESIRED, path)]
+    for kind, role in (("direct", DIRECT), ("predicted", OPTIMAL)):
+        angles = [
+            each.recorded_angles if each.inversion is None else getattr(each, kind)
+            for each in joints
+        ]
+        points = arm.joint_positions(np.column_stack(angles))
+        distances = np.linalg.norm(points[:, -1] - path[:, -1], axis=1)
+        motions.append(Motion(role, points, distances))
     return Figure(
         "arm",
         "The arm and the paths of its end",
@@ -326,9 +318,9 @@ def joint_figure(replay: Replay, j: int) -> Figure:
     """A joint: its angles and errors, where it is planned, and its requests."""
     timeline, joint = _timeline(replay), replay.joints[j]
     unit, factor = UNITS[joint.path.unit]
-    desired = timeline.curve(_in_unit(joint, joint.desired), DESIRED, "path")
+    desired = timeline.curve(factor * joint.desired, DESIRED, "path")
     sent = [
-        timeline.curve(_in_unit(joint, requests), role, label, held=True)
+        timeline.curve(factor * requests, role, label, held=True)
         for requests, role, label in (
             (joint.recorded_requests, APPROXIMATION, "recorded requests"),
             (joint.requests, REQUESTED, ""),
@@ -357,8 +349,8 @@ def joint_figure(replay: Replay, j: int) -> Figure:
         f"joint_{j}",
         (joint.name, sentence(words)),
         unit=unit,
-        angles=(desired, *(_curve(timeline, joint, each, role) for each, role in angles)),
-        errors=[_curve(timeline, joint, each - joint.desired, role) for each, role in angles[1:]],
+        angles=(desired, *(timeline.curve(factor * each, role) for each, role in angles)),
+        errors=[timeline.curve(factor * (each - joint.desired), role) for each, role in angles[1:]],
         requests=(desired, *sent),
         limits=span and (factor * span[0], factor * span[1]),
         spans=tuple(fast),
@@ -414,16 +406,8 @@ def factors_figure(found: Fastest) -> Figure:
     )
 
 
-def _figure(value: float) -> str:
-    return NOTHING if math.isnan(value) else f"{value:.3f}"
-
-
 def _listed(names: Iterable[str]) -> str:
     return ", ".join(sorted(names))
-
-
-def _curve(timeline: Timeline, joint: JointReplay, values: Array, role: Role) -> Curve:
-    return timeline.curve(_in_unit(joint, values), role)
 
 
 def _in_unit(joint: JointReplay, values: Array) -> Array:
@@ -431,8 +415,8 @@ def _in_unit(joint: JointReplay, values: Array) -> Array:
     return np.asarray(UNITS[joint.path.unit][1] * values)
 
 
-def _shown(joint: JointReplay, errors: Array, norm: str) -> float:
-    return UNITS[joint.path.unit][1] * error_norm(errors, "max" if norm == "max" else "rms")
+def _shown(joint: JointReplay, errors: Array, norm: Literal["rms", "max"]) -> float:
+    return UNITS[joint.path.unit][1] * error_norm(errors, norm)
 
 
 def _pair(joint: JointReplay, errors: Array) -> tuple[str, str]:

@@ -190,8 +190,8 @@ def _blocks(widths: Sequence[int], about: int) -> list[list[int]]:
 
 
 def number(value: float | None, digits: int = 2) -> str:
-    """A number with fixed decimals; a dash for none."""
-    return NOTHING if value is None else f"{value:.{digits}f}"
+    """A number with fixed decimals; a dash for none, and for NaN."""
+    return NOTHING if value is None or math.isnan(value) else f"{value:.{digits}f}"
 
 
 def two_digits(value: float) -> str:

@@ -75,9 +75,26 @@ def test_the_curves_and_shades_of_a_file_are_those_of_the_figure():
     shown = [curve for curve in first.curves if not curve.hidden]
     for curve, line in zip(shown, above.lines, strict=True):
         assert line.get_label() == curve.name
+        assert (line.get_color(), line.get_drawstyle()) == (
+            curve.role.light,
+            "steps-post" if curve.held else "default",
+        )
         np.testing.assert_array_equal(line.get_ydata(), curve.y)
-    assert (above.patches[0].get_x(), above.patches[0].get_width()) == (0.5, 0.5)
+    desired, _, rings, dots, _ = above.lines
+    assert (desired.get_linewidth(), desired.get_marker()) == (DESIRED.width, "None")
+    assert (rings.get_markerfacecolor(), rings.get_alpha()) == ("none", None)
+    assert (dots.get_markerfacecolor(), dots.get_alpha()) == (DIRECT.light, 0.5)
+    assert (dots.get_linestyle(), dots.get_marker()) == ("None", "o")
+    assert [line.zorder for line in above.lines] == sorted({line.zorder for line in above.lines})
+    across, along = above.patches
+    assert (across.get_x(), across.get_width(), across.get_label()) == (0.5, 0.5, "why")
+    assert (along.get_y(), along.get_height()) == (-0.5, 1.0)
+    assert across.get_facecolor()[3] == 0.2
     assert len(below.lines) == 1
+    assert (below.get_xlim(), above.get_ylim()[0] < 0.0) == ((0.0, 2.0), True)
+    assert (below.get_ylim()[0], below.get_xlabel()) == (0.0, "time [ms]")
+    assert (above.get_title(loc="left"), above.get_ylabel()) == ("<hip>", "angle [deg]")
+    assert [text.get_text() for text in above.texts] == ["lag 4", r"$v_\mathrm{max}$"]
 
 
 @pytest.mark.parametrize(
@@ -181,6 +198,7 @@ def test_long_motions_are_in_seconds():
         (0.0, pytest.approx(27.2)),
     )
     assert (short.axis.decimals, long.axis.decimals) == (0, 3)
+    assert [Timeline(0.05, samples).unit for samples in (100, 101)] == ["ms", "s"]
 
 
 def test_a_motion_of_a_hair_is_shown_in_a_degree():
@@ -193,6 +211,12 @@ def test_limits_are_drawn_where_the_requests_come_near():
     requests = Curve(REQUESTED, X, np.array([0.0, 10.0, 5.0]))
     drawn = near_limits((-5.0, 100.0), requests, end=2.0)
     assert [curve.y[0] for curve in drawn] == [-5.0]
+    near = near_limits((-5.9, 15.9), requests, end=2.0)
+    assert [(curve.y.tolist(), curve.x.tolist()) for curve in near] == [
+        ([-5.9, -5.9], [0.0, 2.0]),
+        ([15.9, 15.9], [0.0, 2.0]),
+    ]
+    assert near_limits((-6.1, 16.1), requests, end=2.0) == ()
     assert near_limits(None, requests, end=2.0) == ()
     low, high = around([X, X - 5.0])
     assert low < -5.0

@@ -88,6 +88,16 @@ def test_a_table_that_is_wider_than_the_terminal_goes_on_below_with_every_cell(w
     assert text_table(WIDE, ROWS) == whole
 
 
+def test_a_table_that_just_fits_stays_in_one_block():
+    whole = text_table(["a", "b", "c"], [["xx", "yyyy", "zzz"]])
+    assert whole == "a      b    c\nxx  yyyy  zzz"
+    for width, blocks in ((13, 1), (12, 2)):
+        with fitted_to(width):
+            assert (
+                len(text_table(["a", "b", "c"], [["xx", "yyyy", "zzz"]]).split("\n")) // 2 == blocks
+            )
+
+
 def test_a_column_that_no_terminal_is_wide_enough_for_stands_alone():
     with fitted_to(20):
         blocks = parts_of(text_table(["a", "b", "c"], [["x", 30 * "y", "z"]]), 2)
