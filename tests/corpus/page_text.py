@@ -142,7 +142,11 @@ def _around(figure: dict[str, Any]) -> list[str]:
         for each in layout.get("shapes", [])
         if isinstance(each.get("x0"), float) and each.get("type") == "rect"
     ]
-    return [*ranges, *words, *shades]
+    views = [
+        f"view {name} {start:.4g} {end:.4g}"
+        for name, (start, end) in figure.get("views", {}).items()
+    ]
+    return [*ranges, *words, *shades, *views]
 
 
 def _moving(figure: dict[str, Any]) -> list[dict[str, object]]:

@@ -94,10 +94,11 @@ def test_requests_of_the_closed_form_beyond_the_limits_are_remarked(check):
     excess = np.max(abductor[SHOWN].requests - abductor["optimal"].limits[1])
     assert f"abductor by {np.degrees(excess):.3g} degrees" in said
     (*_, knee) = check.joints
-    low = SimpleNamespace(requests=knee.plans["optimal"].limits[0] - np.radians([0.0, 7.0]))
-    below = replace(knee, plans={**knee.plans, SHOWN: low})
-    (said,) = [each for each in remarks(replace(check, joints=(below,))) if "no limits" in each]
-    assert "more than they allow of knee by 7 degrees" in said
+    for beyond, told in ((7.0, ["knee by 7 degrees"]), (1e-3, ["knee by 0.001 degrees"]), (0, [])):
+        low = SimpleNamespace(requests=knee.plans["optimal"].limits[0] - np.radians([0.0, beyond]))
+        below = replace(knee, plans={**knee.plans, SHOWN: low})
+        said = " ".join(remarks(replace(check, joints=(below,))))
+        assert re.findall(r"more than they allow of (.*?)\. A robot", said) == told
 
 
 def test_page_and_terminal_have_the_same_tables(check, page):

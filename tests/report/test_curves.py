@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -13,6 +14,8 @@ from planner.report.figure import Moments
 from planner.report.learning import AFTER, BEFORE, ERROR, EXECUTED, LEARNT, NEXT
 from planner.report.plotly_figure import MOST_FRAMES, numbers_over_time
 from planner.report.style import FOOT_OPTIMAL
+from tests.corpus.page_text import figures_of, text_of
+from tests.corpus.test_corpus import masked
 
 WALK = planner.reference_walk()
 JOINT = planner.JointModel.ers210a()
@@ -52,10 +55,25 @@ def test_a_plan(planned):
         same(drawn(figure, len(desired)), [above, below])
 
 
-def test_learning(planned):
+def test_learning(planned, snapshot):
     measured = planned.predicted + 0.02 * np.sin(2.0 * np.pi * np.arange(88) / 88)[:, np.newaxis]
     after = planner.refine(planned, measured, reidentify=False)
     assert np.max(np.abs(after.requests - planned.requests)) > 0.01
+    page = learning.learning_page(
+        after,
+        executed=planned.requests,
+        measured=measured,
+        progress=[
+            learning.Progress("hip", "deg", np.array([3.0, 1.5, 2.0]), (1, 1, 1), 1.25, 1.0, 0.1,
+                              1.0, 1, "", ("a cycle was left out",)),
+            learning.Progress("knee", "deg", np.array([9.0, 1.0]), (1, 1), math.nan, math.nan, 0.2,
+                              1.0, 1, "no gain is left", ()),
+        ],
+        about_others="jaw is not learnt.",
+        title="walk",
+    )  # fmt: skip
+    text = f"{text_of(page)}\n{figures_of(page)}\n"
+    snapshot.check("learning", masked(text[: text.index("figure learning_joint")]))
     for j in range(2):
         figure = learning.joint_figure(after, planned.requests, measured, j)
         desired, learnt = planned.desired[:, j], after.task.disturbance[:, j]

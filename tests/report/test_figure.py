@@ -177,6 +177,12 @@ def test_the_same_figure_is_the_same_bytes():
     assert packed(X) == packed(X.copy())
 
 
+def test_plotly_is_told_the_same_of_every_part(snapshot):
+    told = plot(figure_of(*everything(), clock=1000.0, views={"first": (0.0, 1.0)}))
+    parts = [*told.pop("data"), *told.pop("layout").items(), told]
+    snapshot.check("plot", "\n".join(json.dumps(each) for each in parts) + "\n")
+
+
 def test_a_cycle_ends_where_it_begins_and_cycles_do_not_touch():
     timeline = Timeline(0.008, 2)
     one = timeline.curve(np.array([10.0, 20.0]), DIRECT)

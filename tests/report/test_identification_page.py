@@ -20,6 +20,7 @@ from planner.report.identification.figures import (
     intervals_figure,
     log_figure,
     speed_against_error,
+    thinned,
 )
 from planner.report.identification.page import Joint, identification_page, joints_table
 from planner.report.page import LinkedFile
@@ -230,6 +231,15 @@ def test_the_mean_of_a_constant_request_is_the_request_also_beside_the_log(shift
     ends = log.times[[0, 5, -1]] + shift
     mean, least, most = _windows(log, ends - 0.01, ends)
     np.testing.assert_allclose([mean, least, most], 1.0, rtol=1e-12)
+
+
+def test_a_long_log_is_drawn_by_the_extremes_of_its_parts():
+    times, values = np.arange(20.0), np.sin(np.arange(20.0))
+    values[5:10] = math.nan
+    assert all(map(np.array_equal, thinned(times, values, bins=10), (times, values), (True, True)))
+    x, y = thinned(times, values, bins=4)
+    np.testing.assert_array_equal(x, [2, 4, 5, 11, 14, 15, 17])
+    np.testing.assert_array_equal(y, values[x.astype(int)])
 
 
 def test_the_time_of_a_log_begins_where_the_log_does():

@@ -14,7 +14,7 @@ from planner.identification.result import Alternative, Finding, Interval
 from planner.model.evidence import Evidence
 from planner.model.joint import JointModel
 from planner.report.identification.text import identification_text, model_comments, remarks
-from planner.report.identification.words import compared_with, known, parameters, verdict
+from planner.report.identification.words import compared_with, figure, known, parameters, verdict
 from tests.report.made_up import made_up, made_up_log, never_saturated
 
 
@@ -40,7 +40,11 @@ def test_shares_of_a_range_are_not_reported_as_angles():
     ("name", "interval", "words"),
     [
         ("v_max", Interval(5.3996, 5.5087), "± 1 %"),
-        ("v_max", Interval(2.7272, 8.1812), "only ± 50 %"),
+        ("v_max", Interval(4.418, 6.490), "± 19 %"),
+        ("v_max", Interval(4.309, 6.599), "only ± 21 %"),
+        ("v_offset", Interval(-0.5, 0.5), "± 29 deg/s"),
+        ("offset", Interval(-0.024, 0.024), "± 1.4 deg"),
+        ("offset", Interval(-0.025, 0.025), "only ± 1.4 deg"),
         ("v_max", Interval(0.0, 54.5415), "only ± 500 %"),
         ("v_max", Interval(0.0, 545.415), "hardly at all"),
         ("lag", Interval(0.031, 0.033), "± 1 ms"),
@@ -56,9 +60,21 @@ def test_how_well_a_parameter_is_known_is_said_in_words(name, interval, words):
     assert found.rough == (not words.startswith("±"))
 
 
-def test_a_number_keeps_its_figures_beside_a_wide_interval():
-    found = made_up(gain_interval=Interval(0.0, 900.0))
-    assert row(found, "gain").value == "45 1/s"
+@pytest.mark.parametrize(
+    ("value", "half", "told"),
+    [
+        (45.0, 450.0, "45"),
+        (5.4541, 0.03, "5.454"),
+        (1e-4, 10.0, "0.00"),
+        (5.4541, 1e-9, "5.454100"),
+        (5.4541, math.inf, "5.45"),
+        (-0.012, 0.0012, "−0.0120"),
+        (-1e-9, 0.1, "0.0000"),
+        (0.0, math.inf, "0.0"),
+    ],
+)
+def test_a_number_has_the_figures_that_its_interval_deserves(value, half, told):
+    assert figure(value, Interval(value - half, value + half)) == told
 
 
 @pytest.mark.parametrize(
@@ -119,6 +135,13 @@ def test_what_is_not_determined_is_named():
     assert known(made_up(intervals=vague)) == "The logs do not determine: lag."
     wide = {**right.intervals, "lag": Interval(0.0, 0.1)}
     assert known(made_up(intervals=wide)).endswith("but some only roughly: lag.")
+    some = never_saturated()
+    some = dataclasses.replace(some, intervals={**some.intervals, "lag": Interval(0.0, 0.1)})
+    assert known(some).endswith("but neither of the two alone; only roughly known: lag.")
+    some = dataclasses.replace(some, intervals={**some.intervals, "lag": vague["lag"]})
+    assert known(some) == (
+        "The logs do not determine: top speed, error that calls for top speed, lag."
+    )
     assert "say little" in known(made_up(verdict="refused"))
 
 
@@ -156,10 +179,15 @@ def test_warnings_of_many_joints_come_once_ordered_and_one_line_says_what_to_do_
     finding = never_saturated().findings[0]
     friction = Finding("friction", "the log does not determine dry friction")
     log, drift = Finding("log", "a.csv: torque is off in 20%"), Finding("pattern", "backlash")
+    turned = Finding("pattern", "wraps around")
     every = {
-        f"joint{k}": made_up(findings=(log, friction, finding) if k else (drift, log))
+        f"joint{k}": made_up(findings=(log, friction, finding) if k else (drift, turned, log))
         for k in range(6)
     }
+    for joint, found in every.items():
+        (fit,) = found.fits
+        faster = dataclasses.replace(fit, log=dataclasses.replace(fit.log, times=fit.log.times / 2))
+        every[joint] = dataclasses.replace(found, fits=(faster,))
     text = identification_text(every)
     told = [line for line in text.splitlines() if "warning: " in line]
     assert [line.partition(": warning: ")[::2] for line in told] == [
@@ -167,10 +195,11 @@ def test_warnings_of_many_joints_come_once_ordered_and_one_line_says_what_to_do_
         ("joint1, joint2, joint3 and 2 more", finding.words),
         ("joint0, joint1, joint2 and 3 more", log.words),
         ("joint0", drift.words),
+        ("joint0", turned.words),
     ]
     assert text.splitlines()[-1] == (
         "next: record joint1 (likewise joint2, joint3, joint4 and joint5), which shows top speed, "
-        "dry friction: request-planner excite --kind combined --limits-deg -39:51 --rate-hz 50 "
+        "dry friction: request-planner excite --kind combined --limits-deg -39:51 --rate-hz 100 "
         "--joint joint1 -o more.csv; then identify from all logs"
     )
 
@@ -188,6 +217,10 @@ def test_a_warning_of_joints_whose_numbers_differ_says_whose_numbers_it_has():
         ({"verdict": "refused"}, "next: find out what holds or loads hip, and record again"),
         (
             {"findings": (Finding("friction", ""), Finding("sign", ""))},
+            "next: check the columns of hip, as the first warning says",
+        ),
+        (
+            {"findings": (Finding("columns", ""),)},
             "next: check the columns of hip, as the first warning says",
         ),
     ],

@@ -59,7 +59,9 @@ def identification():
     gripper = made_up(made_up_log(unit="1", joint="<gripper> & co", name="<img src=x>.csv"))
     stuck = replace(gripper.model, dead_band=0.01)
     intervals = {**gripper.intervals, "dead_band": Interval(0.009, 0.011)}
-    sticky = replace(gripper, model=stuck, intervals=intervals)
+    (fit,) = gripper.fits
+    slower = replace(fit, log=replace(fit.log, times=1.25 * fit.log.times))
+    sticky = replace(gripper, model=stuck, intervals=intervals, fits=(slower,))
     return identification_page({"knee": refused, "<gripper> & co": sticky})
 
 
@@ -121,7 +123,8 @@ def unplanned_sweep():
 
 def missed_sweep():
     sizes = {"largest": 1.0, "direct": 3.0, "too_fast": 0.25, "slowest": "hip"}
-    outcomes = [Outcome((k, 0.1), k, error, **sizes) for k, error in ((1.0, 0.2), (2.0, 0.3))]
+    points = ((0.5, 0.2), (1.0, 0.2), (1.0, 0.25), (2.0, 0.3))
+    outcomes = [Outcome((k, 0.1), k, error, **sizes) for k, error in points]
     required = Requirement("error", 0.1)
     return swept(*(replace(each, reason="0.1 deg") for each in outcomes), required=required)
 
