@@ -1,0 +1,161 @@
+"""The figures and results of the virtual robot are those of its experiment."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from planner.evaluation.paper import published_foot
+from planner.model.joint import JointModel
+from planner.report.paper.figures import HIDDEN, ROLES
+from planner.report.paper.results import virtual_results
+from planner.report.paper.tables import METHODS
+from planner.report.paper.virtual_figures import PATHS, THIN, virtual_figures
+
+
+@pytest.fixture(scope="module")
+def outcome(virtually_reproduced):
+    return virtually_reproduced.answer
+
+
+@pytest.fixture(scope="module")
+def figures(outcome):
+    return {figure.name: figure for figure in virtual_figures(outcome)}
+
+
+def values(curve):
+    """The values of a curve without its gaps and without the sample that closes each cycle."""
+    parts = np.split(curve.y, np.flatnonzero(np.isnan(curve.y)))
+    return np.array([part[np.isfinite(part)][:-1] for part in parts])
+
+
+def test_every_cycle_of_every_joint_is_drawn_under_its_method(outcome, figures):
+    panels = figures["joints_by_method"].panels
+    for j, (panel, joint) in enumerate(zip(panels[:3], outcome.planned.joints, strict=True)):
+        assert panel.title == joint.name
+        curves = {curve.name: curve for curve in panel.curves}
+        assert values(curves["desired"]) == pytest.approx(np.degrees([joint.desired]))
+        for method, role in ROLES.items():
+            if method != "shift":
+                curve = curves[role.label]
+                angles = np.degrees(outcome.runs[method].angles[:, :, j])
+                assert values(curve) == pytest.approx(angles)
+                assert (curve.hidden, curve.role.width) == (method == "optimal", THIN)
+    for name, method, predicted in (
+        ("joints_direct", "direct", "direct"),
+        ("foot_optimised_trajectories", "foot_optimal", "foot_optimal"),
+    ):
+        for j, (panel, joint) in enumerate(
+            zip(figures[name].panels, outcome.planned.joints, strict=True)
+        ):
+            actual = next(each for each in panel.curves if each.name.startswith("actual"))
+            told = next(each for each in panel.curves if each.name == "predicted")
+            assert values(actual) == pytest.approx(np.degrees(outcome.runs[method].angles[..., j]))
+            assert values(told) == pytest.approx(np.degrees([getattr(joint, predicted)]))
+
+
+def test_the_foot_is_drawn_as_far_off_as_it_was(outcome, figures):
+    desired = outcome.planned.walk.desired_foot
+    for panel, hidden in (
+        (figures["joints_by_method"].panels[-1], HIDDEN),
+        (figures["foot_distances"].panels[0], ()),
+    ):
+        for (method, role), curve in zip(ROLES.items(), panel.curves, strict=True):
+            distances = 100.0 * np.linalg.norm(outcome.foot_paths[method] - desired, axis=2)
+            assert (curve.name, curve.hidden) == (role.label, method in hidden)
+            assert values(curve) == pytest.approx(distances)
+    paths = {curve.name: curve for curve in figures["foot_paths"].panels[0].curves}
+    for method, role in PATHS.items():
+        assert values(paths[role.label]) == pytest.approx(
+            100.0 * outcome.foot_paths[method][..., 2]
+        )
+    motions = {motion.role.label: motion for motion in figures["foot_paths"].movie.motions[1:]}
+    for method, role in ROLES.items():
+        np.testing.assert_array_equal(motions[role.label].points, outcome.legs[method][0])
+
+
+def test_step_tests_promises_and_trials_are_those_of_the_experiment(outcome, figures):
+    samples = len(outcome.planned.walk.desired)
+    above = figures["step_tests"].panels[::2]
+    below = figures["step_tests"].panels[1::2]
+    for panel, rest, found in zip(above, below, outcome.identifications, strict=True):
+        model, measured = panel.curves
+        (residual,) = rest.curves
+        expected = [
+            np.degrees(fit.log.angles[-samples:] - np.mean(fit.log.requests[-samples:]))
+            for fit in found.fits
+        ]
+        drawn = measured.y[np.isfinite(measured.y)].reshape(len(found.fits), samples)
+        assert drawn == pytest.approx(np.array(expected))
+        assert residual.y == pytest.approx(measured.y - model.y, nan_ok=True)
+        assert rest.title.endswith(f"residual, {np.degrees(found.rms):.2f} deg rms")
+    curves = {curve.name: curve for curve in figures["promises"].panels[0].curves}
+    assert curves["planned"].x == pytest.approx(
+        [outcome.planned.foot_table[method].rms for method in METHODS]
+    )
+    assert curves["executed"].x == pytest.approx(
+        [outcome.foot_table[method].mean.rms for method in METHODS]
+    )
+    papers = {k: published_foot(method) for k, method in enumerate(METHODS)}
+    assert dict(zip(curves["the paper's robot"].y, curves["the paper's robot"].x, strict=True)) == {
+        row: each.L2.mean for row, each in papers.items() if each is not None
+    }
+    (panel,) = figures["learning"].panels
+    bound, mean, trials = panel.curves
+    assert mean.y.tolist() == trials.y.tolist() == [each.mean.rms for each in outcome.learnt_foot]
+    assert mean.x.tolist() == list(range(1, 1 + len(mean.y)))
+    assert bound.y.tolist() == [100.0 * outcome.planned.foot_plan.lower_bound] * 2
+
+
+def test_results_are_those_of_the_experiment(outcome):
+    results = virtual_results(outcome)
+    planned = outcome.planned
+    pairs = [
+        (results["table2"][joint][pair], over, outcome.sensed_table2[joint][pair],
+         planned.table2[joint][pair])
+        for joint, overs in outcome.table2.items()
+        for pair, over in overs.items()
+    ]  # fmt: skip
+    pairs += [
+        (results["foot"][method], over, outcome.sensed_foot_table[method],
+         planned.foot_table[method])
+        for method, over in outcome.foot_table.items()
+    ]  # fmt: skip
+    for entry, over, sensed, predicted in pairs:
+        for told, of in ((entry, over), (entry["sensed"], sensed)):
+            assert (told["L2"], told["Linf"]) == (of.mean.rms, of.mean.max)
+            assert told["std"] == {"L2": of.deviation.rms, "Linf": of.deviation.max}
+        assert entry["predicted"] == {"L2": predicted.rms, "Linf": predicted.max}
+    paper = {"v_max_deg_per_tick": 2.5, "theta_0_deg": 7.0, "lag_ticks": 4, "acceleration_ticks": 6}
+    for joint, found in zip(planned.joints, outcome.identifications, strict=True):
+        told, period = results["identified"][joint.name], found.model.period
+        assert told["rms_deg"] == math.degrees(found.rms)
+        assert told["held_out_rms_deg"] == math.degrees(found.held_out_rms)
+        assert told["unseen_walk_rms_deg"] == math.degrees(outcome.unseen_rms[joint.name])
+        ours = {name: row["value"] for name, row in told["table1"].items()}
+        assert ours == pytest.approx(
+            {
+                "v_max_deg_per_tick": math.degrees(found.model.v_max) * period,
+                "theta_0_deg": math.degrees(found.model.theta_0),
+                "lag_ticks": found.model.lag / period,
+                "acceleration_ticks": found.model.acceleration_time / period,
+                "offset_deg": math.degrees(found.model.offset),
+            }
+        )
+        ends = [told["table1"]["lag_ticks"][end] for end in ("lower", "upper")]
+        assert ends == pytest.approx([end / period for end in found.intervals["lag"]])
+        for name, row in told["table1"].items():
+            assert row["paper"] == pytest.approx(paper.get(name), abs=0.1)
+    learning = results["learning"]
+    assert [each["L2"] for each in learning["trials"]] == [
+        each.mean.rms for each in outcome.learnt_foot
+    ]
+    assert learning["noise"] == 100.0 * outcome.learning.floor[1]
+    robot = results["robot"]
+    assert robot["dropped_cycles"] == {name: run.dropped for name, run in outcome.runs.items()}
+    assert robot["top_speed_deg_per_tick"] == pytest.approx(
+        math.degrees(outcome.constants.top_speed * JointModel.ers210a().period)
+    )
+    assert results["seconds"]["total"] == sum(outcome.seconds.values())
