@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from kinematics import Leg, urdf_path
-from planner import JointModel, Log, replay, simulate
+from planner import JointModel, Log, plan, replay, simulate
 from planner.calibration.candidates import WORDS, Candidate, Compared
 from planner.identification.result import Interval
 from planner.model.evidence import Evidence
@@ -17,6 +17,7 @@ from planner.recording.retiming import Fastest, Impossible, SpeedErrors
 from planner.report.calibration import calibration_page, calibration_text
 from planner.report.episodes import MOST_REASONS, episodes_page
 from planner.report.identification.page import identification_page
+from planner.report.plan import plan_page
 from planner.report.replay import replay_page
 from planner.report.sweep import Outcome, Requirement, Swept, sweep_page
 from tests.corpus.page_text import check_needs_nothing_else, figures_of, text_of
@@ -73,15 +74,31 @@ def logs(*names, size=0.5):
     return [Log(times=times, requests=requests, angles=angles, joint=name) for name in names]
 
 
+def front_left_leg():
+    return Leg.from_urdf(urdf_path("ers210a.urdf"), base="body", foot="front_left_ball")
+
+
+def robot():
+    leg = front_left_leg()
+    phase = 2.0 * np.pi * np.arange(16) / 16
+    desired = np.array([0.1, 0.3, 1.0]) + 0.2 * np.sin(phase[:, np.newaxis] + np.arange(3.0))
+    seen = (Evidence(error=0.01, over_delay=0.9), Evidence(error=0.02), Evidence(error=0.03))
+    models = [
+        replace(SERVO, v_max=v_max).with_evidence(each)
+        for v_max, each in zip((4.0, 3.0, 4.0), seen, strict=True)
+    ]
+    made = plan(models, desired, names=leg.joint_names, limits=(-1.0, 1.25))
+    return plan_page(made, title="walk", method="optimal", legs={"front-left": leg})
+
+
 def replayed_arm():
-    place = {"path": urdf_path("ers210a.urdf"), "base": "body", "foot": "front_left_ball"}
-    leg = Leg.from_urdf(**place)
+    leg = front_left_leg()
     hip, knee, jaw = leg.joint_names
-    tested = SERVO.with_evidence(
+    tested = replace(SERVO, v_offset=0.25).with_evidence(
         Evidence(error=0.01, speed=1.0, intervals={"v_max": (3.0, math.inf)})
     )
     recorded = [*logs(hip, size=2.5), *logs(knee, jaw)]
-    made = replay(recorded, {hip: tested, knee: SERVO}, speed=1.5)
+    made = replay(recorded, {hip: tested, knee: SERVO}, speed=1.5, track="action")
     return replay_page(made, title="demo.csv", words="follows the state", arm=leg)
 
 
@@ -135,6 +152,7 @@ PAGES = {
         calibration,
         one_calibration,
         identification,
+        robot,
         replayed_arm,
         fastest_replay,
         episodes,

@@ -105,6 +105,14 @@ def test_a_path_that_is_too_fast_is_remarked(outcome):
     assert not [each for each in remarks(slow, unreachable=0, missed=()) if "faster" in each]
 
 
+def test_the_shift_is_recommended_unless_it_is_the_plan(outcome):
+    models = [SERVO.with_evidence(Evidence(error=0.1, over_delay=0.99))] * 3
+    task = asked(outcome, goal="angles").task.with_models(models)
+    for made, recommended in ((replace(outcome, task=task), True), (shifted(task), False)):
+        said = " ".join(remarks(made, unreachable=0, missed=()))
+        assert ("time shift is recommended" in said) == recommended
+
+
 def test_the_fastest_joint_is_that_nearest_to_its_own_top_speed(outcome):
     speeds = [row.speed for row in joint_rows(outcome)]
     order = np.argsort(speeds)
