@@ -55,7 +55,7 @@ def fit_figure(name: str, fit: PiecewiseLinearFit) -> Figure:
     if len(fast):
         pairs = np.stack([fast, fast + 1], axis=1)
         curves.append(Curve(FAST, step * joined(cuts[pairs]), joined(heights[pairs])))
-    knots = np.mod(fit.knots, fit.samples) if fit.cyclic else fit.knots
+    knots = np.mod(fit.knots, fit.samples)
     curves.append(Curve(INK, step * knots, np.degrees(fit.values), "knots", marks="rings"))
     return timeline.figure(
         "fit",

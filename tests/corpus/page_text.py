@@ -136,7 +136,10 @@ def _around(figure: dict[str, Any]) -> list[str]:
         for name, axis in layout.items()
         if name.startswith(("xaxis", "yaxis")) and axis.get("range")
     ]
-    words = [str(each["text"]) for each in layout.get("annotations", [])]
+    words = [
+        each["text"] + (f" at {each['x']:.4g} {each['y']:.4g}" if each["xref"] == "x" else "")
+        for each in layout.get("annotations", [])
+    ]
     shades = [
         f"shade {each['x0']:.4g} {each['x1']:.4g}"
         for each in layout.get("shapes", [])

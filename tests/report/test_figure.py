@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
+from dataclasses import replace
 
 import numpy as np
 import plotly.graph_objects as go
@@ -23,8 +24,8 @@ from planner.report.figure import (
     around,
     near_limits,
 )
-from planner.report.matplotlib_figure import draw, draw_grid, to_svg
-from planner.report.page import Page
+from planner.report.matplotlib_figure import BELOW, LEGEND, ROW, draw, draw_grid, to_svg
+from planner.report.page import MANY, Page, figures_section
 from planner.report.plotly_figure import MOST_FRAMES, live, moving_leg, packed, plot
 from planner.report.style import DESIRED, DIRECT, MUTED, REQUESTED, Role
 
@@ -241,4 +242,13 @@ def test_a_legend_of_many_entries_stays_inside_its_figure():
     drawn.draw_without_rendering()
     (legend,) = drawn.legends
     assert legend.get_window_extent().x1 <= drawn.bbox.x1
-    assert len({text.get_window_extent().x0 for text in legend.get_texts()}) > 1  # columns
+    columns = len({text.get_window_extent().x0 for text in legend.get_texts()})
+    assert columns == 3
+    assert drawn.get_figheight() == pytest.approx(ROW + BELOW + LEGEND * 3)
+
+
+@pytest.mark.parametrize(("count", "kind"), [(MANY - 1, "pictures"), (MANY, "pictures many")])
+def test_many_figures_stand_in_columns(count, kind):
+    shown = [replace(figure_of(*everything()), name=f"figure{number}") for number in range(count)]
+    page = Page("", "", "", [figures_section("", shown)], "").html()
+    assert re.findall(r'<div class="(pictures.*?)">', page) == [kind]

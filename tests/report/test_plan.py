@@ -227,6 +227,16 @@ def test_the_gap_is_that_of_the_error_that_the_bound_is_about(outcome, norm):
     assert row.bound == pytest.approx(np.degrees(error[0]) / 1.25)
 
 
+@pytest.mark.parametrize(("norm", "kind"), [("rms", "rms"), ("max", "at most")])
+def test_the_bound_on_the_foot_is_of_the_norm_of_the_plan(outcome, norm, kind):
+    plan = asked(outcome, norm=norm)
+    plan.__dict__["lower_bounds"] = plan.error / 1.25
+    (card,) = [card for card in cards(plan) if "lower bound" in card.words]
+    assert card.figure == "25.00 %"
+    bound = 100.0 * plan.error[0] / 1.25
+    assert card.words.endswith(f"within the limits, {bound:.3g} cm {kind}, proved")
+
+
 def test_every_name_is_escaped_and_every_request_shown(outcome):
     page = page_of(asked(outcome, names=("a<b>", "c&d", "e")), origins=[("path", "<x>.csv")])
     assert "<b>" not in page

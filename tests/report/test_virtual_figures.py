@@ -11,7 +11,7 @@ from planner.evaluation.paper import published_foot
 from planner.model.joint import JointModel
 from planner.report.paper.figures import HIDDEN, ROLES
 from planner.report.paper.results import virtual_results
-from planner.report.paper.tables import METHODS
+from planner.report.paper.tables import METHODS, PLANS, dropped_words, executed_table
 from planner.report.paper.virtual_figures import PATHS, THIN, virtual_figures
 
 
@@ -92,6 +92,8 @@ def test_step_tests_promises_and_trials_are_those_of_the_experiment(outcome, fig
         assert residual.y == pytest.approx(measured.y - model.y, nan_ok=True)
         assert rest.title.endswith(f"residual, {np.degrees(found.rms):.2f} deg rms")
     curves = {curve.name: curve for curve in figures["promises"].panels[0].curves}
+    drawn = [curve.x[np.isfinite(curve.x)] for curve in curves.values()]
+    assert figures["promises"].x.range == (0.0, pytest.approx(1.06 * np.max(np.hstack(drawn))))
     assert curves["planned"].x == pytest.approx(
         [outcome.planned.foot_table[method].rms for method in METHODS]
     )
@@ -128,6 +130,17 @@ def test_results_are_those_of_the_experiment(outcome):
             assert (told["L2"], told["Linf"]) == (of.mean.rms, of.mean.max)
             assert told["std"] == {"L2": of.deviation.rms, "Linf": of.deviation.max}
         assert entry["predicted"] == {"L2": predicted.rms, "Linf": predicted.max}
+    table = executed_table(results)
+    foot = dict(zip(results["foot"], (row.cells for row in table.rows), strict=True))
+    assert [column.title for column in table.columns] == [*results["table2"], "foot"]
+    for method, pair in PLANS.items():
+        *joints, whole = foot[method]
+        entries = [joint[pair] for joint in results["table2"].values()]
+        for cell, entry in zip((*joints, whole), (*entries, results["foot"][method]), strict=True):
+            assert cell[:2] == (f"{entry['predicted']['L2']:.2f}", f"{entry['L2']:.2f}")
+    assert foot["shift"][0] == ("–", "–", "–")
+    dropped = {"robot": {"dropped_cycles": {"direct": 2, "shift": 1, "optimal": 3}}}
+    assert dropped_words(dropped) == "1 to 3"
     paper = {"v_max_deg_per_tick": 2.5, "theta_0_deg": 7.0, "lag_ticks": 4, "acceleration_ticks": 6}
     for joint, found in zip(planned.joints, outcome.identifications, strict=True):
         told, period = results["identified"][joint.name], found.model.period
