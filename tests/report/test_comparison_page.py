@@ -66,6 +66,9 @@ def test_the_verdict_comes_first_and_tells_agreement_gaps_and_difference(check, 
     head, tail = verdict(check)
     assert head == f"The plans agree: all {len(check.checks)} checks hold"
     gaps = [100.0 * joint.gap("optimal") for joint in check.joints]
+    for order in (1, -1):
+        turned = replace(check, joints=check.joints[::order])
+        assert above_bound(turned, "optimal") == f"{min(gaps):.2f} – {max(gaps):.2f} %"
     assert f"{min(gaps):.2f} – {max(gaps):.2f} %" in tail
     largest = max(np.degrees(np.abs(joint.difference(SHOWN)).max()) for joint in check.joints)
     assert f"up to {largest:.3g} degrees" in tail

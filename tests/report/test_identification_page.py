@@ -15,6 +15,7 @@ from planner.report.identification.figures import (
     MOST_POINTS,
     _windows,
     alternatives_figure,
+    close_up,
     cloud_figure,
     cloud_of,
     intervals_figure,
@@ -221,7 +222,21 @@ def test_a_log_without_a_single_interval_has_an_empty_cloud():
     none = [replace(fit, used=np.zeros_like(fit.used)) for fit in found.fits]
     figure = cloud_figure(replace(found, fits=tuple(none)))
     assert [curve.name for curve in figure.panels[0].curves if curve.legend] == ["f, identified"]
+    reach = 2.0 * np.degrees(found.model.corners()[-1])
+    assert figure.x.range == pytest.approx((-reach, reach))
     check_words(plot(figure))
+
+
+def test_the_close_up_has_the_largest_errors_of_the_rows_held_out_if_there_are_any():
+    (fit,) = made_up().fits
+    angles = fit.log.angles.copy()
+    angles[100:110] += 2.0
+    far_off = replace(fit, log=replace(fit.log, angles=angles))
+    rows = close_up(far_off)
+    assert len(rows) == 151  # three seconds of 20 ms, with both ends
+    assert np.mean(fit.held_out[rows]) > 0.9
+    rows = close_up(replace(far_off, held_out=np.zeros_like(fit.held_out)))
+    assert {*range(100, 110)} <= {*rows.tolist()}
 
 
 @pytest.mark.parametrize("shift", [-0.05, 0.0, 0.003, 0.02])
