@@ -167,7 +167,7 @@ CASES = {
     "refine-pose": [
         "simulate requests.csv --model joint.toml -o m.csv -q",
         "refine requests.csv m.csv --desired requests.csv --leg reference --model soft.toml --load "
-        "urdf --limits-deg knee=20:140 --no-reidentify -o n.csv",
+        "urdf --limits-deg knee=70:115 --no-reidentify -o n.csv",
     ],
     "refine-trials": [
         "plan path.csv --model joint.toml -o r0.csv -q",
