@@ -220,7 +220,7 @@ def executed_plans(
     torques = load(desired.angles) if callable(load) else load
     single = given.method != "foot-optimal" or by_joint
     method: Literal["optimal", "foot-optimal"] = "optimal" if single else "foot-optimal"
-    given = replace(given, method=method, robust=None)
+    given = replace(given, method=method)
     asked = replace(
         prepared,
         settings=replace(prepared.settings, plan=given),

@@ -120,14 +120,18 @@ def test_a_gait_without_a_leg_is_the_papers(run):
     assert max(document["x_m"]) == pytest.approx(0.049 + 0.04893)
 
 
-def test_a_joint_is_held_where_the_option_says(run, robot):
+def test_a_joint_is_held_where_the_option_says(run, robot, tmp_path):
     hold = ("--lock", "front_left_rotator=20", "--unreachable", "nearest")
     run("gait", "--leg", robot, *FRONT, "--half-stroke", 0.005, "--height", 0.005, "-o", "foot.csv")
+    hold = (*hold, "--report", "page.html")
     result = run("plan", "foot.csv", "--leg", robot, *FRONT, *hold, "--method", "foot-optimal")
     assert result.exit_code == 0, result.stderr
     header = result.stdout.splitlines()[0]
     assert "rotator" not in header
     assert "front_left_abductor_deg" in header
+    page = (tmp_path / "page.html").read_text()
+    assert "rotator=20<" in page
+    assert 'href="robot.urdf"' in page
 
 
 def test_speeds_come_from_the_urdf(run, robot, foot):

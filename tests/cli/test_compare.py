@@ -17,6 +17,7 @@ from planner.exceptions import InvalidInput
 from planner.files.joint_model import models_text
 from planner.files.paths import read_joint_path, write_joint_path
 from planner.model.joint import JointModel
+from tests.parallel.work import at_work_on
 
 JOINT = JointModel.ers210a()
 SVG = "{http://www.w3.org/2000/svg}"
@@ -214,3 +215,13 @@ def test_a_page_of_a_comparison_links_to_the_files_beside_it(run, brief, tmp_pat
     page = (tmp_path / "page.html").read_text()
     for file in ("plans.png", *(f"found/{each.name}" for each in (tmp_path / "found").iterdir())):
         assert f'href="{file}"' in page
+
+
+def test_a_folder_at_which_another_command_is_at_work_is_refused_before_anything_is_compared(
+    run, brief, tmp_path, monkeypatch
+):
+    monkeypatch.setattr("planner.cli.comparison.cross_check", None)
+    with at_work_on(tmp_path / "found"):
+        result = run("compare", brief, "--out", "found")
+    assert result.exit_code == 2
+    assert "found: another command is at work on it" in result.stderr

@@ -494,7 +494,9 @@ def test_the_shift_is_recommended_where_the_model_is_hardly_better_than_a_delay(
     assert ("(93%)" in result.stderr) is said
     page = (tmp_path / "page.html").read_text(encoding="utf-8")
     assert ("The best time shift is recommended instead" in page) is said
-    assert json.loads(run(*asked, "--json").stdout)["recommended_method"] == recommended
+    document = json.loads(run(*asked, "--json").stdout)
+    assert document["recommended_method"] == recommended
+    assert document["joints"]["hip"]["verdict"] == "usable"
     chosen = run("plan", brief, "--model", "joint.toml", "--method", "shift", "-o", "shift.csv")
     assert "recommended" not in chosen.stderr
 

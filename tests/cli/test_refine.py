@@ -102,6 +102,8 @@ def test_a_foot_is_learnt_too(run, execute, tmp_path):
     again = ("refine", "next.csv", *line[2:])
     answer = json.loads(run(*again, "--history", "learning.json", "--json").stdout)
     assert answer["learning"]["foot"]["trials"] == 2
+    said = run(*line, "--history", "learning.json").stderr
+    assert "rotator, abductor, knee: measured: the same angles as in trial 2" in said
 
 
 @pytest.mark.usefixtures("unbounded")

@@ -137,6 +137,11 @@ OWN = "; knee with a model of its own"
     [
         (f"[model.joints.knee]\n{KNEE}", (AIBO, SLOW), f"ers210a, a joint of the Sony Aibo{OWN}"),
         ("[model.joints.knee]\nlag = 0\n", (AIBO, replace(AIBO, lag=0.0)), None),
+        (
+            "[model.joints.knee]\ntick = 0.004\nhold = 2\ndead_band = 0.01\nv_offset = 0.1\n",
+            (AIBO, replace(AIBO, tick=0.004, hold=2, dead_band=0.01, v_offset=0.1)),
+            None,
+        ),
         ('[model.joints.knee]\nfile = "joints"\n', (AIBO, SAGGING), None),
         ('[model]\nfile = "joints"\n', (SLOW, SAGGING), "joints"),
         (

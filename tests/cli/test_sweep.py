@@ -138,23 +138,65 @@ def test_smoothness_is_a_parameter_of_any_path(swept):
     assert plain.error <= smooth.error
 
 
-def test_a_search_stays_in_its_ranges_is_the_same_again_and_resumes(swept):
-    """By CMA-ES, with 24 plans of 40 samples: of a front, and of a required error."""
+SOUGHT = GAIT.replace("height = 0.01\n", "") + (
+    "length = [0.01, 0.04]\nheight = [0.01, 0.05]\n[sweep]\nmethod = 'cma'\n"
+)
+
+
+def known(argument):
+    """Points whose best are known: speed 10 + 30 x, error 0.05 + x^2 + (y - 0.4)^2."""
+    walk = argument[0]["path"]["half_ellipse"]
+    x, y = (walk["length"] - 0.01) / 0.03, (walk["height"] - 0.01) / 0.04
+    assert 0.0 <= x <= 1.0
+    assert 0.0 <= y <= 1.0
+    said = {"speed": 10.0 + 30.0 * x, "error": 0.05 + x**2 + (y - 0.4) ** 2}
+    return json.dumps({"reason": "too high"} if y > 0.8 else said).encode()
+
+
+@pytest.fixture
+def sought(swept, monkeypatch):
+    """Search where the best points are known."""
     pytest.importorskip("cma", reason="needs the extra sweep")
-    text = GAIT + "length = [0.01, 0.04]\nperiod_s = [0.3, 0.8]\n[sweep]\nmethod = 'cma'\n"
-    text += "evaluations = 24\nat_error_cm = 0.3\n"
-    first, ran = swept(text)
-    assert 12 < len(first.outcomes) == ran <= 24
-    for each in first.outcomes:
-        assert 0.01 <= each.point[0] <= 0.04
-        assert 0.296 <= each.point[1] <= 0.804
-    assert first.best is not None
-    assert first.best.error <= 0.3
-    start = [each for each in first.outcomes[:4] if each.error <= 0.3]
-    assert first.best.speed >= max((each.speed for each in start), default=0.0)
-    again, ran = swept(text, resume=True)
-    assert again == first
-    assert ran == 0
+    monkeypatch.setattr("planner.cli.sweep.search.evaluate", known)
+    return lambda more="", **options: swept(SOUGHT + more, **options)
+
+
+def test_a_search_finds_the_fastest_within_an_error_and_the_least_error_of_a_speed(sought):
+    fastest, ran = sought("evaluations = 80\nat_error_cm = 0.3\n")
+    assert len(fastest.outcomes) == ran
+    assert 70 < ran <= 80
+    assert 24.0 < fastest.best.speed < 25.0 + 1e-6
+    least, _ = sought("evaluations = 80\nat_speed_cm_s = 25\n")
+    assert 0.3 - 1e-6 < least.best.error < 0.33
+
+
+def test_a_search_without_a_requirement_follows_the_whole_front(sought):
+    made, ran = sought()
+    assert 160 < ran <= 200
+    front = made.front
+    assert front[0].error < 0.08
+    assert front[-1].speed > 37.0
+    assert np.max(np.diff([each.speed for each in front])) < 6.0
+    excess = [each.error - 0.05 - ((each.speed - 10.0) / 30.0) ** 2 for each in front]
+    assert max(excess) < 0.05
+
+
+def test_a_search_is_the_same_again_and_another_one_for_another_seed(sought):
+    more = "evaluations = 24\nat_error_cm = 0.3\n"
+    first, _ = sought(more)
+    again, ran = sought(more, resume=True)
+    assert (again, ran) == (first, 0)
+    other, _ = sought(f"{more}seed = 1\n")
+    assert other.outcomes[0] != first.outcomes[0]
+    assert first.outcomes[:4] == sought(more.replace("24", "20"))[0].outcomes[:4]
+
+
+def test_errors_of_points_are_in_the_norm_of_the_plan_and_positions_out_of_reach_count(swept):
+    gait = GAIT.replace('"reference"', '"reference"\nunreachable = "clamp"')
+    made, _ = swept(gait.replace('"optimal"', '"shift"\nnorm = "max"') + "length = [0.02, 0.2]\n")
+    near, far = made.outcomes
+    assert near.error == near.largest
+    assert (near.unreachable, far.unreachable > 10) == (0, True)
 
 
 def test_the_front_has_no_point_that_another_beats_in_both():

@@ -137,7 +137,7 @@ CASES = {
     "plan-motor-json": "plan path.csv --model motor.toml --robust worst --max-step-deg 8 --json",
     "plan-page": f"plan stride.csv {CLAMPED} --report page.html -o out.csv",
     "plan-pose": f"plan requests.csv {PERMUTED} --model soft.toml --load urdf-dynamics "
-    "--method closed-form --segments 4 --tolerance-deg 6 -o out.csv",
+    "--method closed-form --segments 4 --no-cyclic --tolerance-deg 6 -o out.csv",
     "plan-rest": "plan path.csv --no-cyclic --start-deg 2 --limits-deg knee=0:40 --norm max -v",
     "plan-foot-robust": f"plan stride.csv {CLAMPED} --model uncertain.toml --method foot-optimal "
     "--robust mean --report page.html",
@@ -147,7 +147,9 @@ CASES = {
         "simulate r.csv --model shares.toml --desired shares.csv -o a.csv",
         "refine r.csv a.csv --desired shares.csv --model shares.toml --no-reidentify -o n.csv",
         "plan shares.csv --model shares.toml --load column --rate-hz 40 --method shift",
-        "plan shares.csv --cyclic --joint hip --speed 4 -o out.csv",
+        "plan path.csv --speed 2.5 -o out.csv -q",
+        "plan path.csv --rate-hz 62.5 -o out.csv -q",
+        f"plan short_stride.csv {CLAMPED} --speed 6 --method shift -o out.csv -q",
         "compare shares.csv --model shares.toml",
         "export r.csv --format csv",
     ],
