@@ -352,9 +352,10 @@ def comparison_report(
     from planner.report.comparison import comparison_page
     from planner.report.page import linked_files
 
-    run = prepared.settings
+    run, leg = prepared.settings, prepared.desired.leg
     names = tuple(joint.name for joint in check.joints)
-    leg = _whole_leg(prepared, names)
+    if leg is not None and leg.joint_names != names:
+        leg = None
     level = run.output.level or "envelope"
     return comparison_page(
         check,
@@ -375,12 +376,6 @@ def _notes(prepared: Prepared) -> list[str]:
     if shares:
         notes.append(f"{', '.join(shares)}: degrees stand for percent of the joint's range.")
     return notes
-
-
-def _whole_leg(prepared: Prepared, names: tuple[str, ...]) -> Leg | None:
-    """The leg, where its joints are those of the path, in their order."""
-    leg = prepared.desired.leg
-    return leg if leg is not None and leg.joint_names == names else None
 
 
 def _origins(prepared: Prepared, leg: Leg | None) -> list[tuple[str, str]]:

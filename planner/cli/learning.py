@@ -7,7 +7,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from planner.cli.planning import Prepared, plan_of, task_of
 from planner.exceptions import InvalidFile, about
 from planner.files.learning_history import LearningState, read_history, write_history
 from planner.files.paths import JOINT_UNITS, JointPath, joint_path, read_joint_path
-from planner.files.table import Table, read_table
+from planner.files.table import read_table
 from planner.files.units import split_unit
 from planner.learning.refine import refine
 from planner.model.response import load_columns
@@ -164,7 +164,10 @@ def read_measured(paths: Sequence[str], prepared: Prepared, *, cycles: int | Non
     """
     desired, found, left = prepared.desired, [], 0
     samples, tables = len(desired.angles), [read_table(path) for path in paths]
-    columns = [_joints_of(table) for table in tables]
+    columns = [
+        {parts[0] for each in table.names if (parts := split_unit(each, JOINT_UNITS))}
+        for table in tables
+    ]
     names = tuple(name for name in desired.names if all(name in each for each in columns))
     for path, table in zip(paths, tables, strict=True):
         given = joint_path(table, joints=names or desired.names)
@@ -198,11 +201,6 @@ def read_measured(paths: Sequence[str], prepared: Prepared, *, cycles: int | Non
     return Measured(names or desired.names, all_of_them[: cycles or len(all_of_them)], left)
 
 
-def _joints_of(table: Table) -> set[str]:
-    """The joints whose angles a table has."""
-    return {parts[0] for each in table.names if (parts := split_unit(each, JOINT_UNITS))}
-
-
 def executed_plans(
     prepared: Prepared, requests: Array, *, by_joint: bool = False
 ) -> dict[str, Plan]:
@@ -215,25 +213,21 @@ def executed_plans(
             each by itself.
     """
     given, desired, load = prepared.settings.plan, prepared.desired, prepared.load
-    if given.method == "foot-optimal" and (desired.leg is None or desired.foot is None):
+    of_foot = given.method == "foot-optimal"
+    if of_foot and (desired.leg is None or desired.foot is None):
         raise BadSetting(Key("plan.method", "foot-optimal"), " plans for a foot path of a leg")
-    torques = load(desired.angles) if callable(load) else load
-    single = given.method != "foot-optimal" or by_joint
-    method: Literal["optimal", "foot-optimal"] = "optimal" if single else "foot-optimal"
-    given = replace(given, method=method)
-    asked = replace(
-        prepared,
-        settings=replace(prepared.settings, plan=given),
-        limits={} if single else prepared.limits,
-        load=torques,
-    )
+    asked = replace(prepared, load=load(desired.angles) if callable(load) else load)
+    single = by_joint or not of_foot
+    if single:
+        given = replace(given, method="optimal")
+        asked = replace(asked, settings=replace(prepared.settings, plan=given), limits={})
     task = task_of(asked)
     task = replace(task, load_of_pose=callable(load) and task.load is not None)
     if not single:
         return {FOOT: Plan(task=task, requests=requests, method="foot_optimal")}
     lower, upper = limits_of_each(prepared.limits, desired.names)
     angles = desired.angles
-    if prepared.settings.plan.method == "foot-optimal":
+    if of_foot:
         angles = plan_of(prepared, bounded=False).predicted  # whatever was executed since
     task = replace(task, lower=lower, upper=upper, desired=angles)
     plan = Plan(task=task, requests=requests, solver=given.solver or "gauss-newton")
