@@ -538,3 +538,29 @@ def test_a_joint_at_rest_is_moved_by_the_change_of_its_sag_and_with_inertia_by_a
     assert angles[6] > 0.0  # from there on the old requests hold it back a little
     assert np.all(farthest[7:] >= angles[7:])
     assert np.all(farthest[7:] <= 1.2 * angles[7:])
+
+
+def test_the_exact_level_is_asked_of_the_joint_as_it_was_given_up_to_the_time_limit(monkeypatch):
+    """Between the bound of the level below and the error of a plan, which are the gap's ends."""
+    asked, shares = [], iter([0.0, 0.0, 0.99, 0.99])
+
+    def record(problem, incumbent, *, time_limit):
+        asked.append((problem, incumbent, time_limit))
+        return next(shares) * incumbent
+
+    monkeypatch.setattr("planner.planning.bounds.certify.exact_bound", record)
+    model, desired = replace(ERS210A, compliance=0.01), REFERENCE_JOINTS[2].desired[:40]
+    options = {"cyclic": False, "norm": "max", "start": float(desired[0]), "load": 0.5}
+    below = lower_bound(model, desired, **options)
+    plan = planner.invert_optimal(model, desired, smoothness=0.0, **options)
+    for bound in (below, 0.99 * plan.error):
+        proof = certify(model, desired, level="exact", time_limit=7.0, **options)
+        assert (proof.bound, proof.level, proof.norm) == (bound, "exact", "max")
+        assert proof.solver_gap == pytest.approx(plan.error / bound - 1.0)
+        assert lower_bound(model, desired, level="exact", time_limit=8.0, **options) == bound
+    assert [each[2] for each in asked] == [7.0, 8.0] * 2
+    problem, incumbent, _ = asked[0]
+    assert (problem.model, problem.cyclic, problem.norm) == (model, False, "max")
+    assert problem.start == desired[0]
+    np.testing.assert_array_equal(problem.load, np.full(40, 0.5))
+    assert incumbent == plan.error
