@@ -211,7 +211,6 @@ class StepResponse:
     """A joint's steady answer to the step test, and its features at the step down.
 
     Attributes:
-        amplitude: Height of the step [rad].
         requests: Requests of Equation 1 [rad], shape (n,).
         angles: Angles [rad], shape (n,).
         step: Sample at which the requests step down.
@@ -220,7 +219,6 @@ class StepResponse:
         v_max: Its top speed [rad/s].
     """
 
-    amplitude: float
     requests: Array
     angles: Array
     step: int
@@ -249,7 +247,6 @@ def measure_step_response(
     full = int(np.argmax(after <= -(1.0 - VISIBLE) * fastest))
     lag = begun - 1  # sample `begun` ends the first interval in which the speed is another
     return StepResponse(
-        amplitude=amplitude,
         requests=requests,
         angles=angles,
         step=step,

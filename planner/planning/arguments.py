@@ -363,12 +363,8 @@ def checked_smoothness(smoothness: float | None) -> float:
 
 def checked_weights(weights: npt.ArrayLike) -> Array:
     """Weights of a foot's axes, shape (3,); raise InvalidInput where they are none."""
-    try:
-        importance = as_reals(weights)
-    except (TypeError, ValueError):
-        importance = np.empty(0)
-    fit = importance.shape == (3,) and bool(np.all(np.isfinite(importance)))
-    if not fit or np.any(importance < 0.0) or not np.any(importance > 0.0):
+    importance = _finite(weights)
+    if importance.shape != (3,) or np.any(importance < 0.0) or not np.any(importance > 0.0):
         raise InvalidInput(
             f"weights: got {shown(weights)}, expected three numbers, 0 or more and not all 0"
         )
@@ -379,13 +375,19 @@ def checked_disturbance(disturbance: npt.ArrayLike | None, angles: Array) -> Arr
     """The disturbance [rad], a copy of the shape of the angles (n, k); None where there is none."""
     if disturbance is None:
         return None
-    try:
-        added = as_reals(disturbance)
-    except (TypeError, ValueError):
-        added = np.empty(0)
-    if added.shape != angles.shape or not np.all(np.isfinite(added)):
+    added = _finite(disturbance)
+    if added.shape != angles.shape:
         raise InvalidInput(
             f"disturbance: got {shown(disturbance)}, expected finite angles [rad] of shape "
             f"{angles.shape}, a column for each joint"
         )
     return added
+
+
+def _finite(values: npt.ArrayLike) -> Array:
+    """The numbers as a new array; an empty one where one of them is not finite or no number."""
+    try:
+        numbers = as_reals(values)
+    except (TypeError, ValueError):
+        return np.empty(0)
+    return numbers if np.all(np.isfinite(numbers)) else np.empty(0)

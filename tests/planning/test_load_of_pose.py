@@ -164,3 +164,35 @@ def test_a_pose_that_swings_too_far_is_settled_by_smaller_moves():
     desired = np.ones((5, 1))
     made = settled(Swinging, lambda angles: angles, desired)
     np.testing.assert_allclose(made.predicted, made.torques, rtol=0.0, atol=ROUNDING)
+
+
+@dataclass(frozen=True)
+class Expecting:
+    """A plan that expects other angles than those that its requests then reach."""
+
+    predicted: np.ndarray
+    reached: np.ndarray
+
+    def under(self, _):
+        return Expecting(self.reached, self.reached)
+
+
+@pytest.mark.parametrize(
+    ("missed", "away"),
+    [
+        (1.0, [0.02, -0.0101, 0.0099]),  # a hundredth of what the joint cannot follow
+        (1e-3, [2e-4, -1.1e-4, 0.9e-4]),
+    ],
+)
+def test_plans_end_with_the_first_that_is_near_enough_to_what_it_expects(missed, away):
+    desired, told, differences = np.full((5, 1), 7.0), [], iter(away)
+
+    def plan_under(torques):
+        told.append(torques)
+        reached = desired + missed
+        return Expecting(reached + next(differences), reached)
+
+    made = settled(plan_under, lambda angles: 2.0 * angles, desired)
+    np.testing.assert_array_equal(made.predicted, desired + missed)
+    assert next(differences, None) is None
+    np.testing.assert_array_equal(told, [2.0 * desired] + [2.0 * (desired + missed)] * 2)
