@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from planner.evaluation.metrics import Distance, angle_distance, foot_distance
-from planner.planning.plan import request_motion
 
 ROUNDING = 1e-12
 """What rounding leaves of sums of a few dozen terms [relative]."""
@@ -46,15 +45,3 @@ def test_a_distance_does_not_depend_on_where_a_cycle_begins(pair, shift):
 
 def test_units_divide_both_figures():
     assert Distance(0.03, 0.05).in_units_of(0.01) == pytest.approx((3.0, 5.0))
-
-
-def test_a_cycle_turns_at_its_boundary_too_and_goes_beyond_a_range_on_either_side():
-    there_and_back, desired = np.array([0.0, 0.3, 0.1]), np.array([0.0, 0.2, 0.0])
-    turns = [
-        request_motion(there_and_back, desired, period=0.1, cyclic=cyclic).reversals_per_s
-        for cyclic in (True, False)
-    ]
-    assert turns == pytest.approx([2.0 / 0.3, 1.0 / 0.3])
-    for sign in (1.0, -1.0):
-        motion = request_motion(sign * there_and_back, sign * desired, period=0.1, cyclic=True)
-        assert motion.beyond == pytest.approx(0.1)

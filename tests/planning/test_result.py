@@ -49,12 +49,6 @@ def test_the_gap_is_the_error_over_the_bound_in_the_plans_own_norm(norm, start):
     assert plan.gap >= 0.0
 
 
-@pytest.mark.parametrize(("tolerance", "kept"), [(0.09, False), (0.11, True), (None, True)])
-def test_a_plan_says_whether_it_keeps_its_tolerance(tolerance, kept):
-    plan = plan_of(np.full(9, 0.2), np.full(9, 0.3), tolerance=tolerance)
-    assert plan.within_tolerance is kept
-
-
 def test_a_perfect_plan_has_no_gap():
     plan = plan_of(np.full(9, 0.2), np.full(9, 0.2))
     assert (plan.rms, plan.lower_bound, plan.gap) == (0.0, 0.0, 0.0)
@@ -64,12 +58,6 @@ def test_a_plan_that_misses_what_has_no_bound_has_an_infinite_gap():
     plan = plan_of(np.full(9, 0.2), np.full(9, 0.3))
     assert plan.lower_bound == 0.0
     assert plan.gap == math.inf
-
-
-def test_the_largest_step_counts_the_boundary_of_a_cycle_only():
-    requests = [0.0, 0.1, 0.3, 0.9]
-    assert plan_of(requests, requests).largest_step == pytest.approx(0.9)
-    assert plan_of(requests, requests, cyclic=False, start=0.0).largest_step == pytest.approx(0.6)
 
 
 @pytest.mark.parametrize(

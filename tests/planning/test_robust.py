@@ -326,9 +326,3 @@ def test_models_of_different_periods_and_unknown_errors_are_refused():
         invert_optimal([], SINE)
     with pytest.raises(InvalidInput, match="robust: got 'best', expected 'mean' or 'worst'"):
         invert_optimal(ERS210A, SINE, robust="best")
-
-
-def test_a_joint_with_one_model_has_no_nominal_plan_beside_that_of_a_joint_with_several():
-    several, one = plan([MODELS, [ERS210A]], np.column_stack([SINE, SINE])).inversions
-    assert several.nominal is not None
-    assert one.nominal is None

@@ -187,13 +187,6 @@ def test_limits_narrower_than_the_path_are_respected_to_the_last_bit(norm, cycli
     assert error(plan.distances) <= error(foot_errors(plan, joint_by_joint(plan, norm))) + NO_WORSE
 
 
-def test_one_number_limits_every_joint():
-    leg = ers210a_leg("front_left")
-    plan = invert_foot(ERS210A, leg, leg.foot_positions(stride(leg)), limits=(-0.9, 2.5))
-    np.testing.assert_array_equal(plan.limits, [[-0.9] * 3, [2.5] * 3])
-    assert_within_limits(plan)
-
-
 @CYCLIC
 @pytest.mark.parametrize("hold", [1, 3])
 def test_joints_of_different_kinds_are_planned_together(hold, cyclic):
@@ -362,15 +355,6 @@ def test_a_plan_says_which_points_are_in_reach_or_refuses_the_others():
     with pytest.raises(UnreachableFoot) as caught:
         invert_foot(ERS210A, WALK.leg, beyond, unreachable="raise")
     np.testing.assert_array_equal(caught.value.indices, [10, 11, 12])
-
-
-def test_the_error_is_that_of_the_norm_and_the_weights():
-    plan = reference_plan()
-    assert plan.error == pytest.approx(plan.rms, rel=1e-12)
-    sideways = replace(plan, weights=np.array([0.0, 2.0, 0.0]), norm="max")
-    assert sideways.error == pytest.approx(np.max(np.abs((plan.foot - plan.desired_foot)[:, 1])))
-    steps = np.abs(plan.requests - np.roll(plan.requests, 1, axis=0))
-    assert plan.largest_step == np.max(steps)
 
 
 @pytest.mark.parametrize("seed", [0, 3])
