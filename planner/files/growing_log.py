@@ -53,8 +53,8 @@ class GrowingLog:
         Raises:
             InvalidFile: The disk is full.
         """
-        angles = np.degrees(np.column_stack(kinds)).ravel().tolist()
-        cells = ("" if math.isnan(each) else f"{each + 0.0:.6f}" for each in angles)
+        angles = np.degrees(np.column_stack(kinds)).round(6) + 0.0  # no negative zero
+        cells = ("" if math.isnan(each) else f"{each:.6f}" for each in angles.ravel().tolist())
         try:
             self._write(",".join([f"{time:.6f}", *cells]))
         except OSError as error:

@@ -182,13 +182,13 @@ def read_model_file(path: Path | str) -> ModelFile:
     for table, keys in ((None, common), *tables.items()):
         for key in keys:
             _check_key(file, key, table)
+    complete = not tables or all(key in common for key in REQUIRED)
+    model = _model(path, common, common, "") if complete else None
     by_joint = {
         # A table that changes parameters is another model: what is known of it stands in the table.
         table: _model(path, {**common, **own}, own, f"table [{table}]: ")
         for table, own in tables.items()
     }
-    complete = not tables or all(key in common for key in REQUIRED)
-    model = _model(path, common, common, "") if complete else None
     return ModelFile(path, model, by_joint)
 
 

@@ -4,18 +4,31 @@ from __future__ import annotations
 
 import errno
 import json
+import math
 import os
 import signal
 import subprocess
 import sys
+from contextlib import suppress
 from pathlib import Path
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from planner.exceptions import InvalidFile
 from planner.files import staging
-from planner.files.staging import all_there, list_files, output_folder, staged
-from planner.files.text import read_text, write_text
+from planner.files.growing_log import GrowingLog
+from planner.files.staging import (
+    all_there,
+    check_folder,
+    check_writable,
+    claimed,
+    list_files,
+    output_folder,
+    staged,
+)
+from planner.files.text import read_text, to_json, write_text
 from tests.parallel.work import at_work_on
 
 
@@ -243,12 +256,19 @@ def test_without_locks_runs_are_made_and_nothing_is_removed(tmp_path, monkeypatc
     def none(*_):
         raise OSError(95, "Operation not supported")
 
+    left = [tmp_path / f".out.{age}-{'0' * 16}" for age in ("new", "old")]
+    for folder in left:
+        folder.mkdir()
+    with claimed(tmp_path / "other") as locked, claimed(tmp_path / "other") as again:
+        assert locked
+        assert again
     monkeypatch.setattr("fcntl.flock", none)
-    left = tmp_path / f".out.new-{'0' * 16}"
-    left.mkdir()
-    _run(tmp_path / "out")
+    with claimed(tmp_path / "out") as locked, claimed(tmp_path / "out") as again:
+        assert not locked
+        assert not again
+        _run(tmp_path / "out")
     write_text(tmp_path / "a.csv", "1")
-    assert left.exists()
+    assert all(folder.exists() for folder in left)
     assert list_files(tmp_path / "out") == ["a.csv", "results.json"]
 
 
@@ -305,6 +325,108 @@ def test_a_folder_that_cannot_be_replaced_stays_as_it_was(tmp_path, monkeypatch)
     with pytest.raises(InvalidFile, match=r"cannot be replaced \(invalid cross-device link\)"):
         _run(out, "b.csv")
     assert list_files(tmp_path) == ["out/a.csv", "out/results.json"]
+
+
+def _failing(out, kind, number, name):
+    """Fill a folder of results until an error of a file in it, or of another."""
+    with output_folder(out) as new:
+        raise kind(number, "x", *([] if name is None else [name.replace("NEW", str(new))]))
+
+
+@pytest.mark.parametrize(
+    ("number", "name", "message"),
+    [
+        (28, None, ": cannot be written (no space left on device)"),
+        (13, "NEW/deep/a.csv", "/deep/a.csv: cannot be written (permission denied)"),
+    ],
+)
+def test_an_error_in_a_hidden_folder_is_told_by_the_output(tmp_path, number, name, message):
+    with pytest.raises(InvalidFile) as caught:
+        _failing(tmp_path / "out", OSError, number, name)
+    assert str(caught.value) == f"{tmp_path}/out{message}; choose another place for the output"
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("kind", "name"), [(FileNotFoundError, "/elsewhere"), (BrokenPipeError, "NEW/a.csv")]
+)
+def test_other_errors_in_the_making_of_a_folder_are_told_as_they_are(tmp_path, kind, name):
+    with pytest.raises(kind):
+        _failing(tmp_path / "out", kind, 2, name)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("check", "message"),
+    [
+        (check_writable, "{}: cannot be written ({}); choose another place for the output"),
+        (check_folder, "{}: cannot be made ({}); choose another folder"),
+    ],
+)
+def test_what_cannot_be_written_is_known_before(tmp_path, monkeypatch, check, message):
+    (tmp_path / "file").touch()
+    check(tmp_path / "new")
+    for name, reason, refused in (
+        ("file/new", "not a directory", ()),
+        ("new", "permission denied", (os.W_OK,)),
+        ("new", "permission denied", (os.X_OK,)),
+    ):
+        monkeypatch.setattr("os.access", lambda _, mode, no=refused: not any(mode & n for n in no))
+        with pytest.raises(InvalidFile) as caught:
+            check(tmp_path / name)
+        assert str(caught.value) == message.format(tmp_path / name, reason)
+    monkeypatch.undo()
+    if check is check_writable:
+        with pytest.raises(InvalidFile, match=r"no such file or directory"):
+            check(tmp_path / "missing" / "new")
+        with pytest.raises(InvalidFile, match=r"is a directory"):
+            check(tmp_path)
+        check(os.devnull)
+    else:
+        check(tmp_path / "missing" / "new")
+        with pytest.raises(InvalidFile, match="is a file, expected a folder"):
+            check(tmp_path / "file")
+
+
+def test_a_log_has_every_row_as_soon_as_it_was_measured_and_its_name_at_the_end(tmp_path):
+    file, part = tmp_path / "deep" / "log.csv", tmp_path / "deep" / "log.csv.part"
+    with GrowingLog(file, ["hip", "knee"]) as log:
+        head = "t_s,hip_requested_deg,hip_actual_deg,knee_requested_deg,knee_actual_deg\n"
+        assert part.read_text() == head
+        log.keep(0.02, np.array([0.1, -1e-12]), np.array([math.nan, 1.0]))
+        text = f"{head}0.020000,5.729578,,0.000000,57.295780\n"
+        assert part.read_text() == text
+        log.finish()
+    assert list_files(tmp_path) == ["deep/log.csv"]
+    assert file.read_text() == text
+    with GrowingLog(file, ["hip"], kinds=[""]):
+        assert part.read_text() == "t_s,hip_deg\n"
+    assert list_files(tmp_path) == ["deep/log.csv"], "a log without a row is left"
+    with suppress(KeyboardInterrupt), GrowingLog(file, ["hip"], kinds=[""]) as log:
+        log.keep(0.0, np.array([0.0]))
+        raise KeyboardInterrupt
+    assert part.read_text() == "t_s,hip_deg\n0.000000,0.000000\n"
+    assert file.read_text() == text
+
+
+def test_numbers_that_json_has_not_become_null():
+    assert json.loads(to_json({"a": [1.5, math.inf], "b": ({"c": -math.inf}, math.nan, 2)})) == {
+        "a": [1.5, None],
+        "b": [{"c": None}, None, 2],
+    }
+
+
+@pytest.mark.parametrize(("number", "kind"), [(32, BrokenPipeError), (28, InvalidFile)])
+def test_a_reader_that_goes_away_is_no_fault_of_the_output(monkeypatch, number, kind):
+    def refuse(_):
+        raise OSError(number, os.strerror(number))
+
+    monkeypatch.setattr("sys.stdout", SimpleNamespace(write=refuse, flush=str))
+    with pytest.raises(kind):
+        write_text("-", "text")
+    monkeypatch.setattr("sys.stdout", None)
+    with pytest.raises(InvalidFile, match=r"-: standard output is closed; name a file for"):
+        write_text("-", "text")
 
 
 def test_the_search_for_files_of_others_ends(tmp_path, monkeypatch):

@@ -271,7 +271,7 @@ def _filled(source: Source, columns: Columns) -> tuple[Columns, Switch, tuple[st
     if not missing.any():
         return columns, ~missing, ()
     known = np.flatnonzero(~missing)
-    last = known[np.maximum(np.searchsorted(known, np.arange(len(missing)), side="right") - 1, 0)]
+    last = known[np.maximum(np.searchsorted(known, np.arange(len(missing))) - 1, 0)]
     what = "angle" if np.isnan(columns.angles).any() else "load"
     note = f"{_rows(source, missing)}: the {what} is missing, only the request counts"
     angles = np.where(np.isnan(columns.angles), columns.angles[last], columns.angles)

@@ -1,0 +1,70 @@
+"""Histories of learning: one that is not of this path, or damaged, is refused with its place."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from planner.exceptions import InvalidFile
+from planner.files.learning_history import LearningState, read_history, write_history
+from planner.model.joint import JointModel
+from planner.planning.trials import Learning, Trial
+
+ROWS, JOINTS = 3, ["hip", "knee", "foot"]
+
+DESIRED = np.zeros((ROWS, 2))
+
+
+def _state(models):
+    requests, measured = np.zeros((ROWS, models)), np.zeros((2, ROWS, models))
+    trials = (Trial(requests=requests, measured=measured, error=0.1),) * 2
+    learning = Learning(
+        trials=trials,
+        noise=np.zeros(models),
+        gain=1.0,
+        reidentified=(0,) * models,
+        delays=(),
+        best=0,
+        floor=(0.0, 0.0),
+    )
+    return LearningState((JointModel.ers210a(),) * models, learning)
+
+
+def _trial(content, plan, key, value):
+    content["plans"][plan]["learning"]["trials"][1][key] = value
+
+
+CHANGES = {
+    "another format": lambda c: c.update(format="request-planner refine 0"),
+    "a plan of another joint": lambda c: c["plans"].update(tail=c["plans"].pop("knee")),
+    "a row less": lambda c: c["desired_rad"].pop(),
+    "a joint less": lambda c: c.update(desired_rad=[[0.0]] * ROWS),
+    "another angle": lambda c: c["desired_rad"][1].__setitem__(1, 1.1e-6),
+    "a joint's requests of two": lambda c: _trial(c, "knee", "requests_rad", [[0.0, 0.0]] * ROWS),
+    "a foot's angles of one": lambda c: _trial(c, "foot", "measured_rad", [[[0.0]] * ROWS]),
+    "angles of a row more": lambda c: _trial(c, "knee", "measured_rad", [[[0.0]] * 4]),
+    "a request without end": lambda c: _trial(c, "knee", "requests_rad", [[0.0], [-1e300], [0.0]]),
+    "an angle that is none": lambda c: _trial(c, "foot", "measured_rad", [[[0.0, None]] * ROWS]),
+    "no gain": lambda c: c["plans"]["knee"]["learning"].pop("gain"),
+    "no joint's model": lambda c: c["plans"]["knee"]["models"][0].update(lag=-1.0),
+}
+
+
+def test_a_history_that_is_not_of_this_path_or_damaged_is_refused(tmp_path, snapshot):
+    file, said = tmp_path / "FILE", []
+    write_history(str(file), DESIRED, {"knee": _state(1), "foot": _state(2)})
+    content = json.loads(file.read_text())
+    content["desired_rad"][1][1] = 0.9e-6  # files carry angles rounded
+    file.write_text(json.dumps(content))
+    assert list(read_history(str(file), JOINTS, DESIRED)) == ["knee", "foot"]
+    for name, change in CHANGES.items():
+        changed = json.loads(file.read_text())
+        change(changed)
+        other = tmp_path / "OTHER"
+        other.write_text(json.dumps(changed))
+        with pytest.raises(InvalidFile) as caught:
+            read_history(str(other), JOINTS, DESIRED)
+        said.append(f"{name}: {caught.value}\n".replace(str(other), "FILE"))
+    snapshot.check("learning_history", "".join(said))

@@ -1,0 +1,162 @@
+"""Model files: what they say of joints, legs, bus and servos is read, written and read again."""
+
+from __future__ import annotations
+
+from math import inf
+
+import pytest
+
+from planner.exceptions import InvalidFile
+from planner.files.joint_model import models_text, read_model_file, read_models, read_servos
+from planner.files.robot import legs_text, read_bus, read_legs
+
+ROBOT = """# an arm and two legs
+bus = "feetech"
+port = "/dev/ttyUSB0"
+v_max = 5.0
+theta_0 = 0.1
+lag = 0.03
+acceleration_time = 0.05
+expected_error = 0.01
+tested_speed = 3.0
+tested_load = 0.5
+tested_angles = [-0.5, 0.25]
+error_by_acceleration = [[1.0, 0.01], [20.0, 0.03]]
+delay_error = 0.004
+error_spread = [0.5, 1.5]
+error_over_delay = 0.6
+verdict = "usable"
+verdict_reason = 'it "misses" 4% of the motion'
+
+[knee]
+lag = 0.02
+v_max_interval = [4.5, inf]
+gain_interval = [49, 51.5]
+correlations = [[1.0, -0.5], [-0.5, 1.0]]
+expected_error = 0.02
+[knee.servo]
+id = 7
+zero_tick = 2000
+direction = -1
+ticks_per_turn = 1228.8
+limits = [-0.5, 1.5]
+p_gain = 16
+
+["wrist roll".servo]
+id = 0
+["wrist roll"]
+dead_band = 0.02
+
+[leg.front]
+urdf = "../robot.urdf"
+base = "body"
+foot = "ball"
+near_deg = { knee = 90, "hip yaw" = -45.0 }
+[leg."rear left"]
+lock_deg = { tail = 180.0 }
+base = "torso"
+urdf = "robots/other.urdf"
+foot = "tip \\"2\\""
+"""
+
+
+@pytest.fixture
+def file(tmp_path):
+    file = tmp_path / "robot.toml"
+    file.write_text(ROBOT)
+    return file
+
+
+def test_a_file_of_a_robot_is_read_written_and_read_again(tmp_path, file, snapshot):
+    models, servos, bus, legs = (
+        read_models(file),
+        read_servos(file),
+        read_bus(file),
+        read_legs(file),
+    )
+    about = {"": {"": "any joint\nof all"}, "knee": {"lag": "[s] by hand"}}
+    remarks = ["measured\ttwice", "and\nagain"]
+    text = models_text(models, remarks=remarks, about=about, servos=servos, bus=bus)
+    text += legs_text(file)
+    again = tmp_path / "again.toml"
+    again.write_text(text)
+    assert read_models(again) == models
+    assert [model.evidence for model in read_models(again).values()] == [
+        model.evidence for model in models.values()
+    ]
+    assert read_servos(again) == servos
+    assert read_bus(again) == bus == {"bus": "feetech", "port": "/dev/ttyUSB0"}
+    assert read_legs(again) == legs
+    assert models["knee"].evidence.intervals == {"v_max": (4.5, inf), "gain": (49.0, 51.5)}
+    places = "".join(f"{name}: {leg}\n" for name, leg in legs.items())
+    snapshot.check("robot", text + places.replace(str(tmp_path), "FOLDER"))
+
+
+BAD = {
+    "a negative error": ("expected_error = 0.01", "expected_error = -0.01"),
+    "a negative error of motion": ("[20.0, 0.03]", "[20.0, -0.03]"),
+    "an error that is none": ("tested_speed = 3.0", "tested_speed = nan"),
+    "two intervals of one": ("gain_interval", "theta_0_interval = [0.0, 1.0]\ngain_interval"),
+    "a value above its interval": ("[4.5, inf]", "[4.5, 4.9]"),
+    "a value below its interval": ("[49, 51.5]", "[50.1, 51.5]"),
+    "an unknown verdict": ('"usable"', '"good"'),
+    "a reason that is no text": ("""'it "misses" 4% of the motion'""", "4"),
+    "times of another unit": ("lag = 0.03", "lag = 9.96"),
+    "degrees in a table": ("dead_band = 0.02", "v_max = 60.1\ntheta_0 = 3.2"),
+    "degrees beside inherited intervals": (
+        "[knee]\nlag = 0.02\nv_max_interval = [4.5, inf]\ngain_interval = [49, 51.5]\n"
+        "correlations = [[1.0, -0.5], [-0.5, 1.0]]\n",
+        "theta_0_interval = [0.05, 0.2]\n[knee]\ntheta_0 = 3.15\n",
+    ),
+    "text for a time": ("lag = 0.03", "lag = 'long'"),
+    "an unknown key of a joint": ("dead_band", "deadband"),
+}
+
+
+def test_what_cannot_be_known_of_a_joint_is_refused(file, snapshot):
+    said = []
+    for name, change in BAD.items():
+        assert ROBOT.count(change[0]) == 1, name
+        file.write_text(ROBOT.replace(*change))
+        with pytest.raises(InvalidFile) as caught:
+            read_model_file(file)
+        said.append(f"{name}: {caught.value}\n".replace(str(file), "FILE"))
+    snapshot.check("models", "".join(said))
+
+
+BAD_LEGS = {
+    "no base and no foot": ('base = "body"\nfoot = "ball"\n', ""),
+    "a frame without a name": ('"torso"', '""'),
+    "a number for a file": ('"../robot.urdf"', "3"),
+    "an unknown key": ("lock_deg", "locked_deg"),
+    "angles in a list": ('{ knee = 90, "hip yaw" = -45.0 }', "[90, -45.0]"),
+    "an angle in words": ("tail = 180.0", "tail = 'left'"),
+    "an angle that is none": ("tail = 180.0", "tail = nan"),
+    "an angle that is yes": ("knee = 90", "knee = true"),
+}
+
+
+def test_a_leg_that_is_none_is_refused_with_its_line(file, snapshot):
+    said = []
+    for name, change in BAD_LEGS.items():
+        assert ROBOT.count(change[0]) == 1, name
+        file.write_text(ROBOT.replace(*change))
+        with pytest.raises(InvalidFile) as caught:
+            read_legs(file)
+        said.append(f"{name}: {caught.value}\n".replace(str(file), "FILE"))
+    snapshot.check("legs", "".join(said))
+
+
+def test_a_joint_called_leg_is_no_leg(file):
+    file.write_text("[leg]\nv_max = 5.0\ntheta_0 = 0.1\nlag = 0.03\nacceleration_time = 0.05\n")
+    assert read_legs(file) == {}
+    assert legs_text(file) == ""
+    assert read_model_file(file).one().v_max == 5.0
+
+
+def test_models_of_several_joints_are_not_one(file):
+    assert read_model_file(file).one().lag == 0.03
+    model = "v_max = 5.0\ntheta_0 = 0.1\nlag = 0.03\nacceleration_time = 0.05\n"
+    file.write_text(f"[hip]\n{model}[knee]\n{model}")
+    with pytest.raises(InvalidFile, match=r"robot.toml: holds models of hip, knee, expected one"):
+        read_model_file(file).one()
