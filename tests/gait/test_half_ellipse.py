@@ -119,7 +119,7 @@ parameters = st.fixed_dictionaries(
     {
         "samples": st.integers(4, 300),
         "length": st.floats(1e-3, 1.0),
-        "height": st.floats(0.0, 1.0),
+        "height": st.floats(0.0, 1.0) | st.floats(0.0, 1e-3),
         "forward": st.floats(-1.0, 1.0),
         "sideways": st.floats(-1.0, 1.0),
         "hip_height": st.floats(0.0, 1.0),

@@ -65,7 +65,7 @@ def test_a_walk_lifts_one_foot_after_the_other_from_behind_on_each_side(legs):
     assert np.max(np.sum(list(lifted.values()), axis=0)) == 1
 
 
-@pytest.mark.parametrize("walk", [{}, {"length": 0.02}, {"height": 0.01}])
+@pytest.mark.parametrize("walk", [{}, {"length": 0.02}, {"height": 0.0195}])
 @pytest.mark.parametrize("pattern", PATTERNS)
 def test_all_legs_have_one_stroke_at_the_height_of_the_body_at_which_the_lowest_stands(
     legs, pattern, walk
@@ -89,6 +89,7 @@ def test_what_is_given_holds_for_all_legs(legs):
         assert np.ptp(foot[:, 0]) == pytest.approx(0.04, abs=TRACED)
         assert np.ptp(foot[:, 2]) == pytest.approx(0.01, rel=0.02)  # its top is between samples
         assert np.min(foot[:, 2]) == pytest.approx(-0.1, abs=TRACED)
+        assert not each.angles.flags.writeable
 
 
 def test_other_legs_or_gaits_are_refused(legs):

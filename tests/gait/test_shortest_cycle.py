@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -13,6 +14,7 @@ from planner.gait import shortest_cycle
 from planner.gait.shortest_cycle import in_samples
 
 JOINT = JointModel.ers210a()
+HELD = replace(JOINT, hold=2)
 TOLERANCE = 0.004
 
 
@@ -70,15 +72,16 @@ def test_a_cycle_that_is_proved_too_short_is_one_whose_bound_exceeds_the_toleran
 ):
     def plan(models, leg, path, **options):  # noqa: ARG001
         return SimpleNamespace(
-            requests=path, max_error=1.0 / len(path), lower_bound=0.9 / len(path)
+            requests=path, models=[HELD], max_error=1.0 / len(path), lower_bound=0.9 / len(path)
         )
 
     monkeypatch.setattr(shortest_cycle, "invert_foot", plan)
-    for samples in (16, 88):
+    monkeypatch.setattr(shortest_cycle, "MOST", 50)
+    for samples in (25, 88):
         found = shortest_cycle.shortest_cycle(
             JOINT, leg, lambda count: np.zeros((count, 3)), tolerance=1.0 / 40.0, samples=samples
         )
-        assert found.samples == 40
+        assert (found.samples, found.period) == (40, pytest.approx(40 * 0.016))
         assert found.too_short == (35, 0.9 / 35)
 
 

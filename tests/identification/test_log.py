@@ -140,6 +140,8 @@ def test_a_mapping_is_refused_for_a_key_that_is_missing_or_unknown():
         planner.identify({name: columns[name] for name in ("times", "requests")})
     with pytest.raises(planner.InvalidTrajectory, match=r"^log 1: unknown \['volts'\]"):
         planner.identify({**columns, "volts": log.angles})
+    with pytest.raises(planner.InvalidTrajectory, match=r"^arm: angles: got 2 samples"):
+        planner.identify({**columns, "angles": [0.0, 1.0], "name": "arm"})
 
 
 def test_an_error_in_a_triple_of_arrays_names_its_place_among_the_logs():

@@ -18,6 +18,7 @@ from planner.model.evidence import (
     Run,
     errors_of_motion,
     expectation,
+    refusal,
     under_moving_requests,
     untested_words,
     with_reasons,
@@ -194,6 +195,14 @@ def test_a_log_without_motion_or_too_short_says_nothing_of_acceleration():
     assert errors_of_motion([]) == unknown
 
 
+def test_of_an_error_below_the_noise_a_tenth_of_its_square_stays():
+    angles = 0.3 * np.sin(np.pi * 0.02 * np.arange(400))
+    ((_, error), _), _ = errors_of_motion(
+        [Run(angles, np.full((1, 400), 0.001), 0.02)], noise=0.002
+    )
+    assert error == pytest.approx(0.001 * math.sqrt(0.1), rel=1e-3)
+
+
 def test_parts_in_which_the_joint_rests_say_nothing_of_its_motion():
     moving = 0.3 * np.sin(2.0 * np.pi * 0.5 * 0.02 * np.arange(400))
     rest = Run(1e-4 * moving, np.full((1, 400), 1e-5), 0.02)
@@ -354,6 +363,17 @@ def test_who_reads_or_streams_a_model_that_is_not_to_be_planned_with_is_warned_o
         JointModel.from_toml(tmp_path / "arm.toml", "knee")
     assert JointModel.from_toml(tmp_path / "arm.toml", "ankle").evidence == SEEN
     planner.Stream({"ankle": models["ankle"]}, preview=25)
+
+
+def test_a_model_that_a_delay_beats_is_refused_and_one_alone_is_named_in_the_singular():
+    worse = Evidence(verdict="worse than a delay")
+    assert worse.refused
+    assert worse.leaves_top_speed_open
+    words = "do not plan with the model of hip (worse than a delay): identify it anew"
+    assert refusal({"hip": worse, "knee": SEEN, "ankle": None}) == words
+    words = "do not plan with the model of every other joint (worse than a delay): identify it anew"
+    assert refusal({"": worse, "knee": SEEN}) == words
+    assert not refusal({"hip": None, "knee": SEEN})
 
 
 def test_the_only_model_of_a_file_is_warned_of_as_the_model(tmp_path):

@@ -14,7 +14,7 @@ import planner
 from planner.evaluation.checks import AGREEMENT
 from planner.exceptions import InvalidModel
 from planner.model.joint import MOST_POSE_SAG, JointModel
-from planner.model.response import rest_angles, rest_requests, simulate
+from planner.model.response import load_columns, rest_angles, rest_requests, simulate
 from planner.model.sensitivity import sensitivities
 from planner.planning.line_inverse import line_offset
 from planner.trajectory import rms
@@ -62,6 +62,19 @@ def test_a_request_holds_the_angle_at_rest(model, request_, load):
     assert rest_angles([model], held, torque).item() == pytest.approx(angle, abs=1e-12)
     still = simulate(model, np.full(5, request_), cyclic=False, load=load)
     np.testing.assert_allclose(still, angle, rtol=0.0, atol=1e-12)
+
+
+def test_joints_rest_each_by_its_own_angle_and_load():
+    angles, loads = np.array([[0.4, -0.7], [1.0, 0.2]]), [np.array([1.0, -2.0]), None]
+    models = [replace(HANGING, compliance=0.1), PAPER]
+    held = rest_requests(models, angles, loads)
+    np.testing.assert_array_equal(held[:, 1], angles[:, 1])
+    first = angles[:, 0] - models[0].pose_sag(angles[:, 0]) - 0.1 * loads[0]
+    np.testing.assert_allclose(held[:, 0], first, rtol=0.0, atol=1e-15)
+    np.testing.assert_allclose(rest_angles(models, held, loads), angles, rtol=0.0, atol=1e-12)
+    columns = load_columns(loads, 2)
+    np.testing.assert_array_equal(columns, [[1.0, 0.0], [-2.0, 0.0]])
+    assert load_columns([None, None], 2) is None
 
 
 def test_unlimited_requests_have_unlimited_angles_at_rest():
