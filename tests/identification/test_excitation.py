@@ -54,9 +54,16 @@ def test_the_same_question_has_the_same_answer_that_nobody_can_change(kind):
             array[0] = 1.0
 
 
-@pytest.mark.parametrize("kind", ["multisine", "random_steps"])
+@pytest.mark.parametrize("kind", ["combined", "multisine", "random_steps"])
 def test_another_seed_gives_another_signal(kind):
     assert np.any(signal(kind).requests != signal(kind, seed=1).requests)
+
+
+@pytest.mark.parametrize("name", ["noise", "resolution"])
+def test_a_sensor_that_is_none_is_refused(name):
+    for wrong in (-0.1, np.inf):
+        with pytest.raises(InvalidInput, match=rf"^{name}: got {wrong} rad, expected 0 or more"):
+            expect(signal("steps"), JointModel.ers210a(), **{name: wrong})
 
 
 @pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "random_steps"])

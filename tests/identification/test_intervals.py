@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,12 +17,14 @@ from planner.identification.intervals import (
     correlation_time,
     intervals_of,
     noise_of,
+    over_ticks,
     rise_allowed,
     structure_of,
     uncertainty_of,
 )
 from planner.identification.least_squares import Effort, least_squares
 from planner.identification.parameters import Parameters, only
+from planner.identification.result import Interval
 from tests.identification.made import (
     AIBO,
     NOISE,
@@ -259,6 +262,32 @@ def test_a_top_speed_that_nothing_called_for_is_lowered_to_what_was():
         assert kept.parameters.v_max == pytest.approx(v_max, rel=1e-5)
     again = least_squares(grid, lowered.parameters, free=only())
     assert np.max(np.abs(again.predicted - fit.predicted)) <= 1e-9  # rad: no request feels it
+
+
+def test_intervals_reach_as_far_as_longer_ticks_move_a_parameter_and_a_rough_loss_hides_it():
+    fine = Parameters(20.0, 5.0, 0.021, 0.03, 0.0, dead_band=0.018, time_constant=0.03)
+    coarse = fine._replace(lag=0.02, dead_band=0.02, gain=21.0)
+    ends = {
+        "v_max": Interval(4.0, math.inf),
+        "lag": Interval(0.019, 0.023),
+        "acceleration_time": Interval(0.001, 0.06),
+        "offset": Interval(-0.01, 0.01),
+        "dead_band": Interval(0.016, 0.02),
+        "gain": Interval(19.0, 21.0),
+    }
+    for motor, expected in (
+        (0.03, ((0.016, 0.026), (0.0, 0.0895), (-0.02, 0.02), (0.0136, 0.0224), (17.0, 23.0))),
+        (0.0, ((0.018, 0.024), (0.001, 0.06), (-0.01, 0.01), (0.014, 0.022), (18.0, 22.0))),
+    ):
+        longer, fit = (
+            SimpleNamespace(
+                parameters=each._replace(time_constant=motor), grid=SimpleNamespace(tick=tick)
+            )
+            for each, tick in ((coarse, 0.002), (fine, 0.001))
+        )
+        found = over_ticks(ends, longer, fit)
+        assert found.pop("v_max") == ends["v_max"]
+        np.testing.assert_allclose(list(found.values()), expected, atol=1e-12)
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,8 @@ import pytest
 import planner
 from planner.identification.fit import fit_joint
 from planner.identification.grid import timing_of
-from planner.identification.residual_patterns import _ringing
+from planner.identification.residual_patterns import _contradictions, _ringing, contacts, stops
+from planner.identification.result import LogFit
 from planner.identification.terms import with_calm_friction, with_terms
 from tests.identification.made import (
     AIBO,
@@ -87,6 +88,78 @@ def test_a_loaded_hobby_servo_is_predicted_and_its_asymmetry_named():
     up, down = (found.model.v_max + way * found.model.v_offset for way in (1.0, -1.0))
     assert abs(np.degrees(up) / 220.0 - 1.0) <= 0.1
     assert 250.0 <= np.degrees(down) <= 360.0  # seldom reached: it still accelerates
+
+
+def seen(angles, predicted, requests=None, *, name="log"):
+    """What a model makes of a log in which every row is used."""
+    times = 0.02 * np.arange(len(angles))
+    log = planner.Log(
+        times=times, requests=angles if requests is None else requests, angles=angles, name=name
+    )
+    used = np.ones(len(angles), dtype=bool)
+    return LogFit(
+        log=log,
+        used=used,
+        predicted=predicted,
+        held_out=~used,
+        held_out_predicted=predicted,
+        weights=used.astype(float),
+        rms=0.01,
+    )
+
+
+WAVE = np.sin(2.0 * np.pi * np.arange(300) / 100)
+
+
+@pytest.mark.parametrize(
+    ("wave", "limit", "rows"),
+    [
+        (WAVE, 0.5, 99),
+        (WAVE[:100], 0.5, 0),  # met once
+        (WAVE, 0.97, 0),  # in less than twenty rows
+        (np.sign(WAVE), 0.5, 0),  # always asked for the same
+        (np.minimum(WAVE, 0.52), 0.5, 0),  # the model hardly goes beyond
+    ],
+    ids=["stop", "once", "brief", "one request", "within the noise"],
+)
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_a_stop_is_met_twice_for_long_by_a_model_that_goes_beyond_it(wave, limit, rows, way):
+    found = stops(seen(way * np.minimum(wave, limit), way * wave, way * wave), 0.005)
+    assert [len(stop.rows) for stop in found] == ([rows] if rows else [])
+    assert [(stop.largest, stop.angle) for stop in found] == [(way > 0.0, way * limit)][
+        : len(found)
+    ]
+
+
+@pytest.mark.parametrize(
+    ("count", "touching", "found"), [(12, 3, 3), (12, 4, 0), (12, 0, 0), (9, 2, 0), (10, 2, 2)]
+)
+def test_contact_is_where_a_joint_rests_beside_its_model_in_a_few_of_many_places(
+    count, touching, found
+):
+    places = np.arange(count)
+    levels, friction = 0.2 * places, 0.001 * (-1.0) ** places
+    pushed = 0.05 * (places % 3 == 1) * (places < 3 * touching)
+    angles, predicted = (np.repeat(each, 50) for each in (levels + friction + pushed, levels))
+    free = seen(predicted[:10], predicted[:10], name="free")
+    contact = contacts([free, seen(angles, predicted)], 0.001)
+    if not found:
+        assert contact == {}
+        return
+    (told,) = contact.values()
+    assert list(contact) == [1]
+    assert told.rows.tolist() == np.flatnonzero(np.repeat(pushed, 50)).tolist()
+    assert (told.places, told.most) == (found, pytest.approx(0.05, abs=0.003))
+
+
+def test_logs_contradict_each_other_from_twice_the_spread_of_their_errors_on():
+    rough = 0.01 * np.where(np.arange(60) % 2, 1.0, -1.0)
+    for apart, said in ((0.019, 0), (0.021, 1)):
+        fits = [seen(rough, 0.0 * rough, name="low"), seen(apart + rough, 0.0 * rough, name="high")]
+        notes = _contradictions(fits)
+        assert len(notes) == said
+        for note in notes:
+            assert note.numbers == {"apart": pytest.approx(apart), "high": "high", "low": "low"}
 
 
 def test_a_joint_like_the_model_shows_nothing():

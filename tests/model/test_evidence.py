@@ -15,11 +15,13 @@ from planner.files.joint_model import models_text
 from planner.model.evidence import (
     ENCODER_STEP,
     Evidence,
+    Expectation,
     Run,
     errors_of_motion,
     expectation,
     refusal,
     under_moving_requests,
+    unproven_gains,
     untested_words,
     with_reasons,
 )
@@ -346,6 +348,19 @@ def test_evidence_that_is_none_is_refused():
 
 
 REFUSED = Evidence(verdict="refused", reason='the joint is "stuck"')
+
+
+def test_models_near_pure_delays_and_motion_beyond_the_tests_are_listed_by_joint():
+    shares = (0.93, 0.8, 0.85, math.nan)
+    known = [*(Evidence(over_delay=share) for share in shares), None]
+    near = "on rows held out the errors of models are near those of pure delays: a (93%), c (85%)"
+    assert unproven_gains("abcde", known) == near
+    assert not unproven_gains("b", known[1:2])
+    ways = (("speed", "load"), (), ("moving requests",))
+    told = [Expectation(0.1, each) for each in ways]
+    beyond = "a (speed, load), c (moving requests: the logs hold steps only)"
+    assert untested_words("abc", told).endswith(f"errors may be larger: {beyond}")
+    assert not untested_words("b", told[1:2])
 
 
 def test_who_reads_or_streams_a_model_that_is_not_to_be_planned_with_is_warned_once(tmp_path):
