@@ -16,7 +16,7 @@ import numpy as np
 
 from planner.cli import settings
 from planner.cli.desired import find_leg
-from planner.cli.replay.files import lerobot_layout, lerobot_rows
+from planner.cli.replay.files import lerobot_episode
 from planner.cli.replay.task import RESENT, UNITS, ReplayTask, known
 from planner.exceptions import PlannerError
 from planner.files.exports.lerobot import Layout, lerobot_dataset
@@ -147,8 +147,7 @@ def replay_episode(task: ReplayTask) -> Episode:
         PlannerError: The recording cannot be read, or there is no plan.
     """
     made = task.run()
-    rows, words = lerobot_rows(task.recording, made)
-    layout = lerobot_layout(task.recording, made)
+    layout, rows, words = lerobot_episode(task.recording, made)
     return Episode(rows=rows, task=words, layout=layout, figures=episode_figures(made))
 
 

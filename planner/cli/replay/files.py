@@ -51,8 +51,9 @@ def write_replay(file: str, recording: Recording, replay: Replay, form: ReplayFo
     """Write the requests of one recording."""
     names, requests = replay.names, replay.requests
     if form == "lerobot":
-        with lerobot_dataset(file, lerobot_layout(recording, replay)) as add:
-            add(*lerobot_rows(recording, replay))
+        layout, rows, task = lerobot_episode(recording, replay)
+        with lerobot_dataset(file, layout) as add:
+            add(rows, task)
     elif form == "csv":
         columns = [column_of(joint) for joint in replay.joints]
         times = np.arange(len(requests)) * replay.period
@@ -68,44 +69,40 @@ def write_replay(file: str, recording: Recording, replay: Replay, form: ReplayFo
         write_rows(file, export, Schedule(names, requests, replay.period))
 
 
-def lerobot_layout(recording: Recording, replay: Replay) -> Layout:
-    """What the rows of a planned dataset hold: those of the dataset that was read."""
-    rate = frame_rate(replay.period)
-    if not recording.dataset:
-        return Layout(features={ACTION: replay.names, STATE: replay.names}, rate=rate)
-    dataset, rows = find_dataset(recording.place.file), read_episode(recording.place)
-    features = {}
-    for key, values in ((ACTION, rows.action), (STATE, rows.state)):
-        names = dataset.written[key]
-        features[key] = names or tuple(str(j) for j in range(values.shape[1]))
-    return Layout(features=features, rate=rate, robot_type=dataset.robot_type)
+def lerobot_episode(recording: Recording, replay: Replay) -> tuple[Layout, dict[str, Array], str]:
+    """The layout of a planned dataset, that of the one that was read; an episode's rows and task.
 
-
-def lerobot_rows(recording: Recording, replay: Replay) -> tuple[dict[str, Array], str]:
-    """The rows of an episode and its task: actions planned, observations re-timed.
+    Actions are planned, observations re-timed.
 
     Raises:
         InvalidInput: The episode does not hold what the dataset's others hold.
     """
+    rate = frame_rate(replay.period)
     if not recording.dataset:
+        layout = Layout(features={ACTION: replay.names, STATE: replay.names}, rate=rate)
         action = [as_written(joint, joint.requests) for joint in replay.joints]
         state = [as_written(joint, joint.recorded_angles) for joint in replay.joints]
-        return {ACTION: np.column_stack(action), STATE: np.column_stack(state)}, TASK
+        return layout, {ACTION: np.column_stack(action), STATE: np.column_stack(state)}, TASK
     dataset, rows = find_dataset(recording.place.file), read_episode(recording.place)
+    given = {ACTION: rows.action, STATE: rows.state}
+    numbers = {key: tuple(map(str, range(each.shape[1]))) for key, each in given.items()}
+    features = {key: dataset.written[key] or numbers[key] for key in given}
+    layout = Layout(features=features, rate=rate, robot_type=dataset.robot_type)
     whole = ~np.isnan(np.column_stack([rows.times, rows.action, rows.state])).any(axis=1)
     times = rows.times[whole]
     moments = replay.moments + times[0]
     values = {
-        key: np.column_stack([np.interp(moments, times, column) for column in given[whole].T])
-        for key, given in ((ACTION, rows.action), (STATE, rows.state))
+        key: np.column_stack([np.interp(moments, times, column) for column in each[whole].T])
+        for key, each in given.items()
     }
-    width = values[ACTION].shape[1]
-    names = dataset.names[ACTION] or tuple(str(j) for j in range(width))
-    if len(names) != width:
-        raise InvalidInput(f"{recording.name}: {width} actions, expected {len(names)}")
+    names = dataset.names[ACTION] or numbers[ACTION]
+    if len(names) != len(numbers[ACTION]):
+        raise InvalidInput(
+            f"{recording.name}: {len(numbers[ACTION])} actions, expected {len(names)}"
+        )
     for joint in replay.planned:
         values[ACTION][:, names.index(joint.name)] = as_written(joint, joint.requests)
-    return values, rows.task or TASK
+    return layout, values, rows.task or TASK
 
 
 def left_out(recording: Recording) -> str:
