@@ -6,8 +6,11 @@ import io
 import json
 import math
 import os
+import re
+import shutil
 import sys
 import tomllib
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -90,19 +93,26 @@ def test_the_same_log_gives_the_same_file(identified, run):
     folder, _ = identified
     again = run("identify", folder / "log.csv")
     assert again.stdout == (folder / "joint.toml").read_text()
-    named = run("identify", folder / "log.csv", "--joint", "all", "--no-hold-out")
+    shutil.copy(folder / "log.csv", "copy.csv")
+    options = ("--joint", "all", "--no-hold-out", "--report", "page.html")
+    named = run("identify", folder / "log.csv", "copy.csv", *options)
     assert "\n[knee]\n" in named.stdout
+    page = Path("page.html").read_text()
+    assert re.findall(r'<a href="[^"]*?(\w+\.csv)"', page) == ["log.csv", "copy.csv"]
 
 
 def test_a_joint_that_says_nothing_is_left_out_of_all_and_ends_with_status_1(run, tmp_path):
-    write_log("both.csv", joints=("hip", "knee"))
+    write_log("both.csv", joints=("hip", "knee", "toe"))
     lines = [line.split(",") for line in (tmp_path / "both.csv").read_text().splitlines()]
-    still = [lines[0], *([*cells[:3], "0.0", "0.0"] for cells in lines[1:])]
+    still = [lines[0], *([*cells[:3], "0.0", "0.0", "0.0", "0.0"] for cells in lines[1:])]
     (tmp_path / "still.csv").write_text("\n".join(",".join(cells) for cells in still))
     result = run("identify", "still.csv", "--joint", "all", "-o", "all.toml", "--no-hold-out")
     assert result.exit_code == 1
     assert "warning: knee is left out: " in result.stderr
-    assert result.stderr.endswith("request-planner: no model of knee; the others are written\n")
+    assert "warning: toe is left out: " in result.stderr
+    assert result.stderr.endswith(
+        "request-planner: no model of knee, toe; the others are written\n"
+    )
     assert list(read_model_file(tmp_path / "all.toml").by_joint) == ["hip"]
     alone = run("identify", "still.csv", "--joint", "knee")
     assert alone.exit_code == 2

@@ -19,7 +19,7 @@ from kinematics import urdf_path
 from planner import JointModel, Log, LogOptions, read_logs, replay, simulate
 from planner.cli import settings
 from planner.cli.replay.dataset import decoded, encoded, replay_episode
-from planner.cli.replay.task import fastest_text, refuted_joints, tasks_of
+from planner.cli.replay.task import fastest_document, fastest_text, refuted_joints, tasks_of
 from planner.files.joint_model import models_text
 from planner.files.logs.recordings import recordings_in
 from planner.files.staging import list_files
@@ -174,11 +174,13 @@ def test_recorded_requests_are_not_praised_where_they_did_not_make_the_path(case
 def test_of_many_recordings_it_is_said_how_many_their_own_requests_repeat_as_well(
     run, dataset, model
 ):
+    (dataset / "meta" / "tasks.jsonl").unlink()
     ask = ("replay", dataset, *UNITS, "--model", model, "--as", "lerobot", "--workers", 1)
     result = run(*ask, "-o", "planned", "--report", "page.html")
     assert result.exit_code == 0, result.stderr
     (line,) = [each for each in result.stderr.splitlines() if RESENT in each]
     assert line.startswith("in 3 of 3 recordings ")
+    assert "cannot be read" not in result.stderr
     assert line[1:] in dataset.with_name("page.html").read_text()
     assert RESENT not in run(*ask, "-o", "fast", "--speed", 1.5).stderr
 
@@ -499,23 +501,6 @@ def test_a_task_is_a_unit_of_work_for_another_process(dataset, model):
     assert first.figures["worst_joint"] in ("shoulder_pan", "elbow_flex")
 
 
-def test_the_fastest_replay_says_what_is_possible_and_what_is_not(run, demo, model):
-    result = run(
-        *("replay", demo, "--model", model, "--fastest", "--tolerance-deg", 2, "--json"),
-        *("-o", "out.csv"),
-    )
-    assert result.exit_code == 0, result.stderr
-    content = json.loads(result.stdout)
-    found = content["fastest"]
-    assert content["joints"]["elbow"]["planned"]["max_deg"] <= 2.0
-    assert 1.0 < found["speed"] < found["impossible"]["speed"]
-    assert found["impossible"]["lower_bound_deg"] > 2.0
-    assert found["impossible"]["of_model_only"], "the file has no v_max_interval"
-    assert set(found["errors_by_speed"][0]) == {
-        *("speed", "direct_max_deg", "shifted_max_deg", "planned_max_deg", "bound_max_deg")
-    }
-
-
 @pytest.mark.parametrize(("known", "said"), [("", 1), ("v_max_interval = [3.9, 4.1]\n", 0)])
 def test_a_limit_by_a_top_speed_that_no_log_shows_is_said_to_be_the_models(
     known, said, run, demo, model
@@ -574,6 +559,18 @@ def test_limits_of_a_joint_in_shares_are_percent_of_its_range(run, demo, model):
     assert jaw.max() <= 0.82 + 1e-9
 
 
+def test_a_gripper_that_is_recorded_alone_is_identified(run, demo):
+    table = np.loadtxt(demo, delimiter=",", skiprows=1)
+    jaw = 0.5 + 0.3 * np.sign(np.sin(4.0 * table[:, 0]))
+    angles = simulate(SERVO.requested_every(0.02006), jaw, cyclic=False)
+    columns = np.column_stack([table[:, 0], jaw, angles])
+    header = "t_s,req_jaw_range,act_jaw_range"
+    np.savetxt(demo, columns, delimiter=",", header=header, comments="", fmt="%.9g")
+    result = run("replay", demo, "--model", "from-log", "-o", "out.csv")
+    assert result.exit_code == 0, result.stderr
+    assert "recorded requests, re-timed" not in result.stderr
+
+
 def test_only_models_of_joints_that_are_planned_are_warned_of(run, demo):
     refused = SERVO.with_evidence(Evidence(verdict="refused", reason="it misses 41% of the motion"))
     models = {"elbow": refused, "jaw": SERVO, "knee": refused}
@@ -607,3 +604,21 @@ def test_all_models_that_a_recording_contradicts_are_named():
     said = fastest_text(found)
     assert "the recording contradicts the models of elbow, wrist: at its own speed" in said
     assert "no requests would keep elbow, wrist within 1.15 degrees" in said
+
+
+def test_a_varying_factor_is_told_from_its_least_to_its_largest():
+    found = SimpleNamespace(
+        contradicted=(),
+        speed=1.2,
+        constant=1.0,
+        retime="varying",
+        foot=False,
+        tolerance=0.02,
+        impossible=None,
+        curve=(),
+        factors=np.array([0.5, 2.0]),
+    )
+    assert "at 1.2 times the speed in all, 0.5 to 2 along it (1 constant)" in fastest_text(found)
+    told = fastest_document(found)
+    assert (told["least_factor"], told["largest_factor"]) == (0.5, 2.0)
+    assert (told["speed"], told["constant_speed"]) == (1.2, 1.0)

@@ -206,22 +206,26 @@ CASES = {
     ],
     "replay-again": "replay demo.csv --model tested.toml -o out.csv --report page.html",
     "replay-mixed": [
-        f"replay demo_2.csv --model from-log --as lerobot -o planned --end-s 0.1 {each}"
+        f"replay --model from-log --as lerobot -o planned --end-s 0.1 {each}"
         for each in (
-            "path.csv foot.csv requests.csv measured.csv measured_from_rest.csv loaded.csv "
-            "stride.csv short_stride.csv played.csv rough.csv --workers 1",
-            "rough.csv --json --report page.html",
-            "rough.csv --resume --workers 1 -q",
-            "demo.csv --model tested.toml --max-step-deg 1 --end-s 0.5",
+            "path.csv demo_2.csv foot.csv requests.csv measured.csv measured_from_rest.csv "
+            "loaded.csv stride.csv short_stride.csv played.csv rough.csv --workers 1",
+            "demo_2.csv rough.csv --json --report page.html",
+            "demo_2.csv rough.csv --resume --workers 1 -q",
+            "demo_2.csv demo.csv --model tested.toml --max-step-deg 1 --end-s 0.5",
         )
+    ],
+    "replay-fastest": [
+        f"replay {each} --model tested.toml --fastest --tolerance-deg 2 -o /dev/null"
+        for each in ("rough.csv --retime varying", "demo.csv --norm max --joint knee --json")
     ],
     "replay-page": "replay demo.csv --model joint.toml --speed 0.5 --report page.html -o out.csv",
     "replay-rough": [
         "replay rough.csv --model from-log -o /dev/null",
         "replay rough.csv --model motor.toml --begin-s 0.9 --joint tail --limits-deg 160:250 "
         "--limits-deg tail=150:225 --tolerance-deg 0.1 --report page.html -o short.csv",
-        "replay rough.csv --model from-log --joint left_hand --end-s 0.4 --tolerance-deg 0.001 "
-        "--json -o /dev/null",
+        "replay rough.csv --model from-log --joint left_hand --joint tail --end-s 0.4 "
+        "--tolerance-deg 0.001 -o /dev/null",
     ],
     "replay-wrong": [
         f"replay demo.csv {each}"

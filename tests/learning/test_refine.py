@@ -436,6 +436,13 @@ def test_a_foot_is_learnt_with_all_joints_at_once(monkeypatch: pytest.MonkeyPatc
     assert errors[0] > 1.1 * best.rms
     assert errors[-1] < 1.05 * best.rms
     assert plan.learning.errors.min() == pytest.approx(min(errors))
+    estimated, since = refining._estimated, []
+    monkeypatch.setattr(
+        refining, "_estimated", lambda *given: since.append(given[2]) or estimated(*given)
+    )
+    known = replace(plan, learning=(replace(plan.learning, reidentified=(0, 2, 1)),))
+    planner.refine(known, angles, reidentify=False)
+    assert since == [2]  # the trial after which the last of the joints' models was changed
 
 
 @pytest.mark.parametrize(
@@ -736,3 +743,7 @@ def test_the_remaining_error_of_a_joint_is_told_beside_its_bound_and_its_noise()
     bound = planner.lower_bound(KNOWN, plan.desired)
     assert after.learning.floor == pytest.approx((bound, 0.0), abs=1e-4)
     assert f"remaining error {plan.rms:.5f} rad: {bound:.5f} rad from speed" in after.stopped
+    missed = planner.refine(plan, 0.95 * plan.predicted, reidentify=False, sensor_delay=0.0)
+    bound = planner.lower_bound(KNOWN, plan.desired - missed.disturbance)
+    assert missed.learning.floor[0] == pytest.approx(bound, rel=1e-6)
+    assert missed.learning.floor[0] > 1.05 * after.learning.floor[0]

@@ -11,7 +11,7 @@ import pytest
 import planner
 from planner.learning import sensor_delay
 from planner.learning.disturbance import latency
-from planner.learning.sensor_delay import delays_to_remove, later, pure_delay
+from planner.learning.sensor_delay import delays_to_remove, earlier, later, pure_delay
 from planner.planning.trials import SensorDelay
 
 PERIOD = 0.02
@@ -56,3 +56,11 @@ def test_rows_that_are_later_are_those_of_the_moments_before(samples):
     before = time - samples * PERIOD
     expected = np.column_stack([motion(before), motion(before + 1.0)])
     np.testing.assert_allclose(moved, expected, rtol=0.0, atol=1e-3)  # straight lines in between
+
+
+def test_the_delay_of_one_of_several_joints_is_taken_off_its_angles_alone():
+    time = PERIOD * np.arange(200)
+    measured = np.stack([np.column_stack([motion(time), motion(time + 1.0)])] * 2)
+    moved = earlier(measured, [2 * PERIOD, 0.0], SimpleNamespace(period=PERIOD, cyclic=True))
+    expected = np.column_stack([motion(time + 2 * PERIOD), measured[0, :, 1]])
+    np.testing.assert_allclose(moved, np.stack([expected] * 2), rtol=0.0, atol=1e-12)

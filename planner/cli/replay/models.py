@@ -79,7 +79,7 @@ def _of_file(
     """The models of a file, and which of those that are used are not to be planned with."""
     common = {} if file.common is None else {"": file.common}
     models = {**common, **file.by_joint}
-    recorded = _recorded_joints(recordings)
+    recorded = [log.joint for log in first_logs(recordings)]
     used = replay.joints or [name for name in recorded if not is_gripper(name)] or recorded
     of_joints = {name: models.get(name, file.common) for name in used}
     words = refusal({name: each.evidence for name, each in of_joints.items() if each})
@@ -88,11 +88,11 @@ def _of_file(
     )
 
 
-def _recorded_joints(recordings: Sequence[Recording]) -> list[str]:
-    """The joints of the first recording that can be read."""
+def first_logs(recordings: Sequence[Recording]) -> Sequence[Log]:
+    """The logs of the first recording that can be read."""
     for recording in recordings:
         with suppress(PlannerError):  # reported when it is planned
-            return [log.joint for log in recording.read()]
+            return recording.read()
     return []
 
 

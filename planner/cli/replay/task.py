@@ -15,7 +15,7 @@ from planner.cli.desired import find_leg, load_leg
 from planner.cli.faults import BadSetting, Key
 from planner.cli.loads import with_load
 from planner.cli.planning import options_of
-from planner.cli.replay.models import JointModels, joint_models
+from planner.cli.replay.models import JointModels, first_logs, joint_models
 from planner.files.logs.lerobot import find_dataset
 from planner.files.logs.recordings import Recording
 from planner.identification.grid import measured_speed
@@ -471,9 +471,8 @@ def _rate(recordings: Sequence[Recording]) -> float | None:
     """Requests per second that a dataset says, or else that the first of several recordings has."""
     if recordings[0].dataset:
         return find_dataset(recordings[0].place.file).rate
-    if len(recordings) == 1:
-        return None
-    return 1.0 / float(np.median([log.period for log in recordings[0].read()]))
+    logs = first_logs(recordings) if len(recordings) > 1 else ()
+    return 1.0 / float(np.median([log.period for log in logs])) if logs else None
 
 
 def _limits(limits: settings.Limits, logs: Sequence[Log]) -> dict[str, tuple[float, float]] | None:

@@ -120,7 +120,7 @@ def test_episodes_follow_one_another(tmp_path, parquet, monkeypatch):
     layout = Layout(features={"action": ("a", "b"), "observation.state": ("a", "b")}, rate=30)
     with lerobot_dataset(tmp_path / "out", layout) as add:
         for number, action in enumerate(actions):
-            add({"action": action, "observation.state": -action}, "up" if number else "down")
+            add({"action": action, "observation.state": -action}, "up" if number > 1 else "down")
     read = read_lerobot(tmp_path / "out", LogOptions(joint="a", unit="rad"))
     for log, action in zip(read, actions, strict=True):
         assert log.requests == pytest.approx(action[:, 0], abs=1e-6)
@@ -132,7 +132,7 @@ def test_episodes_follow_one_another(tmp_path, parquet, monkeypatch):
     times = [row["timestamp"] for row in data]
     assert times == pytest.approx([row["frame_index"] / 30 for row in data], abs=SINGLE)
     assert [row["episode_index"] for row in data] == [0] * 4 + [1] * 5 + [2] * 3
-    assert [row["task_index"] for row in data] == [0] * 4 + [1] * 8
+    assert [row["task_index"] for row in data] == [0] * 9 + [1] * 3
     rows = parquet.read_table(tmp_path / "out" / "meta/episodes/chunk-000/file-000.parquet")
     about = rows.to_pylist()
     assert [each["dataset_from_index"] for each in about] == [0, 4, 9]
@@ -140,7 +140,7 @@ def test_episodes_follow_one_another(tmp_path, parquet, monkeypatch):
     assert [each["data/file_index"] for each in about] == [0, 0, 0]
     assert [each["length"] for each in about] == [4, 5, 3]
     assert [each["episode_index"] for each in about] == [0, 1, 2]
-    assert [each["tasks"] for each in about] == [["down"], ["up"], ["up"]]
+    assert [each["tasks"] for each in about] == [["down"], ["down"], ["up"]]
     assert [each["dataset_to_index"] for each in about] == [4, 9, 12]
     stats = json.loads((tmp_path / "out" / "meta" / "stats.json").read_text())["action"]
     every = np.vstack(actions).astype(np.float32)
