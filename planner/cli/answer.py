@@ -128,19 +128,14 @@ def summary(prepared: Prepared, plan: Plan) -> str:
         rows.append(
             [_label(desired, j), *(f"{error:.3f}" for error in errors.values()), *robot, *bounded]
         )
-    robot = ["on the robot"] * known
+    robot, formats = ["on the robot"] * known, (".2f", ".1f", ".1f", ".1f", ".2f")
     text += text_table(["joint", "rms [deg]", "max [deg]", *robot, "lower bound", "gap"], rows)
-    text += "\n\n" + text_table(
-        [
-            "requests",
-            "largest step [deg]",
-            "reversals/s",
-            "length [deg]",
-            "desired",
-            "outside desired [deg]",
-        ],
-        [_motion_cells(*each) for each in zip(desired.names, plan.motions, strict=True)],
-    )
+    titles = ["requests", "largest step [deg]", "reversals/s", "length [deg]", "desired"]
+    cells = [
+        [name, *map(format, _motion(motion, "deg").values(), formats)]
+        for name, motion in zip(desired.names, plan.motions, strict=True)
+    ]
+    text += "\n\n" + text_table([*titles, "outside desired [deg]"], cells)
     if over_models := _over_models_table(desired, plan):
         text += f"\n\n{over_models}"
     if desired.legs:
@@ -284,17 +279,6 @@ def _motion(motion: RequestMotion, unit: str) -> dict[str, float]:
         f"desired_path_length_{unit}": math.degrees(motion.desired_length),
         f"beyond_desired_{unit}": math.degrees(motion.beyond),
     }
-
-
-def _motion_cells(name: str, motion: RequestMotion) -> list[str]:
-    """The same for people."""
-    step, length, desired, beyond = np.degrees(
-        [motion.largest_step, motion.path_length, motion.desired_length, motion.beyond]
-    )
-    return [
-        *(name, f"{step:.2f}", f"{motion.reversals_per_s:.1f}", f"{length:.1f}", f"{desired:.1f}"),
-        f"{beyond:.2f}",
-    ]
 
 
 def _errors(errors: Array, unit: str) -> dict[str, float]:

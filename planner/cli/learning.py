@@ -80,12 +80,8 @@ class Refined:
     @property
     def not_measured(self) -> tuple[str, ...]:
         """The joints that were not measured: their requests are the executed ones."""
-        return tuple(name for name in self.names if name not in self.measured.names)
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """All joints."""
-        return self.prepared.desired.names
+        names = self.prepared.desired.names
+        return tuple(name for name in names if name not in self.measured.names)
 
     @property
     def about_not_measured(self) -> str:
@@ -420,7 +416,7 @@ def learning_report(
     """The page about what was learnt, as HTML."""
     prepared = answer.prepared
     desired, run = prepared.desired, prepared.settings
-    columns = [answer.names.index(name) for name in answer.measured.names]
+    columns = [desired.names.index(name) for name in answer.measured.names]
     plans = list(answer.learnt.values())
     return learning_page(
         plans[0] if len(plans) == 1 else joined(plans),

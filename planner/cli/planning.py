@@ -114,7 +114,15 @@ def check_settings(run: settings.Run, desired: Desired) -> None:
             raise BadSetting(
                 method, " plans for a foot path: it needs columns x_m, y_m, z_m and a leg"
             )
-    _check_intervals(run, desired)
+    pairs = zip(desired.names, desired.models, strict=True)
+    without = [name for name, model in pairs if not has_intervals(model)]
+    if given.robust is not None and without:
+        raise BadSetting(
+            Key("plan.robust", given.robust),
+            f" draws models from intervals, and the model of {', '.join(without)} has none "
+            f"({model_words(run.model)}); identify the joint, which writes them, or add to its "
+            "model file what you know, such as v_max_interval = [5.2, 5.7] beside v_max",
+        )
     degrees, centimetres = Key("tolerance.deg"), Key("tolerance.cm")
     of_foot = given.method == "foot-optimal" and desired.foot is not None
     if run.tolerance.deg is not None and of_foot:
@@ -123,24 +131,6 @@ def check_settings(run: settings.Run, desired: Desired) -> None:
         )
     if run.tolerance.cm is not None and desired.foot is None:
         raise BadSetting(centimetres, " is for a foot path: use ", degrees)
-
-
-def _check_intervals(run: settings.Run, desired: Desired) -> None:
-    """Refuse to plan for models that no interval tells.
-
-    Raises:
-        BadSetting: A joint's model has no intervals.
-    """
-    if run.plan.robust is None:
-        return
-    pairs = zip(desired.names, desired.models, strict=True)
-    if without := [name for name, model in pairs if not has_intervals(model)]:
-        raise BadSetting(
-            Key("plan.robust", run.plan.robust),
-            f" draws models from intervals, and the model of {', '.join(without)} has none "
-            f"({model_words(run.model)}); identify the joint, which writes them, or add to its "
-            "model file what you know, such as v_max_interval = [5.2, 5.7] beside v_max",
-        )
 
 
 def plan_of(

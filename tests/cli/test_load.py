@@ -249,12 +249,6 @@ def test_the_scene_of_a_run_moves_under_its_load(run, folder, monkeypatch):
     assert not any("load" in head for head in heads.values())
 
 
-def test_a_model_that_was_not_tested_tells_no_error(run):
-    assert "on the robot" not in run("plan", "path.csv", "--model", "soft.toml", "-o", "-").stderr
-    joint = json.loads(run("plan", "path.csv", "--model", "soft.toml", "--json").stdout)["joints"]
-    assert joint["pendulum"]["expected_rms_deg"] is None
-
-
 @pytest.fixture
 def swing(folder):
     """A recording of the pendulum, whose joint has another name than in the URDF."""

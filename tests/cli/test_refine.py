@@ -139,7 +139,6 @@ def test_the_next_requests_keep_the_largest_step_and_are_smoothed_as_planned(
     [
         ((), 50, "got 50 rows, expected 88 a cycle"),
         ((), 100, "got 100 rows, 12 more than 1 cycles of 88"),
-        (("--cycles", 3), None, "got 2 of 88 rows, expected 3 cycles"),
         (("--history", "notes.json"), None, "not JSON"),
         (("--joint", "ankle"), None, "no column ankle_deg"),
     ],
