@@ -209,12 +209,14 @@ def test_the_folder_holds_what_the_plans_are_and_can_be_written_again(run, desir
 
 
 def test_a_page_of_a_comparison_links_to_the_files_beside_it(run, brief, tmp_path):
-    asked = ("compare", brief, "--joint", "hip", "--segments", "4", "--report", "page.html")
-    result = run(*asked, "--out", "found", "--figure", "plans.png")
+    asked = ("compare", brief, "--joint", "hip", "--segments", "4", "--level", "slope")
+    page = ("--report", "page.html")
+    result = run(*asked, *page, "--out", "found", "--figure", "plans.png")
     assert result.exit_code == 0, result.stderr
     page = (tmp_path / "page.html").read_text()
     for file in ("plans.png", *(f"found/{each.name}" for each in (tmp_path / "found").iterdir())):
         assert f'href="{file}"' in page
+    assert "<dt>bounds up to</dt><dd>slope</dd>" in page
 
 
 def test_a_folder_at_which_another_command_is_at_work_is_refused_before_anything_is_compared(

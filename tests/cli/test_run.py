@@ -104,7 +104,8 @@ def test_places_are_relative_to_the_file(run, write, desired, tmp_path, monkeypa
     )
     shutil.copy(tmp_path / model, tmp_path / "runs" / "knee.toml")
     content = 'out = "results"\n[path]\nfile = "own.csv"\n[model]\nfile = "a.toml"\n'
-    file = write(f'{content}[model.joints.knee]\nfile = "knee.toml"\n', "runs/it.toml")
+    content += '[model.joints.knee]\nfile = "knee.toml"\n[output]\nreport = "page.html"\n'
+    file = write(content, "runs/it.toml")
     desired.rename(tmp_path / "runs" / "own.csv")
     elsewhere = tmp_path / "elsewhere"
     elsewhere.mkdir()
@@ -113,6 +114,8 @@ def test_places_are_relative_to_the_file(run, write, desired, tmp_path, monkeypa
     assert result.exit_code == 0, result.stderr
     assert (tmp_path / "runs" / "results" / "results.json").is_file()
     assert list(elsewhere.iterdir()) == []
+    page = (tmp_path / "runs" / "results" / "page.html").read_text("utf-8")
+    assert all(f'href="../{name}"' in page for name in ("own.csv", "a.toml"))
 
 
 @pytest.mark.usefixtures("desired")

@@ -381,6 +381,9 @@ def test_outcomes_depend_on_the_content_of_all_files(tmp_path):
             file.write("\n")
         seen.append(identity(read_sweep(str(tmp_path / "s.toml"))))
     assert all(one != other for one, other in itertools.pairwise(seen))
+    with (tmp_path / "s.toml").open("a") as file:
+        file.write("[sweep]\nat_error_cm = 1\n")
+    assert identity(read_sweep(str(tmp_path / "s.toml"))) == seen[-1]
 
 
 def test_the_first_ten_reasons_are_printed_with_the_number_of_their_points():

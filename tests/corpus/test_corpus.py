@@ -60,6 +60,7 @@ CASES = {
         "plan stride.csv --leg front-left",
         "plan loaded.csv --load column",
         "plan requests.csv --leg reference --tolerance-cm 1",
+        "plan requests.csv --leg reference --joint knee --model soft.toml --load urdf",
         "refine measured.csv measured.csv --desired path.csv",
         "refine played.csv played.csv --desired path.csv --joint hip",
         "plan loaded.csv --joint hip --model motor.toml --load urdf",
@@ -124,9 +125,9 @@ CASES = {
     "plan-feet": [
         "gait --pattern trot --samples 24 -o trot.csv",
         f"plan trot.csv {FRONT_LEFT} --method foot-optimal --limits-deg front_left_knee=10:112 "
-        "--max-step-deg 30 -o out.csv",
+        "--max-step-deg 30 --tolerance-deg 9 -o out.csv",
         f"plan trot.csv {FRONT_LEFT} --joint front_right_knee --no-cyclic --start-deg 20 "
-        "--start-deg front_left_knee=60 --json",
+        "--start-deg front_left_knee=60 --model soft.toml --json",
     ],
     "plan-foot": f"plan stride.csv {CLAMPED} --method foot-optimal --norm rms --json",
     "plan-foot-load": f"plan short_stride.csv {NEAREST} --method foot-optimal --model soft.toml "
@@ -149,12 +150,12 @@ CASES = {
         "plan shares.csv --model shares.toml --load column --rate-hz 40 --method shift",
         "plan path.csv --speed 2.5 -o out.csv -q",
         "plan path.csv --rate-hz 62.5 -o out.csv -q",
-        f"plan short_stride.csv {CLAMPED} --speed 6 --method shift -o out.csv -q",
+        f"plan short_stride.csv {CLAMPED} --speed 6 --method shift --no-cyclic -o out.csv -q",
         "compare shares.csv --model shares.toml",
         "export r.csv --format csv",
     ],
-    "plan-robust": "plan path.csv --speed 0.5 --model uncertain.toml --robust mean --report "
-    "page.html",
+    "plan-robust": "plan path.csv --speed 0.5 --model uncertain.toml --robust mean --smoothness 0 "
+    "--cyclic --report page.html",
     "refine": "refine path.csv measured.csv --desired path.csv --model joint.toml --method shift "
     "--no-reidentify --sensor-delay-ms 0 -o out.csv",
     "refine-json": "refine path.csv measured.csv --desired path.csv --model joint.toml "
@@ -267,7 +268,7 @@ CASES = {
     "simulate-rest": "simulate path.csv --no-cyclic --start-deg knee=3 --joint knee -o out.csv",
     "sweep-best": "sweep best.toml --workers 1",
     "sweep-gaits": "sweep gaits.toml --workers 1",
-    "sweep-point": "sweep gaits.toml --at length=0.02 --at period_s=0.24 --out point --json",
+    "sweep-point": "sweep gaits.toml --at period_s=0.24 --at length=0.02 --out point --json",
     "sweep-speeds": "sweep speeds.toml --workers 1 --json --out made",
     "view-joints": "view path.csv --leg reference",
     "view-page": f"view stride.csv {CLAMPED} --method optimal --html page.html",
