@@ -79,11 +79,15 @@ def fit(
     *,
     run: Run,
     desired: str,
+    max_error: float | None,
+    max_rms: float | None,
+    knot_s: tuple[float, ...],
+    required_s: tuple[tuple[float, float | None], ...],
+    exact: bool,
     knots_file: str | None,
     figure: str | None,
     output: str,
     as_json: bool,
-    **given: Any,
 ) -> None:
     """Approximate DESIRED, a CSV of <joint>_deg or <joint>_rad columns, by lines within ±v_max.
 
@@ -107,15 +111,22 @@ def fit(
     path = load_joints(desired, run)
     options.warn_of(path.remarks)
     check_angles(path.names, path.units)
-    cyclic = path.cyclic
     if knots_file is not None and len(path.names) > 1:
         raise click.UsageError(
             f"--knots writes one joint, got {', '.join(path.names)}; choose one with --joint."
         )
-    question = _asked({**given, "cyclic": cyclic, "segments": run.plan.segments}, path.period)
+    question = {
+        "cyclic": path.cyclic,
+        "segments": run.plan.segments,
+        "max_error": None if max_error is None else math.radians(max_error),
+        "max_rms": None if max_rms is None else math.radians(max_rms),
+        "knots": [_samples(time, path.period) for time in knot_s] or None,
+        "required": {_samples(time, path.period): angle for time, angle in required_s},
+        "exact": exact,
+    }
     fits = _fits(path, question)
     document = {
-        "cyclic": cyclic,
+        "cyclic": path.cyclic,
         "period_s": path.period,
         "joints": {name: _document(curve) for name, curve in fits.items()},
     }
@@ -138,27 +149,6 @@ def fit(
         output=output,
         as_json=as_json,
     )
-
-
-def _asked(options: dict[str, Any], period: float) -> dict[str, Any]:
-    """The options as keywords of :func:`planner.fit_pwl`.
-
-    Args:
-        options: What click read.
-        period: Time between samples [s].
-    """
-    given: dict[str, Any] = {
-        "cyclic": options["cyclic"],
-        "segments": options["segments"],
-        "required": {_samples(time, period): angle for time, angle in options["required_s"]},
-        "exact": options["exact"],
-    }
-    for name in ("max_error", "max_rms"):
-        if options[name] is not None:
-            given[name] = math.radians(options[name])
-    if options["knot_s"]:
-        given["knots"] = [_samples(time, period) for time in options["knot_s"]]
-    return given
 
 
 def _samples(time: float, period: float) -> float:
