@@ -58,7 +58,7 @@ def summarise(text: str) -> None:
 
 def complain(message: str) -> None:
     """Say in one line on standard error why there is no answer, or none to be trusted."""
-    _print_notice(printable(" ".join(message.split())), fg="red", bold=True)
+    _print_notice(message, fg="red", bold=True)
 
 
 def warn(message: str) -> None:
@@ -75,7 +75,7 @@ def remark(message: str) -> None:
 def _print_notice(message: str, label: str = "", **style: Any) -> None:
     """A message in one line, which a terminal shows in lines that break between words."""
     opening = f"request-planner: {label}".strip()
-    text = f"{opening} {message}"
+    text = f"{opening} {printable(' '.join(message.split()))}"
     if sys.stderr is not None and sys.stderr.isatty():
         text = textwrap.fill(
             text,

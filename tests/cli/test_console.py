@@ -260,13 +260,13 @@ def test_the_first_line_of_a_summary_and_the_label_of_a_notice_stand_out(monkeyp
     monkeypatch.setenv("FORCE_COLOR", "1")
     monkeypatch.delenv("NO_COLOR", raising=False)
     summarise("first\nsecond\nthird")
-    warn("a warning: of warning:")
-    remark("a remark")
+    warn("a warning:\nof warning: \x1b")
+    remark("a remark\n\x1b")
     complain("an\n  error \x1b")
     assert capsys.readouterr().err == (
         "\x1b[1mfirst\x1b[0m\nsecond\nthird\n"
-        "request-planner: \x1b[33mwarning:\x1b[0m a warning: of warning:\n"
-        "request-planner: a remark\n"
+        "request-planner: \x1b[33mwarning:\x1b[0m a warning: of warning: \\x1b\n"
+        "request-planner: a remark \\x1b\n"
         "\x1b[31m\x1b[1mrequest-planner:\x1b[0m an error \\x1b\n"
     )
     with click.Context(click.Command("plan")) as context:
