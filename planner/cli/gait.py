@@ -84,14 +84,15 @@ def gait(
         raise click.UsageError("--fastest and --tolerance-cm go together: give both, or neither.")
     walk = run.path.half_ellipse or HalfEllipse()
     samples = walk.samples
+    place = find_leg(run.leg)
     if pattern is not None:
-        if run.leg.name or run.leg.urdf or fastest:
+        if place is not None or fastest:
             raise click.UsageError(
                 "--pattern moves the four legs of --model: leave out --leg and --fastest."
             )
         _whole_robot(run, walk, pattern, period, output, as_json=as_json)
         return
-    leg = load_leg(find_leg(run.leg))
+    leg = load_leg(place)
     if fastest and leg is None:
         raise click.UsageError("--fastest needs a leg: name it with --leg.")
     document: dict[str, Any] = {"period_s": period}

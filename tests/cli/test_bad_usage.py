@@ -136,6 +136,7 @@ BAD = {
     "the fastest of no tolerance": "gait --leg front-left --fastest",
     "a tolerance of no search": "gait --leg front-left --tolerance-cm 1",
     "the fastest without a leg": "gait --fastest --tolerance-cm 1",
+    "a pose of four legs": "gait --pattern trot --near front_left_knee=60",
     "the fastest of four legs": "gait --pattern trot --fastest --tolerance-cm 1",
     "a view of requests by a method": "view foot.csv --leg front-left --requests r "
     "--method optimal",
