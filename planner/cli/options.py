@@ -57,15 +57,13 @@ as_json = click.option("--json", "as_json", is_flag=True, help="Print JSON for m
 REPLAY = "replay."
 """Before the settings that only `replay` has."""
 
-KEYS = {
+SETTINGS = {
     ".".join(part for part in (*table.place, name) if part != ANY): key
-    for table in tables(Run)
+    for table in (*tables(Run), *tables(Replay, ("replay",)))
     for name, key in table.keys.items()
-} | {f"{REPLAY}{name}": key for name, key in Replay.keys.items()}
-"""Every setting by its key in a run file."""
-
-SETTINGS = {key: each for key, each in KEYS.items() if each.about.option}
-"""The settings that are options."""
+    if key.about.option
+}
+"""The settings that are options, by their keys in a run file."""
 
 BY_JOINT = {
     f"{key.rpartition('.')[0]}.{each.about.by_joint}": key
