@@ -114,12 +114,6 @@ def test_a_gait_goes_where_its_heading_points(run, robot):
     np.testing.assert_allclose(document["x_m"], backward, atol=WRITTEN)
 
 
-def test_a_gait_without_a_leg_is_the_papers(run):
-    document = json.loads(run("gait", "--json").stdout)
-    assert "stride" not in document
-    assert max(document["x_m"]) == pytest.approx(0.049 + 0.04893)
-
-
 def test_a_joint_is_held_where_the_option_says(run, robot, tmp_path):
     hold = ("--lock", "front_left_rotator=20", "--unreachable", "nearest")
     run("gait", "--leg", robot, *FRONT, "--half-stroke", 0.005, "--height", 0.005, "-o", "foot.csv")
@@ -144,15 +138,6 @@ def test_speeds_come_from_the_urdf(run, robot, foot):
     result = run("plan", foot, "--leg", robot, *FRONT, "--model", "urdf")
     assert result.exit_code == 2
     assert "the URDF has no usable top speed of joint 'front_left_rotator'" in result.stderr
-
-
-def test_the_report_of_a_joint_path_has_no_foot(run, desired, tmp_path):
-    result = run("plan", desired, "--report", "plan.html", "-o", "requests.csv")
-    assert result.exit_code == 0, result.stderr
-    page = (tmp_path / "plan.html").read_text()
-    assert "By the model the joints stay within" in page
-    assert "The foot from the side" not in page
-    assert "lower bound" in page
 
 
 def test_a_sliding_joint_is_locked_in_metres(run, tmp_path):

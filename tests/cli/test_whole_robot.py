@@ -100,30 +100,6 @@ def test_a_gait_is_planned_for_the_feet_and_played_from_one_file(run, robot, tmp
     assert read_joint_path(tmp_path / "next.csv").names == desired.names
 
 
-def test_the_page_of_a_robot_has_its_feet(run, robot, tmp_path):
-    run("gait", "--pattern", "pace", "--samples", "40", "--model", robot, "-o", "pace.csv")
-    chosen = (
-        "--rate-hz",
-        "50",
-        "--smoothness",
-        "0",
-        "--model",
-        robot,
-        "-o",
-        "requests.csv",
-        "--report",
-        "page.html",
-    )
-    result = run("plan", "pace.csv", *chosen)
-    assert result.exit_code == 0, result.stderr
-    assert "best shift [cm]" in result.output
-    page = (tmp_path / "page.html").read_text()
-    assert "The feet" in page
-    assert "the feet stay within" in page
-    assert all(f">{name}<" in page for name in LEGS)
-    assert "−27.0 to 147.0" in page, "the leg's limits within the wider ones of its servos"
-
-
 def test_the_ers210a_needs_no_file(run):
     result = run("gait", "--pattern", "walk", "--samples", "40", "-o", "walk.csv", "--json")
     assert result.exit_code == 0, result.stderr
