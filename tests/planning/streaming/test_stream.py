@@ -6,6 +6,7 @@ import copy
 import math
 import pickle
 import tracemalloc
+from contextlib import nullcontext
 from dataclasses import replace
 
 import numpy as np
@@ -77,6 +78,14 @@ def test_a_path_in_degrees_is_held_and_said_and_a_joint_that_winds_is_planned():
     assert np.max(np.abs(stream.angles)) < 4.0 * np.pi
     with pytest.raises(planner.InvalidInput, match=r"desired: joint_1 got 45 rad, 7\.2 turns"):
         planner.Stream(joint, preview=PREVIEW, on_bad="raise").step(np.full(PREVIEW, 45.0))
+    stream = planner.Stream({"hip": joint, "knee": joint}, preview=PREVIEW)
+    stream.step(np.tile([0.1, 0.2], (PREVIEW, 1)))
+    stream.step(np.tile([0.1, 45.0], (PREVIEW, 1)), "here")
+    assert stream.status == ("planned", "held")
+    assert stream.problem.startswith("measured: got 'here'")  # what is wrong first
+    stream.step(np.tile([0.1, 45.0], (PREVIEW, 1)))
+    assert "knee got 45 rad, 7.2 turns" in stream.problem
+    assert "where it is at 0.2 rad; if these are degrees" in stream.problem
     winding = 0.04 * np.arange(600)[:, np.newaxis]
     stream = planner.Stream(joint, preview=PREVIEW)
     assert [(stream.step(rows), stream.problem)[1] for rows in stretches(winding)] == 600 * [""]
@@ -363,6 +372,8 @@ def test_the_first_request_holds_the_joints_where_they_are():
         ({"max_step": [0.1, 0.1]}, "max_step: got"),
         ({"cycle": 1}, "cycle: got 1, expected the number of rows after which the path repeats"),
         ({"cycle": 0.7}, r"cycle: got 0\.7"),
+        ({"preview": 1001}, "preview: got 1001, expected a number of rows from 1 to 1000"),
+        ({"cycle": 1001}, "cycle: got 1001, expected .*, from 2 to 1000, or None"),
         ({"on_bad": "warn"}, "on_bad: got 'warn', expected 'hold' or 'raise'"),
     ],
 )
@@ -370,6 +381,13 @@ def test_a_stream_that_cannot_be_is_refused_where_it_is_made(arguments, message)
     good = {"models": planner.JointModel.ers210a(), "preview": 10}
     with pytest.raises(planner.InvalidInput, match=message):
         planner.Stream(**{**good, **arguments})
+
+
+@pytest.mark.parametrize(("preview", "cycle"), [(1, 2), (1000, 1000)])
+def test_previews_and_cycles_are_taken_from_the_shortest_to_the_longest(preview, cycle):
+    stream = planner.Stream(planner.JointModel.ers210a(), preview=preview, cycle=cycle)
+    assert (stream.preview, stream.cycle) == (preview, cycle)
+    assert stream.step(np.full((preview, 1), 0.3))[0] == 0.3
 
 
 def test_joints_with_different_periods_are_refused():
@@ -535,6 +553,11 @@ def test_a_load_at_every_step_is_planned_for():
         assert np.array_equal(sent, two.step(rows, load=[0.3, 0.3]))
         assert np.array_equal(sent, three.step(rows, load=np.full((PREVIEW, 2), 0.3)))
     assert one.status == two.status == ("planned", "planned")
+    both = planner.Stream([planner.JointModel.ers210a(), model], preview=PREVIEW)
+    alone = planner.Stream(model, preview=PREVIEW)
+    for k in range(20):  # a joint beside it that feels no load
+        rows = np.repeat(path[k : k + PREVIEW], 2, axis=1)
+        assert both.step(rows, load=0.3)[1] == alone.step(rows[:, 1:], load=0.3)[0]
     last = stream.step(path[:PREVIEW], load=0.5)
     assert stream.status == ("planned",)
     for load in (1e6, math.nan, math.inf, "heavy"):
@@ -697,7 +720,9 @@ def test_a_joint_that_was_moved_counts_at_its_second_reading():
 @pytest.mark.parametrize(
     "copied", [copy.copy, copy.deepcopy, lambda stream: pickle.loads(pickle.dumps(stream))]
 )
-@pytest.mark.parametrize("options", [{}, {"cycle": 50, "max_step": 0.1, "limits": (-1.0, 1.0)}])
+@pytest.mark.parametrize(
+    "options", [{"on_bad": "raise"}, {"cycle": 50, "max_step": 0.1, "limits": (-1.0, 1.0)}]
+)
 def test_a_copy_of_a_stream_goes_on_alike_and_on_its_own(copied, options):
     joint, path = planner.JointModel.ers210a(), smooth_path(140)
     stream = planner.Stream({"knee": joint}, preview=PREVIEW, **options)
@@ -708,6 +733,9 @@ def test_a_copy_of_a_stream_goes_on_alike_and_on_its_own(copied, options):
     assert again.names == ("knee",)
     told = [again.step(each) for each in rows[80:]]
     np.testing.assert_array_equal(told, [stream.step(each) for each in rows[80:]])
+    for each in (stream, again):
+        with pytest.raises(planner.InvalidInput) if "on_bad" in options else nullcontext():
+            each.step(np.full((PREVIEW, 1), np.nan))
 
 
 @pytest.mark.parametrize("copied", [copy.copy, lambda stream: pickle.loads(pickle.dumps(stream))])
