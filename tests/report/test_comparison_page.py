@@ -70,8 +70,13 @@ def test_the_verdict_comes_first_and_tells_agreement_gaps_and_difference(check, 
         turned = replace(check, joints=check.joints[::order])
         assert above_bound(turned, "optimal") == f"{min(gaps):.2f} – {max(gaps):.2f} %"
     assert f"{min(gaps):.2f} – {max(gaps):.2f} %" in tail
-    largest = max(np.degrees(np.abs(joint.difference(SHOWN)).max()) for joint in check.joints)
-    assert f"up to {largest:.3g} degrees" in tail
+    apart = [np.degrees(joint.difference(SHOWN)) for joint in check.joints]
+    assert {bool(each.max() > -each.min()) for each in apart} == {True, False}
+    for joints, largest in (
+        (check.joints, max(np.abs(each).max() for each in apart)),
+        *(((joint,), np.abs(each).max()) for joint, each in zip(check.joints, apart, strict=True)),
+    ):
+        assert f"up to {largest:.3g} degrees" in verdict(replace(check, joints=joints))[1]
     assert page.index(head) < page.index("<table>")
     figures = {each.figure for each in key_figures(check)}
     assert f"{len(check.checks)} of {len(check.checks)}" in figures
@@ -89,6 +94,18 @@ def test_what_does_not_hold_is_said_first(failed):
     assert 'class="verdict no"' in page
     assert "holds &lt;always&gt;" in page
     assert re.search(r'<tr class="broken">.*holds &lt;always&gt;.*<td>NO</td>', page)
+
+
+def test_the_plan_that_is_closest_to_breaking_a_claim_stands_for_it():
+    far = Check("hip", "a", "holds", 1.0, 2.0, "rad", "")
+    near = Check("knee", "b", "holds", 0.9, 0.95, "rad", "")
+    (row,) = checks_table([far, near, far]).rows
+    assert row.cells == ("9.0e-01", "9.5e-01 rad", "yes", "knee, b")
+    broken = [replace(each, tolerance=0.5) for each in (far, near)]
+    assert [row.cells[2:] for row in checks_table(broken).rows] == [
+        ("NO", "hip, a"),
+        ("NO", "knee, b"),
+    ]
 
 
 def test_requests_of_the_closed_form_beyond_the_limits_are_remarked(check):
