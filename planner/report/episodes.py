@@ -76,7 +76,7 @@ def episodes_page(
     figures = [errors_figure(rows, unit) for unit in units]
     if len(figures) > 1:
         sections.insert(0, figures_section("", figures[1:]))
-    worst = _worst(rows)
+    worst = max(rows, key=lambda row: float(row["planned_rms"]))
     median = {kind: float(np.median([row[f"{kind}_rms"] for row in rows])) for kind in MEDIANS}
     unit = UNITS[units[0]] if len(units) == 1 else "deg, or % of a range,"
     return Page(
@@ -93,8 +93,8 @@ def episodes_page(
         remarks=[sentence(each) for each in document["remarks"]],
         cards=[
             Card(f"{worst['planned_rms']:.3g}", f"{UNITS[worst['unit']]} rms",
-                 f"the plan that is farthest off, of {worst['worst_joint']} in {_short(worst)}; "
-                 f"lower bound {number(worst['lower_bound'], 3)}"),
+                 f"the plan that is farthest off, of {worst['worst_joint']} in "
+                 f"{_short(worst['recording'])}; lower bound {number(worst['lower_bound'], 3)}"),
             Card(f"{sum(row['duration_s'] for row in rows):.3g}", "s",
                  f"{sum(row['requests'] for row in rows)} requests in all"),
         ],
@@ -137,7 +137,7 @@ def episodes_table(document: Mapping[str, Any]) -> Table:
         tuple(columns),
         tuple(
             Row(
-                _short(row),
+                _short(row["recording"]),
                 (
                     f"{row['requests']}",
                     *([f"{row['speed']:.3g}"] if fastest else []),
@@ -153,7 +153,7 @@ def episodes_table(document: Mapping[str, Any]) -> Table:
 
 def failures_table(failed: Mapping[str, str]) -> Table:
     """Why recordings have no plan."""
-    rows = [Row(_last(name), (reason,)) for name, reason in list(failed.items())[:MOST_REASONS]]
+    rows = [Row(_short(name), (reason,)) for name, reason in list(failed.items())[:MOST_REASONS]]
     if (more := len(failed) - MOST_REASONS) > 0:
         rows.append(Row(f"{more} more", (NOTHING,)))
     return Table("recording", (Column("reason", words=True),), tuple(rows), label="Left out")
@@ -163,7 +163,7 @@ def errors_figure(rows: Sequence[Mapping[str, Any]], unit: str) -> Figure:
     """Errors against the number of the recording, in the order in which they were read."""
     own = [(place, row) for place, row in enumerate(rows, 1) if row["unit"] == unit]
     places = np.array([float(place) for place, _ in own])
-    notes = tuple(f"{_short(row)}, {row['worst_joint']}" for _, row in own)
+    notes = tuple(f"{_short(row['recording'])}, {row['worst_joint']}" for _, row in own)
 
     def values(kind: str) -> Array:
         return np.array([np.nan if row[kind] is None else row[kind] for _, row in own])
@@ -186,14 +186,6 @@ def errors_figure(rows: Sequence[Mapping[str, Any]], unit: str) -> Figure:
     )
 
 
-def _worst(rows: Sequence[Mapping[str, Any]]) -> Mapping[str, Any]:
-    return max(rows, key=lambda row: float(row["planned_rms"]))
-
-
-def _short(row: Mapping[str, Any]) -> str:
-    return _last(str(row["recording"]))
-
-
-def _last(name: str) -> str:
+def _short(recording: str) -> str:
     """A recording without the folders that it is in."""
-    return PurePath(name).name
+    return PurePath(recording).name

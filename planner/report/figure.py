@@ -449,12 +449,7 @@ def joined(parts: Iterable[Array]) -> Array:
 
 def line(x: Sequence[float], y: Sequence[float], role: Role = MUTED) -> Curve:
     """A line for reference, which no legend has."""
-    return Curve(replace_width(role, 0.9), np.asarray(x, float), np.asarray(y, float), legend=False)
-
-
-def replace_width(role: Role, width: float) -> Role:
-    """The role in another width."""
-    return role._replace(width=width)
+    return Curve(role._replace(width=0.9), np.asarray(x, float), np.asarray(y, float), legend=False)
 
 
 def near_limits(
@@ -479,7 +474,7 @@ def leg_sketches(poses: Array, across: int) -> list[Curve]:
     """A leg's links at some moments [m], shape (poses, joints + 1, 3); the first stands out."""
     sketches = []
     for number, points in enumerate(100.0 * poses):
-        looks = replace_width(GRID, 2.5 if number else 9.0)
+        looks = GRID._replace(width=2.5 if number else 9.0)
         sketches.append(Curve(looks, points[:, across], points[:, 2], "leg", legend=False))
     return sketches[::-1]
 

@@ -139,11 +139,11 @@ def learning_page(
 def errors_figure(progress: Progress, name: str = "learning") -> Figure:
     """The error of each trial, with what cannot be learnt."""
     count = len(progress.errors)
-    ends = np.array([0.8, count + 1.2])
+    trials, ends = np.arange(1.0, count + 1.0), np.array([0.8, count + 1.2])
     said = list[str]()
     curves = [
-        Curve(OPTIMAL._replace(label="error", dashes="-"), _numbers(count), progress.errors),
-        Curve(INK, _numbers(count), progress.errors, "trials", legend=False, marks="dots"),
+        Curve(OPTIMAL._replace(label="error", dashes="-"), trials, progress.errors),
+        Curve(INK, trials, progress.errors, "trials", legend=False, marks="dots"),
     ]
     if not math.isnan(progress.bound):
         curves.insert(0, Curve(BOUND, ends, np.full(2, progress.bound)))
@@ -164,10 +164,6 @@ def errors_figure(progress: Progress, name: str = "learning") -> Figure:
         ),
         (Panel(Axis("rms error", progress.unit, (0.0, top), decimals=3), tuple(curves)),),
     )
-
-
-def _numbers(count: int) -> Array:
-    return np.arange(1.0, count + 1.0)
 
 
 def joint_figure(plan: Plan, executed: Array, measured: Array, j: int) -> Figure:

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from planner.identification.log import Log
 from planner.identification.result import Identification, LogFit
 from planner.model.joint import JointModel
-from planner.report.figure import Axis, Curve, Figure, Panel, Span, Words, line, replace_width
+from planner.report.figure import Axis, Curve, Figure, Panel, Span, Words, line
 from planner.report.identification.words import errors, estimate, parameters, unit_of, units_of
 from planner.report.style import CLOSED_FORM, DIRECT, GRID, INK, MUTED, OPTIMAL, REQUESTED, Role
 from planner.report.table import signed
@@ -171,7 +171,7 @@ def cloud_figure(found: Identification, prefix: str = "") -> Figure:
             ),
             Words("v_max", -factor * reach, factor * model.v_max, across="left"),
         )
-    curves.append(Curve(replace_width(CLOSED_FORM, 2.4), factor * ends, speeds, "f, identified"))
+    curves.append(Curve(CLOSED_FORM._replace(width=2.4), factor * ends, speeds, "f, identified"))
     age, oldest = 1e3 * model.lag, 1e3 * (model.lag + model.acceleration_time)
     unbounded = "" if found.saturates else " Its level ends are a guess: no data is there."
     return Figure(
@@ -328,7 +328,7 @@ def _log_panels(found: Identification, fit: LogFit) -> tuple[Panel, Panel]:
     predicted = units.factor * prediction(fit)
     held_out, residuals = fit.held_out, angles - predicted
     above = [
-        _log_curve(replace_width(REQUESTED, 1.1), times, requests, held=True),
+        _log_curve(REQUESTED._replace(width=1.1), times, requests, held=True),
         _log_curve(MEASURED, times, angles),
         _log_curve(FITTED, times, np.where(held_out, np.nan, predicted)),
         _log_curve(UNSEEN, times, np.where(held_out, predicted, np.nan)),

@@ -33,7 +33,7 @@ from planner.report.paper.tables import (
 from planner.report.paper.virtual_figures import VIRTUAL_FEATURED
 from planner.report.table import Column, Row, Table, percent, signed
 
-EYEBROW = (
+EYEBROW = Markup(
     "request-planner · Stronger &amp; Stone, <cite>A Model-Based Approach to Robot Joint "
     "Control</cite>"
 )
@@ -63,7 +63,7 @@ def paper_page(results: Results, figures: Sequence[Figure], files: Sequence[str]
     featured, others = _split(figures, FEATURED)
     parameters = results["parameters"]
     listed = [
-        *((_code(name, words), f"{parameters['model'][name]:.6g}")
+        *((Markup("<code>{}</code> {}").format(name, words), f"{parameters['model'][name]:.6g}")
           for name, words in parameters_of([parameters["model"]]).items()),
         ("samples in a step of the walk", parameters["samples"]),
         ("of these clamped into the leg’s reach", parameters["clamped_samples"]),
@@ -72,7 +72,7 @@ def paper_page(results: Results, figures: Sequence[Figure], files: Sequence[str]
     ]  # fmt: skip
     return Page(
         heading="The paper’s experiment, again",
-        eyebrow=_markup(EYEBROW),
+        eyebrow=EYEBROW,
         verdict=_rendered(VERDICT, known),
         note=_rendered(NOTE, known),
         cards=cards,
@@ -183,7 +183,7 @@ def virtual_page(results: Results, figures: Sequence[Figure], files: Sequence[st
     warnings = {name: joint["warnings"] for name, joint in found.items() if joint["warnings"]}
     return Page(
         heading="The paper’s experiment on a virtual robot",
-        eyebrow=_markup(EYEBROW),
+        eyebrow=EYEBROW,
         verdict=_rendered(VIRTUAL_VERDICT, known),
         note=results["note"],
         cards=cards,
@@ -320,12 +320,5 @@ def _titled(table: Table, about: str = "degrees") -> dict[str, Any]:
 
 
 def _rendered(template: str, known: Mapping[str, Any]) -> Markup:
-    return _markup(environment().from_string(template).render(known))
-
-
-def _markup(text: str) -> Markup:
-    return Markup(text)  # our own, escaped where it was rendered
-
-
-def _code(name: str, words: str) -> Markup:
-    return Markup("<code>{}</code> {}").format(name, words)
+    # Escaped where it was rendered.
+    return Markup(environment().from_string(template).render(known))

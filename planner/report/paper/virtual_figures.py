@@ -9,7 +9,7 @@ import numpy as np
 
 from planner.evaluation.paper import published_foot
 from planner.evaluation.reproduction import approximation
-from planner.report.figure import Axis, Curve, Figure, Panel, Timeline, joined, replace_width
+from planner.report.figure import Axis, Curve, Figure, Panel, Timeline, joined
 from planner.report.paper.agreement import dumb_bells
 from planner.report.paper.figures import (
     HIDDEN,
@@ -75,7 +75,7 @@ def _foot_paths(outcome: VirtualOutcome) -> Figure:
     for method, role in PATHS.items():
         each = [_timeline(outcome).path(path, role) for path in outcome.foot_paths[method]]
         x, y = joined(one.x for one in each), joined(one.y for one in each)
-        paths.append(Curve(replace_width(role, THIN), x, y))
+        paths.append(Curve(role._replace(width=THIN), x, y))
     return foot_paths_figure(
         "foot_paths",
         (
@@ -103,11 +103,11 @@ def _step_tests(outcome: VirtualOutcome) -> Figure:
         times = joined(curve.x for curve in measured)
         angles, model = (joined(curve.y for curve in each) for each in (measured, predicted))
         curves = (
-            Curve(replace_width(CLOSED_FORM, 1.4), times, model, "identified model"),
+            Curve(CLOSED_FORM._replace(width=1.4), times, model, "identified model"),
             Curve(INK, times, angles, "measured by the sensor", marks="dots", opacity=0.55),
         )
         panels.append(Panel(Axis("angle", "deg"), curves, joint.name))
-        rest = Curve(replace_width(MUTED, 0.9), times, angles - model, "residual")
+        rest = Curve(MUTED._replace(width=0.9), times, angles - model, "residual")
         title = f"{joint.name}, residual, {np.degrees(found.rms):.2f} deg rms"
         panels.append(Panel(Axis("residual", "deg"), (rest,), title, height=0.6))
     return once.figure(
@@ -208,7 +208,7 @@ def _distance_panel(outcome: VirtualOutcome, *, hidden: Sequence[str] = ()) -> P
     curves = []
     for method, role in ROLES.items():
         distances = np.linalg.norm(outcome.foot_paths[method] - desired, axis=2)
-        looks = replace_width(role, THIN)
+        looks = role._replace(width=THIN)
         curves.append(timeline.cycles(100.0 * distances, looks, hidden=method in hidden))
     axis = Axis("distance", "cm", from_zero=True)
     return Panel(axis, tuple(curves), "foot, from its desired path")
@@ -253,7 +253,7 @@ def _walked(
 ) -> Curve:  # fmt: skip
     """A joint's angles in every cycle under a method."""
     angles = np.degrees(outcome.runs[method].angles[:, :, _index(outcome, joint)])
-    return _timeline(outcome).cycles(angles, replace_width(role, THIN), label, hidden=hidden)
+    return _timeline(outcome).cycles(angles, role._replace(width=THIN), label, hidden=hidden)
 
 
 def _index(outcome: VirtualOutcome, joint: JointOutcome) -> int:
