@@ -17,7 +17,7 @@ from planner.recording.retiming import Fastest, Impossible, SpeedErrors
 from planner.report.calibration import calibration_page, calibration_text
 from planner.report.episodes import MOST_REASONS, episodes_page
 from planner.report.identification.page import identification_page
-from planner.report.plan import plan_page
+from planner.report.plan import plan_page, verdict
 from planner.report.replay import replay_page
 from planner.report.sweep import Outcome, Requirement, Swept, sweep_page
 from tests.corpus.page_text import check_needs_nothing_else, figures_of, text_of
@@ -78,17 +78,26 @@ def front_left_leg():
     return Leg.from_urdf(urdf_path("ers210a.urdf"), base="body", foot="front_left_ball")
 
 
-def robot():
-    leg = front_left_leg()
+def tested_plan():
+    """A plan for a leg's joints whose models were tested, the last two of them in slow motions."""
     phase = 2.0 * np.pi * np.arange(16) / 16
     desired = np.array([0.1, 0.3, 1.0]) + 0.2 * np.sin(phase[:, np.newaxis] + np.arange(3.0))
-    seen = (Evidence(error=0.01, over_delay=0.9), Evidence(error=0.02), Evidence(error=0.03))
+    seen = (
+        Evidence(error=0.01, over_delay=0.9),
+        Evidence(error=0.02, speed=1.0),
+        Evidence(error=0.03, speed=1.0),
+    )
     models = [
         replace(SERVO, v_max=v_max).with_evidence(each)
         for v_max, each in zip((4.0, 3.0, 4.0), seen, strict=True)
     ]
-    made = plan(models, desired, names=leg.joint_names, limits=(-1.0, 1.25))
-    return plan_page(made, title="walk", method="optimal", legs={"front-left": leg})
+    names = front_left_leg().joint_names
+    return plan(models, desired, names=names, limits=(-1.0, 1.25))
+
+
+def robot():
+    legs = {"front-left": front_left_leg()}
+    return plan_page(tested_plan(), title="walk", method="optimal", legs=legs)
 
 
 def replayed_arm():
@@ -167,3 +176,9 @@ def test_a_page_says_and_draws_what_it_did(name, snapshot, tmp_path):
     page = PAGES[name]()
     check_needs_nothing_else(page, tmp_path)
     snapshot.check(name, masked(f"{text_of(page)}\n{figures_of(page)}\n"))
+
+
+def test_the_error_to_expect_on_the_robot_is_that_of_the_joint_where_it_is_largest():
+    made = tested_plan()
+    largest = np.degrees(max(each.error for each in made.expected))
+    assert verdict(made)[1].endswith(f". On the robot expect about {largest:.2g} degrees rms")
