@@ -38,6 +38,9 @@ def test_of_very_many_recordings_the_table_has_those_that_are_farthest_off():
     table = episodes_table(document(rows))
     assert len(table.rows) == MOST_ROWS
     kept = [float(each.cells[5]) for each in table.rows]
+    numbers = [int(each.about.rpartition(" ")[2]) for each in table.rows]
+    assert numbers == sorted(numbers)
+    assert len(episodes_table(document(rows[:MOST_ROWS])).rows) == MOST_ROWS
     assert min(kept) == 1.0
     assert sum(error == 1.0 for error in kept) < 30
     page = episodes_page(document(rows), title="walks", words="follows the state")

@@ -18,7 +18,8 @@ from planner.report.calibration import calibration_page, calibration_text
 from planner.report.episodes import MOST_REASONS, episodes_page
 from planner.report.identification.page import identification_page
 from planner.report.plan import plan_page, verdict
-from planner.report.replay import replay_page
+from planner.report.plan_tables import feet_table
+from planner.report.replay import replay_page, speeds_figure
 from planner.report.sweep import Outcome, Requirement, Swept, sweep_page
 from tests.corpus.page_text import check_needs_nothing_else, figures_of, text_of
 from tests.corpus.test_corpus import masked
@@ -78,7 +79,7 @@ def front_left_leg():
     return Leg.from_urdf(urdf_path("ers210a.urdf"), base="body", foot="front_left_ball")
 
 
-def tested_plan():
+def plan_by_tested_models():
     """A plan for a leg's joints whose models were tested, the last two of them in slow motions."""
     phase = 2.0 * np.pi * np.arange(16) / 16
     desired = np.array([0.1, 0.3, 1.0]) + 0.2 * np.sin(phase[:, np.newaxis] + np.arange(3.0))
@@ -97,7 +98,7 @@ def tested_plan():
 
 def robot():
     legs = {"front-left": front_left_leg()}
-    return plan_page(tested_plan(), title="walk", method="optimal", legs=legs)
+    return plan_page(plan_by_tested_models(), title="walk", method="optimal", legs=legs)
 
 
 def replayed_arm():
@@ -106,14 +107,14 @@ def replayed_arm():
     tested = replace(SERVO, v_offset=0.25).with_evidence(
         Evidence(error=0.01, speed=1.0, intervals={"v_max": (3.0, math.inf)})
     )
+    plain = SERVO.with_evidence(tested.evidence)
     recorded = [*logs(hip, size=2.5), *logs(knee, jaw)]
-    made = replay(recorded, {hip: tested, knee: SERVO}, speed=1.5, track="action")
+    made = replay(recorded, {hip: tested, knee: plain}, speed=1.5, track="action")
     return replay_page(made, title="demo.csv", words="follows the state", arm=leg)
 
 
-def fastest_replay():
-    seen = Evidence(intervals={"v_max": (3.0, math.inf)})
-    made = replay(logs("elbow", size=3.0), SERVO.with_evidence(seen), speed=2.0)
+def found_fastest(made, *curve):
+    """The fastest replay within two degrees, at these errors over speed."""
     found = Fastest(
         replay=made,
         constant=1.8,
@@ -121,20 +122,28 @@ def fastest_replay():
         foot=False,
         retime="varying",
         impossible=Impossible(2.5, "elbow", 1.1, of_model_only=True),
-        curve=(
-            SpeedErrors(1.0, 25.0, 1.5, 0.25, 0.125),
-            SpeedErrors(2.0, 30.0, 3.0, 0.75, math.nan),
-            SpeedErrors(3.0, 40.0, 6.0, 2.0, 1.5),
-        ),
+        curve=tuple(SpeedErrors(*each) for each in curve),
     )
     found.__dict__["factors"] = np.linspace(1.0, 3.0, len(made.moments) - 1)
+    return found
+
+
+def fastest_replay():
+    seen = Evidence(intervals={"v_max": (3.0, math.inf)})
+    made = replay(logs("elbow", size=3.0), SERVO.with_evidence(seen), speed=2.0)
+    curve = (
+        (1.0, 25.0, 1.5, 0.25, 0.125),
+        (2.0, 30.0, 3.0, 0.75, math.nan),
+        (3.0, 40.0, 6.0, 2.0, 1.5),
+    )
+    found = found_fastest(made, *curve)
     about = {"title": "demo.csv", "words": "follows the state", "verdict": "v_max is 1"}
     return replay_page(made, found=found, **about)
 
 
 def episodes():
     rows = [row(0), row(1, planned=0.4), row(3, unit="percent", lower_bound=None)]
-    failed = [f"data/walks, episode {10 + k}" for k in range(MOST_REASONS + 2)]
+    failed = [f"data/walks, episode {10 + k}" for k in range(MOST_REASONS + 1)]
     return episodes_page(document(rows, left_out=failed), title="walks", words="follows the state")
 
 
@@ -178,7 +187,40 @@ def test_a_page_says_and_draws_what_it_did(name, snapshot, tmp_path):
     snapshot.check(name, masked(f"{text_of(page)}\n{figures_of(page)}\n"))
 
 
+@pytest.mark.parametrize(
+    ("errors", "top", "direct"),
+    [
+        ([(0.5, 0.25), (0.75, 0.5)], 2.1, "direct"),  # degrees: the tolerance stays in view
+        ([(3.0, 2.0), (1.5, 0.5)], 4.2, "direct"),
+        ([(3.0, 0.5), (2.5, 1.0)], 2.1, "direct, off the scale"),
+        ([(3.0, 0.5), (99.0, 30.0)], 40.0, "direct"),
+    ],
+)
+def test_errors_over_speed_are_shown_with_the_tolerance_and_without_what_is_far_off(
+    errors, top, direct
+):
+    made = replay(logs("elbow"), SERVO)
+    curve = [(1.0 + k, each, other, other, math.nan) for k, (each, other) in enumerate(errors)]
+    for foot, unit, tolerance in ((False, "deg", math.radians(2.0)), (True, "cm", 0.02)):
+        found = replace(found_fastest(made, *curve), foot=foot, tolerance=tolerance)
+        (panel,) = speeds_figure(found).panels
+        allowed, *curves = panel.curves
+        assert panel.y.unit == unit
+        assert allowed.y == pytest.approx([2.0, 2.0])
+        assert panel.y.range == pytest.approx((0.0, top))
+        assert [each.name for each in curves] == [direct, "best time shift", "optimised"]
+
+
+def test_feet_have_errors_on_the_robot_where_the_models_of_all_were_tested():
+    tested = plan_by_tested_models().of_leg(front_left_leg())
+    untested = replace(tested, task=tested.task.with_models([SERVO] * 3))
+    for legs, known in (({"a": tested}, True), ({"a": tested, "b": untested}, False)):
+        table = feet_table(legs)
+        assert ("on the robot" in table.columns[-1].title) == known
+        assert {len(row.cells) for row in table.rows} == {len(table.columns)}
+
+
 def test_the_error_to_expect_on_the_robot_is_that_of_the_joint_where_it_is_largest():
-    made = tested_plan()
+    made = plan_by_tested_models()
     largest = np.degrees(max(each.error for each in made.expected))
     assert verdict(made)[1].endswith(f". On the robot expect about {largest:.2g} degrees rms")

@@ -256,6 +256,16 @@ def test_the_page_needs_nothing_else(outcome, page):
     assert page == page_of(outcome)
 
 
+def test_the_foot_is_drawn_where_it_should_be_though_the_leg_does_not_reach(outcome):
+    far = WALK.desired_foot + np.array([0.0, 0.0, -0.1])
+    desired, direct, planned = foot_figures(asked(outcome, foot=far), FOOT_OPTIMAL)[0].movie.motions
+    np.testing.assert_array_equal(desired.points[:, -1], far)
+    for motion, angles in ((direct, outcome.direct), (planned, outcome.predicted)):
+        foot = WALK.leg.foot_positions(angles)
+        np.testing.assert_allclose(motion.points[:, -1], foot, atol=SAME)
+        np.testing.assert_allclose(motion.distances, np.linalg.norm(foot - far, axis=1), atol=SAME)
+
+
 def test_the_distances_of_the_foot_are_drawn_by_what_was_requested(outcome):
     figure = foot_figures(outcome, FOOT_OPTIMAL)[-1]
     drawn = {curve.name: curve.y[: len(outcome.distances)] for curve in figure.panels[0].curves}

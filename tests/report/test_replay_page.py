@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from planner import fastest, replay
-from planner.report.replay import cards, replay_page, speeds_figure
+from planner import replay
+from planner.report.replay import cards, replay_page
 from tests.report.test_made_up_pages import SERVO, logs
 
 
@@ -43,19 +43,6 @@ def test_the_verdict_is_bad_where_a_tolerance_is_missed_and_says_by_which_joint(
     assert 'class="verdict no"' in missed
     assert "Elbow: 3 deg." in missed
     assert 'class="verdict no"' not in kept
-
-
-def test_the_curve_of_errors_over_speed_is_on_the_page():
-    found = fastest(logs("elbow"), SERVO, tolerance=0.02)
-    page = replay_page(
-        found.replay, title="demo.csv", words="follows the state", found=found, verdict="v_max is 1"
-    )
-    coarse = speeds_figure(fastest(logs("elbow"), SERVO, tolerance=0.2))
-    assert "direct" in [curve.name for curve in coarse.panels[0].curves]
-    (panel,) = speeds_figure(replace(found, foot=True)).panels  # the tolerance in metres then
-    assert (panel.y.unit, panel.curves[0].y.tolist()) == ("cm", [2.0, 2.0])
-    assert "How fast it can be" in page
-    assert "V_max is 1." in page, "names in sentences stay as they are"
 
 
 @pytest.mark.parametrize(("size", "speed"), [(2.0, 1.5), (4.0, 2.0), (3.0, 3.0)])
