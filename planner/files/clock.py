@@ -36,7 +36,7 @@ def time_columns(columns: Sequence[str]) -> tuple[str, ...]:
 
 def _is_time(column: str) -> bool:
     stem, unit = split_name(column, TIME_NAMES)
-    if (unit is None and split_name(column, ANGLE_NAMES)[1] is not None) or len(stem) >= 24:
+    if unit is None and split_name(column, ANGLE_NAMES)[1] is not None:
         return False  # `t_deg` is a joint
     return bool({word.lower() for word in _WORD.findall(stem)} & WORDS)
 

@@ -21,7 +21,6 @@ import numpy as np
 from planner.approximation.curve import PiecewiseLinear
 from planner.exceptions import InvalidFile, InvalidInput, nearest
 from planner.files.clock import TIME, read_clock, time_column, time_columns
-from planner.files.limits import MOST_JOINTS
 from planner.files.logs.column_names import pairs
 from planner.files.table import Table, read_table, write_table
 from planner.files.text import write_text
@@ -44,6 +43,9 @@ LOAD = "_load_Nm"
 COUNTERS = ("index", "sample")
 """Columns that only number the rows, and are not read."""
 
+MOST_JOINTS = 1000
+"""Joints of a path, each a plan of its own."""
+
 UNEVEN = 0.01
 """A time step may differ from the period by this part of it, for clocks written in few decimals."""
 
@@ -59,8 +61,18 @@ class _Path:
     samples: ClassVar[tuple[str, ...]]
 
     def check_period(self, period: float) -> None:
-        """Raise InvalidFile if the samples are not ``period`` [s] apart."""
-        check_period(self.path, self.times, period)
+        """Raise InvalidFile if the samples are not ``period`` [s] apart, as requests are."""
+        if self.times is None:
+            return
+        step = float(self.times[-1] - self.times[0]) / (len(self.times) - 1)
+        if abs(step - period) > UNEVEN * period:
+            raise InvalidFile(
+                self.path,
+                f"one sample every {step:.6g} s, expected one every {period:.6g} s, the time "
+                f"between requests; plan with --rate-hz {1.0 / period:.6g} to resample the path, "
+                f"or with --rate-hz {1.0 / step:.6g} to send as many requests, or set tick and "
+                "hold in the model",
+            )
 
     def in_step(
         self, period: float, *, resample: bool, cyclic: bool, speed: float | None = None
@@ -342,30 +354,6 @@ def read_times(table: Table, *, even: bool = True) -> Array | None:
             line=table.lines[k],
         )
     return times
-
-
-def check_period(path: str, times: Array | None, period: float) -> None:
-    """Make sure that a path's samples are as far apart as the joint's requests.
-
-    Args:
-        path: The file, for the error.
-        times: Times of its samples [s], or None where it does not say.
-        period: Time between requests [s].
-
-    Raises:
-        InvalidFile: The path has another rate than the joint.
-    """
-    if times is None:
-        return
-    step = float(times[-1] - times[0]) / (len(times) - 1)
-    if abs(step - period) > UNEVEN * period:
-        raise InvalidFile(
-            path,
-            f"one sample every {step:.6g} s, expected one every {period:.6g} s, the time between "
-            f"requests; plan with --rate-hz {1.0 / period:.6g} to resample the path, or with "
-            f"--rate-hz {1.0 / step:.6g} to send as many requests, or set tick and hold in the "
-            "model",
-        )
 
 
 def resampled(times: Array, rows: Array, period: float, *, cyclic: bool) -> Array:

@@ -16,9 +16,14 @@ from typing import Any
 import numpy as np
 
 from planner.exceptions import InvalidFile, nearest
-from planner.files.limits import MOST_CELLS, MOST_COLUMNS
 from planner.files.text import read_text, write_text
 from planner.trajectory import Array
+
+MOST_COLUMNS = 10_000
+"""Columns of a table: a robot that records everything has some thousands."""
+
+MOST_CELLS = 10_000_000
+"""Cells of a table: some 70 bytes of memory each."""
 
 FORMULAS = ("=", "+", "-", "@", "\t", "\r")
 """What a text begins with that a spreadsheet takes as a formula."""
@@ -117,7 +122,7 @@ def read_table(path: Path | str, *, most_rows: int | None = None) -> Table:
 
     Args:
         path: The file.
-        most_rows: Rows that it may have; by default any number that fits :data:`.MOST_CELLS`.
+        most_rows: Rows that it may have; by default any number that fits :data:`MOST_CELLS`.
 
     Raises:
         InvalidFile: Not a text file, empty, too large, without names, or with rows of different

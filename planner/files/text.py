@@ -10,8 +10,10 @@ from pathlib import Path
 from typing import Any
 
 from planner.exceptions import InvalidFile
-from planner.files.limits import MOST_BYTES
 from planner.files.staging import cannot_write, reason, staged
+
+MOST_BYTES = 64 * 2**20
+"""Longest text that is read [bytes]: a million requests for three joints come to half of it."""
 
 STANDARD_STREAM = "-"
 """The name of standard input and standard output."""

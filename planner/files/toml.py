@@ -10,8 +10,10 @@ from pathlib import Path
 from typing import Any
 
 from planner.exceptions import InvalidFile
-from planner.files.limits import MOST_PARTS
 from planner.files.text import read_text
+
+MOST_PARTS = 100
+"""Parts of a dotted key: reading one takes memory by the square of their number."""
 
 Place = tuple[str | int, ...]
 """Where a value stands: the keys that lead to it, and the numbers of tables that repeat."""

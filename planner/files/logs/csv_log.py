@@ -217,39 +217,27 @@ def _read_clock(table: Table, options: LogOptions) -> tuple[Array, str]:
     Raises:
         InvalidFile: No column is clearly the time, its unit is not said, or a cell is no number.
     """
-    column, unit = _time_column(table, options)
-    advice = f"give --time {column}:s (or one of {', '.join(SECONDS)}), or "
-    return read_clock(table, column, unit, missing=True, advice=advice)
-
-
-def _time_column(table: Table, options: LogOptions) -> tuple[str, str | None]:
-    """The column of times, and its unit where that is said."""
     units = ", ".join(SECONDS)
     name, unit = options.time, None
-    if name is not None and name not in table.names:
-        stem, _, word = name.rpartition(":")
-        if stem in table.names and word in TIME_NAMES:
-            name, unit = stem, TIME_NAMES[word]
-        elif stem in table.names:
-            raise InvalidFile(
-                table.path, f"time in '{word}' is unknown; expected one of {units}", line=1
-            )
-        table.place(name)
     if name is None:
-        name = _guessed_time(table)
-    return name, unit
-
-
-def _guessed_time(table: Table) -> str:
-    found = time_column(table, advice="name it with --time, or ")
-    if found is None:
-        raise InvalidFile(
-            table.path,
-            f"no column is the time; columns: {', '.join(table.names)}; name it with --time, or "
-            f"rename it {TIME}",
-            line=1,
-        )
-    return found
+        name = time_column(table, advice="name it with --time, or ")
+        if name is None:
+            raise InvalidFile(
+                table.path,
+                f"no column is the time; columns: {', '.join(table.names)}; name it with --time, "
+                f"or rename it {TIME}",
+                line=1,
+            )
+    elif name not in table.names:
+        stem, _, word = name.rpartition(":")
+        if stem in table.names:
+            name, unit = stem, TIME_NAMES.get(word)
+            if unit is None:
+                raise InvalidFile(
+                    table.path, f"time in '{word}' is unknown; expected one of {units}", line=1
+                )
+    advice = f"give --time {name}:s (or one of {units}), or "
+    return read_clock(table, name, unit, missing=True, advice=advice)
 
 
 def _read_torque(table: Table, options: LogOptions) -> tuple[str, Switch | None]:

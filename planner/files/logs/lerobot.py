@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -68,8 +68,12 @@ def read_lerobot(path: Path | str, options: LogOptions) -> tuple[Log, ...]:
         chosen = choose_joints(path, tuple(joints), options.joint)
         names = [tuple(joints)[k] for k in chosen]
         scales = {name: _scale(path, name, options) for name in names}
-        found |= set(_known_episodes(file, numbers))
-        for episode, rows in _episodes(file, numbers, episodes):
+        held = _known_episodes(file, numbers)
+        found.update(held)
+        for episode in held:
+            if episodes is not None and episode not in episodes:
+                continue
+            rows = np.flatnonzero(numbers == episode)
             source = Source(path=file, part=f"episode {episode}", episode=episode)
             for name in names:
                 action, state = joints[name]
@@ -265,15 +269,6 @@ def _known_episodes(file: Path, numbers: Array) -> list[int]:
     if not known.all():
         raise InvalidFile(file, f"'{EPISODE}': expected whole numbers from 0")
     return [int(number) for number in np.unique(numbers)]
-
-
-def _episodes(
-    file: Path, numbers: Array, chosen: frozenset[int] | None
-) -> Iterator[tuple[int, Rows]]:
-    """Each chosen episode of a file and the rows that it has."""
-    for episode in _known_episodes(file, numbers):
-        if chosen is None or episode in chosen:
-            yield episode, np.flatnonzero(numbers == episode)
 
 
 def _notes(columns: Columns) -> tuple[str, ...]:

@@ -136,15 +136,12 @@ def make_log(source: Source, columns: Columns, *, joint: str, notes: tuple[str, 
             load=columns.load,
             measured=measured,
             notes=(*notes, *left_out, *doubles, *unread, *fitted, *_doubts(columns)),
-            written=_written(source, columns),
+            written=Written(
+                str(source.path), source.episode, columns.requested, *columns.request_scale[:3]
+            ),
         )
     except InvalidInput as error:
         raise InvalidFile(source.path, str(error)) from error
-
-
-def _written(source: Source, columns: Columns) -> Written:
-    name, factor, shift, _ = columns.request_scale
-    return Written(str(source.path), source.episode, columns.requested, name, factor, shift)
 
 
 def _with_requests(source: Source, columns: Columns) -> tuple[Columns, Source, tuple[str, ...]]:

@@ -9,8 +9,10 @@ from typing import Any
 import numpy as np
 
 from planner.exceptions import InvalidFile, MissingExtra, nearest
-from planner.files.limits import MOST_NUMBERS
 from planner.trajectory import Array
+
+MOST_NUMBERS = 2**25
+"""Unfolded numbers of one file: 22 hours at 30 Hz of 6 joints, 256 MiB."""
 
 BATCH = 8192
 """Rows that are unfolded at a time."""

@@ -136,6 +136,7 @@ READ = {
     "time by option": (f"clock,req_deg,act_deg\n{FOUR}", {"time": "clock:ms"}),
     "time against its name": (f"clock_ms,req_deg,act_deg\n{FOUR}", {"time": "clock_ms:s"}),
     "t_s before other times": f"time_ms,req_deg,act_deg,t_s\n{_rows('K0', '1', 'K')}",
+    "a long name": f"time_since_the_start_of_recording_s,req_deg,act_deg\n{FOUR}",
     "seconds": f"Seconds,req_deg,act_deg\n{FOUR}",
     "half an hour in ms": "t_millis,req_deg,act_deg\n2000000,1,2\n2000010,9,8\n2000020,3,4\n",
     "since the epoch": "time_ns,req_deg,act_deg\n1732104192123456789,1,2\n,2,3\n"
