@@ -120,7 +120,11 @@ def test_limits_may_be_two_numbers_as_earlier_releases_had_them(run):
 @pytest.mark.parametrize(
     ("kind", "options", "settings"),
     [
-        ("steps", ("--cycles", 2, "--amplitude-deg", 10), {"cycles": 2, "amplitudes": [10.0]}),
+        (
+            "steps",
+            ("--cycles", 2, "--amplitude-deg", 10, "--amplitude-deg", 25),
+            {"cycles": 2, "amplitudes": [10.0, 25.0]},
+        ),
         ("chirp", ("--highest-hz", 1.5, "--centre-deg", 0), {"highest": 1.5, "centre": 0.0}),
         ("random-steps", ("--seed", 7), {"seed": 7}),
     ],
@@ -129,7 +133,7 @@ def test_the_signal_is_the_librarys_with_the_same_choices(run, kind, options, se
     result = run("excite", "--kind", kind, *SHORT, *options, "--json")
     assert result.exit_code == 0, result.stderr
     for name in {"amplitudes", "centre"} & set(settings):
-        settings = {**settings, name: np.radians(settings[name])}
+        settings = {**settings, name: np.radians(settings[name]).tolist()}
     limits = (np.radians(-30.0), np.radians(40.0))
     made = excite(
         kind.replace("-", "_"), limits=limits, period=0.02, duration=8.0, **settings

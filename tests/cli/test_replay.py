@@ -325,7 +325,8 @@ def test_a_replay_that_is_complete_is_not_computed_again(run, dataset, model, ne
     (dataset.parent / ".planned.results").mkdir()  # killed between writing and tidying up
     before = _held(dataset.parent / "planned")
     again = run(*words, "--resume", "--json")
-    assert "nothing is missing: planned holds all 3 recordings" in again.stderr
+    said = "request-planner: nothing is missing: planned holds all 3 recordings, planned like this"
+    assert again.stderr.splitlines()[0] == said
     assert again.stdout == first.stdout
     assert _held(dataset.parent / "planned") == before
     assert not (dataset.parent / ".planned.results").exists()
@@ -513,9 +514,10 @@ def test_only_models_of_joints_that_are_planned_are_warned_of(run, demo):
 
 
 @pytest.mark.parametrize(
-    ("end", "v_max", "refuted"), [(1.0, 1.0, []), (1.9, 1.0, ["elbow"]), (1.9, 50.0, [])]
+    ("begin", "end", "v_max", "refuted"),
+    [(0.0, 1.0, 1.0, []), (0.9, 1.9, 1.0, ["elbow"]), (1.6, 1.9, 1.0, []), (0.9, 1.9, 50.0, [])],
 )
-def test_a_model_is_refuted_by_the_part_that_is_replayed_alone(end, v_max, refuted):
+def test_a_model_is_refuted_by_the_part_that_is_replayed_alone(begin, end, v_max, refuted):
     """And by more than the larger of the two top speeds of a joint that is faster one way."""
     times = 0.02 * np.arange(100)
     angles = np.where(times < 1.5, 0.2 * np.sin(3.0 * times), 1.0)  # 50 times as fast as it can be
@@ -523,7 +525,7 @@ def test_a_model_is_refuted_by_the_part_that_is_replayed_alone(end, v_max, refut
     model = JointModel(
         v_max=v_max, v_offset=v_max / 2.0, theta_0=0.5 * v_max, lag=0.02, acceleration_time=0.02
     )
-    made = replay(log, model.requested_every(0.02), end=end)
+    made = replay(log, model.requested_every(0.02), begin=begin, end=end)
     assert refuted_joints(made) == refuted
 
 

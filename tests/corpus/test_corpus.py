@@ -211,8 +211,8 @@ CASES = {
         for each in (
             "path.csv demo_2.csv foot.csv requests.csv measured.csv measured_from_rest.csv "
             "loaded.csv stride.csv short_stride.csv played.csv rough.csv --workers 1",
-            "demo_2.csv rough.csv --json --report page.html",
-            "demo_2.csv rough.csv --resume --workers 1 -q",
+            "demo_2.csv demo.csv rough.csv --json --report page.html",
+            "demo_2.csv demo.csv rough.csv --resume --workers 1 -q",
             "demo_2.csv demo.csv --model tested.toml --max-step-deg 1 --end-s 0.5",
         )
     ],
@@ -242,6 +242,7 @@ CASES = {
                 f"--model joint.toml {more}"
                 for more in (
                     "--as lerobot",
+                    "--as mcap",
                     "--speed 0",
                     "--joint knea",
                     "--begin-s 9",

@@ -179,9 +179,9 @@ def test_a_delay_well_below_what_the_joint_itself_needs_is_not_taken_for_the_sen
 
 def test_a_joint_that_answers_earlier_than_the_model_is_no_late_sensor() -> None:
     plan = planner.invert_optimal(KNOWN, random_path(5, 88, span=1.0, fastest=0.03))
-    after = planner.refine(plan, np.roll(plan.predicted, -1))
+    after = planner.refine(plan, (plan.predicted + np.roll(plan.predicted, -1)) / 2.0)
     (remark,) = after.learning.remarks
-    assert "the joint answers 8 ms earlier than the model" in remark
+    assert "the joint answers 4 ms earlier than the model" in remark
     assert "sensor_delay" not in remark
 
 
@@ -362,7 +362,8 @@ def two_trials() -> tuple[MadeJoint, planner.Inversion, planner.Inversion]:
 def test_a_second_trial_identifies_the_model_anew_where_that_predicts_it_better(two_trials) -> None:
     joint, first, second = two_trials
     assert second.model.v_max == pytest.approx(joint.model.v_max, rel=0.03)
-    assert any("identified anew" in remark for remark in second.learning.remarks)
+    said = "the model was identified anew from the measured cycles"
+    assert any(remark.startswith(said) for remark in second.learning.remarks)
     assert second.learning.reidentified == (1,)
     measured = joint.play(first.requests, 3)[1]
     assert planner.refine(first, measured, reidentify=False).model == KNOWN

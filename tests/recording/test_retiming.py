@@ -272,6 +272,22 @@ def test_joints_that_the_rms_leaves_beyond_the_tolerance_are_planned_for_the_lar
     assert worse.curve[-1].planned == pytest.approx(worse.curve[-1].speed)  # that of the rms
 
 
+def test_a_joint_within_the_tolerance_keeps_its_plan_where_another_is_planned_anew(monkeypatch):
+    made_up = MadeUp(monkeypatch, best=1.0, largest=1.6)
+
+    def wrist_is_close(path, moments, **options):
+        made = made_up.replay_at(path, moments, **options)
+        made.joints[1].inversion.max_error = 0.5 * TOLERANCE
+        return made
+
+    monkeypatch.setattr("planner.recording.retiming.replay_at", wrist_is_close)
+    logs = [log(swing(0.5, ROWS)), log(swing(0.5, ROWS), "wrist")]
+    fastest(logs, SERVO, tolerance=TOLERANCE)
+    kept = [list(known) for _, norm, known in made_up.tried if norm == "max"]
+    assert kept
+    assert all(each == ["wrist"] for each in kept)
+
+
 def test_a_tolerance_for_the_foot_counts_its_distance_in_the_order_of_the_legs_joints():
     walk = reference_walk()
     leg, names = walk.leg, ("knee", "rotator", "abductor")
