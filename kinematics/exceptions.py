@@ -30,10 +30,7 @@ class KinematicsError(Exception):
     """The root of the tree; its message is one line, whatever the caller's names hold."""
 
     def __str__(self) -> str:
-        message = _shortened(super().__str__())
-        if message.isprintable():
-            return message
-        return _shortened("".join(c if c.isprintable() else repr(c)[1:-1] for c in message))
+        return printable(super().__str__())
 
 
 class InvalidInput(KinematicsError, ValueError):
@@ -130,6 +127,12 @@ class UnreachableFoot(InvalidInput):
             f"{distances[worst]:.3g} m (index {indices[worst]}); indices: {listed}{more}; move "
             "them (are they in metres, in the base frame?), or ask for unreachable='nearest'"
         )
+
+
+def printable(text: str) -> str:
+    """Text on one line and of bounded length, whatever a file or an argument put into it."""
+    text = _shortened(text)
+    return _shortened("".join(c if c.isprintable() else repr(c)[1:-1] for c in text))
 
 
 def _shortened(text: str) -> str:

@@ -28,6 +28,8 @@ from contextvars import ContextVar
 from pathlib import Path
 from typing import Literal
 
+from kinematics.exceptions import printable
+
 AngleUnit = Literal["rad", "deg", "percent"]
 
 ANGLE_UNIT: ContextVar[AngleUnit] = ContextVar("ANGLE_UNIT", default="rad")
@@ -35,9 +37,6 @@ ANGLE_UNIT: ContextVar[AngleUnit] = ContextVar("ANGLE_UNIT", default="rad")
 
 JOINT_UNITS: ContextVar[Mapping[str, AngleUnit] | None] = ContextVar("JOINT_UNITS", default=None)
 """The same of single joints, by name, where units differ from joint to joint."""
-
-LONGEST = 1500
-"""Characters of a message; of a longer one the middle is left out."""
 
 
 class PlannerError(Exception):
@@ -175,16 +174,3 @@ def about(joint: str) -> Iterator[None]:
         raise
     finally:
         ANGLE_UNIT.reset(token)
-
-
-def printable(text: str) -> str:
-    """Text on one line and of bounded length, whatever a file or an argument put into it."""
-    text = _shortened(text)
-    if text.isprintable():
-        return text
-    escaped = (c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
-    return _shortened("".join(escaped))
-
-
-def _shortened(text: str) -> str:
-    return text if len(text) <= LONGEST else f"{text[: LONGEST - 300]} … {text[-300:]}"

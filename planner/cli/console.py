@@ -20,7 +20,7 @@ from typing import Any, Literal, TextIO
 
 import click
 
-from planner.exceptions import printable
+from kinematics.exceptions import printable
 from planner.files.text import STANDARD_STREAM, to_json, write_text
 
 Verbosity = Literal["quiet", "normal", "verbose"]

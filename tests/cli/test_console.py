@@ -14,6 +14,7 @@ import click
 import numpy as np
 import pytest
 
+from kinematics.exceptions import LONGEST
 from planner.cli.console import (
     BAR,
     KEY,
@@ -30,7 +31,6 @@ from planner.cli.console import (
 from planner.exceptions import (
     ANGLE_UNIT,
     JOINT_UNITS,
-    LONGEST,
     PlannerError,
     about,
     angle_text,
