@@ -129,6 +129,17 @@ def test_a_locked_joint_loads_the_others(tmp_path: Path, pendulum: Leg) -> None:
     np.testing.assert_allclose(bent.load_torques([[0.4]]), both[:, :1], rtol=0, atol=ROUNDING)
 
 
+def test_joints_beyond_the_leg_rest_at_the_end_of_their_range_nearest_to_0(
+    tmp_path: Path, pendulum: Leg
+) -> None:
+    ranges = PENDULUM.split('lower="-3"')
+    bent = f'{ranges[0]}lower="-3"{ranges[1]}lower="0.9"{ranges[2]}'
+    (tmp_path / "bent.urdf").write_text(bent, encoding="utf-8")
+    shoulder = Leg.from_urdf(tmp_path / "bent.urdf", base="base", foot="upper")
+    both = pendulum.load_torques([[0.4, 0.9]])
+    np.testing.assert_allclose(shoulder.load_torques([[0.4]]), both[:, :1], rtol=0, atol=ROUNDING)
+
+
 def test_a_urdf_without_masses_is_refused(tmp_path: Path) -> None:
     leg = made_up_leg(tmp_path, [Joint((0.0, 0.0, 0.1), Y)], (0.0, 0.0, 0.1))
     with pytest.raises(UnsupportedLeg, match="no link beyond joint 'joint_1' has a mass"):

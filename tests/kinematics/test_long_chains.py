@@ -82,6 +82,10 @@ def test_the_bodies_of_a_scene_are_where_the_joints_are_held(arm):
     [
         ({"wrist": 0.0}, "locked: no joint 'wrist' that moves in the URDF; joints: arm_joint, "),
         ({"tip_mount": 0.0}, "locked: no joint 'tip_mount' that moves"),
+        (
+            {"joint_2": 2.5 + 1e-8},
+            "locked: joint 'joint_2' at 2.5, expected -2.5 to 2.5, its range",
+        ),
         ({"joint_2": 2.6}, "locked: joint 'joint_2' at 2.6, expected -2.5 to 2.5, its range"),
         ({"joint_1": float("nan")}, "locked: joint 'joint_1' at nan, expected -inf to inf"),
     ],
@@ -89,6 +93,12 @@ def test_the_bodies_of_a_scene_are_where_the_joints_are_held(arm):
 def test_a_joint_that_cannot_be_held_is_refused(arm, locked, message):
     with pytest.raises(InvalidInput, match=message):
         Leg.from_urdf(arm, base="link_0", foot="tip", locked=locked)
+
+
+def test_a_joint_may_be_held_beyond_its_range_by_rounding(arm):
+    for ends in (2.5 + 1e-10, -2.5 - 1e-10):
+        held_there = Leg.from_urdf(arm, base="link_0", foot="tip", locked={"joint_2": ends})
+        assert "joint_2" not in held_there.joint_names
 
 
 def test_a_leg_needs_a_joint_that_is_not_held(arm):
@@ -119,7 +129,7 @@ def test_joints_that_mimic_or_slide_may_be_held(tmp_path):
 
 def test_the_speeds_are_those_of_the_urdf_where_they_can_be_meant(tmp_path):
     text = urdf_text(ARM[:3], TIP)
-    for number, speed in enumerate(("7.5", "1000", "0")):
+    for number, speed in enumerate(("7.5", "101", "0")):
         text = text.replace('velocity="1"', f'velocity="{speed}" ', 1) if number else text
     path = tmp_path / "fast.urdf"
     path.write_text(text, encoding="utf-8")

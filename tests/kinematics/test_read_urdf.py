@@ -63,6 +63,15 @@ def test_revolute_joints_without_limits_are_named_with_what_to_write(limit, mess
     assert 'type="continuous"' in str(error.value)
 
 
+def test_of_many_joints_without_limits_six_are_named(tmp_path):
+    joints = [Joint((0, 0, 0), X, kind=kind) for kind in ("prismatic", *["revolute"] * 6)]
+    text = urdf_text(joints, TIP)
+    with pytest.raises(InvalidUrdf, match=r"joints 'joint_1', .* 'joint_6' and 1 more without"):
+        leg_of(tmp_path, text.replace(LIMIT, ""))
+    with pytest.raises(InvalidUrdf, match=r"joints 'joint_1', .* 'joint_6' without"):
+        leg_of(tmp_path, text.replace(LIMIT, "", 6))
+
+
 def test_a_joint_that_is_locked_or_elsewhere_needs_no_range(tmp_path):
     fixed = urdf_text([Joint((0, 0, 0), X, lower=0.0, upper=0.0), KNEE, KNEE], TIP)
     assert leg_of(tmp_path, fixed, base="link_1").joint_names == ("joint_2", "joint_3")
@@ -138,12 +147,13 @@ def test_such_joints_elsewhere_in_the_robot_do_no_harm(tmp_path):
 def test_a_continuous_joint_has_no_limits_and_neither_has_one_with_huge_ones(tmp_path):
     joints = [
         Joint((0, 0, 0), X, kind="continuous"),
-        Joint((0, 0, 0), Y, lower=-1e16, upper=1e16),
+        Joint((0, 0, 0), Y, lower=-1.1e6, upper=1e16),
+        Joint((0, 0, 0), Y, lower=-0.9e6, upper=0.9e6),
         KNEE,
     ]
     limits = made_up_leg(tmp_path, joints, TIP).limits
-    np.testing.assert_array_equal(limits.lower, [-np.inf, -np.inf, -2.5])
-    np.testing.assert_array_equal(limits.upper, [np.inf, np.inf, 2.5])
+    np.testing.assert_array_equal(limits.lower, [-np.inf, -np.inf, -0.9e6, -2.5])
+    np.testing.assert_array_equal(limits.upper, [np.inf, np.inf, 0.9e6, 2.5])
 
 
 def test_a_joint_frame_and_a_link_frame_of_the_same_name_are_one(tmp_path):
