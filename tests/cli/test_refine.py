@@ -220,56 +220,6 @@ def test_a_history_of_another_path_is_refused(run, desired, brief, execute):
     assert "got the trials of 88 requests of hip, knee, expected 32" in result.stderr
 
 
-def test_a_history_of_a_path_that_differs_by_half_a_degree_is_refused(run, desired, execute):
-    run("plan", desired, "-o", "requests.csv")
-    execute()
-    line = ("refine", "requests.csv", "measured.csv", "--no-reidentify", "--history", "all.json")
-    assert run(*line, "--desired", desired, "-o", "next.csv").exit_code == 0
-    path = read_joint_path(desired)
-    write_joint_path("shifted.csv", path.names, path.angles + np.radians(0.5), period=0.008)
-    result = run(*line, "--desired", "shifted.csv")
-    assert result.exit_code == 2
-    assert "got the trials of another desired path; begin another file" in result.stderr
-
-
-@pytest.mark.parametrize("content", ['{"format": "request-planner refine 1"}', "[1, 2]"])
-def test_a_damaged_history_is_refused_in_one_line(run, desired, execute, tmp_path, content):
-    run("plan", desired, "-o", "requests.csv")
-    execute()
-    (tmp_path / "all.json").write_text(content)
-    line = ("refine", "requests.csv", "measured.csv", "--desired", desired)
-    result = run(*line, "--history", "all.json")
-    assert result.exit_code == 2
-    assert result.stderr.count("\n") == 1
-    assert "all.json" in result.stderr
-
-
-@pytest.mark.parametrize("damage", ["digits", "length", "nothing"])
-def test_a_history_with_a_number_or_a_trial_that_cannot_be_is_refused_in_one_line(
-    run, desired, execute, tmp_path, damage
-):
-    run("plan", desired, "-o", "requests.csv")
-    execute()
-    line = ("refine", "requests.csv", "measured.csv", "--desired", desired, "--no-reidentify")
-    line = (*line, "--history", "all.json", "-o", "next.csv")
-    assert run(*line).exit_code == 0
-    history = json.loads((tmp_path / "all.json").read_text())
-    (name, *_) = history["plans"]
-    trial = history["plans"][name]["learning"]["trials"][0]
-    if damage == "digits":
-        trial["measured_rad"][0][0][0] = 10**400
-    elif damage == "length":
-        trial["measured_rad"] = [cycle[:-1] for cycle in trial["measured_rad"]]
-    else:
-        trial["requests_rad"][0][0] = None
-    (tmp_path / "all.json").write_text(json.dumps(history))
-    result = run(*line)
-    assert result.exit_code == 2
-    assert result.stderr.count("\n") == 1
-    assert "all.json: damaged (" in result.stderr
-    assert "begin another file" in result.stderr
-
-
 def test_the_desired_path_is_not_taken_for_a_measured_one(run, desired):
     run("plan", desired, "-o", "requests.csv")
     result = run("refine", "requests.csv", desired, "--desired", desired, "-o", "next.csv")

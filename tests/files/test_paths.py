@@ -244,14 +244,3 @@ def test_a_motion_at_its_own_rate_keeps_its_last_row(period):
         rows = np.arange(float(count))[:, np.newaxis]
         same = resampled(0.3 + period * np.arange(count), rows, period, cyclic=False)
         np.testing.assert_allclose(same, rows, atol=1e-9)
-
-
-@pytest.mark.parametrize("step", [0.004, 0.016])
-def test_a_path_at_a_higher_or_a_lower_rate_than_the_joints_is_refused(tmp_path, step):
-    path = read_joint_path(
-        _written(tmp_path / "path.csv", "hip_deg", np.sin(PHASE), step * np.arange(100))
-    )
-    with pytest.raises(
-        InvalidFile, match=rf"one sample every {step:g} s, expected one every 0.008"
-    ):
-        path.check_period(0.008)

@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from planner.exceptions import InvalidFile
-from planner.files.joint_model import read_model_file, write_model
 from planner.files.paths import (
     foot_path,
     is_foot_path,
@@ -23,7 +22,6 @@ from planner.files.paths import (
     write_joint_path,
 )
 from planner.files.table import read_table
-from planner.model.joint import JointModel
 
 WRITTEN = 1e-12
 """A written number is off by half of its last decimal at most [deg, m]."""
@@ -104,40 +102,6 @@ def test_a_dash_is_standard_input_and_standard_output(monkeypatch, capsys):
     write_joint_path("-", path.names, path.angles, period=0.5)
     out = capsys.readouterr().out
     assert out == "t_s,knee_deg\n0.0,57.295779513082\n0.5,114.591559026165\n"
-
-
-def test_a_written_model_is_read_back(tmp_path):
-    file = tmp_path / "model.toml"
-    model = JointModel(
-        v_max=5.45, theta_0=0.122, lag=0.0321, acceleration_time=0.047, tick=0.005, hold=4
-    )
-    write_model(file, model)
-    assert read_model_file(file).for_joints(["any", "other"]) == (model, model)
-
-
-def test_a_table_per_joint_changes_only_what_it_says(tmp_path):
-    file = tmp_path / "model.toml"
-    file.write_text(
-        "v_max = 5.0\ntheta_0 = 0.1\nlag = 0.03\nacceleration_time = 0.05\n[knee]\nlag = 0.02\n"
-    )
-    hip, knee = read_model_file(file).for_joints(["hip", "knee"])
-    assert (hip.lag, knee.lag) == (0.03, 0.02)
-    assert (hip.v_max, knee.v_max) == (5.0, 5.0)
-
-
-def test_a_joints_own_table_inherits_parameters_and_not_what_is_known_of_them(tmp_path):
-    file = tmp_path / "model.toml"
-    file.write_text(
-        "v_max = 5.0\ntheta_0 = 0.1\nlag = 0.03\nacceleration_time = 0.04\n"
-        "expected_error = 0.01\nv_max_interval = [4.0, 6.0]\n"
-        "[knee]\nv_max = 4.5\n[hip]\nlag = 0.02\nlag_interval = [0.01, 0.03]\n"
-    )
-    models = read_model_file(file)
-    assert models.common.evidence.intervals == {"v_max": (4.0, 6.0)}
-    assert models.by_joint["knee"].theta_0 == 0.1
-    assert models.by_joint["knee"].evidence is None
-    assert models.by_joint["hip"].evidence.intervals == {"lag": (0.01, 0.03)}
-    assert np.isnan(models.by_joint["hip"].evidence.error)
 
 
 def test_what_rounds_to_nothing_is_written_without_a_sign(tmp_path):

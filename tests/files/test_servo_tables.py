@@ -29,19 +29,6 @@ def written(tmp_path, **changes):
     return file
 
 
-def test_a_servo_is_read_as_it_is_written(tmp_path):
-    found = read_servos(written(tmp_path))["knee"]
-    assert found == Servo(
-        id=7,
-        zero_tick=2000,
-        direction=-1,
-        ticks_per_turn=1228.8,
-        limits=(-0.5, 1.5),
-        settings={"p_gain": 16},
-    )
-    assert has_servos(written(tmp_path))
-
-
 def test_what_is_left_out_has_its_default(tmp_path):
     left = dict.fromkeys(["zero_tick", "direction", "ticks_per_turn", "limits", "p_gain"])
     assert read_servos(written(tmp_path, **left))["knee"] == Servo(id=7)
