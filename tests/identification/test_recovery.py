@@ -111,12 +111,6 @@ def test_a_long_window_has_fewer_ticks_than_a_model_may_have():
     assert abs(found.acceleration_time / 0.6 - 1.0) <= 0.05
 
 
-def test_milliseconds_taken_for_seconds_are_refused():
-    log = step_logs()[0]
-    with pytest.raises(planner.InvalidInput, match="one row every 8 s"):
-        planner.identify(changed(log, times=1e3 * log.times), hold_out=False)
-
-
 def test_logs_of_one_clock_give_models_of_one_tick_to_the_last_digit():
     for rows in (150, 400):
         log = rich_log(AIBO, rows=rows, amplitude=1.0)

@@ -26,7 +26,6 @@ from tests.identification.made import (
     on_the_table,
     rich_log,
     step_logs,
-    stopped,
 )
 
 NAMES = ("asymmetry:", "mechanical stop", "ringing:", "slow drift", "backlash:")
@@ -63,20 +62,6 @@ def test_the_same_steps_ring_in_a_mirrored_log():
     assert notes[0] == notes[1]
     ((_, _, values),) = notes[0]
     assert (values["over"], values["steps"]) == (5, 5)
-
-
-def test_rows_at_a_mechanical_stop_are_left_out_with_a_note():
-    log = stopped()
-    found = planner.identify(log, hold_out=False)
-    (said,) = (text for text in found.warnings if "mechanical stop" in text)
-    assert "stays at its largest angle, 0.3" in said
-    assert said.endswith("these rows are left out")
-    at_stop = log.angles == 0.3
-    assert np.mean(found.fits[0].used[at_stop]) <= 0.2  # its first rows, until the model is beyond
-    assert found.fits[0].used[~at_stop].mean() >= 0.9
-    assert found.verdict == "holds"
-    for name in ("v_max", "theta_0"):
-        assert abs(getattr(found.model, name) / getattr(AIBO, name) - 1.0) <= 0.05
 
 
 def test_a_loaded_hobby_servo_is_predicted_and_its_asymmetry_named():
