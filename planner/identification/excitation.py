@@ -16,7 +16,7 @@ from planner.identification.result import Identification
 from planner.model.joint import JointModel
 from planner.model.response import simulate
 from planner.trajectory import MOST_SAMPLES, Array
-from planner.validation import as_number, as_whole, shown
+from planner.validation import as_number, as_whole, freeze, shown
 
 MEANING: Mapping[str, str] = {
     "combined": "A slow triangle, then a sum of sines, then steps, and all of it once more: what "
@@ -212,8 +212,7 @@ def excite(
     requests = np.clip(middle + reach * deflection, *limits)  # rounding may not leave the limits
     times = np.arange(samples, dtype=np.float64) * period
     edges = (period * (rest + ends)).tolist()
-    for array in (times, requests):
-        array.setflags(write=False)
+    freeze(times, requests)
     return Excitation(
         kind=kind,
         times=times,

@@ -227,16 +227,7 @@ class Grid:
         """What a joint is run along, for ``model/kernel.py``."""
         from planner.model.kernel import Track
 
-        return Track(
-            self.edges,
-            self.requests,
-            self.tick,
-            self.ticks,
-            self.loads,
-            self.states,
-            self.before,
-            self.share,
-        )
+        return Track(*(getattr(self, name) for name in Track._fields))
 
     @cached_property
     def times(self) -> Array:

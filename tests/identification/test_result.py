@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -118,7 +119,9 @@ def test_rows_that_are_fitted_do_not_bound_a_top_speed_that_others_exceed():
     assert found.intervals["v_max"].lower >= 0.9 * 6.0
     assert found.intervals["v_max"].upper == np.inf
     (warning,) = [words for words in found.warnings if "a limit in the servo" in words]
-    assert "deg/s" in warning or "rad/s" in warning
+    moved, bound = map(float, re.findall(r"([\d.]+) rad/s", warning))
+    assert moved == pytest.approx(np.max(angles[5:] - angles[:-5]) / 0.1, rel=0.01)
+    assert 2.0 <= bound < 2.1
 
 
 def test_the_error_by_motion_is_that_of_rows_held_out():

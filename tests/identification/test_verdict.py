@@ -17,7 +17,7 @@ from planner.identification.intervals import (
     middle_known_within,
     uncertainty_of,
 )
-from planner.identification.judgement import undetermined_delays, verdict_on
+from planner.identification.judgement import notes_on, undetermined_delays, verdict_on
 from planner.identification.result import HeldOut, Interval, note
 from planner.report.identification.text import next_step
 from tests.identification.made import (
@@ -377,6 +377,9 @@ def test_what_predicts_two_percent_better_is_simpler(share, beaten, fitted):
     assert ("simpler" in topics(found)) is beaten
     assert found.verdict == ("usable" if beaten else "holds")
     assert ("a delay with a first-order lag predicts better" in found.reason) is beaten
+    for each in found.notes:
+        assert each.numbers["ours"] == pytest.approx(fitted[0].rms)
+        assert each.numbers["theirs"] == pytest.approx(share * fitted[0].rms)
 
 
 def test_the_larger_error_of_all_rows_and_of_those_held_out_decides(fitted):
@@ -424,6 +427,15 @@ def test_dry_friction_that_may_be_a_tenth_of_the_motion_is_hidden(fitted):
     refused = judged(fitted, friction=np.inf, signal=2.0 * fit.rms)
     assert refused.verdict == "refused"
     assert "friction" not in topics(refused)  # of a model that is not used anyway
+
+
+@pytest.mark.parametrize(("jumps", "often"), [(1, "once"), (2, "2 times")])
+def test_turns_are_counted_in_the_note_of_their_log(jumps, often):
+    logs = [replace(rich_log(rows=50), name=name) for name in ("hip", "knee")]
+    timing = timing_of(logs, tick=None, hold=None)
+    (said,) = notes_on(logs, timing, [0, jumps])
+    words = f"knee: the actual angle jumps by a whole turn {often}, as encoders do"
+    assert sentence(said, "rad").startswith(words)
 
 
 def test_what_speaks_against_the_columns_is_said_where_the_model_misses_much(fitted):
