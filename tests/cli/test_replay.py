@@ -218,6 +218,11 @@ def test_a_dataset_comes_back_as_a_dataset(run, dataset, model):
     assert info["robot_type"] == "so101"
     assert info["features"]["action"]["names"] == list(NAMES)
     assert info["total_episodes"] == 3
+    told = json.loads((dataset.parent / "planned/replay.json").read_text())["recordings"]
+    bridged = "1 angles that are missing, or that no joint takes, are bridged"
+    names = ("shoulder_pan", "elbow_flex", "gripper")
+    expected = [[], [f"{name}: {bridged}" for name in names], []]
+    assert [each["remarks"] for each in told] == expected
 
 
 @pytest.mark.usefixtures("in_this_process")
@@ -490,6 +495,17 @@ def test_limits_of_a_joint_in_shares_are_percent_of_its_range(run, demo, model):
     assert jaw.max() <= 0.82 + 1e-9
 
 
+def test_a_joint_that_cannot_be_identified_gets_its_recorded_requests_and_is_named(run, demo):
+    names, *rows = demo.read_text().splitlines()
+    table = np.column_stack([np.loadtxt(rows, delimiter=","), np.zeros((120, 2))])
+    header = f"{names},req_wrist_deg,act_wrist_deg"
+    np.savetxt(demo, table, delimiter=",", header=header, comments="", fmt="%.9g")
+    result = run("replay", demo, "--model", "from-log", "-o", "out.csv")
+    assert result.exit_code == 0, result.stderr
+    assert "warning: wrist: no model: " in result.stderr
+    assert "no model: recorded requests, re-timed" in result.stderr
+
+
 def test_a_gripper_that_is_recorded_alone_is_identified(run, demo):
     table = np.loadtxt(demo, delimiter=",", skiprows=1)
     jaw = 0.5 + 0.3 * np.sign(np.sin(4.0 * table[:, 0]))
@@ -554,3 +570,7 @@ def test_a_varying_factor_is_told_from_its_least_to_its_largest():
     told = fastest_document(found)
     assert (told["least_factor"], told["largest_factor"]) == (0.5, 2.0)
     assert (told["speed"], told["constant_speed"]) == (1.2, 1.0)
+    found.retime, found.tolerance = "constant", np.radians(1.0)
+    assert fastest_text(found) == (
+        "within 1 degree at 1.2 times the speed; no speed is proved too high"
+    )

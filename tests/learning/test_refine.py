@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ import planner
 from planner.files.learning_history import LearningState, read_history, write_history
 from planner.learning import refine as refining
 from planner.model.evidence import Evidence
+from planner.planning.task import axis_scales
 from planner.planning.trials import Learning, SensorDelay, Trial
 from planner.trajectory import Array
 
@@ -735,3 +737,51 @@ def test_the_remaining_error_of_a_joint_is_told_beside_its_bound_and_its_noise()
     bound = planner.lower_bound(KNOWN, plan.desired - missed.disturbance)
     assert missed.learning.floor[0] == pytest.approx(bound, rel=1e-6)
     assert missed.learning.floor[0] > 1.05 * after.learning.floor[0]
+
+
+@pytest.mark.parametrize(
+    ("floor", "said"),
+    [
+        ((0.004, 0.002), "1.230 cm: 0.400 cm from speed limits, 0.200 cm noise of a cycle"),
+        ((0.02, 0.0), "1.230 cm: all of it from speed limits by the model"),
+        ((math.nan, 0.002), "1.230 cm: 0.200 cm noise of a cycle"),
+        ((0.0, 0.0), "1.230 cm"),
+        ((0.004, 0.013), "1.230 cm: no more than the noise of a cycle, 1.300 cm"),
+    ],
+)
+def test_the_remaining_error_of_a_foot_is_told_in_centimetres(floor, said, a_foot) -> None:
+    base = Trial(requests=a_foot.requests, measured=a_foot.predicted[None], error=0.0123)
+    assert refining._remaining(a_foot.plan, base, floor) == f"remaining error {said}"
+
+
+@pytest.fixture(scope="module")
+def a_foot() -> planner.FootInversion:
+    walk = planner.reference_walk()
+    return planner.invert_foot(KNOWN, walk.leg, walk.desired_foot, weights=(1.0, 4.0, 0.0))
+
+
+@pytest.mark.parametrize("j", [0, 1, 2])
+def test_deviations_of_a_joint_are_those_of_the_foot_in_its_weighted_norm(j, a_foot) -> None:
+    off = 1e-5 * np.eye(3)[j]
+    foot, moved = (a_foot.leg.foot_positions(a_foot.predicted + each) for each in (0.0, off))
+    scales = axis_scales(a_foot.plan.task.weights)
+    expected = math.sqrt(np.mean(np.sum(((moved - foot) * scales) ** 2, axis=1)))
+    assert refining._size(a_foot.plan, off) == pytest.approx(expected, rel=1e-3)
+
+
+def test_the_bound_of_a_foot_is_computed_once_and_where_learning_ends(a_foot, monkeypatch) -> None:
+    bounds = []
+    bound_of = property(lambda plan: bounds.append(plan.task.disturbance) or 0.5)
+    monkeypatch.setattr(planner.Plan, "foot_bound", bound_of)
+    task = replace(a_foot.plan.task, disturbance=0.01 + 0.0 * a_foot.requests)
+    disturbed, noise = replace(a_foot.plan, task=task), np.zeros((45, 3))
+    known, unknown = (SimpleNamespace(floor=(bound, 0.0)) for bound in (0.3, math.nan))
+    for learning, ended, floor in (
+        (unknown, False, math.nan),
+        (known, True, 0.3),
+        (unknown, True, 0.5),
+        (None, True, 0.5),
+    ):
+        bound, _ = refining._floor(a_foot.plan, disturbed, noise, learning, ended=ended)
+        assert bound == pytest.approx(floor, nan_ok=True)
+    assert bounds == [None, None]  # of the models alone

@@ -107,3 +107,17 @@ def test_a_top_speed_that_the_trials_do_not_show_stays_as_it_was(size, v_max):
     rng = np.random.default_rng(1)
     of_another = replace(log, angles=size * rng.standard_normal(len(log.times)))
     assert reidentification._identified(KNOWN, [of_another]) is None
+
+
+def test_the_joint_whose_model_is_identified_anew_is_named_and_the_trial_kept(monkeypatch):
+    plan = planner.plan(KNOWN, np.column_stack([REQUESTS[0], REQUESTS[0]]))
+    monkeypatch.setattr(
+        reidentification,
+        "better_model",
+        lambda *given: OTHER if given[3:] == (1, 0.2) else None,
+    )
+    after, last, (remark,) = reidentification.reidentified(plan, [None] * 4, (1, 0), [0.1, 0.2])
+    assert (list(after.models), last) == ([KNOWN, OTHER], (1, 3))
+    assert remark.startswith("the model of joint 2 was identified anew from the measured cycles")
+    same, last, remarks = reidentification.reidentified(plan, [None] * 4, (1, 0), [0.1, 0.1])
+    assert (same, last, remarks) == (plan, (1, 0), [])

@@ -9,7 +9,8 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from planner.exceptions import InvalidInput
+from planner.exceptions import InvalidInput, MissingExtra
+from planner.files.exports import check_format
 from planner.files.exports.controller_csv import Ticks, to_ticks, write_controller_csv
 from planner.files.paths import read_joint_path
 from planner.robot import resample
@@ -164,3 +165,40 @@ def test_hobby_servos_get_pulses_in_microseconds_of_their_own_centre_and_directi
         to_ticks(quarter, Ticks(4000, 1500, {"knee": 2040}, unit="us"))
     with pytest.raises(InvalidInput, match="reverse: no joint 'ankle'; joints: hip, knee"):
         to_ticks(quarter, Ticks(reversed=["ankle"]))
+
+
+SHORT = Schedule(("knee",), np.zeros((3, 1)), 0.02)
+
+
+@pytest.mark.parametrize(
+    ("form", "schedule", "given", "message"),
+    [
+        ("xml", SHORT, {}, "format: got 'xml', expected csv, yaml, bag, mcap, lerobot"),
+        ("csv", SHORT, {"ticks": Ticks(zeros={"hip": 3})}, "zero tick: no joint 'hip'"),
+        ("csv", SHORT, {"ticks": Ticks(reversed=["hip"], unit="us")}, "reverse: no joint 'hip'"),
+        ("lerobot", Schedule(("knee",), np.zeros((3, 1)), 2.5), {}, "is 0.4 per second, expected"),
+        *((form, SHORT, {"lead": 1e12}, "whole nanoseconds") for form in ("yaml", "bag", "mcap")),
+        *((form, SHORT, {"topic": "/"}, "topic: got '/'") for form in ("bag", "mcap")),
+        ("csv", SHORT, {"lead": -1.0, "topic": "/"}, None),
+        ("yaml", SHORT, {"topic": "/"}, None),
+        ("lerobot", SHORT, {"lead": -1.0, "topic": "/"}, None),
+    ],
+)
+def test_what_a_format_cannot_hold_is_refused_before_there_are_angles(
+    form, schedule, given, message
+):
+    if message is None:
+        check_format(form, schedule, **given)
+        return
+    with pytest.raises(InvalidInput, match=message):
+        check_format(form, schedule, **given)
+
+
+@pytest.mark.parametrize(
+    ("form", "extra"), [("yaml", "yaml"), ("bag", "bags"), ("mcap", "bags"), ("lerobot", "parquet")]
+)
+def test_a_format_whose_package_is_not_installed_is_refused_at_once(form, extra, monkeypatch):
+    monkeypatch.setattr("planner.files.exports.find_spec", lambda _: None)
+    check_format("csv", SHORT)
+    with pytest.raises(MissingExtra, match=rf"request-planner\[{extra}\]"):
+        check_format(form, SHORT)
