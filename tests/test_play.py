@@ -48,15 +48,8 @@ class Robot:
         self.stops += 1
 
     def play(self, requests=WALK, **settings):
-        return planner.play(
-            requests,
-            period=TICK,
-            send=self.send,
-            on_stop=self.stop,
-            now=self.now,
-            sleep=self.sleep,
-            **settings,
-        )
+        own = {"send": self.send, "on_stop": self.stop, "now": self.now, "sleep": self.sleep}
+        return planner.play(requests, period=TICK, **{**own, **settings})
 
 
 def test_every_request_is_sent_at_its_time_and_the_last_is_held_for_its_period():
@@ -89,6 +82,18 @@ def test_what_is_overdue_is_skipped_and_the_rest_is_in_step_with_the_clock():
     numbers = [0, 1, 2, 5, 6, 7, 8, 9, 10, 11]
     assert np.array_equal(robot.rows, [WALK[k % 4] for k in numbers])
     assert robot.times[4:] == [100.0 + k * TICK for k in numbers[4:]]
+    assert report.mean_lateness == pytest.approx(0.05 * TICK)  # over the ten that were sent
+
+
+@pytest.mark.parametrize(("ticks", "skipped", "overruns"), [(1, 0, 1), (2, 1, 1), (0.75, 0, 0)])
+def test_the_moment_at_which_the_next_is_due_is_too_late(ticks, skipped, overruns):
+    robot = Robot()
+    robot.stall_at, robot.stall = 1, ticks * TICK
+    report = robot.play(cycles=2)
+    assert (report.sent, report.skipped, report.overruns) == (8 - skipped, skipped, overruns)
+    robot.rows = []
+    led = robot.play(cycles=1, current=[0.1, 0.9], speed=0.1 / 3.0 / TICK)
+    assert (led.sent, led.skipped, led.overruns) == (6, 0, overruns)
 
 
 def test_the_last_request_is_sent_however_late():
@@ -111,8 +116,7 @@ def test_ctrl_c_ends_a_walk_for_ever_and_is_reported():
     robot = Robot()
     robot.fail_at, robot.failure = 41, KeyboardInterrupt()
     report = robot.play()
-    assert report.interrupted
-    assert report.sent == 41
+    assert (report.interrupted, report.failed, report.sent) == (True, False, 41)
     assert str(report).startswith("interrupted after 41 requests: 0.00 ms late on average")
     assert robot.stops == 1
 
@@ -142,16 +146,7 @@ def test_a_robot_that_cannot_be_stopped_leaves_a_report_too():
         raise OSError("no answer")
 
     with pytest.raises(OSError, match="no answer"):
-        planner.play(
-            WALK,
-            period=TICK,
-            send=robot.send,
-            cycles=1,
-            on_stop=stop,
-            report=told.append,
-            now=robot.now,
-            sleep=robot.sleep,
-        )
+        robot.play(cycles=1, on_stop=stop, report=told.append)
     assert told == [planner.Playback(sent=4)]
 
 
@@ -200,7 +195,7 @@ def test_a_ramp_is_even_keeps_its_speed_and_wastes_no_time(start, goal, speed, p
     steps = np.diff(np.concatenate([[start], rows[:, 0], [goal]]))
     assert np.allclose(steps, steps[0], rtol=0.0, atol=ROUNDING)
     assert np.max(np.abs(steps)) <= speed * period + ROUNDING
-    assert len(rows) <= abs(goal - start) / (speed * period) + ROUNDING
+    assert len(rows) <= abs(goal - start) / (speed * period) + ROUNDING < len(rows) + 1 + 1e-9
     assert not rows[:, 1].any()
 
 
@@ -237,6 +232,10 @@ def test_timed_requests_of_one_joint_end_after_their_cycles():
             "speed: got 1e-06 rad/s, for a ramp of 1e+06 s; expected a faster one",
         ),
         ({"report": 3}, "report: got 3, expected a function"),
+        ({"on_stop": "x"}, "on_stop: got 'x', expected a function"),
+        ({"send": None}, "send: got None, expected a function"),
+        ({"now": None}, "now: got None, expected a function"),
+        ({"sleep": None}, "sleep: got None, expected a function"),
         (
             {"requests": [[0.0, np.nan]]},
             "requests, column 1: 1 of 1 samples are not finite, the first at index 0 (nan); remove "

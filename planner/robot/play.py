@@ -6,7 +6,6 @@ import math
 import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from functools import partial
 from itertools import chain, count, pairwise
 from typing import Any, NamedTuple
 
@@ -143,12 +142,12 @@ def play(
     if current is not None and speed is not None:
         way = ramp(current, rows[0], speed=speed, period=period)
     player = Player(send, now, sleep, period)
-    run = partial(_lead_and_play, player, way, timed)
-    return conduct(player, run, on_stop=on_stop, report=report)
-
-
-def _lead_and_play(player: Player, way: Iterable[Array], timed: Iterable[TimedRequest]) -> None:
-    player.keep_to_times(timed, start=player.lead(way))
+    return conduct(
+        player,
+        lambda: player.keep_to_times(timed, start=player.lead(way)),
+        on_stop=on_stop,
+        report=report,
+    )
 
 
 def conduct(
@@ -203,7 +202,7 @@ class Player:
         for row in way:
             due = self._send_at(due, row) + self._period
             self._overruns += self._now() >= due
-        return due
+        return max(due, self._now())
 
     def keep_to_times(self, timed: Iterable[TimedRequest], *, start: float) -> None:
         """Send each request at its time from ``start`` on, and hold the last for its period."""

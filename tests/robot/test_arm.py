@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from planner.exceptions import BusError, InvalidInput
-from planner.robot.arm import SETTLED, Arm, Servo
+from planner.robot.arm import SETTLED, Arm, Measured, Servo, _Guard
 from planner.robot.bus import Bus, SerialPort
 from planner.robot.protocols import DYNAMIXEL, FEETECH, SYNC_READ, SYNC_WRITE
 from planner.virtual.servo_bus import KINDS, Faults, VirtualPort, VirtualServos
@@ -282,3 +282,165 @@ def test_what_an_adapter_hands_back_is_not_taken_for_an_answer(kind, whole, monk
         2001,
     ]
     assert arm.bus.lost == 0
+
+
+def guarded(limits=(-1.0, 1.0), start=(0.0, 0.0)):
+    """Whether a tick of two joints passes: given a time [s], requests, angles [rad] and errors."""
+    arm = arm_of(count=2, limits=limits)
+    guard = _Guard(arm, np.array(start))
+
+    def tick(time, requests, angles, errors=(0, 0)):
+        measured = Measured(time, np.array(angles, dtype=float), errors)
+        guard.check(np.array(requests, dtype=float), measured)
+
+    return tick
+
+
+def stops(tick, *arguments):
+    """The message with which a tick ends the motion; nothing where it goes on."""
+    try:
+        tick(*arguments)
+    except BusError as error:
+        return str(error)
+    return ""
+
+
+DEGREE = math.radians(1.0)
+
+
+def test_a_joint_is_stopped_15_degrees_beyond_its_range_or_where_it_began():
+    for start, low, high in ((0.0, -1.0, 1.0), (1.2, -1.0, 1.2), (-1.3, -1.3, 1.0)):
+        for end, sign in ((low, -1.0), (high, 1.0)):
+            for degrees, far in ((14.9, False), (15.1, True)):
+                angle = end + sign * degrees * DEGREE
+                told = stops(guarded(start=(0.0, start)), 0.01, (0.0, angle), (0.0, angle))
+                words = (
+                    f"joint_2: at {angle:g} rad, far beyond its range; stopped: is its direction"
+                )
+                assert told.startswith(words) if far else told == ""
+
+
+def test_a_joint_is_gone_after_half_a_second_of_silence_and_only_that_one():
+    tick = guarded()
+    tick(0.1, (0.0, 0.0), (0.0, 0.0))
+    tick(0.6, (0.0, 0.0), (0.0, math.nan))
+    told = stops(tick, 0.601, (0.0, 0.0), (0.0, math.nan))
+    assert told == "joint_2: the servo has stopped answering; check cable and supply"
+
+
+def test_a_joint_follows_that_is_near_its_request_or_moves_by_a_degree_in_the_time():
+    def stuck(error, step, time=0.71):
+        """By their errors and how far they come [deg]."""
+        tick = guarded(limits=(-3.0, 3.0))
+        requests = np.array([0.0, error * DEGREE])
+        tick(0.0, np.zeros(2), np.zeros(2))
+        tick(0.001, 3.0 * requests, (0.0, 0.0))  # from here on they are to move
+        tick(0.3, requests, (0.0, step * DEGREE))
+        moved = np.array([0.0, step * DEGREE])
+        return stops(tick, time, requests + moved, moved)
+
+    told = stuck(12.1, 0.0)
+    assert told == (
+        f"joint_2: does not follow: at 0 rad, requested {12.1 * DEGREE:.6g} rad; stopped: what "
+        "holds it?"
+    )
+    assert stuck(12.1, 0.0, time=0.69) == ""
+    assert stuck(12.1, 0.9) != ""
+    assert stuck(12.1, 1.1) == ""
+    assert stuck(-12.1, 1.1) == ""
+
+
+def test_a_fault_is_that_of_its_servo_though_another_is_silent(monkeypatch):
+    told = stops(guarded(), 0.01, (0.0, 0.0), (0.0, 0.0), (0, 0x24))
+    assert told == "joint_2: the servo reports overheating and overload; stopped"
+    arm = arm_of(count=3)
+    servos = arm.bus.port.servos
+    servos.motors.temperatures[2] = 90.0
+    monkeypatch.setattr(servos, "ids", [1, 3])
+    measured = arm.measure()
+    assert measured.errors == (0, 0, 0x04)
+    assert np.isnan(measured.angles).tolist() == [False, True, False]
+    assert np.isnan(arm.goals()).tolist() == [False, True, False]
+
+
+def test_each_joint_that_is_stopped_keeps_its_request_or_takes_its_own_angle():
+    arm = arm_of(count=2)
+    arm.bus.write(1, "torque", 1)
+    arm.send([0.1, 0.8])
+    arm.bus.port.sleep(1.0)  # the second has no torque
+    arm.hold()
+    assert arm.goals() == pytest.approx([0.1, 0.0], abs=TICK)
+
+
+def test_the_angle_that_is_asked_for_again_is_that_of_its_own_servo(monkeypatch):
+    arm = arm_of(count=2)
+    arm.servos["joint_2"] = replace(arm.servos["joint_2"], zero_tick=1048)
+    lost = arm.measure()._replace(angles=np.array([0.0, math.nan]))
+    monkeypatch.setattr(arm, "measure", lambda: lost)
+    assert arm.angles() == pytest.approx([0.0, 1000 * TICK], abs=TICK)
+    lost.angles[1] = math.nan
+    monkeypatch.setattr(arm.bus.port.servos, "ids", [1])
+    assert np.isnan(arm.angles(silent=True)).tolist() == [False, True]
+
+
+@pytest.mark.parametrize(("beyond", "refused"), [(0.9e-6, False), (1.1e-6, True)])
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_a_request_may_be_beyond_the_range_by_the_rounding_of_a_file(side, beyond, refused):
+    arm = arm_of(count=1)
+    requests = np.array([[0.0], [side * (1.0 + beyond)]])
+    if refused:
+        with pytest.raises(InvalidInput, match="joint_1: request 1 is"):
+            arm._check(requests)
+    else:
+        arm._check(requests)
+
+
+def test_ctrl_c_on_the_way_to_the_first_request_plays_nothing():
+    arm, rows = arm_of(count=1), []
+    sleep = arm.bus.port.sleep
+
+    def stopped(duration):
+        sleep(duration)
+        if arm.bus.port.now() > 0.5:
+            raise KeyboardInterrupt
+
+    arm.bus.port.sleep, played = stopped, None
+    played = arm.perform(np.full((9, 1), 0.9), period=PERIOD, keep=lambda *row: rows.append(row))
+    assert played.interrupted
+    assert rows == []
+
+
+def test_joints_are_led_at_half_a_radian_per_second_and_time_begins_after_that():
+    arm, rows = arm_of(count=2), []
+    with arm.powered():
+        begin = arm.bus.port.now()
+        arm.perform(
+            np.tile([0.5, -0.2], (3, 1)),
+            period=PERIOD,
+            cycles=2,
+            keep=lambda *row: rows.append((arm.bus.port.now(), *row)),
+        )
+    assert rows[0][0] - begin == pytest.approx(0.5 / 0.5 + SETTLED, abs=3.0 * PERIOD)
+    assert [row[1] for row in rows] == pytest.approx(PERIOD * np.arange(6), abs=1e-3)
+    assert all(row[2].tolist() == [0.5, -0.2] for row in rows)
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"id": 253}, "servo: got the identifier 253, expected 0 to 252"),
+        ({"id": -1}, "servo: got the identifier -1, expected 0 to 252"),
+        ({"direction": 0}, "direction: got 0, expected 1 or -1"),
+        ({"ticks_per_turn": 1.9}, "ticks_per_turn: got 1.9, expected 2 or more"),
+        ({"ticks_per_turn": math.inf}, "ticks_per_turn: got inf, expected 2 or more"),
+        ({"limits": (1.0, 1.0)}, r"limits: got \[1.0, 1.0\], expected the lower one first"),
+    ],
+)
+def test_what_is_no_servo_is_refused(given, message):
+    with pytest.raises(InvalidInput, match=f"^{message}$"):
+        Servo(**{"id": 252, **given})
+
+
+def test_a_joint_has_the_settings_that_its_servo_knows():
+    names = {"p_gain": 32, "i_gain": 0, "d_gain": 0, "profile_speed": 0}  # no acceleration
+    assert arm_of(KINDS["xl-320"], 2).settings() == {"joint_1": names, "joint_2": names}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -60,9 +60,3 @@ def test_its_description_says_which_load_it_carries(tmp_path):
         mujoco.mj_forward(model, data)
         found = leg.load_torques([[angle]], gravity=gravity)
         assert found[0, 0] == pytest.approx(-data.qfrc_bias[0], abs=1e-9)
-
-
-def test_every_constant_of_the_servo_has_a_source():
-    for each in fields(SERVO):
-        assert each.metadata["unit"]
-        assert each.metadata["source"]

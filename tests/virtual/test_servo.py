@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import pytest
 
@@ -13,12 +13,6 @@ from planner.virtual.servo import Servo
 CONSTANTS = Constants()
 EXACT = 1e-12
 """Rounding of a few operations [1, N m]."""
-
-
-def test_every_constant_has_a_unit_and_a_source():
-    for each in fields(Constants):
-        assert each.metadata["unit"], each.name
-        assert each.metadata["source"], each.name
 
 
 def test_the_whole_voltage_is_used_from_an_error_of_about_seven_degrees_on():

@@ -1,0 +1,129 @@
+"""Every kind of virtual servo and every constant of the virtual robot, held by snapshots.
+
+Where a number is meant to change, the diff of its snapshot shows which, and what moves otherwise.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict
+
+import numpy as np
+import pytest
+
+from planner.robot.bus import Bus
+from planner.robot.protocols import PROTOCOLS
+from planner.virtual.constants import Constants
+from planner.virtual.pendulum import Pendulum, Sts3215
+from planner.virtual.servo_bus import KINDS, Faults, VirtualPort, VirtualServos
+
+MOTION = {
+    "step": {},
+    "profile": {"profile_speed": 200, "profile_acceleration": 10},
+    "speed_only": {"profile_speed": 300},
+    "soft": {"p_gain": 6, "i_gain": 100, "d_gain": 0},
+}
+"""Registers by the name of a motion, besides those at first."""
+
+FAULTS = {
+    "stall": Faults(stall={2: 0.2}),
+    "sag": Faults(saturate={1: 0.2}),
+    "hot": Faults(overheat={3: 0.2}),
+    "off": Faults(power_off=0.5),
+}
+
+
+def test_control_tables_and_what_errors_are_called(snapshot):
+    lines = []
+    for protocol in PROTOCOLS.values():
+        content = asdict(protocol)
+        lines += [f"{key} {content.pop(key)}" for key in ("name", "feedback")]
+        for table in ("registers", "errors", "refusals"):
+            lines += [f"{table} {key}: {value}" for key, value in content.pop(table).items()]
+        lines += [f"{key} {value}" for key, value in content.items()]
+    snapshot.check("protocols", "\n".join(lines) + "\n")
+
+
+def test_constants_with_their_units_and_sources(snapshot):
+    lines = [
+        f"{type(each).__name__} {name} {entry['value']} {entry['unit']}: {entry['source']}"
+        for each in (Constants(), Sts3215())
+        for name, entry in each.to_dict().items()
+    ]
+    lines += [
+        f"{type(each).__name__} {name} {getattr(each, name):.9g}"
+        for each in (Constants(), Sts3215())
+        for name in ("sensor_error", "armature", "stall_torque", "top_speed")
+    ]
+    snapshot.check("constants", "\n".join([*lines, repr(Pendulum())]) + "\n")
+
+
+def moved(kind, registers, faults):
+    """A line for each of three servos and each quantity at ten moments of a motion.
+
+    They step by 50 degrees and, after 0.4 s, back and off; at 0.9 s the torque of one goes off.
+    """
+    servos = VirtualServos(3, kind, faults=faults)
+    bus, protocol = Bus(VirtualPort(servos), kind.protocol), kind.protocol
+    degree = protocol.ticks_per_turn / 360.0
+    found = {}
+    for servo in (1, 2, 3):
+        for name, value in {**registers, "torque": 1}.items():
+            if name in protocol.registers:
+                bus.write(servo, name, value)
+    for time in (0.0, 0.03, 0.1, 0.2, 0.4, 0.55, 0.7, 0.9, 1.0, 1.1):
+        bus.port.sleep(time - bus.port.now())
+        if time in (0.0, 0.4):
+            goal = protocol.middle + round((50.0 if time == 0.0 else -10.0) * degree)
+            bus.sync_write("goal", dict.fromkeys((1, 2, 3), goal))
+        if time == 0.9:
+            bus.sync_write("torque", {2: 0})
+        for servo, (values, error) in bus.sync_read([1, 2, 3]).items():
+            speed = math.degrees(values["speed"] * protocol.speed_unit)
+            for name, text in {
+                "deg": f"{(values['position'] - protocol.middle) / degree:.1f}",
+                "deg/s": f"{speed:.1f}",
+                "load": f"{values['load'] * protocol.load_unit:.2f}",
+                "C": f"{servos.motors.temperatures[servo - 1]:.1f}",
+                "error": f"{error}",
+            }.items():
+                found.setdefault(f"{servo} {name}:", []).append(text)
+    told = {key: texts for key, texts in sorted(found.items()) if set(texts) != {"0"}}
+    return [f"{key} {' '.join(texts)}" for key, texts in told.items()]
+
+
+def test_every_kind_moves_as_it_did(snapshot):
+    lines = []
+    for name, kind in KINDS.items():
+        lines.append(f"{name} {dict(kind.registers)}")
+        for motion, registers in MOTION.items():
+            lines += [f"{name} {motion} {row}" for row in moved(kind, registers, Faults())]
+    snapshot.check("kinds", "\n".join(lines) + "\n")
+
+
+def test_faults_spoil_the_motion_of_their_servo_and_no_other(snapshot):
+    kind = KINDS["sts3215"]
+    lines = [f"{name} {row}" for name, each in FAULTS.items() for row in moved(kind, {}, each)]
+    snapshot.check("faults", "\n".join(lines) + "\n")
+
+
+@pytest.mark.parametrize("joint", ["leg", "pendulum"])
+def test_the_robot_moves_as_it_did(joint, snapshot):
+    pytest.importorskip("mujoco", reason="needs the extra 'mujoco'")
+    from planner.virtual.robot import VirtualRobot
+
+    if joint == "leg":
+        robot, goal = VirtualRobot(seed=2), np.array([0.6, 0.5, 1.0])
+    else:
+        robot = VirtualRobot((0.2,), constants=Sts3215(), pendulum=Pendulum(), seed=2)
+        goal = np.array([1.2])
+    rows = np.vstack([np.tile(goal, (40, 1)), np.tile(-0.2 * goal, (40, 1))])
+    found = robot.play(rows)
+    assert np.array_equal(found.requests, rows)
+    lines = [
+        f"{found.times[k]:.3f} s: {np.round(np.degrees(found.sensed[k]), 1).tolist()} of "
+        f"{np.round(np.degrees(found.angles[k]), 1).tolist()}"
+        for k in range(0, 80, 6)
+    ]
+    low, high = (np.round(np.degrees(each), 3).tolist() for each in robot.limits)
+    snapshot.check(f"robot-{joint}", "\n".join([*lines, f"limits {low} {high}"]) + "\n")
