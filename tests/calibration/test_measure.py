@@ -35,6 +35,8 @@ def test_a_range_is_that_of_the_servos_limits_and_of_the_reach(kind, direction):
     bus.write(1, "least_position", 1800)
     bus.write(1, "largest_position", 3900)
     angles = check(Arm(bus, servos)).angles
+    assert bus.read(2, "least_position") == 0
+    bus.write(2, "largest_position", 0)  # no limits are set
     ranges = servo_ranges(Arm(bus, servos), angles, 0.5)
     here = direction * 148 * TICK
     limited = np.array([-248 * TICK, 0.5])[::direction] * direction  # around where it is
@@ -43,17 +45,17 @@ def test_a_range_is_that_of_the_servos_limits_and_of_the_reach(kind, direction):
 
 
 def test_a_range_by_hand_is_from_the_least_to_the_largest_angle_that_was_shown():
-    shown = iter([[0.3, 0.0], [-0.4, np.nan], [0.1, 0.2]])
+    shown = iter([[0.2, 0.0], [-0.4, np.nan], [0.1, 0.2]])
     arm = SimpleNamespace(
         names=("hip", "knee"),
-        angles=lambda: np.array([0.0, 0.1]),
+        angles=lambda: np.array([0.25, 0.1]),
         measure=lambda: SimpleNamespace(angles=np.array(next(shown))),
         bus=SimpleNamespace(port=SimpleNamespace(sleep=lambda _: None)),
     )
     ends = iter([False, False, False, True])
     found = ranges_by_hand(arm, lambda: next(ends), 0.02)
     assert {name: each.tolist() for name, each in found.items()} == {
-        "hip": [-0.4, 0.3],
+        "hip": [-0.4, 0.25],  # where it was at first
         "knee": [0.0, 0.2],
     }
 
@@ -61,8 +63,8 @@ def test_a_range_by_hand_is_from_the_least_to_the_largest_angle_that_was_shown()
 def test_the_limits_of_a_joint_are_its_range_less_a_margin():
     arm = Arm(Bus(VirtualPort(VirtualServos(1)), FEETECH), {"joint": Servo(id=1)})
     ends = np.radians([-20.0, -9.0])
-    low, high = with_ranges(arm, {"joint": ends}).servos["joint"].limits
-    assert ends[0] < low < high < ends[1]
+    limits = with_ranges(arm, {"joint": ends}).servos["joint"].limits
+    assert np.degrees(limits) == pytest.approx([-20.0 + 0.55, -9.0 - 0.55], abs=1e-4)
 
 
 def test_a_range_that_is_too_small_to_show_how_the_joint_moves_is_refused():
@@ -81,9 +83,62 @@ def test_a_servo_that_reports_a_fault_is_named_before_anything_moves():
 
 def test_lost_answers_are_counted_among_those_of_the_looks_at_rest():
     servos = VirtualServos(1, faults=Faults(drop=0.05), seed=1)
-    found = check(Arm(Bus(VirtualPort(servos), FEETECH), {"joint": Servo(id=1)}))
+    arm = Arm(Bus(VirtualPort(servos), FEETECH), {"joint": Servo(id=1)})
+    arm.bus.asked, arm.bus.lost = 1000, 900  # before
+    found = check(arm)
     assert found.lost * LOOKS == pytest.approx(round(found.lost * LOOKS), abs=1e-9)
     assert 0.0 < found.lost < 0.3
+
+
+class Looks:
+    """A bus whose every look takes a time [s] of its own, with angles [rad] that vary."""
+
+    def __init__(self, durations, angles):
+        self.looks, self.time, self.patience = iter(zip(durations, angles, strict=True)), 0.0, 0.05
+        self.port = SimpleNamespace(now=lambda: self.time, baud_rate=1_000_000)
+        self.asked = self.lost = 0
+        self.protocol, self.pinged = FEETECH, []
+
+    def ping(self, servo):
+        self.pinged.append(servo)
+
+    def measure(self):
+        duration, angles = next(self.looks)
+        self.time, self.asked = self.time + duration, self.asked + 2
+        return SimpleNamespace(angles=np.array(angles), errors=(0, 0))
+
+
+def looked(durations, angles):
+    bus = Looks(durations, angles)
+    servos = {"a": Servo(id=3), "b": Servo(id=4)}
+    arm = SimpleNamespace(bus=bus, servos=servos, names=("a", "b"), settings=dict)
+    arm.measure = bus.measure
+    return check(arm), bus
+
+
+def test_a_look_tells_the_angle_its_noise_and_how_long_whole_answers_take():
+    odd = np.arange(LOOKS) % 2 == 1
+    angles = np.column_stack([0.2 + 0.01 * odd, np.full(LOOKS, -0.3)])
+    angles[3:7, 1] = np.nan  # lost
+    durations = np.where(np.isnan(angles[:, 1]), 0.9, np.where(odd, 0.003, 0.002))
+    durations[10] = 0.008
+    found, bus = looked(durations, angles)
+    assert bus.pinged == [3, 4]
+    assert found.angles == pytest.approx({"a": 0.205, "b": -0.3})
+    assert found.noise == pytest.approx({"a": 0.005, "b": 0.0})
+    # With a sync write of 20 bytes.
+    assert found.tick_time == pytest.approx(np.median(durations[durations < 0.1]) + 200e-6)
+    assert bus.patience == pytest.approx(2.0 * 0.008)
+    quick, bus = looked(np.full(LOOKS, 1e-4), angles)
+    assert (quick.lost, bus.patience) == (0.0, 2e-3)
+
+
+def test_a_servo_whose_every_answer_is_lost_ends_it():
+    angles = np.zeros((LOOKS, 2))
+    angles[:25, 0] = angles[25:, 1] = np.nan  # none is whole, though both are heard of
+    for lost in (angles, np.where([True, False], np.nan, np.zeros((LOOKS, 2)))):
+        with pytest.raises(BusError, match=r"^most answers are lost; check the baud rate"):
+            looked(np.full(LOOKS, 1e-3), lost)
 
 
 def test_a_row_that_was_not_measured_is_no_angle_nor_is_one_that_came_too_late():

@@ -6,8 +6,10 @@ import json
 import re
 from dataclasses import replace
 from functools import partial
+from importlib import import_module
 from types import SimpleNamespace
 
+import click
 import numpy as np
 import pytest
 
@@ -15,6 +17,8 @@ from planner import JointModel
 from planner.calibration import measure
 from planner.cli import buses
 from planner.cli.check import _changes
+from planner.cli.play import _a_row_each
+from planner.exceptions import BusError
 from planner.files.joint_model import read_models, read_servos
 from planner.files.logs.read import read_logs
 from planner.files.paths import read_joint_path
@@ -23,7 +27,10 @@ from planner.model.evidence import Evidence
 from planner.robot.arm import Arm
 from planner.robot.play import Playback
 from planner.virtual import servo_bus
-from planner.virtual.servo_bus import Faults, VirtualServos
+from planner.virtual.servo_bus import Faults, VirtualPort, VirtualServos
+from tests.report.test_made_up_pages import calibrated as made_up
+
+CALIBRATE, CHECK = (import_module(f"planner.cli.{each}") for each in ("calibrate", "check"))
 
 BRIEF = ("--bus", "virtual", "--duration-s", "16", "--reach-deg", "30", "--yes")
 
@@ -406,3 +413,318 @@ def test_a_parameter_has_changed_where_the_intervals_before_and_now_are_apart():
     }
     found = SimpleNamespace(model=now, intervals=intervals)
     assert _changes(before, found) == ["v_max is 3, and was 5", "theta_0 is 0.6, and was 0.5"]
+
+
+@pytest.fixture
+def fake_calibration(monkeypatch):
+    """Joints whose calibration is made up; the one called broken ends it."""
+    found = {}
+
+    def one(arm, joint, period, duration, *_):  # noqa: ARG001
+        if joint == "broken":
+            raise BusError("broken: does not follow")
+        return found.setdefault(joint, made_up("optimal" if len(found) else "closed_form"))
+
+    monkeypatch.setattr(CALIBRATE, "_calibrated", one)
+    return found
+
+
+def test_what_is_answered_is_what_was_measured_in_degrees(run, fake_calibration, tmp_path):
+    ids = ("--ids", "a=1,b=2,c=3", "--joint", "a", "--joint", "c")
+    result = run("calibrate", *BRIEF, *ids, "--json", "--report", "page.html")
+    assert result.exit_code == 0, result.stderr
+    assert "each of a, c will move within its range, one after the other, for 1.6 min" in (
+        result.stderr
+    )
+    document = json.loads(result.stdout)
+    assert 1e-4 < document["tick_s"] < 5e-3
+    assert list(document["joints"]) == ["a", "c"]
+    for name, servo in (("a", 1), ("c", 3)):
+        joint, found = document["joints"][name], fake_calibration[name]
+        assert (joint["id"], joint["recommended"]) == (servo, found.recommended.way)
+        assert joint["identification"]["verdict"] == "holds"
+        for each in found.candidates:
+            expected = None if np.isnan(each.expected) else np.degrees(each.expected)
+            assert joint["candidates"][each.way] == pytest.approx(
+                {
+                    "rms_deg": np.degrees(each.error),
+                    "max_deg": np.degrees(each.max_error),
+                    "largest_step_deg": np.degrees(each.largest_step),
+                    "expected_rms_deg": expected,
+                }
+            )
+    assert "a: Figure 5 from data" in (tmp_path / "page.html").read_text("utf-8")
+
+
+def test_joints_that_are_done_are_in_the_file_where_a_later_one_fails(
+    run, fake_calibration, arm, tmp_path
+):
+    leg = ['[leg."front"]', 'urdf = "robot.urdf"', 'base = "body"', 'foot = "toe"']
+    arm.write_text("\n".join([ARM, *leg]) + "\n")
+    result = run("calibrate", *BRIEF, "--ids", "done=1,broken=2,later=3", "-o", "arm.toml")
+    assert result.exit_code == 1
+    assert result.stderr.endswith(
+        "broken: does not follow; what was measured is in arm_logs; go on with --resume\n"
+    )
+    assert list(fake_calibration) == ["done"]
+    assert list(read_models(arm)) == list(read_servos(arm)) == ["joint_1", "done"]
+    text = arm.read_text()
+    assert text.splitlines()[2] == 'bus = "virtual"'
+    assert text.endswith("\n".join(leg) + "\n")
+    assert [file.name for file in tmp_path.iterdir()] == ["arm.toml"]
+    choices = {"bus": "feetech", "port": "/dev/ttyA", "baud_rate": 57_600}
+    servos = SimpleNamespace(servos=read_servos(arm))
+    CALIBRATE._write("new.toml", fake_calibration, servos, {"done": {}}, choices)
+    assert 'bus = "feetech"\nport = "/dev/ttyA"\n' in (tmp_path / "new.toml").read_text()
+
+
+@pytest.mark.parametrize("answer", ["", "h"])
+def test_ranges_are_those_of_the_servos_or_those_that_a_hand_shows(run, answer, monkeypatch):
+    shown, limits, torques = {"joint_1": np.array([-0.4, 0.6])}, [], []
+    own, own_check = measure.with_ranges, measure.check
+
+    def by_hand(arm, ended, period):
+        torques.append(arm.bus.port.servos.motors.powered.tolist())
+        assert 0.0 < period < 0.1
+        assert ended()
+        return shown
+
+    def with_ranges(arm, ranges):
+        limits.append({name: np.degrees(each) for name, each in ranges.items()})
+        return own(arm, ranges)
+
+    def check(arm):
+        arm.bus.write(1, "torque", 1)
+        return own_check(arm)
+
+    monkeypatch.setattr(measure, "check", check)
+    monkeypatch.setattr(measure, "ranges_by_hand", by_hand)
+    monkeypatch.setattr(measure, "with_ranges", with_ranges)
+    always = SimpleNamespace(select=lambda *_: ([1], [], []))
+    monkeypatch.setattr(CALIBRATE, "select", always)
+    stdin = f"{answer}\n" + "\n" * bool(answer) + "n\n"
+    result = run("calibrate", *BRIEF[:-1], "--ids", "1", stdin=stdin)
+    assert result.exit_code == 130, result.stderr
+    assert "Ranges [deg]: joint_1 -30:30" in result.stderr
+    expected = np.degrees(shown["joint_1"]) if answer else [-30.0, 30.0]
+    assert limits[0]["joint_1"] == pytest.approx(expected, abs=0.2)
+    assert torques == ([[0.0]] if answer else [])
+
+
+@pytest.mark.parametrize(("noise", "warned"), [(0.49, False), (0.51, True)])
+def test_a_joint_that_something_moves_is_warned_of(run, monkeypatch, noise, warned):
+    own = measure.check
+
+    def check(arm):
+        angles = {"still": 0.0, "moved": np.radians(noise)}
+        return own(arm)._replace(noise=angles, lost=0.125)
+
+    monkeypatch.setattr(measure, "check", check)
+    given = ("--ids", "still=1,moved=2", "--zero-tick", "2000", "--zero-tick", "still=2048")
+    result = run("calibrate", "--bus", "virtual", "--dry-run", *given)
+    words = f"moved: its angle varies by {noise:.2f} deg at rest; is something moving it?"
+    assert (words in result.stderr) == warned
+    assert "still: its angle varies" not in result.stderr
+    assert "12.5% of the answers are lost" in result.stderr
+    assert "still: at 0.0 deg" in result.stderr
+    assert f"moved: at {48 * 360 / 4096:.1f} deg" in result.stderr
+
+
+CHECKED = (
+    # before, now, held out, other rows [deg]; whether the model holds
+    (1.0, 1.9, 0.1, 0.1, True),
+    (1.0, 2.1, 0.1, 0.1, False),
+    (0.1, 0.29, 0.1, 0.1, True),  # small
+    (0.1, 0.31, 0.1, 0.9, False),
+    (0.1, 0.31, 0.16, 0.1, True),  # hard for any model
+    (0.1, 0.31, None, 0.16, True),
+    (0.1, 0.31, None, 0.1, False),
+)
+
+
+@pytest.mark.parametrize(("before", "now", "held_out", "other", "holds"), CHECKED)
+def test_a_model_holds_within_twice_its_error_a_small_one_or_twice_a_new_models(
+    run, arm, monkeypatch, before, now, held_out, other, holds
+):
+    table = ARM.replace("[joint_1.servo]", f"expected_error = {np.radians(before)}\n\n&")
+    table = table.replace("&", "[joint_1.servo]")
+    tables = [
+        table.replace("joint_1", f"joint_{k}").replace("id = 1", f"id = {k}") for k in (1, 2, 3)
+    ]
+    arm.write_text("\n".join(tables))
+    rows = {"held_out_rms": None if held_out is None else np.radians(held_out)}
+    found = SimpleNamespace(model=None, intervals={}, rms=np.radians(other), **rows)
+    moved, rates = [], []
+
+    def move(arm, name, requests, *, period, log):  # noqa: ARG001
+        moved.append(name)
+        rates.append((period, len(requests)))
+
+    monkeypatch.setattr("planner.identification.identify.identify", lambda _: found)
+    monkeypatch.setattr(measure, "move", move)
+    monkeypatch.setattr(CHECK, "_error", lambda *_: np.radians(now))
+    monkeypatch.setattr(CHECK, "_changes", lambda *_: ["v_max is 3, and was 5"])
+    asked = ("check", "--bus", "virtual", "--model", arm, "--joint", "joint_3", "--joint")
+    result = run(*asked, "joint_2", "--duration-s", "3", "--rate-hz", "50")
+    assert moved == ["joint_3", "joint_2"]
+    assert rates == [(0.02, 150)] * 2
+    verdict = "holds" if holds else "no longer holds"
+    changed = "" if holds else "; v_max is 3, and was 5"
+    for name in moved:
+        assert (
+            f"{name}: the model {verdict}: misses {now:.2f} deg rms, {before:.2f} when it was "
+            f"calibrated{changed}\n"
+        ) in result.stderr
+    assert result.exit_code == (0 if holds else 1)
+    assert ("calibrate joint_3, joint_2 again" in result.stderr) == (not holds)
+
+
+def test_settings_have_changed_where_both_are_known_and_differ():
+    before = {"p_gain": 16, "d_gain": 32, "i_gain": 0, "profile_speed": 0}
+    now = {"p_gain": 16, "d_gain": 30, "profile_speed": 9, "profile_acceleration": 254}
+    changed = CHECK._settings_changed(before, now)
+    assert changed == ["D is 30, and was 32", "profile speed is 9, and was 0"]
+
+
+@pytest.mark.parametrize(
+    ("text", "ids"),
+    [
+        ("3", {"joint_3": 3}),
+        ("1-3", {"joint_1": 1, "joint_2": 2, "joint_3": 3}),
+        (" pan = 7 ,2", {"pan": 7, "joint_2": 2}),
+        ("0,252", {"joint_0": 0, "joint_252": 252}),
+        *(
+            (text, None)
+            for text in ("3-1", "253", "1,1", "a=1,b=1", "a=1,a=2", "", "1-", "a", "1,")
+        ),
+        *((text, None) for text in ("250-253", "a=1000", "=1", "-1", "1;2")),
+    ],
+)
+def test_identifiers_are_numbers_ranges_and_names_each_once(text, ids):
+    if ids is None:
+        with pytest.raises(click.UsageError, match="expected identifiers of servos, such as 1-6"):
+            buses.ids_type().convert(text, None, None)
+    else:
+        assert buses.ids_type().convert(text, None, None) == ids
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["virtual:", "virtual:xl", "feetech:so101", "lerobot", "lerobot:", "dynamixel:", "can", ""],
+)
+def test_what_names_no_bus_is_refused(run, text):
+    result = run("calibrate", "--bus", text, "--ids", "1")
+    assert result.exit_code == 2
+    assert f"--bus: got '{text}', expected virtual, feetech, dynamixel, xl320, lerobot:ROBOT" in (
+        result.stderr
+    )
+
+
+@pytest.fixture
+def ports(monkeypatch):
+    """Serial ports with a virtual servo, as they were opened."""
+    made = []
+
+    class Port(VirtualPort):
+        def __init__(self, path, baud_rate):
+            super().__init__(VirtualServos(1, servo_bus.KINDS["xl430"]))
+            self.given, self.closed = (path, baud_rate), 0
+            made.append(self)
+
+        def close(self):
+            self.closed += 1
+
+    monkeypatch.setattr("planner.robot.bus.SerialPort", Port)
+    return made
+
+
+def test_the_port_is_that_of_the_command_or_of_the_file_and_is_given_back(run, arm, ports):
+    arm.write_text('bus = "dynamixel"\nport = "/dev/file"\n' + ARM)
+    record = ("record", "--model", arm, "--duration-s", "0.1")
+    assert run(*record).exit_code == 0
+    assert run(*record, "--port", "/dev/b", "--baud-rate", "57600").exit_code == 0
+    ports_given = [("/dev/file", 1_000_000), ("/dev/b", 57_600)]
+    assert [port.given for port in ports] == ports_given
+    speaking = ("--bus", "feetech", "--port", "/dev/c", "--duration-s", "2")
+    assert run(*record, *speaking).exit_code == 1  # the servo speaks another
+    assert [port.closed for port in ports] == [1, 1, 1]
+    for words, given in (
+        ("--bus dynamixel needs --port, such as --port /dev/ttyACM0.", ("--bus", "dynamixel")),
+        (
+            "--port has no effect with --bus virtual; leave",
+            ("--bus", "virtual", "--port", "/dev/a"),
+        ),
+    ):
+        assert words in run(*record, *given).stderr
+    arm.write_text(ARM)
+    assert "arm.toml says of no bus where its servos are: name it with --bus" in run(*record).stderr
+    arm.write_text('bus = "can"\n' + ARM)
+    assert "arm.toml: bus: got 'can', expected one of virtual, feetech" in run(*record).stderr
+    assert len(ports) == 3
+
+
+def test_the_joints_of_a_lerobot_robot_have_its_names_unless_others_are_given(monkeypatch):
+    monkeypatch.setattr("planner.robot.lerobot_bus.joints", {"so101": {1: "pan", 2: "lift"}}.get)
+    ids = {"joint_1": 1, "mine": 2, "joint_3": 3}
+    assert buses.named({"bus": "lerobot:so101"}, ids) == {"pan": 1, "mine": 2, "joint_3": 3}
+    assert buses.named({"bus": "virtual"}, ids) == ids
+
+
+def test_a_row_belongs_to_the_request_at_whose_time_it_was_due():
+    times = np.array([0.004, 0.021, 0.068, 0.1])  # late; 2 and 4 were not sent
+    angles = np.array([[0.0, np.nan], [0.1, 0.5], [0.3, np.nan], [0.5, 0.1]])
+    found = _a_row_each(times, angles, 7, 0.02)
+    assert found[:, 0] == pytest.approx([0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.5])
+    assert found[:, 1] == pytest.approx([0.5, 0.5, 0.4, 0.3, 0.2, 0.1, 0.1])
+    with pytest.raises(BusError, match="a joint was never read; check its cable"):
+        _a_row_each(times, np.column_stack([angles[:, 0], np.full(4, np.nan)]), 7, 0.02)
+
+
+@pytest.mark.parametrize(
+    ("skipped", "lost", "warned"), [(0, 0, ""), (3, 0, "3 of"), (0, 1, "0 of")]
+)
+def test_a_path_is_played_at_its_own_rate_wherever_its_times_begin(
+    run, arm, monkeypatch, tmp_path, skipped, lost, warned
+):
+    def perform(self, rows, *, period, cycles, keep):  # noqa: ARG001
+        assert period == pytest.approx(0.02)
+        for number, row in enumerate(rows):
+            keep(period * number, row, row + (np.nan if number < lost else 0.0))
+        return Playback(sent=len(rows), skipped=skipped)
+
+    monkeypatch.setattr(Arm, "perform", perform)
+    file = tmp_path / "late.csv"
+    file.write_text("t_s,joint_1_deg\n5.00,1\n5.02,2\n5.04,3\n")
+    result = run("play", file, "--bus", "virtual", "--model", arm)
+    assert result.exit_code == 0, result.stderr
+    words = f"{skipped} of 3 requests were not sent in time and {lost} of 3 angles were not read"
+    assert (words in result.stderr) == bool(warned)
+    file.write_text("joint_1_deg\n1\n2\n")
+    result = run("play", file, "--bus", "virtual", "--model", arm)
+    assert "late.csv: no column t_s, so no time between requests; add it" in result.stderr
+
+
+def test_a_record_keeps_its_rate_where_rows_are_late(run, arm, faulty, tmp_path):
+    """A row takes about a millisecond on the bus, and two where it is lost."""
+    result = run(
+        *("record", "--bus", "virtual", "--model", arm, "--duration-s", "0.1"),
+        *("--rate-hz", "4000", "-o", "fast.csv"),
+    )
+    assert result.exit_code == 0, result.stderr
+    times = np.loadtxt(tmp_path / "fast.csv", delimiter=",", skiprows=1)[:, 0]
+    assert times[-1] < 0.1 < times[-1] + 3e-3
+    assert 50 < len(times) < 390
+    faulty(drop=0.1)
+    said = run("record", "--bus", "virtual", "--model", arm, "--duration-s", "3").stderr
+    assert 5.0 < float(re.search(r"; ([\d.]+)% of answers lost", said)[1]) < 40.0
+
+
+@pytest.mark.parametrize("by_hand", [True, False])
+def test_the_torque_goes_off_for_a_hand_and_is_left_alone_for_others(
+    run, arm, monkeypatch, by_hand
+):
+    written = []
+    monkeypatch.setattr("planner.robot.bus.Bus.write", lambda _, *each: written.append(each))
+    asked = ("record", "--bus", "virtual", "--model", arm, "--duration-s", "0.1")
+    assert run(*asked, *["--by-hand"] * by_hand).exit_code == 0
+    assert written == [(1, "torque", 0)] * by_hand
