@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
@@ -39,46 +38,37 @@ def _bus(text: str) -> str:
     return text
 
 
-_OPTIONS = (
-    lambda required: click.option(
-        "--bus",
-        type=types.Parsed(
-            _bus,
-            f"{', '.join(BUSES[:-1])}, lerobot:ROBOT such as lerobot:{ROBOT}, or virtual:KIND with "
-            f"one of {', '.join(KINDS)}",
-        ),
-        required=required,
-        metavar="BUS",
-        help="What the servos speak: feetech, dynamixel (protocol 2.0: X series, MX) or xl320; "
-        f"lerobot:ROBOT, such as lerobot:{ROBOT}, is a robot by LeRobot's own classes; virtual are "
-        f"simulated servos, here and at once, as is virtual:KIND of {', '.join(KINDS)}."
-        + ("" if required else "  [default: that of the model file]"),
-    ),
-    lambda _: click.option("--port", metavar="P", help="The serial port, such as /dev/ttyACM0."),
-    lambda _: click.option(
-        "--baud-rate",
-        type=click.IntRange(9600),
-        default=1_000_000,
-        show_default=True,
-        metavar="N",
-        help="Bits per second.",
-    ),
-)
-
-
 def bus_options(*, required: bool = False) -> Callable[[Command], Command]:
     """Give a command the options that :func:`open_bus` takes.
 
     Args:
         required: Whether no model file can say which bus it is.
     """
-
-    def decorate(command: Command) -> Command:
-        for option in reversed(_OPTIONS):
-            command = option(required)(command)
-        return command
-
-    return decorate
+    bus_type = types.Parsed(
+        _bus,
+        f"{', '.join(BUSES[:-1])}, lerobot:ROBOT such as lerobot:{ROBOT}, or virtual:KIND with one "
+        f"of {', '.join(KINDS)}",
+    )
+    bus = click.option(
+        "--bus",
+        type=bus_type,
+        required=required,
+        metavar="BUS",
+        help="What the servos speak: feetech, dynamixel (protocol 2.0: X series, MX) or xl320; "
+        f"lerobot:ROBOT, such as lerobot:{ROBOT}, is a robot by LeRobot's own classes; virtual are "
+        f"simulated servos, here and at once, as is virtual:KIND of {', '.join(KINDS)}."
+        + ("" if required else "  [default: that of the model file]"),
+    )
+    port = click.option("--port", metavar="P", help="The serial port, such as /dev/ttyACM0.")
+    baud_rate = click.option(
+        "--baud-rate",
+        type=click.IntRange(9600),
+        default=1_000_000,
+        show_default=True,
+        metavar="N",
+        help="Bits per second.",
+    )
+    return lambda command: bus(port(baud_rate(command)))
 
 
 def model_option(help_text: str) -> Callable[[Command], Command]:
@@ -203,8 +193,3 @@ def stopping(advice: str) -> Iterator[None]:
         raise click.exceptions.Exit(INTERRUPTED) from stop
     except BusError as error:
         raise BusError(f"{error}; {advice}") from error
-
-
-def logs_folder(output: str) -> Path:
-    """Where the raw logs of a calibration are: beside its models."""
-    return Path(output).with_name(f"{Path(output).stem}_logs")

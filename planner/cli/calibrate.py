@@ -124,6 +124,8 @@ def calibrate(
         request-planner plan path.csv --model arm.toml -o requests.csv
         request-planner play requests.csv --bus virtual --model arm.toml -o log.csv
     """  # noqa: D301
+    from pathlib import Path
+
     from planner.calibration import measure
     from planner.robot.arm import Arm
 
@@ -137,7 +139,7 @@ def calibrate(
             if name and name not in ids:
                 raise click.UsageError(f"{option}: got {name}, expected one of {', '.join(ids)}.")
     joints = chosen or tuple(ids)
-    folder = buses.logs_folder(output)
+    folder = Path(output).with_name(f"{Path(output).stem}_logs")
     found: dict[str, Compared] = {}
     with buses.open_bus(choices, ids) as bus:
         arm = Arm(bus, _servos(ids, choices, bus.protocol))
@@ -172,15 +174,13 @@ def calibrate(
                     found[joint] = _calibrated(
                         arm, joint, period, choices["duration_s"], folder, resume, progress
                     )
-                settings = checked.settings
-                _write(output, found, arm, settings, choices)
+                _write(output, found, arm, checked.settings, choices)
+    from planner.report.calibration import calibration_page, calibration_text
+
     if report is not None:
         from planner.files.text import write_text
-        from planner.report.calibration import calibration_page
 
         write_text(report, calibration_page(found))
-    from planner.report.calibration import calibration_text
-
     deliver(
         _document(found, arm, checked),
         calibration_text(found, output),

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.exceptions import BusError, InvalidInput, angle_text
-from planner.robot.bus import Bus
+from planner.robot.bus import Bus, Reading
 from planner.robot.play import Playback, play, ramp
 from planner.trajectory import Array
 
@@ -132,19 +132,18 @@ class Arm:
         """What every joint does, asked for in one packet."""
         now = self.bus.port.now()
         readings = self.bus.sync_read(self._ids)
-        angles = np.full(len(self._ids), np.nan)
-        for k, servo in enumerate(self.servos.values()):
-            if servo.id in readings:
-                angles[k] = servo.angle(readings[servo.id].values["position"])
         errors = tuple(readings[each].error if each in readings else 0 for each in self._ids)
-        return Measured(now, angles, errors)
+        return Measured(now, self._angles(readings, "position"), errors)
 
     def goals(self) -> Array:
         """What every joint was last requested to do, by whomever [rad]; NaN where none answers."""
-        readings = self.bus.sync_read(self._ids, ("goal",))
+        return self._angles(self.bus.sync_read(self._ids, ("goal",)), "goal")
+
+    def _angles(self, readings: Mapping[int, Reading], name: str) -> Array:
+        """The angles in a register [rad], NaN where a servo did not answer."""
         return np.array(
             [
-                servo.angle(readings[servo.id].values["goal"]) if servo.id in readings else np.nan
+                servo.angle(readings[servo.id].values[name]) if servo.id in readings else np.nan
                 for servo in self.servos.values()
             ]
         )

@@ -34,7 +34,10 @@ PATIENCE = 0.05
 
 
 class Port(Protocol):
-    """What carries bytes to the servos and back, and whose clock the motion keeps to."""
+    """What carries bytes to the servos and back, and whose clock the motion keeps to.
+
+    The clock is the system's, unless a port has one of its own.
+    """
 
     baud_rate: int
 
@@ -46,15 +49,14 @@ class Port(Protocol):
 
     def now(self) -> float:
         """A time that never goes back [s]."""
+        return time.monotonic()
 
     def sleep(self, duration: float) -> None:
         """Wait for a time [s]."""
-
-    def close(self) -> None:
-        """Give the port back."""
+        time.sleep(duration)
 
 
-class SerialPort:
+class SerialPort(Port):
     """A serial port, or a pseudo-terminal, by the system's own calls."""
 
     def __init__(self, path: str, baud_rate: int = 1_000_000) -> None:
@@ -116,14 +118,6 @@ class SerialPort:
                 raise self._gone()
             received += part
         return received
-
-    def now(self) -> float:
-        """A time that never goes back [s]."""
-        return time.monotonic()
-
-    def sleep(self, duration: float) -> None:
-        """Wait for a time [s]."""
-        time.sleep(duration)
 
     def close(self) -> None:
         """Give the port back."""

@@ -8,20 +8,19 @@ otherwise.
 from __future__ import annotations
 
 import importlib
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from typing import Any
 
 from planner.exceptions import BusError, InvalidInput
-from planner.robot.bus import Bus
+from planner.robot.bus import Bus, Port
 from planner.robot.protocols import DYNAMIXEL, FEETECH
 
 PROTOCOLS = {"FeetechMotorsBus": FEETECH, "DynamixelMotorsBus": DYNAMIXEL}
 """By the class of LeRobot's bus."""
 
 
-class LeRobotPort:
+class LeRobotPort(Port):
     """The serial port that LeRobot has opened."""
 
     def __init__(self, serial: Any) -> None:
@@ -43,17 +42,6 @@ class LeRobotPort:
             return bytes(self._serial.read(count))
         except OSError as error:
             raise self._gone() from error
-
-    def now(self) -> float:
-        """A time that never goes back [s]."""
-        return time.monotonic()
-
-    def sleep(self, duration: float) -> None:
-        """Wait for a time [s]."""
-        time.sleep(duration)
-
-    def close(self) -> None:
-        """Leave the port to LeRobot."""
 
     def _gone(self) -> BusError:
         return BusError(f"{self._serial.port}: the bus is gone; check the cable and the supply")

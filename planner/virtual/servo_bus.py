@@ -317,9 +317,6 @@ class VirtualPort:
         if self._time >= self.servos.faults.disconnect:
             raise BusError(f"{self.path}: the bus is gone; check the cable and the supply")
 
-    def close(self) -> None:
-        """Nothing to give back."""
-
 
 @contextmanager
 def terminal() -> Iterator[tuple[int, str]]:
