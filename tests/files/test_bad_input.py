@@ -45,6 +45,7 @@ JOINT_PATHS = {
     "time stands still": b"t_s,knee_deg\n0,1\n0,2\n0.01,3\n",
     "uneven time": b"t_s,knee_deg\n0,1\n0.01,2\n0.02,3\n0.05,4\n",
     "a step too short": b"t_ms,knee_deg\n0,1\n10,2\n15,3\n25,4\n",
+    "a date that is missing": b"clock,knee_deg\n2026-11-23T10:04:00,1\nNaT,2\n",
     "times twice": b"time_s,t_ms,knee_deg\n0,0,1\n0.01,10,2\n",
     "time that is no number": b"t_s,knee_deg\n0,1\nlater,2\n",
 }

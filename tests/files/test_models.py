@@ -31,7 +31,7 @@ verdict_reason = 'it "misses" 4% of the motion'
 [knee]
 lag = 0.02
 v_max_interval = [4.5, inf]
-gain_interval = [49, 51.5]
+gain_interval = [50.00000000001, 51.5]
 correlations = [[1.0, -0.5], [-0.5, 1.0]]
 expected_error = 0.02
 [knee.servo]
@@ -87,7 +87,10 @@ def test_a_file_of_a_robot_is_read_written_and_read_again(tmp_path, file, snapsh
     assert read_servos(again) == servos
     assert read_bus(again) == bus == {"bus": "feetech", "port": "/dev/ttyUSB0"}
     assert read_legs(again) == legs
-    assert models["knee"].evidence.intervals == {"v_max": (4.5, inf), "gain": (49.0, 51.5)}
+    assert models["knee"].evidence.intervals == {
+        "v_max": (4.5, inf),
+        "gain": (50.00000000001, 51.5),
+    }
     places = "".join(f"{name}: {leg}\n" for name, leg in legs.items())
     snapshot.check("robot", text + places.replace(str(tmp_path), "FOLDER"))
 
@@ -103,13 +106,13 @@ BAD = {
     "threes for pairs": ("[[1.0, 0.01], [20.0, 0.03]]", "[[1.0, 0.01, 2.0]]"),
     "two intervals of one": ("gain_interval", "theta_0_interval = [0.0, 1.0]\ngain_interval"),
     "a value above its interval": ("[4.5, inf]", "[4.5, 4.9]"),
-    "a value below its interval": ("[49, 51.5]", "[50.1, 51.5]"),
+    "a value below its interval": ("[50.00000000001, 51.5]", "[50.1, 51.5]"),
     "an unknown verdict": ('"usable"', '"good"'),
     "a reason that is no text": ("""'it "misses" 4% of the motion'""", "4"),
     "times of another unit": ("lag = 0.03", "lag = 9.96"),
     "degrees in a table": ("dead_band = 0.02", "v_max = 60.1\ntheta_0 = 3.2"),
     "degrees beside inherited intervals": (
-        "[knee]\nlag = 0.02\nv_max_interval = [4.5, inf]\ngain_interval = [49, 51.5]\n"
+        "[knee]\nlag = 0.02\nv_max_interval = [4.5, inf]\ngain_interval = [50.00000000001, 51.5]\n"
         "correlations = [[1.0, -0.5], [-0.5, 1.0]]\n",
         "theta_0_interval = [0.05, 0.2]\n[knee]\ntheta_0 = 3.15\n",
     ),
@@ -152,11 +155,12 @@ def test_a_leg_that_is_none_is_refused_with_its_line(file, snapshot):
     snapshot.check("legs", "".join(said))
 
 
-def test_a_joint_called_leg_is_no_leg(file):
-    file.write_text("[leg]\nv_max = 5.0\ntheta_0 = 0.1\nlag = 0.03\nacceleration_time = 0.05\n")
-    assert read_legs(file) == {}
+def test_joints_called_leg_and_port_are_joints(file):
+    model = "v_max = 5.0\ntheta_0 = 0.1\nlag = 0.03\nacceleration_time = 0.05\n"
+    file.write_text(f"[leg]\n{model}[port]\n{model}")
+    assert read_legs(file) == read_bus(file) == {}
     assert legs_text(file) == ""
-    assert read_model_file(file).one().v_max == 5.0
+    assert list(read_model_file(file).by_joint) == ["leg", "port"]
 
 
 def test_models_of_several_joints_are_not_one(file):

@@ -109,7 +109,9 @@ def test_what_rounds_to_nothing_is_written_without_a_sign(tmp_path):
     assert (tmp_path / "path.csv").read_text() == "t_s,knee_deg\n0.0,0.0\n0.008,0.0\n"
 
 
-@pytest.mark.parametrize("name", ["=1+2", "+knee", "-knee", "@SUM(A1)", "'=knee", "'knee"])
+@pytest.mark.parametrize(
+    "name", ["=1+2", "+knee", "-knee", "@SUM(A1)", "'=knee", "'knee", "\tknee"]
+)
 def test_a_title_that_a_spreadsheet_takes_as_a_formula_is_written_as_text_and_read_back(
     tmp_path, name
 ):

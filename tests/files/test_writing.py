@@ -201,6 +201,16 @@ def test_results_that_are_a_pipe_or_without_end_are_the_users(tmp_path):
         _run(tmp_path)
 
 
+def test_a_manifest_that_is_too_long_to_be_a_runs_is_the_users(tmp_path, monkeypatch):
+    _run(tmp_path / "out")
+    size = (tmp_path / "out" / "results.json").stat().st_size
+    monkeypatch.setattr(staging, "MOST_MANIFEST", size)
+    _run(tmp_path / "out")
+    monkeypatch.setattr(staging, "MOST_MANIFEST", size - 1)
+    with pytest.raises(InvalidFile, match=r"no earlier run made \(a\.csv and 1 more\)"):
+        _run(tmp_path / "out")
+
+
 def test_files_that_appear_during_a_run_are_kept(tmp_path):
     out = tmp_path / "out"
     _run(out)

@@ -249,6 +249,7 @@ BAD = {
     "misspelt joint": (TWO, {"unit": "rad", "joint": "knie"}),
     "a joint where columns name none": (GOOD, {"joint": "knee"}),
     "misspelt column": (GOOD, {"requested": "rek_rad"}),
+    "misspelt torque": (GOOD, {"torque": "torque"}),
     "misspelt time": (GOOD, {"time": "ts"}),
     "unknown unit of time": (GOOD, {"time": "t_s:min"}),
     "torque that is no switch": "t_s,req_rad,act_rad,torque_on\n0,0,0,1\n1,0,0,0.4\n2,0,0,1\n",

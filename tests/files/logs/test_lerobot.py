@@ -267,7 +267,7 @@ def test_a_table_that_cannot_be_read_is_reported_with_its_place(tmp_path, snapsh
 
 
 def test_a_table_that_unfolds_beyond_all_bounds_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr("planner.files.logs.parquet.MOST_NUMBERS", 2**17)
+    monkeypatch.setattr("planner.files.logs.parquet.MOST_NUMBERS", 2**19)
     root = v21(tmp_path / "set")
     file = root / "data" / "chunk-000" / "episode_000000.parquet"
     n = 100_000
@@ -275,7 +275,7 @@ def test_a_table_that_unfolds_beyond_all_bounds_is_refused(tmp_path, monkeypatch
     parquet.write_table(pa.table({**same, "timestamp": [0.0] * n, "episode_index": [0] * n}), file)
     assert file.stat().st_size < 10_000
     assert _refused(root, joint="gripper", unit="deg", episodes="0") == (
-        f"{file}: more than 131072 numbers of angles and times; split the file"
+        f"{file}: more than 524288 numbers of angles and times; split the file"
     )
 
 
