@@ -426,10 +426,15 @@ def test_recordings_at_several_rates_are_all_replayed_at_that_of_the_first(demo,
         assert [task.path().period for task in tasks] == pytest.approx([period, period])
 
 
-def test_a_task_is_a_unit_of_work_for_another_process(dataset, model):
-    run = settings.Run.of({"model": {"file": str(model)}})
-    recordings = recordings_in([str(dataset)], LogOptions(unit=UNITS[1]))
+def test_a_task_is_a_unit_of_work_for_another_process(dataset, model, monkeypatch):
+    """Which may work in another folder."""
+    monkeypatch.chdir(dataset.parent)
+    shutil.copy(urdf_path("ers210a.urdf"), "robot.urdf")
+    leg = {"urdf": "robot.urdf", "base": "body", "foot": "front_left_paw"}
+    run = settings.Run.of({"model": {"file": str(model)}, "leg": leg})
+    recordings = recordings_in([dataset.name], LogOptions(unit=UNITS[1]))
     tasks = tasks_of(run, settings.Replay(speed=2.0), recordings)
+    monkeypatch.chdir(dataset)
     first, again = (replay_episode(pickle.loads(pickle.dumps(tasks[1]))) for _ in range(2))
     assert pickle.dumps(first) == pickle.dumps(again)
     assert first.rows["action"].shape == (38, 3)

@@ -45,6 +45,7 @@ def test_at_its_own_speed_the_joint_repeats_what_it_did():
     made = replay(log, SERVO, smoothness=0.0)
     (joint,) = made.joints
     assert made.requests.shape == (COUNT, 1)
+    assert not any(each.flags.writeable for each in (made.requests, made.moments))
     assert joint.desired == pytest.approx(log.angles, abs=1e-12)
     again = simulate(SERVO, made.requests[:, 0], cyclic=False, start=log.angles[0])
     assert joint.predicted == pytest.approx(again, abs=1e-12)

@@ -129,6 +129,7 @@ def test_a_tolerance_that_no_speed_keeps_is_refused():
         ({}, "tolerance: got none, or two"),
         ({"tolerance": 0.1, "foot_tolerance": 0.1}, "tolerance: got none, or two"),
         ({"tolerance": -1.0}, "expected more than 0"),
+        ({"tolerance": 9e-10}, "tolerance: got 9e-10, expected more than 0: 1e-09 or more"),
         ({"foot_tolerance": 0.01}, "needs the leg"),
         ({"tolerance": 0.1, "retime": "wild"}, "expected 'constant' or 'varying'"),
     ],

@@ -116,7 +116,7 @@ def frame_rate(period: float) -> float:
     """
     rate = 1.0 / period
     whole = round(rate)
-    if whole < 1:
+    if rate < 1.0 - WHOLE:
         raise InvalidInput(
             f"a request every {period:g} s is {rate:.6g} per second, expected at least one for "
             "LeRobot; resample to a higher rate"

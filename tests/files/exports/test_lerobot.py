@@ -104,9 +104,10 @@ def test_the_rate_is_what_it_is(tmp_path, parquet, period, fps):
     assert np.allclose(data["timestamp"].to_pylist(), np.arange(4) / fps, atol=SINGLE)
 
 
-def test_less_than_one_request_a_second_is_no_rate(tmp_path, parquet):  # noqa: ARG001
-    slow = Schedule(("knee",), np.zeros((4, 1)), 2.5)
-    with pytest.raises(InvalidInput, match=r"is 0.4 per second, expected at least one"):
+@pytest.mark.parametrize(("period", "rate"), [(2.5, "0.4"), (1.25, "0.8")])
+def test_less_than_one_request_a_second_is_no_rate(tmp_path, parquet, period, rate):  # noqa: ARG001
+    slow = Schedule(("knee",), np.zeros((4, 1)), period)
+    with pytest.raises(InvalidInput, match=rf"is {rate} per second, expected at least one"):
         write_lerobot(tmp_path / "out", slow)
     assert list_files(tmp_path) == []
 
