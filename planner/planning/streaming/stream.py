@@ -325,7 +325,7 @@ class Stream:
         states["measured"] = math.nan
         if measured is not None:
             try:
-                states["measured"] = as_reals(measured)
+                states["measured"] = as_reals(measured).reshape(joints)
             except (TypeError, ValueError, OverflowError):
                 problems.append(
                     f"measured: got {shown(measured)}, expected {joints} angles [rad], or NaN"

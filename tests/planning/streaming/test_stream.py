@@ -434,6 +434,11 @@ def test_bad_extras_of_a_step_are_said_and_left_out():
     ):
         assert np.isfinite(stream.step(path[:10], **bad)).all()
         assert word in stream.problem
+    both = planner.Stream([planner.JointModel.ers210a()] * 2, preview=10)
+    for bad in (0.7, [0.7], np.full((2, 2), 0.7)):
+        both.step(np.zeros((10, 2)), bad)
+        assert both.problem.endswith("expected 2 angles [rad], or NaN")
+        np.testing.assert_array_equal(both.angles, 0.0)
 
 
 @pytest.mark.parametrize("cycle", [None, 20])
