@@ -89,7 +89,7 @@ def test_what_can_be_followed_is_followed():
 
 
 @CYCLIC
-@pytest.mark.parametrize("samples", [7, 12])
+@pytest.mark.parametrize("samples", [4, 7, 12])
 def test_trajectories_shorter_than_the_window_are_planned(samples, cyclic):
     # Such cycles are saturated throughout: their closing condition is singular.
     desired = REFERENCE_JOINTS[0].desired[:samples]

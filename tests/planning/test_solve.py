@@ -164,13 +164,15 @@ def test_joints_that_are_held_rest_where_the_first_sample_has_them():
 
 
 @pytest.mark.parametrize("way", [1.0, -1.0])
-@pytest.mark.parametrize("several", [False, True])
-def test_the_first_request_leaves_the_middle_of_the_band_for_the_side_of_the_motion(way, several):
+@pytest.mark.parametrize(("several", "smoothness"), [(False, 0.005), (False, 0.0), (True, 0.005)])
+def test_the_first_request_leaves_the_middle_of_the_band_for_the_side_of_the_motion(
+    way, several, smoothness
+):
     """For a single model alone: several may have other bands."""
     sticky = replace(ERS210A, dead_band=0.03)
     steep = way * 0.6 * np.minimum(np.arange(30) / 10.0, 1.0)[:, np.newaxis]
     models = [[sticky, replace(sticky, lag=0.04)]] if several else [sticky]
-    made = solve(Task.of(models, steep, cyclic=False))
+    made = solve(Task.of(models, steep, cyclic=False, smoothness=smoothness))
     first = float(made.requests[0, 0])
     assert abs(first) < 0.03
     assert first == 0.0 if several else way * first == pytest.approx(0.03, rel=1e-6)
@@ -338,3 +340,62 @@ def test_a_curve_of_more_lines_must_be_better_by_half_a_per_cent(monkeypatch, co
     ):
         curve, _ = closed_form.inverted(problem, errors[:count], rule="exact", refine=True)
         assert curve == taken[count - 1]
+
+
+def test_the_closed_form_of_the_rule_that_is_better_within_the_limits_is_taken(monkeypatch):
+    """By the paper's rule 2.0, by the exact one 0.7, of 0.9: requests end at 1.0."""
+    by_rule = {"paper": np.full((5, 1), 2.0), "exact": np.full((5, 1), 0.7)}
+    problem = track(ERS210A, np.full(5, 0.9), cyclic=True, limits=(-1.0, 1.0))
+    monkeypatch.setattr(closed_form, "approximations", lambda *_, **__: [])
+    monkeypatch.setattr(closed_form, "inverted", lambda *_, rule, **__: (None, by_rule[rule]))
+    np.testing.assert_array_equal(closed_form.best_closed_form(problem), np.full((5, 1), 1.0))
+
+
+@pytest.mark.parametrize(
+    ("samples", "cyclic", "segments", "refine", "fitted"),
+    [
+        (6, True, None, True, [None, 6]),
+        (5, True, None, True, [None]),
+        (7, False, None, True, [None, 6]),
+        (6, False, None, True, [None]),
+        (6, True, 4, True, [4]),
+        (6, True, None, False, [None]),
+    ],
+)
+def test_two_more_lines_are_tried_where_the_samples_allow_them_and_nothing_is_fixed(
+    monkeypatch, samples, cyclic, segments, refine, fitted
+):
+    asked = []
+
+    def fit(*_, segments, **options):
+        asked.append((segments, options))
+        return SimpleNamespace(segments=4, slopes=np.zeros(4))
+
+    monkeypatch.setattr(closed_form, "fit_pwl", fit)
+    start = None if cyclic else 0.0
+    problem = track(ERS210A, np.zeros(samples), cyclic=cyclic, start=start)
+    curves = closed_form.approximations(problem, segments=segments, refine=refine)
+    assert [each for each, _ in asked] == fitted
+    assert len(curves) == len(fitted)
+    options = {"v_max": ERS210A.v_max, "tick": ERS210A.period, "cyclic": cyclic}
+    assert all(each == options for _, each in asked)
+
+
+@pytest.mark.parametrize(("steepest", "taken"), [(4.0, 5.5), (4.6, 4.5), (-5.5, 5.5)])
+def test_lines_keep_the_larger_top_speed_unless_one_is_too_steep_the_other_way(
+    monkeypatch, steepest, taken
+):
+    """The joint turns upwards at up to 4.5 rad/s, downwards at up to 5.5 rad/s."""
+    model = JointModel(
+        v_max=5.0, theta_0=0.3, lag=0.02, acceleration_time=0.04, tick=0.02, v_offset=-0.5
+    )
+
+    def fit(*_, v_max, **__):
+        return SimpleNamespace(
+            segments=4, slopes=np.clip([0.0, steepest], -v_max, v_max), v_max=v_max
+        )
+
+    monkeypatch.setattr(closed_form, "fit_pwl", fit)
+    problem = track(model, np.zeros(9), cyclic=True)
+    (curve,) = closed_form.approximations(problem, segments=4, refine=True)
+    assert curve.v_max == pytest.approx(taken)

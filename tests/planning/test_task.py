@@ -48,6 +48,8 @@ def test_what_is_asked_of_one_joint_by_name_leaves_the_other_free():
     task = Task.of(SERVO, PATH, names=NAMES, limits={"knee": (-0.5, 0.5)}, max_step={"hip": 0.1})
     assert task.limits == (None, (-0.5, 0.5))
     np.testing.assert_array_equal(task.max_step, [0.1, np.inf])
+    held = Task.of(SERVO, np.full((4, 1), 0.3), limits=(0.3, 0.3))
+    assert held.limits == ((0.3, 0.3),)
 
 
 @pytest.mark.parametrize(

@@ -542,7 +542,7 @@ def test_a_joint_at_rest_is_moved_by_the_change_of_its_sag_and_with_inertia_by_a
 
 def test_the_exact_level_is_asked_of_the_joint_as_it_was_given_up_to_the_time_limit(monkeypatch):
     """Between the bound of the level below and the error of a plan, which are the gap's ends."""
-    asked, shares = [], iter([0.0, 0.0, 0.99, 0.99])
+    asked, shares = [], iter([0.0, 0.0, 0.99, 0.99, 1.5])
 
     def record(problem, incumbent, *, time_limit):
         asked.append((problem, incumbent, time_limit))
@@ -558,7 +558,8 @@ def test_the_exact_level_is_asked_of_the_joint_as_it_was_given_up_to_the_time_li
         assert (proof.bound, proof.level, proof.norm) == (bound, "exact", "max")
         assert proof.solver_gap == pytest.approx(plan.error / bound - 1.0)
         assert lower_bound(model, desired, level="exact", time_limit=8.0, **options) == bound
-    assert [each[2] for each in asked] == [7.0, 8.0] * 2
+    assert certify(model, desired, level="exact", **options).solver_gap == 0.0  # never below it
+    assert [each[2] for each in asked] == [*[7.0, 8.0] * 2, 60.0]
     problem, incumbent, _ = asked[0]
     assert (problem.model, problem.cyclic, problem.norm) == (model, False, "max")
     assert problem.start == desired[0]

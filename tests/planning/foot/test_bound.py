@@ -226,7 +226,7 @@ def test_a_point_out_of_reach_is_missed_by_what_it_is_out_of_reach():
     leg = WALK.leg
     far = np.tile([0.0, 0.0, -0.5], (12, 1))
     plan = invert_foot(ERS210A, leg, far)
-    assert plan.gap == pytest.approx(0.0, abs=1e-3)
+    assert 0.0 <= plan.gap <= 1e-3
 
 
 def test_a_path_that_the_joints_can_follow_has_a_bound_of_nothing():
