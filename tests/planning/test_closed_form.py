@@ -240,18 +240,6 @@ def test_the_search_leaves_a_curve_that_the_joint_cannot_follow():
     assert np.max(np.abs(refined.slopes)) <= ERS210A.v_max * (1.0 + 1e-6)
 
 
-def test_refining_the_lines_helps_on_the_reference_walk():
-    knee = REFERENCE_JOINTS[2].desired
-    plain = invert_closed_form(ERS210A, knee, segments=6, refine=False)
-    assert invert_closed_form(ERS210A, knee, segments=6).rms < plain.rms
-
-
-def test_the_requests_are_read_only():
-    plan = invert_closed_form(ERS210A, [0.0, 0.1, 0.3, 0.1])
-    with pytest.raises(ValueError, match="read-only"):
-        plan.requests[0] = 1.0
-
-
 @pytest.mark.parametrize(
     ("desired", "options", "error", "message"),
     [

@@ -19,7 +19,7 @@ from planner.model.joint import JointModel
 from planner.model.response import simulate
 from planner.planning.arguments import NORMS
 from planner.planning.closed_form import closed_form_requests, invert_closed_form
-from planner.planning.inversion import invert_foot, invert_optimal, plan
+from planner.planning.inversion import invert_foot, invert_optimal
 from planner.planning.line_inverse import RULES
 from tests.independent import from_rest, next_cycle
 from tests.strategies import models, trajectories
@@ -220,27 +220,6 @@ def test_curves_may_be_as_steep_as_the_direction_allows():
         else:
             with pytest.raises(InvalidInput, match=r"curves: got .* expected slopes from .* to "):
                 closed_form_requests(model, curve)
-
-
-@pytest.mark.parametrize("given", ["rows", "by joint"])
-@pytest.mark.parametrize("method", ["optimal", "closed_form"])
-def test_several_joints_are_planned_each_under_its_load(method, given):
-    desired = np.column_stack([PATHS["slow sine"], PATHS["fast sine"]])
-    rows = np.column_stack([LOADS["gravity"], np.full(SAMPLES, 0.5)])
-    load = rows if given == "rows" else {"shoulder": rows[:, 0], "elbow": 0.5}
-    made = plan(SERVO, desired, names=["shoulder", "elbow"], load=load, method=method)
-    for j, each in enumerate(made.inversions):
-        np.testing.assert_array_equal(each.load, rows[:, j])
-        predicted = simulate(SERVO, made.requests[:, j], load=rows[:, j])
-        np.testing.assert_array_equal(made.predicted[:, j], predicted)
-
-
-def test_a_load_of_no_joint_or_of_another_shape_is_refused():
-    desired = np.column_stack([PATHS["slow sine"], PATHS["fast sine"]])
-    with pytest.raises(InvalidInput, match="load: no joint 'knee'"):
-        plan(SERVO, desired, load={"knee": 1.0})
-    with pytest.raises(InvalidInput, match=r"load: got .*expected torques"):
-        plan(SERVO, desired, load=[1.0, 2.0, 3.0])
 
 
 @pytest.mark.parametrize("cyclic", [True, False])

@@ -9,7 +9,7 @@ from planner.exceptions import InvalidInput
 from planner.gait.half_ellipse import reference_walk
 from planner.model.joint import JointModel
 from planner.planning import gauss_newton
-from planner.planning.inversion import invert_foot, invert_optimal, plan
+from planner.planning.inversion import invert_foot, invert_optimal
 from tests.from_python import from_python
 from tests.instances import REFERENCE_JOINTS, random_model, saturating
 
@@ -122,20 +122,6 @@ def test_the_foot_keeps_one_limit_or_one_for_each_joint(cyclic):
     if cyclic:
         free = invert_foot(ERS210A, walk.leg, walk.desired_foot)
         assert made.rms <= 1.02 * free.rms
-
-
-def test_several_joints_have_their_own_limits():
-    walk = reference_walk()
-    limits = np.radians([3.0, 5.0, 20.0])
-    by_joint = {"joint_1": limits[0], "joint_2": limits[1], "joint_3": limits[2]}
-    both = [plan(ERS210A, walk.desired, max_step=each) for each in (limits, by_joint)]
-    for made in both:
-        assert np.all(steps(made.requests, cyclic=True) <= limits * (1.0 + EXACT))
-    np.testing.assert_array_equal(both[0].requests, both[1].requests)
-    with pytest.raises(InvalidInput, match="max_step: no joint 'hip'"):
-        plan(ERS210A, walk.desired, max_step={"hip": 0.1})
-    with pytest.raises(InvalidInput, match="max_step: without effect"):
-        plan(ERS210A, walk.desired, max_step=0.1, method="closed_form")
 
 
 @pytest.mark.parametrize("max_step", [0.0, -0.1, np.nan, "5 deg", [0.1, 0.2]])

@@ -403,28 +403,6 @@ def test_limits_that_exclude_desired_angles_are_infeasible(limits, message):
         invert_optimal(ERS210A, [0.0, 0.5, -0.5], limits=limits)
 
 
-def test_the_angles_that_limits_allow_are_those_of_the_requests_plus_the_offset():
-    sagging = replace(ERS210A, offset=-0.3)
-    with pytest.raises(Infeasible, match=r"beyond the angles -1.3 to 0.7 rad"):
-        invert_optimal(sagging, [0.0, 0.8, 0.0], limits=(-1.0, 1.0))
-    invert_optimal(sagging, [0.0, -1.2, 0.0], limits=(-1.0, 1.0))
-
-
-@pytest.mark.parametrize("cyclic", [True, False])
-def test_a_negligible_sag_leaves_a_path_that_just_fits_within_its_limits(cyclic):
-    desired = 0.3 * np.cos(2.0 * np.pi * np.arange(40) / 40.0)
-    sagging = replace(ERS210A, offset=-math.radians(0.007))
-    plan = invert_optimal(sagging, desired, cyclic=cyclic, limits=(-0.3, 0.3))
-    assert np.all(np.abs(plan.requests) <= 0.3)
-    with pytest.raises(Infeasible, match=r"beyond the angles -0.302 to 0.298 rad"):
-        invert_optimal(replace(sagging, offset=-2e-3), desired, cyclic=cyclic, limits=(-0.3, 0.3))
-
-
-def test_a_start_that_no_request_within_the_limits_can_hold_is_infeasible():
-    with pytest.raises(Infeasible, match=r"^start: "):
-        invert_optimal(ERS210A, [0.0, 0.5, 0.0], cyclic=False, limits=(-1.0, 1.0), start=1.5)
-
-
 @pytest.mark.parametrize(
     "limits", [3.0, (1.0,), (1.0, 2.0, 3.0), (math.nan, 1.0), ("a", "b"), "ab"]
 )

@@ -127,12 +127,27 @@ def test_what_comes_back_cannot_be_written_to(plan):
         ),
         (AIBO, {"load": {"jaw": 1.0}}, "load: no joint 'jaw'"),
         (AIBO, {"start": "a", "cyclic": False}, "start: got 'a'"),
-        (AIBO, {"limits": (0, 1), "method": "closed_form"}, "limits: without effect"),
     ],
 )
 def test_arguments_that_do_not_fit_are_named(models, options, message):
     with pytest.raises(InvalidInput, match=f"^{message}"):
         planner.plan(models, DESIRED, **options)
+
+
+WITHOUT_EFFECT = {
+    "closed_form": "limits start norm tolerance max_step smoothness robust solver",
+    "shift": "max_step smoothness robust solver segments rule refine",
+    "optimal": "segments rule refine",
+}
+"""The options that a method of planning does not have."""
+
+
+@pytest.mark.parametrize("method", WITHOUT_EFFECT)
+def test_an_option_without_effect_is_refused(method):
+    for option in WITHOUT_EFFECT[method].split():
+        told = f"^{option}: without effect with method '{method}'; leave it out"
+        with pytest.raises(InvalidInput, match=told):
+            planner.plan(AIBO, DESIRED, method=method, **{option: 0.1})
 
 
 def test_an_error_about_one_joint_carries_its_name():

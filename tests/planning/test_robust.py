@@ -271,8 +271,6 @@ def test_plan_takes_several_models_of_one_joint_or_of_each(identified):
     assert [len(each.models) for each in made.inversions] == [2, 9]
     with pytest.raises(InvalidInput, match="method 'optimal'"):
         plan([MODELS[:2], ERS210A], both, method="closed_form")
-    with pytest.raises(InvalidInput, match="robust: without effect with method 'closed_form'"):
-        plan(SLOWER, SINE, method="closed_form", robust="mean")
 
 
 def test_every_model_is_judged_under_the_load_that_it_feels():

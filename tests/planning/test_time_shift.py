@@ -112,12 +112,6 @@ def test_every_joint_has_a_lead_of_its_own_and_a_plan_has_the_same():
     assert joined(parts).leads == made.leads
 
 
-@pytest.mark.parametrize("option", [{"max_step": 0.1}, {"smoothness": 0.1}, {"segments": 4}])
-def test_options_without_effect_on_a_shift_are_refused(option):
-    with pytest.raises(planner.InvalidInput, match=f"{next(iter(option))}: without effect"):
-        planner.plan(ERS210A, PATH[:, np.newaxis], method="shift", **option)
-
-
 def test_limits_and_tolerance_of_a_shift_are_kept_in_mind():
     made = planner.plan(
         ERS210A, PATH[:, np.newaxis], method="shift", limits=(-0.4, 0.4), tolerance=0.1
