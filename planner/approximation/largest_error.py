@@ -240,12 +240,7 @@ def _together(
 ) -> Candidate:
     """The curve with all knots moved within their gaps, or as it is where that is no better.
 
-    Args:
-        problem: What to approximate.
-        curve: The curve.
-        bound: Largest error at any sample.
-        after: Which knots, where they are on a sample, move in the gap after it; see `_lines_of`.
-        margin: Share of the bounds that is left to OSQP's tolerance.
+    ``margin`` is the share of the bounds that is left to OSQP's tolerance.
     """
     lines = _lines_of(problem, curve, after)
     if np.any(lines.last < lines.first):
@@ -302,11 +297,7 @@ class _Lines(NamedTuple):
 def _lines_of(problem: Problem, curve: Candidate, after: Mask) -> _Lines:
     """The samples dealt out to the lines.
 
-    Args:
-        problem: What to approximate.
-        curve: The curve.
-        after: Which knots, where they are on a sample, move in the gap after it, shape (K,); the
-            others move in that before it.
+    Of the knots on a sample those ``after`` move in the gap after it, the others in that before it.
     """
     n, size = problem.samples, curve.knots.size
     number = np.arange(size + problem.cyclic) % size

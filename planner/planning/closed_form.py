@@ -172,11 +172,7 @@ def inverted(
 ) -> tuple[PiecewiseLinear, Array]:
     """The curve whose lines track best, and its admissible requests [rad], (n, 1).
 
-    Args:
-        problem: One joint that should follow the desired angles, and within which limits.
-        curves: Approximations of them; a later one must be better by half a percent.
-        rule: How to invert a line.
-        refine: Whether to move the knots until the joint comes no closer.
+    A later curve must be better by half a percent.
     """
     curve, requests = _one_inverted(problem, curves[0], rule, refine)
     for other in curves[1:]:

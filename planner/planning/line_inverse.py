@@ -210,13 +210,9 @@ def check_rule(rule: str, model: JointModel) -> None:
 
 
 def _lead(model: JointModel, slopes: Array, rule: Rule, faster: Array) -> Array:
-    """C_m plus the sag for slopes m >= 0 [rad/s], of a joint that is this much faster than v_max.
+    """C_m plus the sag for slopes m >= 0 [rad/s].
 
-    Args:
-        model: The joint.
-        slopes: Slopes m [rad/s].
-        rule: "exact" or "paper".
-        faster: By how much the top speed in the direction of each slope exceeds v_max [rad/s].
+    The top speed in the direction of each slope exceeds v_max by ``faster`` [rad/s].
     """
     even = not np.any(faster)  # then one number serves all slopes
     excess = 0.0 if even else np.broadcast_to(faster, slopes.shape).ravel() * model.tick

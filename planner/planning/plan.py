@@ -419,11 +419,10 @@ class Plan(Summarised):
     def joint(self, j: int) -> Plan:
         """The plan of one of the joints, which were planned one by one."""
         nominal = self.nominal_requests if len(self.task.models[j]) > 1 else None
-        return Plan(
+        return replace(
+            self,
             task=self.task.joint(j),
             requests=np.ascontiguousarray(self.requests[:, j : j + 1]),
-            method=self.method,
-            solver=self.solver,
             approximations=self.approximations[j : j + 1],
             leads=self.leads[j : j + 1],
             nominal_requests=None

@@ -364,10 +364,7 @@ RIDGE = 1e-4
 def _foot_goal(task: Task, nearest: Array, added: Array) -> FootGoal:
     """The goal of a foot, its errors scaled by how far a radian of a joint moves it.
 
-    Args:
-        task: The task of a foot.
-        nearest: Angles of the models that bring the foot nearest [rad], (n, k).
-        added: What the joints' angles are taken to be beyond these [rad], (n, k).
+    Joints are taken to be at the models' ``nearest`` angles and what is ``added`` [rad], (n, k).
     """
     assert task.leg is not None, "a foot belongs to a leg"
     assert task.foot is not None, "what should follow a path"

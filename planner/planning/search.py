@@ -426,14 +426,8 @@ def _smoothest(problem: Problem, state: State, start: Judged, error: float, boun
     differences of the requests. At the best weight w the smoothing costs about as much as J may
     rise, so that each step takes ``w = c (J_allowed - J) / |D2 R|^2`` anew from the requests from
     which it sets out, with a factor c that grows while the exact error stays within what is
-    allowed. Where it does not, c is such that the weight itself falls.
-
-    Args:
-        problem: What is to be reached.
-        state: Where to start: requests and their angles.
-        start: Their errors.
-        error: That of the best plan.
-        bound: What is to be kept.
+    allowed. Where it does not, c is such that the weight itself falls. ``start`` are the errors of
+    the state, ``error`` is that of the best plan.
     """
     power = stages_for(problem, NARROW)[-1].power
     best, least = state.requests, problem.roughness(state.requests)
