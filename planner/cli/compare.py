@@ -127,16 +127,15 @@ def _write_folder(
 
     names = [joint.name for joint in check.joints]
     with output_folder(out) as folder:
-        for method in check.methods:
-            requests = np.column_stack([joint.plans[method].requests for joint in check.joints])
-            write_joint_path(
-                folder / f"requests_{method}.csv", names, requests, period=check.period
-            )
+        plans = {
+            method: np.column_stack([joint.plans[method].requests for joint in check.joints])
+            for method in check.methods
+        }
         if check.foot is not None:
-            requests = check.foot.plans["foot_optimal"].requests
-            write_joint_path(
-                folder / "requests_foot_optimal.csv", names, requests, period=check.period
-            )
+            plans["foot_optimal"] = check.foot.plans["foot_optimal"].requests
+        for method, requests in plans.items():
+            file = folder / f"requests_{method}.csv"
+            write_joint_path(file, names, requests, period=check.period)
         for ending in PICTURES:
             write_picture(folder / f"comparison{ending}", check)
         made = [(Path(name).stem, folder / name) for name in (*list_files(folder), MANIFEST)]

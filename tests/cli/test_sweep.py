@@ -312,6 +312,7 @@ def test_what_a_sweep_needs_is_asked_for(tmp_path, run):
     (tmp_path / "gaits").write_text(GAIT + "length = [0.02]\n")
     for arguments, message in (
         (("gaits",), "name a folder for the results with --out"),
+        (("gaits.toml", "--workers", 2, "--scheduler", "tcp://a:1"), "leave out --workers or"),
         ((), "name a sweep file, or begin one with --template"),
         (("-",), "a sweep is read from a file"),
         (("gaits.toml", "--at", "length=0.02"), "--at: name a folder for its results with --out"),

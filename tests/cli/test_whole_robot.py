@@ -151,15 +151,20 @@ def test_requests_stay_within_the_ranges_of_the_servos_or_each_joint_is_named(ru
     assert result.exit_code == 0, result.stderr
     requests = np.degrees(read_joint_path(tmp_path / "requests.csv").angles)
     assert 23.0 < np.max(np.abs(requests)) <= 24.0 + 1e-6
-    warned = run(*asked, "--method", "closed-form").stderr.splitlines()
+    warned = run(*asked, "--method", "closed-form", "--json").stderr.splitlines()
     said = [line for line in warned if "beyond the limits -24.00 to 24.00; --method opt" in line]
     assert [line.split(": ")[2] for line in said] == names
 
 
-def test_legs_are_those_all_of_whose_joints_are_planned():
+def test_legs_are_those_all_of_whose_joints_are_planned(tmp_path):
     knee, *others = (f"front_left_{joint}" for joint in ("knee", "rotator", "abductor"))
     assert list(legs_among([knee, "tail", *others], Model())) == ["front-left"]
     assert legs_among([knee, "tail"], Model()) == {}
+    shutil.copy(urdf_path("reference_leg.urdf"), tmp_path)
+    own = '[leg.hind-right]\nurdf = "reference_leg.urdf"\nbase = "hip"\nfoot = "foot"\n'
+    (tmp_path / "own.toml").write_text(own)
+    found = legs_among(["knee", "rotator", "abductor"], Model(file="own.toml"), str(tmp_path))
+    assert list(found) == ["hind-right"]
 
 
 @pytest.mark.parametrize(

@@ -63,6 +63,7 @@ CASES = {
         "plan requests.csv --leg reference --joint knee --model soft.toml --load urdf",
         "refine measured.csv measured.csv --desired path.csv",
         "refine played.csv played.csv --desired path.csv --joint hip",
+        "refine path.csv stride.csv --desired path.csv",
         "plan loaded.csv --joint hip --model motor.toml --load urdf",
     ],
     "check-json": f"check {ARM} --duration-s 4 --rate-hz 50 --json",
