@@ -66,8 +66,8 @@ def test_learning(planned, snapshot):
         progress=[
             learning.Progress("hip", "deg", np.array([3.0, 1.5, 2.0]), (1, 1, 1), 1.25, 1.0, 0.1,
                               1.0, 1, "", ("a cycle was left out",)),
-            learning.Progress("knee", "deg", np.array([9.0, 1.0]), (1, 1), math.nan, math.nan, 0.2,
-                              1.0, 1, "no gain is left", ()),
+            learning.Progress("knee", "deg", np.array([1.0, 4.0]), (1, 1), 0.9, math.nan, 1e-4, 1.0,
+                              0, "no gain is left", ()),
         ],
         about_others="jaw is not learnt.",
         title="walk",

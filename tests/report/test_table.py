@@ -5,10 +5,8 @@ from __future__ import annotations
 import math
 import re
 
-import numpy as np
 import pytest
 
-from planner.report.learning import Progress, trials_table
 from planner.report.table import NOTHING, Column, Row, Table, fitted_to, percent, text_table
 
 PARTS = ("ours", "paper", "diff.")
@@ -102,22 +100,3 @@ def test_a_column_that_no_terminal_is_wide_enough_for_stands_alone():
     with fitted_to(20):
         blocks = parts_of(text_table(["a", "b", "c"], [["x", 30 * "y", "z"]]), 2)
     assert [block[1] for block in blocks] == [f"x  {30 * 'y'}", "x  z"]
-
-
-def test_the_best_trial_of_learning_is_marked_beside_its_error():
-    """Of a joint that has fewer trials than another one, the rest are none."""
-    common = {"cycles": (1, 1, 1), "gain": 1.0, "stopped": "", "remarks": (), "noise": 0.1}
-    hip = Progress(name="hip", unit="deg", errors=np.array([3.0, 1.5, 2.0]), predicted=1.25,
-                   bound=1.0, best=1, **common)  # fmt: skip
-    jaw = Progress(name="jaw", unit="percent", errors=np.array([4.0]), predicted=3.5,
-                   bound=math.nan, best=0, **common)  # fmt: skip
-    told = trials_table([hip, jaw])
-    assert [row.cells for row in told.rows] == [
-        ("3", "4\nbest"),
-        ("1.5\nbest", NOTHING),
-        ("2", NOTHING),
-        ("1.25", "3.5"),
-        ("1", NOTHING),
-        ("0.1", "0.1"),
-    ]
-    assert [column.title for column in told.columns] == ["hip [deg]", "jaw [percent]"]
