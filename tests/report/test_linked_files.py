@@ -1,12 +1,15 @@
-"""Links of a page: relative to it, readable by a browser, and none to what is no file."""
+"""Links of a page, relative to it and none to what is no file; and the versions on it."""
 
 from __future__ import annotations
 
+import platform
+from importlib.metadata import PackageNotFoundError, version
 from urllib.parse import unquote, urljoin, urlsplit
 
 import pytest
 
-from planner.report.page import linked_files
+from planner._version import __version__
+from planner.report.page import LIBRARIES, linked_files, versions
 
 
 @pytest.mark.parametrize(
@@ -31,3 +34,18 @@ def test_a_page_named_without_a_folder_stands_in_the_working_one(tmp_path, monke
     monkeypatch.chdir(tmp_path)
     (link,) = linked_files("page.html", [("requests", "requests.csv")])
     assert link.href == "requests.csv"
+
+
+def test_every_library_has_its_version_or_an_unknown_one(monkeypatch):
+    def of(name):
+        if name == "scipy":
+            raise PackageNotFoundError(name)
+        return version("numpy")
+
+    monkeypatch.setattr("planner.report.page.version", of)
+    assert versions("mujoco") == {
+        "request-planner": __version__,
+        "python": platform.python_version(),
+        **dict.fromkeys((*LIBRARIES, "mujoco"), version("numpy")),
+        "scipy": "unknown",
+    }
