@@ -78,6 +78,7 @@ def test_the_verdict_comes_first_and_tells_agreement_gaps_and_difference(check, 
     ):
         assert f"up to {largest:.3g} degrees" in verdict(replace(check, joints=joints))[1]
     assert page.index(head) < page.index("<table>")
+    assert f"15 of {len(WALK.desired)} samples were out of reach" in page
     figures = {each.figure for each in key_figures(check)}
     assert f"{len(check.checks)} of {len(check.checks)}" in figures
     foot = [

@@ -26,6 +26,8 @@ from tests.corpus.test_corpus import masked
 from tests.report.made_up import made_up, made_up_log, never_saturated
 from tests.report.test_episodes_page import document, row
 
+ORIGINS = [("recording", "walks_2.csv"), ("<model>", "arm.toml")]
+
 SERVO = JointModel(v_max=4.0, theta_0=0.2, lag=0.03, acceleration_time=0.05, tick=0.005, hold=4)
 
 
@@ -98,7 +100,8 @@ def plan_by_tested_models():
 
 def robot():
     legs = {"front-left": front_left_leg()}
-    return plan_page(plan_by_tested_models(), title="walk", method="optimal", legs=legs)
+    about = {"missed": ["the foot is 2 cm off"], "notes": ["Mind the step."], "origins": ORIGINS}
+    return plan_page(plan_by_tested_models(), title="walk", method="optimal", legs=legs, **about)
 
 
 def replayed_arm():
@@ -138,18 +141,34 @@ def fastest_replay():
     )
     found = found_fastest(made, *curve)
     about = {"title": "demo.csv", "words": "follows the state", "verdict": "v_max is 1"}
-    return replay_page(made, found=found, **about)
+    missed, remarks = ["elbow: 3 deg off"], ["The gripper is new."]
+    return replay_page(made, found=found, missed=missed, remarks=remarks, origins=ORIGINS, **about)
 
 
 def episodes():
-    rows = [row(0), row(1, planned=0.4), row(3, unit="percent", lower_bound=None)]
+    columns = ("resent_rms", "direct_rms", "shifted_rms", "expected_on_robot_rms", "lower_bound")
+    errors = (
+        (3.5, 2.5, 1.5, None, 0.1),
+        (3.0, 2.25, 1.75, 0.75, 0.125),
+        (4.0, 9.0, 1.25, 0.5, None),
+    )
+    about = (("elbow", "deg", 100), ("hip", "deg", 80), ("jaw", "percent", 120))
+    rows = [
+        row(number, planned, unit, worst_joint=joint, requests=requests, duration_s=requests / 40,
+            **dict(zip(columns, each, strict=True)))
+        for number, planned, (joint, unit, requests), each in zip(
+            (0, 1, 3), (0.3, 0.45, 0.25), about, errors, strict=True
+        )
+    ]  # fmt: skip
     failed = [f"data/walks, episode {10 + k}" for k in range(MOST_REASONS + 1)]
-    return episodes_page(document(rows, left_out=failed), title="walks", words="follows the state")
+    made = document(rows, left_out=failed)
+    made["remarks"] = ["the models are old", "two episodes are short"]
+    return episodes_page(made, title="walks", words="follows the state", origins=ORIGINS)
 
 
 def swept(*outcomes, required=None):
     made = Swept("a b.toml", ("speed", "height"), outcomes, "times", "deg", required)
-    return sweep_page(made)
+    return sweep_page(made, origins=ORIGINS)
 
 
 def unplanned_sweep():
@@ -157,11 +176,15 @@ def unplanned_sweep():
 
 
 def missed_sweep():
-    sizes = {"largest": 1.0, "direct": 3.0, "too_fast": 0.25, "slowest": "hip"}
-    points = ((0.5, 0.2), (1.0, 0.2), (1.0, 0.25), (2.0, 0.3))
-    outcomes = [Outcome((k, 0.1), k, error, **sizes) for k, error in points]
+    points = (
+        Outcome((0.5, -0.2), 0.5, 0.2, 0.9, 3.0, 0.0, ""),
+        Outcome((1.25, -0.123456789), 1.25, 0.2, 1.5, 2.5, 0.25, "hip"),
+        Outcome((1.0, -0.3), 1.0, 0.25, 1.25, 2.75, 0.125, "knee"),
+        Outcome((2.0, -0.1), 2.0, 0.3, 1.125, 4.0, 0.5, "knee"),
+    )
     required = Requirement("error", 0.1)
-    return swept(*(replace(each, reason="0.1 deg") for each in outcomes), required=required)
+    missed = (replace(each, reason="0.1 deg") for each in points)
+    return swept(Outcome((3.0, -0.1), reason="too far"), *missed, required=required)
 
 
 PAGES = {
