@@ -24,7 +24,16 @@ from planner.report.figure import (
     around,
     near_limits,
 )
-from planner.report.matplotlib_figure import BELOW, LEGEND, ROW, draw, draw_grid, to_svg
+from planner.report.matplotlib_figure import (
+    BELOW,
+    HEADING,
+    LEGEND,
+    ROW,
+    draw,
+    draw_grid,
+    height_of,
+    to_svg,
+)
 from planner.report.page import MANY, Page, figures_section
 from planner.report.plotly_figure import MOST_FRAMES, live, moving_leg, packed, plot
 from planner.report.style import DESIRED, DIRECT, MUTED, REQUESTED, Role
@@ -202,11 +211,14 @@ def test_limits_are_drawn_where_the_requests_come_near():
 
 
 def test_several_figures_are_drawn_as_one():
-    figure = figure_of(*everything())
-    drawn = draw_grid([figure] * 3, columns=2, width=3.6)
-    assert (
-        len(drawn.get_axes() or [a for f in drawn.subfigs for g in f.subfigs for a in g.axes]) == 6
-    )
+    low, high = figure_of(everything()[1]), figure_of(*everything())
+    drawn = draw_grid([low, high, low], columns=2, width=3.6)
+    assert [[len(cell.axes) for cell in row.subfigs] for row in drawn.subfigs] == [[1, 2], [1]]
+    heights = height_of(high) + HEADING, height_of(low) + HEADING
+    assert tuple(drawn.get_size_inches()) == pytest.approx((7.2, sum(heights)))
+    parts = [row.bbox.height / drawn.bbox.height for row in drawn.subfigs]
+    assert parts == pytest.approx([each / sum(heights) for each in heights])
+    assert height_of(high) - height_of(low) == pytest.approx(ROW + HEADING)
     assert to_svg(drawn).count("title") >= 3
 
 

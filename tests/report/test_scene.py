@@ -64,7 +64,10 @@ def test_every_leg_has_its_colour_and_the_robot_stands_once(commands):
             path for path in drawn if path.startswith((f"/meshcat/{name}/", f"/meshcat/{name} "))
         ]
         assert len(paths) == 6  # five shapes of four links, and the foot's trace
-        assert {drawn[path]["materials"][0]["color"] for path in paths} == {int(role.light[1:], 16)}
+        materials = {path: drawn[path]["materials"][0] for path in paths}
+        assert {each["color"] for each in materials.values()} == {int(role.light[1:], 16)}
+        links = {each["opacity"] for path, each in materials.items() if "trace" not in path}
+        assert links == {{"desired": 0.55, "direct": 0.45, "planned": 1.0}[name]}
     robot = [path for path in drawn if path.startswith("/meshcat/robot/")]
     assert not any("front_left" in path for path in robot)
     assert any("/hind_right_ball_0" in path for path in robot)
