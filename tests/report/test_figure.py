@@ -73,7 +73,10 @@ def everything():
 
 def test_the_curves_and_shades_of_a_file_are_those_of_the_figure():
     first, second = everything()
-    above, below = draw(figure_of(first, second)).axes
+    picture = draw(figure_of(first, second))
+    (legend,), (above, below) = picture.legends, picture.axes
+    entries = [text.get_text() for text in legend.get_texts()]
+    assert entries == ["desired", "requested", "knots", "cloud", "why"]
     shown = [curve for curve in first.curves if not curve.hidden]
     for curve, line in zip(shown, above.lines, strict=True):
         assert line.get_label() == curve.name
