@@ -226,14 +226,7 @@ def models_text(
             f"{name} = {value!r}  " + _comment(said.get(name, f"[{UNITS[name]}]"))
             for name, value in model.parameters().items()
         ]
-        seen: tuple[Any, ...] = model.evidence or ()
-        lines += [
-            f"{key} = {json.dumps(value)}  # {TESTED[key][1]}"
-            for key, value in zip(TESTED, seen, strict=False)
-            if np.size(value) and np.isfinite(value).all()
-        ]
-        lines += _verdict_lines(model.evidence)
-        lines += _interval_lines(model.evidence)
+        lines += _evidence_lines(model.evidence)
         if servos and joint in servos:
             lines += _servo_lines(joint, servos[joint])
         blocks.append("\n".join(lines))
@@ -257,20 +250,21 @@ def _quoted(text: str) -> str:
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
-def _verdict_lines(evidence: Evidence | None) -> list[str]:
-    """Whether a model may be planned with, and why."""
-    if evidence is None or evidence.verdict is None:
-        return []
-    accepted = " or ".join(f'"{each}"' for each in ACCEPTED)
-    lines = [f"{VERDICT} = {_quoted(evidence.verdict)}  # to plan with only if {accepted}"]
-    return lines + ([f"{REASON} = {_quoted(evidence.reason)}"] if evidence.reason else [])
-
-
-def _interval_lines(evidence: Evidence | None) -> list[str]:
-    """The intervals of a model, and the correlations of its parameters."""
+def _evidence_lines(evidence: Evidence | None) -> list[str]:
+    """What is known of a model: its test, its verdict, its intervals and their correlations."""
     if evidence is None:
         return []
+    tested: tuple[Any, ...] = evidence
     lines = [
+        f"{key} = {json.dumps(value)}  # {TESTED[key][1]}"
+        for key, value in zip(TESTED, tested, strict=False)
+        if np.size(value) and np.isfinite(value).all()
+    ]
+    if evidence.verdict is not None:
+        accepted = " or ".join(f'"{each}"' for each in ACCEPTED)
+        lines.append(f"{VERDICT} = {_quoted(evidence.verdict)}  # to plan with only if {accepted}")
+        lines += [f"{REASON} = {_quoted(evidence.reason)}"] * bool(evidence.reason)
+    lines += [
         f"{name}_interval = [{least!r}, {most!r}]  # 95 %{' [1/s]' * (name == GAIN)}"
         for name, (least, most) in evidence.intervals.items()
     ]

@@ -187,12 +187,10 @@ def check_writable(path: Path | str) -> None:
     target = Path(path)
     if _is_device(target):
         return
-    target = target.resolve()
+    folder = target.resolve().parent
     try:
-        (target.parent / ".").stat()
-        if not target.parent.is_dir():
-            raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR))
-        if not os.access(target.parent, os.W_OK | os.X_OK):
+        folder.stat()
+        if not os.access(folder, os.W_OK | os.X_OK):
             raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
     except OSError as error:
         raise cannot_write(path, error) from error

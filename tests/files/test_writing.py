@@ -319,6 +319,9 @@ def test_a_file_system_that_has_no_fsync_is_written_all_the_same(tmp_path, monke
     monkeypatch.setattr("os.fsync", refuse)
     write_text(tmp_path / "a.csv", "text")
     assert (tmp_path / "a.csv").read_text() == "text"
+    number = errno.EIO
+    with pytest.raises(InvalidFile, match=r"cannot be written \(input/output error\)"):
+        write_text(tmp_path / "a.csv", "more")
 
 
 def test_a_folder_that_cannot_be_replaced_stays_as_it_was(tmp_path, monkeypatch):

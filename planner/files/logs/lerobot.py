@@ -85,9 +85,7 @@ def read_lerobot(path: Path | str, options: LogOptions) -> tuple[Log, ...]:
                     angle_scale=scales[name],
                 )
                 logs.append(make_log(source, values, joint=name, notes=_notes(values)))
-    missing = (episodes or frozenset()) - found
-    if missing:
-        raise _no_episode(path, min(missing), found | set(_named(dataset, Path(path))))
+    _check_there(dataset, Path(path), episodes, found)
     if not logs:
         raise InvalidFile(path, "no row of any episode; is the file cut short?")
     return tuple(logs)
@@ -124,9 +122,8 @@ def lerobot_episodes(path: Path | str, options: LogOptions) -> tuple[EpisodeFile
             match = _EPISODE.fullmatch(file.name)
             found.append(EpisodeFile(file, int(match[1]) if match else None))
     known = {each.episode for each in found if each.episode is not None}
-    every = None in {each.episode for each in found}
-    if (missing := (chosen or frozenset()) - known) and not every:
-        raise _no_episode(path, min(missing), known | set(_named(dataset, Path(path))))
+    if None not in {each.episode for each in found}:  # a file that cannot be read may hold any
+        _check_there(dataset, Path(path), chosen, known)
     kept = [each for each in found if chosen is None or each.episode in {None, *chosen}]
     return tuple(sorted(kept, key=lambda each: (each.episode is None, each.episode or 0)))
 
@@ -202,16 +199,18 @@ def _files(dataset: Dataset, path: Path, episodes: frozenset[int] | None) -> tup
         return (path,)
     files = dataset.files(episodes)
     if not files:
-        raise _no_episode(path, min(episodes or ()), dataset.episodes_named())
+        _check_there(dataset, path, episodes, ())
     return files
 
 
-def _named(dataset: Dataset, path: Path) -> frozenset[int]:
-    return dataset.episodes_named() if path.is_dir() else frozenset()
-
-
-def _no_episode(path: Path | str, episode: int, known: Iterable[int]) -> InvalidFile:
-    return InvalidFile(path, f"no episode {episode}; episodes: {_ranges(known)}")
+def _check_there(
+    dataset: Dataset, path: Path, chosen: frozenset[int] | None, known: Iterable[int]
+) -> None:
+    """Raise InvalidFile where a chosen episode is not among those that are known."""
+    if missing := (chosen or frozenset()).difference(known):
+        named = dataset.episodes_named() if path.is_dir() else ()
+        episodes = _ranges({*known, *named})
+        raise InvalidFile(path, f"no episode {min(missing)}; episodes: {episodes}")
 
 
 def _joints(
