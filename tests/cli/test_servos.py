@@ -22,8 +22,10 @@ from planner.exceptions import BusError
 from planner.files.joint_model import read_models, read_servos
 from planner.files.logs.read import read_logs
 from planner.files.paths import read_joint_path
+from planner.identification.log import Log
 from planner.identification.result import Interval
 from planner.model.evidence import Evidence
+from planner.model.response import simulate
 from planner.robot.arm import Arm
 from planner.robot.play import Playback
 from planner.virtual import servo_bus
@@ -177,9 +179,13 @@ def test_a_chosen_joint_is_calibrated_with_its_options_beside_those_in_the_file(
 @pytest.mark.parametrize("kind", buses.KINDS)
 def test_every_kind_of_virtual_servo_is_calibrated_from_its_own_middle(run, kind):
     assert set(buses.KINDS) == set(servo_bus.KINDS)
-    result = run("calibrate", "--bus", f"virtual:{kind}", "--ids", "1", "--dry-run")
+    given = ("--ids", "1,off=2", "--zero-tick", "off=500", "--rate-hz", "16")
+    result = run("calibrate", "--bus", f"virtual:{kind}", *given, "--dry-run")
     assert result.exit_code == 0, result.stderr
     assert "joint_1: at 0.0 deg, noise 0.00; P " in result.stderr
+    protocol = servo_bus.KINDS[kind].protocol
+    angle = 360.0 * (protocol.middle - 500) / protocol.ticks_per_turn
+    assert f"off: at {angle:.1f} deg, noise 0.00; P " in result.stderr
 
 
 @pytest.mark.parametrize("other", [("--rate-hz", "50"), ("--reach-deg", "25")])
@@ -443,6 +449,7 @@ def test_what_is_answered_is_what_was_measured_in_degrees(run, fake_calibration,
         joint, found = document["joints"][name], fake_calibration[name]
         assert (joint["id"], joint["recommended"]) == (servo, found.recommended.way)
         assert joint["identification"]["verdict"] == "holds"
+        assert joint["limits_deg"] == pytest.approx([-27.0, 27.0], abs=0.1)
         for each in found.candidates:
             expected = None if np.isnan(each.expected) else np.degrees(each.expected)
             assert joint["candidates"][each.way] == pytest.approx(
@@ -461,20 +468,27 @@ def test_joints_that_are_done_are_in_the_file_where_a_later_one_fails(
 ):
     leg = ['[leg."front"]', 'urdf = "robot.urdf"', 'base = "body"', 'foot = "toe"']
     arm.write_text("\n".join([ARM, *leg]) + "\n")
-    result = run("calibrate", *BRIEF, "--ids", "done=1,broken=2,later=3", "-o", "arm.toml")
+    ids = "joint_1=1,done=4,broken=2,later=3"
+    result = run("calibrate", *BRIEF, "--ids", ids, "-o", "arm.toml")
     assert result.exit_code == 1
     assert result.stderr.endswith(
         "broken: does not follow; what was measured is in arm_logs; go on with --resume\n"
     )
-    assert list(fake_calibration) == ["done"]
+    assert list(fake_calibration) == ["joint_1", "done"]
     assert list(read_models(arm)) == list(read_servos(arm)) == ["joint_1", "done"]
+    for name, found in fake_calibration.items():
+        assert read_models(arm)[name].v_max == pytest.approx(found.model.v_max)
+        servo = read_servos(arm)[name]
+        assert (servo.id, servo.settings["d_gain"]) == ({"joint_1": 1, "done": 4}[name], 32)
+        assert np.degrees(servo.limits) == pytest.approx([-27.0, 27.0], abs=0.1)
     text = arm.read_text()
     assert text.splitlines()[2] == 'bus = "virtual"'
     assert text.endswith("\n".join(leg) + "\n")
     assert [file.name for file in tmp_path.iterdir()] == ["arm.toml"]
     choices = {"bus": "feetech", "port": "/dev/ttyA", "baud_rate": 57_600}
     servos = SimpleNamespace(servos=read_servos(arm))
-    CALIBRATE._write("new.toml", fake_calibration, servos, {"done": {}}, choices)
+    settings = {"joint_1": {}, "done": {}}
+    CALIBRATE._write("new.toml", fake_calibration, servos, settings, choices)
     assert 'bus = "feetech"\nport = "/dev/ttyA"\n' in (tmp_path / "new.toml").read_text()
 
 
@@ -520,14 +534,15 @@ def test_a_joint_that_something_moves_is_warned_of(run, monkeypatch, noise, warn
         return own(arm)._replace(noise=angles, lost=0.125)
 
     monkeypatch.setattr(measure, "check", check)
-    given = ("--ids", "still=1,moved=2", "--zero-tick", "2000", "--zero-tick", "still=2048")
+    given = ("--ids", "still=1,moved=2", "--zero-tick", "2000", "--zero-tick", "still=2040")
+    given += ("--reverse", "moved")
     result = run("calibrate", "--bus", "virtual", "--dry-run", *given)
     words = f"moved: its angle varies by {noise:.2f} deg at rest; is something moving it?"
     assert (words in result.stderr) == warned
     assert "still: its angle varies" not in result.stderr
     assert "12.5% of the answers are lost" in result.stderr
-    assert "still: at 0.0 deg" in result.stderr
-    assert f"moved: at {48 * 360 / 4096:.1f} deg" in result.stderr
+    assert f"still: at {8 * 360 / 4096:.1f} deg" in result.stderr
+    assert f"moved: at {-48 * 360 / 4096:.1f} deg" in result.stderr
 
 
 CHECKED = (
@@ -688,11 +703,13 @@ def test_a_path_is_played_at_its_own_rate_wherever_its_times_begin(
 ):
     def perform(self, rows, *, period, cycles, keep):  # noqa: ARG001
         assert period == pytest.approx(0.02)
+        assert self.names == ("joint_1",)
         for number, row in enumerate(rows):
             keep(period * number, row, row + (np.nan if number < lost else 0.0))
         return Playback(sent=len(rows), skipped=skipped)
 
     monkeypatch.setattr(Arm, "perform", perform)
+    arm.write_text(ARM.replace("joint_1", "other").replace("id = 1", "id = 2") + ARM)
     file = tmp_path / "late.csv"
     file.write_text("t_s,joint_1_deg\n5.00,1\n5.02,2\n5.04,3\n")
     result = run("play", file, "--bus", "virtual", "--model", arm)
@@ -728,3 +745,41 @@ def test_the_torque_goes_off_for_a_hand_and_is_left_alone_for_others(
     asked = ("record", "--bus", "virtual", "--model", arm, "--duration-s", "0.1")
     assert run(*asked, *["--by-hand"] * by_hand).exit_code == 0
     assert written == [(1, "torque", 0)] * by_hand
+
+
+def test_ctrl_c_stops_a_motion_and_ends_a_record(run, arm, requests, monkeypatch, tmp_path):
+    feed, fed = VirtualServos.feed, []
+
+    def interrupted(self, content):
+        fed.append(content)
+        if len(fed) == 40:
+            raise KeyboardInterrupt
+        return feed(self, content)
+
+    monkeypatch.setattr(VirtualServos, "feed", interrupted)
+    result = run("record", "--bus", "virtual", "--model", arm)
+    assert result.exit_code == 0
+    assert result.stderr == "19 rows of joint_1 in log.csv; 0.0% of answers lost\n"
+    assert len((tmp_path / "log.csv").read_text().splitlines()) == 20
+
+    def perform(self, rows, *, keep, **_):  # noqa: ARG001
+        keep(0.0, rows[0], rows[0])
+        return Playback(sent=1, interrupted=True)
+
+    monkeypatch.setattr(Arm, "perform", perform)
+    result = run("play", requests, "--bus", "virtual", "--model", arm, "-o", "new.csv")
+    assert result.exit_code == 130
+    assert result.stderr.endswith("torque as before; the log until then is new.csv.part\n")
+    assert not (tmp_path / "new.csv").exists()
+
+
+def test_the_error_of_a_model_is_over_measured_rows_wherever_their_times_begin():
+    model = JointModel(v_max=5.0, theta_0=0.2, lag=0.02, acceleration_time=0.02, tick=0.02)
+    requests = 0.3 + 0.2 * np.sin(0.2 * np.arange(120))
+    angles = simulate(model, requests, cyclic=False, start=0.5)
+    kept = np.flatnonzero(np.arange(120) % 7 != 3)  # requests lie nearly on lines in between
+    measured = np.arange(len(kept)) % 5 != 2
+    angles = np.where(measured, angles[kept] + 0.1 * (kept > 0), 3.0)
+    log = Log(times=7.0 + 0.02 * kept, requests=requests[kept], angles=angles, measured=measured)
+    share = 1.0 - 1.0 / measured.sum()
+    assert CHECK._error(model, log) == pytest.approx(0.1 * np.sqrt(share), rel=0.05)

@@ -52,6 +52,7 @@ CASES = {
     "check-wrong": [
         f"check {ARM} --joint elbow",
         f"play path.csv {ARM}",
+        f"play shares.csv {ARM}",
         f"play played.csv {ARM} --cycles 0",
         "record --model joint.toml --duration-s 1",
         "export played.csv --model arm.toml --format csv",
