@@ -64,14 +64,19 @@ def play(
     """  # noqa: D301
     import numpy as np
 
-    from planner.cli.desired import check_angles
     from planner.exceptions import InvalidFile
     from planner.files.growing_log import GrowingLog
     from planner.files.joint_model import read_servos
     from planner.files.paths import read_joint_path, write_joint_path
+    from planner.files.units import SHARES
 
     path = read_joint_path(requests)
-    check_angles(path.names, path.units)
+    for name, unit in zip(path.names, path.units, strict=True):
+        if unit in SHARES:
+            raise InvalidFile(
+                requests,
+                f"'{name}' is in shares of its range, expected an angle; leave its column out",
+            )
     if path.times is None:
         raise InvalidFile(requests, "no column t_s, so no time between requests; add it")
     period = float(path.times[-1] - path.times[0]) / (len(path.times) - 1)
