@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -75,11 +76,20 @@ def test_candidates_have_the_figures_of_what_was_played_after_the_run_in():
     assert found.recommended is found.named("direct")  # all are as good: the simplest
 
 
-def test_the_motion_that_compares_them_is_one_that_the_joint_can_follow():
-    desired = candidates.test_motion(MODEL, LIMITS)
-    assert np.all((desired >= LIMITS[0]) & (desired <= LIMITS[1]))
-    fastest = np.max(np.abs(np.diff(desired))) / MODEL.period
-    assert fastest <= (1.0 + 1e-9) * candidates.TEST_SPEED * MODEL.v_max
+@pytest.mark.parametrize("limits", [LIMITS, (0.2, 1.1)])
+def test_the_motion_that_compares_them_is_one_that_the_joint_can_follow(limits):
+    desired = candidates.test_motion(replace(MODEL, v_max=50.0), limits)
+    assert len(desired) * MODEL.period == pytest.approx(candidates.TEST_TIME)
+    middle, reach = np.mean(limits), 0.5 * np.ptp(limits)
+    assert desired[[0, 1, -2, -1]] == pytest.approx(middle, abs=1e-3)
+    # A tenth of the range is free on either side.
+    moves = desired[len(desired) // 2 :] - middle
+    assert np.array([moves.min(), moves.max()]) == pytest.approx([-0.64 * reach, 0.72 * reach])
+    assert np.abs(desired - middle).max() <= (0.8 + 1e-9) * reach
+    slow = candidates.test_motion(replace(MODEL, v_max=0.5), limits)
+    assert np.max(np.abs(np.diff(slow))) / MODEL.period == pytest.approx(
+        candidates.TEST_SPEED * 0.5
+    )
     sines = desired[: len(desired) // 2]
     power = np.abs(np.fft.rfft(sines - sines.mean())) ** 2
     above = np.fft.rfftfreq(len(sines), MODEL.period) > 2.0

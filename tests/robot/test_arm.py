@@ -254,7 +254,8 @@ def test_errors_of_answers_are_words_by_bit_and_by_number():
     assert "overload" in DYNAMIXEL.error_words(0x80)
     assert DYNAMIXEL.error_words(0x04) == "a value beyond its range"
     assert DYNAMIXEL.error_words(0x87).endswith("and a register that cannot be read or written now")
-    assert DYNAMIXEL.error_words(0x00) == ""
+    assert DYNAMIXEL.error_words(0x00) == FEETECH.error_words(0x10) == ""
+    assert DYNAMIXEL.error_words(0x0C) == DYNAMIXEL.refusal(0x8C) == "error 12"
 
 
 def test_a_dynamixel_that_refuses_a_write_is_an_error_with_its_reason(monkeypatch):
@@ -348,6 +349,18 @@ def test_a_joint_follows_that_is_near_its_request_or_moves_by_a_degree_in_the_ti
     assert stuck(12.1, 0.9) != ""
     assert stuck(12.1, 1.1) == ""
     assert stuck(-12.1, 1.1) == ""
+
+
+@pytest.mark.parametrize(("swing", "stopped"), [(11.9, False), (12.1, True)])
+def test_a_joint_that_stays_follows_unless_its_requests_swing_far(swing, stopped):
+    """Its errors are large for a moment only."""
+    tick = guarded()
+    tick(0.0, np.zeros(2), np.zeros(2))
+    told = ""
+    for k in range(1, 100):
+        request = swing * DEGREE * math.cos(0.05 * math.pi * k)
+        told = told or stops(tick, 0.01 * k, (0.0, request), (0.0, 0.0))
+    assert told.startswith("joint_2: does not follow") == stopped
 
 
 def test_a_fault_is_that_of_its_servo_though_another_is_silent(monkeypatch):

@@ -108,9 +108,12 @@ def test_a_ping_is_answered_with_a_model_by_dynamixels_and_with_nothing_by_feete
         bus_of(FEETECH.answer(1, 0)).ping(2)
 
 
-def test_a_write_forgets_what_was_received_before_it():
+def test_a_write_forgets_what_was_received_before_it(monkeypatch):
+    write = os.write
     with terminal() as (end, path):
         port = SerialPort(path)
+        # A driver that takes three bytes at a time.
+        monkeypatch.setattr("planner.robot.bus.os.write", lambda f, content: write(f, content[:3]))
         os.write(end, b"old")
         assert port.read(1, 1.0) == b"o"
         port.write(b"\x11\x13\x03\n")  # as it is: no flow control, no signals

@@ -45,6 +45,13 @@ def test_content_that_looks_like_a_header_comes_back(protocol, content):
     assert protocol.take(instruction, answers=False) == Packet(7, 0x03, content)
 
 
+def test_instructions_and_answers_of_dynamixels_are_not_taken_for_each_other():
+    both = DYNAMIXEL.instruction(7, 0x02, b"\x84") + DYNAMIXEL.answer(7, 0, b"\x01")
+    assert DYNAMIXEL.take(bytearray(both), answers=True) == Packet(7, 0, b"\x01")
+    assert DYNAMIXEL.take(bytearray(both), answers=False) == Packet(7, 0x02, b"\x84")
+    assert DYNAMIXEL.take(bytearray(DYNAMIXEL.answer(7, 0)), answers=False) is None
+
+
 @BOTH
 @given(place=st.integers(0, 200), bit=st.integers(0, 7))
 def test_a_packet_with_a_wrong_bit_is_never_taken_for_what_was_sent(protocol, place, bit):
