@@ -319,16 +319,6 @@ def test_requests_beyond_the_range_are_refused_in_the_unit_of_the_user(run, arm,
     assert "joint_1: request 1 is 60 deg, expected -40.107 to 40.107 deg, its" in result.stderr
 
 
-def test_a_hand_shows_a_path_and_a_master_a_log(run, arm, tmp_path):
-    asked = ("--bus", "virtual", "--model", arm, "--duration-s", "1")
-    result = run("record", *asked, "--by-hand", "-o", "shown.csv")
-    assert result.exit_code == 0, result.stderr
-    assert read_joint_path(tmp_path / "shown.csv").angles.shape == (50, 1)
-    assert run("record", *asked, "-o", "log.csv").exit_code == 0
-    header = (tmp_path / "log.csv").read_text().splitlines()[0]
-    assert header == "t_s,joint_1_requested_deg,joint_1_actual_deg"
-
-
 def test_a_log_tells_what_was_requested_from_what_was_measured(run, arm, tmp_path, monkeypatch):
     monkeypatch.setattr(Arm, "goals", lambda _: np.array([0.5]))
     asked = ("--bus", "virtual", "--model", arm, "--duration-s", "0.2")
@@ -357,20 +347,6 @@ def test_a_model_that_holds_is_said_to_hold_and_another_gain_to_be_the_reason(
     assert gone.stderr.endswith("calibrate joint_1 again\n")
 
 
-def test_a_motion_that_a_new_model_would_miss_as_much_is_no_reason_to_calibrate_again(
-    run, arm, monkeypatch
-):
-    """A tenth of the error of the file would be exceeded on any motion."""
-    arm.write_text(ARM.replace("dead_band = 0.0134", "dead_band = 0.03\nexpected_error = 1e-4"))
-    checking = ("check", "--bus", "virtual", "--model", arm, "--duration-s", "6", "--json")
-    for held_out, holds in ((0.02, True), (1e-3, False)):
-        found = SimpleNamespace(model=None, intervals={}, held_out_rms=held_out)
-        monkeypatch.setattr("planner.identification.identify.identify", lambda _, each=found: each)
-        result = run(*checking)
-        assert result.exit_code == (0 if holds else 1)
-        assert json.loads(result.stdout)["joints"]["joint_1"]["holds"] == holds
-
-
 def test_a_servo_that_falls_silent_ends_a_record(run, arm, faulty, tmp_path):
     faulty(power_off=0.5)
     result = run("-q", "record", "--bus", "virtual", "--model", arm, "--duration-s", "5")
@@ -393,12 +369,6 @@ def test_a_model_without_a_tested_error_is_refused_before_anything_moves(run, ar
     result = run("check", "--bus", "virtual", "--model", arm)
     assert result.exit_code == 2
     assert "[joint_1] has no expected_error to compare with; calibrate the joint" in result.stderr
-
-
-def test_a_servo_0_does_not_answer_on_the_virtual_bus(run):
-    result = run("calibrate", "--bus", "virtual", "--ids", "0", "--yes")
-    assert result.exit_code == 1
-    assert "servo 0 does not answer; check its identifier" in result.stderr
 
 
 def test_a_rate_too_low_for_the_test_motion_is_refused_before_anything_moves(run):

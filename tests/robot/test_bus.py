@@ -53,7 +53,7 @@ def test_a_question_is_asked_four_times_and_every_loss_is_counted():
     assert (bus.asked, bus.lost, len(bus.port.written)) == (4, 4, 4)
     # Each time its patience, and the time of the packets on the wire.
     wire = 10.0 * (len(bus.port.written[0]) + len(POSITION)) / bus.port.baud_rate
-    assert bus.port.time == pytest.approx(4 * (bus.patience + wire))
+    assert bus.port.time == pytest.approx(4 * (0.05 + wire))
 
 
 @pytest.mark.parametrize(
