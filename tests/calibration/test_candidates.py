@@ -26,7 +26,13 @@ MODEL = JointModel(
     dead_band=0.01,
     v_offset=0.02,
 ).with_evidence(
-    Evidence(error=0.001, intervals=INTERVALS, correlations=tuple(map(tuple, np.eye(3).tolist())))
+    Evidence(
+        error=0.002,
+        intervals=INTERVALS,
+        correlations=tuple(map(tuple, np.eye(3).tolist())),
+        by_acceleration=((1.0, 0.001), (2.0, 0.003)),
+        spread=(0.5, 1.5),
+    )
 )
 
 
@@ -47,8 +53,13 @@ def test_the_model_of_any_recommended_way_can_be_kept_and_read_again(best, tmp_p
     plain = best == "optimal"
     assert (kept.dead_band, kept.v_offset) == ((0.0, 0.0) if plain else (0.01, 0.02))
     assert set(kept.evidence.intervals) == ({"v_max"} if plain else set(INTERVALS))
-    assert kept.evidence.error == pytest.approx(0.001)
+    assert kept.evidence.error == pytest.approx(0.001 if plain else 0.002)
+    assert kept.evidence.spread == (Evidence().spread if plain else (0.5, 1.5))
+    for each in (kept.evidence.by_acceleration, kept.evidence.correlations):
+        assert bool(each) != plain
     assert kept.evidence.refused == (best in ("direct", "shift"))
+    if kept.evidence.refused:
+        assert kept.evidence.reason.endswith(f"its calibration '{WORDS[best]}' was closer")
 
 
 def test_candidates_have_the_figures_of_what_was_played_after_the_run_in():
