@@ -65,6 +65,7 @@ READ = {
     "tabs": b"t_ms\tknee_deg\n0\t1,5\n20,5\t-2.5e1\n",
     "titles of formulas": b"'=1+2_deg,'knee_deg,'-a_deg\n1,2,3\n4,5,6\n",
     "a joint that is called t": b"t_deg,knee_deg\n1,2\n3,4\n",
+    "steps that are nearly even": b"t_ms,knee_deg\n0,1\n10,2\n19.91,3\n29.91,4\n",
     "dates": b"clock,knee_deg\n2026-11-23T10:04:00.000,1\n2026-11-23T10:04:00.020,2\n",
     "comments": b"# robot 3\n#t_s, knee_deg\n0,1\n# paused\n0.5,2\n",
     "metres": b"x_m,y_m,z_m\n1,2,3\n4,5,6\n",

@@ -402,7 +402,7 @@ def test_what_cannot_be_written_is_known_before(tmp_path, monkeypatch, check, me
 
 
 def test_a_log_has_every_row_as_soon_as_it_was_measured_and_its_name_at_the_end(tmp_path):
-    file, part = tmp_path / "deep" / "log.csv", tmp_path / "deep" / "log.csv.part"
+    file, part = tmp_path / "deep" / "a.log", tmp_path / "deep" / "a.log.part"
     with GrowingLog(file, ["hip", "knee"]) as log:
         head = "t_s,hip_requested_deg,hip_actual_deg,knee_requested_deg,knee_actual_deg\n"
         assert part.read_text() == head
@@ -410,11 +410,11 @@ def test_a_log_has_every_row_as_soon_as_it_was_measured_and_its_name_at_the_end(
         text = f"{head}0.020000,5.729578,,0.000000,57.295780\n"
         assert part.read_text() == text
         log.finish()
-    assert list_files(tmp_path) == ["deep/log.csv"]
+    assert list_files(tmp_path) == ["deep/a.log"]
     assert file.read_text() == text
     with GrowingLog(file, ["hip"], kinds=[""]):
         assert part.read_text() == "t_s,hip_deg\n"
-    assert list_files(tmp_path) == ["deep/log.csv"], "a log without a row is left"
+    assert list_files(tmp_path) == ["deep/a.log"], "a log without a row is left"
     with suppress(KeyboardInterrupt), GrowingLog(file, ["hip"], kinds=[""]) as log:
         log.keep(0.0, np.array([0.0]))
         raise KeyboardInterrupt

@@ -132,6 +132,17 @@ def test_compressed_bags_are_read(tmp_path, storage, compression):
     _assert_holds_the_angles(*read_logs(path, options=LogOptions(joint="hip")), "hip")
 
 
+def test_a_controller_that_fills_its_old_fields_only_is_read_by_them(tmp_path):
+    types = store(HUMBLE)
+    kit, messages = Kit(types), []
+    for k, row in enumerate(zip(*angles(), strict=True)):
+        state = kit.state(START + k * PERIOD, *row)
+        state.reference = state.feedback = kit.point([])
+        messages.append((STATE, START + k * PERIOD, state))
+    write(tmp_path / "run", types, messages)
+    _assert_holds_the_angles(*read_logs(tmp_path / "run", options=LogOptions(joint="hip")), "hip")
+
+
 COMMANDS = {
     "trajectory": lambda kit, stamp, row: kit.trajectory(stamp - 1000, row),
     "trajectory without stamps": lambda kit, _, row: kit.trajectory(0, row),

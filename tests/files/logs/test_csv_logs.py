@@ -68,7 +68,7 @@ UNITS = (
 ALL = {"joint": "all"}
 
 READ = {
-    "canonical": "t_s,requested_deg,actual_deg,torque_on\n0,0,0,1\n1,10,2,0\n2,20,9,true\n"
+    "canonical": "t_s,requested_deg,actual_deg,torque_on\n0,0,0,1\n1,10,2,0\n2,20,9, true \n"
     "3,30,19,False\n",
     "words run together": f"stamp_s,goalPosition_deg,presentPosition_deg\n{FOUR}",
     "units in brackets": f"time [ms],Set point [deg],current position [rad]\n{FOUR}",
