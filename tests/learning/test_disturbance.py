@@ -51,6 +51,16 @@ def test_noise_at_one_frequency_is_spread_over_four_neighbours_to_either_side():
     assert power[20] == pytest.approx(SAMPLES / 2.0 / 9.0)  # 2 |X|^2 over one degree of freedom
 
 
+def test_twice_the_noise_is_taken_off_what_is_learnt_of_a_frequency():
+    """Its power is averaged over five frequencies, of which the others have none."""
+    rows = np.cos(2.0 * np.pi * 10 * np.arange(SAMPLES) / SAMPLES)[:, np.newaxis]
+    known = replace(MODEL, lag=0.0, acceleration_time=0.01, theta_0=0.05, v_max=5.0)
+    for share, left in ((0.1, 0.8), (0.45, 0.1), (0.55, 0.0)):
+        noise = np.full((SAMPLES // 2 + 1, 1), share * SAMPLES / 4.0 / 5.0)
+        answer = learnt(rows, noise, [known], cyclic=True)
+        np.testing.assert_allclose(answer, left * rows, rtol=0.0, atol=0.01)
+
+
 def test_a_power_is_averaged_over_the_neighbours_that_there_are():
     powers = np.arange(6.0)[:, np.newaxis] ** 2
     expected = [np.mean(powers[max(k - 2, 0) : k + 3]) for k in range(6)]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from contextlib import nullcontext
 
 import numpy as np
 import pytest
@@ -44,6 +45,14 @@ def test_the_joint_whose_angles_were_not_measured_is_named(angles, message):
         check_angles(*given)
         return
     with pytest.raises(InvalidTrajectory, match=message):
+        check_angles(*given)
+
+
+@pytest.mark.parametrize(("counts", "refused"), [(14.0, False), (16.0, True)])
+def test_a_joint_that_should_move_by_fifteen_counts_of_its_sensor_may_rest(counts, refused):
+    share = [1.0, counts * COUNT / np.ptp(MODELLED[:, 1])]
+    given = (of_joint_2(0.0 * PHASE), REQUESTS, DESIRED, share * MODELLED, MODELLED)
+    with pytest.raises(InvalidTrajectory, match="joint 2 does") if refused else nullcontext():
         check_angles(*given)
 
 

@@ -691,6 +691,15 @@ def test_the_gain_falls_to_a_third_after_a_worse_trial_and_grows_by_half_after_a
     np.testing.assert_allclose(learning.errors, errors, rtol=1e-9)
 
 
+@pytest.mark.parametrize(("apart", "trials"), [(0.9e-6, 1), (1.1e-6, 2)])
+def test_requests_that_differ_by_less_than_a_millionth_are_the_same_trial(
+    apart, trials, attained
+) -> None:
+    plan = after_trials(attained, 0.02)
+    again = replace(plan, requests=attained.requests + apart * np.sign(PHASE - 3.0))
+    assert len(after_trials(again, 0.02).learning.trials) == trials
+
+
 def test_failures_before_the_model_was_identified_anew_leave_the_gain_as_it_is(attained) -> None:
     plan = after_trials(attained, 0.02, 0.03)
     for since, gain in ((0, 1.0 / 9.0), (2, 1.0 / 3.0)):

@@ -41,7 +41,7 @@ def chosen(monkeypatch):
 
     monkeypatch.setattr(reidentification, "_identified", identified)
 
-    def run(off, *, noise=0.0, cycles=1, trials=2):
+    def run(off, *, noise=0.0, cycles=1, trials=2, before=1):
         made = [
             Trial(
                 requests=np.column_stack([np.zeros(88), REQUESTS[k]]),
@@ -51,7 +51,8 @@ def chosen(monkeypatch):
             for k, each in enumerate((angles(KNOWN, 0), angles(KNOWN, 1) + off))
         ]
         asked.clear()
-        found = reidentification.better_model(KNOWN, plan, made[:trials], 1, noise)
+        made = [*[made[0]] * before, made[1]][: trials + before - 1]
+        found = reidentification.better_model(KNOWN, plan, made, 1, noise)
         return found, asked
 
     return run
@@ -65,6 +66,9 @@ def test_another_model_must_save_three_tenths_of_the_error_of_a_trial_it_has_not
     found, asked = chosen(share * NEWS)
     assert (found is OTHER) == better
     assert [len(logs) for _, logs in asked] == ([1, 2] if better else [1])
+    chosen(NEWS, before=6)
+    assert [len(logs) for _, logs in asked] == [4, 4]  # the last ones
+    chosen(NEWS)
     (log,) = asked[0][1]
     np.testing.assert_array_equal(log.requests, np.tile(REQUESTS[0], 2))
     np.testing.assert_array_equal(log.angles, np.tile(angles(KNOWN, 0), 2))

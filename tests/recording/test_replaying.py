@@ -12,7 +12,7 @@ import pytest
 from planner import InvalidInput, JointModel, Log, replay, simulate
 from planner.exceptions import Infeasible
 from planner.model.evidence import Evidence
-from planner.recording.recorded_path import recorded_path
+from planner.recording.recorded_path import is_gripper, recorded_path
 from planner.recording.replaying import replay_at
 
 SERVO = JointModel(v_max=4.0, theta_0=0.2, lag=0.03, acceleration_time=0.05, tick=0.005, hold=4)
@@ -87,6 +87,7 @@ def test_the_errors_of_the_recorded_run_are_those_of_the_part_that_is_replayed()
 def test_grippers_and_joints_without_a_model_get_their_recorded_requests():
     elbow, jaw, tail = recorded("elbow"), recorded("Jaw", unit="1"), recorded("tail")
     made = replay([elbow, jaw, tail], {"elbow": SERVO, "Jaw": SERVO}, speed=1.5)
+    assert all(map(is_gripper, ("Claw", "left_finger2", "THUMB", "hand", "jaw", "gripper.pos")))
     reasons = {each.name: each.path.reason for each in made.joints}
     assert reasons == {"elbow": "", "Jaw": "a gripper", "tail": "no model"}
     moments = OWN * 1.5 * np.arange(len(made.requests))
@@ -222,6 +223,7 @@ def test_a_replay_can_be_sent_to_another_process():
     [
         ({"speed": 0.0}, "speed: got 0.0, expected a factor above 0"),
         ({"speed": 1e4}, "1 request remains"),
+        ({"speed": 100.0}, "2 requests remain of 2.98 s, expected 3 or more"),
         ({"speed": 1e-9}, "requests, expected at most 1000000; choose a shorter part"),
         ({"rate": 1e-9}, "got a request every 1e+09 s, expected one every 1e-05 to 5 s"),
         ({"rate": 1e9}, "got a request every 1e-09 s, expected one every 1e-05 to 5 s"),
@@ -234,6 +236,7 @@ def test_a_replay_can_be_sent_to_another_process():
     ],
 )
 def test_what_cannot_be_replayed_is_refused(arguments, message):
+    recorded_path(recorded(), SERVO, begin=-5e-10, end=2.98 + 5e-10)  # by rounding alone
     with pytest.raises(InvalidInput) as refusal:
         replay(recorded(), SERVO, **arguments)
     assert message in str(refusal.value)
