@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import planner
+from planner.identification.findings import sentence
 from planner.identification.fit import fit_joint
 from planner.identification.grid import timing_of
 from planner.identification.residual_patterns import _contradictions, _ringing, contacts, stops
@@ -110,10 +111,15 @@ WAVE = np.sin(2.0 * np.pi * np.arange(300) / 100)
 @pytest.mark.parametrize("way", [1.0, -1.0])
 def test_a_stop_is_met_twice_for_long_by_a_model_that_goes_beyond_it(wave, limit, rows, way):
     found = stops(seen(way * np.minimum(wave, limit), way * wave, way * wave), 0.005)
-    assert [len(stop.rows) for stop in found] == ([rows] if rows else [])
-    assert [(stop.largest, stop.angle) for stop in found] == [(way > 0.0, way * limit)][
-        : len(found)
-    ]
+    told = [(len(stop.rows), stop.largest, stop.angle) for stop in found]
+    assert told == ([(rows, way > 0.0, way * limit)] if rows else [])
+    for stop in found:
+        first, last = np.flatnonzero(wave >= limit)[[0, -1]]
+        assert sentence(stop.note("arm", "not left out"), "rad") == (
+            f"arm: a mechanical stop: in 99 rows between {first} and {last} the joint stays at its "
+            f"{'largest' if way > 0.0 else 'least'} angle, {way * 0.5:g}, while it is requested to "
+            "go on; too many rows to leave out"
+        )
 
 
 @pytest.mark.parametrize(
@@ -135,6 +141,12 @@ def test_contact_is_where_a_joint_rests_beside_its_model_in_a_few_of_many_places
     assert list(contact) == [1]
     assert told.rows.tolist() == np.flatnonzero(np.repeat(pushed, 50)).tolist()
     assert (told.places, told.most) == (found, pytest.approx(0.05, abs=0.003))
+    words = f"in {found} places of rest the joint is up to {told.most:.2g} rad beside where"
+    said = sentence(told.note("arm", "left out"), "rad")
+    assert words in said
+    first, last = told.rows[[0, -1]]
+    assert said.endswith(f": {50 * found} rows between {first} and {last}; these rows are left out")
+    assert "in 1 place of rest the" in sentence(told._replace(places=1).note("arm", "why"), "rad")
 
 
 def test_logs_contradict_each_other_from_twice_the_spread_of_their_errors_on():

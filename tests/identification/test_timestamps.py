@@ -79,6 +79,13 @@ def test_dropped_rows_and_gaps_keep_their_places():
         assert np.std((even.times - true)[part]) <= 1e-3 * AIBO.period
 
 
+def test_pieces_of_such_unlike_rates_that_even_times_would_overlap_keep_theirs():
+    log = rich_log()
+    later = np.concatenate([[0.0], np.full(119, 0.008), [0.14], np.full(279, 0.013)])
+    unlike = changed(log, times=np.cumsum(later))
+    assert evenly_timed([unlike], AIBO.period) == ((unlike,), 0.0)
+
+
 def test_a_period_is_the_mean_of_times_that_are_rounded_to_milliseconds():
     log = rich_log(rows=400, noise=NOISE)
     times = np.round(np.arange(400) / 120.0, 3)
