@@ -65,15 +65,14 @@ def test_a_request_holds_the_angle_at_rest(model, request_, load):
 
 
 def test_joints_rest_each_by_its_own_angle_and_load():
-    angles, loads = np.array([[0.4, -0.7], [1.0, 0.2]]), [np.array([1.0, -2.0]), None]
-    models = [replace(HANGING, compliance=0.1), PAPER]
+    angles, loads = np.array([[0.4, -0.7], [1.0, 0.2]]), [None, np.array([1.0, -2.0])]
+    models = [PAPER, replace(HANGING, compliance=0.1)]
     held = rest_requests(models, angles, loads)
-    np.testing.assert_array_equal(held[:, 1], angles[:, 1])
-    first = angles[:, 0] - models[0].pose_sag(angles[:, 0]) - 0.1 * loads[0]
-    np.testing.assert_allclose(held[:, 0], first, rtol=0.0, atol=1e-15)
+    np.testing.assert_array_equal(held[:, 0], angles[:, 0])
+    second = angles[:, 1] - models[1].pose_sag(angles[:, 1]) - 0.1 * loads[1]
+    np.testing.assert_allclose(held[:, 1], second, rtol=0.0, atol=1e-15)
     np.testing.assert_allclose(rest_angles(models, held, loads), angles, rtol=0.0, atol=1e-12)
-    columns = load_columns(loads, 2)
-    np.testing.assert_array_equal(columns, [[1.0, 0.0], [-2.0, 0.0]])
+    np.testing.assert_array_equal(load_columns(loads, 2), [[0.0, 1.0], [0.0, -2.0]])
     assert load_columns([None, None], 2) is None
 
 
