@@ -134,7 +134,9 @@ class Place(click.ParamType):  # type: ignore[type-arg]  # generic from click 8.
 
         place = Path(os.path.realpath(text))  # of a link to itself, too
         is_device = place.exists() and not (place.is_file() or place.is_dir())
-        if text == "-" or is_device:
+        if text == "-" and self.use == "written":
+            place, text = Path(text), "standard output"
+        elif text == "-" or is_device:
             return
         others = ctx.meta.setdefault(f"{__name__}.places", {}).setdefault(place, {})
         others[param.name] = self.use

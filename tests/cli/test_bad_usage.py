@@ -149,6 +149,8 @@ BAD = {
     "a recording in place of which its replay would be written": "replay log.csv -o log.csv",
     "an input by another name": "plan linked.csv -o d.csv",
     "an input in place of which another output would be written": "fit d.csv --knots d.csv",
+    "two outputs on standard output": "fit d.csv --joint hip --knots -",
+    "a page and data on standard output": "plan d.csv --json --report -",
     "two outputs in one file": "plan d.csv -o new.csv --report new.csv",
     "an unknown option value": "plan d.csv --method magic",
     "an unknown norm": "plan d.csv --norm l7",
