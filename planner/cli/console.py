@@ -123,7 +123,7 @@ def print_line(text: str) -> None:
     """A line on standard error, where no progress is shown meanwhile."""
     if Progress.shown is not None:
         Progress.shown.erase()
-    click.echo(text, err=True, color=coloured())
+    click.echo(text, sys.stderr, err=True, color=coloured())  # click's own would be UTF-8
 
 
 def terminal_width(stream: TextIO | None) -> int | None:
@@ -294,7 +294,7 @@ class Progress:
 
     def erase(self) -> None:
         """Make room for a line of another kind; this one is drawn again later."""
-        click.echo(_ERASE, nl=False, err=True, color=True)
+        click.echo(_ERASE, sys.stderr, nl=False, err=True, color=True)
 
     def line(self) -> str:
         """What the line says now."""
@@ -338,7 +338,7 @@ class Progress:
     def _draw(self) -> None:
         width = shutil.get_terminal_size().columns - 1
         text = self.line()[:width]
-        click.echo(f"{_ERASE}{text}", nl=False, err=True, color=True)
+        click.echo(f"{_ERASE}{text}", sys.stderr, nl=False, err=True, color=True)
 
     def _keep_time(self) -> None:
         while not self._ended.wait(REDRAWN):
