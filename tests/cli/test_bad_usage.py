@@ -108,6 +108,7 @@ BAD = {
     "one limit where there are two": "excite --limits-deg 45 -o steps.csv",
     "limits upside down": "plan desired.csv --limits-deg 10:-10",
     "limits of a single angle": "plan desired.csv --limits-deg 10:10",
+    "limits of a joint without a name": "plan desired.csv --limits-deg =0:1",
     "limits of a joint with an odd name": "plan desired.csv --limits-deg a=b=0:1",
     "limits of nobody": "plan desired.csv --limits-deg ankle=0:1",
     "no such model": "simulate desired.csv --model robot.toml",
