@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from types import SimpleNamespace
 
+import cvxpy as cp
 import numpy as np
 import pytest
 
@@ -12,6 +13,7 @@ from planner.exceptions import SolverFailed
 from planner.gait.half_ellipse import reference_walk
 from planner.model.evidence import Evidence
 from planner.model.joint import JointModel, request_ages
+from planner.model.response import simulate
 from planner.planning import closed_form
 from planner.planning import solve as searches
 from planner.planning.problem import problem_of
@@ -399,3 +401,67 @@ def test_lines_keep_the_larger_top_speed_unless_one_is_too_steep_the_other_way(
     problem = track(model, np.zeros(9), cyclic=True)
     (curve,) = closed_form.approximations(problem, segments=4, refine=True)
     assert curve.v_max == pytest.approx(taken)
+
+
+@pytest.mark.parametrize("cyclic", [True, False])
+@pytest.mark.parametrize("loaded", [True, False])
+def test_the_ideal_is_the_nearest_trajectory_within_the_speeds_of_either_direction(loaded, cyclic):
+    """By a convex solver; each step has the speeds under the torque of the sample where it ends."""
+    model = replace(ERS210A, v_offset=0.8, speed_per_torque=0.9, compliance=0.01)
+    load = np.cos(0.3 * np.arange(40)) if loaded else None
+    desired = 0.4 * np.sin(2.0 * np.pi * np.arange(40) / 40) + 0.1 * np.cos(
+        0.3 * np.pi * np.arange(40)
+    )
+    made = searches.nearest_within_speeds(model, desired, load, cyclic=cyclic)
+    low, high = (
+        np.broadcast_to(limit, 40) * model.period
+        for limit in model.speed_limits(0.0 if load is None else load)
+    )
+    x = cp.Variable(40)
+    steps, first = cp.diff(x), 0 if cyclic else 1
+    if cyclic:
+        steps = cp.hstack([x[0] - x[-1], steps])
+    problem = cp.Problem(
+        cp.Minimize(cp.sum_squares(x - desired)), [steps >= low[first:], steps <= high[first:]]
+    )
+    problem.solve(solver=cp.CLARABEL)
+    np.testing.assert_allclose(made, x.value, rtol=0.0, atol=1e-4)  # the solver's
+
+
+@pytest.mark.parametrize("load", [None, -0.5])
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_from_rest_a_joint_is_within_reach_of_its_top_speed_from_the_second_request_on(way, load):
+    model = replace(ERS210A, lag=0.028, hold=2, v_offset=0.8, speed_per_torque=0.9)
+    torques = None if load is None else np.full(30, load)
+    far = searches.within_attainable_range(model, np.full(30, 99.0 * way), 0.5, torques)
+    jump = np.full(30, 99.0 * way)
+    jump[0] = 0.5
+    angles = simulate(model, jump, cyclic=False, start=0.5, load=torques)
+    assert np.all(way * (far - angles) >= -1e-12)
+    np.testing.assert_array_equal(far == 0.5, angles == 0.5)
+    top = model.speed_limits(load or 0.0)[1 if way > 0.0 else 0] * model.period
+    np.testing.assert_allclose(np.diff(far[far != 0.5]), top)
+    np.testing.assert_allclose(np.diff(angles)[-3:], top)
+
+
+@pytest.mark.parametrize("cyclic", [True, False])
+def test_further_searches_begin_early_by_the_delay_of_the_joint_and_at_the_desired_angles(cyclic):
+    path = np.arange(20.0) / 20.0
+    early, late = searches.early_and_late(
+        track(ERS210A, path, cyclic=cyclic, start=None if cyclic else 0.0)
+    )
+    np.testing.assert_array_equal(late[:, 0], path)
+    ahead = [*path[7:], *(path[:7] if cyclic else path[[19] * 7])]  # 4 ticks of lag, half of 6
+    np.testing.assert_array_equal(early[1:, 0], ahead[1:])
+    assert early[0, 0] == (ahead[0] if cyclic else 0.0)
+
+
+@pytest.mark.parametrize("hold", [1, 3])
+def test_the_time_accelerating_is_that_of_the_changes_of_speed_at_the_largest_acceleration(hold):
+    """A triangle turns twice from v to -v, which takes 2 v / A each time."""
+    model = replace(ERS210A, max_acceleration=50.0, hold=hold)
+    speed = 0.4
+    triangle = speed * model.period * np.abs(np.arange(40.0) - 20.0)[:, np.newaxis]
+    problem = track(model, triangle[:, 0], cyclic=True)
+    share = searches.time_accelerating(problem, triangle)
+    assert share == pytest.approx(2.0 * (2.0 * speed / 50.0) / (40.0 * model.period))
