@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import select
 import sys
 from types import ModuleType, SimpleNamespace
 
@@ -68,7 +69,7 @@ def test_an_answer_of_another_servo_or_length_is_a_lost_one(wrong):
     bus = bus_of(wrong, POSITION)
     assert bus.read(1, "position") == 0x0810
     assert (bus.asked, bus.lost) == (2, 1)
-    bus = bus_of(wrong + POSITION)
+    bus = bus_of(POSITION + wrong)
     assert bus.sync_read([1, 3], ["position"]) == {1: ({"position": 0x0810}, 0)}
     assert (bus.asked, bus.lost) == (2, 1)
 
@@ -109,7 +110,13 @@ def test_a_ping_is_answered_with_a_model_by_dynamixels_and_with_nothing_by_feete
 
 
 def test_a_write_forgets_what_was_received_before_it(monkeypatch):
-    write = os.write
+    write, wait, waited = os.write, select.select, []
+
+    def waiting(*files_and_time):
+        waited.append(files_and_time[-1])
+        return wait(*files_and_time)
+
+    monkeypatch.setattr(select, "select", waiting)
     with terminal() as (end, path):
         port = SerialPort(path)
         # A driver that takes three bytes at a time.
@@ -119,7 +126,8 @@ def test_a_write_forgets_what_was_received_before_it(monkeypatch):
         port.write(b"\x11\x13\x03\n")  # as it is: no flow control, no signals
         assert os.read(end, 9) == b"\x11\x13\x03\n"
         os.write(end, b"new")
-        assert port.read(3, 1.0) == b"new"
+        assert port.read(3, 60.0) == b"new"
+        assert 50.0 < waited[-1] <= 60.0
         assert port.read(1, 0.0) == b""
         port.close()
         with pytest.raises(OSError, match="Bad file descriptor"):

@@ -137,6 +137,9 @@ def test_schedules_without_end_are_refused_before_they_are_made(schedule):
         resampled(schedule, 1e12)
     with pytest.raises(InvalidInput, match="expected at most 1000000; ask for fewer cycles"):
         repeated(schedule, 10**12)
+    with pytest.raises(InvalidInput, match="500001 cycles make 1000002 rows, expected at most"):
+        repeated(_numbered(2, 0.01), 500_001)
+    assert len(repeated(_numbered(2, 0.01), 500_000).requests) == 10**6
     with pytest.raises(InvalidInput, match="between: got 'spline', expected 'hold' or 'linear'"):
         resampled(schedule, 50.0, between="spline")
 
