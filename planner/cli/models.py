@@ -11,14 +11,11 @@ from typing import TYPE_CHECKING
 from planner.cli import settings
 from planner.cli.faults import BadSetting, Key
 from planner.exceptions import InvalidFile, InvalidModel, nearest
-from planner.files.joint_model import ModelFile, read_model_file
+from planner.files.joint_model import read_model_file
 from planner.model.joint import JointModel, joint_of_top_speed
 
 if TYPE_CHECKING:
     from kinematics import Leg
-
-Common = ModelFile | JointModel | Mapping[str, float]
-"""Models of all joints: those of a file, one, or top speeds by the leg's description [rad/s]."""
 
 
 def models_of(
@@ -43,11 +40,11 @@ def models_of(
         InvalidFile: A file is unusable, or its joints are requested at different rates.
     """
     check_joints("model.joints", model.joints, joints)
-    common = _models_of_all(model, leg, folder)
+    own = model.joints
+    others = [joint for joint in joints if joint not in own or own[joint].file is None]
+    common = _models_of_all(model, others, leg, folder)
     models = tuple(
-        _model_of_joint(model.joints[joint], joint, common, folder)
-        if joint in model.joints
-        else _model_from(common, joint)
+        _model_of_joint(own[joint], joint, common, folder) if joint in own else common[joint]
         for joint in joints
     )
     if rate_hz is not None:
@@ -101,8 +98,10 @@ def check_joints(key: str, given: Mapping[str, object], joints: Sequence[str]) -
             )
 
 
-def _models_of_all(model: settings.Model, leg: Leg | None, folder: str) -> Common:
-    """The models of all joints."""
+def _models_of_all(
+    model: settings.Model, joints: Sequence[str], leg: Leg | None, folder: str
+) -> Mapping[str, JointModel]:
+    """The models of joints that have no file of their own."""
     parameters = Key("model.parameters")
     if model.parameters is not None:
         if "file" in model.keys_set:
@@ -111,11 +110,11 @@ def _models_of_all(model: settings.Model, leg: Leg | None, folder: str) -> Commo
                 parameters, ": got ", other, " too, expected one of them; remove the other"
             )
         try:
-            return JointModel(**model.parameters.values())
+            return dict.fromkeys(joints, JointModel(**model.parameters.values()))
         except InvalidModel as error:
             raise BadSetting(parameters, f": {error}") from error
     if model.file == settings.SHIPPED_MODEL:
-        return JointModel.ers210a()
+        return dict.fromkeys(joints, JointModel.ers210a())
     if model.file != settings.FROM_URDF:
         file = beside(folder, model.file)
         if not Path(file).suffix and not Path(file).exists():
@@ -124,33 +123,27 @@ def _models_of_all(model: settings.Model, leg: Leg | None, folder: str) -> Commo
                 f": got '{model.file}', expected '{settings.SHIPPED_MODEL}', "
                 f"'{settings.FROM_URDF}', or a file that exists, such as joint.toml",
             )
-        return read_model_file(file)
+        return dict(zip(joints, read_model_file(file).for_joints(joints), strict=True))
     if leg is None or leg.speeds is None:
         raise BadSetting(
             Key("model.file", settings.FROM_URDF),
             " takes speeds from a leg's URDF: name it with ",
             Key("leg.name"),
         )
-    return dict(zip(leg.joint_names, leg.speeds.tolist(), strict=True))
+    speeds = dict(zip(leg.joint_names, leg.speeds.tolist(), strict=True))
+    for joint in joints:
+        if math.isnan(speeds.get(joint, math.nan)):
+            raise BadSetting(
+                Key("model.file", settings.FROM_URDF),
+                f": the URDF has no usable top speed of joint '{joint}'; give a model file, as "
+                "`identify` writes it",
+            )
+    return {joint: joint_of_top_speed(speeds[joint]) for joint in joints}
 
 
-def _model_from(common: Common, joint: str) -> JointModel:
-    """The model of a joint without settings of its own."""
-    if isinstance(common, ModelFile):
-        return common.for_joints([joint])[0]
-    if isinstance(common, JointModel):
-        return common
-    speed = common.get(joint, math.nan)
-    if math.isnan(speed):
-        raise BadSetting(
-            Key("model.file", settings.FROM_URDF),
-            f": the URDF has no usable top speed of joint '{joint}'; give a model file, as "
-            "`identify` writes it",
-        )
-    return joint_of_top_speed(speed)
-
-
-def _model_of_joint(own: settings.OfJoint, joint: str, common: Common, folder: str) -> JointModel:
+def _model_of_joint(
+    own: settings.OfJoint, joint: str, common: Mapping[str, JointModel], folder: str
+) -> JointModel:
     """The model of a joint with a table of its own."""
     key = Key("model.joints", joint=joint)
     set_to = own.values().items()
@@ -162,6 +155,6 @@ def _model_of_joint(own: settings.OfJoint, joint: str, common: Common, folder: s
             )
         return read_model_file(beside(folder, own.file)).for_joints([joint])[0]
     try:
-        return replace(_model_from(common, joint), **changes)
+        return replace(common[joint], **changes)
     except InvalidModel as error:
         raise BadSetting(key, f": {error}") from error

@@ -34,6 +34,7 @@ def robot_text(*, reach=2.6, legs=LEGS):
     simple = simple.replace("acceleration_time = 0.0201", "acceleration_time = 0.06")
     for number, joint in enumerate(joints):
         block = simple.replace("joint_1", joint).replace("id = 1", f"id = {number + 1}")
+        block = block.replace("lag = 0.0\n", f"lag = 0.00{number % 3}\n")
         block = block.replace("limits = [-0.7, 0.7]", f"limits = [{-reach}, {reach}]")
         turned = "-1" if joint == TURNED else "1"
         blocks.append(block.replace("direction = 1", f"direction = {turned}"))
