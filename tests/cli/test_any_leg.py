@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 
 from kinematics import Leg, urdf_path
+from planner.cli import settings
+from planner.cli.desired import find_leg
 from planner.files.paths import read_foot_path, read_joint_path
 from tests.docs.blocks import ROOT
 from tests.docs.shell import commands
@@ -126,6 +128,11 @@ def test_a_joint_is_held_where_the_option_says(run, robot, tmp_path):
     page = (tmp_path / "page.html").read_text()
     assert "rotator=20<" in page
     assert 'href="robot.urdf"' in page
+
+
+def test_a_shipped_leg_starts_near_a_pose_too():
+    place = find_leg(settings.Leg(name="front-left", near={"front_left_knee": 60.0}))
+    assert place.near == {"front_left_knee": pytest.approx(np.pi / 3.0)}
 
 
 def test_speeds_come_from_the_urdf(run, robot, foot):

@@ -155,13 +155,14 @@ def test_what_does_not_fit_is_refused(run, desired, tmp_path, execute, options, 
 
 
 def test_what_all_recordings_have_of_the_first_cycles_is_learnt(run, desired, execute):
-    """Two files of one cycle and 12 rows more, the second without one of the joints."""
+    """Two files of one cycle and 12 rows more, the second in radians and without one joint."""
     run("plan", desired, "-o", "requests.csv")
     for file, factor in (("one.csv", 1.0), ("two.csv", 0.9)):
         angles = factor * execute()
         rows = np.vstack([angles, angles[:12]])
         write_joint_path(file, ("hip", "knee"), rows, period=0.008)
-    keep_columns("two.csv", "knee")
+    write_joint_path("two.csv", ("knee",), rows[:, 1:], period=0.008, units=("rad",))
+    write_joint_path("exact.csv", ("hip", "knee"), execute(), period=0.008)
     line = ("refine", "requests.csv", "one.csv", "two.csv", "--desired", desired)
     line = (*line, "--no-reidentify", "-o", "next.csv", "--cycles")
     both, first = (run(*line, cycles) for cycles in (2, 1))
@@ -170,7 +171,7 @@ def test_what_all_recordings_have_of_the_first_cycles_is_learnt(run, desired, ex
         assert "no measured angles of hip: requests kept as they are\n" in result.stderr
         assert f"\n{count} of 88 requests" in result.stderr
     assert "got 2 of 88 rows, expected 3 cycles" in run(*line, 3).stderr
-    alone = run("refine", "requests.csv", "one.csv", *line[3:], "1", "--joint", "knee").stderr
+    alone = run("refine", "requests.csv", "exact.csv", *line[4:], "1", "--joint", "knee").stderr
     assert alone.splitlines()[-1] == first.stderr.splitlines()[-1]
     assert both.stderr.splitlines()[-1] != first.stderr.splitlines()[-1]
     assert "12 more than 1 cycles of 88" in run(*line, 1, "--no-cyclic").stderr

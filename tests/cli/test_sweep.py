@@ -128,6 +128,9 @@ def test_a_joint_path_is_swept_by_its_speed(swept, tmp_path):
     assert last.error > 10.0 * max(each.error for each in others)
     assert last.reason.startswith("error above 0.5; hip would have to exceed its top speed on ")
     assert made.best is others[1]
+    for name, of in (("at_error_cm", "a foot"), ("at_speed_cm_s", "a gait")):
+        with pytest.raises(InvalidFile, match=f"{name}: is for the path of {of}"):
+            swept(text.replace("at_error_deg", name) + "speed = [0.5]\n")
 
 
 def test_smoothness_is_a_parameter_of_any_path(swept):
@@ -251,6 +254,7 @@ def test_the_nearest_point_is_told_where_none_meets_what_is_required():
         (GAIT + "lenght = [0.1]\n", 15, "unknown key .*lenght.*did you mean '(length|height)'"),
         (GAIT + "length = [0.2, 0.1]\n", 15, "expected a list of rising numbers"),
         (GAIT + "length = [0.0, 0.1]\n", 15, "length: got 0, expected .*above 0"),
+        (GAIT + "ground_fraction = [0.5, 1.5]\n", 15, "got 1.5, expected a number above 0 and"),
         (GAIT + "period_s = [0.01]\n", 15, "4 to 1000000 requests, which are 0.008 s apart"),
         (GAIT + "speed = [1.0, 2.0]\n", 15, "is of the path of a file; use .*period_s"),
         (GAIT, 14, "is empty, expected values of one or more of length, height"),
