@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import planner
-from planner.evaluation.checks import Check
+from planner.evaluation.checks import AGREES, Check
 from planner.planning.bounds import foot_bound
 from planner.report.comparison import (
     above_bound,
@@ -27,6 +27,7 @@ from planner.report.comparison_tables import (
     checks_table,
     comparison_text,
     foot_table,
+    notes,
     plans_table,
 )
 from planner.report.matplotlib_figure import to_svg
@@ -79,6 +80,10 @@ def test_the_verdict_comes_first_and_tells_agreement_gaps_and_difference(check, 
         assert f"up to {largest:.3g} degrees" in verdict(replace(check, joints=joints))[1]
     assert page.index(head) < page.index("<table>")
     assert f"15 of {len(WALK.desired)} samples were out of reach" in page
+    agreements = [each.value for each in check.checks if each.name == AGREES]
+    assert min(agreements) < max(agreements)
+    first, *_ = key_figures(check)
+    assert f"at most {max(agreements):.1g} rad" in first.words
     figures = {each.figure for each in key_figures(check)}
     assert f"{len(check.checks)} of {len(check.checks)}" in figures
     foot = [
@@ -95,6 +100,36 @@ def test_what_does_not_hold_is_said_first(failed):
     assert 'class="verdict no"' in page
     assert "holds &lt;always&gt;" in page
     assert re.search(r'<tr class="broken">.*holds &lt;always&gt;.*<td>NO</td>', page)
+
+
+def test_the_last_card_of_joints_is_of_the_largest_error_when_optimised(check):
+    worst = max(check.joints, key=lambda joint: joint.plans["optimal"].error)
+    *others, last = check.joints
+    assert worst is not last
+    joints = [*others, replace(last, plans={**last.plans, SHOWN: SimpleNamespace(error=9.0)})]
+    *_, card = key_figures(replace(check, joints=joints, foot=None))
+    assert f"when optimised, {worst.name}; lower bound" in card.words
+    assert card.figure == f"{np.degrees(worst.plans['optimal'].error):.3g}"
+
+
+def test_another_steady_cycle_is_told_of_its_plan(check):
+    answers = {"optimal": SimpleNamespace(elsewhere=0.0), SHOWN: SimpleNamespace(elsewhere=0.01)}
+    joint = SimpleNamespace(name="hip", plans=check.joints[0].plans, answers=answers)
+    (note,) = notes([joint])
+    assert note.startswith("hip, closed form")
+    assert note.endswith("another steady cycle is 0.57 deg away")
+
+
+@pytest.mark.parametrize(("norm", "place"), [("rms", 0), ("max", 1)])
+def test_the_bound_on_the_foot_stands_below_its_error(check, norm, place):
+    best = check.foot.best
+    plan = replace(best, task=replace(best.task, norm=norm))
+    plan.__dict__["lower_bounds"] = 0.8 * plan.error
+    plans = {"optimal": check.foot.plans["optimal"], "foot_optimal": plan}
+    *_, bound = foot_table(replace(check.foot, plans=plans)).rows
+    assert bound.kind == "bound"
+    assert [bool(cell) for cell in bound.cells] == [k == place for k in range(5)]
+    assert bound.cells[place] == f"{80.0 * plan.error[0]:.3f}"
 
 
 def test_the_plan_that_is_closest_to_breaking_a_claim_stands_for_it():

@@ -177,6 +177,16 @@ def test_the_cloud_shows_points_about_the_identified_line(found):
         assert line.y[5] == pytest.approx(np.degrees(found.model.v_max))
 
 
+def test_of_many_points_every_so_manieth_is_drawn(monkeypatch):
+    def measured():
+        curves = cloud_figure(made_up()).panels[0].curves
+        return next(curve for curve in curves if curve.name == "measured")
+
+    whole = measured()
+    monkeypatch.setattr("planner.report.identification.figures.MOST_POINTS", 100)
+    np.testing.assert_array_equal(measured().x, whole.x[:: -(-len(whole.x) // 100)])
+
+
 def test_points_across_an_edge_of_the_dead_band_stand_apart():
     found = made_up()
     without, with_it = (

@@ -38,7 +38,9 @@ def _shown(leg, samples=40):
     phase = 2.0 * np.pi * np.arange(samples)[:, None] / samples
     desired = np.array([0.1, 0.3, 1.0]) + 0.3 * np.sin(phase + np.array([0.0, 1.0, 2.0]))
     each = [desired, 0.8 * desired, 0.95 * desired]
-    return motions(*((angles, leg.foot_positions(angles)) for angles in each))
+    shown = motions(*((angles, leg.foot_positions(angles)) for angles in each))
+    lower = shown[1]._replace(foot=shown[1].foot - np.array([0.0, 0.0, 0.02]))
+    return shown[0], lower, shown[2]
 
 
 def _page(scene, shown, **settings):
