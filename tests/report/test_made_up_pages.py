@@ -21,6 +21,7 @@ from planner.report.plan import plan_page, verdict
 from planner.report.plan_tables import feet_table
 from planner.report.replay import replay_page, speeds_figure
 from planner.report.sweep import Outcome, Requirement, Swept, sweep_page
+from planner.report.table import at_most, two_digits
 from tests.corpus.page_text import check_needs_nothing_else, figures_of, text_of
 from tests.corpus.test_corpus import masked
 from tests.report.made_up import made_up, made_up_log, never_saturated
@@ -241,6 +242,17 @@ def test_feet_have_errors_on_the_robot_where_the_models_of_all_were_tested():
         table = feet_table(legs)
         assert ("on the robot" in table.columns[-1].title) == known
         assert {len(row.cells) for row in table.rows} == {len(table.columns)}
+
+
+def test_the_verdict_on_several_feet_is_of_the_worst_of_them():
+    near = plan_by_tested_models().of_leg(front_left_leg())
+    far = replace(near, requests=near.requests + 0.2)
+    largest = 100.0 * max(far.distances)
+    for legs in ({"a": near, "b": far}, {"a": far, "b": near}):
+        head, tail = verdict(near, legs)
+        assert head == f"By the model the feet stay within {at_most(largest)} cm of their paths"
+        errors = np.concatenate([near.distances, far.distances])
+        assert tail.startswith(f"{two_digits(100.0 * np.sqrt(np.mean(errors**2)))} cm rms.")
 
 
 def test_the_error_to_expect_on_the_robot_is_that_of_the_joint_where_it_is_largest():

@@ -170,7 +170,8 @@ def test_what_goes_wrong_is_remarked(outcome, page):
     assert "7 of 88 positions are out of the leg's reach" in said
     assert "the distances count them" in said
     assert "jumps to another pose" in said
-    assert 39 in jumps_of(jumped)
+    assert {39, 87} <= {*jumps_of(jumped)}
+    assert jumps_of(asked(outcome, desired=jumping, cyclic=False))[-1] < 87
     assert 'class="verdict no"' in page_of(jumped)
     assert 'class="verdict no"' not in page
 
