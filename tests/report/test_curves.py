@@ -64,7 +64,7 @@ def test_learning(planned, snapshot):
         executed=planned.requests,
         measured=measured,
         progress=[
-            learning.Progress("hip", "deg", np.array([3.0, 1.5, 2.0]), (1, 1, 1), 1.25, 1.0, 0.1,
+            learning.Progress("hip", "deg", np.array([3.0, 1.5, 2.0]), (1, 1, 1), 3.25, 1.0, 0.1,
                               1.0, 1, "", ("a cycle was left out",)),
             learning.Progress("knee", "deg", np.array([1.0, 4.0]), (1, 1), 0.9, math.nan, 1e-4, 1.0,
                               0, "no gain is left", ()),
@@ -94,7 +94,7 @@ def replayed():
         planner.Log(times=times, requests=requests, angles=angles, joint=name)
         for name in ("elbow", "gripper")
     ]
-    return planner.replay(logs, SERVO, speed=2.0)
+    return planner.replay(logs, SERVO, speed=2.0, track="action")
 
 
 def test_a_replay(replayed):

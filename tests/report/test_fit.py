@@ -59,6 +59,10 @@ def test_errors_fall_towards_the_floor_and_the_automatic_choice_is_marked():
     assert np.all(found.rms >= found.floor * (1.0 - 1e-9))
     assert found.rms[found.segments.index(4)] == pytest.approx(fit.rms, rel=1e-9)
     assert found.automatic == fit_pwl(fit.desired, v_max=V_MAX, tick=1.0).segments
+    curves = {curve.name: curve for curve in choices_figure(found, fit).panels[0].curves}
+    place = found.segments.index(found.automatic)
+    assert curves["automatic"].x.tolist() == [found.automatic]
+    assert curves["automatic"].y.tolist() == [np.degrees(found.rms[place])]
     svg = to_svg(fits_figure({"hip": fit}, {"hip": found}))
     for text in ("lower bound", "automatic", "number of lines", "Hip: 4 lines"):
         assert text in svg

@@ -10,10 +10,16 @@ import pytest
 
 from planner.exceptions import InvalidFile
 from planner.files.joint_model import models_text, read_model_file
+from planner.identification.excitation import excite
 from planner.identification.result import Alternative, Finding, Interval
 from planner.model.evidence import Evidence
 from planner.model.joint import JointModel
-from planner.report.identification.text import identification_text, model_comments, remarks
+from planner.report.identification.text import (
+    excitation_text,
+    identification_text,
+    model_comments,
+    remarks,
+)
 from planner.report.identification.words import compared_with, figure, known, parameters, verdict
 from tests.report.made_up import made_up, made_up_log, never_saturated
 
@@ -85,6 +91,9 @@ def test_a_number_has_the_figures_that_its_interval_deserves(value, half, told):
         (1.0, 1.02, "no closer than"),
         (2.0, 1.0, "2.0 times farther off than"),
         (0.0, 1.0, "infinitely closer than"),
+        (1.0, 0.0, "infinitely farther off than"),
+        (1.0, 1.049, "no closer than"),
+        (1.0, 0.951, "no closer than"),
     ],
 )
 def test_two_errors_are_compared_in_words(error, other, words):
@@ -334,6 +343,18 @@ def test_intervals_that_cannot_be_meant_are_refused(tmp_path, written, wrong, sa
     file.write_text(HAND_WRITTEN.replace(written, wrong, 1))
     with pytest.raises(InvalidFile, match=said):
         read_model_file(file)
+
+
+def test_what_a_signal_would_determine_is_told_about_its_own_middle():
+    made = excite("steps", limits=(-0.2, 0.6), period=0.02, duration=10.0)
+    lines = excitation_text(made, never_saturated(), model="hip.toml").splitlines()
+    unknown = "threshold theta_0, top speed v_max"
+    assert sorted(lines[0].partition("determine ")[2].split(", ")) == unknown.split(", ")
+    assert lines[1].startswith(f"begins and ends at {math.degrees(made.centre):.4g} deg; the larg")
+    assert f"jump is {math.degrees(made.largest_jump):.4g} deg; step tests of " in lines[1]
+    assert "expected of a joint like hip.toml:" in lines
+    assert lines[-2] == "dry friction: would not be determined"
+    assert lines[-1].startswith("identify would warn: the joint never saturates")
 
 
 def test_a_model_file_without_the_details_of_its_test_is_read(tmp_path):

@@ -112,8 +112,9 @@ def replayed_arm():
         Evidence(error=0.01, speed=1.0, intervals={"v_max": (3.0, math.inf)})
     )
     plain = SERVO.with_evidence(tested.evidence)
-    recorded = [*logs(hip, size=2.5), *logs(knee, jaw)]
-    made = replay(recorded, {hip: tested, knee: plain}, speed=1.5, track="action")
+    recorded = [*logs(hip, size=2.5), *logs(knee, jaw, "gripper")]
+    limits = {hip: (-0.25, 3.25)}
+    made = replay(recorded, {hip: tested, knee: plain}, speed=1.5, track="action", limits=limits)
     return replay_page(made, title="demo.csv", words="follows the state", arm=leg)
 
 
