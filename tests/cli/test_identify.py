@@ -11,6 +11,7 @@ import shutil
 import sys
 import tomllib
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -290,3 +291,19 @@ def test_logs_of_different_joints_are_not_thrown_together(run):
     result = run("identify", "hip.csv", "knee.csv")
     assert result.exit_code == 2
     assert "the logs are of different joints (hip, knee)" in result.stderr
+
+
+def test_a_joint_whose_process_died_is_left_out_with_the_reason(run, tmp_path, monkeypatch):
+    write_log("arm.csv", joints=("hip", "knee"))
+
+    def outcomes(function, tasks, _):
+        for task in reversed(tasks):
+            died = task.name == "hip"
+            result = None if died else function(task.argument)
+            yield task, SimpleNamespace(result=result, reason="its process died")
+
+    monkeypatch.setattr("planner.cli.identify.FEW_ROWS", 0)
+    monkeypatch.setattr("planner.parallel.outcomes", outcomes)
+    result = run("identify", "arm.csv", "--joint", "all", "--no-hold-out", "-o", "arm.toml")
+    assert "warning: hip is left out: its process died\n" in result.stderr
+    assert list(read_model_file(tmp_path / "arm.toml").by_joint) == ["knee"]
