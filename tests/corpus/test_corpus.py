@@ -215,7 +215,7 @@ CASES = {
             "loaded.csv stride.csv short_stride.csv played.csv rough.csv --workers 1",
             "demo_2.csv demo.csv rough.csv --json --report page.html",
             "demo_2.csv demo.csv rough.csv --resume --workers 1 -q",
-            "demo_2.csv demo.csv --model tested.toml --max-step-deg 1 --end-s 0.5",
+            "demo.csv demo_2.csv --model tested.toml --max-step-deg 1 --end-s 0.5",
         )
     ],
     "replay-fastest": [
