@@ -95,6 +95,8 @@ def test_the_expected_joint_may_come_from_a_file_at_any_rate(run, tmp_path):
     assert expected["model"]["tick"] * expected["model"]["hold"] == pytest.approx(0.02)
     assert set(expected["intervals"]) == {"v_max", "theta_0", "lag", "acceleration_time", "offset"}
     assert len(document["requests_deg"]) == 400
+    own = json.loads(run(*asked[:5], "--duration-s", "4", *asked[-3:]).stdout)
+    assert (own["period_s"], len(own["requests_deg"])) == (pytest.approx(0.01), 400)
 
 
 def test_the_expected_log_is_one_that_identify_reads(run, tmp_path):

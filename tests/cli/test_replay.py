@@ -71,6 +71,7 @@ def dataset(tmp_path):
     (root / "meta").mkdir()
     feature = {"dtype": "float32", "shape": [3], "names": list(NAMES)}
     features = {"action": feature, "observation.state": feature, "observation.images.top": {}}
+    features["observation.images.wrist"] = {}
     about = {"codebase_version": "v2.1", "fps": RATE, "robot_type": "so101", "features": features}
     (root / "meta" / "info.json").write_text(json.dumps(about))
     tasks = [{"task_index": 0, "task": "lift"}, {"task_index": 1, "task": "drop"}]
@@ -187,7 +188,8 @@ def test_a_dataset_comes_back_as_a_dataset(run, dataset, model):
         *("--as", "lerobot", "-o", "planned"),
     )
     assert result.exit_code == 0, result.stderr
-    assert result.stderr.count("observation.images.top left out: the frames are of other mom") == 1
+    cameras = "observation.images.top, observation.images.wrist"
+    assert result.stderr.count(f"{cameras} left out: the frames are of other moments") == 1
     options = LogOptions(joint="all", unit=UNITS[1])
     given, made = read_logs(dataset, options=options), read_logs("planned", options=options)
     assert [log.joint for log in made] == [log.joint for log in given]
@@ -557,6 +559,8 @@ def test_all_models_that_a_recording_contradicts_are_named():
     said = fastest_text(found)
     assert "the recording contradicts the models of elbow, wrist: at its own speed" in said
     assert "no requests would keep elbow, wrist within 1.15 degrees" in said
+    found.constant, found.factors, found.curve, found.impossible = 0.8, np.ones(2), (), None
+    assert fastest_document(found)["contradicted"] == ["elbow", "wrist"]
 
 
 def test_a_varying_factor_is_told_from_its_least_to_its_largest():
@@ -575,6 +579,7 @@ def test_a_varying_factor_is_told_from_its_least_to_its_largest():
     told = fastest_document(found)
     assert (told["least_factor"], told["largest_factor"]) == (0.5, 2.0)
     assert (told["speed"], told["constant_speed"]) == (1.2, 1.0)
+    assert (told["contradicted"], told["impossible"]) == ([], None)
     found.retime, found.tolerance = "constant", np.radians(1.0)
     assert fastest_text(found) == (
         "within 1 degree at 1.2 times the speed; no speed is proved too high"
