@@ -65,7 +65,7 @@ def read_history(path: str, names: Collection[str], desired: Array) -> dict[str,
             f"got the trials of {len(angles)} requests of {', '.join(states)}, expected "
             f"{len(desired)} of {', '.join(names)}; begin another file for another path",
         )
-    if angles.shape != desired.shape or not np.allclose(angles, desired, atol=SAME_ANGLE):
+    if angles.shape != desired.shape or not np.allclose(angles, desired, rtol=0.0, atol=SAME_ANGLE):
         raise InvalidFile(
             path, "got the trials of another desired path; begin another file for this one"
         )

@@ -14,7 +14,7 @@ from planner.planning.trials import Learning, Trial
 
 ROWS, JOINTS = 3, ["hip", "knee", "foot"]
 
-DESIRED = np.zeros((ROWS, 2))
+DESIRED = np.full((ROWS, 2), 0.5)
 
 
 def _state(models):
@@ -40,8 +40,8 @@ CHANGES = {
     "another format": lambda c: c.update(format="request-planner refine 0"),
     "a plan of another joint": lambda c: c["plans"].update(tail=c["plans"].pop("knee")),
     "a row less": lambda c: c["desired_rad"].pop(),
-    "a joint less": lambda c: c.update(desired_rad=[[0.0]] * ROWS),
-    "another angle": lambda c: c["desired_rad"][1].__setitem__(1, 1.1e-6),
+    "a joint less": lambda c: c.update(desired_rad=[[0.5]] * ROWS),
+    "another angle": lambda c: c["desired_rad"][1].__setitem__(1, 0.5 + 1.1e-6),
     "a joint's requests of two": lambda c: _trial(c, "knee", "requests_rad", [[0.0, 0.0]] * ROWS),
     "a foot's angles of one": lambda c: _trial(c, "foot", "measured_rad", [[[0.0]] * ROWS]),
     "angles of a row more": lambda c: _trial(c, "knee", "measured_rad", [[[0.0]] * 4]),
@@ -56,7 +56,7 @@ def test_a_history_that_is_not_of_this_path_or_damaged_is_refused(tmp_path, snap
     file, said = tmp_path / "FILE", []
     write_history(str(file), DESIRED, {"knee": _state(1), "foot": _state(2)})
     content = json.loads(file.read_text())
-    content["desired_rad"][1][1] = 0.9e-6  # files carry angles rounded
+    content["desired_rad"][1][1] = 0.5 + 0.9e-6  # files carry angles rounded
     file.write_text(json.dumps(content))
     assert list(read_history(str(file), JOINTS, DESIRED)) == ["knee", "foot"]
     for name, change in CHANGES.items():
