@@ -331,6 +331,8 @@ def test_the_search_begins_at_the_closed_form_of_the_ideal_with_a_knot_at_every_
     start = None if cyclic else float(desired[0])
     problem = track(model, desired, cyclic=cyclic, start=start)
     guess = initial_guess(problem)
+    if not cyclic:  # until the second request acts
+        np.testing.assert_array_equal(guess.angles[: problem.ages.youngest + 1, 0], start)
     lines = PiecewiseLinear(
         knots=np.arange(40), values=guess.angles[:, 0], samples=40, tick=model.period, cyclic=cyclic
     )

@@ -107,6 +107,32 @@ def test_the_worst_error_is_smoothed_with_the_weights_under_which_it_was_least(m
     assert given[0].weights == seen[int(np.argmin(errors))][0] != seen[0][0]
 
 
+def test_of_all_rounds_of_weights_the_best_answer_is_smoothed(monkeypatch):
+    """The first goes through all stages with corners of 0.2 and less, the others through three."""
+    problem = track(ERS210A, np.zeros(20), cyclic=True)
+    scenarios = [(replace(ERS210A, offset=sag),) for sag in (0.0, 0.1, 0.3)]
+    errors, seen, given = [0.5, 0.3, 0.2, 0.4, 0.45, 0.25, 0.6], [], []
+
+    def record(each, state, stages):
+        seen.append((each.weights, [stage.radius for stage in stages]))
+        return state.requests + 0.01, errors[len(seen) - 1]
+
+    monkeypatch.setattr("planner.planning.search.minimise", record)
+    monkeypatch.setattr(
+        "planner.planning.search.smoothed",
+        lambda each, made, **options: given.append((each.weights, options)) or made,
+    )
+    options = {"robust": "worst", "smoothness": 0.1}
+    made = robust_requests(problem, scenarios, [(None,)] * 3, problem.resting, **options)
+    np.testing.assert_allclose(made, problem.resting + 0.03)
+    ((weights, options),) = given
+    assert weights == seen[2][0]
+    even = problem.in_scenarios(scenarios, [(None,)] * 3, "worst")
+    assert options == {"smoothness": 0.1, "at_most": even.exact_error(problem.resting)}
+    radii = [stage.radius for stage in NARROW if stage.radius <= 0.2]
+    assert [each for _, each in seen] == [radii] + [radii[-3:]] * 6
+
+
 def test_errors_that_a_robot_would_show_add_in_quadrature():
     assert Judged(0.3, 0.2, 0.4, 0.1).shown == pytest.approx(0.5)
 

@@ -229,6 +229,13 @@ def test_a_point_out_of_reach_is_missed_by_what_it_is_out_of_reach():
     assert 0.0 <= plan.gap <= 1e-3
 
 
+def test_the_bound_is_never_above_the_error_of_the_plan(monkeypatch):
+    plan = short_plan(1, False, "rms")
+    search = "planner.planning.bounds.foot_bound._branch_and_bound"
+    monkeypatch.setattr(search, lambda *_: 1.0 + 1e-6)  # as the squared error, but for rounding
+    assert foot_bound(plan.plan.task, plan.predicted) == plan.error
+
+
 def test_a_path_that_the_joints_can_follow_has_a_bound_of_nothing():
     leg = WALK.leg
     still = np.tile(leg.foot_positions(np.mean(leg.limits, axis=0)[np.newaxis]), (12, 1))
