@@ -438,6 +438,20 @@ def test_a_tolerance_is_kept_in_the_norm_of_the_plan():
         assert view.within_tolerance is kept
 
 
+def test_a_plan_for_a_foot_is_shown_by_its_errors_in_centimetres():
+    walk = planner.reference_walk()
+    task = Task.of(AIBO, walk.desired_foot[::8], leg=walk.leg, cyclic=False)
+    made = Plan(task=task, requests=task.desired, method="foot_optimal")
+    head, columns, row = repr(made).splitlines()
+    assert head == "Plan by foot_optimal: 11 requests to 3 joints, one every 8 ms, from rest"
+    assert columns.split() == ["rms", "[cm]", "max", "[cm]"]
+    errors = [f"{100.0 * float(each[0]):.4g}" for each in (made.rms, made.max_error)]
+    assert row.split() == ["foot", *errors]
+    assert repr(made.of_foot).splitlines() == [head.replace("Plan", "FootInversion"), columns, row]
+    single = planted(DESIRED[:, :1], DESIRED[:, :1])
+    assert repr(single).startswith("Plan by optimal: 60 requests to 1 joint, one every 8 ms, cyc")
+
+
 def test_the_speeds_of_each_joint_are_of_its_own_path_and_model():
     desired = np.column_stack([np.zeros(20), np.linspace(0.0, 1.0, 20)])
     made = planted(desired, desired, (AIBO, SLOW), cyclic=False)
