@@ -21,7 +21,7 @@ from planner.cli.sweep.search import sweep, walking_speed
 from planner.cli.sweep.space import identity, number_of_points, read_sweep
 from planner.exceptions import InvalidFile
 from planner.files.paths import write_joint_path
-from planner.files.results import Results, Task
+from planner.files.results import Results
 from planner.report.sweep import Outcome, Requirement, Swept, verdict
 from tests.parallel.work import InThisProcess, at_work_on
 
@@ -131,14 +131,6 @@ def test_a_joint_path_is_swept_by_its_speed(swept, tmp_path):
     for name, of in (("at_error_cm", "a foot"), ("at_speed_cm_s", "a gait")):
         with pytest.raises(InvalidFile, match=f"{name}: is for the path of {of}"):
             swept(text.replace("at_error_deg", name) + "speed = [0.5]\n")
-
-
-def test_smoothness_is_a_parameter_of_any_path(swept):
-    slow = GAIT.replace("samples = 40", "samples = 100")
-    made, _ = swept(slow + "smoothness = [0.0, 0.2]\n")
-    assert all(each.planned for each in made.outcomes)
-    plain, smooth = made.outcomes
-    assert plain.error <= smooth.error
 
 
 SOUGHT = GAIT.replace("height = 0.01\n", "") + (
@@ -283,14 +275,6 @@ def test_what_is_wrong_with_a_sweep_is_said_with_its_line(text, line, message, t
     assert caught.value.line == line
 
 
-def test_results_of_an_earlier_sweep_are_counted_as_they_are_removed(tmp_path):
-    before = Results(tmp_path / "gaits", {"speed": 1.0})
-    for number in range(3):
-        before.write(Task(f"point {number}", number), b"done")
-    assert Results(tmp_path / "gaits", {"speed": 1.0}, resume=True).removed == 0
-    assert Results(tmp_path / "gaits", {"speed": 2.0}).removed == 3
-
-
 def test_the_command_of_a_point_gives_its_error(tmp_path, run):
     (tmp_path / "gaits.toml").write_text(GAIT + "length = [0.02, 0.03]\nperiod_s = [0.4, 0.6]\n")
     result = run("sweep", "gaits.toml", "--json", "--workers", "1")
@@ -430,21 +414,6 @@ def test_a_sweep_is_resumed_whatever_has_become_of_its_files(tmp_path, monkeypat
     left.mkdir()
     assert "nothing is missing" in run(*words).stderr
     assert sorted(file.name for file in tmp_path.iterdir()) == ["gaits", "gaits.toml"]
-
-
-@pytest.mark.usefixtures("in_this_process")
-def test_a_sweep_whose_model_file_has_changed_is_planned_again(tmp_path, run):
-    joint = planner.JointModel.ers210a()
-    (tmp_path / "gaits.toml").write_text(
-        GAIT + "length = [0.02, 0.03]\n[model]\nfile = 'model.toml'\n"
-    )
-    errors = []
-    for slower in (1.0, 0.8):
-        replace(joint, v_max=slower * joint.v_max).to_toml(tmp_path / "model.toml")
-        result = run("sweep", "gaits.toml", "--json", "--resume", "--workers", "1")
-        assert "nothing is missing" not in result.stderr
-        errors.append([each["error_cm"] for each in json.loads(result.stdout)["points"]])
-    assert errors[0] != errors[1]
 
 
 @pytest.mark.usefixtures("in_this_process")
