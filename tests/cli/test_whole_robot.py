@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import json
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+import planner
 from kinematics import Leg, urdf_path
 from planner.cli.desired import legs_among
-from planner.cli.settings import Model
+from planner.cli.planning import plan_of, prepare
+from planner.cli.settings import Model, Run
 from planner.files.joint_model import read_models
 from planner.files.paths import read_joint_path, write_joint_path
 from planner.files.robot import read_bus, read_legs
@@ -34,7 +37,6 @@ def robot_text(*, reach=2.6, legs=LEGS):
     simple = simple.replace("acceleration_time = 0.0201", "acceleration_time = 0.06")
     for number, joint in enumerate(joints):
         block = simple.replace("joint_1", joint).replace("id = 1", f"id = {number + 1}")
-        block = block.replace("lag = 0.0\n", f"lag = 0.00{number % 3}\n")
         block = block.replace("limits = [-0.7, 0.7]", f"limits = [{-reach}, {reach}]")
         turned = "-1" if joint == TURNED else "1"
         blocks.append(block.replace("direction = 1", f"direction = {turned}"))
@@ -155,6 +157,24 @@ def test_requests_stay_within_the_ranges_of_the_servos_or_each_joint_is_named(ru
     warned = run(*asked, "--method", "closed-form", "--json").stderr.splitlines()
     said = [line for line in warned if "beyond the limits -24.00 to 24.00; --method opt" in line]
     assert [line.split(": ")[2] for line in said] == names
+
+
+def test_a_leg_of_a_robot_is_planned_for_its_foot_with_the_models_of_its_own_joints(tmp_path):
+    names = [f"front_left_{joint}" for joint in ("knee", "rotator", "abductor")]
+    turned = 2.0 * np.pi * np.arange(16) / 16
+    angles = np.column_stack([1.2 + 0.2 * np.sin(turned), 0.1 * np.cos(turned), 0.0 * turned])
+    write_joint_path(tmp_path / "leg.csv", names, angles, period=0.008)
+    own = {names[0]: {"v_max": 3.0}}
+    content = {"path": {"file": "leg.csv"}, "model": {"joints": own}}
+    run = Run.of(content | {"plan": {"method": "foot-optimal"}})
+    prepared = prepare(run, str(tmp_path))
+    leg, order = prepared.desired.legs["front-left"], [1, 2, 0]
+    aibo = planner.JointModel.ers210a()
+    models = [aibo, aibo, replace(aibo, v_max=3.0)]
+    foot = leg.foot_positions(np.ascontiguousarray(prepared.desired.angles[:, order]))
+    expected = planner.invert_foot(models, leg, foot).requests
+    requests = plan_of(prepared, bounded=False).requests[:, order]
+    np.testing.assert_allclose(requests, expected, rtol=0.0, atol=1e-9)
 
 
 def test_legs_are_those_all_of_whose_joints_are_planned(tmp_path):
