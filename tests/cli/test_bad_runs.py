@@ -20,6 +20,7 @@ WRONG = {
     "a key of another table": JOINTS + "weights = [1, 1, 1]\n",
     "a misspelt table": JOINTS + "[plann]\n",
     "a misspelt choice": JOINTS + '[plan]\nmethod = "optiml"\n',
+    "an abbreviated choice": JOINTS + '[plan]\nmethod = "opt"\n',
     "a number as text": WALK + 'samples = "88"\n',
     "a word for a number": WALK + 'samples = "many"\n',
     "a number for a table of joints": JOINTS + "[limits]\njoints = 3\n",

@@ -223,6 +223,8 @@ BAD = {
     "noise below zero": f"{EXCITE} --noise-deg -1",
     "an excitation of no time": "excite --limits-deg -30:40 --rate-hz 50 --duration-s 0.1",
     "fit with an error of nothing": "fit desired.csv --max-rms 0",
+    "a required angle of nothing": "fit desired.csv --required-s 0.4=",
+    "a replay at no speed": "replay log.csv --speed 0",
     "a required angle of text": "fit desired.csv --required-s 0.1=up",
     "a required knot between samples": "fit desired.csv --required-s 0.7=0 --exact --segments 4",
     "required angles too far apart": "fit desired.csv --required-s 0=0 --required-s 0.016=90",

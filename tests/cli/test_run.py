@@ -224,6 +224,7 @@ def test_a_missed_tolerance_is_status_1_and_all_files(run, write, desired, tmp_p
     assert result.stderr.endswith("; the files are written all the same\n")
     assert results(tmp_path / "it")["within_tolerance"] is False
     assert (tmp_path / "it" / "requests.csv").is_file()
+    assert run("run", "it.toml", "--json").exit_code == 1
 
 
 def test_a_foot_is_planned_with_the_largest_step_of_the_file(run, write, foot, tmp_path):

@@ -93,6 +93,7 @@ def test_a_number_at_an_end_of_its_range_is_taken_where_the_words_say_so(key):
     if whole := re.fullmatch(r"a whole number from (-?\d+) to (\d+)", key.expected):
         low, high = map(int, whole.groups())
         assert [*map(takes, (low - 1, low, high, high + 1))] == [False, True, True, False]
+        assert not takes(low + 0.5)
     elif key.expected.startswith("a number"):
         for words, end in re.findall(r"(above|of at least|below) ([\d.]+)", key.expected):
             at, inside = float(end), math.inf if words != "below" else -math.inf

@@ -27,9 +27,11 @@ def fastest(run, tmp_path, monkeypatch):
     """Seek the shortest cycle of a small walk, without the bounds that take seconds."""
     monkeypatch.setattr("planner.planning.bounds.foot_bound.MOST_SAMPLES_BOUNDED", 0)
 
-    def fastest(evidence, proof, *more):
+    def fastest(evidence, proof, *more, of_knee=""):
         monkeypatch.setattr(shortest_cycle, "_too_short", lambda *_: proof)
-        JointModel.ers210a().with_evidence(evidence).to_toml(tmp_path / "joint.toml")
+        model = JointModel.ers210a().with_evidence(evidence)
+        model.to_toml(tmp_path / "all.toml")
+        (tmp_path / "joint.toml").write_text((tmp_path / "all.toml").read_text() + of_knee)
         search = ("--fastest", "--tolerance-cm", 0.2, "-o", "foot.csv")
         result = run(*walk(), "--model", "joint.toml", *search, *more)
         assert result.exit_code == 0, result.output
@@ -69,11 +71,12 @@ def test_a_cycle_that_is_proved_too_short_is_told_with_what_the_proof_holds_for(
     fastest, fastest_joint
 ):
     proof, unknown = shortest_cycle.TooShort(12, 0.0022), fastest_joint == math.inf
-    evidence = Evidence(0.01, intervals={"v_max": (5.0, fastest_joint)})
-    said = fastest(evidence, proof).stderr
+    evidence = Evidence(0.01, intervals={"v_max": (5.0, 5.5)})
+    knee = f"[front_left_knee]\nv_max_interval = [5.0, {fastest_joint}]\n"
+    said = fastest(evidence, proof, of_knee=knee).stderr
     assert "by the model; in 0.096 s no requests keep it there" in said
     assert (f"holds for the models only: {OPEN_TOP_SPEED}\n" in said) is unknown
-    document = json.loads(fastest(evidence, proof, "--json").stdout)
+    document = json.loads(fastest(evidence, proof, "--json", of_knee=knee).stdout)
     assert document["fastest"]["too_short"] == {
         "samples": 12,
         "cycle_s": pytest.approx(0.096),
