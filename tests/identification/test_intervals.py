@@ -189,6 +189,7 @@ def test_correlated_rows_count_for_fewer():
 def test_everything_can_be_written_as_json():
     found = planner.identify(rich_log(amplitude=GENTLE, noise=NOISE / 10.0), hold_out=False)
     kept = json.loads(json.dumps(found.to_dict(), allow_nan=False))
+    assert replace(found, fastest=math.nan).to_dict()["fastest"] is None
     assert kept["intervals"]["v_max"][1] is None
     assert kept["model"]["lag"] == found.model.lag
 

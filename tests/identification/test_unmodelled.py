@@ -72,6 +72,8 @@ def test_an_acceleration_limit_is_a_term_of_the_model(seed, limit):
     (term,) = [each for each in found.terms if each.name == "max_acceleration"]
     assert term.kept
     assert term.rms_with < 0.9 * term.rms_without
+    (friction,) = [each for each in found.terms if each.name == "dead_band"]
+    assert friction.kept or friction.interval == (0.0, math.inf)  # sought with the others, and lost
 
 
 @pytest.mark.parametrize("seed", [3, 4, 8])
