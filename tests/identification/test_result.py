@@ -88,6 +88,8 @@ def test_the_error_to_expect_is_the_larger_one_of_all_rows_and_of_those_held_out
     for held_out, expected in ((2.0 * found.rms, 2.0), (0.5 * found.rms, 1.0), (None, 1.0)):
         other = replace(found, held_out_rms=held_out)
         assert other.expected_error == expected * found.rms
+        told = (found.rms, "the rows it was fitted to") if held_out is None else (held_out, "rows")
+        assert f"{told[0]:.3g} rad rms on {told[1]}" in repr(other)
         assert other.model.evidence.error == expected * found.rms
 
 

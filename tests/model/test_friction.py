@@ -15,7 +15,7 @@ from planner.exceptions import InvalidInput
 from planner.model.joint import JointModel, request_ages
 from planner.model.response import motion_under, rest_requests, simulate
 from planner.model.sensitivity import sensitivities
-from planner.model.symbolic import period
+from planner.model.symbolic import period, period_function
 from tests.independent import equation_2, from_rest, next_cycle
 from tests.instances import random_model
 from tests.model.rounded_periods import rounded_periods
@@ -289,13 +289,17 @@ def test_rounded_periods_and_derivatives_are_those_that_casadi_writes(smoothing,
         ]
         given_ = [angle, speed, requests, load, radius]
         written = casadi.Function("period", given_, [state, *slopes])
-        size = 2 if inert else 1
+        size, whole = 2 if inert else 1, period_function(model)
         for k in range(samples):
             torque = 0.0 if load_ is None else load_[k]
             # A corner that is not rounded at all has no derivative; none is met here.
             rounding = max(smoothing * model.theta_0, 1e-150)
             answers = written(before[k], speeds[k], windows[k], torque, rounding)
             reached, by_state, by_request = (np.asarray(answer) for answer in answers)
+            state_ = [before[k], speeds[k]][:size]
+            np.testing.assert_allclose(
+                whole(state_, windows[k], torque, rounding), reached[:size], rtol=0.0, atol=1e-13
+            )
             np.testing.assert_allclose(
                 compiled.states[k, :size], reached[:size, 0], rtol=0.0, atol=1e-13
             )
