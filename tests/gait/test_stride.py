@@ -93,6 +93,9 @@ def test_what_is_given_is_kept(leg):
     assert made.height == pytest.approx(HIGHEST * leg.chain.size)
     both = stride(leg, length=0.06, height=0.01)
     assert (both.length, both.height) == (0.06, 0.01)
+    stretched = stride(leg, length=0.16, height=0.01)  # farther than one made unasked may be
+    reached, stands = (dexterity(leg.chain, each) for each in (stretched.angles, both.pose[None]))
+    assert 0.0 < reached.min() < DEXTEROUS * stands[0]
 
 
 def test_what_is_given_is_kept_where_the_leg_limits_the_rest(tmp_path):
