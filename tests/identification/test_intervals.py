@@ -246,6 +246,8 @@ def test_logs_of_different_joints_are_refused():
     columns = {"times": log.times, "requests": log.requests, "angles": log.angles}
     with pytest.raises(planner.InvalidInput, match="logs of one joint"):
         planner.identify([{**columns, "joint": "knee"}, {**columns, "joint": "hip"}])
+    with pytest.raises(planner.InvalidInput, match="got units '1', 'rad', expected logs of one"):
+        planner.identify([columns, {**columns, "unit": "1"}])
 
 
 def test_a_top_speed_that_nothing_called_for_is_lowered_to_what_was():

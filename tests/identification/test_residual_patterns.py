@@ -152,7 +152,10 @@ def test_contact_is_where_a_joint_rests_beside_its_model_in_a_few_of_many_places
 def test_logs_contradict_each_other_from_twice_the_spread_of_their_errors_on():
     rough = 0.01 * np.where(np.arange(60) % 2, 1.0, -1.0)
     for apart, said in ((0.019, 0), (0.021, 1)):
-        fits = [seen(rough, 0.0 * rough, name="low"), seen(apart + rough, 0.0 * rough, name="high")]
+        fits = [
+            seen(rough, 1.0 + 0.0 * rough, name="low"),
+            seen(rough, 1.0 - apart + 0.0 * rough, name="high"),
+        ]
         notes = _contradictions(fits)
         assert len(notes) == said
         for note in notes:
@@ -180,6 +183,7 @@ def test_rows_in_which_the_joint_stands_on_something_are_left_out_with_a_note():
     rested = np.abs(log.requests - holds_log().angles) < 0.021
     assert np.mean(fit.used[low & rested & (log.requests < -0.45)]) < 0.2
     assert np.mean(fit.used[~low]) > 0.9
+    assert f": {np.sum(~fit.used)} rows between" in said
     assert found.model.dead_band == pytest.approx(STICKY.dead_band, rel=0.1)
 
 

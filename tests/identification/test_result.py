@@ -77,7 +77,9 @@ def test_a_joint_was_as_fast_as_in_rows_that_are_not_fitted():
     (reason,) = fit.left_out
     assert reason == "on which requests before the log act"
     assert fit.left_out == {reason: int(np.sum(~fit.used))}
-    assert found.to_dict()["logs"][0]["left_out"] == fit.left_out
+    told = found.to_dict()["logs"][0]
+    assert (told["rows"], told["used"]) == (len(times), np.sum(fit.used))
+    assert told["left_out"] == fit.left_out
     words = f"not fitted: {fit.left_out[reason]} {reason}"
     (warning,) = [each for each in found.warnings if "its least top speed" in each]
     assert words in warning  # and nothing of the other log

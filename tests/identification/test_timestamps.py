@@ -140,11 +140,11 @@ def test_a_fit_ends_on_ticks_of_a_millisecond_and_fewer_of_a_long_window(period,
 def test_a_joint_is_as_fast_as_in_a_tenth_of_a_second_with_one_of_the_rows_in_it(row, speed):
     """It jumps by half a radian from row 10 to 11, and by more in rows that say nothing."""
     rows = np.arange(60)
-    angles = np.where(rows > 10, 0.5, 0.0) + 9.0 * (rows == 30) + 9.0 * (rows > 40)
+    angles = 0.5 * (rows > 10) + 9.0 * (rows > 20) + 9.0 * (rows == 30) + 9.0 * (rows > 40)
     log = planner.Log(
-        times=0.02 * rows + 5.0 * (rows > 50),
+        times=0.02 * rows + 0.2 * (rows > 20),
         requests=angles,
-        angles=angles + 9.0 * (rows > 50),
+        angles=angles,
         torque_on=rows <= 40,
         measured=rows != 30,
     )

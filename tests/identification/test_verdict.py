@@ -11,13 +11,18 @@ import pytest
 import planner
 from planner.identification.findings import sentence
 from planner.identification.fit import fit_joint
-from planner.identification.grid import timing_of
+from planner.identification.grid import resampled, timing_of
 from planner.identification.intervals import (
     intervals_of,
     middle_known_within,
     uncertainty_of,
 )
-from planner.identification.judgement import notes_on, undetermined_delays, verdict_on
+from planner.identification.judgement import (
+    exchanged_columns,
+    notes_on,
+    undetermined_delays,
+    verdict_on,
+)
 from planner.identification.result import HeldOut, Interval, note
 from planner.report.identification.text import next_step
 from tests.identification.made import (
@@ -427,6 +432,24 @@ def test_dry_friction_that_may_be_a_tenth_of_the_motion_is_hidden(fitted):
     refused = judged(fitted, friction=np.inf, signal=2.0 * fit.rms)
     assert refused.verdict == "refused"
     assert "friction" not in topics(refused)  # of a model that is not used anyway
+
+
+def test_a_parameter_at_the_edge_of_the_search_is_named_with_its_value(fitted):
+    fit, bounds, uncertainty = fitted
+    last = fit.grid.reach - fit.grid.tick
+    for lag, count in ((last, 1), (0.9 * last, 0)):
+        at = replace(fit, parameters=fit.parameters._replace(lag=lag))
+        notes = judged((at, bounds, uncertainty)).notes
+        edges = [each.numbers for each in notes if each.topic == "search"]
+        assert edges == [{"name": "lag", "value": last}] * count
+
+
+def test_motion_that_repeats_itself_is_not_taken_for_columns_that_are_exchanged():
+    for shape, exchanged in (("sine", False), ("swept", True)):
+        log = waves(shape, 2.0)
+        turned = changed(log, requests=log.angles, angles=log.requests)
+        grid = resampled([turned], tick=0.005, reach=1.0, burn_in=0.0)
+        assert (exchanged_columns(grid) is not None) is exchanged
 
 
 @pytest.mark.parametrize(("jumps", "often"), [(1, "once"), (2, "2 times")])

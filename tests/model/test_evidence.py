@@ -73,7 +73,7 @@ def test_motion_is_outside_where_it_exceeds_what_was_tested_by_10_percent(
 
 
 @pytest.mark.parametrize(
-    ("middle", "outside"), [(-1.2, True), (-1.0, False), (1.0, False), (1.2, True)]
+    ("middle", "outside"), [(-1.2, True), (-1.18, False), (1.18, False), (1.2, True)]
 )
 def test_motion_is_outside_at_either_end_of_the_tested_angles(middle, outside):
     angles, period = sine(0.01)
