@@ -12,6 +12,7 @@ import pytest
 import planner
 from kinematics import Leg, urdf_path
 from planner.cli.desired import legs_among
+from planner.cli.models import models_of
 from planner.cli.planning import plan_of, prepare
 from planner.cli.settings import Model, Run
 from planner.files.joint_model import read_models
@@ -67,6 +68,7 @@ def foot_errors(robot, path, angles):
 
 
 def test_a_gait_is_planned_for_the_feet_and_played_from_one_file(run, robot, tmp_path):
+    robot.write_text(robot_text().replace("hold = 10\n", "hold = 10\nexpected_error = 0.005\n"))
     arguments = ("--samples", "40", "--period", "0.02", "--model", robot)
     assert run("gait", "--pattern", "trot", *arguments, "-o", "trot.csv").exit_code == 0
     desired = read_joint_path(tmp_path / "trot.csv")
@@ -84,6 +86,7 @@ def test_a_gait_is_planned_for_the_feet_and_played_from_one_file(run, robot, tmp
             told = document["legs"][name]
             assert told["rms_cm"] == pytest.approx(100.0 * error, rel=1e-6)
             assert told["rms_cm"] < told["best_shift_rms_cm"] < told["without_plan_rms_cm"]
+            assert told["rms_cm"] + 0.001 < told["expected_rms_cm"] < told["rms_cm"] + 0.1
     for name, error in errors["foot-optimal"].items():
         assert error < errors["optimal"][name]
     played = run(
@@ -175,6 +178,15 @@ def test_a_leg_of_a_robot_is_planned_for_its_foot_with_the_models_of_its_own_joi
     expected = planner.invert_foot(models, leg, foot).requests
     requests = plan_of(prepared, bounded=False).requests[:, order]
     np.testing.assert_allclose(requests, expected, rtol=0.0, atol=1e-9)
+
+
+def test_a_table_of_another_joint_of_the_path_is_no_misspelling(tmp_path):
+    file = tmp_path / "joints.toml"
+    planner.JointModel.ers210a().to_toml(file)
+    with file.open("a") as text:
+        text.write("[front_left_knee]\nlag = 0.02\n")
+    models = models_of(Model(file=str(file)), ["front_left_rotator", "front_left_knee"])
+    assert [each.lag for each in models] == [0.032, 0.02]
 
 
 def test_legs_are_those_all_of_whose_joints_are_planned(tmp_path):

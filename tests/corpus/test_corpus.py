@@ -129,7 +129,7 @@ CASES = {
         f"plan trot.csv {FRONT_LEFT} --method foot-optimal --limits-deg front_left_knee=10:112 "
         "--max-step-deg 30 --tolerance-deg 9 -o out.csv",
         f"plan trot.csv {FRONT_LEFT} --joint front_right_knee --no-cyclic --start-deg 20 "
-        "--start-deg front_left_knee=60 --model soft.toml --json",
+        "--start-deg front_left_knee=60 --json",
     ],
     "plan-foot": f"plan stride.csv {CLAMPED} --method foot-optimal --norm rms --json",
     "plan-foot-load": f"plan short_stride.csv {NEAREST} --method foot-optimal --model soft.toml "
