@@ -580,7 +580,7 @@ def test_settings_have_changed_where_both_are_known_and_differ():
         ("0,252", {"joint_0": 0, "joint_252": 252}),
         *(
             (text, None)
-            for text in ("3-1", "253", "1,1", "a=1,b=1", "a=1,a=2", "", "1-", "a", "1,")
+            for text in ("3-1", "1,3-2", "253", "1,1", "a=1,b=1", "a=1,a=2", "", "1-", "a", "1,")
         ),
         *((text, None) for text in ("250-253", "a=1000", "=1", "-1", "1;2")),
     ],
