@@ -268,7 +268,7 @@ class Bus:
             while (packet := protocol.take(buffer, answers=True)) is not None:
                 if packet.servo < BROADCAST:
                     packets.append(packet)
-            if len(packets) == count or not received:
+            if len(packets) == count:
                 break
             missing = max(1, whole // count * (count - len(packets)) - len(buffer))
         return packets

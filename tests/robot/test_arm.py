@@ -298,7 +298,7 @@ def test_a_joint_is_stopped_15_degrees_beyond_its_range_or_where_it_began():
         for end, sign in ((low, -1.0), (high, 1.0)):
             for degrees, far in ((14.9, False), (15.1, True)):
                 angle = end + sign * degrees * DEGREE
-                told = stops(guarded(start=(0.0, start)), 0.01, (0.0, angle), (0.0, angle))
+                told = stops(guarded(start=(0.0, start)), 0.01, (0.0, start), (0.0, angle))
                 words = (
                     f"joint_2: at {angle:g} rad, far beyond its range; stopped: is its direction"
                 )
