@@ -52,6 +52,12 @@ def test_instructions_and_answers_of_dynamixels_are_not_taken_for_each_other():
     assert DYNAMIXEL.take(bytearray(DYNAMIXEL.answer(7, 0)), answers=False) is None
 
 
+@pytest.mark.parametrize("servo", [1, 4, 200])
+def test_a_byte_255_before_a_packet_is_no_part_of_its_header(servo):
+    sent = bytearray(b"\xff" + FEETECH.answer(servo, 0, b"\x01\x02"))
+    assert FEETECH.take(sent, answers=True) == Packet(servo, 0, b"\x01\x02")
+
+
 @BOTH
 @given(place=st.integers(0, 200), bit=st.integers(0, 7))
 def test_a_packet_with_a_wrong_bit_is_never_taken_for_what_was_sent(protocol, place, bit):
