@@ -112,3 +112,6 @@ def test_the_simplest_of_ways_that_are_about_as_good_is_recommended():
         SimpleNamespace(model=MODEL), LIMITS, lambda way, _: desired + errors.get(way, 0.01)
     )
     assert found.recommended.way == "closed_form"
+    free = replace(MODEL, dead_band=0.0, v_offset=0.0)
+    found = candidates.compare(SimpleNamespace(model=free), LIMITS, lambda *_: desired)
+    assert [each.way for each in found.candidates] == list(WORDS)[:4]

@@ -120,12 +120,13 @@ def test_a_look_tells_the_angle_its_noise_and_how_long_whole_answers_take():
     odd = np.arange(LOOKS) % 2 == 1
     angles = np.column_stack([0.2 + 0.01 * odd, np.full(LOOKS, -0.3)])
     angles[3:7, 1] = np.nan  # lost
+    angles[20, 1] = 0.7  # once, of 46
     durations = np.where(np.isnan(angles[:, 1]), 0.9, np.where(odd, 0.003, 0.002))
     durations[10] = 0.008
     found, bus = looked(durations, angles)
     assert bus.pinged == [3, 4]
     assert found.angles == pytest.approx({"a": 0.205, "b": -0.3})
-    assert found.noise == pytest.approx({"a": 0.005, "b": 0.0})
+    assert found.noise == pytest.approx({"a": 0.005, "b": math.sqrt(45.0) / 46.0})
     # With a sync write of 20 bytes.
     assert found.tick_time == pytest.approx(np.median(durations[durations < 0.1]) + 200e-6)
     assert bus.patience == pytest.approx(2.0 * 0.008)

@@ -437,7 +437,8 @@ def test_joints_that_are_done_are_in_the_file_where_a_later_one_fails(
     run, fake_calibration, arm, tmp_path
 ):
     leg = ['[leg."front"]', 'urdf = "robot.urdf"', 'base = "body"', 'foot = "toe"']
-    arm.write_text("\n".join([ARM, *leg]) + "\n")
+    kept = ARM.replace("joint_1", "kept").replace("id = 1", "id = 3")
+    arm.write_text("\n".join([kept, ARM, *leg]) + "\n")
     ids = "joint_1=1,done=4,broken=2,later=3"
     result = run("calibrate", *BRIEF, "--ids", ids, "-o", "arm.toml")
     assert result.exit_code == 1
@@ -445,7 +446,7 @@ def test_joints_that_are_done_are_in_the_file_where_a_later_one_fails(
         "broken: does not follow; what was measured is in arm_logs; go on with --resume\n"
     )
     assert list(fake_calibration) == ["joint_1", "done"]
-    assert list(read_models(arm)) == list(read_servos(arm)) == ["joint_1", "done"]
+    assert list(read_models(arm)) == list(read_servos(arm)) == ["kept", "joint_1", "done"]
     for name, found in fake_calibration.items():
         assert read_models(arm)[name].v_max == pytest.approx(found.model.v_max)
         servo = read_servos(arm)[name]
@@ -460,6 +461,13 @@ def test_joints_that_are_done_are_in_the_file_where_a_later_one_fails(
     settings = {"joint_1": {}, "done": {}}
     CALIBRATE._write("new.toml", fake_calibration, servos, settings, choices)
     assert 'bus = "feetech"\nport = "/dev/ttyA"\n' in (tmp_path / "new.toml").read_text()
+
+
+@pytest.mark.parametrize("option", ["--joint nope", "--reverse nope", "--zero-tick nope=9"])
+def test_an_option_of_a_joint_that_has_no_servo_is_refused(run, option):
+    result = run("calibrate", *BRIEF, "--ids", "pan=1,lift=2", *option.split())
+    assert result.exit_code == 2
+    assert f"{option.split()[0]}: got nope, expected one of pan, lift." in result.stderr
 
 
 @pytest.mark.parametrize("answer", ["", "h"])
@@ -666,7 +674,7 @@ def test_a_row_belongs_to_the_request_at_whose_time_it_was_due():
 
 
 @pytest.mark.parametrize(
-    ("skipped", "lost", "warned"), [(0, 0, ""), (3, 0, "3 of"), (0, 1, "0 of")]
+    ("skipped", "lost", "warned"), [(0, 0, ""), (1, 0, "1 of"), (0, 1, "0 of")]
 )
 def test_a_path_is_played_at_its_own_rate_wherever_its_times_begin(
     run, arm, monkeypatch, tmp_path, skipped, lost, warned
@@ -674,7 +682,7 @@ def test_a_path_is_played_at_its_own_rate_wherever_its_times_begin(
     def perform(self, rows, *, period, cycles, keep):  # noqa: ARG001
         assert period == pytest.approx(0.02)
         assert self.names == ("joint_1",)
-        for number, row in enumerate(rows):
+        for number, row in enumerate(rows[skipped:]):
             keep(period * number, row, row + (np.nan if number < lost else 0.0))
         return Playback(sent=len(rows), skipped=skipped)
 
@@ -684,7 +692,9 @@ def test_a_path_is_played_at_its_own_rate_wherever_its_times_begin(
     file.write_text("t_s,joint_1_deg\n5.00,1\n5.02,2\n5.04,3\n")
     result = run("play", file, "--bus", "virtual", "--model", arm)
     assert result.exit_code == 0, result.stderr
-    words = f"{skipped} of 3 requests were not sent in time and {lost} of 3 angles were not read"
+    left = 3 - skipped
+    words = f"{skipped} of 3 requests were not sent in time and {lost} of {left} angles were not"
+    assert f"{left} rows of joint_1 in log.csv\nplayed: finished after" in result.stderr
     assert (words in result.stderr) == bool(warned)
     file.write_text("joint_1_deg\n1\n2\n")
     result = run("play", file, "--bus", "virtual", "--model", arm)
