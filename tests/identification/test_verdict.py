@@ -445,10 +445,11 @@ def test_a_parameter_at_the_edge_of_the_search_is_named_with_its_value(fitted):
 
 
 def test_motion_that_repeats_itself_is_not_taken_for_columns_that_are_exchanged():
-    for shape, exchanged in (("sine", False), ("swept", True)):
-        log = waves(shape, 2.0)
-        turned = changed(log, requests=log.angles, angles=log.requests)
-        grid = resampled([turned], tick=0.005, reach=1.0, burn_in=0.0)
+    """It is like the requests a part of a cycle later, too."""
+    log = waves("sine", 2.0)
+    turned = changed(log, requests=log.angles, angles=log.requests)
+    for each, exchanged in ((log, False), (turned, True)):
+        grid = resampled([each], tick=0.005, reach=1.0, burn_in=0.0)
         assert (exchanged_columns(grid) is not None) is exchanged
 
 
