@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import planner
-from planner.report import comparison, learning, plan, replay
+from planner.report import learning, plan, replay
 from planner.report.figure import Moments
 from planner.report.learning import AFTER, BEFORE, ERROR, EXECUTED, LEARNT, NEXT
 from planner.report.plotly_figure import MOST_FRAMES, numbers_over_time
@@ -116,19 +116,6 @@ def test_a_replay(replayed):
     assert kinds["request"][0] == pytest.approx(np.degrees(elbow.requests))
     assert kinds["predicted"][0] == pytest.approx(np.degrees(predicted))
     assert kinds["predicted"][1] is None
-
-
-def test_a_comparison():
-    check = planner.cross_check(JOINT, WALK.desired[::4, 1], names=["knee"], segments=4)
-    (joint,) = check.joints
-    ours, theirs = joint.plans["optimal"], joint.plans[comparison.SHOWN]
-    figure = comparison.joint_figure(check, joint, 0)
-    expected = [
-        {"desired": joint.desired, "closed form": theirs.predicted, "optimised": ours.predicted},
-        {"closed form": theirs.requests, "optimised": ours.requests},
-        {"difference": theirs.requests - ours.requests},
-    ]
-    same(drawn(figure, len(joint.desired)), expected)
 
 
 @pytest.mark.parametrize("samples", [10, MOST_FRAMES, 2 * MOST_FRAMES + 1])

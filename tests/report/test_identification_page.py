@@ -43,10 +43,6 @@ def several():
     return identification_page({"hip": made_up(), "knee": refused, "<gripper> & co": gripper})
 
 
-def test_the_same_identification_gives_the_same_page():
-    assert identification_page({"": made_up()}) == identification_page({"": made_up()})
-
-
 def test_a_model_that_a_pure_delay_beats_looks_like_one_that_does_not_fit():
     late = Alternative(name="delay", rms=0.003, held_out_rms=0.003, parameters={"delay": 0.1})
     page = identification_page({"": made_up(alternatives=(late,), verdict="worse than a delay")})
@@ -276,21 +272,6 @@ def test_the_time_of_a_log_begins_where_the_log_does():
     for panel, other in zip(own.panels, shifted.panels, strict=True):
         for curve, same in zip(panel.curves, other.curves, strict=True):
             np.testing.assert_allclose(same.x, curve.x, atol=1e-9)
-
-
-def test_units_stand_beside_the_titles_where_all_joints_have_the_same():
-    joints = [
-        Joint("hip", "hip", made_up(), "joint1_"),
-        Joint("gripper", "gripper", made_up(made_up_log(unit="1")), "joint2_"),
-        Joint("knee", "knee", never_saturated(), "joint3_"),
-    ]
-    table = joints_table(joints)
-    columns = {title.title: k for k, title in enumerate(table.columns)}
-    hip, gripper, knee = (row.cells for row in table.rows)
-    assert hip[columns["lag [ms]"]] == "32.00"
-    assert gripper[columns["rms error"]].endswith(" % of range")
-    assert hip[columns["rms error"]].endswith(" deg")
-    assert knee[columns["top speed v_max"]].startswith("≥ ")
 
 
 def test_the_table_of_six_joints_is_as_wide_as_the_page(browser, tmp_path):

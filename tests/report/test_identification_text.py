@@ -11,7 +11,7 @@ import pytest
 from planner.exceptions import InvalidFile
 from planner.files.joint_model import models_text, read_model_file
 from planner.identification.excitation import excite
-from planner.identification.result import Alternative, Finding, Interval
+from planner.identification.result import Alternative, Finding, Interval, Term
 from planner.model.evidence import Evidence
 from planner.model.joint import JointModel
 from planner.report.identification.text import (
@@ -355,6 +355,21 @@ def test_what_a_signal_would_determine_is_told_about_its_own_middle():
     assert "expected of a joint like hip.toml:" in lines
     assert lines[-2] == "dry friction: would not be determined"
     assert lines[-1].startswith("identify would warn: the joint never saturates")
+    right = made_up()
+    model = dataclasses.replace(right.model, dead_band=math.radians(0.5))
+    intervals = {**right.intervals, "lag": Interval(0.0, 0.1)}
+    for upper, told in (
+        (math.radians(0.75), "would determine the dead band to ± 0.25 deg"),
+        (math.inf, "would not distinguish a dead band from a static sag"),
+    ):
+        term = Term(name="dead_band", kept=True, rms_without=0.2, rms_with=0.1,
+                    interval=Interval(math.radians(0.4), upper))  # fmt: skip
+        found = made_up(model=model, intervals=intervals, terms=(term,))
+        lines = excitation_text(made, found, model="hip.toml").splitlines()
+        assert lines[0].endswith(": only roughly lag")
+        determined = [line.split()[0] for line in lines if " roughly " in line]
+        assert determined[1:] == ["lag"]
+        assert lines[-1] == f"dry friction: {told}"
 
 
 def test_a_model_file_without_the_details_of_its_test_is_read(tmp_path):
