@@ -6,7 +6,7 @@ import math
 
 
 def told(logs):
-    """All that logs say: a line for each, and then each note once."""
+    """All that logs say: a line for each, and one of their notes, each once."""
     lines = []
     for log in logs:
         unit, factor = ("deg", 180.0 / math.pi) if log.unit == "rad" else ("of the range", 1.0)
@@ -19,5 +19,5 @@ def told(logs):
         lines.append(
             f"{log.joint} [{unit}] {'; '.join(cells)}; {column}: {written} {scale:.6g} {shift:.6g}"
         )
-    lines += dict.fromkeys(note for log in logs for note in log.notes)
+    lines.append("; ".join(dict.fromkeys(note for log in logs for note in log.notes)))
     return "".join(f"  {line}\n" for line in lines)
