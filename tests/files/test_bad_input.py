@@ -54,6 +54,7 @@ JOINT_PATHS = {
 FOOT_PATHS = {
     "a missing axis": b"x_m,y_m\n1,2\n3,4\n",
     "mixed units": b"x_m,y_cm,z_m\n1,2,3\n4,5,6\n",
+    "uneven time": b"t_s,x_m,y_m,z_m\n0,1,2,3\n0.1,2,3,4\n0.3,3,4,5\n",
     "axes without a unit": b"x,y,z\n1,2,3\n3,4,5\n",
     "an axis in other units": b"x_metres,y_Inch,z_m\n1,2,3\n3,4,5\n",
     "an axis twice": b"x_m,x_cm,y_m,z_m\n1,2,3,4\n4,5,6,7\n",

@@ -68,9 +68,10 @@ READ = {
     "steps that are nearly even": b"t_ms,knee_deg\n0,1\n10,2\n19.91,3\n29.91,4\n",
     "dates": b"clock,knee_deg\n2026-11-23T10:04:00.000,1\n2026-11-23T10:04:00.020,2\n",
     "comments": b"# robot 3\n#t_s, knee_deg\n0,1\n# paused\n0.5,2\n",
+    "a length beside a joint": (b"height_m,knee_deg\n1,2\n3,4\n", ["knee"]),
     "metres": b"x_m,y_m,z_m\n1,2,3\n4,5,6\n",
     "centimetres": b"z_cm,note,x_cm,y_cm,t_s\n3,a,1,2,0\n6,b,4,5,0.5\n",
-    "millimetres": b"t_us,x_mm,y_mm,z_mm\n0,1,2,3\n2000,4,5,6\n",
+    "millimetres": b"t_us,x_mm,y_mm,z_mm\n0,1,2,3\n2000,4,5,6\n9000,7,8,9\n",
 }
 """What a file holds, and the joints to read."""
 
@@ -81,7 +82,11 @@ def test_a_path_is_what_its_columns_say(tmp_path, snapshot):
         content, joints = case if isinstance(case, tuple) else (case, [])
         file.write_bytes(content)
         table = read_table(file)
-        path = foot_path(table) if is_foot_path(table) else joint_path(table, joints=joints)
+        path = (
+            foot_path(table, even=False)
+            if is_foot_path(table)
+            else joint_path(table, joints=joints, even=False)
+        )
         values = vars(path).values()
         said.append(
             f"{name}: {[v.tolist() if isinstance(v, np.ndarray) else v for v in values][1:]}\n"

@@ -274,12 +274,15 @@ PER_RADIAN, MIDDLE = -163.0, 512.0
 """Counts of a potentiometer that is wired the wrong way round [1/rad], and at angle 0."""
 
 
-def _potentiometer(tmp_path, *, slow=True):
-    """A log of a hobby servo: pulses, and counts of a converter of ten bits."""
+def _potentiometer(tmp_path, *, slow=1.0):
+    """A log of a hobby servo: pulses, and counts of a converter of ten bits.
+
+    ``slow`` is the range of slow requests as a share of that of all, 0 for none.
+    """
     times = 0.02 * np.arange(1000)
-    triangle = 0.6 * np.interp(times % 12.0, [0.0, 3.0, 9.0, 12.0], [0.0, 1.0, -1.0, 0.0])
+    triangle = slow * 0.6 * np.interp(times % 12.0, [0.0, 3.0, 9.0, 12.0], [0.0, 1.0, -1.0, 0.0])
     steps = 0.6 * np.sign(np.sin(2.0 * np.pi * 0.9 * times))
-    requests = np.where((times < 12.0) & slow, triangle, steps)
+    requests = np.where((times < 12.0) & (slow > 0.0), triangle, steps)
     joint = planner.JointModel(
         v_max=4.0, theta_0=0.3, lag=0.02, acceleration_time=0.02, tick=0.02, dead_band=0.01
     )
@@ -292,15 +295,16 @@ def _potentiometer(tmp_path, *, slow=True):
     return file, requests, angles
 
 
-def test_the_scale_of_a_potentiometer_is_that_of_slow_requests_and_reported(tmp_path):
-    file, requests, angles = _potentiometer(tmp_path)
+@pytest.mark.parametrize("slow", [1.0, 0.51])
+def test_the_scale_of_a_potentiometer_is_that_of_slow_requests_and_reported(tmp_path, slow):
+    file, requests, angles = _potentiometer(tmp_path, slow=slow)
     log = _read(file, unit="requested=us,actual=counts")
     np.testing.assert_allclose(log.requests, requests, atol=EXACT)
-    # Half a count of rounding; a scale within 1 %.
-    np.testing.assert_allclose(log.angles, angles, atol=0.5 / 163.0 + 0.01 * 0.6)
+    # Half a count of rounding; a scale within 1 % of the range of slow requests.
+    np.testing.assert_allclose(log.angles, angles, atol=0.5 / 163.0 + 0.01 / slow * 0.6)
     (note,) = [each for each in log.notes if "a count of the actual angle" in each]
     per_count, zero = map(float, re.findall(r"(-?[\d.]+) (?:degrees|counts)", note))
-    assert per_count == pytest.approx(math.degrees(1.0 / PER_RADIAN), rel=0.01)
+    assert per_count == pytest.approx(math.degrees(1.0 / PER_RADIAN), rel=0.01 / slow)
     assert zero == pytest.approx(MIDDLE, abs=1.0)
 
 
@@ -332,9 +336,10 @@ def test_names_of_columns_say_pulses_and_counts(tmp_path):
 @pytest.mark.parametrize(
     ("unit", "slow", "message"),
     [
-        ("requested=us,actual=counts", False, "the scale of actual angles in counts does not show"),
-        ("counts", True, "requests in counts, whose scale is unknown"),
-        ("requested=counts,actual=us", True, "requests in counts"),
+        ("requested=us,actual=counts", 0.0, "the scale of actual angles in counts does not show"),
+        ("requested=us,actual=counts", 0.49, "slow requests, over 49% of their range; expected"),
+        ("counts", 1.0, "requests in counts, whose scale is unknown"),
+        ("requested=counts,actual=us", 1.0, "requests in counts"),
     ],
 )
 def test_counts_without_a_scale_are_refused(tmp_path, unit, slow, message):

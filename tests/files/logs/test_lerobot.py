@@ -95,7 +95,7 @@ def test_an_episode_has_the_task_of_its_own_rows(tmp_path):
     file = root / "data" / "chunk-000" / "file-000.parquet"
     numbers = [0] * (LENGTHS[0] - 1) + [1] * (LENGTHS[1] + 1)  # the last row has the next task
     parquet.write_table(_set(parquet.read_table(file), "task_index", numbers), file)
-    tasks = pa.table({"task_index": [0, 1], "task": ["lift", "drop"]})
+    tasks = pa.table({"task_index": [0, 1], "__index_level_0__": ["lift", "drop"]})
     parquet.write_table(tasks, root / "meta" / "tasks.parquet")
     found = [read_episode(place).task for place in lerobot_episodes(root, LogOptions())]
     assert found == ["lift", "drop", "lift"]
