@@ -42,6 +42,13 @@ def test_an_acceleration_without_a_limit_is_written_as_inf():
         Run.of({"model": {"joints": {"knee": {"max_acceleration": -1}}}})
 
 
+def test_standard_input_is_no_file_of_a_run_and_a_frame_may_be_called_like_it():
+    assert Run.of({"leg": {"base": "-"}}).leg.base == "-"
+    with pytest.raises(Unfit, match="a run reads no standard input"):
+        Run.of({"path": {"file": "-"}})
+    assert Run.of({"path": {"file": "-"}}, standard_input=True).path.file == "-"
+
+
 @pytest.mark.parametrize("content", re.findall(r"```toml\n(.*?)```", PAGE, re.DOTALL))
 def test_the_files_of_the_page_are_run_files(content):
     understand(Toml("page", content, tomllib.loads(content)), Run)
