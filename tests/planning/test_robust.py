@@ -269,8 +269,9 @@ def test_plan_takes_several_models_of_one_joint_or_of_each(identified):
     both = np.column_stack([SINE, 0.5 * SINE])
     made = plan([MODELS[:2], identified], both)
     assert [len(each.models) for each in made.inversions] == [2, 9]
-    with pytest.raises(InvalidInput, match="method 'optimal'"):
-        plan([MODELS[:2], ERS210A], both, method="closed_form")
+    for method in ("closed_form", "shift"):
+        with pytest.raises(InvalidInput, match="got several of a joint, which need method 'optim"):
+            plan([MODELS[:2], ERS210A], both, method=method)
 
 
 def test_every_model_is_judged_under_the_load_that_it_feels():
