@@ -178,7 +178,8 @@ def _curve(data: dict[str, object]) -> str:
         # What cancels is rounded to the size of what was added.
         least = 10.0 ** (np.floor(np.log10(size)) - 4) if size > 0.0 else 1.0
         shown = " ".join(f"{round(each / least) * least:.6g}" for each in sums)
-        words.append(f"{axis} {len(known)} {known.min():.4g} {known.max():.4g} {shown}")
+        gaps = f" gaps {len(values) - len(known)}" if len(values) > len(known) else ""
+        words.append(f"{axis} {len(known)}{gaps} {known.min():.4g} {known.max():.4g} {shown}")
     return " ".join(words)
 
 
