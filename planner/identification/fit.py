@@ -205,11 +205,8 @@ def with_observed_speed(fit: Fit) -> Fit:
 
 
 def with_speed_of(fit: Fit, speed: float) -> Fit:
-    """The fit with a top speed no lower than a joint was seen to move [rad/s]."""
-    lowest = JUST_ABOVE * speed
-    if fit.parameters.v_max >= lowest:
-        return fit
-    at = fit.parameters._replace(v_max=lowest)
+    """The fit with the top speed raised to one that a joint was seen to have [rad/s]."""
+    at = fit.parameters._replace(v_max=JUST_ABOVE * speed)
     raised = least_squares(
         fit.grid, at, free=fit.free & ~only("v_max"), starts=fit.starts, scale=fit.scale
     )
