@@ -362,6 +362,11 @@ def _short_feedback(k, state):
         state.feedback.positions = np.array([1.0])
 
 
+def _joint_twice(k, state):
+    if k == 2:
+        state.joint_names = ["hip", "hip"]
+
+
 def _missing_reading(k, state):
     if k == 2:
         state.feedback.positions[1] = np.nan
@@ -410,6 +415,7 @@ REFUSED = {
         {"joint": "hip"},
     ),
     "too few angles in a message": (_states(change=_short_feedback), {"joint": "hip"}),
+    "a joint twice in a message": (_states(change=_joint_twice), {"joint": "hip"}),
     "a repeated time": (_states(change=_repeated_time), {"joint": "hip"}),
 }
 """Bags, by function or as messages, and options with which they cannot be read."""
