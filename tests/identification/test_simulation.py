@@ -132,6 +132,6 @@ def test_after_a_gap_nothing_is_assumed_of_the_requests_before():
 def test_a_jump_away_and_back_is_a_glitch_and_motion_is_none(row, size, seed):
     log = rich_log(seed=seed, rows=100)
     assert not glitches(log.angles).any()
-    angles = log.angles.copy()
-    angles[row] += size
-    assert np.flatnonzero(glitches(angles)).tolist() == [row]
+    for way in (size, -size):
+        angles = log.angles + way * (np.arange(100) == row)
+        assert np.flatnonzero(glitches(angles)).tolist() == [row]
