@@ -141,9 +141,10 @@ def _around(figure: dict[str, Any]) -> list[str]:
         for each in layout.get("annotations", [])
     ]
     shades = [
-        f"shade {each['x0']:.4g} {each['x1']:.4g}"
+        f"shade {each[f'{axis}0']:.4g} {each[f'{axis}1']:.4g}"
         for each in layout.get("shapes", [])
-        if isinstance(each.get("x0"), float) and each.get("type") == "rect"
+        for axis in "xy"
+        if isinstance(each.get(f"{axis}0"), float) and each.get("type") == "rect"
     ]
     views = [
         f"view {name} {start:.4g} {end:.4g}"

@@ -211,6 +211,9 @@ def test_the_table_of_joints_has_each_number_under_its_own_title():
     titles = [column.title for column in table.columns]
     hip, knee = (dict(zip(titles, row.cells, strict=True)) for row in table.rows)
     assert (hip["dead band [deg]"], knee["dead band [deg]"]) == ("–", "0.573")
+    late = replace(made_up(), verdict="worse than a delay")
+    (row,) = joints_table([Joint("hip", "hip", late, "joint1_")]).rows
+    assert (row.cells[0], row.kind) == ("worse than a delay", "broken")
     for joint in hip, knee:
         assert joint["rms error [deg]"] == "0.219"
         assert joint["best delay [deg]"] == hip["best delay [deg]"] != "–"
