@@ -16,7 +16,7 @@ def table(**more):
     columns = (Column("knee", PARTS, joined="{0} / {1} ({2})"), Column("<words>", words=True))
     rows = (
         Row("L2", (("1.00\n± 0.1", "2.00", "−50 %"), "a & b"), "direct"),
-        Row("Linf", (("3.00", NOTHING, NOTHING), "five\nsix"), "direct", "beyond"),
+        Row("Linf", (("3.00\n± 0.2", NOTHING, NOTHING), "five\nsix"), "direct", "beyond"),
         Row("L2", (("4.00", "4.00", "0 %"), ""), "shift"),
     )
     return Table("what", columns, rows, **more)
@@ -31,13 +31,13 @@ def test_a_terminal_joins_the_parts_of_a_cell_and_puts_the_subject_first():
     lines = table().text().splitlines()
     assert re.split("  +", lines[0]) == ["what", "knee", "<words>"]
     assert re.split("  +", lines[1]) == ["direct, L2", "1.00 ± 0.1 / 2.00 (−50 %)", "a & b"]
-    assert re.split("  +", lines[2]) == ["direct, Linf", "3.00", "five (six)"]
+    assert re.split("  +", lines[2]) == ["direct, Linf", "3.00 ± 0.2", "five (six)"]
 
 
 def test_a_terminal_shows_a_subject_once_where_it_has_a_column():
     lines = table(apart=True).text().splitlines()
     assert re.split("  +", lines[1])[:2] == ["direct", "L2"]
-    assert lines[2].split() == ["Linf", "3.00", "five", "(six)"]
+    assert lines[2].split() == ["Linf", "3.00", "±", "0.2", "five", "(six)"]
     assert lines[3].startswith("shift")
 
 
