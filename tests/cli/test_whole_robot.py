@@ -112,6 +112,7 @@ def test_the_ers210a_needs_no_file(run):
     document = json.loads(result.stdout)
     assert [document["legs"][leg]["phase"] for leg in LEGS] == [0.25, 0.75, 0.0, 0.5]
     assert list(document["legs"]) == list(LEGS)
+    assert (document["pattern"], document["period_s"]) == ("walk", 0.008)
     planned = run("plan", "walk.csv", "-o", "requests.csv", "--json")
     assert planned.exit_code == 0, planned.stderr
     assert list(json.loads(planned.stdout)["legs"]) == list(LEGS)
