@@ -444,6 +444,14 @@ def test_a_parameter_at_the_edge_of_the_search_is_named_with_its_value(fitted):
         assert edges == [{"name": "lag", "value": last}] * count
 
 
+@pytest.mark.parametrize(("least", "told"), [(5.0, [{"most": 1.2}]), (0.0, [])])
+def test_a_threshold_is_told_to_be_less_than_the_least_gain_says(least, told, fitted):
+    fit, bounds, uncertainty = fitted
+    known = bounds | {"gain": Interval(least, np.inf), "v_max": Interval(5.0, 6.0)}
+    notes = judged((fit, known, uncertainty)).notes
+    assert [each.numbers for each in notes if each.topic == "threshold"] == told
+
+
 def test_motion_that_repeats_itself_is_not_taken_for_columns_that_are_exchanged():
     """It is like the requests a part of a cycle later, too."""
     log = waves("sine", 2.0)
