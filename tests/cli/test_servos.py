@@ -756,7 +756,7 @@ def test_ctrl_c_stops_a_motion_and_ends_a_record(run, arm, requests, monkeypatch
 def test_the_error_of_a_model_is_over_measured_rows_wherever_their_times_begin():
     model = JointModel(v_max=5.0, theta_0=0.2, lag=0.02, acceleration_time=0.02, tick=0.02)
     requests = 0.3 + 0.2 * np.sin(0.2 * np.arange(120))
-    angles = simulate(model, requests, cyclic=False, start=0.5)
+    angles = simulate(model, requests, cyclic=False, start=0.8)
     kept = np.flatnonzero(np.arange(120) % 7 != 3)  # requests lie nearly on lines in between
     measured = np.arange(len(kept)) % 5 != 2
     angles = np.where(measured, angles[kept] + 0.1 * (kept > 0), 3.0)
