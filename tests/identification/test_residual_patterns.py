@@ -12,7 +12,13 @@ import planner
 from planner.identification.findings import sentence
 from planner.identification.fit import fit_joint
 from planner.identification.grid import timing_of
-from planner.identification.residual_patterns import _contradictions, _ringing, contacts, stops
+from planner.identification.residual_patterns import (
+    _contradictions,
+    _drift,
+    _ringing,
+    contacts,
+    stops,
+)
 from planner.identification.result import LogFit
 from planner.identification.terms import with_calm_friction, with_terms
 from tests.identification.made import (
@@ -147,6 +153,16 @@ def test_contact_is_where_a_joint_rests_beside_its_model_in_a_few_of_many_places
     first, last = told.rows[[0, -1]]
     assert said.endswith(f": {50 * found} rows between {first} and {last}; these rows are left out")
     assert "in 1 place of rest the" in sentence(told._replace(places=1).note("arm", "why"), "rad")
+
+
+@pytest.mark.parametrize(
+    ("change", "rough", "said"), [(0.02, 0.001, 1), (0.004, 0.0005, 0), (0.02, 0.05, 0)]
+)
+def test_a_drift_is_more_than_the_noise_and_explains_a_part_of_the_residuals(change, rough, said):
+    rows = np.arange(200)
+    left = change * (rows / 199.0 - 0.5) + rough * (-1.0) ** rows
+    notes = _drift(seen(left, 0.0 * left), 0.001)
+    assert [(each.numbers["first"], each.numbers["last"]) for each in notes] == [(0, 199)] * said
 
 
 def test_logs_contradict_each_other_from_twice_the_spread_of_their_errors_on():
