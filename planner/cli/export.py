@@ -112,7 +112,7 @@ def _with_servos(export: Export, model: str, names: tuple[str, ...]) -> Export:
     if len(turns) > 1:
         several = ", ".join(f"{each:g}" for each in sorted(turns))
         raise InvalidFile(
-            model, f"servos of {several} ticks a turn, expected one; choose them with --joints"
+            model, f"servos of {several} ticks a turn, expected one; choose them with --joint"
         )
     return replace(
         export,

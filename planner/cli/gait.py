@@ -92,6 +92,8 @@ def gait(
             )
         _whole_robot(run, walk, pattern, period, output, as_json=as_json)
         return
+    if not fastest and "file" in run.model.keys_set:
+        raise click.UsageError("--model has no effect without --fastest or --pattern.")
     leg = load_leg(place)
     if fastest and leg is None:
         raise click.UsageError("--fastest needs a leg: name it with --leg.")

@@ -235,10 +235,10 @@ def misses(run: settings.Run, desired: Desired, plan: Plan) -> list[str]:
         for j, inversion in enumerate(plan.inversions):
             error, least = np.degrees([inversion.error, inversion.lower_bound])
             if error > tolerance.deg:
+                bound = f"; the lower bound for any requests is {least:.4g}"
                 found.append(
                     f"{desired.names[j]} is off by {error:.4g} {desired.unit(j)} ({norm}), "
-                    f"expected at most {tolerance.deg:g}; the lower bound for any requests is "
-                    f"{least:.4g}"
+                    f"expected at most {tolerance.deg:g}{'' if plan.task.load_of_pose else bound}"
                 )
     if tolerance.cm is not None:
         error = error_norm(100.0 * plan.distances, norm)

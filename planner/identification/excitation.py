@@ -264,7 +264,7 @@ def _heights(amplitudes: Sequence[float] | None, reach: float) -> tuple[float, .
                 f"amplitudes: got a step of {angle_text(amplitude)}, expected more than 0 and at "
                 f"most {angle_text(2.0 * reach)}, what the limits allow about the centre"
             )
-    if not amplitudes:
+    if not len(amplitudes):
         raise InvalidInput("amplitudes: got none, expected at least one [rad]")
     return tuple(float(amplitude) for amplitude in amplitudes)
 

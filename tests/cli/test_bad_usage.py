@@ -138,6 +138,7 @@ BAD = {
     "a tolerance of no search": "gait --leg front-left --tolerance-cm 1",
     "the fastest without a leg": "gait --fastest --tolerance-cm 1",
     "a pose of four legs": "gait --pattern trot --near front_left_knee=60",
+    "a model for no more than a path": "gait --leg front-left --model ers210a",
     "the fastest of four legs": "gait --pattern trot --fastest --tolerance-cm 1",
     "a view of requests by a method": "view foot.csv --leg front-left --requests r "
     "--method optimal",
