@@ -92,7 +92,9 @@ def test_steps_are_those_of_equation_1_about_the_centre():
 
 
 def test_no_step_is_higher_than_asked():
-    assert signal("steps", amplitudes=np.array([0.3, 0.1])).largest_jump == pytest.approx(0.3, abs=EQUAL)
+    assert signal("steps", amplitudes=np.array([0.3, 0.1])).largest_jump == pytest.approx(
+        0.3, abs=EQUAL
+    )
 
 
 def test_the_default_steps_reach_from_an_eighth_to_the_whole_of_the_range():
