@@ -222,7 +222,8 @@ CASES = {
         f"replay {each} --model tested.toml --fastest --tolerance-deg 2 -o /dev/null"
         for each in ("rough.csv --retime varying", "demo.csv --norm max --joint knee --json")
     ],
-    "replay-page": "replay demo.csv --model ers210a --speed 0.5 --report page.html -o out.csv",
+    "replay-page": "replay demo.csv --model ers210a --speed 0.5 --report page.html -o out.csv "
+    "--leg reference",
     "replay-rough": [
         "replay rough.csv --model from-log -o /dev/null",
         "replay rough.csv --model motor.toml --begin-s 0.9 --joint tail --limits-deg 160:250 "
