@@ -209,7 +209,7 @@ CASES = {
     ],
     "replay-again": "replay demo.csv --model tested.toml -o out.csv --report page.html",
     "replay-mixed": [
-        f"replay --model from-log --as lerobot -o planned --end-s 0.1 {each}"
+        f"replay --model ers210a --as lerobot -o planned --end-s 0.1 {each}"
         for each in (
             "path.csv demo_2.csv foot.csv requests.csv measured.csv measured_from_rest.csv "
             "loaded.csv stride.csv short_stride.csv played.csv rough.csv --workers 1",
@@ -225,10 +225,10 @@ CASES = {
     "replay-page": "replay demo.csv --model ers210a --speed 0.5 --report page.html -o out.csv "
     "--leg reference",
     "replay-rough": [
-        "replay rough.csv --model from-log -o /dev/null",
+        "replay rough.csv --model ers210a -o /dev/null",
         "replay rough.csv --model motor.toml --begin-s 0.9 --joint tail --limits-deg 160:250 "
         "--limits-deg tail=150:225 --tolerance-deg 0.1 --report page.html -o short.csv",
-        "replay rough.csv --model from-log --joint left_hand --joint tail --end-s 0.4 "
+        "replay rough.csv --model ers210a --joint left_hand --joint tail --end-s 0.4 "
         "--tolerance-deg 0.001 -o /dev/null",
     ],
     "replay-wrong": [
