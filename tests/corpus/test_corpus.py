@@ -135,9 +135,10 @@ CASES = {
     "plan-foot-load": f"plan short_stride.csv {NEAREST} --method foot-optimal --model soft.toml "
     "--load urdf --max-request-speed-deg-s 4000 -o out.csv",
     "plan-load": "plan loaded.csv --model motor.toml --load column --report page.html -o out.csv",
-    "plan-motor": "plan path.csv --model motor.toml --limits-deg -40:60 --report page.html "
-    "-o out.csv",
-    "plan-motor-json": "plan path.csv --model motor.toml --robust worst --max-step-deg 8 --json",
+    "plan-motor": "plan path.csv --model motor.toml --speed 0.5 --limits-deg -40:60 --report "
+    "page.html -o out.csv",
+    "plan-motor-json": "plan path.csv --model motor.toml --speed 0.5 --robust worst "
+    "--max-step-deg 8 --json",
     "plan-page": f"plan stride.csv {CLAMPED} --report page.html -o out.csv",
     "plan-pose": f"plan requests.csv {PERMUTED} --model soft.toml --load urdf-dynamics "
     "--method closed-form --segments 4 --no-cyclic --tolerance-deg 6 -o out.csv",
