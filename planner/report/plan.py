@@ -93,18 +93,19 @@ def plan_page(
     role = METHODS[method]
     parts = {name: plan.of_leg(leg) for name, leg in (legs or {}).items()}
     head, tail = verdict(plan, parts)
+    bounded = is_bounded(plan) and method != "foot-optimal"  # of a robot, too: its joints, by feet
     foot = foot_figures(plan, role)
     told: dict[str, Any] = {
         "norm": plan.task.norm,
         "robust": plan.task.robust,
         "no_bound": NO_BOUND if plan.task.load_of_pose else "",
-        "bounded": is_bounded(plan),
+        "bounded": bounded,
     }
     of_joints = {each.plan.names[each.column]: _over_models(each) for each in plan.inversions}
     of_foot = {"foot": _over_models(plan.of_foot)} if plan.of_foot else {}
     joints = {
         **told,
-        "table": joints_table(plan),
+        "table": joints_table(plan, bounded=bounded),
         "over_models": models_errors_table("joint", of_joints, "deg"),
         "known": any(expected_errors(plan)),
         "joints": [joint_figure(plan, role, j) for j in range(len(plan.names))],

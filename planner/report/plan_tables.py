@@ -110,9 +110,9 @@ def joint_rows(plan: Plan) -> list[JointRow]:
     return rows
 
 
-def joints_table(plan: Plan) -> Table:
-    """Errors, bounds, where there are any, speeds and limits of joints."""
-    bounded = is_bounded(plan)
+def joints_table(plan: Plan, *, bounded: bool = True) -> Table:
+    """Errors, bounds, where they are to be shown and there are any, speeds and limits of joints."""
+    bounded = bounded and is_bounded(plan)
     known = any(expected_errors(plan))
     is_shift = plan.method == "shift"
     columns = [
