@@ -128,15 +128,20 @@ BAD = {
 }
 
 
-def test_what_cannot_be_known_of_a_joint_is_refused(file, snapshot):
+def refusals(read, changes, file):
+    """What ``read`` says of the robot's file with each of some changes."""
     said = []
-    for name, change in BAD.items():
+    for name, change in changes.items():
         assert ROBOT.count(change[0]) == 1, name
         file.write_text(ROBOT.replace(*change))
         with pytest.raises(InvalidFile) as caught:
-            read_model_file(file)
+            read(file)
         said.append(f"{name}: {caught.value}\n".replace(str(file), "FILE"))
-    snapshot.check("models", "".join(said))
+    return "".join(said)
+
+
+def test_what_cannot_be_known_of_a_joint_is_refused(file, snapshot):
+    snapshot.check("models", refusals(read_model_file, BAD, file))
 
 
 BAD_LEGS = {
@@ -152,14 +157,7 @@ BAD_LEGS = {
 
 
 def test_a_leg_that_is_none_is_refused_with_its_line(file, snapshot):
-    said = []
-    for name, change in BAD_LEGS.items():
-        assert ROBOT.count(change[0]) == 1, name
-        file.write_text(ROBOT.replace(*change))
-        with pytest.raises(InvalidFile) as caught:
-            read_legs(file)
-        said.append(f"{name}: {caught.value}\n".replace(str(file), "FILE"))
-    snapshot.check("legs", "".join(said))
+    snapshot.check("legs", refusals(read_legs, BAD_LEGS, file))
 
 
 def test_joints_called_leg_and_port_are_joints(file):
