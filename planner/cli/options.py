@@ -12,7 +12,7 @@ import click
 
 from planner.cli import types
 from planner.cli.console import warn
-from planner.cli.declared import ANY, Declared, Unfit, tables
+from planner.cli.declared import ANY, About, Declared, Unfit, tables
 from planner.cli.faults import BadSetting, FailedCheck, Key, Remark
 from planner.cli.settings import Replay, Run
 
@@ -72,9 +72,6 @@ BY_JOINT = {
 }
 """For the keys that take values of single joints: the setting with the option."""
 
-SMOOTHING = ("plan.max_step_deg", "plan.max_request_speed_deg_s", "plan.smoothness")
-"""Settings of how smooth the requests are."""
-
 LEG = tuple(f"leg.{key}" for key in ("name", "urdf", "base", "foot", "lock", "near"))
 HALF_ELLIPSE = tuple(key for key in SETTINGS if key.startswith("path.half_ellipse."))
 EXPORT = tuple(key for key in SETTINGS if key.startswith("export."))
@@ -115,6 +112,8 @@ def settings(*keys: str, **helps: str) -> Callable[[Command], Command]:
         decorated: Command = with_settings
         for key in reversed(keys):
             own = helps.get(_parameter(key)) or helps.get(key.rpartition(".")[2], "")
+            if key.startswith("plan.") and "plan.method" not in keys:
+                own = own or _of_any_method(SETTINGS[key].about)
             decorated = _option(key, SETTINGS[key], own)(decorated)
         return decorated
 
@@ -124,6 +123,12 @@ def settings(*keys: str, **helps: str) -> Callable[[Command], Command]:
 def _parameter(key: str) -> str:
     """What a setting is called as an argument of a function."""
     return key.replace(".", "_")
+
+
+def _of_any_method(about: About) -> str:
+    """The help of a setting without the methods that it is of, for a command without a choice."""
+    words = about.help.partition(": ")[2] if about.only else about.help
+    return words[:1].upper() + words[1:]
 
 
 def _option(key: str, declared: Declared, of_command: str) -> Callable[[Command], Command]:

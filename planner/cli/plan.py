@@ -8,6 +8,7 @@ import click
 
 from planner.cli import options, types
 from planner.cli.console import Progress, deliver
+from planner.cli.settings import SMOOTHING
 
 if TYPE_CHECKING:
     from planner.cli.settings import Run
@@ -31,7 +32,7 @@ if TYPE_CHECKING:
     "plan.norm",
     "plan.solver",
     "plan.weights",
-    *options.SMOOTHING,
+    *SMOOTHING,
     "plan.robust",
     "limits.deg",
     "tolerance.deg",

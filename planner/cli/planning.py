@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -249,31 +248,6 @@ def misses(run: settings.Run, desired: Desired, plan: Plan) -> list[str]:
     return found
 
 
-def options_of(
-    given: settings.Plan, period: float, *, units: Mapping[str, float] | None = None
-) -> dict[str, Any]:
-    """What the settings say of the search, as :func:`planner.plan` takes it.
-
-    Args:
-        given: The settings.
-        period: Time between requests [s].
-        units: By joint what is a degree in the settings, in parts of the joint's unit; without it
-            all are angles [rad].
-    """
-    steps = [math.inf if given.max_step_deg is None else given.max_step_deg]
-    if given.max_request_speed_deg_s is not None:
-        steps.append(given.max_request_speed_deg_s * period)
-    degrees = min(steps)
-    return {
-        "norm": given.norm or "rms",
-        "max_step": math.radians(degrees)
-        if units is None
-        else {name: degrees / each for name, each in units.items()},
-        "smoothness": given.smoothness,
-        "robust": given.robust,
-    }
-
-
 def task_of(prepared: Prepared) -> Task:
     """What the settings ask of a plan; the torques of a load of the pose are not in it.
 
@@ -281,7 +255,7 @@ def task_of(prepared: Prepared) -> Task:
         PlannerError: They do not fit together.
     """
     given, desired, limits = prepared.settings.plan, prepared.desired, prepared.limits
-    options = options_of(given, desired.period)
+    options = given.options(desired.period)
     options |= {
         "cyclic": desired.cyclic,
         "load": None if callable(prepared.load) else prepared.load,

@@ -8,6 +8,7 @@ import click
 
 from planner.cli import options, types
 from planner.cli.console import Progress, deliver, warn
+from planner.cli.settings import SMOOTHING
 
 if TYPE_CHECKING:
     from planner.cli.settings import Run
@@ -36,7 +37,7 @@ if TYPE_CHECKING:
     "plan.norm",
     "plan.solver",
     "plan.weights",
-    *options.SMOOTHING,
+    *SMOOTHING,
     "limits.deg",
 )
 @click.option(

@@ -1,6 +1,7 @@
 """Every setting of a plan and its outputs: type, unit, range, default and meaning, in one place."""
 
 import math
+from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
 from planner.cli import types
@@ -308,7 +309,8 @@ class Plan(Settings):
         option="--solver",
     )
     max_step_deg: Positive | None = setting(
-        "Methods optimal and foot-optimal: largest change from one request to the next [deg].",
+        "Methods optimal and foot-optimal: largest change from one request to the next [deg, or "
+        "percent of the range].",
         default=None,
         only=OPTIMISED,
         otherwise="none",
@@ -374,6 +376,33 @@ class Plan(Settings):
         example="paper",
         option="--rule",
     )
+
+    def options(self, period: float, *, units: Mapping[str, float] | None = None) -> dict[str, Any]:
+        """What the settings say of the search, as :func:`planner.plan` takes it.
+
+        Args:
+            period: Time between requests [s].
+            units: By joint what is a degree in the settings, in parts of the joint's unit; without
+                it all are angles [rad].
+        """
+        steps = [math.inf if self.max_step_deg is None else self.max_step_deg]
+        if self.max_request_speed_deg_s is not None:
+            steps.append(self.max_request_speed_deg_s * period)
+        degrees = min(steps)
+        return {
+            "norm": self.norm or "rms",
+            "max_step": math.radians(degrees)
+            if units is None
+            else {name: degrees / each for name, each in units.items()},
+            "smoothness": self.smoothness,
+            "robust": self.robust,
+        }
+
+
+SMOOTHING = tuple(
+    f"plan.{name}" for name in ("max_step_deg", "max_request_speed_deg_s", "smoothness")
+)
+"""Settings of how smooth the requests are."""
 
 
 class Limits(Settings):

@@ -13,10 +13,10 @@ import numpy as np
 from planner.exceptions import NoSteadyCycle
 from planner.model.joint import JointModel, acting, request_ages
 from planner.model.response import motion_under
-from planner.planning.arguments import SMOOTHNESS
 from planner.planning.bounds.reachable_set import Level
 from planner.planning.plan import Plan
 from planner.planning.result import Inversion
+from planner.planning.task import SMOOTHNESS
 from planner.trajectory import Array
 
 

@@ -61,13 +61,6 @@ Instead of one model: a sequence of candidate models, nominal first, or an ident
 JointLimits = tuple[npt.ArrayLike, npt.ArrayLike] | Mapping[str, tuple[float, float]]
 """Smallest and largest request, as numbers or one of each joint, or pairs by joint."""
 
-SMOOTHNESS = 0.005
-"""Relative rise of the error that smoother requests may cost where nothing else is asked for [-].
-"""
-
-MOST_SMOOTHNESS = 1e6
-"""Largest rise that is taken [-]: requests that do not move at all are reached long before."""
-
 COLUMNS = "columns of desired"
 """What has an entry for each joint, in messages, where the joints have no leg."""
 
@@ -318,47 +311,6 @@ def of_each(
         return each.tolist() if shape is None else list(each)
     except (TypeError, ValueError) as error:
         raise InvalidInput(f"{what}: got {shown(given)}, expected {expected}") from error
-
-
-def steps_of_each(
-    max_step: npt.ArrayLike | Mapping[str, float] | None,
-    names: Sequence[str],
-    *,
-    joints: str = COLUMNS,
-) -> Array:
-    """Largest change of every joint's request [rad], shape (k,), inf where there is no limit.
-
-    Raises:
-        InvalidInput: They are not above 0, or not as many as there are joints.
-    """
-    expected = f"an angle above 0 [rad], or one for each of the {joints}"
-    given = of_each("max_step", max_step, names, expected=expected)
-    steps = [math.inf if step is None else as_number(step, infinite=True) for step in given]
-    for name, number, step in zip(names, steps, given, strict=True):
-        with about(name):
-            if not number > 0.0:
-                raise InvalidInput(
-                    f"max_step: got {shown(step)}, expected an angle above 0 [rad], the largest "
-                    "change from one request to the next; leave it out for no limit"
-                )
-    return np.array(steps)
-
-
-def checked_smoothness(smoothness: float | None) -> float:
-    """The relative rise of the error that smoother requests may cost [-].
-
-    Raises:
-        InvalidInput: It is no number from 0 to :data:`MOST_SMOOTHNESS`.
-    """
-    if smoothness is None:
-        return SMOOTHNESS
-    number = as_number(smoothness)
-    if not 0.0 <= number <= MOST_SMOOTHNESS:
-        raise InvalidInput(
-            f"smoothness: got {shown(smoothness)}, expected the share of the error that may be "
-            f"added, from 0 to {MOST_SMOOTHNESS:g}; 0.005 is half a per cent"
-        )
-    return number
 
 
 def checked_weights(weights: npt.ArrayLike) -> Array:

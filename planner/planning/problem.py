@@ -49,6 +49,7 @@ class Problem:
         norm: The error that counts.
         lower, upper: Limits on the requests [rad], shape (J,).
         max_step: Largest change from one request to the next [rad], shape (J,), inf for none.
+        smoothness: Relative rise of the shown error that smoother requests may cost [-].
         start: From rest: angles at which the joints rest before the plan [rad], shape (J,).
         first: From rest: the requests that hold them there [rad], shape (J,); by default those in
             the middle of the dead bands of the nominal models.
@@ -64,6 +65,7 @@ class Problem:
     upper: Array
     max_step: Array
     loads: tuple[Array | None, ...]
+    smoothness: float = 0.0
     foot: FootGoal | None = None
     cyclic: bool = True
     norm: Norm = "rms"
@@ -348,6 +350,7 @@ def problem_of(task: Task) -> Problem:
         lower=task.lower,
         upper=task.upper,
         max_step=task.max_step,
+        smoothness=task.smoothness,
         start=task.start,
         loads=tuple(loads),
     )

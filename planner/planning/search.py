@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
@@ -157,7 +157,6 @@ def robust_requests(
     requests: Array,
     *,
     robust: Literal["mean", "worst"],
-    smoothness: float,
     search: Sequence[Stage] = NARROW,
 ) -> Array:
     """Requests with a small error over all scenarios, from those of the nominal one on.
@@ -173,7 +172,6 @@ def robust_requests(
         requests: A plan for the nominal models [rad], shape (n, J). Without dead bands the answer's
             error over all scenarios is no larger than that of this plan.
         robust: Which error over the scenarios counts.
-        smoothness: Share of that error which smoother requests may cost.
         search: The stages, of which those with small corners are gone through.
 
     Raises:
@@ -206,7 +204,7 @@ def robust_requests(
             "optimised inversion", "no requests lead to a steady cycle of all models"
         )
     before = problem.exact_error(requests)
-    return smoothed(answer, best, smoothness=smoothness, at_most=before)
+    return smoothed(answer, best, at_most=before)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -261,9 +259,8 @@ def smoothed(
     problem: Problem,
     requests: Array,
     *,
-    smoothness: float,
     best: Array | None = None,
-    others: Sequence[Array] = (),
+    others: Iterable[Array] = (),
     at_most: float = math.inf,
 ) -> Array:
     """Smoother requests whose shown error is within what :func:`allowed_beside` says.
@@ -271,24 +268,22 @@ def smoothed(
     Args:
         problem: What is to be reached, and within which limits.
         requests: A good plan [rad], shape (n, J).
-        smoothness: Relative rise of the shown error that is allowed [-]; 0 leaves the requests
-            alone.
         best: Angles of the best plan [rad], (n, A), where that is not this one.
-        others: Requests [rad], (n, J), to start from as well where their error is allowed.
+        others: Requests [rad], (n, J), to start from as well where their error is allowed; they are
+            computed only where requests may be smoothed.
         at_most: Error that is not to be passed in any case.
 
     Returns:
-        The smoother requests, or the given ones.
+        The smoother requests, or the given ones: always with a smoothness of 0.
     """
+    smoothness = problem.smoothness
     if smoothness == 0.0:
         return requests
     angles = problem.exact_angles(requests)
     if angles is None:
         return requests
     found = judged(problem, angles)
-    allowed = allowed_beside(
-        problem, found if best is None else judged(problem, best), smoothness=smoothness
-    )
+    allowed = allowed_beside(problem, found if best is None else judged(problem, best))
     starts = [(State(requests, angles), found)]
     for other in others:
         reached = problem.exact_angles(other)
@@ -366,19 +361,18 @@ class Allowed(NamedTuple):
         return motion.shown <= self.shown or motion.error <= self.unseen
 
 
-def allowed_beside(problem: Problem, best: Judged, *, smoothness: float) -> Allowed:
+def allowed_beside(problem: Problem, best: Judged) -> Allowed:
     """What is allowed beside the best plan, (12b) of ``docs/math.md``.
 
     Args:
-        problem: What is to be reached.
+        problem: What is to be reached; with a smoothness of 0 nothing is allowed.
         best: The errors under the best requests.
-        smoothness: Relative rise of the shown error that is allowed [-]; with 0 nothing is.
     """
-    if smoothness == 0.0:
+    if problem.smoothness == 0.0:
         return Allowed(0.0, best.error)
     # where nearly the same motion follows from many requests, more is allowed
     many = problem.foot is not None or any(model.dead_band for model in problem.models)
-    return Allowed((1.0 + smoothness) * best.shown, best.unseen if many else 0.0)
+    return Allowed((1.0 + problem.smoothness) * best.shown, best.unseen if many else 0.0)
 
 
 def known_errors(models: Sequence[JointModel], angles: Array, *, cyclic: bool) -> Array:

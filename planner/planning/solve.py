@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from operator import itemgetter
 from typing import NamedTuple
@@ -139,24 +139,25 @@ def solve(
 
 def solve_joint(task: Task, *, solver: Solver = "gauss-newton") -> Solved:
     """The requests for one joint, (n, 1)."""
-    (models,), share, problem = task.models, task.smoothness, problem_of(task)
-    column, others, band = best_requests(problem, solver), [], models[0].dead_band
+    (models,), problem = task.models, problem_of(task)
+    column, band = best_requests(problem, solver), models[0].dead_band
     if task.start is not None and band and len(models) == 1:
-        problem, column = first_request_freed(problem, column, solver, share)
-    if band and share:
-        path = without_small_reversals(
-            problem.desired[:, 0], LEAST_REVERSAL * band, cyclic=task.cyclic
-        )
-        others = [best_requests(replace(problem, desired=path[:, np.newaxis]), solver)]
-    if share and math.isfinite(models[0].max_acceleration):
-        others.append(minimise(problem, initial_guess(problem), SMOOTH)[0])
-    column = smoothed(problem, column, smoothness=share, others=others)
+        problem, column = first_request_freed(problem, column, solver)
+
+    def others() -> Iterator[Array]:
+        if band:
+            path = without_small_reversals(
+                problem.desired[:, 0], LEAST_REVERSAL * band, cyclic=task.cyclic
+            )
+            yield best_requests(replace(problem, desired=path[:, np.newaxis]), solver)
+        if math.isfinite(models[0].max_acceleration):
+            yield minimise(problem, initial_guess(problem), SMOOTH)[0]
+
+    column = smoothed(problem, column, others=others())
     return _for_all_models(task, problem, column, NARROW)
 
 
-def first_request_freed(
-    problem: Problem, column: Array, solver: Solver, smoothness: float
-) -> tuple[Problem, Array]:
+def first_request_freed(problem: Problem, column: Array, solver: Solver) -> tuple[Problem, Array]:
     """The problem from rest with the first request that serves best, and the plan for it.
 
     Anywhere within the dead band it holds the joint at the start. Until it has left the window of
@@ -175,7 +176,7 @@ def first_request_freed(
     angles, best = problem.exact_angles(column), held.exact_angles(requests)
     if angles is None or best is None or error >= problem.error(angles):
         return problem, column
-    allowed = allowed_beside(problem, judged(problem, best), smoothness=smoothness)
+    allowed = allowed_beside(problem, judged(problem, best))
     return (problem, column) if allowed.by(judged(problem, angles)) else (held, requests)
 
 
@@ -403,7 +404,7 @@ def solve_foot(task: Task) -> Solved:
     """The requests for all joints of a leg, (n, k), from those for its joints one by one."""
     problem = problem_of(task)
     singly = [solve_joint(_alone(task, problem, j)).requests for j in range(len(task.names))]
-    problem, requests = foot_requests(problem, np.hstack(singly), smoothness=task.smoothness)
+    problem, requests = foot_requests(problem, np.hstack(singly))
     return _for_all_models(task, problem, requests, FOOT)
 
 
@@ -419,7 +420,6 @@ def _for_all_models(
         [task.loads_on(each) for each in task.scenarios],
         nominal,
         robust=task.robust or "mean",
-        smoothness=task.smoothness,
         search=search,
     )
     return Solved(robust, nominal)
@@ -429,17 +429,16 @@ def _alone(task: Task, problem: Problem, j: int) -> Task:
     """The task of one joint of a leg that should be where the problem of the foot has it."""
     nearest = np.ascontiguousarray(problem.desired[:, j : j + 1])
     return replace(
-        task.joint(j),
+        task.joint(j).unsmoothed,
         models=((task.nominal[j],),),
         desired=nearest,
         norm="rms",
         start=None if task.cyclic else nearest[0],
-        smoothness=0.0,
         disturbance=None,
     )
 
 
-def foot_requests(problem: Problem, singly: Array, *, smoothness: float) -> tuple[Problem, Array]:
+def foot_requests(problem: Problem, singly: Array) -> tuple[Problem, Array]:
     """The best requests found for the foot, (n, k), from the plans for its joints one by one.
 
     They come with the problem that they solve, in which joints may be held.
@@ -456,13 +455,11 @@ def foot_requests(problem: Problem, singly: Array, *, smoothness: float) -> tupl
         raise SolverFailed("optimised inversion of the foot", "no requests lead to a steady cycle")
     reached = problem.exact_angles(best)
     assert reached is not None, "the search's error is finite"
-    problem, best = with_stationary_joints(problem, best, reached, smoothness=smoothness)
-    return problem, smoothed(problem, best, best=reached, smoothness=smoothness)
+    problem, best = with_stationary_joints(problem, best, reached)
+    return problem, smoothed(problem, best, best=reached)
 
 
-def with_stationary_joints(
-    problem: Problem, found: Array, angles: Array, *, smoothness: float
-) -> tuple[Problem, Array]:
+def with_stationary_joints(problem: Problem, found: Array, angles: Array) -> tuple[Problem, Array]:
     """The plan with the joints at rest that need not move, if a robot shows no difference.
 
     A joint that stays where it is all along the path can still compensate for a little of the
@@ -472,7 +469,6 @@ def with_stationary_joints(
         problem: What the joints should do together.
         found: The requests of a good plan [rad], shape (n, k).
         angles: Its angles by the exact models [rad], shape (n, k).
-        smoothness: Relative rise of the shown error that is allowed [-].
 
     Returns:
         The problem with those joints held, and the plan for it; or what was given.
@@ -484,7 +480,7 @@ def with_stationary_joints(
     sharp = [stage for stage in FOOT if stage.radius < SIMULATED]
     answer, error = minimise(held, State(held.admissible(found), angles), sharp)
     reached = held.exact_angles(answer)
-    allowed = allowed_beside(problem, judged(problem, angles), smoothness=smoothness)
+    allowed = allowed_beside(problem, judged(problem, angles))
     as_good = error <= problem.error(angles) + SAME_ERROR
     if reached is not None and (as_good or allowed.by(judged(problem, reached))):
         return held, answer

@@ -33,17 +33,15 @@ from planner.planning.arguments import (
     checked_disturbance,
     checked_leg,
     checked_limits,
-    checked_smoothness,
     checked_weights,
     joint_names,
     joints_of,
     limits_of_each,
     models_of_joints,
     of_each,
-    steps_of_each,
 )
 from planner.trajectory import Array, Mask, as_rows, as_trajectory, check_radians, error_norm, steps
-from planner.validation import as_flag, as_positive, check_choice, freeze
+from planner.validation import as_flag, as_number, as_positive, check_choice, freeze, shown
 
 if TYPE_CHECKING:
     from kinematics.leg import Leg
@@ -51,6 +49,13 @@ if TYPE_CHECKING:
 Scenarios = tuple[tuple[JointModel, ...], ...]
 """Models of joints that are planned together, the nominal ones first: in each scenario one for
 each joint."""
+
+SMOOTHNESS = 0.005
+"""Relative rise of the error that smoother requests may cost where nothing else is asked for [-].
+"""
+
+MOST_SMOOTHNESS = 1e6
+"""Largest rise that is taken [-]: requests that do not move at all are reached long before."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -405,6 +410,47 @@ class Task:
                 f"{angle_text(least, most, spelt=True)} where the limits on the requests let the "
                 f"joint rest; {remedy}, or widen the limits"
             )
+
+
+def steps_of_each(
+    max_step: npt.ArrayLike | Mapping[str, float] | None,
+    names: Sequence[str],
+    *,
+    joints: str = COLUMNS,
+) -> Array:
+    """Largest change of every joint's request [rad], shape (k,), inf where there is no limit.
+
+    Raises:
+        InvalidInput: They are not above 0, or not as many as there are joints.
+    """
+    expected = f"an angle above 0 [rad], or one for each of the {joints}"
+    given = of_each("max_step", max_step, names, expected=expected)
+    steps = [math.inf if step is None else as_number(step, infinite=True) for step in given]
+    for name, number, step in zip(names, steps, given, strict=True):
+        with about(name):
+            if not number > 0.0:
+                raise InvalidInput(
+                    f"max_step: got {shown(step)}, expected an angle above 0 [rad], the largest "
+                    "change from one request to the next; leave it out for no limit"
+                )
+    return np.array(steps)
+
+
+def checked_smoothness(smoothness: float | None) -> float:
+    """The relative rise of the error that smoother requests may cost [-].
+
+    Raises:
+        InvalidInput: It is no number from 0 to :data:`MOST_SMOOTHNESS`.
+    """
+    if smoothness is None:
+        return SMOOTHNESS
+    number = as_number(smoothness)
+    if not 0.0 <= number <= MOST_SMOOTHNESS:
+        raise InvalidInput(
+            f"smoothness: got {shown(smoothness)}, expected the share of the error that may be "
+            f"added, from 0 to {MOST_SMOOTHNESS:g}; 0.005 is half a per cent"
+        )
+    return number
 
 
 _BY_JOINT = ("names", "models", "lower", "upper", "max_step")

@@ -39,9 +39,8 @@ WORDS = {
     "heading_deg": ("heading", "deg"),
     "period_s": ("period", "s"),
     "speed": ("speed", "times"),
-    "smoothness": ("smoothness", ""),
 }
-"""What a parameter is called, and its unit."""
+"""What a parameter is called where not by its key, and its unit."""
 
 MOST_REASONS = 20
 """Reasons that are listed, of points without a plan."""
@@ -80,6 +79,11 @@ class Outcome:
     def planned(self) -> bool:
         """Whether there is a plan."""
         return math.isfinite(self.error)
+
+
+def _words(name: str) -> tuple[str, str]:
+    """What a parameter is called, and its unit."""
+    return WORDS.get(name, (name, ""))
 
 
 @dataclass(frozen=True)
@@ -230,7 +234,7 @@ def sizes(swept: Swept, outcome: Outcome) -> str:
 def words_of(swept: Swept, outcome: Outcome) -> str:
     """The parameters of a point."""
     return ", ".join(
-        f"{WORDS[name][0]} {value:.4g} {WORDS[name][1]}".rstrip()
+        f"{_words(name)[0]} {value:.4g} {_words(name)[1]}".rstrip()
         for name, value in zip(swept.names, outcome.point, strict=True)
     )
 
@@ -259,9 +263,12 @@ def _commands(swept: Swept) -> str:
 
 def points_table(swept: Swept, outcomes: Sequence[Outcome]) -> Table:
     """Points with their parameters, speeds and errors."""
-    units = [f" [{unit}]" if unit else "" for _, unit in (WORDS[name] for name in swept.names)]
+    units = [f" [{unit}]" if unit else "" for _, unit in (_words(name) for name in swept.names)]
     columns = [
-        *(Column(f"{WORDS[name][0]}{unit}") for name, unit in zip(swept.names, units, strict=True)),
+        *(
+            Column(f"{_words(name)[0]}{unit}")
+            for name, unit in zip(swept.names, units, strict=True)
+        ),
         Column(f"speed [{swept.speed_unit}]"),
         Column(f"error [{swept.error_unit}]"),
         Column("without a plan"),
@@ -337,7 +344,7 @@ def parameter_figures(swept: Swept) -> list[Figure]:
     speeds, _ = _columns(swept.front)
     figures = []
     for j, name in enumerate(swept.names):
-        words, unit = WORDS[name]
+        words, unit = _words(name)
         values = np.array([each.point[j] for each in swept.front])
         curves = tuple(
             Curve(FOOT_OPTIMAL, speeds, values, "Pareto front", marks=marks)

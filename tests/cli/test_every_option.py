@@ -183,6 +183,7 @@ CASES = {
                 "--norm max": "--end-s 0.3",
                 "--solver ipopt": "--end-s 0.3",
                 "--max-step-deg 1": "",
+                "--max-request-speed-deg-s 30": "",
                 "--smoothness 0.3": "",
                 "--fastest": "--tolerance-deg 9",
                 "--tolerance-deg 0.01": "",

@@ -10,7 +10,7 @@ import planner
 from planner.approximation.fit import choices
 from planner.evaluation.reproduction import reproduce
 from planner.evaluation.virtual_experiment import play_experiment
-from planner.planning.arguments import checked_smoothness
+from planner.planning.task import checked_smoothness
 
 BOUND = {"cyclic": True, "norm": "rms", "level": "envelope"}
 

@@ -68,7 +68,7 @@ def test_several_models_without_a_cycle_at_first_begin_at_the_desired_angles(mon
 
     monkeypatch.setattr("planner.planning.search.minimise", stop)
     monkeypatch.setattr("planner.planning.problem.Problem.exact_angles", lambda *_: None)
-    robust_requests(problem, others, [(None,)] * 2, problem.resting, robust="mean", smoothness=0.0)
+    robust_requests(problem, others, [(None,)] * 2, problem.resting, robust="mean")
     np.testing.assert_array_equal(begins[0].angles, np.column_stack([desired, desired]))
 
 
@@ -96,9 +96,7 @@ def test_the_worst_error_is_smoothed_with_the_weights_under_which_it_was_least(m
     monkeypatch.setattr(
         "planner.planning.search.smoothed", lambda each, made, **_: given.append(each) or made
     )
-    robust_requests(
-        problem, scenarios, [(None,)] * 3, problem.resting, robust="worst", smoothness=0.1
-    )
+    robust_requests(problem, scenarios, [(None,)] * 3, problem.resting, robust="worst")
     even = problem.in_scenarios(scenarios, [(None,)] * 3, "worst")
     for (weights, column, _), (others, _, _) in pairwise(seen):
         product = weights * even.errors_of_models(even.exact_angles(column))
@@ -122,13 +120,13 @@ def test_of_all_rounds_of_weights_the_best_answer_is_smoothed(monkeypatch):
         "planner.planning.search.smoothed",
         lambda each, made, **options: given.append((each.weights, options)) or made,
     )
-    options = {"robust": "worst", "smoothness": 0.1}
+    options = {"robust": "worst"}
     made = robust_requests(problem, scenarios, [(None,)] * 3, problem.resting, **options)
     np.testing.assert_allclose(made, problem.resting + 0.03)
     ((weights, options),) = given
     assert weights == seen[2][0]
     even = problem.in_scenarios(scenarios, [(None,)] * 3, "worst")
-    assert options == {"smoothness": 0.1, "at_most": even.exact_error(problem.resting)}
+    assert options == {"at_most": even.exact_error(problem.resting)}
     radii = [stage.radius for stage in NARROW if stage.radius <= 0.2]
     assert [each for _, each in seen] == [radii] + [radii[-3:]] * 6
 
@@ -199,13 +197,13 @@ def test_more_is_allowed_where_nearly_the_same_motion_follows_from_many_requests
     sticky = track(replace(ERS210A, dead_band=0.01), desired, cyclic=True)
     foot, _ = foot_problem()
     for problem, unseen in ((plain, 0.0), (sticky, 0.05), (foot, 0.05)):
-        allowed = allowed_beside(problem, best, smoothness=0.1)
+        allowed = allowed_beside(replace(problem, smoothness=0.1), best)
         assert allowed.shown == pytest.approx(1.1 * 0.5)
         assert allowed.unseen == unseen
-        none = allowed_beside(problem, best, smoothness=0.0)
+        none = allowed_beside(replace(problem, smoothness=0.0), best)
         assert none.by(best)
         assert not none.by(best._replace(error=0.3001))
-    allowed = allowed_beside(sticky, best, smoothness=0.1)
+    allowed = allowed_beside(replace(sticky, smoothness=0.1), best)
     assert allowed.by(Judged(0.37, 0.2, 0.4, 0.05))  # hypot(0.37, 0.4) is 0.545
     assert not allowed.by(Judged(0.39, 0.2, 0.4, 0.05))
     assert allowed.by(Judged(0.04, 0.2, 2.0, 0.05))
@@ -221,13 +219,13 @@ def test_the_smoothest_of_several_beginnings_is_taken_of_those_that_are_allowed(
     shaken = best + 1e-3 * np.random.default_rng(0).normal(size=best.shape)
 
     def made(requests, *others):
-        return smoothed(problem, requests, smoothness=0.005, others=others)
+        return smoothed(replace(problem, smoothness=0.005), requests, others=others)
 
     assert problem.roughness(made(shaken, smooth)) <= problem.roughness(smooth)
     for other in (far, np.full_like(best, np.mean(best))):
         np.testing.assert_array_equal(made(best, other), made(best))
     # Where no step is allowed, the smoothest of what was given is left.
-    kept = smoothed(problem, best, smoothness=0.1, others=[smooth], at_most=0.0)
+    kept = smoothed(replace(problem, smoothness=0.1), best, others=[smooth], at_most=0.0)
     np.testing.assert_array_equal(kept, smooth)
 
 
@@ -237,7 +235,7 @@ def test_where_smoothing_meets_a_smaller_error_its_share_is_of_that():
     plan = invert_optimal(ERS210A, joint.desired, smoothness=0.0)
     shaken = plan.requests + 0.05 * np.random.default_rng(0).normal(size=88)
     problem = track(ERS210A, joint.desired, cyclic=True)
-    made = smoothed(problem, shaken[:, np.newaxis], smoothness=0.005)
+    made = smoothed(replace(problem, smoothness=0.005), shaken[:, np.newaxis])
     assert problem.exact_error(shaken[:, np.newaxis]) > 1.01 * plan.rms
     assert problem.exact_error(made) <= 1.006 * plan.rms
 
@@ -270,7 +268,9 @@ def test_smoothing_keeps_the_share_of_the_best_plan_where_that_is_another():
     late = (plan.requests + 0.05 * np.random.default_rng(0).normal(size=88))[:, np.newaxis]
     best = plan.predicted[:, np.newaxis]
     assert problem.exact_error(late) > 1.01 * problem.error(best)
-    np.testing.assert_array_equal(smoothed(problem, late, smoothness=0.005, best=best), late)
-    more = smoothed(problem, late, smoothness=0.05, best=best)
+    np.testing.assert_array_equal(
+        smoothed(replace(problem, smoothness=0.005), late, best=best), late
+    )
+    more = smoothed(replace(problem, smoothness=0.05), late, best=best)
     assert problem.exact_error(more) <= 1.05 * problem.error(best)
     assert problem.roughness(more) < problem.roughness(late)

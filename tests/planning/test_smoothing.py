@@ -109,7 +109,7 @@ def test_more_smoothness_never_gives_rougher_requests_and_none_switches_it_off()
     errors = [plan.rms for plan in plans]
     assert errors == sorted(errors)
     problem = track(ERS210A, joint.desired, cyclic=True)
-    assert smoothed(problem, problem.resting, smoothness=0.0) is problem.resting
+    assert smoothed(replace(problem, smoothness=0.0), problem.resting) is problem.resting
 
 
 def test_errors_that_an_encoder_hardly_shows_are_not_bought_by_rough_requests():
@@ -145,7 +145,7 @@ def test_smoother_requests_never_pass_the_error_that_is_not_to_be_passed(cyclic)
     problem = track(ERS210A, joint.desired, cyclic=cyclic, start=start)
     requests = plan.requests[:, np.newaxis]
     given = problem.exact_error(requests)
-    smoother = smoothed(problem, requests, smoothness=0.1, at_most=1.0001 * given)
+    smoother = smoothed(replace(problem, smoothness=0.1), requests, at_most=1.0001 * given)
     assert problem.exact_error(smoother) <= 1.0001 * given + ROUNDING
     assert problem.roughness(smoother) < problem.roughness(requests)
 
@@ -154,7 +154,7 @@ def test_smoother_requests_never_pass_the_error_that_is_not_to_be_passed(cyclic)
 @pytest.mark.parametrize("desired", [0.0, 0.7], ids=["at zero", "elsewhere"])
 def test_what_does_not_change_is_left_alone(desired, norm):
     problem = track(ERS210A, np.full(20, desired), cyclic=True, norm=norm)
-    smoother = smoothed(problem, problem.resting, smoothness=0.005)
+    smoother = smoothed(replace(problem, smoothness=0.005), problem.resting)
     np.testing.assert_array_equal(smoother, problem.resting)
 
 
@@ -162,7 +162,7 @@ def test_requests_without_a_cycle_are_left_alone(monkeypatch):
     monkeypatch.setattr("planner.model.response.MOST_CYCLES", 2)
     problem = track(ERS210A, np.zeros(88), cyclic=True)
     requests = np.repeat([-1e3, 1e3], [43, 45])[:, np.newaxis]
-    assert smoothed(problem, requests, smoothness=0.005) is requests
+    assert smoothed(replace(problem, smoothness=0.005), requests) is requests
 
 
 def test_plans_of_ipopt_are_smoothed():

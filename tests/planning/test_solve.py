@@ -103,8 +103,8 @@ def test_a_share_of_a_measured_disturbance_replaces_what_models_were_known_to_mi
 def test_models_in_scenarios_get_the_loads_that_they_feel(monkeypatch):
     given = []
 
-    def record(_, scenarios, loads, requests, **options):
-        given.append((scenarios, loads, options))
+    def record(problem, scenarios, loads, requests, **options):
+        given.append((scenarios, loads, options | {"smoothness": problem.smoothness}))
         return requests
 
     monkeypatch.setattr(searches, "robust_requests", record)
@@ -205,7 +205,7 @@ def test_of_two_searches_for_the_largest_error_of_a_foot_the_better_one_is_taken
         searches, "with_stationary_joints", lambda same, best, *_, **__: (same, best)
     )
     monkeypatch.setattr(searches, "smoothed", lambda _, requests, **__: requests)
-    _, requests = searches.foot_requests(problem, DESIRED, smoothness=0.0)
+    _, requests = searches.foot_requests(problem, DESIRED)
     np.testing.assert_allclose(requests - DESIRED, 0.1)
 
 
@@ -286,19 +286,15 @@ NOISY = SLOW + 0.004 * (-1.0) ** np.arange(40)
 
 
 @pytest.mark.parametrize(
-    ("model", "smoothness", "starts"),
+    ("model", "starts"),
     [
-        (ERS210A, 0.02, []),
-        (LIMITED, 0.02, ["smooth"]),
-        (LIMITED, 0.0, []),
-        (STICKY, 0.02, ["calm"]),
-        (STICKY, 0.0, []),
-        (replace(STICKY, max_acceleration=400.0), 0.02, ["calm", "smooth"]),
+        (ERS210A, []),
+        (LIMITED, ["smooth"]),
+        (STICKY, ["calm"]),
+        (replace(STICKY, max_acceleration=400.0), ["calm", "smooth"]),
     ],
 )
-def test_smoothing_starts_from_a_calmer_path_and_from_smooth_stages_too(
-    monkeypatch, model, smoothness, starts
-):
+def test_smoothing_starts_from_a_calmer_path_and_from_smooth_stages_too(monkeypatch, model, starts):
     """The first with dry friction, the second where the acceleration is limited."""
     given, solvers = [], []
 
@@ -306,8 +302,8 @@ def test_smoothing_starts_from_a_calmer_path_and_from_smooth_stages_too(
         solvers.append(solver)
         return problem.desired + 1.0
 
-    def smooth(_, requests, **options):
-        given.append((requests, options))
+    def smooth(problem, requests, *, others):
+        given.append((problem.smoothness, requests, list(others)))
         return requests
 
     def stages(problem, _, used):
@@ -317,18 +313,18 @@ def test_smoothing_starts_from_a_calmer_path_and_from_smooth_stages_too(
     monkeypatch.setattr(searches, "best_requests", best)
     monkeypatch.setattr(searches, "minimise", stages)
     monkeypatch.setattr(searches, "smoothed", smooth)
-    task = Task.of([model], NOISY, names=("",), smoothness=smoothness)
+    task = Task.of([model], NOISY, names=("",), smoothness=0.02)
     made = searches.solve_joint(task, solver="ipopt")
-    ((requests, options),) = given
+    ((smoothness, requests, others),) = given
     np.testing.assert_array_equal(requests, task.desired + 1.0)
     np.testing.assert_array_equal(made.requests, requests)
-    assert (made.nominal, options["smoothness"]) == (None, smoothness)
+    assert (made.nominal, smoothness) == (None, 0.02)
     assert solvers == ["ipopt"] * (1 + ("calm" in starts))
     calm = searches.without_small_reversals(NOISY, 0.2 * 0.05, cyclic=True)
     assert np.max(np.abs(calm - NOISY)) > 1e-3
     expected = {"calm": calm[:, np.newaxis] + 1.0, "smooth": task.desired + 2.0}
-    assert len(options["others"]) == len(starts)
-    for other, start in zip(options["others"], starts, strict=True):
+    assert len(others) == len(starts)
+    for other, start in zip(others, starts, strict=True):
         np.testing.assert_array_equal(other, expected[start])
 
 

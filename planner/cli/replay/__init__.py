@@ -13,6 +13,7 @@ import click
 from planner.cli import options, types
 from planner.cli.console import Progress, deliver, remark, warn
 from planner.cli.identify import log_options, to_log_options
+from planner.cli.settings import SMOOTHING
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -37,8 +38,7 @@ if TYPE_CHECKING:
     "plan.load",
     "plan.norm",
     "plan.solver",
-    "plan.max_step_deg",
-    "plan.smoothness",
+    *SMOOTHING,
     "replay.fastest",
     "tolerance.deg",
     "tolerance.cm",
@@ -53,11 +53,6 @@ if TYPE_CHECKING:
     load="Torque on the joints: gravity by the masses of the URDF, or all of its dynamics; without "
     "it that of the logs counts.",
     limits_deg="Range of the requests [deg, or percent of the range], of all joints or one.",
-    norm="The error to make small.",
-    solver="Our own solver, or one of CasADi's with the same problem.",
-    max_step_deg="Largest change from one request to the next [deg, or percent of the range].",
-    smoothness="Share by which smoother requests may raise the error that the robot would show, of "
-    "plan and model together (an encoder's step of 0.088 degrees at least); 0 for none.",
 )
 @partial(log_options, without=["joint"])
 @options.output_or_folder

@@ -14,7 +14,6 @@ from planner.cli import settings
 from planner.cli.desired import find_leg, load_leg
 from planner.cli.faults import BadSetting, Key
 from planner.cli.loads import with_load
-from planner.cli.planning import options_of
 from planner.cli.replay.models import JointModels, first_logs, joint_models
 from planner.files.logs.lerobot import find_dataset
 from planner.files.logs.recordings import Recording
@@ -135,7 +134,7 @@ class ReplayTask:
         """What :func:`planner.plan` takes beside models, path and limits."""
         given, units = self.given.plan, {each.name: UNITS[each.unit][1] for each in path.planned}
         solver = {"solver": given.solver or "gauss-newton"}
-        return options_of(given, path.period, units=units) | solver
+        return given.options(path.period, units=units) | solver
 
 
 def tasks_of(

@@ -24,7 +24,8 @@ from planner.model.joint import (
     request_ages_of_all,
     weights_by_tick,
 )
-from planner.planning.arguments import checked_limits, limits_of_each, steps_of_each
+from planner.planning.arguments import checked_limits, limits_of_each
+from planner.planning.task import steps_of_each
 from planner.trajectory import LARGEST, MOST_TURNS, TURN, Array, not_radians, turns_words
 from planner.validation import as_reals, as_whole, check_choice, shown
 
