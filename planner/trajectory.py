@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -204,3 +204,31 @@ def relative_gap(error: float, bound: float) -> float:
     if bound > 0.0:
         return error / bound - 1.0
     return math.inf if error > 0.0 else 0.0
+
+
+class Distance(NamedTuple):
+    """How far two trajectories are apart, in the unit of the trajectories.
+
+    Attributes:
+        rms: Root mean square over the samples: the paper's L2.
+        max: Largest over the samples: the paper's Linf.
+    """
+
+    rms: float
+    max: float
+
+    def in_units_of(self, unit: float) -> Distance:
+        """The same distance where ``unit`` counts as 1: ``math.radians(1)`` for degrees."""
+        return Distance(self.rms / unit, self.max / unit)
+
+
+def angle_distance(angles: Array, desired: Array) -> Distance:
+    """Distance between two angle trajectories of one joint [rad], both (n,) (paper, Section 5)."""
+    apart = angles - desired
+    return Distance(rms(apart), float(np.max(np.abs(apart))))
+
+
+def foot_distance(positions: Array, desired: Array) -> Distance:
+    """Distance between two foot paths [m], both (n, 3): of the Euclidean distances at each time."""
+    distances = np.linalg.norm(positions - desired, axis=1)
+    return Distance(rms(distances), float(np.max(distances)))

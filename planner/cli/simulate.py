@@ -53,10 +53,10 @@ def simulate(
 
     from planner.cli.desired import load_joints, refused_models, repeats, starts_of
     from planner.cli.models import model_words, verdict_document
-    from planner.evaluation.metrics import angle_distance
     from planner.files.paths import write_joint_path
     from planner.model.evidence import Expectation, expectation, untested_words
     from planner.model.response import simulate as simulate_joint
+    from planner.trajectory import angle_distance
 
     given = load_joints(requests, run)
     path = None if desired is None else _desired(desired, given)

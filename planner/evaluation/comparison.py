@@ -32,7 +32,6 @@ from planner.evaluation.checks import (
     no_worse_checks,
     second_answer,
 )
-from planner.evaluation.metrics import Distance, angle_distance
 from planner.model.evidence import ENCODER_STEP
 from planner.model.joint import JointModel
 from planner.planning.arguments import Norm
@@ -44,7 +43,7 @@ from planner.planning.plan import Plan
 from planner.planning.result import FootInversion, Inversion
 from planner.planning.search import known_errors
 from planner.planning.task import axis_scales
-from planner.trajectory import Array, error_norm, relative_gap, rms
+from planner.trajectory import Array, Distance, angle_distance, error_norm, relative_gap, rms
 
 METHODS: Mapping[str, str] = {
     "closed_form_paper": "closed form, paper's rule",

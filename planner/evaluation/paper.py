@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from planner.evaluation.metrics import Distance
+from planner.trajectory import Distance
 
 JOINTS = ("rotator", "abductor", "knee")
 

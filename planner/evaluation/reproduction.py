@@ -11,7 +11,6 @@ from functools import cached_property
 import numpy as np
 
 from planner.evaluation.checks import beyond_limits
-from planner.evaluation.metrics import Distance, angle_distance, foot_distance
 from planner.evaluation.paper import JOINTS, SEGMENTS, STEP_AMPLITUDES, deviations
 from planner.gait.half_ellipse import ReferenceWalk, reference_walk
 from planner.identification.excitation import step_test
@@ -21,7 +20,7 @@ from planner.planning.closed_form import invert_closed_form
 from planner.planning.inversion import invert_foot, invert_optimal
 from planner.planning.line_inverse import Rule
 from planner.planning.result import FootInversion, Inversion
-from planner.trajectory import Array
+from planner.trajectory import Array, Distance, angle_distance, foot_distance
 
 RULE: Rule = "paper"
 """How the model-based rows of Table 2 invert a line."""

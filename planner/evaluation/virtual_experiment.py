@@ -10,7 +10,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planner.evaluation.metrics import Distance, angle_distance, foot_distance
 from planner.evaluation.paper import SEGMENTS
 from planner.evaluation.reproduction import (
     PAIRS,
@@ -29,7 +28,7 @@ from planner.identification.result import Identification
 from planner.learning.refine import refine
 from planner.planning.result import FootInversion
 from planner.planning.trials import Learning
-from planner.trajectory import Array
+from planner.trajectory import Array, Distance, angle_distance, foot_distance
 from planner.virtual.constants import Constants
 from planner.virtual.robot import VirtualRobot
 

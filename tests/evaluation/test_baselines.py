@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from planner.evaluation.metrics import angle_distance
 from planner.evaluation.reproduction import best_lead
 from planner.model.joint import JointModel
 from planner.model.response import simulate, simulate_joints
+from planner.trajectory import angle_distance
 from tests.independent import equation_3
 
 JOINT = JointModel.ers210a()

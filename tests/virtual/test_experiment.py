@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 
 from planner.evaluation import paper, virtual_experiment
-from planner.evaluation.metrics import angle_distance
 from planner.evaluation.virtual_experiment import execute
 from planner.exceptions import NoSteadyCycle
 from planner.files.joint_model import read_model_file
@@ -21,6 +20,7 @@ from planner.files.paths import read_joint_path
 from planner.files.staging import list_files
 from planner.files.table import read_table
 from planner.report.paper.tables import signed_percent
+from planner.trajectory import angle_distance
 from planner.virtual.constants import Constants
 from planner.virtual.robot import VirtualRobot
 

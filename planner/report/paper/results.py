@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from planner._version import __version__
-from planner.evaluation.metrics import Distance
 from planner.evaluation.paper import SOURCE, Published, deviations, published, published_foot
 from planner.evaluation.reproduction import (
     REFINE,
@@ -32,7 +31,7 @@ from planner.identification.result import Identification
 from planner.model.joint import JointModel
 from planner.report.page import versions
 from planner.report.paper.tables import COMPARISONS, METHODS
-from planner.trajectory import Array
+from planner.trajectory import Array, Distance
 
 PAPER_NOTE = (
     "The joint here is the paper's model with the parameters of its Table 1; "

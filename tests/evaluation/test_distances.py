@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from planner.evaluation.metrics import Distance, angle_distance, foot_distance
+from planner.trajectory import Distance, angle_distance, foot_distance
 
 ROUNDING = 1e-12
 """What rounding leaves of sums of a few dozen terms [relative]."""
