@@ -282,6 +282,11 @@ class Problem:
             self, lower=-any_request, upper=any_request, max_step=any_request, norm="rms"
         )
 
+    def beginning(self, count: int) -> Problem:
+        """The same problem of a joint for its first samples alone."""
+        loads = tuple(load if load is None else load[:count] for load in self.loads)
+        return replace(self, desired=self.desired[:count], loads=loads)
+
     def in_scenarios(
         self,
         scenarios: Sequence[tuple[JointModel, ...]],

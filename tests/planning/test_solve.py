@@ -165,6 +165,33 @@ def test_joints_that_are_held_rest_where_the_first_sample_has_them():
     np.testing.assert_array_equal(held.upper, [0.9, 0.2])
 
 
+@pytest.mark.parametrize(("rests", "freed"), [(0, True), (40, False)])
+def test_of_a_long_path_the_beginning_tells_whether_the_first_request_stays_in_the_middle(
+    monkeypatch, rests, freed
+):
+    """A ramp at once calls for another one; after a rest the window has left it long before."""
+    model, lengths = replace(ERS210A, dead_band=0.1), []
+    desired = np.minimum(0.02 * np.maximum(np.arange(900.0) - rests, 0.0), 0.6)
+    task = Task.of([model], desired, names=("",), cyclic=False)
+    problem = problem_of(task)
+    column = searches.best_requests(problem, "gauss-newton")
+
+    def counted(problem, solver):
+        lengths.append(len(problem.desired))
+        return best(problem, solver)
+
+    best = searches.best_requests
+    monkeypatch.setattr(searches, "best_requests", counted)
+    found = searches.first_request_freed(problem, column, "gauss-newton")
+    assert (found[0] is not problem) == freed
+    assert lengths.count(900) == freed  # one search of the whole, from the edge that served best
+    assert sum(each < 450 for each in lengths) == 3
+    monkeypatch.setattr(searches, "BEGINNING", 1e3)
+    whole = searches.first_request_freed(problem, column, "gauss-newton")
+    np.testing.assert_array_equal(found[1], whole[1])
+    assert (found[0].first is None) == (whole[0].first is None) == (not freed)
+
+
 @pytest.mark.parametrize("way", [1.0, -1.0])
 @pytest.mark.parametrize(("several", "smoothness"), [(False, 0.005), (False, 0.0), (True, 0.005)])
 def test_the_first_request_leaves_the_middle_of_the_band_for_the_side_of_the_motion(
