@@ -12,9 +12,9 @@ import numpy as np
 from planner.cli.desired import leg_title
 from planner.cli.models import beside, model_words, verdict_document
 from planner.cli.settings import FROM_URDF
-from planner.model.evidence import OPEN_TOP_SPEED, unproven_gains, untested_words
+from planner.model.evidence import OPEN_TOP_SPEED, untested_words
 from planner.planning.result import ErrorsOfModels
-from planner.planning.time_shift import shifted
+from planner.planning.time_shift import shift_recommended, shifted
 from planner.report.plan_tables import expected_words, feet_table
 from planner.report.table import NO_BOUND, NOTHING, percent, text_table
 from planner.trajectory import error_norm, rms
@@ -93,9 +93,7 @@ def document(prepared: Prepared, plan: Plan, missed: list[str]) -> dict[str, Any
     asked = run.tolerance.deg is not None or run.tolerance.cm is not None
     return {
         "method": run.plan.method,
-        "recommended_method": "shift"
-        if unproven_gains(desired.names, [each.evidence for each in desired.models])
-        else run.plan.method,
+        "recommended_method": "shift" if shift_recommended(plan, shift) else run.plan.method,
         "cyclic": desired.cyclic,
         "period_s": desired.period,
         "robust": run.plan.robust,
@@ -191,7 +189,7 @@ def _best_shift(desired: Desired, plan: Plan) -> str:
     if desired.foot is not None:
         text += f"; foot {100.0 * rms(shift.distances):.3f} cm"
     pairs = zip(plan.expected, shift.expected, strict=True)
-    if why := unproven_gains(desired.names, [each.evidence for each in desired.models]):
+    if why := shift_recommended(plan, shift):
         text += f"\nrecommended: --method shift, as {why}"
     elif any(early.error < planned.error for planned, early in pairs):
         text += "; on the robot that is better for some joints: see --method shift"

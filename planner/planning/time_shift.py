@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import numpy.typing as npt
 
+from planner.model.evidence import unproven_gains
 from planner.model.joint import JointModel, checked_model
 from planner.model.response import rest_requests
 from planner.planning.arguments import Norm
 from planner.planning.plan import Plan
 from planner.planning.result import Inversion
 from planner.planning.task import Task
-from planner.trajectory import Array
+from planner.trajectory import Array, rms
 
 LONGEST_LEAD = 1.0
 """Longest time shift that is tried [s]. Servos lag by 20 to 400 ms."""
@@ -95,6 +98,30 @@ def shifted(task: Task) -> Plan:
         requests=np.column_stack(columns),
         method="shift",
         leads=tuple(lead * task.period for lead in leads),
+    )
+
+
+def shift_recommended(plan: Plan, shift: Plan) -> str:
+    """Why the best time shift is recommended instead of a plan, in words; empty where it is not.
+
+    A model may be hardly better than a pure delay. Or it may miss such motion by more than the
+    shift, by the model, misses the path: what the plan would gain is then not known.
+
+    Args:
+        plan: A plan by another method.
+        shift: The best time shift, for the same task.
+    """
+    known = [model.evidence for model in plan.models]
+    if why := unproven_gains(plan.names, known):
+        return why
+    own = np.mean(plan.errors**2, axis=0)
+    squares = np.mean([each.error**2 for each in plan.expected] - own)
+    missed, of_shift = math.sqrt(max(float(squares), 0.0)), rms(shift.errors)
+    if plan.task.goal == "foot" or not missed > of_shift:  # or it is not known
+        return ""
+    return (
+        f"by the model the error of a time shift is {of_shift / missed:.0%} of the error that is "
+        "expected of the model itself in such motion"
     )
 
 

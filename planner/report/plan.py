@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from planner.model.evidence import OPEN_TOP_SPEED, unproven_gains, untested_words
+from planner.model.evidence import OPEN_TOP_SPEED, untested_words
+from planner.planning.time_shift import shift_recommended, shifted
 from planner.report import figure
 from planner.report.figure import Figure, Motion, Movie
 from planner.report.page import (
@@ -222,9 +223,7 @@ def remarks(
     said = [f"{each}." for each in missed]
     if words := untested_words(plan.names, plan.expected):
         said.append(f"{words[0].upper()}{words[1:]}.")
-    if plan.method != "shift" and (
-        why := unproven_gains(plan.names, [each.evidence for each in plan.models])
-    ):
+    if plan.method != "shift" and (why := shift_recommended(plan, shifted(plan.task))):
         said.append(f"The best time shift is recommended instead (--method shift): {why}.")
     if unreachable:
         said.append(_out_of_reach(plan, foot_given, unreachable))

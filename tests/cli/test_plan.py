@@ -484,7 +484,7 @@ def test_a_start_beyond_the_limits_is_refused_in_degrees(run, desired, start):
 def test_the_shift_is_recommended_where_the_model_is_hardly_better_than_a_delay(
     share, recommended, run, brief, tmp_path
 ):
-    seen = Evidence(0.02, over_delay=share, verdict="usable", reason="a delay does nearly as well")
+    seen = Evidence(1e-4, over_delay=share, verdict="usable", reason="a delay does nearly as well")
     planner.JointModel.ers210a().with_evidence(seen).to_toml(tmp_path / "joint.toml")
     asked = ("plan", brief, "--model", "joint.toml", "--method", "optimal")
     result = run(*asked, "--report", "page.html", "-o", "requests.csv")

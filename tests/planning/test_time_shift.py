@@ -9,11 +9,18 @@ import numpy as np
 import pytest
 
 import planner
+from planner.model.evidence import Evidence
 from planner.model.joint import JointModel
 from planner.model.response import simulate
 from planner.planning.plan import joined
 from planner.planning.task import Task
-from planner.planning.time_shift import LONGEST_LEAD, USUAL, WORSE_LEADS, shifted
+from planner.planning.time_shift import (
+    LONGEST_LEAD,
+    USUAL,
+    WORSE_LEADS,
+    shift_recommended,
+    shifted,
+)
 from tests.instances import random_model, saturating
 
 ERS210A = JointModel.ers210a()
@@ -137,3 +144,20 @@ def test_a_lead_is_not_sought_beyond_the_longest_one():
     task = Task.of([slow], desired, names=("",))
     assert shifted(task).leads[0] <= LONGEST_LEAD + slow.period
     assert math.isfinite(shifted(task).rms[0])
+
+
+def test_a_shift_is_recommended_where_the_model_is_known_less_well_than_it_follows():
+    of_shift = planner.invert_shift(ERS210A, PATH).rms
+    for share, recommended in ((0.5, False), (2.0, True)):
+        known = ERS210A.with_evidence(Evidence(error=share * of_shift, over_delay=0.1))
+        plan = planner.invert_optimal(known, PATH).plan
+        why = shift_recommended(plan, shifted(plan.task))
+        assert why == ("" if not recommended else WHY)
+    plan = planner.invert_optimal(ERS210A, PATH).plan  # of which nothing is known
+    assert not shift_recommended(plan, shifted(plan.task))
+
+
+WHY = (
+    "by the model the error of a time shift is 50% of the error that is expected of the model "
+    "itself in such motion"
+)
