@@ -437,7 +437,7 @@ def errors_of_motion(runs: Sequence[Run], *, noise: float = 0.0) -> ErrorsOfMoti
     ``docs/math.md``, neither term below 0, is fitted to them by least squares of the relative
     deviations, reweighted. The error of a part is the geometric mean over the models. The noise of
     the sensor is no error of the joint: its square is taken from that of each part, of which a
-    tenth stays.
+    tenth stays. Where no more than that stays the noise hides the error, which may then be 0.
 
     Args:
         runs: Rows that follow one another, without gaps.
@@ -450,9 +450,28 @@ def errors_of_motion(runs: Sequence[Run], *, noise: float = 0.0) -> ErrorsOfMoti
     every = np.reshape([part for run in runs for part in _parts(run)], (-1, 3))
     moving = every[:, 0] >= OPTIONS.at_rest * np.max(every[:, 0], initial=0.0)
     sizes, errors = every[moving, 1:].T
+    hidden = noise**2 >= 0.9 * errors**2
     errors = np.sqrt(np.maximum(errors**2 - noise**2, 0.1 * errors**2))
     if len(sizes) < 2 or not np.any(sizes) or not np.any(errors):
         return ErrorsOfMotion((), (0.0, math.inf))
+    line = error_line(sizes, errors)
+    fitted, largest = line[0] + line[1] * sizes, float(np.max(sizes))
+    fitted = np.maximum(fitted, np.max(fitted) * np.sqrt(np.finfo(np.float64).eps))
+    ends = (0.0, _rounded(line[0])), (_rounded(largest), _rounded(line[0] + line[1] * largest))
+    low = float(np.quantile(np.where(hidden, 0.0, errors) / fitted, 0.05))
+    high = float(np.quantile(errors / fitted, 0.95))
+    return ErrorsOfMotion(ends, (_rounded(low), _rounded(high)))
+
+
+def error_line(sizes: Array, errors: Array) -> Array:
+    """The two terms of (19) of ``docs/math.md``, neither below 0, (2,).
+
+    They are fitted by least squares of the relative deviations, reweighted.
+
+    Args:
+        sizes: Accelerations of some motions, rms [rad/s^2], (n,).
+        errors: Error of a model in each, rms [rad], (n,).
+    """
     from scipy.optimize import nnls
 
     basis = np.column_stack([np.ones_like(sizes), sizes])
@@ -461,10 +480,7 @@ def errors_of_motion(runs: Sequence[Run], *, noise: float = 0.0) -> ErrorsOfMoti
         line, _ = nnls(basis * weights[:, np.newaxis], errors * weights)
         fitted = basis @ line
         weights = 1.0 / np.maximum(fitted, np.max(fitted) * np.sqrt(np.finfo(np.float64).eps))
-    largest = float(np.max(sizes))
-    ends = (0.0, _rounded(line[0])), (_rounded(largest), _rounded(line[0] + line[1] * largest))
-    low, high = np.quantile(errors * weights, [0.05, 0.95]).tolist()
-    return ErrorsOfMotion(ends, (_rounded(low), _rounded(high)))
+    return np.asarray(line)
 
 
 def under_moving_requests(requests: Array, period: float) -> npt.NDArray[np.bool_]:

@@ -342,6 +342,14 @@ def test_the_same_joint_with_requests_at_another_rate_has_its_intervals_moved_wi
     assert (same.hold, same.evidence) == (2, joint.evidence)
 
 
+def test_an_error_that_the_noise_hides_may_be_none():
+    noise = 0.002 * np.random.default_rng(0).standard_normal((1, len(PHASE)))
+    hidden = errors_of_motion([Run(0.3 * np.sin(PHASE), noise, 0.02)], noise=0.002)
+    assert hidden.spread[0] == 0.0
+    shown = errors_of_motion([Run(0.3 * np.sin(PHASE), noise, 0.02)], noise=0.001)
+    assert shown.spread[0] > 0.5
+
+
 def test_evidence_that_is_none_is_refused():
     with pytest.raises(InvalidInput, match="evidence: got 'much', expected an Evidence or None"):
         JointModel.ers210a().with_evidence("much")
