@@ -180,7 +180,7 @@ def first_request_freed(problem: Problem, column: Array, solver: Solver) -> tupl
     if len(problem.desired) > 2 * count:
         beginning = problem.beginning(count)
         freed, _ = first_request_freed(beginning, best_requests(beginning, solver), solver)
-        if freed is beginning:
+        if freed.first is None:
             return problem, column
         firsts = [freed.first]
     answers = []

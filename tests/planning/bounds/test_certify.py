@@ -423,6 +423,30 @@ def test_the_bound_is_the_optimum_of_the_statement_in_cvxpy(loaded, level, inert
     assert bound == pytest.approx(stated, abs=OPTIMAL * np.ptp(desired))
 
 
+@pytest.mark.parametrize("norm", NORMS)
+@pytest.mark.parametrize("cyclic", [True, False])
+@pytest.mark.parametrize(
+    "bursts",
+    [
+        [],  # within reach, but not from rest
+        [(0, 7, 0.1)],  # at the start, where a cycle closes
+        [(30, 7, 0.05), (150, 7, -0.6)],
+        [(90, 60, 2.5)],  # steps for which what is left free at first has no room
+    ],
+)
+def test_a_long_path_that_is_out_of_reach_in_places_has_the_bound_of_all_of_it(
+    bursts, cyclic, norm
+):
+    model = JointModel(v_max=4.0, theta_0=0.15, lag=0.024, acceleration_time=0.04, hold=3)
+    desired = 0.3 * np.sin(2.0 * np.pi * np.arange(200) / 200)
+    for at, count, height in bursts:
+        desired[at : at + count] += height
+    problem = BoundProblem(model, desired, cyclic, norm, None if cyclic else float(desired[0]))
+    bound = lower_bound(model, desired, cyclic=cyclic, norm=norm, start=problem.start)
+    assert bound == pytest.approx(stated_bound(problem, "envelope"), rel=1e-5, abs=1e-9)
+    assert bound == 0.0 if cyclic and not bursts else bound > 1e-5
+
+
 def test_a_solver_without_an_answer_is_an_error(monkeypatch):
     class Nothing:
         x, z = np.full(3, np.nan), np.full(12, np.nan)
