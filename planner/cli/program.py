@@ -249,6 +249,8 @@ def main() -> NoReturn:
     gc.set_threshold(ALLOCATIONS, 10, 10)
     signal.signal(signal.SIGTERM, _terminate)
     os.environ["MPLBACKEND"] = "agg"  # no window is opened; what is set may not be there
+    for library in ("OMP", "OPENBLAS", "MKL"):  # products of vectors do not wait for other threads
+        os.environ.setdefault(f"{library}_NUM_THREADS", "1")
     for stream in (sys.stdout, sys.stderr):
         _encode(stream)
     cli.main()

@@ -134,6 +134,21 @@ def test_a_pipe_is_utf_8_and_a_terminal_gets_what_it_has_no_characters_for_as_es
         assert name in said[each].getvalue().decode("utf-8")
 
 
+def test_the_linear_algebra_has_one_thread_unless_the_user_gives_it_more():
+    """The threads of a busy machine wait for one another at every product of long vectors."""
+    waiting = "import os; from planner.cli import program; program.cli.main = lambda: print("
+    shown = "os.environ['OPENBLAS_NUM_THREADS'], os.environ['OMP_NUM_THREADS']); program.main()"
+    users = {name: text for name, text in os.environ.items() if not name.endswith("_NUM_THREADS")}
+    done = subprocess.run(
+        [sys.executable, "-P", "-c", waiting + shown],
+        env=users | {"OMP_NUM_THREADS": "3"},
+        check=False,
+        capture_output=True,
+        text=True,
+    )
+    assert done.stdout == "1 3\n"
+
+
 def test_a_backend_of_matplotlib_that_is_not_there_is_not_asked_for(tmp_path, desired):
     command = [*RUN, "fit", desired, "--joint", "knee", "--segments", "3", "--figure", "fit.png"]
     done = subprocess.run(
