@@ -345,10 +345,10 @@ def _unlike(likeness: float) -> float:
 def _likeness(grid: Grid, delays: Array) -> Array:
     """Correlation of the angles with the requests of some time before, by that time [s]."""
     angles = grid.angles - np.mean(grid.angles)
-    found = np.zeros(len(delays))
+    found, own = np.zeros(len(delays)), np.sum(angles**2)
     for k, delay in enumerate(delays):
         requests = delayed_errors(grid, float(delay)) + grid.angles
         requests -= np.mean(requests)
-        size = float(np.linalg.norm(requests) * np.linalg.norm(angles))
-        found[k] = float(requests @ angles) / size if size > 0.0 else 0.0
+        size = math.sqrt(own * np.sum(requests**2))
+        found[k] = float(np.sum(requests * angles)) / size if size > 0.0 else 0.0
     return found

@@ -488,7 +488,8 @@ def _evaluated(grid: Grid, parameters: Parameters, starts: Array, scale: float, 
 def huber(residuals: Array, scale: float) -> float:
     """Huber's loss of the residuals at a scale."""
     beyond = np.maximum(np.abs(residuals) - CORNER * scale, 0.0)
-    return 0.5 * float(residuals @ residuals - beyond @ beyond)
+    # not by BLAS, whose threads wait for one another on a busy machine
+    return 0.5 * float(np.sum(residuals**2) - np.sum(beyond**2))
 
 
 def sound_rms(residuals: Array, *, gross: float = 0.01) -> float:
