@@ -202,7 +202,6 @@ class Grid:
             the angle.
         burn_in: How much of a piece is left out at its start [s].
         settled: Pieces of which nothing is left out.
-        weights: How much each used row counts [-], shape (rows,); None where all count alike.
     """
 
     tick: float
@@ -222,7 +221,6 @@ class Grid:
     unloaded: bool
     burn_in: float
     settled: frozenset[Place]
-    weights: Array | None = None
 
     @cached_property
     def track(self) -> Track:
@@ -268,11 +266,6 @@ class Grid:
     def heaviest(self) -> float:
         """Largest torque [N m]; 1 without any."""
         return float(np.max(np.abs(self.loads), initial=0.0)) or 1.0
-
-    def residuals(self, predicted: Array) -> Array:
-        """Predicted minus actual angle at the used rows, times their weights [rad], (rows,)."""
-        errors: Array = predicted - self.angles
-        return errors if self.weights is None else self.weights * errors
 
     def per_log(self, values: Array, fill: float = np.nan) -> tuple[Array, ...]:
         """Values of the used rows, sorted back into one array per log."""

@@ -74,9 +74,7 @@ from planner.identification.terms import (
     with_calm_friction,
     with_motor,
     with_terms,
-    with_weights,
 )
-from planner.identification.weights import unweighted
 from planner.trajectory import Array, Mask, rms
 from planner.validation import as_flag
 
@@ -173,7 +171,6 @@ def identify(
         if timing.hold > 1 or not _by_rows(fit, fine):
             timing, fit, terms = timing.ticking(fine.grid.tick), fine, found
             longer = at_ticks(logs, fine, 2.0 * timing.tick), fine
-    fit, terms = with_weights(fit, terms)
     fit = with_observed_speed(with_calm_friction(logs, fit))
     uncertainty = uncertainty_of(fit)
     bounds = intervals_of(fit, uncertainty)
@@ -185,7 +182,6 @@ def identify(
     if faster:  # in rows that are not fitted
         fit = with_speed_of(fit, seen)
         bounds["v_max"] = Interval(max(seen, bounds["v_max"].lower), math.inf)
-    weighted, fit = fit, unweighted(fit)
     # By how much the dead band may be larger than that of the model [rad].
     frictions = [term.interval.upper for term in terms if term.name == "dead_band"]
     friction = max(frictions, default=0.0) - fit.parameters.dead_band
@@ -199,7 +195,7 @@ def identify(
     signal, noise = _signal(fit), noise_of(fit)
     model = fit.parameters.model(tick=timing.tick, hold=timing.hold)
     fits = _log_fits(every, fit, held)
-    intervals = all_intervals(weighted, bounds, uncertainty)
+    intervals = all_intervals(fit, bounds, uncertainty)
     if longer:
         intervals = over_ticks(intervals, *longer)
     verdict, reason, notes = verdict_on(
@@ -244,8 +240,8 @@ def identify(
         signal=signal,
         intervals=intervals,
         gain_interval=gain,
-        covariance=covariance_of(weighted, bounds, uncertainty),
-        correlations=correlations_of(weighted, uncertainty),
+        covariance=covariance_of(fit, bounds, uncertainty),
+        correlations=correlations_of(fit, uncertainty),
         alternatives=tuple(
             Alternative(
                 name=name,

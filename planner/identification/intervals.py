@@ -129,7 +129,7 @@ def _beside_a_plain(fit: Fit, uncertainty: Uncertainty, index: int) -> bool:
     if index != GAIN or fit.parameters.v_max > peak_command(fit):
         return False
     at = fit.parameters._replace(gain=_limit(fit, index, 1)[0])
-    residuals = fit.grid.residuals(respond(fit.grid, at, fit.starts).predicted)
+    residuals = respond(fit.grid, at, fit.starts).predicted - fit.grid.angles
     return huber(residuals, fit.scale) <= fit.cost + rise_allowed(fit, uncertainty, "gain")
 
 

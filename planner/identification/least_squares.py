@@ -160,7 +160,7 @@ def _run(
 
 
 class Slopes(NamedTuple):
-    """Derivatives of the residuals at the used rows: those of the law, and what makes them ours.
+    """Derivatives of the angles at the used rows: those of the law, and what makes them ours.
 
     Attributes:
         of_law: By columns of :func:`planner.model.kernel.along`; the last is by the first angle of
@@ -207,8 +207,6 @@ def slopes_of(
     acting = np.flatnonzero(np.any(change != 0.0, axis=1))
     columns = np.append(acting, kernel.START)
     _, slopes = _run(grid, parameters, starts, columns, averaging * grid.tick)
-    if grid.weights is not None:
-        slopes *= grid.weights[:, np.newaxis]
     return Slopes(slopes, change[acting])
 
 
@@ -254,7 +252,7 @@ class Fit:
         free: Which parameters were fitted, in their order.
         starts: Angle at the start of each run [rad].
         response: The joint along the grid.
-        residuals: Predicted minus actual angle at the used rows, by the grid's weights [rad].
+        residuals: Predicted minus actual angle at the used rows [rad].
         scale: Standard deviation of the residuals without outliers [rad].
         cost: Huber's loss at that scale, sum over the rows [rad^2]; half a sum of squares.
     """
@@ -286,8 +284,8 @@ class Fit:
 
     @property
     def rms(self) -> float:
-        """Root mean square error of all rows, outliers included and weighted alike [rad]."""
-        return rms(self.predicted - self.grid.angles)
+        """Root mean square of the residuals, outliers included [rad]."""
+        return rms(self.residuals)
 
     def slopes(self, *, averaging: float = EDGE_DISTANCE) -> Slopes:
         """Derivatives of the predicted angles by what was fitted."""
@@ -480,7 +478,7 @@ def _damped(matrix: Array, gradient: Array, radius: float) -> Array:
 
 def _evaluated(grid: Grid, parameters: Parameters, starts: Array, scale: float, free: Free) -> Fit:
     response = respond(grid, parameters, starts)
-    residuals = grid.residuals(response.predicted)
+    residuals = response.predicted - grid.angles
     cost = huber(residuals, scale)
     return Fit(grid, parameters, free, starts, response, residuals, scale, cost)
 

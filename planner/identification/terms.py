@@ -50,7 +50,6 @@ from planner.identification.parameters import (
     only,
 )
 from planner.identification.result import Interval, Term
-from planner.identification.weights import weighted_by_motion
 from planner.trajectory import Array, Indices, Mask, rms
 
 ORDER = ("time_constant", "dead_band", "compliance", "slowing", "sag_sin", "asymmetry")
@@ -64,9 +63,6 @@ PARTNERS = {SAG[0]: SAG[1:]}
 
 MOTOR = ("acceleration", "time_constant", "dead_band")
 """Terms that may show only together: a slow start hides dry friction, and friction the inertia."""
-
-STATIC = ("dead_band", "sag_sin")
-"""Terms that hold a joint beside its request where it rests, or moves slowly."""
 
 SAVING = 0.2
 """Least share of the loss that play has to explain (of 40 made servos without none reaches it,
@@ -237,28 +233,6 @@ def with_calm_friction(logs: Sequence[Log], fit: Fit) -> Fit:
         scale=fit.scale,
     )
     return replace(calm, free=fit.free)
-
-
-def with_weights(fit: Fit, terms: tuple[Term, ...]) -> tuple[Fit, tuple[Term, ...]]:
-    """The fit with rows weighted by motion, where its residuals are no noise; or the same fit.
-
-    Of :data:`STATIC` what was not kept is tried again: calm rows show it, but little of the loss of
-    a model that misses fast motion is theirs.
-
-    Args:
-        fit: A fit with all its terms.
-        terms: What was tried for it.
-    """
-    if structure_of(fit) < SAVING:
-        return fit, terms
-    fit, known = weighted_by_motion(fit), {term.name: term for term in terms}
-    for name in STATIC:
-        if not fit.free[only(name)].any() and _shows(name, fit):
-            fit, tried = _with_term(name, fit)
-            known |= tried
-    return least_squares(fit.grid, fit.parameters, free=fit.free, starts=fit.starts), tuple(
-        known.values()
-    )
 
 
 def _term(name: str, kept: bool, without: Fit, with_it: Fit, interval: Interval) -> Term:

@@ -454,24 +454,6 @@ def errors_of_motion(runs: Sequence[Run], *, noise: float = 0.0) -> ErrorsOfMoti
     errors = np.sqrt(np.maximum(errors**2 - noise**2, 0.1 * errors**2))
     if len(sizes) < 2 or not np.any(sizes) or not np.any(errors):
         return ErrorsOfMotion((), (0.0, math.inf))
-    line = error_line(sizes, errors)
-    fitted, largest = line[0] + line[1] * sizes, float(np.max(sizes))
-    fitted = np.maximum(fitted, np.max(fitted) * np.sqrt(np.finfo(np.float64).eps))
-    ends = (0.0, _rounded(line[0])), (_rounded(largest), _rounded(line[0] + line[1] * largest))
-    low = float(np.quantile(np.where(hidden, 0.0, errors) / fitted, 0.05))
-    high = float(np.quantile(errors / fitted, 0.95))
-    return ErrorsOfMotion(ends, (_rounded(low), _rounded(high)))
-
-
-def error_line(sizes: Array, errors: Array) -> Array:
-    """The two terms of (19) of ``docs/math.md``, neither below 0, (2,).
-
-    They are fitted by least squares of the relative deviations, reweighted.
-
-    Args:
-        sizes: Accelerations of some motions, rms [rad/s^2], (n,).
-        errors: Error of a model in each, rms [rad], (n,).
-    """
     from scipy.optimize import nnls
 
     basis = np.column_stack([np.ones_like(sizes), sizes])
@@ -480,7 +462,11 @@ def error_line(sizes: Array, errors: Array) -> Array:
         line, _ = nnls(basis * weights[:, np.newaxis], errors * weights)
         fitted = basis @ line
         weights = 1.0 / np.maximum(fitted, np.max(fitted) * np.sqrt(np.finfo(np.float64).eps))
-    return np.asarray(line)
+    largest = float(np.max(sizes))
+    ends = (0.0, _rounded(line[0])), (_rounded(largest), _rounded(line[0] + line[1] * largest))
+    low = float(np.quantile(np.where(hidden, 0.0, errors) * weights, 0.05))
+    high = float(np.quantile(errors * weights, 0.95))
+    return ErrorsOfMotion(ends, (_rounded(low), _rounded(high)))
 
 
 def under_moving_requests(requests: Array, period: float) -> npt.NDArray[np.bool_]:
