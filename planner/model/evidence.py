@@ -388,15 +388,13 @@ def expectation(
     error = evidence.error_of(predicted, period=period, cyclic=cyclic)
     untested = evidence.exceeded(predicted, period=period, cyclic=cyclic, load=torque)
     own = rms(predicted - desired)
+    least, most = evidence.range_of(predicted, period=period, cyclic=cyclic)
+    ends = (-ALIKE, min(max(ALIKE * own, least), most)), (ALIKE, most)  # the first cancels most
     low, high = (
         math.sqrt(own**2 + end**2 + 2.0 * alike * own * end)
         if math.isfinite(evidence.spread[1])
         else math.nan
-        for alike, end in zip(
-            (-ALIKE, ALIKE),
-            evidence.range_of(predicted, period=period, cyclic=cyclic),
-            strict=True,
-        )
+        for alike, end in ends
     )
     return Expectation(math.hypot(own, error), untested, low, high)
 

@@ -98,7 +98,7 @@ def test_quiet_leaves_warnings_and_errors(run, desired, tmp_path):
 
 @pytest.mark.parametrize("arguments", [["-v", "plan"], ["plan", "--verbose"]])
 def test_verbose_says_how_long_it_took_and_what_the_solvers_said(run, desired, arguments):
-    result = run(*arguments, desired, "--json")
+    result = run(*arguments, desired, "--json", "--speed", "4")
     json.loads(result.stdout)
     number = r"\d[\d.e-]*"
     for line in (

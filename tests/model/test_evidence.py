@@ -221,11 +221,13 @@ def test_nine_parts_of_ten_are_within_the_range_of_errors_that_differ_from_part_
     seen = Evidence(0.01, by_acceleration=by_acceleration, spread=spread)
     low, high = seen.range_of(angles, period=period, cyclic=True)
     assert np.mean((low <= sizes) & (sizes <= high)) == pytest.approx(0.9, abs=0.03)
-    own = expectation(seen, angles + 0.02, angles, period=period, cyclic=True)
-    # The two errors may cancel, or add up, by a correlation of 0.7.
-    assert own.low**2 == pytest.approx(0.02**2 + low**2 - 1.4 * 0.02 * low)
-    assert own.high**2 == pytest.approx(0.02**2 + high**2 + 1.4 * 0.02 * high)
-    assert own.low < own.error < own.high
+    for size in (0.001, 0.02, 0.1):
+        told = expectation(seen, angles + size, angles, period=period, cyclic=True)
+        # The two errors may cancel, or add up, by a correlation of 0.7.
+        every = np.linspace(low, high, 10001)
+        assert told.low**2 == pytest.approx(np.min(size**2 + every**2 - 1.4 * size * every))
+        assert told.high**2 == pytest.approx(size**2 + high**2 + 1.4 * size * high)
+        assert told.low < told.error < told.high
 
 
 def test_models_of_the_same_rows_count_by_the_geometric_mean_of_their_errors():
