@@ -262,13 +262,8 @@ def _from_file(run: settings.Run, leg: Leg | None, folder: str) -> Desired:
     models = models_of(run.model, given.names, leg, folder, rate_hz=path.rate_hz)
     models = _models_in(given.units, run.model, models)
     given, closed, remarks = _in_step(given, run, models[0].period)
-    limits = {} if leg is None else _limits_of(leg)
     legs = {} if leg is not None else legs_among(given.names, run.model, folder)
-    for each in legs.values():
-        limits |= _limits_of(each)
-    for name, (low, high) in servo_limits(given.names, run.model, folder).items():
-        lower, upper = limits.get(name, (-math.inf, math.inf))
-        limits[name] = max(lower, low), min(upper, high)
+    named = tuple(legs.values()) if leg is None else (leg,)
     strange = [name for name in given.names if leg is not None and name not in leg.joint_names]
     if leg is not None and strange:
         raise BadSetting(
@@ -279,7 +274,7 @@ def _from_file(run: settings.Run, leg: Leg | None, folder: str) -> Desired:
         given.names,
         given.angles,
         models,
-        limits,
+        _limits_of(given.names, named, run.model, folder),
         leg,
         units=given.units,
         cyclic=closed,
@@ -445,9 +440,19 @@ def _radians(degrees: Mapping[str, float]) -> dict[str, float]:
     return {joint: math.radians(angle) for joint, angle in degrees.items()}
 
 
-def _limits_of(leg: Leg) -> dict[str, tuple[float, float]]:
-    lower, upper = leg.limits
-    return {name: (float(lower[j]), float(upper[j])) for j, name in enumerate(leg.joint_names)}
+def _limits_of(
+    names: Sequence[str], legs: Sequence[Leg], model: settings.Model, folder: str
+) -> dict[str, tuple[float, float]]:
+    """Ranges of joints, those of their servos within those of the legs [rad]."""
+    limits = dict[str, tuple[float, float]]()
+    for leg in legs:
+        limits |= zip(
+            leg.joint_names, zip(*np.array(leg.limits).tolist(), strict=True), strict=True
+        )
+    for name, (low, high) in servo_limits(names, model, folder).items():
+        lower, upper = limits.get(name, (-math.inf, math.inf))
+        limits[name] = max(lower, low), min(upper, high)
+    return limits
 
 
 def _from_foot(given: FootPath, run: settings.Run, leg: Leg, folder: str) -> Desired:
@@ -464,7 +469,7 @@ def _from_foot(given: FootPath, run: settings.Run, leg: Leg, folder: str) -> Des
         leg.joint_names,
         solution.angles,
         models,
-        _limits_of(leg),
+        _limits_of(leg.joint_names, (leg,), run.model, folder),
         leg,
         foot,
         before,

@@ -59,7 +59,7 @@ OPTIONS = EvidenceOptions()
 GAIN = "gain"
 """v_max / theta_0 [1/s], of which logs tell more than of theta_0."""
 
-WITHOUT_ANGLES = ("lag", "acceleration_time", GAIN)
+WITHOUT_ANGLES = ("lag", "acceleration_time", "time_constant", GAIN)
 """Parameters that are the same in any unit of the angles."""
 
 
@@ -239,15 +239,15 @@ class Evidence(NamedTuple):
             intervals=intervals,
         )
 
-    def moved(self, gain: float, later: float) -> Evidence:
-        """The same of a joint with this many times the gain, and a longer lag [s]."""
-        moved = {}
-        for name, (low, high) in self.intervals.items():
-            if name == GAIN:
-                moved[name] = gain * low, gain * high
-            elif name == "lag":
-                moved[name] = max(low + later, 0.0), high + later
-        return self._replace(intervals={**self.intervals, **moved})
+    def moved(self, factors: Mapping[str, float], shifts: Mapping[str, float]) -> Evidence:
+        """The same of a joint with other parameters: times a factor, plus a shift, 0 at least."""
+        moved = dict(self.intervals)
+        for name in {*factors, *shifts} & set(moved):
+            low, high = (
+                factors.get(name, 1.0) * end + shifts.get(name, 0.0) for end in moved[name]
+            )
+            moved[name] = max(low, 0.0), high
+        return self._replace(intervals=moved)
 
 
 def refusal(known: Mapping[str, Evidence | None]) -> str:

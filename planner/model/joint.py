@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.exceptions import InvalidInput, InvalidModel
-from planner.model.evidence import Evidence, check_correlations, warn_of_refused
+from planner.model.evidence import GAIN, Evidence, check_correlations, warn_of_refused
 from planner.model.law import Law
 from planner.trajectory import Array
 from planner.validation import as_number, as_whole, shown
@@ -230,7 +230,10 @@ class JointModel:
             hold=hold,
             max_acceleration=self.max_acceleration + after - before,
         )
-        known = self.evidence and self.evidence.moved(other / gain, lag - self.lag)
+        known = self.evidence and self.evidence.moved(
+            {GAIN: other / gain, "theta_0": gain / other},
+            {"lag": lag - self.lag, "max_acceleration": after - before},
+        )
         return model.with_evidence(known)
 
     @property

@@ -304,7 +304,13 @@ def test_correlations_that_are_none_are_refused_of_a_caller_and_in_a_file(wrong,
 
 
 def test_intervals_in_another_unit_are_scaled_but_for_times_and_the_gain():
-    intervals = {"v_max": (1.0, np.inf), "gain": (30.0, 40.0), "lag": (0.02, 0.03)}
+    intervals = {
+        "v_max": (1.0, np.inf),
+        "gain": (30.0, 40.0),
+        "lag": (0.02, 0.03),
+        "acceleration_time": (0.0, 0.05),
+        "time_constant": (0.02, 0.03),
+    }
     scaled = SEEN._replace(intervals=intervals, correlations=((1.0,),)).scaled(100.0)
     assert scaled.intervals == intervals | {"v_max": (100.0, np.inf)}
     assert scaled.correlations == ((1.0,),)
@@ -435,12 +441,30 @@ def test_what_a_model_is_worth_beside_a_pure_delay_is_kept_in_its_file(tmp_path)
     assert planner.read_models(tmp_path / "joint.toml")[""].evidence == seen
 
 
+def test_with_ticks_of_another_length_the_intervals_hold_the_parameters_of_the_same_joint():
+    joint = JointModel(
+        v_max=5.0,
+        theta_0=0.1,
+        lag=0.02,
+        acceleration_time=0.02,
+        dead_band=0.01,
+        max_acceleration=500.0,
+    )
+    intervals = {"theta_0": (0.098, 0.102), "max_acceleration": (480.0, np.inf)}
+    other = joint.with_evidence(SEEN._replace(intervals=intervals)).requested_every(0.02)
+    assert other.max_acceleration != joint.max_acceleration
+    low, high = other.evidence.intervals["theta_0"]
+    assert (low / other.theta_0, high / other.theta_0) == pytest.approx((0.98, 1.02))
+    low, high = other.evidence.intervals["max_acceleration"]
+    assert (low - other.max_acceleration, high) == (pytest.approx(-20.0), np.inf)
+
+
 def test_what_is_known_of_a_joint_moves_with_its_gain_and_its_lag():
     seen = Evidence(intervals={"lag": (0.01, 0.03), "gain": (10.0, 12.0), "v_max": (4.0, 5.0)})
-    moved = seen.moved(2.0, 0.005).intervals
+    moved = seen.moved({"gain": 2.0}, {"lag": 0.005}).intervals
     assert moved == {
         "lag": pytest.approx((0.015, 0.035)),
         "gain": (20.0, 24.0),
         "v_max": (4.0, 5.0),
     }
-    assert seen.moved(1.0, -0.02).intervals["lag"] == pytest.approx((0.0, 0.01))
+    assert seen.moved({}, {"lag": -0.02}).intervals["lag"] == pytest.approx((0.0, 0.01))
