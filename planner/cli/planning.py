@@ -159,16 +159,17 @@ def plan_of(
     if given.method == "foot-optimal" and not whole_robot:
         progress("the foot")
     with desired.units_in_messages():
-        made = planned(
-            task_of(prepared),
-            load=prepared.load,
-            method=CORE_METHODS[given.method],
-            solver=given.solver or "gauss-newton",
-            lines={"segments": given.segments, "rule": given.rule or "paper"},
-            progress=progress,
-        )
         if whole_robot:
-            made = _by_feet(prepared, made, progress)
+            made = _by_feet(prepared, progress)
+        else:
+            made = planned(
+                task_of(prepared),
+                load=prepared.load,
+                method=CORE_METHODS[given.method],
+                solver=given.solver or "gauss-newton",
+                lines={"segments": given.segments, "rule": given.rule or "paper"},
+                progress=progress,
+            )
     if made.task.goal == "angles":
         lower, upper = limits_of_each(limits, desired.names)
         whole = desired.leg is not None and desired.leg.joint_names == desired.names
@@ -186,9 +187,10 @@ def plan_of(
     return made
 
 
-def _by_feet(prepared: Prepared, plan: Plan, progress: Callable[[str], None]) -> Plan:
+def _by_feet(prepared: Prepared, progress: Callable[[str], None]) -> Plan:
     """A plan for the joints of a robot with the requests of plans for the feet of its legs."""
-    desired, requests = prepared.desired, plan.requests.copy()
+    desired, load = prepared.desired, prepared.load
+    requests = np.empty_like(desired.angles)
     for name, leg in desired.legs.items():
         progress(f"the foot {name}")
         columns = [desired.names.index(joint) for joint in leg.joint_names]
@@ -201,9 +203,10 @@ def _by_feet(prepared: Prepared, plan: Plan, progress: Callable[[str], None]) ->
             leg=leg,
             foot=leg.foot_positions(angles),
         )
-        made = planned(task_of(replace(prepared, desired=part)), method="optimal")
+        carried = None if load is None else np.asarray(load)[:, columns]
+        made = planned(task_of(replace(prepared, desired=part, load=carried)), method="optimal")
         requests[:, columns] = made.requests
-    return replace(plan, requests=requests)
+    return Plan(task=task_of(prepared), requests=requests)
 
 
 def beyond_limits(plan: Plan, desired: Desired) -> list[FailedCheck]:

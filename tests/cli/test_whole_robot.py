@@ -166,6 +166,54 @@ def test_requests_stay_within_the_ranges_of_the_servos_or_each_joint_is_named(ru
     assert [line.split(": ")[2] for line in said] == names
 
 
+def test_requests_of_a_foot_path_stay_within_the_ranges_of_the_servos(run, robot, tmp_path):
+    """A gait of one leg, which its URDF lets turn further than its servos."""
+    frames = ("--urdf", "ers210a.urdf", "--base", "body", "--foot", "front_left_ball")
+    robot.write_text(robot_text(legs=()))
+    rate = ("--samples", "40", "--period", "0.02")
+    assert run("gait", *frames, *rate, "-o", "foot.csv").exit_code == 0
+    asked = ("plan", "foot.csv", *frames, "--rate-hz", "50", "--model", robot, "-o", "requests.csv")
+    assert run(*asked).exit_code == 0
+    free = read_joint_path(tmp_path / "requests.csv").angles
+    reach = float(np.max(np.abs(free))) - np.radians(1.0)
+    robot.write_text(robot_text(legs=(), reach=reach))
+    for method in ("optimal", "foot-optimal"):
+        result = run(*asked, "--method", method)
+        assert result.exit_code == 0, result.stderr
+        requests = read_joint_path(tmp_path / "requests.csv").angles
+        assert np.max(np.abs(requests)) <= reach + 1e-6
+    robot.write_text(robot_text(legs=(), reach=0.5 * reach))
+    result = run(*asked)
+    assert result.exit_code == 2
+    assert "degrees beyond the angles" in result.stderr
+
+
+def test_each_leg_of_a_robot_is_planned_under_the_load_of_its_own_joints(run, robot, tmp_path):
+    text = robot_text().replace("lag =", "compliance = 0.05\nlag =")
+    assert text.count("compliance") == 12
+    robot.write_text(text)
+    rate = ("--samples", "40", "--period", "0.02")
+    assert (
+        run("gait", "--pattern", "trot", *rate, "--model", robot, "-o", "trot.csv").exit_code == 0
+    )
+    path = read_joint_path(tmp_path / "trot.csv")
+    asked = ("plan", "trot.csv", "--rate-hz", "50", "--model", robot, "--method", "foot-optimal")
+    assert run(*asked, "-o", "free.csv").exit_code == 0
+    loads = np.zeros_like(path.angles)
+    loads[:, path.names.index("hind_left_knee")] = 0.2
+    write_joint_path(tmp_path / "trot.csv", path.names, path.angles, period=0.02, loads=loads)
+    result = run(*asked, "--load", "column", "-o", "loaded.csv")
+    assert result.exit_code == 0, result.stderr
+    free, loaded = (read_joint_path(tmp_path / f"{name}.csv").angles for name in ("free", "loaded"))
+    by = np.max(np.abs(loaded - free), axis=0)
+    moved = {
+        name.rpartition("_")[0] for name, each in zip(path.names, by, strict=True) if each > 1e-4
+    }
+    assert moved == {"hind_left"}
+    knee = path.names.index("hind_left_knee")
+    assert np.mean((loaded - free)[:, knee]) == pytest.approx(-0.05 * 0.2, abs=2e-3)
+
+
 def test_a_leg_of_a_robot_is_planned_for_its_foot_with_the_models_of_its_own_joints(tmp_path):
     names = [f"front_left_{joint}" for joint in ("knee", "rotator", "abductor")]
     turned = 2.0 * np.pi * np.arange(16) / 16
