@@ -88,7 +88,7 @@ def invert_shift(
 def shifted(task: Task) -> Plan:
     """The plan in which the desired angles of each joint are requested the best time early.
 
-    Limits hold, as desired angles are within them; steps are those of the desired path.
+    Requests beyond the limits are those at them; steps are those of the desired path.
     """
     each = [task.joint(j) for j in range(len(task.names))]
     leads = [best_lead(joint) for joint in each]
@@ -126,7 +126,7 @@ def shift_recommended(plan: Plan, shift: Plan) -> str:
 
 
 def early(joint: Task, lead: float) -> Array:
-    """The desired angles of one joint, this many periods early [rad], shape (n,).
+    """The desired angles of one joint, this many periods early, within its limits [rad], (n,).
 
     From rest the first request holds the joint where it rests, as in every plan.
     """
@@ -134,6 +134,7 @@ def early(joint: Task, lead: float) -> Array:
     samples = np.arange(len(desired))
     cycle = len(desired) if joint.start is None else None
     requests: Array = np.interp(samples + lead, samples, desired, period=cycle)
+    requests = np.clip(requests, joint.lower, joint.upper)
     if joint.start is None:
         return requests
     requests[0] = np.atleast_2d(rest_requests(joint.nominal, joint.start, joint.loads))[0, 0]

@@ -129,6 +129,17 @@ def test_limits_and_tolerance_of_a_shift_are_kept_in_mind():
         planner.plan(ERS210A, PATH[:, np.newaxis], method="shift", limits=(-0.1, 0.1))
 
 
+def test_requests_of_a_shift_keep_limits_within_which_the_joint_is_held():
+    """The joint rests 0.1 rad beside its requests: it reaches angles beyond the limit on these."""
+    model = replace(JointModel.ers210a(), offset=0.1)
+    desired = 0.05 + 0.55 * np.sin(2.0 * np.pi * np.arange(88) / 88)
+    plan = planner.plan(
+        {"knee": model}, desired[:, np.newaxis], limits=(-0.7, 0.52), method="shift"
+    )
+    assert np.max(desired) > 0.59
+    assert (np.max(plan.requests), np.min(plan.requests) > -0.7) == (0.52, True)
+
+
 def test_an_optimised_plan_is_no_worse_by_the_model():
     for seed in range(4):
         rng = np.random.default_rng(seed)
