@@ -35,7 +35,7 @@ nitpick_ignore_regex = [
         r"(np|npt|os|pathlib)\..*|Path|Array(Like)?|Indices|Level|Norm|Solver|Topic"
         r"|Models|ModelOrModels|JointLimits|LoadOfPose|Robust|Rule|Scenarios|Mask|Expectation"
         r"|Track|Retime|Progress|Method|planner\.learning\.refine\.AnyPlan"
-        r"|planner\.robot\.follow\.Planning|planner\.planning\.(task\.Task|plan\.RequestMotion)"
+        r"|planner\.planning\.(task\.Task|plan\.RequestMotion)"
         r"|planner\.recording\.(retiming\.(Impossible|SpeedErrors)|recorded_path\.RecordedPath)"
         r"|Written|planner\.recording\.replaying\.JointReplay|TypeAliasForwardRef"
         r"|(planner\.planning\.result\.)?ErrorsOfModels|PathSpeeds|tuple\[float"

@@ -10,6 +10,7 @@ import sys
 import time
 import warnings
 from collections.abc import Sequence
+from functools import cache
 from importlib import import_module
 from io import TextIOWrapper
 from typing import Any, NoReturn, TextIO
@@ -179,8 +180,8 @@ class Commands(click.Group):
         unit = ANGLE_UNIT.set("deg")
         try:
             with warnings.catch_warnings(), fitted_to(terminal_width(sys.stderr)):
-                show: Any = _Warnings().show
-                warnings.showwarning = show
+                warn_once = cache(warn)  # wherever and however often it is given
+                warnings.showwarning = lambda message, *_where: warn_once(str(message))
                 warnings.simplefilter("default", OutsideEquation13)
                 status = self._status(args, prog_name or "request-planner", complete_var, **extra)
                 _flush(sys.stdout)
@@ -293,18 +294,6 @@ def _in_options(error: Exception) -> str:
 def _complain(message: str, status: int) -> int:
     complain(message)
     return status
-
-
-class _Warnings:
-    """Says every warning once, in a line of its own, wherever and however often it is given."""
-
-    def __init__(self) -> None:
-        self._said: set[str] = set()
-
-    def show(self, message: Warning | str, *_where: object) -> None:
-        if str(message) not in self._said:
-            self._said.add(str(message))
-            warn(str(message))
 
 
 def _flush(stream: TextIO | None) -> None:

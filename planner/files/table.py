@@ -294,6 +294,6 @@ def _is_number(cell: str) -> bool:
     return True
 
 
-def _shortened(text: str, longest: int = 60) -> str:
+def _shortened(text: str) -> str:
     clean = text.encode("unicode_escape").decode() if not text.isprintable() else text
-    return clean if len(clean) <= longest else f"{clean[: longest - 1]}…"
+    return clean if len(clean) <= 60 else f"{clean[:59]}…"

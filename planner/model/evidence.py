@@ -64,7 +64,7 @@ WITHOUT_ANGLES = ("lag", "acceleration_time", "time_constant", GAIN)
 
 
 OPEN_TOP_SPEED = "the logs do not determine the top speed; v_max is a lower bound"
-"""Of a joint whose :attr:`Evidence.top_speed` is infinite."""
+"""Of a joint with :attr:`Evidence.leaves_top_speed_open`."""
 
 ENCODER_STEP = 2.0 * math.pi / 4096.0
 """Step of an encoder of 12 bits for a turn [rad]: what joints are sent and measured in."""
@@ -315,10 +315,10 @@ def with_reasons(reasons: Mapping[str, str]) -> str:
     return f"{listed} and {left} more" if left else listed
 
 
-def warn_of_refused(known: Mapping[str, Evidence | None], *, stacklevel: int = 2) -> None:
+def warn_of_refused(known: Mapping[str, Evidence | None]) -> None:
     """Warn of models that are not to be planned with; see :func:`refusal`."""
     if words := refusal(known):
-        warnings.warn(words, UserWarning, stacklevel=stacklevel + 1)
+        warnings.warn(words, UserWarning, stacklevel=3)
 
 
 def check_correlations(evidence: Evidence) -> None:

@@ -344,14 +344,11 @@ class Timeline:
         return Curve(role, joined(one.x for one in each), joined(one.y for one in each), label,
                      hidden=hidden)  # fmt: skip
 
-    def path(self, positions: Array, role: Role, across: int = 0) -> Curve:
-        """A path of the foot [m], shape (n, 3), in centimetres, with the time at its points.
-
-        ``across`` is the coordinate that is horizontal; z is upward.
-        """
+    def path(self, positions: Array, role: Role) -> Curve:
+        """A path of the foot [m], shape (n, 3): x and z in cm, with the time at its points."""
         seen = 100.0 * (np.vstack([positions, positions[:1]]) if self.cyclic else positions)
         times = tuple(f"{self.step * k:g} {self.unit}" for k in range(len(seen)))
-        return Curve(role, seen[:, across], seen[:, 2], notes=times)
+        return Curve(role, seen[:, 0], seen[:, 2], notes=times)
 
     def figure(
         self,

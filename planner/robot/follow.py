@@ -6,15 +6,18 @@ import time
 import warnings
 from collections.abc import Callable
 from statistics import median
-from typing import Any, Protocol
+from typing import TYPE_CHECKING
 
 import numpy.typing as npt
 
 from planner.exceptions import InvalidInput
-from planner.robot.play import Answer, Playback, Player, Send, check_functions, conduct
+from planner.robot.play import Playback, Player, Send, check_functions, conduct
 from planner.robot.schedule import check_period
 from planner.trajectory import Array, as_rows
 from planner.validation import shown
+
+if TYPE_CHECKING:
+    from planner.planning.streaming.stream import Stream
 
 Desired = Callable[[int], "npt.ArrayLike | None"]
 """The next stretch of the desired path at a tick [rad], shape (m, k), or None at the end."""
@@ -23,26 +26,8 @@ JUDGED = 10
 """Ticks after which it is known whether the stream keeps its period."""
 
 
-class Planning(Protocol):
-    """What :class:`planner.Stream` offers to the loop."""
-
-    @property
-    def period(self) -> float:
-        """Time between two ticks [s]."""
-        ...
-
-    @property
-    def status(self) -> tuple[str, ...]:
-        """Of each joint: "planned", "unreachable" or "held"."""
-        ...
-
-    def step(self, desired: Any, measured: Any = None, *, missed: int = 0) -> Array:
-        """The requests to send now."""
-        ...
-
-
 def follow(
-    stream: Planning,
+    stream: Stream,
     desired: npt.ArrayLike | Desired,
     *,
     send: Send,
@@ -97,7 +82,7 @@ def follow(
     at = desired if callable(desired) else _stretches(as_rows(desired, name="desired"))
     times: list[float] = []
 
-    def answer(tick: int, missed: int) -> Answer | None:
+    def answer(tick: int, missed: int) -> tuple[Array, bool] | None:
         stretch = at(tick)
         if stretch is None:
             return None
@@ -108,7 +93,7 @@ def follow(
             times.append(now() - begun)
             if len(times) == JUDGED:
                 _check_times(median(times), stream.period)
-        return Answer(requests, "held" in stream.status)
+        return requests, "held" in stream.status
 
     player = Player(send, now, sleep, stream.period)
     return conduct(player, lambda: player.keep_in_step(answer), on_stop=on_stop, report=report)

@@ -22,18 +22,6 @@ Send = Callable[[Array], Any]
 """Sends one row of requests [rad], shape (k,), to the joints."""
 
 
-class Answer(NamedTuple):
-    """What a stream answers at a tick.
-
-    Attributes:
-        requests: What to send to every joint [rad], shape (k,); not sent where it is not finite.
-        held: Whether the last request of a joint is repeated.
-    """
-
-    requests: Array
-    held: bool
-
-
 class TimedRequest(NamedTuple):
     """One row of requests.
 
@@ -216,12 +204,13 @@ class Player:
             if following is None:
                 self._wait_until(start + request.time + self._period)
 
-    def keep_in_step(self, answer: Callable[[int, int], Answer | None]) -> None:
+    def keep_in_step(self, answer: Callable[[int, int], tuple[Array, bool] | None]) -> None:
         """At each tick ask for requests and send them, until there is no answer.
 
         Args:
             answer: Given the number of the tick, and how many were missed since the last one;
-                called when the tick is due.
+                called when the tick is due. Returns the requests [rad], shape (k,), not sent where
+                one is not finite, and whether the last request of a joint is repeated.
         """
         start, tick = self._now(), 0
         while True:
