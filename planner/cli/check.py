@@ -133,13 +133,13 @@ def check(
 
 
 def _error(model: JointModel, log: Log) -> float:
-    """How far the model misses the measured angles, rms [rad]."""
+    """How far the model misses the measured angles, rms [rad]; a servo holds its last request."""
     import numpy as np
 
     from planner.model.response import simulate
 
     due = np.rint((log.times - log.times[0]) / model.period).astype(int)
-    requests = np.interp(np.arange(due[-1] + 1), due, log.requests)
+    requests = log.requests[np.searchsorted(due, np.arange(due[-1] + 1), side="right") - 1]
     predicted = simulate(model, requests, cyclic=False, start=float(log.angles[0]))[due]
     return float(np.sqrt(np.mean((predicted - log.angles)[log.measured] ** 2)))
 

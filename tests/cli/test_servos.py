@@ -16,7 +16,7 @@ import pytest
 from planner import JointModel
 from planner.calibration import measure
 from planner.cli import buses
-from planner.cli.check import _changes
+from planner.cli.check import _changes, _error
 from planner.cli.play import _a_row_each
 from planner.exceptions import BusError
 from planner.files.joint_model import read_models, read_servos
@@ -363,6 +363,15 @@ def test_a_model_is_checked_at_another_rate_with_requests_that_are_held(run, arm
         for rate in (100, 20)
     ]
     assert errors[1] < 1.5 * errors[0]
+
+
+def test_a_check_holds_the_last_request_over_rows_that_were_lost():
+    model = JointModel(v_max=5.0, theta_0=0.1, lag=0.01, acceleration_time=0.01, tick=0.01)
+    requests = np.repeat(np.resize([-0.4, 0.4], 10), 40)
+    angles = simulate(model, requests, cyclic=False)
+    kept = np.arange(400) % 40 < 37
+    columns = {"times": 0.01 * np.arange(400), "requests": requests, "angles": angles}
+    assert _error(model, Log(**{name: each[kept] for name, each in columns.items()})) < 1e-12
 
 
 def test_a_model_without_a_tested_error_is_refused_before_anything_moves(run, arm):
