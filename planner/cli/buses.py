@@ -63,10 +63,9 @@ def bus_options(*, required: bool = False) -> Callable[[Command], Command]:
     baud_rate = click.option(
         "--baud-rate",
         type=click.IntRange(9600),
-        default=1_000_000,
-        show_default=True,
         metavar="N",
-        help="Bits per second.",
+        help=f"Bits per second.  [default: {'' if required else 'that of the model file, else '}"
+        "1000000]",
     )
     return lambda command: bus(port(baud_rate(command)))
 
@@ -143,7 +142,8 @@ def open_bus(choices: Mapping[str, Any], ids: Mapping[str, int]) -> Iterator[Bus
         with lerobot_bus(which, path) as bus:
             yield bus
         return
-    port = SerialPort(path, choices["baud_rate"])
+    rate = choices["baud_rate"]
+    port = SerialPort(path) if rate is None else SerialPort(path, rate)
     try:
         yield Bus(port, PROTOCOLS[kind])
     finally:
@@ -175,7 +175,8 @@ def open_arm(choices: Mapping[str, Any], servos: Mapping[str, Servo], model: str
             raise InvalidFile(
                 model, f"bus: got '{known['bus']}', expected one of {', '.join(BUSES)}"
             ) from None
-        choices = {**choices, "bus": named_bus, "port": choices["port"] or known.get("port")}
+        places = {key: choices[key] or known.get(key) for key in ("port", "baud_rate")}
+        choices = {**choices, **places, "bus": named_bus}
 
     with open_bus(choices, {name: servo.id for name, servo in servos.items()}) as bus:
         yield Arm(bus, servos)

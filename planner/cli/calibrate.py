@@ -308,7 +308,8 @@ def _write(
     models, servos, legs = {}, {}, ""
     if Path(output).exists():
         legs = legs_text(output)
-        models = dict(read_model_file(output).by_joint)
+        file = read_model_file(output)
+        models = ({} if file.common is None else {"": file.common}) | dict(file.by_joint)
         try:
             servos = read_servos(output)
         except InvalidFile:  # it has none

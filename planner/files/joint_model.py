@@ -203,7 +203,7 @@ def models_text(
     remarks: Sequence[str] = (),
     about: Mapping[str, Mapping[str, str]] | None = None,
     servos: Mapping[str, Servo] | None = None,
-    bus: Mapping[str, str] | None = None,
+    bus: Mapping[str, str | int] | None = None,
 ) -> str:
     """Models as TOML that :func:`read_models` reads, with comments.
 
@@ -213,18 +213,20 @@ def models_text(
         about: By joint, comments by key that take the place of the key's unit, and under "" one
             above the joint's keys.
         servos: By joint, the servo that turns it; see :func:`read_servos`.
-        bus: Bus and port of the servos; see :func:`planner.files.robot.read_bus`.
+        bus: Where the servos are; see :func:`planner.files.robot.read_bus`.
     """
+    # A table has what stands above all tables, unless it says otherwise.
+    above = models[""].parameters() if "" in models else {}
     blocks = ["\n".join(_comment(remark) for remark in remarks)] if remarks else []
     if bus:
-        blocks.append("\n".join(f"{key} = {_quoted(value)}" for key, value in bus.items()))
+        blocks.append("\n".join(f"{key} = {_value(value)}" for key, value in bus.items()))
     for joint, model in models.items():
         said = (about or {}).get(joint, {})
         lines = [f"[{_key(joint)}]"] if joint else []
         lines += [_comment(line) for line in said.get("", "").splitlines()]
         lines += [
-            f"{name} = {value!r}  " + _comment(said.get(name, f"[{UNITS[name]}]"))
-            for name, value in model.parameters().items()
+            f"{name} = {getattr(model, name)!r}  " + _comment(said.get(name, f"[{UNITS[name]}]"))
+            for name in model.parameters() | above
         ]
         lines += _evidence_lines(model.evidence)
         if servos and joint in servos:
@@ -242,12 +244,12 @@ def _key(joint: str) -> str:
     """The joint as a key of TOML, in quotes where it needs them."""
     if re.fullmatch(r"[A-Za-z0-9_-]+", joint):
         return joint
-    return _quoted(joint)
+    return _value(joint)
 
 
-def _quoted(text: str) -> str:
-    """A text of TOML."""
-    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
+def _value(value: str | int) -> str:
+    """A text or a number of TOML."""
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
 def _evidence_lines(evidence: Evidence | None) -> list[str]:
@@ -262,8 +264,8 @@ def _evidence_lines(evidence: Evidence | None) -> list[str]:
     ]
     if evidence.verdict is not None:
         accepted = " or ".join(f'"{each}"' for each in ACCEPTED)
-        lines.append(f"{VERDICT} = {_quoted(evidence.verdict)}  # to plan with only if {accepted}")
-        lines += [f"{REASON} = {_quoted(evidence.reason)}"] * bool(evidence.reason)
+        lines.append(f"{VERDICT} = {_value(evidence.verdict)}  # to plan with only if {accepted}")
+        lines += [f"{REASON} = {_value(evidence.reason)}"] * bool(evidence.reason)
     lines += [
         f"{name}_interval = [{least!r}, {most!r}]  # 95 %{' [1/s]' * (name == GAIN)}"
         for name, (least, most) in evidence.intervals.items()

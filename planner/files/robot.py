@@ -15,8 +15,8 @@ from planner.validation import shown
 LEG = "leg"
 """Key of the tables ``[leg.<name>]``."""
 
-BUS = ("bus", "port")
-"""Keys above all tables that say on which bus and port the servos are."""
+BUS = {"bus": str, "port": str, "baud_rate": int}
+"""Keys above all tables that say where the servos are, and of which type they are."""
 
 KEYS = {
     "urdf": "the description of the robot, a file beside this one",
@@ -50,7 +50,7 @@ def is_of_robot(key: str, value: Any) -> bool:
     """Whether a key of a model file is about the robot, and no parameter and no joint."""
     if key == LEG:
         return isinstance(value, dict) and all(isinstance(each, dict) for each in value.values())
-    return key in BUS and isinstance(value, str)
+    return type(value) is BUS.get(key)
 
 
 def read_legs(path: Path | str) -> dict[str, LegPlace]:
@@ -66,10 +66,20 @@ def read_legs(path: Path | str) -> dict[str, LegPlace]:
     return {name: _leg(file, name, table) for name, table in tables.items()}
 
 
-def read_bus(path: Path | str) -> dict[str, str]:
-    """Bus and port of a model file, where it has them."""
-    content = read_toml(path, example='bus = "feetech"').content
-    return {key: content[key] for key in BUS if isinstance(content.get(key), str)}
+def read_bus(path: Path | str) -> dict[str, Any]:
+    """Bus, port and baud rate of a model file, where it has them.
+
+    Raises:
+        InvalidFile: One of them is of another type.
+    """
+    file = read_toml(path, example='bus = "feetech"')
+    found = {key: file.content[key] for key in BUS if key in file.content}
+    for key, value in found.items():
+        if not is_of_robot(key, value):
+            expected = "a text in quotes" if BUS[key] is str else "a whole number"
+            words = f"{key}: got {shown(value)}, expected {expected}"
+            raise InvalidFile(file.path, words, line=file.line_of((key,)))
+    return found
 
 
 def legs_text(path: Path | str) -> str:

@@ -447,7 +447,10 @@ def test_joints_that_are_done_are_in_the_file_where_a_later_one_fails(
 ):
     leg = ['[leg."front"]', 'urdf = "robot.urdf"', 'base = "body"', 'foot = "toe"']
     kept = ARM.replace("joint_1", "kept").replace("id = 1", "id = 3")
-    arm.write_text("\n".join([kept, ARM, *leg]) + "\n")
+    every = (
+        "v_max = 3.5\ntheta_0 = 0.1\nlag = 0.01\nacceleration_time = 0.02\ntime_constant = 0.03\n"
+    )
+    arm.write_text("\n".join([every, kept, ARM, *leg]) + "\n")
     ids = "joint_1=1,done=4,broken=2,later=3"
     result = run("calibrate", *BRIEF, "--ids", ids, "-o", "arm.toml")
     assert result.exit_code == 1
@@ -455,7 +458,8 @@ def test_joints_that_are_done_are_in_the_file_where_a_later_one_fails(
         "broken: does not follow; what was measured is in arm_logs; go on with --resume\n"
     )
     assert list(fake_calibration) == ["joint_1", "done"]
-    assert list(read_models(arm)) == list(read_servos(arm)) == ["kept", "joint_1", "done"]
+    assert list(read_models(arm)) == ["", *read_servos(arm)] == ["", "kept", "joint_1", "done"]
+    assert (read_models(arm)[""].v_max, read_models(arm)["done"].time_constant) == (3.5, 0.0)
     for name, found in fake_calibration.items():
         assert read_models(arm)[name].v_max == pytest.approx(found.model.v_max)
         servo = read_servos(arm)[name]
@@ -469,7 +473,8 @@ def test_joints_that_are_done_are_in_the_file_where_a_later_one_fails(
     servos = SimpleNamespace(servos=read_servos(arm))
     settings = {"joint_1": {}, "done": {}}
     CALIBRATE._write("new.toml", fake_calibration, servos, settings, choices)
-    assert 'bus = "feetech"\nport = "/dev/ttyA"\n' in (tmp_path / "new.toml").read_text()
+    written = (tmp_path / "new.toml").read_text()
+    assert 'bus = "feetech"\nport = "/dev/ttyA"\nbaud_rate = 57600\n' in written
 
 
 @pytest.mark.parametrize("option", ["--joint nope", "--reverse nope", "--zero-tick nope=9"])
@@ -628,7 +633,7 @@ def ports(monkeypatch):
     made = []
 
     class Port(VirtualPort):
-        def __init__(self, path, baud_rate):
+        def __init__(self, path, baud_rate=1_000_000):
             super().__init__(VirtualServos(1, servo_bus.KINDS["xl430"]))
             self.given, self.closed = (path, baud_rate), 0
             made.append(self)
@@ -641,15 +646,17 @@ def ports(monkeypatch):
 
 
 def test_the_port_is_that_of_the_command_or_of_the_file_and_is_given_back(run, arm, ports):
-    arm.write_text('bus = "dynamixel"\nport = "/dev/file"\n' + ARM)
+    file = 'bus = "dynamixel"\nport = "/dev/file"\n'
     record = ("record", "--model", arm, "--duration-s", "0.1")
-    assert run(*record).exit_code == 0
+    for text in (file, file + "baud_rate = 115200\n"):
+        arm.write_text(text + ARM)
+        assert run(*record).exit_code == 0
     assert run(*record, "--port", "/dev/b", "--baud-rate", "57600").exit_code == 0
-    ports_given = [("/dev/file", 1_000_000), ("/dev/b", 57_600)]
+    ports_given = [("/dev/file", 1_000_000), ("/dev/file", 115_200), ("/dev/b", 57_600)]
     assert [port.given for port in ports] == ports_given
     speaking = ("--bus", "feetech", "--port", "/dev/c", "--duration-s", "2")
     assert run(*record, *speaking).exit_code == 1  # the servo speaks another
-    assert [port.closed for port in ports] == [1, 1, 1]
+    assert [port.closed for port in ports] == [1, 1, 1, 1]
     for words, given in (
         ("--bus dynamixel needs --port, such as --port /dev/ttyACM0.", ("--bus", "dynamixel")),
         (
@@ -662,7 +669,10 @@ def test_the_port_is_that_of_the_command_or_of_the_file_and_is_given_back(run, a
     assert "arm.toml says of no bus where its servos are: name it with --bus" in run(*record).stderr
     arm.write_text('bus = "can"\n' + ARM)
     assert "arm.toml: bus: got 'can', expected one of virtual, feetech" in run(*record).stderr
-    assert len(ports) == 3
+    arm.write_text('bus = "dynamixel"\nbaud_rate = "fast"\n' + ARM)
+    said = "arm.toml, line 2: baud_rate: got 'fast', expected a whole number"
+    assert said in run(*record).stderr
+    assert len(ports) == 4
 
 
 def test_the_joints_of_a_lerobot_robot_have_its_names_unless_others_are_given(monkeypatch):
