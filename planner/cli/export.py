@@ -69,7 +69,7 @@ def export(
     check_export(export)
     schedule = _read(requests, run.path.joints, period_s)
     if model is not None:
-        export = _with_servos(export, model, schedule.names)
+        export = _with_servos(export, model, schedule)
     if export.format in FOLDERS and output == "-":
         raise click.UsageError(f"--format {export.format} is a folder: name it with --output.")
     rows, skipped = rows_of(export, schedule)
@@ -82,17 +82,19 @@ def export(
     )
 
 
-def _with_servos(export: Export, model: str, names: tuple[str, ...]) -> Export:
+def _with_servos(export: Export, model: str, schedule: Schedule) -> Export:
     """The settings with the servos of a model file.
 
     Raises:
         click.UsageError: The rows are not in ticks, or other options say the same.
         InvalidFile: The file has no servo of a joint, or servos of different ticks.
+        InvalidInput: A request is beyond the range of its servo.
     """
     from dataclasses import replace
 
     from planner.exceptions import InvalidFile
     from planner.files.joint_model import read_servos
+    from planner.robot.arm import check_ranges
 
     if export.unit != "ticks":
         raise click.UsageError("--model needs --unit ticks: other units know no servo.")
@@ -101,11 +103,12 @@ def _with_servos(export: Export, model: str, names: tuple[str, ...]) -> Export:
             "--model says zeros, directions and ticks: leave out --zero-tick, --reverse and "
             "--ticks-per-turn."
         )
-    known = read_servos(model)
+    known, names = read_servos(model), schedule.names
     if missing := [name for name in names if name not in known]:
         raise InvalidFile(
             model, f"no servo of {', '.join(missing)}; servos are of {', '.join(known)}"
         )
+    check_ranges({name: known[name] for name in names}, schedule.requests)
     # that there are as many names as joints is checked with the rows
     servos = dict(zip(export.joint_names or names, (known[name] for name in names), strict=False))
     turns = {servo.ticks_per_turn for servo in servos.values()}

@@ -230,7 +230,7 @@ class Arm:
             BusError: The bus is gone, or a servo is silent, does not follow, leaves its range or
                 reports a fault. What was kept until then is kept.
         """
-        self._check(requests)
+        check_ranges(self.servos, requests)
         port, start = self.bus.port, self.angles()
         guard, begin = _Guard(self, start), math.nan
 
@@ -262,16 +262,18 @@ class Arm:
             if now - last > SILENT:
                 raise BusError(f"{name}: the servo has stopped answering; check cable and supply")
 
-    def _check(self, requests: Array) -> None:
-        for name, servo, column in zip(self.names, self.servos.values(), requests.T, strict=True):
-            low, high = servo.limits
-            beyond = ~((column >= low - ROUNDING) & (column <= high + ROUNDING))  # NaN, too
-            if beyond.any():
-                row = int(np.argmax(beyond))
-                raise InvalidInput(
-                    f"{name}: request {row} is {angle_text(column[row])}, expected "
-                    f"{angle_text(low, high)}, its range; plan within it"
-                )
+
+def check_ranges(servos: Mapping[str, Servo], requests: Array) -> None:
+    """Raise InvalidInput where requests [rad], (n, k), are beyond the limits of their servos."""
+    for (name, servo), column in zip(servos.items(), requests.T, strict=True):
+        low, high = servo.limits
+        beyond = ~((column >= low - ROUNDING) & (column <= high + ROUNDING))  # NaN, too
+        if beyond.any():
+            row = int(np.argmax(beyond))
+            raise InvalidInput(
+                f"{name}: request {row} is {angle_text(column[row])}, expected "
+                f"{angle_text(low, high)}, its range; plan within it"
+            )
 
 
 class _Guard:

@@ -44,6 +44,15 @@ def test_a_range_is_that_of_the_servos_limits_and_of_the_reach(kind, direction):
     assert ranges["joint_2"] - here == pytest.approx([-0.5, 0.5], abs=2.0 * TICK)
 
 
+def test_without_limits_a_servo_turns_through_its_counts():
+    """An XL-320 has 1,024 of them in 300 degrees."""
+    bus = Bus(VirtualPort(VirtualServos(1, KINDS["xl-320"])), KINDS["xl-320"].protocol)
+    bus.write(1, "largest_position", 0)
+    arm = Arm(bus, {"joint": Servo(id=1, zero_tick=512, ticks_per_turn=1228.8)})
+    ends = servo_ranges(arm, {"joint": 0.0}, 4.0)["joint"]
+    assert np.degrees(ends) == pytest.approx([-150.0, 150.0 * 511 / 512])
+
+
 def test_a_range_by_hand_is_from_the_least_to_the_largest_angle_that_was_shown():
     shown = iter([[0.2, 0.0], [-0.4, np.nan], [0.1, 0.2]])
     arm = SimpleNamespace(

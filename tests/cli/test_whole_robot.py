@@ -135,6 +135,16 @@ def test_ticks_are_those_of_each_servo(run, robot, tmp_path):
         np.testing.assert_allclose(table[f"j{j}_ticks"], 2048 + 4096 * turns, atol=0.51)
 
 
+def test_ticks_beyond_the_range_of_a_servo_are_refused(run, robot, tmp_path):
+    robot.write_text(robot_text(reach=np.radians(30.0)))
+    (tmp_path / "path.csv").write_text("t_s,front_left_knee_deg\n0,29\n0.01,31\n0.02,29\n")
+    asked = ("export", "path.csv", "--format", "csv", "--unit", "ticks", "--model", robot)
+    result = run(*asked, "-o", "ticks.csv")
+    assert result.exit_code == 2
+    assert "front_left_knee: request 1 is 31 deg, expected -30 to 30 deg" in result.stderr
+    assert not (tmp_path / "ticks.csv").exists()
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [

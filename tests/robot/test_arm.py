@@ -387,9 +387,9 @@ def test_a_request_may_be_beyond_the_range_by_the_rounding_of_a_file(side, beyon
     requests = np.array([[0.0], [side * (1.0 + beyond)]])
     if refused:
         with pytest.raises(InvalidInput, match="joint_1: request 1 is"):
-            arm._check(requests)
+            check_ranges(arm.servos, requests)
     else:
-        arm._check(requests)
+        check_ranges(arm.servos, requests)
 
 
 def test_ctrl_c_on_the_way_to_the_first_request_plays_nothing():
