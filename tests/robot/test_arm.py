@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from planner.exceptions import BusError, InvalidInput
-from planner.robot.arm import Arm, Measured, Servo, _Guard
+from planner.robot.arm import Arm, Measured, Servo, _Guard, check_ranges
 from planner.robot.bus import Bus, SerialPort
 from planner.robot.protocols import DYNAMIXEL, FEETECH, SYNC_READ, SYNC_WRITE
 from planner.virtual.servo_bus import KINDS, Faults, VirtualPort, VirtualServos
