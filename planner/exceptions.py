@@ -139,16 +139,17 @@ class OutsideEquation13(UserWarning):
     """The paper's rule for lines is used for a joint that breaks Equation 13."""
 
 
-def angle_text(*radians: float, spelt: bool = False) -> str:
+def angle_text(*radians: float, digits: int = 6, spelt: bool = False) -> str:
     """An angle [rad], or one to another, in a message, in the unit in which the user writes.
 
     Args:
         *radians: The angles.
+        digits: Digits of their numbers.
         spelt: Whether degrees are called so, not "deg".
     """
     unit = ANGLE_UNIT.get()
     angles = (each if unit == "rad" else math.degrees(each) for each in radians)
-    numbers = " to ".join(f"{each:.6g}" for each in angles)
+    numbers = " to ".join(f"{each:.{digits}g}" for each in angles)
     if spelt and unit == "deg":
         return f"{numbers} degree{'s' * (numbers != '1')}"
     return f"{numbers} {unit}"

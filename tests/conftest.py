@@ -246,9 +246,8 @@ def in_this_process(monkeypatch):
 def undrawn(monkeypatch):
     """Leave pictures in files empty: the commands' own tests draw them."""
     monkeypatch.setattr("planner.report.matplotlib_figure.pictures_of", lambda _: (NO_PICTURE, b""))
-    for module in ("cli.comparison", "report.matplotlib_figure"):  # the first imports the second
-        monkeypatch.setattr(f"planner.{module}.to_svg", lambda _: NO_PICTURE)
-        monkeypatch.setattr(f"planner.{module}.to_png", lambda _: b"")
+    monkeypatch.setattr("planner.report.matplotlib_figure.to_svg", lambda _: NO_PICTURE)
+    monkeypatch.setattr("planner.report.matplotlib_figure.to_png", lambda _: b"")
 
 
 @pytest.fixture(scope="session")

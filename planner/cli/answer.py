@@ -46,7 +46,7 @@ def document(prepared: Prepared, plan: Plan, missed: list[str]) -> dict[str, Any
             **_errors(np.degrees(plan.errors[:, j]), unit),
             "norm": inversion and inversion.norm,
             "solver": inversion and inversion.solver,
-            f"expected_rms_{unit}": _degrees_or_null(plan.expected[j].error),
+            f"expected_rms_{unit}": math.degrees(plan.expected[j].error),
             f"expected_range_{unit}": _range_in_degrees(plan.expected[j]),
             "untested": list(plan.expected[j].untested),
             f"lower_bound_{unit}": inversion and float(np.degrees(inversion.lower_bound)),
@@ -55,7 +55,7 @@ def document(prepared: Prepared, plan: Plan, missed: list[str]) -> dict[str, Any
             "best_shift": {
                 "lead_s": shift.leads[j],
                 f"rms_{unit}": float(np.degrees(rms(shift.errors[:, j]))),
-                f"expected_rms_{unit}": _degrees_or_null(shift.expected[j].error),
+                f"expected_rms_{unit}": math.degrees(shift.expected[j].error),
             },
             **verdict_document(desired.models[j]),
             **_motion(plan.motions[j], unit),
@@ -262,10 +262,6 @@ def _bounded_foot(plan: Plan) -> str:
         f"\nno requests within the limits bring it below {100.0 * plan.foot_bound:.3f} cm {norm}"
         f"{weighted}: the plan is {percent(plan.of_foot.gap)} above that"
     )
-
-
-def _degrees_or_null(angle: float) -> float | None:
-    return None if np.isnan(angle) else float(np.degrees(angle))
 
 
 def _motion(motion: RequestMotion, unit: str) -> dict[str, float]:

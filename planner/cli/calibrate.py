@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from planner.cli import buses, options, types
-from planner.cli.console import Progress, deliver, remark, summarise, warn
+from planner.cli.console import Progress, print_answer, remark, summarise, warn
 from planner.exceptions import InvalidFile, about
 
 if TYPE_CHECKING:
@@ -181,13 +181,7 @@ def calibrate(
         from planner.files.text import write_text
 
         write_text(report, calibration_page(found))
-    deliver(
-        _document(found, arm, checked),
-        calibration_text(found, output),
-        lambda _: None,
-        output="",
-        as_json=as_json,
-    )
+    print_answer(_document(found, arm, checked), calibration_text(found, output), as_json=as_json)
 
 
 TESTS = 32.0

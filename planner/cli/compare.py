@@ -74,13 +74,15 @@ def compare(
         request-planner compare foot.csv --leg reference --unreachable clamp --report compare.html
     """  # noqa: D301
     from planner.cli.answer import comparison_report
-    from planner.cli.comparison import comparison_of, steps_of, write_picture
+    from planner.cli.comparison import comparison_of, steps_of
     from planner.cli.desired import check_angles
     from planner.cli.models import model_words
     from planner.cli.planning import load
     from planner.files.staging import claimed
     from planner.files.text import write_text
+    from planner.report.comparison import comparison_figure
     from planner.report.comparison_tables import comparison_text, verdict_line
+    from planner.report.matplotlib_figure import write_picture
     from planner.report.table import fitted_to
 
     if figure is not None and Path(figure).suffix.lower() not in PICTURES:
@@ -95,7 +97,7 @@ def compare(
     unreachable = prepared.desired.unreachable
     document = {**check.to_dict(), "unreachable_samples": unreachable}
     if figure is not None:
-        write_picture(Path(figure), check)
+        write_picture(figure, comparison_figure(check))
     page = partial(comparison_report, prepared, check)
     if out is not None:
         _write_folder(out, check, document, page)
@@ -120,10 +122,11 @@ def _write_folder(
 ) -> None:
     import numpy as np
 
-    from planner.cli.comparison import write_picture
     from planner.files.paths import write_joint_path
     from planner.files.staging import MANIFEST, list_files, output_folder
     from planner.files.text import write_text
+    from planner.report.comparison import comparison_figure
+    from planner.report.matplotlib_figure import write_picture
 
     names = [joint.name for joint in check.joints]
     with output_folder(out) as folder:
@@ -137,7 +140,7 @@ def _write_folder(
             file = folder / f"requests_{method}.csv"
             write_joint_path(file, names, requests, period=check.period)
         for ending in PICTURES:
-            write_picture(folder / f"comparison{ending}", check)
+            write_picture(folder / f"comparison{ending}", comparison_figure(check))
         made = [(Path(name).stem, folder / name) for name in (*list_files(folder), MANIFEST)]
         write_text(folder / PAGE, page(page=folder / PAGE, written=made))
         written = {**document, "files": list_files(folder)}

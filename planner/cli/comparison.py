@@ -4,13 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from planner.evaluation.cross_check import CrossCheck, cross_check
-from planner.files.text import write_bytes, write_text
-from planner.report.comparison import comparison_figure
-from planner.report.matplotlib_figure import to_png, to_svg
 
 if TYPE_CHECKING:
     from kinematics import Leg
@@ -46,15 +42,6 @@ def comparison_of(
         load=torques,
         progress=progress,
     )
-
-
-def write_picture(file: Path, check: CrossCheck) -> None:
-    """Write the picture of a comparison, as PNG or SVG by the file's ending."""
-    drawn = comparison_figure(check)
-    if file.suffix.lower() == ".svg":
-        write_text(file, to_svg(drawn))
-    else:
-        write_bytes(file, to_png(drawn))
 
 
 def _ordered(desired: Desired) -> tuple[Desired, Leg | None]:

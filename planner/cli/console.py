@@ -107,6 +107,11 @@ def deliver(
     """
     if not as_json or output != "-":
         write(output)
+    print_answer(document, summary, as_json=as_json)
+
+
+def print_answer(document: Mapping[str, Any], summary: str, *, as_json: bool) -> None:
+    """Print an answer as JSON, or in a few words."""
     if as_json:
         print_json(document)
     else:

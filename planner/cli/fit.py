@@ -183,13 +183,11 @@ def _write_extras(
         write_curve(knots_file, only)
     if figure is not None:
         from planner.approximation.fit import choices
-        from planner.files.text import write_bytes
         from planner.report.fit import fits_figure
-        from planner.report.matplotlib_figure import to_png, to_svg
+        from planner.report.matplotlib_figure import write_picture
 
-        picture = fits_figure(fits, {name: choices(curve) for name, curve in fits.items()})
-        is_svg = Path(figure).suffix.lower() == ".svg"
-        write_bytes(figure, to_svg(picture).encode() if is_svg else to_png(picture))
+        found = {name: choices(curve) for name, curve in fits.items()}
+        write_picture(figure, fits_figure(fits, found))
 
 
 def _document(curve: PiecewiseLinearFit) -> dict[str, Any]:

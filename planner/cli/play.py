@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from planner.cli import buses, options, types
-from planner.cli.console import deliver, warn
+from planner.cli.console import print_answer, warn
 
 if TYPE_CHECKING:
     from planner.trajectory import Array
@@ -112,7 +112,7 @@ def play(
             f"{played.skipped} of {count} requests were not sent in time and {lost} of "
             f"{angles.size} angles were not read; a longer period, or a better cable, helps"
         )
-    deliver(
+    print_answer(
         {
             "rows": len(rows),
             "requests": count,
@@ -124,8 +124,6 @@ def play(
             "answers_lost": arm.bus.lost,
         },
         f"{len(rows)} rows of {', '.join(path.names)} in {output}\nplayed: {played}",
-        lambda _: None,
-        output="",
         as_json=as_json,
     )
 

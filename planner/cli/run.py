@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from planner.cli import options, types
-from planner.cli.console import Progress, print_json, summarise, warn
+from planner.cli.console import Progress, print_answer, print_json, summarise, warn
 
 if TYPE_CHECKING:
     from planner.cli.run_file import RunFile
@@ -59,14 +59,13 @@ def run(*, file: str | None, out: str | None, check: bool, template: bool, as_js
     desired = ready.prepared.desired
     if check:
         samples, method = len(desired.angles), ready.settings.plan.method
-        if as_json:
-            checked = {"holds": True, "samples": samples, "period_s": desired.period}
-            print_json({**checked, "joints": list(desired.names), "method": method})
-        else:
-            summarise(
-                f"{file}: holds; {samples} samples, {desired.period:g} s apart, of "
-                f"{', '.join(desired.names)}; method {method}"
-            )
+        checked = {"holds": True, "samples": samples, "period_s": desired.period}
+        print_answer(
+            {**checked, "joints": list(desired.names), "method": method},
+            f"{file}: holds; {samples} samples, {desired.period:g} s apart, of "
+            f"{', '.join(desired.names)}; method {method}",
+            as_json=as_json,
+        )
         return
     carry_out_run(ready, _folder(file, out, ready), as_json=as_json)
 

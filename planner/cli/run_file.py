@@ -185,15 +185,16 @@ def write_run(
     _write_paths(folder, run, plan)
     exports, words = _write_exports(folder, run, plan)
     if run.settings.output.comparison:
-        from planner.cli.comparison import comparison_of, write_picture
+        from planner.cli.comparison import comparison_of
+        from planner.report.comparison import comparison_figure
         from planner.report.comparison_tables import verdict_line
+        from planner.report.matplotlib_figure import write_picture
 
         progress("the comparison")
         check = comparison_of(run.prepared)
-        pictures = [folder / f"comparison{ending}" for ending in (".png", ".svg")]
         write_text(folder / "comparison.json", to_json(check.to_dict()))
-        for picture in pictures:
-            write_picture(picture, check)
+        for ending in (".png", ".svg"):
+            write_picture(folder / f"comparison{ending}", comparison_figure(check))
         failures = [*missed, *([] if check.passed else [verdict_line(check)])]
     if page := _place(folder, run, "report"):
         files: list[tuple[str, Path | str | None]] = [("run", run.file.path)]

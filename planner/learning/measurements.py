@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from planner.exceptions import ANGLE_UNIT, InvalidTrajectory
+from planner.exceptions import InvalidTrajectory, angle_text
 from planner.planning.trials import Trial
 from planner.trajectory import Array
 
@@ -78,8 +78,9 @@ def check_angles(
         if should_move[j] and np.ptp(measured) <= OPTIONS.still:
             raise InvalidTrajectory(
                 f"measured: {of} does not move: its angles have a range of "
-                f"{_text(np.ptp(measured))}, the model's of {_text(np.ptp(modelled[:, j]))}; check "
-                "that its torque was on, and that the recording is of this joint"
+                f"{angle_text(np.ptp(measured), digits=2)}, the model's of "
+                f"{angle_text(np.ptp(modelled[:, j]), digits=2)}; check that its torque was on, "
+                "and that the recording is of this joint"
             )
         lags = float(np.ptp(modelled[:, j] - requests[:, j])) > OPTIONS.lagging
         if lags and np.max(np.abs(measured - requests[:, j])) <= OPTIONS.equal:
@@ -121,10 +122,10 @@ def check_trial(
     should_move = np.ptp(modelled, axis=0) > OPTIONS.moving
     for j in np.flatnonzero(should_move & (away > resting + OPTIONS.still)).tolist():
         raise InvalidTrajectory(
-            f"measured: the angles of {_joint(j, modelled)} are {_text(away[j])} rms from those of "
-            f"the model under these requests, farther than a joint that does not move "
-            f"({_text(resting[j])}): give what was measured while these requests were executed, of "
-            "this joint and with its sign"
+            f"measured: the angles of {_joint(j, modelled)} are {angle_text(away[j], digits=2)} "
+            "rms from those of the model under these requests, farther than a joint that does not "
+            f"move ({angle_text(resting[j], digits=2)}): give what was measured while these "
+            "requests were executed, of this joint and with its sign"
         )
     for number, (trial, angles) in enumerate(zip(trials, before, strict=True), start=1):
         apart = np.abs(trial.measured[:, np.newaxis] - cycles).max(axis=(2, 3))
@@ -138,8 +139,3 @@ def check_trial(
 
 def _joint(j: int, angles: Array) -> str:
     return "the joint" if angles.shape[1] == 1 else f"joint {j + 1}"
-
-
-def _text(angle: float) -> str:
-    unit = ANGLE_UNIT.get()
-    return f"{angle:.2g} rad" if unit == "rad" else f"{math.degrees(angle):.2g} {unit}"

@@ -11,7 +11,7 @@ import numpy as np
 from markupsafe import Markup
 
 from planner._version import __version__
-from planner.evaluation.checks import AGREES
+from planner.evaluation.checks import AGREES, beyond_limits
 from planner.evaluation.comparison import SECOND
 from planner.report import figure
 from planner.report.comparison_tables import (
@@ -248,7 +248,7 @@ def remarks(check: CrossCheck, *, unreachable: int = 0) -> list[str]:
         limits, requests = joint.plans["optimal"].limits, joint.plans[SHOWN].requests
         if limits is None:
             continue
-        excess = float(np.max(np.maximum(limits[0] - requests, requests - limits[1])))
+        excess = beyond_limits(requests, limits)
         if excess > OUTSIDE:
             beyond.append(f"{joint.name} by {math.degrees(excess):.3g} degrees")
     if beyond:

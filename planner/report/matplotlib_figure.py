@@ -5,8 +5,10 @@ from __future__ import annotations
 import io
 from collections.abc import Sequence
 from functools import cache
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from planner.files.text import write_bytes
 from planner.report.figure import MARGIN, Axis, Curve, Figure, Panel, Span, Words
 from planner.report.style import INK, SETTINGS, WIDTH, applied
 
@@ -95,6 +97,12 @@ def to_png(picture: Picture) -> bytes:
         canvas: Any = FigureCanvasAgg(picture)
         canvas.print_png(stream, metadata={"Software": None})
     return stream.getvalue()
+
+
+def write_picture(file: Path | str, picture: Picture) -> None:
+    """Write a picture, as SVG or PNG by the file's ending."""
+    is_svg = Path(file).suffix.lower() == ".svg"
+    write_bytes(file, to_svg(picture).encode() if is_svg else to_png(picture))
 
 
 def pictures_of(figure: Figure) -> tuple[str, bytes]:

@@ -194,7 +194,7 @@ def verdict(plan: Plan, legs: Mapping[str, Plan] | None = None) -> tuple[str, st
         )
         unit = "cm"
         words = "feet stay" if legs else "foot stays", "their paths" if legs else "its path"
-        head = f"By the model the {words[0]} within {at_most(planned.largest)} cm of {words[1]}"
+        head = f"By the model the {words[0]} within {at_most(planned.max)} cm of {words[1]}"
     else:
         planned, direct = (
             size(errors, math.degrees(1.0)) for errors in (plan.errors, plan.direct - plan.desired)
@@ -202,10 +202,10 @@ def verdict(plan: Plan, legs: Mapping[str, Plan] | None = None) -> tuple[str, st
         unit = "degrees"
         subject = "joint stays" if len(plan.names) == 1 else "joints stay"
         whose = "its path" if len(plan.names) == 1 else "their paths"
-        head = f"By the model the {subject} within {at_most(planned.largest)} degrees of {whose}"
+        head = f"By the model the {subject} within {at_most(planned.max)} degrees of {whose}"
     tail = (
         f"{two_digits(planned.rms)} {unit} rms. Without a plan, with the desired angles as "
-        f"requests, the error is up to {at_most(direct.largest)} {unit}, "
+        f"requests, the error is up to {at_most(direct.max)} {unit}, "
         f"{two_digits(direct.rms)} {unit} rms"
     )
     if plan.task.leg and plan.expected_foot:
@@ -280,7 +280,7 @@ def _out_of_reach(plan: Plan, foot_given: Array | None, unreachable: int) -> str
     return (
         f"{head}. The path was clamped to what the leg can reach, and all distances here are to "
         f"the clamped path. To the path as given the foot's distance is {given.rms:.3f} cm rms, "
-        f"{given.largest:.3f} cm at most."
+        f"{given.max:.3f} cm at most."
     )
 
 
@@ -293,8 +293,8 @@ def cards(plan: Plan) -> list[Card]:
         made += [
             Card(f"{planned.rms:.3g}", "cm rms",
                  f"the foot from its path; without a plan {direct.rms:.3g} cm"),
-            Card(f"{planned.largest:.3g}", "cm",
-                 f"at most; without a plan {direct.largest:.3g} cm"),
+            Card(f"{planned.max:.3g}", "cm",
+                 f"at most; without a plan {direct.max:.3g} cm"),
         ]  # fmt: skip
     if plan.foot_bound:
         kind = {"rms": "rms", "max": "at most"}[plan.task.norm]

@@ -11,7 +11,7 @@ import numpy as np
 from planner.planning.time_shift import shifted
 from planner.report.figure import Timeline
 from planner.report.table import NOTHING, Column, Row, Table, percent, signed
-from planner.trajectory import error_norm, rms
+from planner.trajectory import Distance, error_norm, rms
 
 if TYPE_CHECKING:
     from planner.model.evidence import Expectation
@@ -23,16 +23,9 @@ AT_LIMIT = math.radians(1e-6)
 """A request this close to a limit is at it [rad]."""
 
 
-class Size(NamedTuple):
-    """Errors of one kind, in one unit: root mean square, and largest."""
-
-    rms: float
-    largest: float
-
-
-def size(errors: Array, factor: float) -> Size:
+def size(errors: Array, factor: float) -> Distance:
     """The errors times a factor in two numbers."""
-    return Size(factor * error_norm(errors, "rms"), factor * error_norm(errors, "max"))
+    return Distance(factor * error_norm(errors, "rms"), factor * error_norm(errors, "max"))
 
 
 def expected_errors(plan: Plan) -> list[float]:
@@ -64,8 +57,8 @@ class JointRow(NamedTuple):
     """
 
     name: str
-    planned: Size
-    direct: Size
+    planned: Distance
+    direct: Distance
     bound: float | None
     gap: float | None
     speed: float

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from planner.cli import options, types
-from planner.cli.console import Progress, deliver, remark, warn
+from planner.cli.console import Progress, deliver, print_answer, remark, warn
 from planner.cli.identify import log_options, to_log_options
 from planner.cli.settings import SMOOTHING
 
@@ -195,7 +195,7 @@ def _say_all(
             )
             with staged(report, page.encode()):
                 pass
-    deliver(said, episodes_text(said), lambda _: None, output=output, as_json=as_json)
+    print_answer(said, episodes_text(said), as_json=as_json)
     failed = said["left_out"]
     for name, reason in failed.items():
         warn(f"{name} is left out: {reason}")

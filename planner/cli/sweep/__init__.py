@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from planner.cli import options, types
-from planner.cli.console import Progress, print_json, remark, summarise
+from planner.cli.console import Progress, print_answer, remark
 
 if TYPE_CHECKING:
     from planner.cli.sweep.space import Space
@@ -130,9 +130,6 @@ def _carry_out(
 
 def _say(document: Mapping[str, Any], words: str, *, as_json: bool) -> None:
     """Say what was found, and fail where no point is what was required."""
-    if as_json:
-        print_json(document)
-    else:
-        summarise(words)
+    print_answer(document, words, as_json=as_json)
     if document["missed"]:
         raise click.ClickException(f"{document['missed']}; the files are written all the same")
