@@ -10,7 +10,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from planner.exceptions import InvalidInput
-from planner.identification.findings import sentence
 from planner.identification.fit import (
     at_ticks,
     commanded_speed,
@@ -64,9 +63,8 @@ from planner.identification.result import (
     Identification,
     Interval,
     LogFit,
-    Note,
     Term,
-    note,
+    angle_in,
 )
 from planner.identification.terms import (
     backlash_of,
@@ -97,6 +95,9 @@ tells an acceleration limit, which in the second matters most."""
 LOST = 0.2
 """Share of the loss by which a motor is worse with shorter ticks where it is sought again: one that
 its requests nearly shake out of step goes another way after a small change."""
+
+LEFT_OUT = "these rows are left out"
+"""What becomes of rows in which something holds the joint."""
 
 CONTACT_ROUNDS = 3
 """How often contact is sought, each time without the rows that are known to have it."""
@@ -178,7 +179,7 @@ def identify(
     faster = bounds["v_max"].upper == math.inf and seen > fit.parameters.v_max
     refuted = _refuted(every, fit, bounds["v_max"].upper)
     if refuted:
-        faster, seen = True, refuted.numbers["speed"]
+        faster, (seen, _) = True, refuted
     if faster:  # in rows that are not fitted
         fit = with_speed_of(fit, seen)
         bounds["v_max"] = Interval(max(seen, bounds["v_max"].lower), math.inf)
@@ -198,6 +199,7 @@ def identify(
     intervals = all_intervals(fit, bounds, uncertainty)
     if longer:
         intervals = over_ticks(intervals, *longer)
+    unit = logs[0].unit
     verdict, reason, notes = verdict_on(
         fit,
         intervals,
@@ -210,24 +212,30 @@ def identify(
         tested=held is not None or not hold_out,
         friction=friction,
         shaken=shaken(model, fits),
+        unit=unit,
     )
     gain = intervals.pop("gain")
     if reason.topic != "motion":  # else nothing in the log is of the joint
         notes += [*notes_on(every, timing, jumps), *held_rows]
         if refuted:
-            notes.append(refuted)
+            notes.append(refuted[1])
         elif faster:  # in logs whose rows are not all fitted
-            notes += [
-                note("log", "faster", log=fit.log.name, speed=seen, left_out=left_out)
-                for fit in fits
-                if measured_speed(fit.log) == seen and (left_out := fit.left_out)
-            ]
+            for each in fits:
+                left_out = ", ".join(f"{count} {why}" for why, count in each.left_out.items())
+                if measured_speed(each.log) == seen and left_out:
+                    words = (
+                        f"{each.log.name}: the joint moves at up to {angle_in(unit, seen, '/s')}, "
+                        f"its least top speed, also in rows that are not fitted: {left_out}"
+                    )
+                    notes.append(Finding("log", words))
         if evenly_timed:
-            notes.append(note("log", "jitter", period=1e3 * timing.period))
+            words = "the times of the rows jitter: rows every "
+            words += f"{1e3 * timing.period:.3g} ms fit better, and are taken"
+            notes.append(Finding("log", words))
         if hold_out and held is None:
-            notes.append(note("log", "nothing held out"))
+            words = "nothing was held out: the first half of the log holds no motion to fit"
+            notes.append(Finding("log", words))
         notes += patterns(model, fits, noise, backlash_of(fit))
-    unit = logs[0].unit
     return Identification(
         model=model,
         fits=fits,
@@ -251,9 +259,9 @@ def identify(
             )
             for name, known, _ in simple
         ),
-        findings=tuple(Finding(each.topic, sentence(each, unit)) for each in notes),
+        findings=tuple(notes),
         verdict=verdict,
-        reason=sentence(reason, unit),
+        reason=reason.words,
         terms=tuple(
             replace(term, interval=intervals[term.name]) if term.kept else term for term in terms
         ),
@@ -272,8 +280,8 @@ def _by_rows(whole: Fit, fine: Fit) -> bool:
     return pays(fine, whole)
 
 
-def _refuted(logs: Sequence[Log], fit: Fit, upper: float) -> Note | None:
-    """The speed of rows that are not fitted, where those that are fitted exclude it.
+def _refuted(logs: Sequence[Log], fit: Fit, upper: float) -> tuple[float, Finding] | None:
+    """The speed of rows that are not fitted [rad/s], where those that are fitted exclude it.
 
     Args:
         logs: The logs.
@@ -289,7 +297,14 @@ def _refuted(logs: Sequence[Log], fit: Fit, upper: float) -> Note | None:
     log, speed = max(zip(logs, speeds, strict=True), key=lambda each: each[1])
     if speed - SPEED_NOISE * noise_of(fit) <= most:
         return None
-    return note("log", "refuted", log=log.name, speed=speed, most=most)
+    fast, bound = (angle_in(log.unit, each, "/s") for each in (speed, most))
+    words = (
+        f"{log.name}: the joint moves at up to {fast} in rows that are not fitted, and "
+        f"those that are bound its top speed at {bound}: a limit in the servo was changed, "
+        "or something pushed the joint; v_max is the measured speed; record anew with one limit, "
+        "or leave out the rows in which it was pushed"
+    )
+    return speed, Finding("log", words)
 
 
 def _fitted(
@@ -324,7 +339,7 @@ def _with_motor(plain: Sequence[_Fitted]) -> tuple[_Fitted, _Fitted]:
     return plain[k], full[k]
 
 
-def _without_contact(logs: Sequence[Log], fit: Fit) -> tuple[Sequence[Log], list[Note]]:
+def _without_contact(logs: Sequence[Log], fit: Fit) -> tuple[Sequence[Log], list[Finding]]:
     """The logs, rows in which something touches the joint as if without torque; and notes.
 
     With these rows the fit is between what touches the joint and what does not, so that without
@@ -347,11 +362,11 @@ def _without_contact(logs: Sequence[Log], fit: Fit) -> tuple[Sequence[Log], list
             free, tick=grid.tick, reach=grid.reach, burn_in=grid.burn_in, settled=grid.settled
         )
         fit = least_squares(finer, fit.parameters, free=fit.free)
-    notes = [joined(touched[k]).note(logs[k].name, "left out") for k in sorted(touched)]
+    notes = [joined(touched[k]).finding(logs[k], LEFT_OUT) for k in sorted(touched)]
     return tuple(free), notes
 
 
-def _without_stops(logs: Sequence[Log], fit: Fit) -> tuple[Sequence[Log], list[Note]]:
+def _without_stops(logs: Sequence[Log], fit: Fit) -> tuple[Sequence[Log], list[Finding]]:
     """The logs, rows at a mechanical stop as if without torque; and notes on these.
 
     Where most rows of a log would go they stay: then something else holds the joint.
@@ -364,7 +379,8 @@ def _without_stops(logs: Sequence[Log], fit: Fit) -> tuple[Sequence[Log], list[N
             free[stop.rows] = False
         few = np.sum(free) >= MOSTLY_FREE * np.sum(log.torque_on)
         moving.append(replace(log, torque_on=free) if found and few else log)
-        notes += [stop.note(log.name, "left out" if few else "not left out") for stop in found]
+        fate = LEFT_OUT if few else "too many rows to leave out"
+        notes += [stop.finding(log, fate) for stop in found]
     return tuple(moving), notes
 
 

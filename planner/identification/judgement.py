@@ -1,10 +1,11 @@
-"""Whether a model may be used, and what its user has to know first, in codes and numbers."""
+"""Whether a model may be used, and what its user has to know first."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -14,9 +15,19 @@ from planner.identification.intervals import Uncertainty, at_edge, middle_known_
 from planner.identification.least_squares import Fit, sound_rms
 from planner.identification.log import Log
 from planner.identification.parameters import Parameters
-from planner.identification.result import HeldOut, Interval, Note, Topic, note
+from planner.identification.result import Finding, HeldOut, Interval, Topic, angle_in
 from planner.model.evidence import PROVEN, Verdict
 from planner.trajectory import Array, rms
+
+REASONS = (
+    "is the joint overloaded, held up by friction or by a limit, or is this another joint's column?"
+)
+
+SIMPLER = {
+    "raw": "the request itself",
+    "delay": "a mere delay",
+    "first_order": "a delay with a first-order lag",
+}
 
 SAME_LIKENESS = 1e-9
 """Correlations closer than this differ by rounding."""
@@ -73,13 +84,14 @@ def verdict_on(
     held: HeldOut | None,
     simple: dict[str, float],
     *,
-    against: Note | None,
-    exchanged: Note | None,
+    against: Finding | None,
+    exchanged: Finding | None,
     signal: float,
     tested: bool,
     friction: float,
-    shaken: Sequence[Note],
-) -> tuple[Verdict, Note, list[Note]]:
+    shaken: Sequence[Finding],
+    unit: str = "rad",
+) -> tuple[Verdict, Finding, list[Finding]]:
     """Judge a fit by its error, without gross outliers, on all rows and on those held out.
 
     A model is refused beyond 25 %, where it is hardly better than a delay, or where the joint seems
@@ -100,32 +112,50 @@ def verdict_on(
         tested: Whether rows were held out, or were not asked for.
         friction: By how much the dead band may be larger than that of the model [rad].
         shaken: What speaks for a joint that is shaken at rest.
+        unit: The unit of the logs, for the findings.
 
     Returns:
         The verdict, its reason and what else to know.
     """
-    notes = list(shaken)
+    notes, angle = list(shaken), partial(angle_in, unit)
     if held is not None and held.beyond:
-        notes.append(note("held out", "held out is faster"))
-    error, of_held_out = sound_rms(fit.residuals), False
+        words = (
+            "the part that was held out calls for faster motion than the part that was fitted, "
+            "which does not say how fast the joint can be: it is predicted with the top speed of "
+            "the fit to all rows"
+        )
+        notes.append(Finding("held out", words))
+    error, where = sound_rms(fit.residuals), ""
     if held is not None and held.sound_rms >= error:
-        error, of_held_out = held.sound_rms, True
+        error, where = held.sound_rms, " in the part that was held out"
     missed = error / signal
     mere = min(simple["raw"], simple["delay"])
     useless = missed > OPTIONS.poor and fit.rms > OPTIONS.no_better * mere
     fits = missed <= OPTIONS.refused and not useless
     if not fits and _at_random(fit.grid, signal):
-        return "refused", note("motion", "no motion"), [note("motion", "random", signal=signal)]
-    numbers: dict[str, float] = {"missed": missed, "of_held_out": of_held_out, "error": error}
+        words = (
+            "this log holds no motion of the joint: its angles change from row to row at random, "
+            f"by {angle(signal)} (rms); is the torque on, and is this the right column?"
+        )
+        none = Finding("motion", "the log holds no motion of the joint")
+        return "refused", none, [Finding("motion", words)]
     if missed > OPTIONS.suspect:
-        scale = _other_scale(fit.grid)
-        why = "another scale" if scale else "why"
-        numbers |= {"mere": mere, "rms": fit.rms, "most": OPTIONS.refused, **scale}
-        misfit = "no better than a delay" if useless else "inexact" if fits else "does not fit"
+        words = "the model misses" if fits else "the model does not fit: it misses"
+        words += f" {missed:.0%} of the motion's standard deviation{where} (rms {angle(error)})"
+        if useless:
+            words += f", and a mere delay hardly more ({angle(mere)} in place of {angle(fit.rms)})"
+        elif not fits:
+            words += f"; more than {OPTIONS.refused:.0%} is not accepted"
+        scale = _other_scale(fit.grid, unit)
         topic: Topic = "columns" if scale else "error" if fits else "fit"
-        notes.append(note(topic, misfit, why, **numbers))
+        notes.append(Finding(topic, f"{words}; {scale}{REASONS}"))
     if not fits and (span := float(np.ptp(fit.grid.angles))) < 0.2:
-        notes.append(note("motion", "hardly moves", span=span, enough=30.0 * error))
+        words = (
+            f"the joint hardly moves in this log, by {angle(span)} in all: record requests that "
+            f"span {angle(30.0 * error, digits=1)} or more, of which friction, play and the "
+            "sensor's steps are a smaller part"
+        )
+        notes.append(Finding("motion", words))
     if against is not None:
         notes.append(against)
     elif exchanged is not None and missed > OPTIONS.suspect:
@@ -134,42 +164,55 @@ def verdict_on(
     name = min(others, key=lambda other: others[other])
     beaten = ours > OPTIONS.simpler_wins * others[name]
     if beaten:
-        notes.append(note("simpler", "simpler", simpler=name, theirs=others[name], ours=ours))
+        words = (
+            f"{SIMPLER[name]} predicts better than the model (rms {angle(others[name])} against "
+            f"{angle(ours)}): the log is too short or too gentle for more"
+        )
+        notes.append(Finding("simpler", words))
     hidden = friction > OPTIONS.suspect * signal
     if fits and hidden:
-        notes.append(note("friction", "dry friction", friction=friction))
-    notes += _undetermined(fit, bounds, uncertainty)
+        words = (
+            "the log does not determine dry friction: the dead band may be larger by "
+            f"{angle(friction)}, and slow motion further off; record motion that is slow and "
+            "reverses, such as excite --kind slow-triangle"
+        )
+        notes.append(Finding("friction", words))
+    notes += _undetermined(fit, bounds, uncertainty, unit)
+    misses = f"it misses {missed:.0%} of the motion{where}"
     doubts = {
-        "misses": missed > OPTIONS.suspect,
-        "simpler predicts better": beaten,
-        "hardly better than a delay": PROVEN * others["delay"] < ours <= others["delay"],
-        "friction open": hidden,
-        "shaken": bool(shaken),
-        "not tested": not tested,
+        misses: missed > OPTIONS.suspect,
+        f"{SIMPLER[name]} predicts better": beaten,
+        "a pure delay predicts nearly as well": (
+            PROVEN * others["delay"] < ours <= others["delay"]
+        ),
+        "the log does not determine dry friction": hidden,
+        "the joint is shaken": bool(shaken),
+        "it was not tested on rows held out": not tested,
     }
     verdict: Verdict = "holds"
-    codes = ["misses"]
     if against is not None:
-        verdict, codes = "refused", ["moves against"]
+        verdict, why = "refused", "the joint seems to move against its requests"
     elif not fits:
-        verdict, codes = "refused", ["misses, as a delay does" if useless else "misses"]
+        verdict, why = "refused", f"{misses}, and a mere delay hardly more" if useless else misses
     elif ours > OPTIONS.delay_wins * others["delay"]:
-        verdict, codes = "worse than a delay", ["a delay wins"]
-        numbers |= {"ratio": others["delay"] / ours, "tested": held is not None}
+        of_test = "" if held is None else " on rows held out"
+        verdict = "worse than a delay"
+        why = f"the error of a pure delay is {others['delay'] / ours:.0%} of its own{of_test}"
     elif any(doubts.values()):
-        verdict, codes = "usable", [code for code, doubted in doubts.items() if doubted]
-    if verdict == "holds":
-        codes += _not_found(fit)
-    return verdict, note("fit", *codes, simpler=name, **numbers), notes
+        verdict, why = "usable", "; ".join(words for words, doubted in doubts.items() if doubted)
+    else:
+        why = misses + _not_found(fit)
+    return verdict, Finding("fit", why), notes
 
 
-def _not_found(fit: Fit) -> list[str]:
+def _not_found(fit: Fit) -> str:
     """What many joints have and this one does not show: motion that calls for it is untested."""
     at = fit.parameters
     gravity = fit.grid.unloaded and at.sag_sin == at.sag_cos == 0.0
     if at.dead_band == 0.0:
-        return ["nothing found"] if gravity else ["no friction"]
-    return ["no gravity"] if gravity else []
+        none = "neither dry friction nor gravity" if gravity else "no dry friction"
+        return f"; the log shows {none}"
+    return "; the log shows no gravity" if gravity else ""
 
 
 def _at_random(grid: Grid, signal: float) -> bool:
@@ -179,28 +222,39 @@ def _at_random(grid: Grid, signal: float) -> bool:
     return bool(rms(steps) ** 2 / 2.0 >= (1.0 - chance) * signal**2)
 
 
-def _undetermined(fit: Fit, bounds: Mapping[str, Interval], uncertainty: Uncertainty) -> list[Note]:
-    """A note for each parameter that the log does not determine."""
+def _undetermined(
+    fit: Fit, bounds: Mapping[str, Interval], uncertainty: Uncertainty, unit: str
+) -> list[Finding]:
+    """A finding for each parameter that the log does not determine."""
     found = []
     at, called = fit.parameters, peak_command(fit)
-    gain, v_max = bounds["gain"], bounds["v_max"]
+    gain, v_max, angle = bounds["gain"], bounds["v_max"], partial(angle_in, unit)
     if math.isinf(v_max.upper):
-        found.append(
-            note(
-                "top speed",
-                "top speed",
-                reached=at.v_max <= called,
-                known=gain.bounded,
-                gain=at.gain,
-                least=v_max.lower,
-                v_max=at.v_max,
-                steps=max(2.0 * called / at.gain, fit.grid.span),
-            )
+        seldom = "hardly" if at.v_max <= called else "never"
+        known = (
+            f"only v_max/theta_0 = {at.gain:.3g} per second is known"
+            if gain.bounded
+            else "neither v_max nor theta_0 is known"
         )
+        steps = max(2.0 * called / at.gain, fit.grid.span)
+        words = (
+            f"the joint {seldom} saturates in this log: {known}; v_max is at least "
+            f"{angle(v_max.lower, '/s')}, and the model has {angle(at.v_max, '/s')}, no more than "
+            f"this log shows or calls for; record steps larger than about {angle(steps, digits=1)}"
+        )
+        found.append(Finding("top speed", words))
     elif math.isinf(gain.upper) and gain.lower > 0.0:
-        found.append(note("threshold", "threshold", most=v_max.upper / gain.lower))
+        words = (
+            f"theta_0 is only known to be less than {angle(v_max.upper / gain.lower)}: record "
+            "small steps, or slow motion, in which the joint does not saturate"
+        )
+        found.append(Finding("threshold", words))
     found += [
-        note("search", "edge", name=name, value=getattr(at, name))
+        Finding(
+            "search",
+            f"{name} ended at the edge of the search, at {getattr(at, name):.3g}: the logs do not "
+            "say how much further it would go, and the model probably does not fit this joint",
+        )
         for name in fit.free_names
         if at_edge(fit, Parameters._fields.index(name))
     ]
@@ -209,8 +263,8 @@ def _undetermined(fit: Fit, bounds: Mapping[str, Interval], uncertainty: Uncerta
 
 def undetermined_delays(
     fit: Fit, bounds: Mapping[str, Interval], uncertainty: Uncertainty
-) -> list[Note]:
-    """Notes on lag and acceleration time where the log does not determine them.
+) -> list[Finding]:
+    """Findings on lag and acceleration time where the log does not determine them.
 
     In rows far apart even sudden steps show little more than the middle of the window.
     """
@@ -224,23 +278,30 @@ def undetermined_delays(
     if wide and _sudden(fit.grid) and all(of.bounded for of in ends.values()):
         middle = at.lag + at.acceleration_time / 2.0
         half = middle_known_within(fit, uncertainty, bounds["acceleration_time"])
-        return [
-            note(
-                "delays",
-                "delays",
-                lag=ends["lag"],
-                window=ends["acceleration_time"],
-                loose=loose(2.0 * half, middle),
-                middle=1e3 * middle,
-                half=1e3 * half,
-            )
-        ]
+        both = ""
+        if not loose(2.0 * half, middle):
+            both = ", but lag + acceleration_time / 2 is, "
+            both += f"{1e3 * middle:.3g} ± {1e3 * half:.2g} ms"
+        words = (
+            f"lag, between {_ends(ends['lag'])} ms, and acceleration_time, between "
+            f"{_ends(ends['acceleration_time'])} ms, are not known{both}: record more rows a "
+            "second to tell them apart"
+        )
+        return [Finding("delays", words)]
     return [
-        note("delays", "delay unknown", name=name)
-        if math.isinf(ends[name].upper)
-        else note("delays", "delay loose", name=name, between=ends[name])
+        Finding(
+            "delays",
+            f"{name} is not known at all: record sudden steps"
+            if math.isinf(ends[name].upper)
+            else f"{name} lies anywhere between {_ends(ends[name])} ms: record sudden steps to "
+            "tell it from other delays",
+        )
         for name in wide
     ]
+
+
+def _ends(of: Interval) -> str:
+    return f"{1e3 * of.lower:.0f} and {1e3 * of.upper:.0f}"
 
 
 def _sudden(grid: Grid) -> bool:
@@ -250,7 +311,7 @@ def _sudden(grid: Grid) -> bool:
     return float(np.sum(steps[sudden])) > 0.5 * float(np.sum(steps))
 
 
-def notes_on(logs: Sequence[Log], timing: Timing, jumps: Sequence[int]) -> list[Note]:
+def notes_on(logs: Sequence[Log], timing: Timing, jumps: Sequence[int]) -> list[Finding]:
     """What is odd about the logs themselves.
 
     Args:
@@ -258,23 +319,32 @@ def notes_on(logs: Sequence[Log], timing: Timing, jumps: Sequence[int]) -> list[
         timing: Their ticks.
         jumps: For each log, how often its angles started again after a turn.
     """
-    found = []
+    words = []
     periods = [1e3 * log.period for log in logs]
     if unequal(logs):
-        least, most, period = min(periods), max(periods), 1e3 * timing.period
-        found.append(note("log", "periods", least=least, most=most, period=period))
+        words.append(
+            f"the logs have periods from {min(periods):.3g} to {max(periods):.3g} ms; the model's "
+            f"is {1e3 * timing.period:.3g} ms"
+        )
     for log, often in zip(logs, jumps, strict=True):
         if often:
-            found.append(note("log", "turns", log=log.name, once=often == 1, often=often))
+            words.append(
+                f"{log.name}: the actual angle jumps by a whole turn "
+                f"{'once' if often == 1 else f'{often} times'}, as encoders do that start again; "
+                "it is taken to go on"
+            )
         if not log.torque_on.all():
             off = 1.0 - float(np.mean(log.torque_on))
-            found.append(note("log", "torque off", log=log.name, off=off))
+            words.append(f"{log.name}: torque is off in {off:.0%} of the rows, which are left out")
         if count := int(np.sum(log.measured & ~sound_rows(log))):
-            found.append(note("log", "glitches", log=log.name, count=count))
-    return found
+            words.append(
+                f"{log.name}: left out are {count} measured angles that no joint takes: they jump "
+                "away and back within two rows"
+            )
+    return [Finding("log", each) for each in words]
 
 
-def opposite_sign(grid: Grid) -> Note | None:
+def opposite_sign(grid: Grid) -> Finding | None:
     """What speaks for a joint that moves against its requests; None where nothing does.
 
     The angles then are as much like requests of the opposite sign, after a shorter delay. Half a
@@ -293,32 +363,36 @@ def opposite_sign(grid: Grid) -> Note | None:
     as_good = _unlike(other) <= SIGN_LIKENESS * _unlike(same)
     if other < 0.7 or not as_good or delay >= same_delay:
         return None
-    return note(
+    repeats = _unlike(same) <= SIGN_LIKENESS * _unlike(other)
+    return Finding(
         "sign",
-        "opposite sign",
-        likeness=other,
-        late=1e3 * delay,
-        same_likeness=same,
-        same_late=1e3 * same_delay,
-        repeats=_unlike(same) <= SIGN_LIKENESS * _unlike(other),
+        f"the joint seems to move against its requests: its angles correlate by {other:.2f} with "
+        f"requests of the opposite sign {1e3 * delay:.0f} ms before, and by {same:.2f} with the "
+        f"requests themselves {1e3 * same_delay:.0f} ms before; invert the sign of one column"
+        + ", or record motion that does not repeat itself"
+        * repeats,
     )
 
 
-def _other_scale(grid: Grid) -> dict[str, float]:
-    """The spans and factors of columns in two scales; empty where they are in one.
+def _other_scale(grid: Grid, unit: str) -> str:
+    """The spans and factors of columns in two scales in words; "" where they are in one.
 
     The angles then are like the requests, but of another span.
     """
     requested, actual = float(np.ptp(grid.requests)), float(np.ptp(grid.angles))
     if min(requested, actual) <= 0.0 or 0.5 <= actual / requested <= 2.0:
-        return {}
+        return ""
     if np.max(_likeness(grid, np.linspace(0.0, grid.reach, 200))) < OPTIONS.scaled:
-        return {}
-    ratio = requested / actual
-    return {"actual": actual, "requested": requested, "up": ratio, "down": actual / requested}
+        return ""
+    return (
+        f"the angles are like the requests but span {angle_in(unit, actual)} beside "
+        f"{angle_in(unit, requested)}: is the scale of a column wrong? expected actual angles "
+        f"times {requested / actual:.3g}, or requested ones times {actual / requested:.3g}; if "
+        "not, "
+    )
 
 
-def exchanged_columns(grid: Grid) -> Note | None:
+def exchanged_columns(grid: Grid) -> Finding | None:
     """What speaks for angles that come before their requests; None where nothing does.
 
     Motion that repeats itself is as like the requests before as those after.
@@ -329,7 +403,13 @@ def exchanged_columns(grid: Grid) -> Note | None:
     past, future = float(np.max(before)), float(after[k])
     if future < 0.7 or SIGN_LIKENESS * _unlike(future) >= _unlike(past):
         return None
-    return note("columns", "exchanged", future=future, early=1e3 * delays[k], past=past)
+    return Finding(
+        "columns",
+        "the joint seems to move before it is requested to: its angles correlate by "
+        f"{future:.2f} with the requests {1e3 * delays[k]:.0f} ms later, and by at most {past:.2f} "
+        "with earlier ones; are the columns of requested and actual angles exchanged, or the times "
+        "of one of them late?",
+    )
 
 
 def _first_best(likeness: Array) -> int:

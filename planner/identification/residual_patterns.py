@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from planner.identification.result import LogFit, Note, note
+from planner.identification.log import Log
+from planner.identification.result import Finding, LogFit, angle_in
 from planner.identification.terms import Backlash
 from planner.model.joint import JointModel
 
@@ -71,18 +73,14 @@ class Stop(NamedTuple):
     largest: bool
     angle: float
 
-    def note(self, log: str, code: str) -> Note:
-        """The stop, in a log of this name, and what becomes of its rows."""
-        return note(
+    def finding(self, log: Log, fate: str) -> Finding:
+        """The stop, in this log, and what becomes of its rows."""
+        end = "largest" if self.largest else "least"
+        return Finding(
             "log",
-            "stop",
-            code,
-            log=log,
-            rows=len(self.rows),
-            first=self.rows[0],
-            last=self.rows[-1],
-            largest=self.largest,
-            angle=self.angle,
+            f"{log.name}: a mechanical stop: in {len(self.rows)} rows between {self.rows[0]} and "
+            f"{self.rows[-1]} the joint stays at its {end} angle, {self.angle:.3g}, while it is "
+            f"requested to go on; {fate}",
         )
 
 
@@ -132,15 +130,16 @@ class Contact(NamedTuple):
     places: int
     most: float
 
-    def note(self, log: str, code: str) -> Note:
-        """The contact, in a log of this name, and what becomes of its rows."""
-        numbers = {
-            "one": self.places == 1,
-            "rows": len(self.rows),
-            "first": self.rows[0],
-            "last": self.rows[-1],
-        }
-        return note("log", "contact", code, log=log, places=self.places, most=self.most, **numbers)
+    def finding(self, log: Log, fate: str) -> Finding:
+        """The contact, in this log, and what becomes of its rows."""
+        places = "place of rest" if self.places == 1 else "places of rest"
+        return Finding(
+            "log",
+            f"{log.name}: contact: in {self.places} {places} the joint is up to "
+            f"{angle_in(log.unit, self.most, digits=2)} beside where its servo would hold it, as "
+            f"where an arm stands on a table or on itself: {len(self.rows)} rows between "
+            f"{self.rows[0]} and {self.rows[-1]}; {fate}",
+        )
 
 
 def joined(contacts: Sequence[Contact]) -> Contact:
@@ -214,7 +213,7 @@ def _around(off: npt.NDArray[np.bool_], rows: npt.NDArray[np.int_]) -> slice:
 
 def patterns(
     model: JointModel, fits: Sequence[LogFit], noise: float, backlash: Backlash | None = None
-) -> list[Note]:
+) -> list[Finding]:
     """A note for each pattern that shows.
 
     Args:
@@ -226,13 +225,20 @@ def patterns(
     found = [] if backlash is None else [_backlash(backlash, fits)]
     if abs(model.v_offset) > 0.05 * model.v_max:
         up, down = (model.v_max + way * model.v_offset for way in (1.0, -1.0))
-        found.append(note("pattern", "asymmetry", up=up, down=down))
+        up_words, down_words = (angle_in(fits[0].log.unit, each, "/s") for each in (up, down))
+        found.append(
+            Finding(
+                "pattern",
+                f"asymmetry: the joint reaches {up_words} upwards and {down_words} downwards, as "
+                "under a load",
+            )
+        )
     for fit in fits:
         found += [*_ringing(model, fit, noise), *_drift(fit, noise)]
     return found + _contradictions(fits)
 
 
-def shaken(model: JointModel, fits: Sequence[LogFit]) -> list[Note]:
+def shaken(model: JointModel, fits: Sequence[LogFit]) -> list[Finding]:
     """A note on each log in which a joint moves to and fro under requests that do not change.
 
     Whatever shakes it, other joints or the ground, dry friction holds it less than in calm motion.
@@ -259,11 +265,19 @@ def shaken(model: JointModel, fits: Sequence[LogFit]) -> list[Note]:
         size = float(np.sqrt(np.mean(moved**2)))
         alike = float(np.mean(moved[:, 1:] * moved[:, :-1])) / max(size**2, 1e-300)
         if alike > OPTIONS.shaken_alike and size > OPTIONS.shaken * fit.rms:
-            found.append(note("shaken", "shaking", log=log.name, moved=size))
+            found.append(
+                Finding(
+                    "shaken",
+                    f"{log.name}: the joint moves by {angle_in(log.unit, size)} (rms) while its "
+                    "request does not change: shaking hides dry friction, and calm motion may be "
+                    "further off; record slow motion in which nothing shakes it, such as excite "
+                    "--kind slow-triangle",
+                )
+            )
     return found
 
 
-def _backlash(found: Backlash, fits: Sequence[LogFit]) -> Note:
+def _backlash(found: Backlash, fits: Sequence[LogFit]) -> Finding:
     """The play, in how many places of the logs it shows, and the clearest of them."""
     ends = np.cumsum([np.sum(fit.used) for fit in fits])[:-1]
     pieces = (np.split(each, ends) for each in (found.difference, found.gained))
@@ -272,25 +286,26 @@ def _backlash(found: Backlash, fits: Sequence[LogFit]) -> Note:
         shows = difference > OPTIONS.shown * float(np.max(found.difference))
         rows, gains = np.flatnonzero(fit.used)[shows], gained[shows]
         turns = np.flatnonzero(np.diff(rows) > OPTIONS.apart) + 1
-        name = fit.log.name if len(fits) > 1 else ""
+        name = f"{fit.log.name} " if len(fits) > 1 and fit.log.name else ""
         for place, gain in zip(np.split(rows, turns), np.split(gains, turns), strict=True):
             if len(place):
                 first, last = int(place[0]), int(place[-1])
                 times = float(fit.log.times[first]), float(fit.log.times[last])
-                places.append((float(np.sum(gain)), (name, first, last, *times)))
+                words = f"{name}rows {first} to {last} ({times[0]:.2f} to {times[1]:.2f} s)"
+                places.append((float(np.sum(gain)), words))
     clearest = sorted(places, key=lambda place: -place[0])[:2]
-    return note(
+    angle = partial(angle_in, fits[0].log.unit)
+    return Finding(
         "pattern",
-        "backlash",
-        size=found.size,
-        rms=found.rms,
-        without=found.without,
-        places=len(places),
-        clearest=[place for _, place in clearest],
+        "backlash: after a reversal the joint starts late, as with a play of about "
+        f"{angle(found.size, digits=2)} (the error is {angle(found.rms)} with it and "
+        f"{angle(found.without)} without, rms); it shows in {len(places)} places, most in "
+        f"{' and '.join(words for _, words in clearest)}; friction that gives way late looks "
+        "alike: move the joint by hand while the motor holds, where play is free",
     )
 
 
-def _contradictions(fits: Sequence[LogFit]) -> list[Note]:
+def _contradictions(fits: Sequence[LogFit]) -> list[Finding]:
     """Logs in which the joint rests beside the model to different sides, or to other amounts."""
     means = {}
     for fit in fits:
@@ -303,10 +318,17 @@ def _contradictions(fits: Sequence[LogFit]) -> list[Note]:
     apart = means[high][0] - means[low][0]
     if apart <= 2.0 * max(means[low][1], means[high][1]):
         return []
-    return [note("pattern", "contradiction", apart=apart, high=high, low=low)]
+    return [
+        Finding(
+            "pattern",
+            "the logs contradict each other: against one model the joint is "
+            f"{angle_in(fits[0].log.unit, apart)} higher in {high} than in {low}; was the load, "
+            "the zero or the pose another? Identify them apart",
+        )
+    ]
 
 
-def _ringing(model: JointModel, fit: LogFit, noise: float) -> list[Note]:
+def _ringing(model: JointModel, fit: LogFit, noise: float) -> list[Finding]:
     """Steps after which the joint goes farther beyond where it comes to rest than its model."""
     log = fit.log
     delay = model.lag + model.acceleration_time + model.theta_0 / model.v_max
@@ -336,20 +358,16 @@ def _ringing(model: JointModel, fit: LogFit, noise: float) -> list[Note]:
         return []
     _, share, modelled = np.median(over, axis=0)
     return [
-        note(
+        Finding(
             "pattern",
-            "ringing",
-            log=log.name,
-            over=len(over),
-            steps=steps,
-            share=share,
-            row=over[0][0],
-            modelled=modelled,
+            f"{log.name}: ringing: after {len(over)} of {steps} steps the joint goes {share:.0%} "
+            f"too far before it rests, first after row {over[0][0]}; the model goes "
+            f"{modelled:.0%} too far",
         )
     ]
 
 
-def _drift(fit: LogFit, noise: float) -> list[Note]:
+def _drift(fit: LogFit, noise: float) -> list[Finding]:
     """Residuals that follow a straight line through the log."""
     used = np.flatnonzero(fit.used)
     if len(used) < FEW_ROWS:
@@ -361,4 +379,10 @@ def _drift(fit: LogFit, noise: float) -> list[Note]:
     if explained <= 0.3 or abs(change) <= OPTIONS.clear * noise:
         return []
     first, last = used[[0, -1]]
-    return [note("pattern", "drift", log=fit.log.name, change=change, first=first, last=last)]
+    return [
+        Finding(
+            "pattern",
+            f"{fit.log.name}: a slow drift: the angles leave the model by "
+            f"{angle_in(fit.log.unit, change)} from row {first} to row {last}",
+        )
+    ]

@@ -10,6 +10,7 @@ from typing import Any, Literal, NamedTuple, get_args
 import numpy as np
 import numpy.typing as npt
 
+from planner.exceptions import ANGLE_UNIT
 from planner.identification.grid import sound_rows
 from planner.identification.log import Log, pieces_of
 from planner.model.evidence import (
@@ -72,23 +73,22 @@ class Finding(NamedTuple):
     words: str
 
 
-class Note(NamedTuple):
-    """A finding in codes and numbers: ``planner/identification/findings.py`` has its words.
+def angle_in(unit: str, value: float, per: str = "", *, digits: int = 3) -> str:
+    """An angle of a log in a finding; of a log of angles in the unit in which the user writes.
 
-    Attributes:
-        topic: What it is about.
-        codes: Its sentences, in their order.
-        numbers: What stands in them, SI units and radians, by name.
+    Args:
+        unit: The unit of the log, "rad" or "1".
+        value: The angle, or what it is per second.
+        per: What stands behind its unit, such as "/s".
+        digits: Digits of its number.
     """
-
-    topic: Topic
-    codes: tuple[str, ...]
-    numbers: dict[str, Any]
-
-
-def note(topic: Topic, *codes: str, **numbers: Any) -> Note:
-    """A note on this topic."""
-    return Note(topic, codes, numbers)
+    if math.isinf(value):
+        return "any amount"
+    if unit == "rad":
+        unit = ANGLE_UNIT.get()
+        value = math.degrees(value) if unit == "deg" else value
+    unit = "" if unit == "1" else unit
+    return f"{float(f'{value:.{digits - 1}e}'):.3g} {unit}{per}".rstrip()
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

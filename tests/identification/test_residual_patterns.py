@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import planner
-from planner.identification.findings import sentence
 from planner.identification.fit import fit_joint
 from planner.identification.grid import timing_of
 from planner.identification.residual_patterns import (
@@ -67,8 +66,8 @@ def test_the_same_steps_ring_in_a_mirrored_log():
         fit = SimpleNamespace(log=log, predicted=way * modelled)
         notes.append(_ringing(AIBO, fit, 1e-4))
     assert notes[0] == notes[1]
-    ((_, _, values),) = notes[0]
-    assert (values["over"], values["steps"]) == (5, 5)
+    ((_, words),) = notes[0]
+    assert "ringing: after 5 of 5 steps" in words
 
 
 def test_a_loaded_hobby_servo_is_predicted_and_its_asymmetry_named():
@@ -119,9 +118,10 @@ def test_a_stop_is_met_twice_for_long_by_a_model_that_goes_beyond_it(wave, limit
     found = stops(seen(way * np.minimum(wave, limit), way * wave, way * wave), 0.005)
     told = [(len(stop.rows), stop.largest, stop.angle) for stop in found]
     assert told == ([(rows, way > 0.0, way * limit)] if rows else [])
+    log = seen(wave, wave, name="arm").log
     for stop in found:
         first, last = np.flatnonzero(wave >= limit)[[0, -1]]
-        assert sentence(stop.note("arm", "not left out"), "rad") == (
+        assert stop.finding(log, "too many rows to leave out").words == (
             f"arm: a mechanical stop: in 99 rows between {first} and {last} the joint stays at its "
             f"{'largest' if way > 0.0 else 'least'} angle, {way * 0.5:g}, while it is requested to "
             "go on; too many rows to leave out"
@@ -148,11 +148,11 @@ def test_contact_is_where_a_joint_rests_beside_its_model_in_a_few_of_many_places
     assert told.rows.tolist() == np.flatnonzero(np.repeat(pushed, 50)).tolist()
     assert (told.places, told.most) == (found, pytest.approx(0.05, abs=0.003))
     words = f"in {found} places of rest the joint is up to {told.most:.2g} rad beside where"
-    said = sentence(told.note("arm", "left out"), "rad")
+    said = told.finding(free.log, "these rows are left out").words
     assert words in said
     first, last = told.rows[[0, -1]]
     assert said.endswith(f": {50 * found} rows between {first} and {last}; these rows are left out")
-    assert "in 1 place of rest the" in sentence(told._replace(places=1).note("arm", "why"), "rad")
+    assert "in 1 place of rest the" in told._replace(places=1).finding(free.log, "why").words
 
 
 @pytest.mark.parametrize(
@@ -162,7 +162,7 @@ def test_a_drift_is_more_than_the_noise_and_explains_a_part_of_the_residuals(cha
     rows = np.arange(200)
     left = change * (rows / 199.0 - 0.5) + rough * (-1.0) ** rows
     notes = _drift(seen(left, 0.0 * left), 0.001)
-    assert [(each.numbers["first"], each.numbers["last"]) for each in notes] == [(0, 199)] * said
+    assert [each.words.split(" from ")[1] for each in notes] == ["row 0 to row 199"] * said
 
 
 def test_logs_contradict_each_other_from_twice_the_spread_of_their_errors_on():
@@ -175,7 +175,7 @@ def test_logs_contradict_each_other_from_twice_the_spread_of_their_errors_on():
         notes = _contradictions(fits)
         assert len(notes) == said
         for note in notes:
-            assert note.numbers == {"apart": pytest.approx(apart), "high": "high", "low": "low"}
+            assert f"the joint is {apart:g} rad higher in high than in low" in note.words
 
 
 def test_a_joint_like_the_model_shows_nothing():

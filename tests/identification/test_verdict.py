@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import planner
-from planner.identification.findings import sentence
 from planner.identification.fit import fit_joint
 from planner.identification.grid import resampled, timing_of
 from planner.identification.intervals import (
@@ -23,7 +22,7 @@ from planner.identification.judgement import (
     undetermined_delays,
     verdict_on,
 )
-from planner.identification.result import HeldOut, Interval, note
+from planner.identification.result import Finding, HeldOut, Interval
 from planner.report.identification.text import next_step
 from tests.identification.made import (
     AIBO,
@@ -118,7 +117,7 @@ def test_of_delays_that_are_exchanged_for_one_another_one_line_says_what_is_know
     (fit,) = fit_joint([log], timing_of([log], tick=None, hold=None))
     wide = {"lag": Interval(0.0, 0.04), "acceleration_time": Interval(0.0, 0.09)}
     notes = undetermined_delays(fit, wide, uncertainty_of(fit))
-    said = [sentence(note, "rad") for note in notes]
+    said = [each.words for each in notes]
     if sudden:
         middle = fit.parameters.lag + fit.parameters.acceleration_time / 2.0
         assert len(said) == 1
@@ -340,7 +339,7 @@ def judged(fitted, *, held=None, simple=None, **known):
     }
     simple = {name: share * fit.rms for name, share in simple.items()}
     verdict, reason, notes = verdict_on(fit, bounds, uncertainty, held, simple, **options)
-    return Judged(verdict, sentence(reason, "rad"), notes)
+    return Judged(verdict, reason.words, notes)
 
 
 class Judged(NamedTuple):
@@ -383,8 +382,8 @@ def test_what_predicts_two_percent_better_is_simpler(share, beaten, fitted):
     assert found.verdict == ("usable" if beaten else "holds")
     assert ("a delay with a first-order lag predicts better" in found.reason) is beaten
     for each in found.notes:
-        assert each.numbers["ours"] == pytest.approx(fitted[0].rms)
-        assert each.numbers["theirs"] == pytest.approx(share * fitted[0].rms)
+        ours, theirs = fitted[0].rms, share * fitted[0].rms
+        assert f"(rms {theirs:.3g} rad against {ours:.3g} rad)" in each.words
 
 
 def test_the_larger_error_of_all_rows_and_of_those_held_out_decides(fitted):
@@ -440,16 +439,18 @@ def test_a_parameter_at_the_edge_of_the_search_is_named_with_its_value(fitted):
     for lag, count in ((last, 1), (0.9 * last, 0)):
         at = replace(fit, parameters=fit.parameters._replace(lag=lag))
         notes = judged((at, bounds, uncertainty)).notes
-        edges = [each.numbers for each in notes if each.topic == "search"]
-        assert edges == [{"name": "lag", "value": last}] * count
+        edges = [each.words for each in notes if each.topic == "search"]
+        assert len(edges) == count
+        assert all(f"lag ended at the edge of the search, at {last:.3g}:" in each for each in edges)
 
 
-@pytest.mark.parametrize(("least", "told"), [(5.0, [{"most": 1.2}]), (0.0, [])])
+@pytest.mark.parametrize(("least", "told"), [(5.0, ["1.2 rad"]), (0.0, [])])
 def test_a_threshold_is_told_to_be_less_than_the_least_gain_says(least, told, fitted):
     fit, bounds, uncertainty = fitted
     known = bounds | {"gain": Interval(least, np.inf), "v_max": Interval(5.0, 6.0)}
     notes = judged((fit, known, uncertainty)).notes
-    assert [each.numbers for each in notes if each.topic == "threshold"] == told
+    said = [each.words for each in notes if each.topic == "threshold"]
+    assert [words.split(": ")[0].split(" than ")[1] for words in said] == told
 
 
 def test_motion_that_repeats_itself_is_not_taken_for_columns_that_are_exchanged():
@@ -467,18 +468,18 @@ def test_turns_are_counted_in_the_note_of_their_log(jumps, often):
     timing = timing_of(logs, tick=None, hold=None)
     (said,) = notes_on(logs, timing, [0, jumps])
     words = f"knee: the actual angle jumps by a whole turn {often}, as encoders do"
-    assert sentence(said, "rad").startswith(words)
+    assert said.words.startswith(words)
 
 
 def test_what_speaks_against_the_columns_is_said_where_the_model_misses_much(fitted):
     fit, _, _ = fitted
-    found = judged(fitted, against=note("sign", "opposite sign"))
+    found = judged(fitted, against=Finding("sign", ""))
     assert (found.verdict, topics(found)) == ("refused", ["sign"])
-    exchanged = note("columns", "exchanged")
+    exchanged = Finding("columns", "")
     assert judged(fitted, exchanged=exchanged).notes == []
     missing = judged(fitted, exchanged=exchanged, signal=fit.rms / 0.15)
     assert topics(missing) == ["error", "columns"]
-    shaken = judged(fitted, shaken=[note("shaken", "shaking")], held={"beyond": True})
+    shaken = judged(fitted, shaken=[Finding("shaken", "")], held={"beyond": True})
     assert (shaken.verdict, topics(shaken)) == ("usable", ["shaken", "held out"])
     assert judged(fitted, tested=False).reason == "it was not tested on rows held out"
 
