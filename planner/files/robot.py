@@ -73,7 +73,8 @@ def read_bus(path: Path | str) -> dict[str, Any]:
         InvalidFile: One of them is of another type.
     """
     file = read_toml(path, example='bus = "feetech"')
-    found = {key: file.content[key] for key in BUS if key in file.content}
+    content = {key: value for key, value in file.content.items() if not isinstance(value, dict)}
+    found = {key: content[key] for key in BUS if key in content}
     for key, value in found.items():
         if not is_of_robot(key, value):
             expected = "a text in quotes" if BUS[key] is str else "a whole number"

@@ -167,12 +167,16 @@ def _verdict(replay: Replay) -> tuple[str, str]:
         for kind in ("planned", "direct", "resent")
     }
     many = len(replay.planned) > 1
+    units = {"rad": "degrees", "1": "% of the range"}
+    unit = " or ".join(
+        units[each] for each in units if each in {one.path.unit for one in replay.planned}
+    )
     head = (
         f"By the model the planned joint{'s stay' if many else ' stays'} within "
-        f"{at_most(worst['planned'])} degrees of {'their paths' if many else 'its path'}"
+        f"{at_most(worst['planned'])} {unit} of {'their paths' if many else 'its path'}"
     )
     tail = (
-        f"where the path itself as requests is up to {worst['direct']:.2g} degrees off, and the "
+        f"where the path itself as requests is up to {worst['direct']:.2g} {unit} off, and the "
         f"recorded requests at this speed {worst['resent']:.2g}"
     )
     return head, tail

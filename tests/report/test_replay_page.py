@@ -29,6 +29,17 @@ def test_the_error_that_joints_stay_within_is_not_rounded_down(size, speed):
     assert largest <= float(promised) <= 1.1 * largest
 
 
+def test_the_error_of_a_gripper_is_a_share_of_its_range():
+    gripper = [replace(each, unit="1") for each in logs("gripper")]
+    for recorded, unit in (
+        (gripper, "% of the range"),
+        ([*gripper, *logs("elbow")], "degrees or % of the range"),
+    ):
+        page = replay_page(replay(recorded, SERVO), title="demo.csv", words="follows")
+        (promised, off) = re.findall(rf"(\S+) {unit} o", page)[:2]
+        assert 0.0 < float(promised) < float(off)
+
+
 def test_the_joint_that_is_farthest_off_is_that_of_the_plan_and_not_of_the_path_as_it_is():
     late, slow = replace(SERVO, lag=0.2), replace(SERVO, v_max=0.1, theta_0=0.005)
     made = replay([*logs("late", size=1.0), *logs("slow", size=0.1)], {"late": late, "slow": slow})

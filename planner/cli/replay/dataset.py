@@ -176,7 +176,10 @@ def decoded(content: bytes) -> Episode:
 
 def episode_figures(replay: Replay) -> dict[str, Any]:
     """What a table of many recordings has of one: the joint whose plan is farthest off."""
-    worst = max(replay.planned, key=lambda each: each.inversion.rms if each.inversion else 0.0)
+    worst = max(
+        replay.planned,
+        key=lambda each: UNITS[each.path.unit][1] * error_norm(each.errors["planned"], "rms"),
+    )
     unit, factor = UNITS[worst.path.unit]
     return {
         "recording": replay.path.name,
@@ -256,7 +259,7 @@ def _resent_words(rows: Sequence[Mapping[str, Any]]) -> list[str]:
 
 def _settings(task: ReplayTask) -> dict[str, Any]:
     """What every episode depends on, beside its recording."""
-    models = {name: repr(model) for name, model in task.models.by_joint.items()}
+    models = {name: repr((each, each.evidence)) for name, each in task.models.by_joint.items()}
     return {"models": models, "rate": task.rate, **_chosen(task.given, task.replay)}
 
 
