@@ -30,7 +30,8 @@ from planner.cli.console import summarise
 @click.option(
     "--by-hand",
     is_flag=True,
-    help="Switch the torque off first, and write a path of the angles alone, which replay takes.",
+    help="Switch the torque off first, and write a path of the angles alone, which plan takes; a "
+    "row in which a servo did not answer is left out.",
 )
 @click.option(
     "-o",
@@ -57,7 +58,8 @@ def record(
     Example, a motion that a hand shows, at twice its speed:
         request-planner record --bus feetech --port /dev/ttyACM0 --model arm.toml --by-hand \\
             -o shown.csv
-        request-planner replay shown.csv --model arm.toml --speed 2 -o requests.csv
+        request-planner plan shown.csv --no-cyclic --model arm.toml --speed 2 --rate-hz 50 \\
+            -o requests.csv
     """  # noqa: D301
     from contextlib import suppress
 
@@ -85,7 +87,8 @@ def record(
                     port.sleep(wait)
                 measured = arm.measure()
                 columns = [measured.angles] if by_hand else [arm.goals(), measured.angles]
-                log.keep(measured.time - begin, *columns)
+                if not (by_hand and np.isnan(measured.angles).any()):
+                    log.keep(measured.time - begin, *columns)
                 heard[np.isfinite(measured.angles)] = measured.time
                 arm.check_heard(heard, measured.time)
                 row = max(row + 1, int((port.now() - begin) * rate_hz))

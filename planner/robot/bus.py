@@ -29,6 +29,10 @@ ATTEMPTS = 4
 """How often a servo is asked before it counts as silent; at 5 % lost packets, 10 % of questions
 fail, and one in 10,000 fails so often."""
 
+FULL = 1.0
+"""Time after which a port that takes no more bytes is given up [s]: all of an instruction at 9,600
+bits a second."""
+
 PATIENCE = 0.05
 """Time for which an answer is awaited beside its own [s]: a USB adapter may keep it for 16 ms."""
 
@@ -97,6 +101,8 @@ class SerialPort(Port):
             termios.tcflush(self._file, termios.TCIFLUSH)
             sent = 0
             while sent < len(content):
+                if not select.select([], [self._file], [], FULL)[1]:
+                    raise BusError(f"{self.path}: takes no more bytes; check the cable")
                 sent += os.write(self._file, content[sent:])
         except (OSError, termios.error) as error:
             raise self._gone() from error

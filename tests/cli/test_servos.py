@@ -328,6 +328,18 @@ def test_a_log_tells_what_was_requested_from_what_was_measured(run, arm, tmp_pat
     assert np.max(np.abs(log.angles)) < 0.1
 
 
+def test_what_a_hand_shows_is_a_path_that_plan_takes_although_answers_are_lost(
+    run, arm, faulty, tmp_path
+):
+    faulty(drop=0.2)
+    shown = ("record", "--bus", "virtual", "--model", arm, "--duration-s", "2", "--by-hand")
+    assert run(*shown, "-o", "shown.csv").exit_code == 0
+    assert 50 < len((tmp_path / "shown.csv").read_text().splitlines()) < 100
+    asked = ("plan", "shown.csv", "--no-cyclic", "--model", arm, "--rate-hz", "50")
+    result = run(*asked, "--method", "shift", "-o", "requests.csv")
+    assert result.exit_code == 0, result.stderr
+
+
 def test_a_model_that_holds_is_said_to_hold_and_another_gain_to_be_the_reason(
     run, arm, monkeypatch
 ):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import select
 import sys
+from threading import Thread
 from types import ModuleType, SimpleNamespace
 
 import pytest
@@ -132,6 +133,26 @@ def test_a_write_forgets_what_was_received_before_it(monkeypatch):
         port.close()
         with pytest.raises(OSError, match="Bad file descriptor"):
             os.close(port._file)
+
+
+def test_a_port_that_is_full_is_waited_for_and_one_that_stays_so_is_named(monkeypatch):
+    content = bytes(range(1, 251)) * 200
+    with terminal() as (end, path):
+        port, received = SerialPort(path), []
+
+        def drain():
+            while sum(map(len, received)) < len(content):
+                received.append(os.read(end, 1000))
+
+        reader = Thread(target=drain)
+        reader.start()
+        port.write(content)
+        reader.join()
+        assert b"".join(received) == content
+        monkeypatch.setattr("planner.robot.bus.FULL", 0.01)
+        with pytest.raises(BusError, match=f"^{path}: takes no more bytes; check the cable"):
+            port.write(content)
+        port.close()
 
 
 def test_a_port_whose_other_end_is_gone_is_named(monkeypatch):
