@@ -6,18 +6,15 @@ import time
 import warnings
 from collections.abc import Callable
 from statistics import median
-from typing import TYPE_CHECKING
 
 import numpy.typing as npt
 
 from planner.exceptions import InvalidInput
+from planner.planning.streaming.stream import Stream
 from planner.robot.play import Playback, Player, Send, check_functions, conduct
 from planner.robot.schedule import check_period
 from planner.trajectory import Array, as_rows
 from planner.validation import shown
-
-if TYPE_CHECKING:
-    from planner.planning.streaming.stream import Stream
 
 Desired = Callable[[int], "npt.ArrayLike | None"]
 """The next stretch of the desired path at a tick [rad], shape (m, k), or None at the end."""
