@@ -42,7 +42,6 @@ from planner.planning.inversion import planned
 from planner.planning.plan import Plan
 from planner.planning.result import FootInversion, Inversion
 from planner.planning.search import known_errors
-from planner.planning.task import axis_scales
 from planner.trajectory import Array, Distance, angle_distance, error_norm, relative_gap, rms
 
 METHODS: Mapping[str, str] = {
@@ -346,23 +345,14 @@ def _unsmoothed(plan: Plan) -> Plan:
 
 def _known(plan: Plan) -> float:
     """What the models' known errors for a motion make of the plan's error [unit], (12b)."""
-    return _made_by(plan, known_errors(plan.models, plan.predicted, cyclic=plan.cyclic))
+    known = known_errors(plan.models, plan.predicted, cyclic=plan.cyclic)
+    return plan.task.error_made_by(known, plan.predicted)
 
 
 def _shown(plan: Plan, error: float) -> float:
     """The error that a robot may show, (12b); 0 for one that no encoder sees, if many plans do."""
     many = plan.task.goal == "foot" or any(model.dead_band for model in plan.models)
-    if many and error <= _made_by(plan, np.full(len(plan.models), ENCODER_STEP)):
+    unseen = np.full(len(plan.models), ENCODER_STEP)
+    if many and error <= plan.task.error_made_by(unseen, plan.predicted):
         return 0.0
     return math.hypot(error, _known(plan))
-
-
-def _made_by(plan: Plan, errors: Array) -> float:
-    """What errors of the joints [rad], (k,), make of a plan's: of one joint, or of the foot [m]."""
-    task, angles = plan.task, plan.predicted
-    if task.goal == "angles":
-        return float(errors[0])
-    assert task.leg is not None, "a foot belongs to a leg"
-    assert task.weights is not None, "the axes of a foot have weights"
-    moved = task.leg.jacobians(angles) * axis_scales(task.weights)[:, np.newaxis] * errors
-    return math.sqrt(float(np.vdot(moved, moved)) / len(angles))

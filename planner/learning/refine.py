@@ -31,7 +31,6 @@ from planner.model.evidence import ENCODER_STEP
 from planner.planning.inversion import planned
 from planner.planning.plan import Plan, joined
 from planner.planning.result import FootInversion, Inversion
-from planner.planning.task import axis_scales
 from planner.planning.trials import UNFORESEEN, Learning, Trial
 from planner.trajectory import LARGEST, Array, rms
 from planner.validation import as_flag, as_number, as_reals, freeze, shown
@@ -353,13 +352,7 @@ def _error(joints: Plan, angles: Array) -> float:
 
 def _size(joints: Plan, deviations: Array) -> float:
     """Error that deviations of the angles make, rms, by those of each joint [rad], (k,), rms."""
-    task = joints.task
-    if task.goal == "angles":
-        return float(deviations[0])
-    assert task.leg is not None, "a foot belongs to a leg"
-    assert task.weights is not None, "the axes of a foot have weights"
-    jacobians = task.leg.jacobians(joints.predicted) * axis_scales(task.weights)[:, np.newaxis]
-    return float(np.sqrt(np.mean(np.sum((jacobians * deviations) ** 2, axis=(1, 2)))))
+    return joints.task.error_made_by(deviations, joints.predicted)
 
 
 def _estimated(

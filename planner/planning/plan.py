@@ -214,8 +214,7 @@ class Plan(Summarised):
     @cached_property
     def foot(self) -> Array:
         """Where the foot then is [m], shape (n, 3)."""
-        assert self.task.leg is not None, "a foot belongs to a leg"
-        return self.task.leg.foot_positions(self.predicted)
+        return self.task.foot_at(self.predicted)
 
     @property
     def distances(self) -> Array:
@@ -226,8 +225,7 @@ class Plan(Summarised):
     @cached_property
     def direct_foot(self) -> Array:
         """Where the foot is when the desired angles are requested as they are [m], (n, 3)."""
-        assert self.task.leg is not None, "a foot belongs to a leg"
-        return self.task.leg.foot_positions(self.direct)
+        return self.task.foot_at(self.direct)
 
     @property
     def direct_distances(self) -> Array:

@@ -20,7 +20,7 @@ from planner.model.joint import (
 )
 from planner.model.response import Loads, motion_under, rest_angles, rest_requests
 from planner.planning.arguments import Norm
-from planner.planning.task import Task, axis_scales
+from planner.planning.task import Task
 from planner.trajectory import Array
 
 if TYPE_CHECKING:
@@ -375,14 +375,10 @@ def _foot_goal(task: Task, nearest: Array, added: Array) -> FootGoal:
     Joints are taken to be at the models' ``nearest`` angles and what is ``added`` [rad], (n, k).
     """
     assert task.leg is not None, "a foot belongs to a leg"
-    assert task.foot is not None, "what should follow a path"
-    assert task.weights is not None, "the axes of a foot have weights"
-    leg, scales = task.leg, axis_scales(task.weights)
-    jacobians = leg.jacobians(nearest + added) * scales[:, np.newaxis]
-    moved = float(np.sqrt(np.mean(jacobians**2)))
+    leg, moved = task.leg, float(np.sqrt(np.mean(task.foot_jacobians(nearest + added) ** 2)))
     if moved <= LEAST_FOOT_MOTION * float(np.max(np.abs(leg.chain.tip), initial=LEAST_FOOT_MOTION)):
         raise Infeasible(
             "leg: none of its joints moves the foot along an axis that counts; choose another foot "
             "frame, or give the axis along which it moves a weight"
         )
-    return FootGoal(leg, task.foot, scales / moved, added, ridge=RIDGE)
+    return FootGoal(leg, task.desired_foot, task.axis_scales / moved, added, ridge=RIDGE)

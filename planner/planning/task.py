@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -98,7 +98,7 @@ class Task:
     goal: Literal["angles", "foot"] = "angles"
     leg: Leg | None = None
     foot: Array | None = None
-    weights: Array | None = None
+    weights: Array = field(default_factory=lambda: np.ones(3))
     reachable: Mask | None = None
     start: Array | None = None
     robust: Robust | None = None
@@ -142,7 +142,7 @@ class Task:
         """
         check_choice("norm", norm, NORMS)
         cyclic = as_flag("cyclic", cyclic)
-        foot = importance = solution = None
+        importance, foot, solution = np.ones(3), None, None
         if leg is None:
             if isinstance(names, tuple) and names == ("",):
                 path = as_trajectory(desired, name="desired", minimum=3)
@@ -264,10 +264,23 @@ class Task:
     @property
     def desired_foot(self) -> Array:
         """Desired positions of the foot [m], (n, 3): of a path of joints those at its angles."""
-        if self.foot is not None:
-            return self.foot
+        return self.foot_at(self.desired) if self.foot is None else self.foot
+
+    def foot_at(self, angles: Array) -> Array:
+        """Where the leg's foot is at angles (n, k) [m], (n, 3)."""
         assert self.leg is not None, "a foot belongs to a leg"
-        return self.leg.foot_positions(self.desired)
+        return self.leg.foot_positions(angles)
+
+    @property
+    def axis_scales(self) -> Array:
+        """Factors of a foot's three axes, the heaviest 1: the root of each weight, shape (3,)."""
+        scales: Array = np.sqrt(self.weights / np.max(self.weights))
+        return scales
+
+    def foot_jacobians(self, angles: Array) -> Array:
+        """Derivatives of the foot's position, its axes scaled, by angles (n, k) [m], (n, 3, k)."""
+        assert self.leg is not None, "a foot belongs to a leg"
+        return self.leg.jacobians(angles) * self.axis_scales[:, np.newaxis]
 
     def response(self, requests: Array, models: Sequence[JointModel] | None = None) -> Array:
         """Angles of the nominal or other models under requests [rad], (n, k); no disturbance."""
@@ -285,13 +298,21 @@ class Task:
         The axes of the foot are weighted, the heaviest by 1.
         """
         if self.goal == "foot":
-            assert self.leg is not None, "a foot belongs to a leg"
-            assert self.weights is not None, "the axes of a foot have weights"
-            away = self.leg.foot_positions(angles) - self.desired_foot
-            away = np.linalg.norm(away * axis_scales(self.weights), axis=1)
+            away = self.foot_at(angles) - self.desired_foot
+            away = np.linalg.norm(away * self.axis_scales, axis=1)
             return np.array([error_norm(away, self.norm)])
         errors = (np.ascontiguousarray(column) for column in (angles - self.desired).T)
         return np.array([error_norm(each, self.norm) for each in errors])
+
+    def error_made_by(self, deviations: Array, angles: Array) -> float:
+        """Error that deviations from angles (n, k) make, by those of each joint [rad], (k,), rms.
+
+        In [rad], for a foot in [m].
+        """
+        if self.goal == "angles":
+            return float(deviations[0])
+        squares = (self.foot_jacobians(angles) * deviations) ** 2
+        return float(np.sqrt(np.mean(np.sum(squares, axis=(1, 2)))))
 
     @property
     def unsmoothed(self) -> Task:
@@ -315,7 +336,7 @@ class Task:
             own[name] = _column(getattr(self, name), j)
         own["start"] = None if self.start is None else self.start[j : j + 1]
         own["robust"] = self.robust if len(self.models[j]) > 1 else None
-        own |= dict.fromkeys(("leg", "foot", "weights", "reachable"))
+        own |= dict.fromkeys(("leg", "foot", "reachable"))
         return replace(self, goal="angles", **own)
 
     @classmethod
@@ -458,9 +479,3 @@ _BY_JOINT = ("names", "models", "lower", "upper", "max_step")
 
 def _column(rows: Array | None, j: int) -> Array | None:
     return None if rows is None else np.ascontiguousarray(rows[:, j : j + 1])
-
-
-def axis_scales(weights: Array) -> Array:
-    """Factors of a foot's three axes, the heaviest 1: the root of each weight, shape (3,)."""
-    scales: Array = np.sqrt(weights / np.max(weights))
-    return scales

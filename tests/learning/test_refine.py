@@ -14,7 +14,6 @@ import planner
 from planner.files.learning_history import LearningState, read_history, write_history
 from planner.learning import refine as refining
 from planner.model.evidence import Evidence
-from planner.planning.task import axis_scales
 from planner.planning.trials import Learning, SensorDelay, Trial
 from planner.trajectory import Array
 
@@ -773,7 +772,7 @@ def a_foot() -> planner.FootInversion:
 def test_deviations_of_a_joint_are_those_of_the_foot_in_its_weighted_norm(j, a_foot) -> None:
     off = 1e-5 * np.eye(3)[j]
     foot, moved = (a_foot.leg.foot_positions(a_foot.predicted + each) for each in (0.0, off))
-    scales = axis_scales(a_foot.plan.task.weights)
+    scales = a_foot.plan.task.axis_scales
     expected = math.sqrt(np.mean(np.sum(((moved - foot) * scales) ** 2, axis=1)))
     assert refining._size(a_foot.plan, off) == pytest.approx(expected, rel=1e-3)
 

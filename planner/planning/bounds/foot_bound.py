@@ -35,7 +35,7 @@ from planner.planning.bounds.reachable_set import (
     farthest_per_period,
     reachable_set,
 )
-from planner.planning.task import Task, axis_scales
+from planner.planning.task import Task
 from planner.trajectory import Array
 
 MOST_SAMPLES_BOUNDED = 1000
@@ -77,14 +77,13 @@ def foot_bound(task: Task, angles: Array) -> float:
     """
     models, leg, norm = task.nominal, task.leg, task.norm
     assert leg is not None, "a foot belongs to a leg"
-    assert task.weights is not None, "the axes of a foot have weights"
     known = float(task.errors_of(angles)[0])
     if known <= ATTAINED * leg.chain.size:
         return 0.0
     lower, upper = attainable_angles(
         models, (task.lower, task.upper), len(angles), start=task.start, loads=task.loads
     )
-    scales = axis_scales(task.weights) / known
+    scales = task.axis_scales / known
     distance = Distance(leg.chain, lower, upper, task.desired_foot, scales)
     joints = zip(models, angles.T, task.starts, task.loads, strict=True)
     sets = [
