@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from functools import lru_cache
 from heapq import heapify, heapreplace
 from typing import NamedTuple
 
@@ -96,13 +95,6 @@ def residuals(problem: Problem, knots: Array, values: Array) -> Array:
     return np.interp(index, knots, values, period=period) - problem.desired
 
 
-@lru_cache(maxsize=64)
-def segment_ends(size: int, *, cyclic: bool) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
-    """Numbers of the knots at which the segments start and end."""
-    start = np.arange(size if cyclic else size - 1)
-    return start, (start + 1) % size
-
-
 def fixed_variables(
     problem: Problem, knots: Array
 ) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
@@ -152,14 +144,6 @@ def feasible_values(problem: Problem, knots: Array) -> Array:
     lower = np.max(problem.pins[pinned] - away, axis=1, initial=-np.inf)
     upper = np.min(problem.pins[pinned] + away, axis=1, initial=np.inf)
     return with_pins(problem, knots, np.minimum(np.maximum(mean, lower), upper))
-
-
-def sums_by(weights: Array, by: npt.NDArray[np.intp], count: int) -> Array:
-    """Sums of the weights that share a number, for the numbers 0, 1, ..., count-1."""
-    sums: Array = np.bincount(by.ravel(), weights.ravel(), minlength=count).astype(
-        np.float64, copy=False
-    )
-    return sums
 
 
 def with_pins(problem: Problem, knots: Array, values: Array) -> Array:

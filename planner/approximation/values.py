@@ -27,8 +27,6 @@ from planner.approximation.problem import (
     feasible_values,
     required_knots,
     residuals,
-    segment_ends,
-    sums_by,
 )
 from planner.exceptions import Infeasible, SolverFailed, angle_text
 from planner.trajectory import Array
@@ -110,7 +108,8 @@ def build_values_qp(
         tube: Largest error at any sample, if that is bounded.
     """
     size = knots.size
-    start, end = segment_ends(size, cyclic=problem.cyclic)
+    start = np.arange(problem.segments(knots))  # numbers of the knots where segments start
+    end = (start + 1) % size
     ends = problem.ends(knots)
     index = np.arange(problem.samples, dtype=np.float64)
     if problem.cyclic:
@@ -120,14 +119,16 @@ def build_values_qp(
     rest = 1.0 - share
 
     def total(products: Array) -> Array:
-        return sums_by(products, segment, start.size)
+        return np.asarray(np.bincount(segment, products, minlength=start.size), dtype=np.float64)
 
     s00, s01, s11 = total(rest * rest), total(rest * share), total(share * share)
-    diagonal = sums_by(s00, start, size) + sums_by(s11, end, size)
+    diagonal, q = np.zeros(size), np.zeros(size)
+    diagonal[start] += s00
+    diagonal[end] += s11
     ridge = 1e-11 * float(diagonal.max())  # for knots with no samples between them
     every = np.arange(size)
-    q = -sums_by(total(rest * problem.desired), start, size)
-    q -= sums_by(total(share * problem.desired), end, size)
+    q[start] -= total(rest * problem.desired)
+    q[end] -= total(share * problem.desired)
     row, ones = np.arange(start.size), np.ones(start.size)
     entries, rows, columns = [-ones, ones], [row, row], [start, end]
     upper = problem.step * np.diff(ends)
