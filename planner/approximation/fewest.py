@@ -26,6 +26,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from planner.approximation.ideal import envelope_below
 from planner.trajectory import Array
 
 
@@ -236,13 +237,8 @@ def _later(link: Link, shift: int) -> Link:
 def _passable(gates: Gates) -> tuple[list[float], list[float]]:
     """The least and the largest value at every gate from which slopes can pass all the others."""
     ramp = gates.slope * np.array(gates.places)
-    sides = []
-    for ends, sign in ((gates.lower, -1.0), (gates.upper, 1.0)):
-        far = sign * np.array(ends)  # lowest of these that a cone over another one allows
-        forth = np.minimum.accumulate(far - ramp) + ramp
-        back = np.minimum.accumulate((far + ramp)[::-1])[::-1] - ramp
-        sides.append((sign * np.minimum(forth, back)).tolist())
-    return sides[0], sides[1]
+    least = -envelope_below(-np.array(gates.lower), ramp)
+    return least.tolist(), envelope_below(np.array(gates.upper), ramp).tolist()
 
 
 def _forward(gates: Gates, first: int, last: int) -> tuple[list[Link], LastLines]:

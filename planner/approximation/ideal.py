@@ -102,14 +102,14 @@ def envelopes(desired: Array, step: float, *, cyclic: bool) -> tuple[Array, Arra
     """
     n = desired.size
     repeated = np.tile(desired, 3) if cyclic else desired
-    ramp = step * np.arange(repeated.size)
-    upper = np.maximum(
-        np.maximum.accumulate(repeated + ramp) - ramp,
-        (np.maximum.accumulate((repeated - ramp)[::-1]))[::-1] + ramp,
-    )
-    lower = np.minimum(
-        np.minimum.accumulate(repeated - ramp) + ramp,
-        (np.minimum.accumulate((repeated + ramp)[::-1]))[::-1] - ramp,
-    )
+    ramp = step * np.arange(repeated.size, dtype=np.float64)
+    lower, upper = envelope_below(repeated, ramp), -envelope_below(-repeated, ramp)
     middle = slice(n, 2 * n) if cyclic else slice(0, n)
     return lower[middle], upper[middle]
+
+
+def envelope_below(values: Array, ramp: Array) -> Array:
+    """The largest sequence below values whose slopes are within those of a rising ramp, (n,)."""
+    forth = np.minimum.accumulate(values - ramp) + ramp
+    back = np.minimum.accumulate((values + ramp)[::-1])[::-1] - ramp
+    return np.asarray(np.minimum(forth, back))
