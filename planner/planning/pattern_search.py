@@ -63,50 +63,26 @@ LOWER = 1.0 - 1e-4
 
 
 class Lines(NamedTuple):
-    """The numbers by which lines are inverted and tracked.
+    """What lines are inverted by.
 
     Attributes:
-        cyclic: Whether the curve repeats.
-        hold: Ticks of a request.
-        oldest: Age of the oldest request that acts before a sample [requests].
-        start: From rest: angle of the joint [rad].
         ahead: How long before a knot the requests change line [samples].
-        tick: Time between samples [s].
-        low: Least slope [rad/s].
-        high: Largest slope [rad/s].
-        loaded: Whether offsets depend on the sample, by its load.
+        low: Least slope [rad/sample].
+        high: Largest slope [rad/sample].
         sag: Sag without a load [rad].
         dead_band: Of the joint [rad].
+        table: Slopes, rising [rad/sample], and their offsets without a load [rad], (2, m).
+        by_load: Factors by which the load changes the top speeds down and up [-], and the sag under
+            it [rad], (3, n); (3, 0) without a load.
     """
 
-    cyclic: bool
-    hold: int
-    oldest: int
-    start: float
     ahead: float
-    tick: float
     low: float
     high: float
-    loaded: bool
     sag: float
     dead_band: float
-
-
-class Tracking(NamedTuple):
-    """What a joint should follow, and what it does under the requests of a curve.
-
-    Attributes:
-        desired: Desired angles [rad], (n,).
-        table: Slopes, rising [rad/s], and their offsets without a load [rad], (2, m).
-        by_load: Factors by which the load changes the top speeds down and up [-], and the sag by it
-            [rad], (3, n).
-        requests: Filled with the requests [rad], (n, 1).
-    """
-
-    desired: Array
     table: Array
     by_load: Array
-    requests: Array
 
 
 def refined_curve(
@@ -135,36 +111,28 @@ def refined_curve(
 
 def tracked(
     problem: Problem, curve: PiecewiseLinear, rule: Rule, ahead: float
-) -> tuple[Spec, Cycle, Lines, Tracking]:
+) -> tuple[Spec, Cycle, Lines]:
     """The first arguments of :func:`search`."""
     (model,), load, spec = problem.models, problem.loads[0], problem.spec
     count, weights, (low, high) = curve.samples, weights_by_tick(model), slope_limits(model, load)
-    torques = np.zeros(count)
+    slopes, offsets = offset_table(model, rule)
+    by_load = np.empty((3, 0))
     if load is not None:
         torques = advanced_load(load, ahead, cyclic=curve.cyclic)
-    scales = np.array(model.speed_limits(torques)) / np.array(model.speed_limits())[:, None]
+        scales = np.array(model.speed_limits(torques)) / np.array(model.speed_limits())[:, None]
+        by_load = np.vstack([scales, model.offset + model.compliance * torques])
     lines = Lines(
-        curve.cyclic,
-        model.hold,
-        spec.youngest + weights.shape[1] - 1,
-        0.0 if problem.start is None else float(problem.start[0]),
         ahead,
-        curve.tick,
-        low * (1.0 + AT_TOP_SPEED),
-        high * (1.0 + AT_TOP_SPEED),
-        load is not None,
+        low * (1.0 + AT_TOP_SPEED) * curve.tick,
+        high * (1.0 + AT_TOP_SPEED) * curve.tick,
         model.offset,
         model.dead_band,
-    )
-    tracking = Tracking(
-        np.ascontiguousarray(problem.desired[:, 0]),
-        np.array(offset_table(model, rule)),
-        np.vstack([scales, model.compliance * torques]),
-        np.empty((count, 1)),
+        np.array([slopes * curve.tick, offsets]),
+        by_load,
     )
     history, motion = np.empty(count + weights.shape[1] - 1), (np.empty(count), np.empty(count))
     joint = Cycle(model.law, weights, history, spec.periods[0, 0], spec.periods[1, 0], *motion)
-    return spec, joint, lines, tracking
+    return spec, joint, lines
 
 
 @compiled
@@ -172,7 +140,6 @@ def search(
     spec: Spec,
     joint: Cycle,
     lines: Lines,
-    tracking: Tracking,
     knots: Array,
     values: Array,
     steps: tuple[float, float, float],
@@ -181,10 +148,9 @@ def search(
     """The pattern search.
 
     Args:
-        spec: The problem, for its limits.
+        spec: The problem: what the joint should follow, and its limits.
         joint: The joint; filled with its motion.
         lines: How lines are inverted.
-        tracking: What the joint should follow.
         knots: Knots [samples], and
         values: values there [rad]; moved in place.
         steps: Size of the first moves, that below which the search ends [samples], and by how much
@@ -194,22 +160,23 @@ def search(
     Returns:
         Sum of squared errors at the end [rad^2]; inf where no curve can be followed.
     """
-    (size, finest, lift), count, samples = steps, len(knots), len(tracking.desired)
+    (size, finest, lift), count, samples = steps, len(knots), len(spec.goal)
+    requests = np.empty((samples, 1))
     along, up = np.empty(count), np.empty(count)
     moved, moved_values = np.empty(count), np.empty(count)
-    moves = 4 * count + 2 * (count if lines.cyclic else count - 1)
-    least, work = squared_error(spec, joint, lines, tracking, knots, values), samples
+    moves = 4 * count + 2 * (count if spec.cyclic else count - 1)
+    least, work = squared_error(spec, joint, lines, requests, knots, values), samples
     if least < 0.0:  # any curve that can be followed is better
         least = math.inf
     while size >= finest and work < most_work:
         kept = False
         for number in range(moves):
-            set_move(number, knots, values, lift, lines.cyclic, samples, along, up)
+            set_move(number, knots, values, lift, spec.cyclic, samples, along, up)
             for turn in range(2):
                 sign = -size if turn else size
                 for k in range(count):
                     moved[k], moved_values[k] = knots[k] + sign * along[k], values[k] + sign * up[k]
-                error = squared_error(spec, joint, lines, tracking, moved, moved_values)
+                error = squared_error(spec, joint, lines, requests, moved, moved_values)
                 if error >= 0.0:
                     work += samples
                 if 0.0 <= error < LOWER * least:
@@ -226,23 +193,22 @@ def search(
 
 @inner
 def squared_error(
-    spec: Spec, joint: Cycle, lines: Lines, tracking: Tracking, knots: Array, values: Array
+    spec: Spec, joint: Cycle, lines: Lines, requests: Array, knots: Array, values: Array
 ) -> float:
     """Sum of squared tracking errors [rad^2], inf where the joint has no steady cycle.
 
     -1 where a slope is beyond the top speed, or a segment is shorter than a sample.
     """
-    desired, table, by_load, requests = tracking
     law, weights, history, sags, faster, angles, speeds = joint
-    if not set_requests(lines, law, table, by_load, knots, values, requests):
+    if not set_requests(lines, law, spec.cyclic, knots, values, requests):
         return -1.0
     limit(spec, requests)
-    count = len(requests)
+    count, (hold, width) = len(requests), weights.shape
     for k in range(len(history)):
-        number = k - lines.oldest
-        history[k] = requests[number % count if lines.cyclic else max(number, 0), 0]
-    if not lines.cyclic:
-        start, last = lines.start, lines.hold - 1
+        number = k - (spec.youngest + width - 1)
+        history[k] = requests[number % count if spec.cyclic else max(number, 0), 0]
+    if not spec.cyclic:
+        start, last = spec.drives[0, -1], hold - 1  # its angle before the first sample
         run(law, weights, history, sags, faster, start, 0.0, last, angles, speeds)
     else:
         held = requests[0, 0] + sags[0]  # to first order, the angle at rest
@@ -250,54 +216,50 @@ def squared_error(
             return math.inf
     total = 0.0
     for k in range(count):
-        total += (angles[k] - desired[k]) ** 2
+        total += (angles[k] - spec.goal[k, 0]) ** 2
     return float(total)
 
 
 @inner
 def set_requests(
-    lines: Lines,
-    law: Law,
-    table: Array,
-    by_load: Array,
-    knots: Array,
-    values: Array,
-    requests: Array,
+    lines: Lines, law: Law, cyclic: bool, knots: Array, values: Array, requests: Array
 ) -> bool:
     """Set the requests [rad]; False where the curve is too steep or too fine."""
     count, size = len(requests), len(knots)
-    segments = size if lines.cyclic else size - 1
+    segments = size if cyclic else size - 1
     for s in range(segments):
-        if not lines.low <= slope_at(lines, count, knots, values, s) <= lines.high:
+        if not lines.low <= slope_of(knots, values, s, count) <= lines.high:
             return False
     for k in range(count):
         since = k + lines.ahead - knots[0]
-        if lines.cyclic:
+        if cyclic:
             since %= count
         s = segments - 1
         while s > 0 and knots[s] - knots[0] > since:
             s -= 1
-        slope = slope_at(lines, count, knots, values, s)
-        past = (since - (knots[s] - knots[0]) - lines.ahead) * lines.tick
-        scale = by_load[0 if slope < 0.0 else 1, k]
-        offset = interpolated(slope / scale, table)
-        if lines.loaded:
+        slope = slope_of(knots, values, s, count)
+        past = since - (knots[s] - knots[0]) - lines.ahead
+        if lines.by_load.shape[1] == 0:
+            offset = interpolated(slope, lines.table)
+        else:
+            scale, sag = lines.by_load[0 if slope < 0.0 else 1, k], lines.by_load[2, k]
             band = 0.0 if slope == 0.0 else math.copysign(lines.dead_band, slope)
-            offset = band + scale * (offset + lines.sag - band) - (lines.sag + by_load[2, k])
-        acting = values[s] + slope * (past + lines.ahead * lines.tick)
+            offset = interpolated(slope / scale, lines.table) + lines.sag - band
+            offset = band + scale * offset - sag
+        acting = values[s] + slope * (past + lines.ahead)
         requests[k, 0] = values[s] + slope * past + offset - pose_sag(law, acting)
     return True
 
 
 @inner
-def slope_at(lines: Lines, count: int, knots: Array, values: Array, s: int) -> float:
-    """Slope of a segment [rad/s]; NaN where it is shorter than a sample."""
+def slope_of(knots: Array, values: Array, s: int, samples: int) -> float:
+    """Slope of a segment [rad/sample]; NaN where it is shorter than a sample."""
     size = len(knots)
-    end = knots[s + 1] if s + 1 < size else knots[0] + count
+    end = knots[s + 1] if s + 1 < size else knots[0] + samples
     length = end - knots[s]
     if length < 1.0:
         return math.nan
-    return float((values[(s + 1) % size] - values[s]) / (length * lines.tick))
+    return float((values[(s + 1) % size] - values[s]) / length)
 
 
 @inner
@@ -347,18 +309,8 @@ def set_move(
     else:
         along[first] = along[second] = 1.0
     if kind >= 2:
-        up[first] = slope_of(knots, values, first - (1 if kind == 2 else 0), cyclic, samples)
+        segment = first - 1 if kind == 2 else first
+        segment = segment % size if cyclic else min(max(segment, 0), size - 2)
+        up[first] = slope_of(knots, values, segment, samples)
     if not cyclic:  # the ends stay where they are
         along[0] = along[-1] = 0.0
-
-
-@inner
-def slope_of(knots: Array, values: Array, segment: int, cyclic: bool, samples: int) -> float:
-    """Slope of a segment [rad/sample]; of the nearest one beyond the ends."""
-    size = len(knots)
-    if not cyclic:
-        before = min(max(segment, 0), size - 2)
-        return float((values[before + 1] - values[before]) / (knots[before + 1] - knots[before]))
-    before, after = segment % size, (segment + 1) % size
-    length = (knots[after] - knots[before]) % samples
-    return float((values[after] - values[before]) / (length if length > 0.0 else samples))
