@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from operator import itemgetter
 
 import numpy as np
 import numpy.typing as npt
@@ -172,35 +173,28 @@ def inverted(
 ) -> tuple[PiecewiseLinear, Array]:
     """The curve whose lines track best, and its admissible requests [rad], (n, 1).
 
-    A later curve must be better by half a percent.
+    Refined ones are tried, too. A curve of more lines must be better by half a percent.
     """
-    curve, requests = _one_inverted(problem, curves[0], rule, refine)
-    for other in curves[1:]:
-        answer = _one_inverted(problem, other, rule, refine)
-        if problem.exact_error(answer[1]) < (1.0 - WORTH_MORE) * problem.exact_error(requests):
-            curve, requests = answer
-    return curve, requests
+    (model,), (load,) = problem.models, problem.loads
+    answers = []
+    for curve in curves:
+        tried = [curve]
+        if refine:
+            from planner.planning.pattern_search import refined_curve
 
-
-def _one_inverted(
-    problem: Problem, curve: PiecewiseLinear, rule: Rule, refine: bool
-) -> tuple[PiecewiseLinear, Array]:
-    (model,) = problem.models
-
-    def along(curve: PiecewiseLinear) -> Array:
-        stack = CurveStack.of([curve])
-        return problem.admissible(requests_of(model, stack, rule=rule, load=problem.loads[0]).T)
-
-    requests = along(curve)
-    if refine:
-        from planner.planning.pattern_search import refined_curve
-
-        ahead = model.switching_time / model.period
-        refined = refined_curve(problem, curve, rule=rule, ahead=ahead)
-        answer = along(refined)
-        if problem.exact_error(answer) < problem.exact_error(requests):
-            curve, requests = refined, answer
-    return curve, requests
+            ahead = model.switching_time / model.period
+            tried.append(refined_curve(problem, curve, rule=rule, ahead=ahead))
+        columns = [
+            problem.admissible(requests_of(model, CurveStack.of([each]), rule=rule, load=load).T)
+            for each in tried
+        ]
+        errors = map(problem.exact_error, columns)
+        answers.append(min(zip(errors, tried, columns, strict=True), key=itemgetter(0)))
+    best = answers[0]
+    for answer in answers[1:]:
+        if answer[0] < (1.0 - WORTH_MORE) * best[0]:
+            best = answer
+    return best[1:]
 
 
 def closed_form_requests(
