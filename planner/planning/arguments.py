@@ -61,9 +61,6 @@ Instead of one model: a sequence of candidate models, nominal first, or an ident
 JointLimits = tuple[npt.ArrayLike, npt.ArrayLike] | Mapping[str, tuple[float, float]]
 """Smallest and largest request, as numbers or one of each joint, or pairs by joint."""
 
-COLUMNS = "columns of desired"
-"""What has an entry for each joint, in messages, where the joints have no leg."""
-
 
 def checked_leg(leg: object) -> Leg:
     """The leg, or InvalidInput where it is none."""
@@ -74,14 +71,7 @@ def checked_leg(leg: object) -> Leg:
     return leg
 
 
-def joints_of(leg: Leg) -> str:
-    """The joints of a leg, in words."""
-    return f"leg's joints ({', '.join(leg.joint_names)})"
-
-
-def joint_names(
-    names: Sequence[str] | None, models: object, count: int, *, joints: str = COLUMNS
-) -> tuple[str, ...]:
+def joint_names(names: Sequence[str] | None, models: object, count: int) -> tuple[str, ...]:
     """The names of joints, all different; by default the keys of models, or joint_1 and so on."""
     if names is not None:
         given = tuple(names) if isinstance(names, list | tuple) else ()
@@ -89,7 +79,7 @@ def joint_names(
         if not are_texts or len(given) != count or len(set(given)) != count:
             raise InvalidInput(
                 f"names: got {shown(names)}, expected {count} different names, one for each of the "
-                f"{joints}"
+                "columns of desired"
             )
         return given
     if isinstance(models, Mapping) and (named := tuple(name for name in models if name)):
@@ -144,7 +134,6 @@ def models_of_joints(
     names: Sequence[str],
     robust: Robust | None = None,
     *,
-    joints: str = COLUMNS,
     independent: bool = False,
 ) -> list[tuple[JointModel, ...]]:
     """The models that each joint may have, the nominal one first, in the order of the joints.
@@ -153,7 +142,6 @@ def models_of_joints(
         models: See :data:`Models`. For one joint a flat sequence of more than one has its models.
         names: The joints.
         robust: Whether others are drawn for models by themselves.
-        joints: What has a joint each, in words.
         independent: Whether the models of different joints are drawn independently of one another.
             Joints with the same model share what is not known of it.
 
@@ -186,10 +174,11 @@ def models_of_joints(
         fit = fit and not any(isinstance(each, str) for each in given)
         if len(given) != len(names) or (not fit and names != ("",)):
             raise InvalidInput(
-                f"models: got {len(given)} of them for {len(names)} joints, expected one "
-                f"JointModel, or one for each of the {joints}"
+                f"models: got {len(given)} of them for {len(names)} joints ({', '.join(names)}), "
+                "expected one JointModel, or one for each"
             )
-    known = [_what_is_known(each) for each in given]
+    own = (each.model if is_identification(each) else each for each in given)
+    known = [(each, getattr(each, "evidence", None)) for each in own]  # what is drawn from
     seeds = [known.index(each) if independent else 0 for each in known]
     pairs = zip(given, seeds, strict=True)
     several = [checked_models(each, robust, seed=seed) for each, seed in pairs]
@@ -199,12 +188,6 @@ def models_of_joints(
             "expected several models, or the model by itself, from whose intervals others are drawn"
         )
     return several
-
-
-def _what_is_known(model: ModelOrModels) -> object:
-    """What models are drawn from, to compare."""
-    model = model.model if is_identification(model) else model
-    return (model, model.evidence) if isinstance(model, JointModel) else model
 
 
 def check_periods(models: Sequence[JointModel]) -> None:
@@ -241,9 +224,7 @@ def checked_limits(limits: object, *, of: str = "limits") -> tuple[float, float]
     return lower, upper
 
 
-def limits_of_each(
-    limits: JointLimits | None, names: Sequence[str], *, joints: str = COLUMNS
-) -> tuple[Array, Array]:
+def limits_of_each(limits: JointLimits | None, names: Sequence[str]) -> tuple[Array, Array]:
     """Smallest and largest request of every joint [rad], each of shape (k,), not yet compared.
 
     Raises:
@@ -265,8 +246,8 @@ def limits_of_each(
         lower, upper = (np.broadcast_to(as_reals(limit), len(names)).copy() for limit in limits)
     except (TypeError, ValueError) as error:
         raise InvalidInput(
-            f"limits: got {shown(limits)}, "
-            f"expected (lower, upper) [rad], each a number or one for each of the {joints}"
+            f"limits: got {shown(limits)}, expected (lower, upper) [rad], each a number or one for "
+            "each joint"
         ) from error
     return lower, upper
 

@@ -21,7 +21,6 @@ from planner.model.response import (
     simulate_joints,
 )
 from planner.planning.arguments import (
-    COLUMNS,
     NEGLIGIBLE_SAG,
     NORMS,
     ON_THE_LIMIT,
@@ -35,7 +34,6 @@ from planner.planning.arguments import (
     checked_limits,
     checked_weights,
     joint_names,
-    joints_of,
     limits_of_each,
     models_of_joints,
     of_each,
@@ -152,25 +150,23 @@ class Task:
                 angles = as_rows(desired, name="desired")
             if len(angles) < 3:
                 raise InvalidTrajectory(f"desired: got {len(angles)} samples, expected at least 3")
-            names, joints = joint_names(names, models, angles.shape[1]), COLUMNS
+            names = joint_names(names, models, angles.shape[1])
         else:
-            names, joints = checked_leg(leg).joint_names, joints_of(leg)
-        several = models_of_joints(
-            models, names, robust, joints=joints, independent=leg is not None
-        )
+            names = checked_leg(leg).joint_names
+        several = models_of_joints(models, names, robust, independent=leg is not None)
         check_periods([each[0] for each in several])
         many = max(map(len, several)) > 1
         if leg is not None:
             if len({len(each) for each in several} - {1}) > 1:
                 raise InvalidInput(
-                    f"models: got {', '.join(str(len(each)) for each in several)} of the {joints}, "
-                    "expected as many of each, taken in their order, or one where a joint has but "
-                    "one"
+                    f"models: got {', '.join(str(len(each)) for each in several)} of the joints "
+                    f"{', '.join(names)}, expected as many of each, taken in their order, or one "
+                    "where a joint has but one"
                 )
             importance = checked_weights(weights)
             limits = leg.limits if limits is None else limits
-        lower, upper = limits_of_each(limits, names, joints=joints)
-        largest = steps_of_each(max_step, names, joints=joints)
+        lower, upper = limits_of_each(limits, names)
+        largest = steps_of_each(max_step, names)
         share = checked_smoothness(smoothness)
         if leg is not None:
             solution = leg.inverse(desired, unreachable=unreachable)
@@ -178,7 +174,7 @@ class Task:
             if len(foot) < 3:
                 raise InvalidInput(f"foot: got {len(foot)} points, expected at least 3")
         added = checked_disturbance(disturbance, angles)
-        expected = f"a number [rad] or one for each of the {COLUMNS}"
+        expected = "a number [rad] or one for each joint"
         resting = of_each("start", start, names, expected=expected)
         for rest, name, *pair in zip(resting, names, lower, upper, strict=True):
             with about(name):
@@ -368,10 +364,8 @@ class Task:
             Infeasible: Under it the limits exclude the start or a desired angle.
         """
         shape = self.desired.shape
-        joints = joints_of(self.leg) if self.leg and self.goal == "foot" else COLUMNS
         expected = (
-            f"torques [N m] of shape {shape} or ({shape[1]},), one for each of the {joints}, or a "
-            "number"
+            f"torques [N m] of shape {shape} or ({shape[1]},), one for each joint, or a number"
         )
         given = of_each("load", load, self.names, expected=expected, shape=shape)
         loads: list[Array | None] = []
@@ -434,17 +428,14 @@ class Task:
 
 
 def steps_of_each(
-    max_step: npt.ArrayLike | Mapping[str, float] | None,
-    names: Sequence[str],
-    *,
-    joints: str = COLUMNS,
+    max_step: npt.ArrayLike | Mapping[str, float] | None, names: Sequence[str]
 ) -> Array:
     """Largest change of every joint's request [rad], shape (k,), inf where there is no limit.
 
     Raises:
         InvalidInput: They are not above 0, or not as many as there are joints.
     """
-    expected = f"an angle above 0 [rad], or one for each of the {joints}"
+    expected = "an angle above 0 [rad], or one for each joint"
     given = of_each("max_step", max_step, names, expected=expected)
     steps = [math.inf if step is None else as_number(step, infinite=True) for step in given]
     for name, number, step in zip(names, steps, given, strict=True):

@@ -394,7 +394,7 @@ def _limits(
         if each.unit == "1":
             values = np.concatenate([each.angles, each.requests, [0.0, 1.0]])
             found[each.name] = (float(np.min(values)), float(np.max(values)))
-    lower, upper = limits_of_each(limits, names, joints="joints of the recording")
+    lower, upper = limits_of_each(limits, names)
     for name, low, high in zip(names, lower.tolist(), upper.tolist(), strict=True):
         if limits is not None and (not isinstance(limits, Mapping) or name in limits):
             found[name] = (low, high)

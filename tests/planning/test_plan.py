@@ -118,7 +118,7 @@ def test_what_comes_back_cannot_be_written_to(plan):
             {"method": "direct"},
             "method: got 'direct', expected 'optimal', 'closed_form' or 'shift'",
         ),
-        (AIBO, {"limits": (1.0, [1, 2, 3])}, "limits: got .* one for each of the columns of"),
+        (AIBO, {"limits": (1.0, [1, 2, 3])}, "limits: got .* one for each joint"),
         (AIBO, {"limits": {"jaw": (0, 1)}}, "limits: no joint 'jaw'; joints: joint_1, joint_2"),
         (
             AIBO,

@@ -135,10 +135,10 @@ class Stream:
         self.cycle = checked_cycle(cycle)
         check_choice("on_bad", on_bad, get_args(OnBad))
         self._raises = on_bad == "raise"
-        self._limits = limits_of_each(limits, self.names, joints="joints")
+        self._limits = limits_of_each(limits, self.names)
         for name, low, high in zip(self.names, *self._limits, strict=True):
             checked_limits((low, high), of=f"limits of {name}")
-        self._max_step = steps_of_each(max_step, self.names, joints="joints")
+        self._max_step = steps_of_each(max_step, self.names)
         self._lay_out()
         self.reset()
         self._plan(0)  # loads, or compiles, what a tick calls: the first one takes no longer
