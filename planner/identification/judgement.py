@@ -29,10 +29,6 @@ SIMPLER = {
     "first_order": "a delay with a first-order lag",
 }
 
-SAME_LIKENESS = 1e-9
-"""Correlations closer than this differ by rounding."""
-
-
 SIGN_LIKENESS = 1.05
 """Both signs, or requests before and after, explain the angles if what they leave unexplained is
 within this factor."""
@@ -414,7 +410,7 @@ def exchanged_columns(grid: Grid) -> Finding | None:
 
 def _first_best(likeness: Array) -> int:
     """The first of the delays that are the best up to rounding: each cycle of a motion has one."""
-    return int(np.argmax(likeness >= np.max(likeness) - SAME_LIKENESS))
+    return int(np.argmax(likeness >= np.max(likeness) - 1e-9))
 
 
 def _unlike(likeness: float) -> float:

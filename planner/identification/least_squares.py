@@ -40,9 +40,6 @@ TRUSTED = 0.95
 A median would do for white noise, but in a log that mostly rests it is the scale of the rest, and
 the motion, which is all there is to learn from, would count as outliers."""
 
-NO_ERROR = 1e-12
-"""Scale below which residuals are rounding errors, relative to the angles' standard deviation."""
-
 EDGE_DISTANCE = 1e-9
 """Distance from an edge of the window at which requests are read [ticks]: where the edge meets a
 change of the request the derivative jumps, and the mean of both sides is taken."""
@@ -322,7 +319,7 @@ def least_squares(
     Returns:
         The best fit found; never worse than where it began.
     """
-    floor = NO_ERROR * max(float(np.std(grid.angles)), 1e-300)
+    floor = 1e-12 * max(float(np.std(grid.angles)), 1e-300)  # less are rounding errors
     if starts is None:
         starts = grid.measured_starts
     lower, upper = bounds_of(grid)

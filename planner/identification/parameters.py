@@ -35,10 +35,6 @@ SEEN = 0.3
 rest of a log better then is no joint."""
 
 
-VANISHES = 40.0
-"""Time constants after which nothing but rounding is left of a speed: exp(-40) is 4e-18."""
-
-
 class Parameters(NamedTuple):
     """A joint by what its motion shows; v_max may be infinite: then it never saturates.
 
@@ -107,7 +103,7 @@ class Parameters(NamedTuple):
 
     def motor_by_time_constant(self, tick: float) -> float:
         """Derivative of a motor's share of each tick, 1 - exp(-tick / time constant) [1/s]."""
-        if tick > VANISHES * self.time_constant:
+        if tick > 40.0 * self.time_constant:  # exp(-40) is 4e-18: rounding
             return 0.0
         return -tick / self.time_constant**2 * math.exp(-tick / self.time_constant)
 

@@ -41,9 +41,6 @@ WORTH_MORE = 0.005
 SAME_TIME = 1e-9
 """How much later than a request a line may begin and still count for it [samples]: rounding."""
 
-SAME_TICK = 1e-9
-"""Difference of the curve's tick from the joint's period that is rounding, relative."""
-
 
 def invert_closed_form(
     model: JointModel,
@@ -239,7 +236,7 @@ def closed_form_requests(
     else:
         stack = CurveStack.of([curves] if isinstance(curves, PiecewiseLinear) else curves)
     load = checked_load(load, model, stack.samples)
-    if abs(stack.tick - model.period) > SAME_TICK * model.period:
+    if abs(stack.tick - model.period) > 1e-9 * model.period:  # beyond rounding
         raise InvalidInput(
             f"curves: got samples every {stack.tick:g} s, expected every {model.period:g} s, as "
             "often as requests are sent"

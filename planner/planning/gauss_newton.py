@@ -23,9 +23,6 @@ from planner.model.law import Law
 from planner.planning.factorisation import Factor, factorise, pattern_of_factor, solved, stored
 from planner.trajectory import Array, Indices
 
-ROOM_FOR_ROUNDING = 1e-9
-"""Share of the largest step that is left unused, so that rounding never exceeds it [-]."""
-
 
 class Spec(NamedTuple):
     """A problem as arrays.
@@ -795,7 +792,7 @@ def keep_step(requests: Array, max_step: Array, cyclic: bool) -> None:
     samples, first = len(requests), 0 if cyclic else 1
     below, above = np.empty(samples), np.empty(samples)
     for j in range(requests.shape[1]):
-        step = (1.0 - ROOM_FOR_ROUNDING) * max_step[j]
+        step = (1.0 - 1e-9) * max_step[j]  # room for rounding
         if not step < np.inf:
             continue
         for k in range(samples):

@@ -31,9 +31,6 @@ TABLE = 513
 CREEPING = 1e-9
 """Slope from which on the table counts a joint with a dead band as moving [of its top speed]."""
 
-MOST_EVALUATIONS = 200
-"""Halving an interval of doubles more often than this changes nothing."""
-
 
 def line_offset(
     model: JointModel,
@@ -269,7 +266,7 @@ def _exact(model: JointModel, slope: Array, excess: Array | float) -> Array:
     moved_low, moved_high = moved_by(low), moved_by(high)
     solution = high.copy()
     open_ = slope < forth * (1.0 - AT_TOP_SPEED)
-    for evaluation in range(MOST_EVALUATIONS):
+    for evaluation in range(200):  # halvings of an interval of doubles: more change nothing
         if not np.any(open_):
             break
         span = moved_high - moved_low

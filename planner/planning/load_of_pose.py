@@ -21,9 +21,6 @@ MOVED, MOVED_SHARE = 1e-4, 0.01
 angles, when the load of the angles before is replaced by that of its own: a fifteenth of a step of
 an encoder with 12 bits; where joints cannot follow, another round brings little."""
 
-SIMULATED = 1e-9
-"""In the simulation with the load at the simulated angles it may move so far [rad]: rounding."""
-
 ROUNDS = 50
 """Most plans, and most simulations of one; two plans suffice where the joints can follow."""
 
@@ -75,7 +72,7 @@ def _at_simulated_angles(made: Plan, load: LoadOfPose) -> tuple[Plan, Array]:
         torques = _torques(load, angles)
         made = made.under(torques)
         before, moved = moved, float(np.max(np.abs(made.predicted - angles)))
-        if moved <= SIMULATED:
+        if moved <= 1e-9:  # rounding [rad]
             return made, torques
         if moved > SLOW * before:
             share = max(share / 2.0, LEAST_SHARE)

@@ -31,9 +31,6 @@ Method = Literal["shift", "closed_form", "optimal", "foot_optimal"]
 DEGREE = math.degrees(1.0)
 """Degrees in a radian."""
 
-LEAST_MOTION = 1e-9
-"""Change of a request that is no motion [rad]: rounding."""
-
 
 class RequestMotion(NamedTuple):
     """How a joint's requests move, beside the desired angles.
@@ -68,7 +65,7 @@ def request_motion(
         cyclic: Whether they repeat for ever.
     """
     changes, others = (steps(each, cyclic=cyclic) for each in (requests, desired))
-    directions = np.sign(changes[np.abs(changes) > LEAST_MOTION])
+    directions = np.sign(changes[np.abs(changes) > 1e-9])  # less is rounding
     if cyclic:
         directions = np.append(directions, directions[:1])
     beyond = max(desired.min() - requests.min(), requests.max() - desired.max(), 0.0)

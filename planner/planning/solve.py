@@ -72,21 +72,9 @@ class FurtherSearchOptions:
 
 OPTIONS = FurtherSearchOptions()
 
-LEAST_REVERSAL = 0.2
-"""Depth of a reversal up to which a smoothed plan may leave it out [of the dead band]. Over 36
-sines, holds and squares of a servo with 2 degrees of dry friction, half of them with noise of 0.06
-degrees, half and twice change nothing; without, requests change direction 15 % more often, at holds
-75 %."""
-
-WITHIN_BAND = 1.0 - 1e-9
-"""Share of a dead band within which the first request is: rounding must not move the joint."""
-
 BEGINNING = 20.0
 """Length of the beginning of a path beside the time in which a joint settles [-]: it forgets its
 first request after a few of these."""
-
-SAME_ERROR = 1e-13
-"""Errors that differ by no more than this are equal: rounding [m]."""
 
 BARELY_SLOWER = 1e-3
 """By what share a speed may be below the top speed and count as it: the ideal is iterative."""
@@ -150,9 +138,10 @@ def solve_joint(task: Task, *, solver: Solver = "gauss-newton") -> Solved:
 
     def others() -> Iterator[Array]:
         if band:
-            path = without_small_reversals(
-                problem.desired[:, 0], LEAST_REVERSAL * band, cyclic=task.cyclic
-            )
+            # Over 36 sines, holds and squares of a servo with 2 degrees of dry friction, half of
+            # them with noise of 0.06 degrees, half and twice of 0.2 change nothing; without,
+            # requests change direction 15 % more often, at holds 75 %.
+            path = without_small_reversals(problem.desired[:, 0], 0.2 * band, cyclic=task.cyclic)
             yield best_requests(replace(problem, desired=path[:, np.newaxis]), solver)
         if math.isfinite(models[0].max_acceleration):
             yield minimise(problem, initial_guess(problem), SMOOTH)[0]
@@ -174,7 +163,8 @@ def first_request_freed(problem: Problem, column: Array, solver: Solver) -> tupl
     """
     (model,), middle = problem.models, problem.first_requests
     assert middle is not None, "from rest a first request holds the joint"
-    firsts = [middle + edge * model.dead_band for edge in (-WITHIN_BAND, WITHIN_BAND)]
+    within = 1.0 - 1e-9  # rounding must not move the joint
+    firsts = [middle + edge * model.dead_band for edge in (-within, within)]
     settled = (model.theta_0 / model.v_max + model.time_constant) / model.period
     count = math.ceil(BEGINNING * (problem.ages.oldest + settled))
     if len(problem.desired) > 2 * count:
@@ -497,7 +487,7 @@ def with_stationary_joints(problem: Problem, found: Array, angles: Array) -> tup
     answer, error = minimise(held, State(held.admissible(found), angles), sharp)
     reached = held.exact_angles(answer)
     allowed = allowed_beside(problem, judged(problem, angles))
-    as_good = error <= problem.error(angles) + SAME_ERROR
+    as_good = error <= problem.error(angles) + 1e-13  # rounding [m]
     if reached is not None and (as_good or allowed.by(judged(problem, reached))):
         return held, answer
     return problem, found

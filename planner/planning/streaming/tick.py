@@ -60,9 +60,6 @@ LEAST_DAMPING, MOST_DAMPING = 3e-4, 1.0
 """Weight of the Levenberg-Marquardt term, relative to the errors: a third after a full step, three
 times as large where no step is better."""
 
-LEAST_COST = 1e-12
-"""Cost below which nothing is left to gain [rad^2]."""
-
 MOST_MISSED = 1000
 """Missed ticks that are simulated; after more of them the last request is taken to have acted."""
 
@@ -357,7 +354,7 @@ def improve(problem: Problem, state: Record, sent: Array, plan: Array) -> None:
             state.damping = min(3.0 * state.damping, MOST_DAMPING)
         if found == 1:
             state.damping = max(state.damping / 3.0, LEAST_DAMPING)
-        if not begins and 1.0 - least / max(before, LEAST_COST) < WORTH:
+        if not begins and 1.0 - least / max(before, 1e-12) < WORTH:  # beside 1e-12 nothing counts
             break
     for k in range(count):
         plan[k] = now[past + k]
