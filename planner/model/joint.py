@@ -513,6 +513,16 @@ def weights_by_tick(model: JointModel) -> Array:
     return weights
 
 
+def weights_of_all(models: Sequence[JointModel]) -> Array:
+    """The same of several joints, for the requests that act on any: (joints, most ticks, width)."""
+    ages = request_ages_of_all(models)
+    weights = np.zeros((len(models), max(model.hold for model in models), ages.width))
+    for own, model in zip(weights, models, strict=True):
+        place, by_tick = request_ages(model).youngest - ages.youngest, weights_by_tick(model)
+        own[: model.hold, place : place + by_tick.shape[1]] = by_tick
+    return weights
+
+
 def with_ticks(
     gain: float, lag: float, tick: float, other: float, *, inertia: bool
 ) -> tuple[float, float]:

@@ -11,13 +11,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from planner.exceptions import Infeasible, NoSteadyCycle
-from planner.model.joint import (
-    JointModel,
-    RequestAges,
-    request_ages,
-    request_ages_of_all,
-    weights_by_tick,
-)
+from planner.model.joint import JointModel, RequestAges, request_ages_of_all, weights_of_all
 from planner.model.response import Loads, motion_under, rest_angles, rest_requests
 from planner.planning.arguments import Norm
 from planner.planning.task import Task
@@ -124,14 +118,9 @@ class Problem:
         """The problem as the compiled search takes it."""
         from planner.planning.gauss_newton import Spec, limit
 
-        count, ages, empty = len(self.desired), self.ages, np.zeros(self.joints)
-        ticks = max(model.hold for model in self.models)
-        weights = np.zeros((len(self.models), ticks, ages.width))
-        periods = np.empty((2, len(self.models), count))
+        empty, periods = np.zeros(self.joints), np.empty((2, len(self.models), len(self.desired)))
         drives = []
         for number, (model, load) in enumerate(zip(self.models, self.loads, strict=True)):
-            place, by_tick = request_ages(model).youngest - ages.youngest, weights_by_tick(model)
-            weights[number, : model.hold, place : place + by_tick.shape[1]] = by_tick
             torque = 0.0 if load is None else load
             periods[0, number], periods[1, number] = (
                 model.sag(torque),
@@ -144,7 +133,7 @@ class Problem:
         first = empty if first is None else np.clip(first, self.lower, self.upper)
         spec = Spec(
             self.cyclic,
-            ages.youngest,
+            self.ages.youngest,
             2 if self.has_speeds else 1,
             self.norm == "max" and len(self.weights) > 1,
             bool(np.any(np.isfinite([self.lower, self.upper]))),
@@ -152,7 +141,7 @@ class Problem:
             self.centring,
             0.0 if self.foot is None else self.foot.ridge,
             np.array(drives, dtype=np.float64),
-            weights,
+            weights_of_all(self.models),
             periods,
             np.array([first, self.lower, self.upper, self.max_step], dtype=np.float64),
             np.array(rest_requests(self.nominal, self.desired, self.loads[: self.joints])),

@@ -17,13 +17,7 @@ import numpy.typing as npt
 
 from planner.exceptions import Infeasible, InvalidInput, angle_text
 from planner.model.evidence import warn_of_refused
-from planner.model.joint import (
-    JointModel,
-    checked_model,
-    request_ages,
-    request_ages_of_all,
-    weights_by_tick,
-)
+from planner.model.joint import JointModel, checked_model, request_ages_of_all, weights_of_all
 from planner.planning.arguments import checked_limits, limits_of_each
 from planner.planning.task import steps_of_each
 from planner.trajectory import LARGEST, MOST_TURNS, TURN, Array, not_radians, turns_words
@@ -154,11 +148,6 @@ class Stream:
         ahead = 0 if self.cycle is None else round(HORIZON / self.period) - preview
         self._path = repeating_path(count, preview, self.cycle or 2, ahead=ahead)
         samples = max(preview + self._path.ahead - ages.youngest, ages.width)
-        weights = np.zeros((count, max(model.hold for model in models), ages.width))
-        for j, model in enumerate(models):
-            first = request_ages(model).youngest - ages.youngest
-            own = weights_by_tick(model)
-            weights[j, : model.hold, first : first + own.shape[1]] = own
         joints = np.zeros(count, dtype=tick.JOINT)
         for name in ("offset", "compliance", "theta_0", "dead_band", "hold"):
             joints[name] = [getattr(model, name) for model in models]
@@ -178,7 +167,7 @@ class Stream:
         self._data = tick.Data(
             joints=joints,
             states=np.zeros(count, dtype=tick.STATE),
-            weights=weights,
+            weights=weights_of_all(models),
             radii=np.geomspace(NEAR, FAR, samples),
             sent=np.zeros((count, ages.oldest)),
             plan=np.zeros((count, samples)),
