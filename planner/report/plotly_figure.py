@@ -188,6 +188,7 @@ def _line(curve: Curve) -> dict[str, Any]:
             "width": round(curve.role.width * BOLDER, 2),
             "dash": _dashes(curve.role),
             "shape": "hv" if curve.held else "linear",
+            "simplify": False,  # which makes a polygon of a wide line
         },
     }
 

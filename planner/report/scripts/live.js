@@ -64,13 +64,15 @@ const live = {
 
   // Draw each figure that is near the screen at once, then the others one after another, and any
   // that is about to be seen before its turn. The first need no frame: a browser that takes a
-  // picture without showing the page makes none until then.
+  // picture without showing the page makes none until then. Plotly is unpacked at once: a page may
+  // be printed before one of its plots is near the screen, and printing does not wait.
   async start() {
     const figures = Object.keys(live.figures).map((name) => document.getElementById(name));
     const near = (figure) => {
       const { top, bottom } = figure.getBoundingClientRect();
       return top < innerHeight + live.MARGIN && bottom > -live.MARGIN;
     };
+    if (document.getElementById("plotly")) live.library();
     const all = () => figures.forEach(live.enliven);
     addEventListener("beforeprint", all);
     matchMedia("print").addEventListener("change", all);
