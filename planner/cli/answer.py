@@ -183,7 +183,9 @@ def _best_shift(desired: Desired, plan: Plan) -> str:
         each.append(f"{_label(desired, j)} {error:.3f}{robot} ({1e3 * lead:.0f} ms early)")
     if len(each) > MOST_LISTED:
         largest = math.degrees(max(rms(errors) for errors in shift.errors.T))
-        ends = " to ".join(f"{1e3 * lead:.0f}" for lead in (min(shift.leads), max(shift.leads)))
+        moving = np.ptp(plan.desired, axis=0) > 0.0
+        leads = np.asarray(shift.leads)[moving if moving.any() else ...]
+        ends = " to ".join(f"{1e3 * lead:.0f}" for lead in (leads.min(), leads.max()))
         each = [f"at most {largest:.3f} ({ends} ms early)"]
     text = f"desired angles sent early instead, rms [deg]: {', '.join(each)}"
     if desired.foot is not None:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import base64
 import gzip
 import json
+import math
 import os
 import platform
 from collections.abc import Iterable, Mapping, Sequence
@@ -27,7 +28,7 @@ from planner._version import __version__
 from planner.report.figure import Figure
 from planner.report.plotly_figure import live
 from planner.report.style import ROLES
-from planner.report.table import Column, Row, Table, percent
+from planner.report.table import NOTHING, Column, Row, Table, percent, raised, signed
 
 if TYPE_CHECKING:
     import jinja2
@@ -239,15 +240,17 @@ def live_scripts(figures: Mapping[str, Mapping[str, Any]]) -> Markup:
 
 def models_table(names: Sequence[str], models: Sequence[JointModel]) -> Table:
     """The parameters of every joint."""
-    return Table(
-        "parameter",
-        tuple(Column(name) for name in names),
-        tuple(
-            Row(words, tuple(f"{getattr(model, name):.5g}" for model in models))
-            for name, words in parameters_of([model.parameters() for model in models]).items()
-        ),
-        label="Models",
+    shown = parameters_of([model.parameters() for model in models])
+    rows = (
+        Row(joint, tuple(_parameter(getattr(model, name)) for name in shown))
+        for joint, model in zip(names, models, strict=True)
     )
+    return Table("joint", tuple(map(Column, shown.values())), tuple(rows), label="Models")
+
+
+def _parameter(value: float) -> str:
+    """A parameter of a model with four digits; a dash for a limit that there is not."""
+    return NOTHING if math.isinf(value) else signed(f"{value:.4g}")
 
 
 def parameters_of(models: Sequence[Mapping[str, float]]) -> dict[str, str]:
@@ -255,7 +258,7 @@ def parameters_of(models: Sequence[Mapping[str, float]]) -> dict[str, str]:
     from planner.model.joint import JointModel
 
     return {
-        each.name: f"{PARAMETERS[each.name][0]} [{each.metadata['unit']}]"
+        each.name: f"{PARAMETERS[each.name][0]} [{raised(each.metadata['unit'])}]"
         if each.name != "hold"
         else PARAMETERS["hold"][0]
         for each in fields(JointModel)

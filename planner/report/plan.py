@@ -54,6 +54,9 @@ if TYPE_CHECKING:
     from planner.planning.result import ErrorsOfModels, FootInversion, Inversion
     from planner.trajectory import Array
 
+WITHOUT = DIRECT._replace(label="without a plan")
+"""The desired angles as requests."""
+
 METHODS = {
     "shift": SHIFT,
     "closed-form": CLOSED_FORM,
@@ -96,6 +99,8 @@ def plan_page(
     head, tail = verdict(plan, parts)
     bounded = is_bounded(plan) and method != "foot-optimal"  # of a robot, too: its joints, by feet
     foot = foot_figures(plan, role)
+    drawn = max(map(len, plan.task.models)) - 1
+    over = f" · robust, {plan.task.robust} of the nominal and {drawn} drawn models" if drawn else ""
     told: dict[str, Any] = {
         "norm": plan.task.norm,
         "robust": plan.task.robust,
@@ -129,14 +134,14 @@ def plan_page(
         sections.insert(0, Section("The foot", OVER_MODELS + "{{ figures(foot) }}", values))
     return Page(
         heading=f"Plan for the leg “{title}”" if plan.task.leg else heading(title),
-        eyebrow=f"request-planner plan · {method}",
+        eyebrow=f"request-planner plan · {method}{over}",
         verdict=spoken(head, tail),
         good=not (missed or jumps_of(plan)),
         remarks=[
             *remarks(plan, foot_given=foot_given, unreachable=unreachable, missed=missed),
             *notes,
         ],
-        cards=cards(plan),
+        cards=cards(plan, parts),
         figure=foot[0] if foot else None,
         sections=sections,
         listings=origin_lists(origins, files),
@@ -236,8 +241,8 @@ def remarks(
     rows = sorted(joint_rows(plan), key=lambda row: row.load, reverse=True)
     if fast := [row for row in rows if row.too_fast > 0.0]:
         listed = ", ".join(
-            f"{row.name} ({100 * row.too_fast:.0f} % of the path, up to {row.speed:.0f} of "
-            f"{row.top_speed:.0f} deg/s)"
+            f"{row.name} ({100 * row.too_fast:.0f} % of the path, up to {row.speed:.0f} deg/s; "
+            f"the joint reaches {row.top_speed:.0f})"
             for row in fast
         )
         said.append(
@@ -251,7 +256,13 @@ def remarks(
             said[-1] += (
                 f" For {', '.join(unknown)} this holds for the model only: {OPEN_TOP_SPEED}."
             )
-    if held := [row for row in rows if row.at_limit]:
+    if outside := [row for row in rows if row.beyond]:
+        listed = ", ".join(f"{row.name} by {row.beyond:.3g} degrees" for row in outside)
+        said.append(
+            f"Requests go beyond the limits of {listed}. A robot that clips its requests would "
+            "track less well than this."
+        )
+    if held := [row for row in rows if row.at_limit and not row.beyond]:
         listed = ", ".join(f"{row.name} ({row.at_limit})" for row in held)
         said.append(f"Requests at a limit of their joint: {listed}.")
     return said
@@ -284,17 +295,27 @@ def _out_of_reach(plan: Plan, foot_given: Array | None, unreachable: int) -> str
     )
 
 
-def cards(plan: Plan) -> list[Card]:
-    """The key figures."""
+def cards(plan: Plan, legs: Mapping[str, Plan] | None = None) -> list[Card]:
+    """The key figures; of a robot with those of the feet of its legs."""
     rows = joint_rows(plan)
     made = []
-    if plan.task.leg:
-        planned, direct = (size(each, 100.0) for each in (plan.distances, plan.direct_distances))
+    if feet := list((legs or {}).values()) or ([plan] if plan.task.leg else []):
+        planned, direct, early = (
+            size(np.concatenate(each), 100.0)
+            for each in (
+                [one.distances for one in feet],
+                [one.direct_distances for one in feet],
+                [shifted(one.task).distances for one in feet],
+            )
+        )
+        shift = [f", with the best time shift {each:.3g} cm" for each in early]
+        shift = ["", ""] if plan.method == "shift" else shift
+        whose = "the feet from their paths" if legs else "the foot from its path"
         made += [
             Card(f"{planned.rms:.3g}", "cm rms",
-                 f"the foot from its path; without a plan {direct.rms:.3g} cm"),
+                 f"{whose}; without a plan {direct.rms:.3g} cm{shift[0]}"),
             Card(f"{planned.max:.3g}", "cm",
-                 f"at most; without a plan {direct.max:.3g} cm"),
+                 f"at most; without a plan {direct.max:.3g} cm{shift[1]}"),
         ]  # fmt: skip
     if plan.foot_bound:
         kind = {"rms": "rms", "max": "at most"}[plan.task.norm]
@@ -344,7 +365,7 @@ def distances_figure(legs: Mapping[str, Plan], role: Role) -> Figure:
     feet = {
         name: [
             timeline.curve(100.0 * distances, looks)
-            for distances, looks in ((plan.direct_distances, DIRECT), (plan.distances, role))
+            for distances, looks in ((plan.direct_distances, WITHOUT), (plan.distances, role))
         ]
         for name, plan in legs.items()
     }
@@ -356,7 +377,7 @@ def _movie(plan: Plan, leg: Leg, role: Role) -> Movie:
     motions = []
     for looks, angles, distances in (
         (DESIRED, plan.desired, None),
-        (DIRECT, plan.direct, plan.direct_distances),
+        (WITHOUT, plan.direct, plan.direct_distances),
         (role, plan.predicted, plan.distances),
     ):
         points = leg.joint_positions(angles)
@@ -373,7 +394,7 @@ def joint_figure(plan: Plan, role: Role, j: int) -> Figure:
         timeline.degrees(values[:, j], looks)
         for values, looks in (
             (plan.desired, DESIRED),
-            (plan.direct, DIRECT),
+            (plan.direct, WITHOUT),
             (plan.predicted, role),
         )
     )

@@ -53,7 +53,8 @@ class JointRow(NamedTuple):
     ``bound`` and ``gap`` are None for a plan for the foot, and the gap above a bound of zero is
     infinite. ``speed`` and ``top_speed`` are the desired speed and the top speed in its direction,
     where their ratio is largest; ``too_fast`` is the share of the desired path above the top speed,
-    ``at_limit`` the number of requests at one of the ``limits``, infinite where there is none.
+    ``at_limit`` the number of requests at one of the ``limits``, infinite where there is none, or
+    beyond it, and ``beyond`` how far they go, 0 where they stay within.
     """
 
     name: str
@@ -66,6 +67,7 @@ class JointRow(NamedTuple):
     too_fast: float
     limits: tuple[float, float]
     at_limit: int
+    beyond: float
 
     @property
     def load(self) -> float:
@@ -85,7 +87,8 @@ def joint_rows(plan: Plan) -> list[JointRow]:
         bound = float(plan.lower_bounds[j]) if is_bounded(plan) else None
         requests = plan.requests[:, j]
         speed, top_speed = plan.speeds[j].highest
-        near = (requests <= lower + AT_LIMIT) | (requests >= upper - AT_LIMIT)
+        excess = np.maximum(lower - requests, requests - upper)
+        beyond = float(excess.max())
         rows.append(
             JointRow(
                 name=name,
@@ -97,7 +100,8 @@ def joint_rows(plan: Plan) -> list[JointRow]:
                 top_speed=math.degrees(top_speed),
                 too_fast=float(plan.too_fast[j]),
                 limits=(math.degrees(lower), math.degrees(upper)),
-                at_limit=int(np.sum(near)),
+                at_limit=int(np.sum(excess >= -AT_LIMIT)),
+                beyond=math.degrees(beyond) if beyond > AT_LIMIT else 0.0,
             )
         )
     return rows
@@ -118,14 +122,14 @@ def joints_table(plan: Plan, *, bounded: bool = True) -> Table:
         Column("speed [deg/s]", ("desired", "top")),
         Column("too fast"),
         Column("limits [deg]"),
-        Column("requests at a limit"),
+        Column("at or beyond limits"),
     ]
     rows, shift = [], shifted(plan.task)
     early = zip((np.degrees(rms(errors)) for errors in shift.errors.T), shift.leads, strict=True)
     for row, expected, (error, lead) in zip(joint_rows(plan), plan.expected, early, strict=True):
         bounds = [
             NOTHING if row.bound is None else f"{row.bound:.3f}",
-            NOTHING if row.gap is None else percent(row.gap),
+            NOTHING if row.gap is None or math.isinf(row.gap) else percent(row.gap),
         ]
         planned, direct = (
             tuple(f"{error:.3f}" for error in errors) for errors in (row.planned, row.direct)
