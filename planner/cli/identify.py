@@ -116,7 +116,7 @@ def identify(
     \b
     Example, step tests, the model that they determine, and a plan with it:
         request-planner excite --limits-deg -45:45 -o test.csv
-        (play steps.csv on the robot, record log.csv)
+        (play test.csv on the robot, record log.csv)
         request-planner identify log.csv -o joint.toml --report report.html
         request-planner plan desired.csv --model joint.toml -o requests.csv
     """  # noqa: D301

@@ -229,7 +229,7 @@ def _undetermined(
         seldom = "hardly" if at.v_max <= called else "never"
         known = (
             f"only v_max/theta_0 = {at.gain:.3g} per second is known"
-            if gain.bounded
+            if gain.upper - gain.lower <= 2.0 * at.gain
             else "neither v_max nor theta_0 is known"
         )
         steps = max(2.0 * called / at.gain, fit.grid.span)
@@ -257,6 +257,11 @@ def _undetermined(
     return found + undetermined_delays(fit, bounds, uncertainty)
 
 
+def is_loose(tick: float, width: float, value: float) -> bool:
+    """Whether an interval of a delay is so wide that the log does not determine it [s]."""
+    return width > max(2.0 * tick, OPTIONS.loose * value)
+
+
 def undetermined_delays(
     fit: Fit, bounds: Mapping[str, Interval], uncertainty: Uncertainty
 ) -> list[Finding]:
@@ -264,11 +269,7 @@ def undetermined_delays(
 
     In rows far apart even sudden steps show little more than the middle of the window.
     """
-
-    def loose(width: float, value: float) -> bool:
-        return width > max(2.0 * fit.grid.tick, OPTIONS.loose * value)
-
-    at = fit.parameters
+    loose, at = partial(is_loose, fit.grid.tick), fit.parameters
     ends = {name: bounds[name] for name in ("lag", "acceleration_time")}
     wide = [name for name, of in ends.items() if loose(of.upper - of.lower, getattr(at, name))]
     if wide and _sudden(fit.grid) and all(of.bounded for of in ends.values()):

@@ -122,7 +122,7 @@ def test_one_command_measures_compares_and_recommends(calibrated):
     assert np.degrees(servo.limits) == pytest.approx([-27.0, 27.0], abs=0.1)
     assert servo.settings["p_gain"] == 16
     page = (folder / "page.html").read_text()
-    assert "joint_1: Figure 5 from data" in page
+    assert "joint_1: The function f" in page
     assert "best shift" in page
 
 
@@ -451,7 +451,7 @@ def test_what_is_answered_is_what_was_measured_in_degrees(run, fake_calibration,
                     "expected_rms_deg": expected,
                 }
             )
-    assert "a: Figure 5 from data" in (tmp_path / "page.html").read_text("utf-8")
+    assert "a: The function f" in (tmp_path / "page.html").read_text("utf-8")
 
 
 def test_joints_that_are_done_are_in_the_file_where_a_later_one_fails(

@@ -12,6 +12,7 @@ import pytest
 from planner.identification.parameters import PARAMETERS
 from planner.identification.result import Alternative, Interval
 from planner.report.identification.figures import (
+    APART,
     MOST_POINTS,
     _windows,
     alternatives_figure,
@@ -129,7 +130,23 @@ def test_plotly_takes_every_figure(found):
 def test_the_strip_of_a_short_lag_is_as_long_as_the_time_between_requests():
     short = replace(made_up(), model=replace(made_up().model, lag=0.0))
     (panel,) = intervals_figure(short).panels
-    assert f"{1e3 * short.model.period:.3g}" in [words.text for words in panel.words]
+    assert f"{1e3 * short.model.period:.2f}" in [words.text for words in panel.words]
+
+
+def test_what_is_not_drawn_has_no_words():
+    right = made_up(made_up_log(duration=4.0))
+    (fit,) = right.fits
+    plain = replace(fit, weights=np.ones(len(fit.weights)))
+    assert "outliers" in log_figure(right, fit, "").caption
+    assert "outliers" not in log_figure(right, plain, "").caption
+    gentle = replace(right, intervals={**right.intervals, "v_max": Interval(3.0, math.inf)})
+    for found in (right, gentle):
+        drawn = {curve.name for curve in cloud_figure(found).panels[0].curves}
+        assert ("are pale" in cloud_figure(found).caption) == (APART in drawn)
+        assert ("level ends" in cloud_figure(found).caption) == (not found.saturates)
+    wide = replace(gentle, model=replace(right.model, theta_0=9.0))
+    assert "level ends" not in cloud_figure(wide).caption
+    assert "are pale" not in cloud_figure(wide).caption
 
 
 def test_the_interval_of_a_sag_below_zero_is_drawn_around_it():
@@ -145,7 +162,7 @@ def test_the_interval_of_a_sag_below_zero_is_drawn_around_it():
 
 
 @pytest.mark.parametrize("held_out", [True, False])
-def test_bars_and_numbers_of_the_descriptions_are_one_error_which_the_axis_names(held_out):
+def test_bars_and_numbers_of_the_descriptions_are_one_error_which_the_caption_names(held_out):
     found = made_up()
     if not held_out:
         fitted = tuple(replace(each, held_out_rms=None) for each in found.alternatives)
@@ -156,7 +173,6 @@ def test_bars_and_numbers_of_the_descriptions_are_one_error_which_the_axis_names
     assert [curve.x[-1] for curve in panel.curves] == pytest.approx(np.degrees(errors))
     assert [words.text for words in panel.words] == [f"{each:.3g}" for each in np.degrees(errors)]
     where = "on rows held out" if held_out else "on all rows"
-    assert figure.x.title == f"rms error {where}"
     assert where in figure.caption
 
 

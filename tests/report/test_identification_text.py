@@ -51,8 +51,8 @@ def test_shares_of_a_range_are_not_reported_as_angles():
         ("v_offset", Interval(-0.5, 0.5), "± 29 deg/s"),
         ("offset", Interval(-0.024, 0.024), "± 1.4 deg"),
         ("offset", Interval(-0.025, 0.025), "only ± 1.4 deg"),
-        ("v_max", Interval(0.0, 54.5415), "only ± 500 %"),
-        ("v_max", Interval(0.0, 545.415), "hardly at all"),
+        ("v_max", Interval(0.0, 10.9), "only ± 100 %"),
+        ("v_max", Interval(0.0, 11.0), "hardly at all"),
         ("lag", Interval(0.031, 0.033), "± 1 ms"),
         ("lag", Interval(0.0, 0.328), "only ± 164 ms"),
         ("v_max", Interval(0.5, math.inf), "only bounded from below"),
@@ -147,6 +147,13 @@ def test_what_is_not_determined_is_named():
     some = never_saturated()
     some = dataclasses.replace(some, intervals={**some.intervals, "lag": Interval(0.0, 0.1)})
     assert known(some).endswith("but neither of the two alone; only roughly known: lag.")
+    rough = dataclasses.replace(never_saturated(), gain_interval=Interval(30.0, 60.0))
+    assert known(rough).endswith(
+        "determine v_max / theta_0 only roughly, but neither of the two alone."
+    )
+    hardly = dataclasses.replace(never_saturated(), gain_interval=Interval(0.0, 100.0))
+    assert known(hardly).startswith("The logs do not determine: top speed")
+    assert known(hardly).count("speed per error") == 1
     some = dataclasses.replace(some, intervals={**some.intervals, "lag": vague["lag"]})
     assert known(some) == (
         "The logs do not determine: top speed, error that calls for top speed, lag."
@@ -386,6 +393,14 @@ def test_a_limit_of_the_acceleration_names_the_registers_that_may_set_it():
         intervals={**right.intervals, "max_acceleration": Interval(28.0, 32.0)},
     )
     (line,) = (x for x in identification_text({"hip": limited}).splitlines() if "Profile" in x)
-    assert line.startswith("The joint accelerates by at most 1719 deg/s^2")
+    assert line.startswith("The joint accelerates by at most 1719 deg/s²")
     assert "address 108" in line
     assert "goal speed, 46" in line
+    open_ended = {**right.intervals, "max_acceleration": Interval(28.0, math.inf)}
+    bounded = dataclasses.replace(limited, intervals=open_ended)
+    assert "Profile" not in identification_text({"hip": bounded})
+
+
+def test_a_lag_that_a_warning_calls_unknown_is_called_rough():
+    right = made_up(intervals={**made_up().intervals, "lag": Interval(0.024, 0.041)})
+    assert row(right, "lag").judgement == "only ± 8.5 ms"

@@ -11,12 +11,28 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.identification.log import Log
-from planner.identification.result import Identification, LogFit
+from planner.identification.result import Identification, Interval, LogFit
 from planner.model.joint import JointModel
 from planner.report.figure import Axis, Curve, Figure, Panel, Span, Words, line
-from planner.report.identification.words import errors, estimate, parameters, unit_of, units_of
-from planner.report.style import CLOSED_FORM, DIRECT, GRID, INK, MUTED, OPTIMAL, REQUESTED, Role
-from planner.report.table import signed
+from planner.report.identification.words import (
+    errors,
+    estimate,
+    figure,
+    parameters,
+    unit_of,
+    units_of,
+)
+from planner.report.style import (
+    CLOSED_FORM,
+    DESIRED,
+    DIRECT,
+    GRID,
+    INK,
+    MUTED,
+    OPTIMAL,
+    REQUESTED,
+    Role,
+)
 from planner.trajectory import Array, index_of_largest
 
 MOST_POINTS = 1500
@@ -33,7 +49,10 @@ CLOSE_UP = 3.0
 DOWNWEIGHTED = 0.5
 """Rows whose weight is below this are marked as outliers."""
 
-MEASURED = INK._replace(label="measured", width=1.2)
+APART = "window across a corner of f"
+"""What the pale dots of a cloud are called."""
+
+MEASURED = DESIRED._replace(label="measured")
 FITTED = CLOSED_FORM._replace(label="model, fitted", width=1.4)
 UNSEEN = OPTIMAL._replace(label="model, rows held out", width=1.4, dashes="-")
 BAR = 9.0
@@ -136,7 +155,7 @@ def _windows(log: Log, starts: Array, ends: Array) -> tuple[Array, Array, Array]
 
 
 def cloud_figure(found: Identification, prefix: str = "") -> Figure:
-    """The paper's Figure 5 from data: speed against error, with the identified f over it."""
+    """The paper's Figure 5, from data: speed against error, with the identified f over it."""
     model, units = found.model, units_of(found)
     points, reach, highest = cloud_of(found)
     factor = units.factor
@@ -144,7 +163,7 @@ def cloud_figure(found: Identification, prefix: str = "") -> Figure:
     curves = [line((-factor * reach, factor * reach), (0, 0)), line((0, 0), (-factor * highest,
               factor * highest))]  # fmt: skip
     for chosen, role, opacity, name in (
-        (finite & points.apart, MUTED, 0.3, "window across a corner of f"),
+        (finite & points.apart, MUTED, 0.3, APART),
         (finite & ~points.apart, INK, 0.6, "measured"),
     ):
         some = np.flatnonzero(chosen)
@@ -166,21 +185,28 @@ def cloud_figure(found: Identification, prefix: str = "") -> Figure:
                 "θ₀ + dead band" if model.dead_band else "θ₀",
                 corner,
                 low,
-                "left" if corner < factor * reach / 2 else "right",  # within the figure
+                "left" if corner < factor * reach / 3 else "right",  # within the figure
                 "bottom",
             ),
             Words("v_max", -factor * reach, factor * model.v_max, across="left"),
         )
     curves.append(Curve(CLOSED_FORM._replace(width=2.4), factor * ends, speeds, "f, identified"))
     age, oldest = 1e3 * model.lag, 1e3 * (model.lag + model.acceleration_time)
-    unbounded = "" if found.saturates else " Its level ends are a guess: no data is there."
+    unbounded = ""
+    if not found.saturates and corners[-1] <= reach:
+        unbounded = " Its level ends are a guess: no data is there."
+    across = ""
+    if (finite & points.apart).any():
+        across = (
+            " Dots of a window that lies on both sides of a corner of f are pale: they may lie off "
+            "the line."
+        )
     return Figure(
         f"{prefix}speed",
-        "Figure 5 from data: the function f",
+        "The function f: speed against error",
         "One dot per interval between two rows: upwards the change of the measured angle over the "
         f"interval by its duration, to the right the mean of the requests {age:.0f} to "
-        f"{oldest:.0f} ms old, plus the static sag, minus the angle. Dots of a window that lies "
-        "on both sides of a corner of f are pale: they may lie off the line. The line is f with "
+        f"{oldest:.0f} ms old, plus the static sag, minus the angle.{across} The line is f with "
         f"the identified v_max and θ₀; it was not fitted to these dots.{unbounded}",
         Axis("request minus angle", units.angle, (-factor * reach, factor * reach), decimals=3),
         (
@@ -201,6 +227,7 @@ def intervals_figure(found: Identification, prefix: str = "") -> Figure:
         value, interval = estimate(found, row.name)
         factor, unit = unit_of(found, row.name)
         least, most = _strip(found, row.name, value)
+        scaled = Interval(*(factor * each for each in interval))
         marks = (least, 0.5 * (least + most), most)
         low, high, estimated, *ends = (
             100.0 * (each - least) / (most - least)
@@ -215,7 +242,7 @@ def intervals_figure(found: Identification, prefix: str = "") -> Figure:
             _stroke(INK, (estimated, estimated), (y - 0.22, y + 0.22), 2.0, "estimate"),
         ]
         words += [
-            Words(signed(f"{factor * mark:.3g}"), end, y + 0.18, across, "top")
+            Words(figure(factor * mark, scaled) if mark else "0", end, y + 0.18, across, "top")
             for mark, end, across in zip(marks, ends, SIDES, strict=True)
         ]
         names[y] = f"{row.brief} [{unit}]"
@@ -270,7 +297,7 @@ def alternatives_figure(found: Identification, prefix: str = "") -> Figure:
         "Four descriptions of the same rows: that the joint is where the request is, that it is "
         "there later, that it follows a first-order lag, and the joint model. Each bar and its "
         f"number is the rms error {where}.",
-        Axis(f"rms error {where}", units.angle, (0.0, 1.15 * most or 1.0)),
+        Axis("rms error", units.angle, (0.0, 1.15 * most or 1.0)),
         (
             Panel(
                 Axis("", range=(len(entries) - 0.5, -0.5),
@@ -300,13 +327,16 @@ def log_figure(found: Identification, fit: LogFit, prefix: str) -> Figure:
     held = fit.held_out.any()
     unseen = "; where the model is green, it was fitted without these rows" if held else ""
     shaded = " The shaded part was held out." if held else ""
+    counted = ""
+    if len(outliers_of(fit)):
+        counted = "; outliers are rows that the robust fit counted by less than half"
     level = f"{units.factor * noise:.2g} {units.angle}" if math.isfinite(noise) else "unknown"
     below = f"Below, measured minus predicted, and twice the noise ({level}) either way"
     return Figure(
         f"{prefix}whole",
         "The whole log",
-        f"Requests, measured angles and prediction{unseen}. {below}; outliers are rows that "
-        "the robust fit counted by less than half. There is no prediction where the torque was off "
+        f"Requests, measured angles and prediction{unseen}. {below}{counted}. There is no "
+        "prediction where the torque was off "
         f"or the requests before are not known.{shaded} The close-up shows the {CLOSE_UP:g} "
         "seconds in which the joint is farthest from its requests.",
         Axis("time", "s", (0.0, float(times[-1])), decimals=3),
@@ -328,12 +358,12 @@ def _log_panels(found: Identification, fit: LogFit) -> tuple[Panel, Panel]:
     predicted = units.factor * prediction(fit)
     held_out, residuals = fit.held_out, angles - predicted
     above = [
-        _log_curve(REQUESTED._replace(width=1.1), times, requests, held=True),
         _log_curve(MEASURED, times, angles),
+        _log_curve(REQUESTED._replace(width=1.1), times, requests, held=True),
         _log_curve(FITTED, times, np.where(held_out, np.nan, predicted)),
         _log_curve(UNSEEN, times, np.where(held_out, predicted, np.nan)),
     ]
-    outliers = np.flatnonzero(fit.used & (fit.weights < DOWNWEIGHTED))
+    outliers = outliers_of(fit)
     below = [
         _log_curve(INK._replace(label="residual", width=0.9), times, residuals),
         Curve(DIRECT, times[outliers], residuals[outliers], "outliers", marks="rings"),
@@ -356,6 +386,11 @@ def _log_panels(found: Identification, fit: LogFit) -> tuple[Panel, Panel]:
             spans=(*shades, *(noise if math.isfinite(band) else [])),
         ),
     )
+
+
+def outliers_of(fit: LogFit) -> npt.NDArray[np.intp]:
+    """The rows that the robust fit counts by less than half."""
+    return np.flatnonzero(fit.used & (fit.weights < DOWNWEIGHTED))
 
 
 def close_up(fit: LogFit) -> npt.NDArray[np.intp]:

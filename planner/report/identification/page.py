@@ -78,6 +78,7 @@ def identification_page(
         f"log{'s' * (len(first.found.fits) > 1)}",
         verdict=_verdict(first.found),
         sections=_sections(first),
+        note=profile(first.found),
         footer=footer("identify", ", with lag and acceleration time of any length"),
         good=first.found.accepted,
         remarks=first.found.warnings,
@@ -95,6 +96,7 @@ def identification_page(
                 f"<strong>{said[0].upper()}{said[1:]}</strong>: what is "
                 "known of each, and what it adds, follows joint by joint."
             ),
+            note="",
             good=all(joint.found.accepted for joint in joints),
             remarks=(),
             cards=(),
@@ -120,6 +122,9 @@ HEAD = """
 <h2 class="joint" id="{{ joint.anchor }}">{{ heading(joint.name or "unnamed") }}</h2>
 <div class="hero">
 <div><p class="verdict{{ "" if good else " no" }}">{{ verdict }}</p>
+{% if profile %}
+<p class="note">{{ profile }}</p>
+{% endif %}
 {% if joint.found.warnings %}
 <ul class="warnings" aria-label="Warnings">
 {% for warning in joint.found.warnings %}<li>{{ warning }}</li>{% endfor %}
@@ -183,6 +188,7 @@ def _head(joint: Joint) -> Section:
         "joint": joint,
         "heading": heading,
         "verdict": _verdict(joint.found),
+        "profile": profile(joint.found),
         "good": joint.found.accepted,
         "cloud": cloud_figure(joint.found, joint.prefix),
         "cards": cards(joint.found),
@@ -222,7 +228,7 @@ def _verdict(found: Identification) -> str:
     said = verdict(found).replace(" %", "\N{NO-BREAK SPACE}%")
     head, tail = said.split(":", 1)
     start = Markup("<strong>{}</strong>:").format(head[0].upper() + head[1:])
-    return start + f"{tail}. {known(found)} {profile(found)}".rstrip()
+    return start + f"{tail}. {known(found)}"
 
 
 def _angle(found: Identification, radians: float | None) -> str:
@@ -235,7 +241,7 @@ def cards(found: Identification) -> list[Card]:
     """The key figures."""
     error, where = telling_error(found)
     number, _, unit = _angle(found, error).partition(" ")
-    short = {row.name: row.short for row in parameters(found)}
+    short = {row.name: row.bounds if row.rough else row.value for row in parameters(found)}
     share = percent(saturated(found), 1)
     reached = (
         "" if _leaves_top_speed_open(found) else f"; reached in {share} of the measured intervals"

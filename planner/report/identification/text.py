@@ -199,7 +199,7 @@ def excitation_text(made: Excitation, expected: Identification, *, model: str) -
             row.brief,
             row.value,
             row.interval,
-            "no" if not row.known else "roughly" if row.rough else "yes",
+            "no" if not row.determined else "roughly" if row.rough else "yes",
             row.judgement,
         ]
         for row in found
@@ -241,8 +241,8 @@ def _friction(expected: Identification) -> str:
 
 
 def _determined(found: Sequence[Parameter]) -> str:
-    missing = [row.brief for row in found if not row.known]
-    rough = [row.brief for row in found if row.known and row.rough]
+    missing = [row.brief for row in found if not row.determined]
+    rough = [row.brief for row in found if row.determined and row.rough]
     statements = [
         f"{how} {', '.join(names)}"
         for how, names in (("would not determine", missing), ("only roughly", rough))

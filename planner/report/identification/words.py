@@ -4,15 +4,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from dataclasses import fields
 from typing import NamedTuple
 
+from planner.identification.judgement import is_loose
 from planner.identification.parameters import TERMS
 from planner.identification.result import Identification, Interval
+from planner.model.joint import JointModel
 from planner.report.page import PARAMETERS
-from planner.report.table import NOTHING, Column, Row, Table
+from planner.report.table import NOTHING, Column, Row, Table, raised
 
-IN_RADIANS = ("theta_0", "offset", "dead_band", "sag_sin", "sag_cos")
-"""Parameters that are angles."""
+IN_SI = {
+    each.name: raised(each.metadata["unit"])
+    for each in fields(JointModel)
+    if "rad" in each.metadata["unit"]
+}
+"""Parameters that are shown in another unit, and theirs in SI."""
 
 MAY_VANISH = ("lag", "offset", "v_offset", "sag_sin", "sag_cos")
 """Parameters that may be 0, which no percentage is of."""
@@ -34,10 +41,11 @@ NOT_KNOWN = "not known"
 
 ROUGH = 0.2
 """Beyond this part of the estimate the half width of an interval is called rough; the lag is held
-against itself and the acceleration time, the static sag against theta_0."""
+against itself and the acceleration time, and is rough too where a warning says that the log does
+not determine it; the static sag is held against theta_0."""
 
-HARDLY = 10.0
-"""Beyond this many times the estimate its half width says nothing any more."""
+HARDLY = "hardly at all"
+"""How well a parameter is known whose interval is wider to either side than the estimate."""
 
 
 class Units(NamedTuple):
@@ -82,10 +90,18 @@ class Parameter(NamedTuple):
     rough: bool
 
     @property
+    def determined(self) -> bool:
+        """Whether the logs say about what it is."""
+        return self.known and self.judgement != HARDLY
+
+    @property
     def short(self) -> str:
         """The value, or what is known of it."""
-        if self.known:
-            return self.value
+        return self.value if self.known else self.bounds
+
+    @property
+    def bounds(self) -> str:
+        """The interval with its unit, or the end that it has."""
         unit = self.value.partition(" ")[2]
         if self.interval == NOT_KNOWN:
             return NOT_KNOWN
@@ -131,7 +147,7 @@ def unit_of(identification: Identification, name: str) -> tuple[float, str]:
         "lag": (1e3, "ms"),
         "acceleration_time": (1e3, "ms"),
         "time_constant": (1e3, "ms"),
-        "max_acceleration": (units.factor, f"{units.speed}^2"),
+        "max_acceleration": (units.factor, f"{units.speed}²"),
         "v_offset": (units.factor, units.speed),
         "compliance": (units.factor, f"{units.angle}/(N m)"),
         "speed_per_torque": (units.factor, f"{units.speed}/(N m)"),
@@ -141,7 +157,6 @@ def unit_of(identification: Identification, name: str) -> tuple[float, str]:
 def parameters(identification: Identification) -> list[Parameter]:
     """Every parameter with its interval, in the order of :data:`PARAMETERS`."""
     units = units_of(identification)
-    inside = {"v_max": "rad/s"} | dict.fromkeys(IN_RADIANS, "rad")
     rows = []
     for name, (words, brief) in PARAMETERS.items():
         if name != "gain" and name not in identification.intervals:
@@ -152,8 +167,8 @@ def parameters(identification: Identification) -> list[Parameter]:
             continue
         scaled = Interval(factor * interval.lower, factor * interval.upper)
         si = ""
-        if units.si and name in inside:
-            si = f"{figure(value, interval)} {inside[name]}, {between(interval)}"
+        if units.si and name in IN_SI:
+            si = f"{figure(value, interval)} {IN_SI[name]}, {between(interval)}"
         rows.append(
             Parameter(
                 name=name,
@@ -180,7 +195,10 @@ def parameters_table(identification: Identification, *, page: bool = False) -> T
         if page and row.si:
             cells = [f"{cell}\n{si}" for cell, si in zip(cells, row.si.split(", ", 1), strict=True)]
         kind = "" if row.known else "unknown"
-        rows.append(Row(row.words if page else row.brief, (*cells, row.judgement), kind=kind))
+        about = row.brief
+        if page and not about.startswith(row.words):
+            about = row.words if about in row.words else f"{row.words}\n{about}"
+        rows.append(Row(about, (*cells, row.judgement), kind=kind))
     columns = (*map(Column, titles), Column("known", words=True))
     return Table("parameter", columns, tuple(rows), label="Parameters")
 
@@ -211,8 +229,8 @@ def judgement(identification: Identification, name: str, factor: float, unit: st
     only = "only " if is_rough(identification, name) else ""
     if name in MAY_VANISH:
         return f"{only}± {two_figures(factor * half)} {unit}"
-    if half > HARDLY * abs(value):
-        return "hardly at all"
+    if half > abs(value):
+        return HARDLY
     return f"{only}± {percent_of(half, value)}"
 
 
@@ -228,6 +246,8 @@ def is_rough(identification: Identification, name: str) -> bool:
         "sag_cos": model.most_pose_sag,
     }
     scale = beside.get(name, value)
+    if name == "lag" and is_loose(model.tick, interval.upper - interval.lower, value):
+        return True
     return not 0.5 * (interval.upper - interval.lower) <= ROUGH * abs(scale)
 
 
@@ -312,9 +332,9 @@ PROFILE = (
 
 
 def profile(identification: Identification) -> str:
-    """Where a limit of the acceleration may come from, in a sentence; empty where there is none."""
+    """Where a limit of the acceleration may come from, in a sentence; empty where none is known."""
     for row in parameters(identification):
-        if row.name == "max_acceleration" and math.isfinite(identification.model.max_acceleration):
+        if row.name == "max_acceleration" and row.determined:
             return PROFILE.format(most=row.short)
     return ""
 
@@ -324,13 +344,16 @@ def known(identification: Identification) -> str:
     if identification.verdict == "refused":
         return "Its parameters say little about the joint."
     rows = parameters(identification)
-    missing = {row.name: row.words for row in rows if not row.known}
-    rough = ", ".join(row.words for row in rows if row.known and row.rough)
-    if set(missing) == {"v_max", "theta_0"}:
+    missing = {row.name: row.words for row in rows if not row.determined}
+    roughly = {row.name: row.words for row in rows if row.determined and row.rough}
+    ratio_only = set(missing) == {"v_max", "theta_0"}
+    only = " only roughly" if ratio_only and roughly.pop("gain", "") else ""
+    rough = ", ".join(roughly.values())
+    if ratio_only:
         sentence = (
-            "The logs do not reach the top speed: they determine v_max / theta_0, but neither "
+            f"The logs do not reach the top speed: they determine v_max / theta_0{only}, but "
+            "neither of the two alone"
         )
-        sentence += "of the two alone"
     elif missing:
         sentence = f"The logs do not determine: {', '.join(missing.values())}"
     elif not rough:
