@@ -7,7 +7,7 @@ curve is a role, which gives its looks, and two arrays.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -24,6 +24,10 @@ MARGIN = 0.06
 NEAR = 0.6
 """A limit is drawn within this share of the requests' range beyond them: one far away would press
 the curves into a line."""
+
+
+THIN = 0.7
+"""Width of a line that is one of many cycles [pt]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -338,11 +342,12 @@ class Timeline:
         """An angle per sample [rad], drawn in degrees."""
         return self.curve(np.degrees(angles), role, label, held=held, hidden=hidden)
 
-    def cycles(self, values: Array, role: Role, label: str = "", *, hidden: bool = False) -> Curve:
-        """Every cycle of some values, shape (cycles, n), with gaps between them."""
-        each = [self.curve(row, role) for row in values]
-        return Curve(role, joined(one.x for one in each), joined(one.y for one in each), label,
-                     hidden=hidden)  # fmt: skip
+    def cycles(
+        self, values: Array, role: Role, label: str = "", *, hidden: bool = False
+    ) -> tuple[Curve, Curve]:
+        """The mean of some cycles, shape (cycles, n), and thin over it each of them."""
+        mean = self.curve(values.mean(axis=0), role, label, hidden=hidden)
+        return mean, thin(mean, [self.curve(row, role) for row in values])
 
     def path(self, positions: Array, role: Role) -> Curve:
         """A path of the foot [m], shape (n, 3): x and z in cm, with the time at its points."""
@@ -384,6 +389,7 @@ def joint_figure(
     limits: tuple[float, float] | None = None,
     spans: tuple[Span, ...] = (),
     clock: bool = True,
+    title: str = "predicted",
 ) -> Figure:
     """A joint: its angles, their errors and its requests, each that there are in a panel.
 
@@ -398,10 +404,11 @@ def joint_figure(
         limits: Smallest and largest request, drawn where they are near; or None.
         spans: Shades behind the angles.
         clock: Whether it follows the moving leg, or the slider, of its page.
+        title: What the angles are.
     """
     limited = near_limits(limits, requests[-1], end=timeline.step * timeline.last)
     panels = [
-        Panel(Axis("angle", unit, least=1.0), tuple(angles), "predicted", spans),
+        Panel(Axis("angle", unit, least=1.0), tuple(angles), title, spans),
         Panel(Axis("error", unit, least=0.05), tuple(errors)),
         Panel(Axis("request", unit, least=1.0), (*limited, *requests), "requested"),
     ]
@@ -437,6 +444,12 @@ def around(values: Iterable[Array], *, margin: float = MARGIN) -> tuple[float, f
     low, high = float(every.min()), float(every.max())
     room = margin * (high - low)
     return low - room, high + room
+
+
+def thin(mean: Curve, cycles: Sequence[Curve]) -> Curve:
+    """Cycles as one thin line each: dashes of many would fill one another's gaps."""
+    x, y = joined(each.x for each in cycles), joined(each.y for each in cycles)
+    return replace(mean, role=mean.role._replace(width=THIN, dashes="-"), x=x, y=y, notes=())
 
 
 def joined(parts: Iterable[Array]) -> Array:

@@ -8,6 +8,8 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from planner.files.text import write_bytes
 from planner.report.figure import MARGIN, Axis, Curve, Figure, Panel, Span, Words
 from planner.report.style import INK, SETTINGS, WIDTH, applied
@@ -54,15 +56,16 @@ def draw_grid(figures: Sequence[Figure], *, columns: int, width: float) -> Pictu
     from matplotlib.figure import Figure as Picture
 
     rows = [figures[k : k + columns] for k in range(0, len(figures), columns)]
-    heights = [max(map(height_of, row)) + HEADING for row in rows]
+    whole = width * len(rows[0])
+    heights = [max(height_of(each, whole / len(row)) for each in row) + HEADING for row in rows]
     with applied():
-        size = (width * len(rows[0]), sum(heights))
+        size = (whole, sum(heights))
         picture = Picture(figsize=size, layout="constrained")
         parts = picture.subfigures(len(rows), 1, height_ratios=heights, squeeze=False)
         for part, row in zip(parts[:, 0], rows, strict=True):
             places = part.subfigures(1, len(row), squeeze=False)[0]
             for place, figure in zip(places, row, strict=True):
-                _draw_into(place, figure, width=size[0] / len(row), title=figure.title)
+                _draw_into(place, figure, width=whole / len(row), title=figure.title)
     return picture
 
 
@@ -245,8 +248,8 @@ def _columns(names: Sequence[str], width: float) -> int:
     """Columns of the legend that fit into a figure of this width."""
     widths = [_width(name) + ENTRY for name in names]
     for columns in range(len(names), 1, -1):
-        rows = -(-len(names) // columns)
-        if sum(max(widths[k : k + rows]) for k in range(0, len(names), rows)) <= width:
+        parts = np.array_split(widths, columns)  # as Matplotlib does
+        if sum(part.max() for part in parts) <= width:
             return columns
     return 1
 

@@ -172,7 +172,10 @@ def test_a_cycle_ends_where_it_begins_and_cycles_do_not_touch():
     one = timeline.curve(np.array([10.0, 20.0]), DIRECT)
     np.testing.assert_array_equal(one.y, [10.0, 20.0, 10.0])
     np.testing.assert_array_equal(one.x, [0.0, 8.0, 16.0])
-    two = timeline.cycles(np.array([[1.0, 2.0], [3.0, 4.0]]), DIRECT)
+    mean, two = timeline.cycles(np.array([[1.0, 2.0], [3.0, 4.0]]), DIRECT)
+    np.testing.assert_array_equal(mean.y, [2.0, 3.0, 2.0])
+    assert mean.role == DIRECT
+    assert (two.name, two.role.dashes) == (DIRECT.label, "-")
     np.testing.assert_array_equal(two.y, [1.0, 2.0, 1.0, math.nan, 3.0, 4.0, 3.0])
     np.testing.assert_array_equal(two.x, [0.0, 8.0, 16.0, math.nan, 0.0, 8.0, 16.0])
     once = Timeline(0.008, 2, cyclic=False)
@@ -217,7 +220,7 @@ def test_several_figures_are_drawn_as_one():
     low, high = figure_of(everything()[1]), figure_of(*everything())
     drawn = draw_grid([low, high, low], columns=2, width=3.6)
     assert [[len(cell.axes) for cell in row.subfigs] for row in drawn.subfigs] == [[1, 2], [1]]
-    heights = height_of(high) + HEADING, height_of(low) + HEADING
+    heights = height_of(high, 3.6) + HEADING, height_of(low, 7.2) + HEADING
     assert tuple(drawn.get_size_inches()) == pytest.approx((7.2, sum(heights)))
     parts = [row.bbox.height / drawn.bbox.height for row in drawn.subfigs]
     assert parts == pytest.approx([each / sum(heights) for each in heights])
@@ -260,6 +263,18 @@ def test_a_legend_of_many_entries_stays_inside_its_figure():
     columns = len({text.get_window_extent().x0 for text in legend.get_texts()})
     assert columns == 3
     assert drawn.get_figheight() == pytest.approx(ROW + BELOW + LEGEND * 3)
+
+
+def test_the_legend_of_one_of_several_figures_has_the_room_that_it_needs():
+    names = ("desired", "closed form", "optimised", "limit", "difference")
+    curves = tuple(Curve(DIRECT, X, X, name) for name in names)
+    drawn = draw_grid([figure_of(Panel(Axis("angle", "deg"), curves))] * 3, columns=3, width=3.6)
+    drawn.draw_without_rendering()
+    for place in drawn.subfigs[0].subfigs:
+        (legend,) = place.legends
+        assert legend.get_window_extent().x1 <= place.bbox.x1
+        rows = len({round(text.get_window_extent().y0) for text in legend.get_texts()})
+    assert drawn.get_figheight() == pytest.approx(ROW + BELOW + LEGEND * rows + HEADING)
 
 
 @pytest.mark.parametrize(("count", "kind"), [(MANY - 1, "pictures"), (MANY, "pictures many")])

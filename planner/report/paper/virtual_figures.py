@@ -9,7 +9,7 @@ import numpy as np
 
 from planner.evaluation.paper import published_foot
 from planner.evaluation.reproduction import approximation
-from planner.report.figure import Axis, Curve, Figure, Panel, Timeline, joined
+from planner.report.figure import Axis, Curve, Figure, Panel, Timeline, joined, thin
 from planner.report.paper.agreement import dumb_bells
 from planner.report.paper.figures import (
     HIDDEN,
@@ -42,9 +42,6 @@ VIRTUAL_FEATURED = ("foot_paths", "joints_by_method")
 PATHS = {"direct": DIRECT, "closed_form_plain": PLAIN, "foot_optimal": FOOT_OPTIMAL}
 """The methods whose foot paths are drawn, each over all its cycles."""
 
-THIN = 0.7
-"""Width of a line that is one of many cycles [pt]."""
-
 PREDICTED = Role("predicted", INK.light, INK.dark, width=1.1, dashes=(0, (1, 1.6)))
 
 
@@ -73,15 +70,16 @@ def _foot_paths(outcome: VirtualOutcome) -> Figure:
     """Figure 8: the path of the foot in every cycle; on the page the first of them walks."""
     paths = []
     for method, role in PATHS.items():
-        each = [_timeline(outcome).path(path, role) for path in outcome.foot_paths[method]]
-        x, y = joined(one.x for one in each), joined(one.y for one in each)
-        paths.append(Curve(role._replace(width=THIN), x, y))
+        draw, cycles = _timeline(outcome).path, outcome.foot_paths[method]
+        mean = draw(cycles.mean(axis=0), role)
+        paths += [mean, thin(mean, [draw(path, role) for path in cycles])]
     return foot_paths_figure(
         "foot_paths",
         (
             "The foot, every cycle (the paper's Figure 8)",
             "What the robot's foot does in each recorded cycle under three methods; the cycles "
-            "nearly cover one another. On the page the leg walks the first of them.",
+            "nearly cover one another. On the page the leg walks the first of them, whose error is "
+            "beside its name.",
         ),
         outcome.planned,
         paths,
@@ -129,7 +127,7 @@ def _joints_direct(outcome: VirtualOutcome) -> Figure:
     def curves(joint: JointOutcome) -> list[Curve]:
         return [
             draw(joint.desired, DESIRED, "requested = desired"),
-            _walked(outcome, "direct", joint, DIRECT, f"actual, {len(run.angles)} cycles"),
+            *_walked(outcome, "direct", joint, DIRECT, f"actual, {len(run.angles)} cycles"),
             draw(joint.direct, PREDICTED),
         ]
 
@@ -156,7 +154,7 @@ def _trajectories(outcome: VirtualOutcome) -> Figure:
             draw(joint.desired, DESIRED),
             draw(joint.closed_form_plain.requests, REQUESTED),
             draw(approximation(joint.closed_form_plain), APPROXIMATION),
-            _walked(outcome, "closed_form_plain", joint, PLAIN, "actual"),
+            *_walked(outcome, "closed_form_plain", joint, PLAIN, "actual"),
         ],
     )
 
@@ -174,7 +172,7 @@ def _foot_optimised(outcome: VirtualOutcome) -> Figure:
         lambda joint: [
             draw(joint.desired, DESIRED),
             draw(requests[:, _index(outcome, joint)], REQUESTED),
-            _walked(outcome, "foot_optimal", joint, FOOT_OPTIMAL, "actual"),
+            *_walked(outcome, "foot_optimal", joint, FOOT_OPTIMAL, "actual"),
             draw(joint.foot_optimal, PREDICTED),
         ],
     )
@@ -192,9 +190,10 @@ def _joints_by_method(outcome: VirtualOutcome) -> Figure:
         lambda joint: [
             draw(joint.desired, DESIRED),
             *(
-                _walked(outcome, method, joint, role, hidden=method == "optimal")
+                curve
                 for method, role in ROLES.items()
                 if method != "shift"
+                for curve in _walked(outcome, method, joint, role, hidden=method == "optimal")
             ),
         ],
         _distance_panel(outcome, hidden=HIDDEN),
@@ -205,11 +204,10 @@ def _joints_by_method(outcome: VirtualOutcome) -> Figure:
 def _distance_panel(outcome: VirtualOutcome, *, hidden: Sequence[str] = ()) -> Panel:
     """The foot's distances in every cycle, those of some methods hidden at first."""
     desired, timeline = outcome.planned.walk.desired_foot, _timeline(outcome)
-    curves = []
+    curves: list[Curve] = []
     for method, role in ROLES.items():
         distances = np.linalg.norm(outcome.foot_paths[method] - desired, axis=2)
-        looks = role._replace(width=THIN)
-        curves.append(timeline.cycles(100.0 * distances, looks, hidden=method in hidden))
+        curves += timeline.cycles(100.0 * distances, role, hidden=method in hidden)
     axis = Axis("distance", "cm", from_zero=True)
     return Panel(axis, tuple(curves), "foot, from its desired path")
 
@@ -250,10 +248,10 @@ def _planned_and_executed(outcome: VirtualOutcome) -> Figure:
 def _walked(
     outcome: VirtualOutcome, method: str, joint: JointOutcome, role: Role, label: str = "",
     *, hidden: bool = False,
-) -> Curve:  # fmt: skip
+) -> tuple[Curve, Curve]:  # fmt: skip
     """A joint's angles in every cycle under a method."""
     angles = np.degrees(outcome.runs[method].angles[:, :, _index(outcome, joint)])
-    return _timeline(outcome).cycles(angles, role._replace(width=THIN), label, hidden=hidden)
+    return _timeline(outcome).cycles(angles, role, label, hidden=hidden)
 
 
 def _index(outcome: VirtualOutcome, joint: JointOutcome) -> int:
