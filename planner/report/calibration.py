@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from planner.calibration.candidates import WORDS, Compared
 from planner.report.identification.figures import cloud_figure
 from planner.report.identification.text import next_step
-from planner.report.page import Card, Page, Section, figures_section, heading, table_section
+from planner.report.page import Card, Page, Section, figures_section, heading
 from planner.report.table import Column, Row, Table, number
 
 
@@ -18,7 +18,7 @@ def candidates_table(found: Mapping[str, Compared]) -> Table:
     rows = []
     for joint, each in found.items():
         for one in each.candidates:
-            mark = " ←" if one is each.recommended else ""
+            mark = "\nrecommended" if one is each.recommended else ""
             sizes = (one.error, one.max_error, one.expected, one.largest_step)
             error, *others = (number(math.degrees(each)) for each in sizes)
             rows.append(Row(WORDS[one.way], (error + mark, *others), subject=joint))
@@ -53,7 +53,7 @@ def calibration_page(found: Mapping[str, Compared]) -> str:
     """The same as a page, with the model of every joint beside what it was identified from."""
     joints = list(found.items())
     gains = [each.named("shift").error / each.recommended.error for _, each in joints]
-    ends = [f"{end:.2g}" for end in (min(gains), max(gains))]
+    errors = [math.degrees(each.recommended.error) for _, each in joints]
     lines = [recommendation(joint, each) for joint, each in joints]
     figures = []
     for k, (joint, each) in enumerate(joints, 1):
@@ -64,20 +64,35 @@ def calibration_page(found: Mapping[str, Compared]) -> str:
         heading=heading(joints[0][0] if len(joints) == 1 else f"{len(joints)} joints")
         + ", calibrated",
         eyebrow="request-planner calibrate",
-        verdict=lines[0] if len(lines) == 1 else f"{len(lines)} joints were measured.",
+        verdict=lines[0]
+        if len(lines) == 1
+        else f"Under the recommended requests the errors are {_range(errors)} deg rms, "
+        f"{_range(gains)} times less than those of the best shift.",
         sections=(
             Section(
                 "Recommendation",
                 "<ul>{% for line in lines %}<li>{{ line }}</li>{% endfor %}</ul><p>{{ step }}</p>",
-                {"lines": lines, "step": step},
+                {"lines": lines, "step": step[:1].upper() + step[1:]},
             ),
-            table_section("Every way", candidates_table(found)),
+            Section("Every way", WAYS, {"table": candidates_table(found)}),
             figures_section("The joints", figures),
         ),
         footer="Errors are measured: every way was played on the servos.",
         good=all(each.identification.accepted for _, each in joints),
         cards=(
-            Card("–".join(dict.fromkeys(ends)), "×", "closer than the best shift"),
+            Card(_range(gains), "×", "closer than the best shift"),
             Card(str(len(joints)), "", f"joint{'s' * (len(joints) > 1)}"),
         ),
     ).html()
+
+
+WAYS = """
+{{ table }}
+<p class="note">The error expected is that of the plan and of its model together; ways without a
+model have none.</p>
+"""
+
+
+def _range(values: Sequence[float]) -> str:
+    """From the smallest to the largest, once where they are the same."""
+    return "–".join(dict.fromkeys(f"{end:.2g}" for end in (min(values), max(values))))

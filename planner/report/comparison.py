@@ -117,7 +117,7 @@ PLANS = """
 <p class="note">Errors of the angles that each plan predicts, against the desired ones. No requests
   bring the
   {{ check.norm }} error below the lower bounds; the gap is how far a plan is above the sharpest of
-    them.
+    them. Requests differ from those of the optimised plan.
   {% if known %}On the robot, expect the error of the plan and of its model, by what the model was
     tested on.
   {% endif %}
@@ -147,8 +147,8 @@ CHECKS = """
   The simulation that the
   angles are compared with shares no code with the model.</p>
 <ul class="reasons">
-{% for each in reasons %}
-  <li>{{ each.name }} [{{ each.unit }}]: {{ each.reason }}</li>
+{% for unit, names, reason in reasons %}
+  <li>{{ names }} [{{ unit }}]: {{ reason }}</li>
 {% endfor %}
 </ul>
 """

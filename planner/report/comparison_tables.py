@@ -24,7 +24,7 @@ def comparison_text(check: CrossCheck) -> str:
     if check.foot is not None:
         tables.append(foot_table(check.foot))
     reasons = [
-        f"  {each.unit}, {each.name}: {each.reason}" for each in tolerance_reasons(check.checks)
+        f"  {unit}, {names}: {reason}" for unit, names, reason in tolerance_reasons(check.checks)
     ]
     checks = "\n".join([checks_table(check.checks).text(), "tolerances:", *reasons])
     said = [f"note: {note}" for note in notes(check.joints)]
@@ -73,7 +73,7 @@ def plans_table(joints: Sequence[JointComparison]) -> Table:
             rows.append(Row(f"lower bound ({which})", cells, joint.name, "bound"))
     titles = (
         *("rms [deg]", "max [deg]", *["on the robot [deg]"] * known, "gap"),
-        *("requests differ: rms [deg]", "most [deg]", "at"),
+        *("requests differ: rms [deg]", "most [deg]", "at request"),
     )
     return Table("joint, plan", tuple(map(Column, titles)), tuple(rows), label="Plans")
 
@@ -115,9 +115,12 @@ def checks_table(checks: Sequence[Check]) -> Table:
     return Table("check", columns, tuple(rows), label="Checks")
 
 
-def tolerance_reasons(checks: Sequence[Check]) -> list[Check]:
-    """One check for every reason of a tolerance."""
-    return list({each.reason: each for each in checks}.values())
+def tolerance_reasons(checks: Sequence[Check]) -> list[tuple[str, str, str]]:
+    """Every reason of a tolerance: the unit and the names of its checks, and the reason."""
+    names: dict[tuple[str, str], dict[str, None]] = {}
+    for each in checks:
+        names.setdefault((each.unit, each.reason), {})[each.name] = None
+    return [(unit, "; ".join(each), reason) for (unit, reason), each in names.items()]
 
 
 def notes(joints: Sequence[JointComparison]) -> Iterator[str]:

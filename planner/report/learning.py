@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 
 BOUND = LOWER_BOUND._replace(label="lower bound of the model")
 EXECUTED = CLOSED_FORM._replace(label="measured, mean cycle")
-BEFORE = DIRECT._replace(label="requests executed", width=1.2, dashes="-")
+BEFORE = DIRECT._replace(label="requests executed", width=1.2)
 AFTER = REQUESTED._replace(label="next requests")
 NEXT = OPTIMAL._replace(label="predicted next")
 ERROR = INK._replace(label="error, measured", width=1.4)
@@ -139,16 +139,16 @@ def learning_page(
 def errors_figure(progress: Progress, name: str = "learning") -> Figure:
     """The error of each trial, with what cannot be learnt."""
     count = len(progress.errors)
-    trials, ends = np.arange(1.0, count + 1.0), np.array([0.8, count + 1.2])
+    goes_on = not math.isnan(progress.predicted) and not progress.stopped
+    last = count + goes_on
+    trials, ends = np.arange(1.0, count + 1.0), np.array([0.8, last + 0.2])
     said = list[str]()
-    curves = [
-        Curve(OPTIMAL._replace(label="error", dashes="-"), trials, progress.errors),
-        Curve(INK, trials, progress.errors, "trials", legend=False, marks="dots"),
-    ]
+    error = OPTIMAL._replace(label="error", dashes="-")
+    curves = [Curve(error, trials, progress.errors, marks=marks) for marks in ("", "dots")]
     if not math.isnan(progress.bound):
         curves.insert(0, Curve(BOUND, ends, np.full(2, progress.bound)))
         said.append("No requests have less error than the lower bound of the model.")
-    if not math.isnan(progress.predicted) and not progress.stopped:
+    if goes_on:
         at = np.array([count + 1.0])
         curves.append(Curve(NEXT, at, np.array([progress.predicted]), marks="rings"))
         said.append("The ring is the error predicted of the next requests.")
@@ -159,8 +159,8 @@ def errors_figure(progress: Progress, name: str = "learning") -> Figure:
         " ".join(said),
         Axis(
             "trial",
-            names={float(number): str(number) for number in range(1, count + 2)},
-            range=(0.8, count + 1.2),
+            names={float(number): str(number) for number in range(1, last + 1)},
+            range=(0.8, last + 0.2),
         ),
         (Panel(Axis("rms error", progress.unit, (0.0, top), decimals=3), tuple(curves)),),
     )
@@ -186,6 +186,7 @@ def joint_figure(plan: Plan, executed: Array, measured: Array, j: int) -> Figure
         errors=curves((measured - plan.desired, ERROR), (learnt, LEARNT)),
         requests=curves((executed, BEFORE), (plan.requests, AFTER), held=True),
         clock=False,
+        title="measured and predicted",
     )
 
 

@@ -57,6 +57,9 @@ if TYPE_CHECKING:
 UNITS = {"rad": ("deg", math.degrees(1.0)), "1": ("%", 100.0)}
 """By a log's unit: what the page shows, and how many of it one is."""
 
+AS_IT_IS = DIRECT._replace(label="as it is")
+"""The path itself as requests."""
+
 FAST = 0.16
 """Opacity of the parts that are faster than the joint."""
 
@@ -301,7 +304,7 @@ def arm_figure(replay: Replay, arm: Leg) -> Figure:
     joints = [by_name[name] for name in arm.joint_names]
     path = arm.joint_positions(np.column_stack([each.desired for each in joints]))
     motions = [Motion(DESIRED, path)]
-    for kind, role in (("direct", DIRECT), ("predicted", OPTIMAL)):
+    for kind, role in (("direct", AS_IT_IS), ("predicted", OPTIMAL)):
         angles = [
             each.recorded_angles if each.inversion is None else getattr(each, kind)
             for each in joints
@@ -337,16 +340,16 @@ def joint_figure(replay: Replay, j: int) -> Figure:
             requests=(desired, *sent),
         )  # fmt: skip
     assert joint.predicted is not None, "a planned joint is simulated"
-    angles = ((joint.direct, DIRECT), (joint.shifted, SHIFT), (joint.predicted, OPTIMAL))
+    angles = ((joint.direct, AS_IT_IS), (joint.shifted, SHIFT), (joint.predicted, OPTIMAL))
     span = replay.path.limits.get(joint.name)
     fast = (
         Span(timeline.per_second * a, timeline.per_second * b, DIRECT, FAST)
         for a, b in joint.too_fast
     )
+    shaded = "; shaded where the path is faster than the joint can be" if joint.too_fast else ""
     words = (
         "Above: the angle to follow, with the path itself as requests, with the best time shift of "
-        "it, and as planned; shaded where the path is faster than the joint can be. In the middle: "
-        "errors. Below: requests"
+        f"it, and as planned{shaded}. In the middle: errors. Below: requests"
     )
     return figure.joint_figure(
         timeline,
@@ -366,7 +369,7 @@ def speeds_figure(found: Fastest) -> Figure:
     unit = "cm" if found.foot else "deg"
     allowed = (100.0 if found.foot else math.degrees(1.0)) * found.tolerance
     speeds = np.array([each.speed for each in found.curve])
-    looks = {"direct": DIRECT, "shifted": SHIFT, "planned": OPTIMAL}
+    looks = {"direct": AS_IT_IS, "shifted": SHIFT, "planned": OPTIMAL}
     curves = [
         Curve(role, speeds, allowed * np.array([getattr(each, kind) for each in found.curve]))
         for kind, role in looks.items()

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from planner.report.figure import Axis, Curve, Figure, Panel, line
+from planner.report.figure import Axis, Curve, Figure, Panel
 from planner.report.page import (
     Card,
     LinkedFile,
@@ -23,7 +23,7 @@ from planner.report.page import (
     spoken,
     table_section,
 )
-from planner.report.style import DIRECT, FOOT_OPTIMAL, LIMIT, OPTIMAL
+from planner.report.style import DIRECT, FOOT_OPTIMAL, INK, LIMIT, OPTIMAL
 from planner.report.table import Column, Row, Table
 
 if TYPE_CHECKING:
@@ -271,7 +271,7 @@ def points_table(swept: Swept, outcomes: Sequence[Outcome]) -> Table:
         ),
         Column(f"speed [{swept.speed_unit}]"),
         Column(f"error [{swept.error_unit}]"),
-        Column("without a plan"),
+        Column(f"without a plan [{swept.error_unit}]"),
         Column("too fast"),
     ]
     rows = []
@@ -327,7 +327,12 @@ def front_figure(swept: Swept) -> Figure:
         ends = ([low, high], [required.value] * 2)
         if required.of == "speed":
             ends = ([required.value] * 2, [0.0, float(errors.max())])
-        curves.insert(0, line(*ends, LIMIT))
+        looks = LIMIT._replace(label="required")
+        curves.insert(0, Curve(looks, np.array(ends[0]), np.array(ends[1])))
+    if swept.best is not None:
+        x, y = _columns([swept.best])
+        note = f"{swept.number(swept.best)}: {words_of(swept, swept.best)}"
+        curves.append(Curve(INK, x, y, "best", marks="dots", notes=(note,)))
     return Figure(
         "front",
         "Speed against error",

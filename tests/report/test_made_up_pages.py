@@ -215,10 +215,10 @@ def test_a_page_says_and_draws_what_it_did(name, snapshot, tmp_path):
 @pytest.mark.parametrize(
     ("errors", "top", "direct"),
     [
-        ([(0.5, 0.25), (0.75, 0.5)], 2.1, "direct"),  # degrees: the tolerance stays in view
-        ([(3.0, 2.0), (1.5, 0.5)], 4.2, "direct"),
-        ([(3.0, 0.5), (2.5, 1.0)], 2.1, "direct, off the scale"),
-        ([(3.0, 0.5), (99.0, 30.0)], 40.0, "direct"),
+        ([(0.5, 0.25), (0.75, 0.5)], 2.1, "as it is"),  # degrees: the tolerance stays in view
+        ([(3.0, 2.0), (1.5, 0.5)], 4.2, "as it is"),
+        ([(3.0, 0.5), (2.5, 1.0)], 2.1, "as it is, off the scale"),
+        ([(3.0, 0.5), (99.0, 30.0)], 40.0, "as it is"),
     ],
 )
 def test_errors_over_speed_are_shown_with_the_tolerance_and_without_what_is_far_off(

@@ -185,8 +185,8 @@ def first_line(replay: Replay, models: JointModels) -> str:
     count, seconds = len(replay.moments), (len(replay.moments) - 1) * replay.period
     load = "; loaded by the masses of the URDF" if path.load_at else ""
     return (
-        f"follows {WHY[path.track]}; {count} requests at {1.0 / replay.period:.6g} Hz, "
-        f"{seconds:.4g} s for {path.duration:.4g} s at {replay.speed:.4g} times the speed; "
+        f"follows {WHY[path.track]}; {count} requests at {1.0 / replay.period:.4g} Hz, "
+        f"{seconds:.4g} s for {path.duration:.4g} s at {replay.speed:.3g} times the speed; "
         f"{models.words}{load}"
     )
 
