@@ -66,8 +66,8 @@ def calibration_page(found: Mapping[str, Compared]) -> str:
         eyebrow="request-planner calibrate",
         verdict=lines[0]
         if len(lines) == 1
-        else f"Under the recommended requests the errors are {_range(errors)} deg rms, "
-        f"{_range(gains)} times less than those of the best shift.",
+        else f"Under the recommended requests the errors are {_range(errors, '.2f')} deg rms, "
+        f"{_range(gains, '.2g')} times less than those of the best shift.",
         sections=(
             Section(
                 "Recommendation",
@@ -80,7 +80,7 @@ def calibration_page(found: Mapping[str, Compared]) -> str:
         footer="Errors are measured: every way was played on the servos.",
         good=all(each.identification.accepted for _, each in joints),
         cards=(
-            Card(_range(gains), "×", "closer than the best shift"),
+            Card(_range(gains, ".2g"), "×", "closer than the best shift"),
             Card(str(len(joints)), "", f"joint{'s' * (len(joints) > 1)}"),
         ),
     ).html()
@@ -88,11 +88,11 @@ def calibration_page(found: Mapping[str, Compared]) -> str:
 
 WAYS = """
 {{ table }}
-<p class="note">The error expected is that of the plan and of its model together; ways without a
-model have none.</p>
+<p class="note">The expected error is that of the plan and of its model together; a dash where
+none was known.</p>
 """
 
 
-def _range(values: Sequence[float]) -> str:
+def _range(values: Sequence[float], digits: str) -> str:
     """From the smallest to the largest, once where they are the same."""
-    return "–".join(dict.fromkeys(f"{end:.2g}" for end in (min(values), max(values))))
+    return "–".join(dict.fromkeys(f"{end:{digits}}" for end in (min(values), max(values))))

@@ -135,10 +135,11 @@ def joints_table(plan: Plan, *, bounded: bool = True) -> Table:
             tuple(f"{error:.3f}" for error in errors) for errors in (row.planned, row.direct)
         )
         early_by = f"{1e3 * lead:.0f}"
+        robot = expected_words(expected).replace(" (", "\n").removesuffix(")")
         cells: list[str | tuple[str, ...]] = [
             planned,
             *([early_by] if is_shift else []),
-            *([expected_words(expected)] if known else []),
+            *([robot] if known else []),
             direct,
             *([] if is_shift else [(f"{error:.3f}", early_by)]),
             *(bounds if bounded else []),
@@ -178,7 +179,7 @@ def models_errors_table(
 
 def _limits(lower: float, upper: float) -> str:
     """Limits [deg] in words."""
-    low, high = (signed(f"{limit:.1f}") for limit in (lower, upper))
+    low, high = (signed(f"{limit:.1f}").removesuffix(".0") for limit in (lower, upper))
     if math.isfinite(lower) and math.isfinite(upper):
         return f"{low} to {high}"
     if math.isfinite(lower):

@@ -45,7 +45,9 @@ def test_the_model_of_any_recommended_way_can_be_kept_and_read_again(best, tmp_p
 
     found = candidates.compare(SimpleNamespace(model=MODEL), LIMITS, measured)
     assert found.recommended.way == best
-    marked = [row for row in candidates_table({"knee": found}).text().splitlines() if "←" in row]
+    marked = [
+        row for row in candidates_table({"knee": found}).text().splitlines() if "recommended" in row
+    ]
     assert len(marked) == 1
     assert WORDS[best] in marked[0]
     found.model.to_toml(tmp_path / "arm.toml")
