@@ -49,6 +49,10 @@ MOST_JOINTS = 1000
 UNEVEN = 0.01
 """A time step may differ from the period by this part of it, for clocks written in few decimals."""
 
+FARTHEST = 5.0
+"""Longest mean time between samples of a path [s]; times in milliseconds are a thousand times as
+long."""
+
 AXES = ("x", "y", "z")
 """Of a foot's positions."""
 
@@ -60,11 +64,18 @@ class _Path:
     times: Array | None
     samples: ClassVar[tuple[str, ...]]
 
+    @property
+    def _step(self) -> float:
+        """Mean time between the samples [s]; NaN where the file does not say."""
+        if self.times is None:
+            return math.nan
+        return float(self.times[-1] - self.times[0]) / (len(self.times) - 1)
+
     def check_period(self, period: float) -> None:
         """Raise InvalidFile if the samples are not ``period`` [s] apart, as requests are."""
         if self.times is None:
             return
-        step = float(self.times[-1] - self.times[0]) / (len(self.times) - 1)
+        step = self._step
         if abs(step - period) > UNEVEN * period:
             raise InvalidFile(
                 self.path,
@@ -83,8 +94,15 @@ class _Path:
         to be multiplied by ``speed``.
 
         Raises:
-            InvalidFile: The samples are not ``period`` apart, and are not to be resampled.
+            InvalidFile: The samples are not ``period`` apart, and are not to be resampled; or they
+                are too far apart to show a motion.
         """
+        if self._step > FARTHEST:
+            raise InvalidFile(
+                self.path,
+                f"one sample every {self._step:.6g} s, expected one every {FARTHEST:g} s or more "
+                "often; give the times in seconds, or call a column of milliseconds t_ms",
+            )
         if speed is None and (self.times is None or not resample):
             self.check_period(period)
             return self

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 import planner
 from planner.exceptions import InvalidFile, InvalidInput
 from planner.files.paths import (
+    JointPath,
     joint_path,
     read_foot_path,
     read_joint_path,
@@ -99,6 +100,14 @@ def test_uneven_times_are_refused_unless_the_path_is_resampled(tmp_path):
     true = np.radians(20.0 * np.sin(2.0 * np.pi * path.times))
     chord = np.radians(20.0) * (2.0 * np.pi * 0.014) ** 2 / 8.0  # of a straight line of 14 ms
     np.testing.assert_allclose(path.angles[:, 0], true, rtol=0.0, atol=chord)
+
+
+@pytest.mark.parametrize("resample", [True, False])
+def test_times_in_milliseconds_are_refused_before_they_are_resampled(resample):
+    path = JointPath("path.csv", ("knee",), ("deg",), np.zeros((100, 1)), 20.0 * np.arange(100))
+    with pytest.raises(InvalidFile, match=r"one sample every 20 s, expected .* milliseconds t_ms"):
+        path.in_step(0.02, resample=resample, cyclic=False)
+
 
 
 @given(
