@@ -206,6 +206,31 @@ def relative_gap(error: float, bound: float) -> float:
     return math.inf if error > 0.0 else 0.0
 
 
+LOST = 0.1
+"""Share of a motion that resampling may lose without a remark [rms]."""
+
+
+def most_lost(times: Array, rows: Array, at: Array, samples: Array) -> tuple[int, float] | None:
+    """What straight lines between samples lose of a path, where that is more than ``LOST``.
+
+    Args:
+        times: Times of the rows of the path [s], shape (n,).
+        rows: The path, shape (n, k).
+        at: Times of the samples [s], shape (m,).
+        samples: The samples, shape (m, k).
+
+    Returns:
+        The column that loses most, and the share of its motion that is lost (rms).
+    """
+    again = np.column_stack([np.interp(times, at, column) for column in samples.T])
+    moved = np.std(rows, axis=0)
+    missed = np.sqrt(np.mean((again - rows) ** 2, axis=0))
+    worst = index_of_largest(missed - LOST * moved)
+    if not missed[worst] > LOST * moved[worst]:
+        return None
+    return worst, float(missed[worst] / moved[worst]) if moved[worst] else math.inf
+
+
 class Distance(NamedTuple):
     """How far two trajectories are apart, in the unit of the trajectories.
 

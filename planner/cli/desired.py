@@ -30,7 +30,7 @@ from planner.files.text import STANDARD_STREAM
 from planner.files.units import LEAST_DEG, SHARES
 from planner.model.evidence import refusal
 from planner.model.joint import JointModel
-from planner.trajectory import index_of_largest
+from planner.trajectory import most_lost
 
 if TYPE_CHECKING:
     from kinematics import Leg
@@ -57,9 +57,6 @@ FAR = 3.0
 """A path whose ends are more than this many of its largest steps apart does not repeat: the last
 sample of a cycle is about one step before the first."""
 
-
-LOST = 0.1
-"""Share of a motion that resampling may lose without a remark [rms]."""
 
 FEW = 10
 """Samples below which a path shows no motion by which to doubt its unit."""
@@ -294,25 +291,22 @@ def _in_step(
         remarks += _small(path)
     resample = run.path.rate_hz is not None
     made = path.in_step(period, resample=resample, cyclic=closed, speed=speed)
-    rows, left = getattr(path, first), getattr(made, first)
+    rows: Array = getattr(path, first)
+    left: Array = getattr(made, first)
     if path.times is None or len(left) >= len(rows):
         return made, closed, remarks
     since, step = path.times - path.times[0], period * (speed or 1.0)
     if closed:  # stretched over a whole number of samples
         step = since[-1] * len(rows) / (len(rows) - 1) / len(left)
         left = np.vstack([left, left[:1]])
-    at = step * np.arange(len(left))
-    again = np.column_stack([np.interp(since, at, column) for column in left.T])
-    moved = np.std(rows, axis=0)
-    missed = np.sqrt(np.mean((again - rows) ** 2, axis=0))
-    worst = index_of_largest(missed - LOST * moved)
-    if missed[worst] > LOST * moved[worst]:
+    at = np.asarray(step * np.arange(len(left)), dtype=np.float64)
+    if lost := most_lost(since, rows, at, left):
+        worst, share = lost
         names = path.names if isinstance(path, JointPath) else ("x", "y", "z")
         words = (
-            f"{path.path}: a request every {1e3 * period:.3g} ms loses "
-            f"{100.0 * missed[worst] / moved[worst]:.0f} % of the motion of {names[worst]} (rms of "
-            "what it moves), and the errors are those from the path that is left: plan with a "
-            "higher rate (--rate-hz) to keep it"
+            f"{path.path}: a request every {1e3 * period:.3g} ms loses {100.0 * share:.0f} % of "
+            f"the motion of {names[worst]} (rms of what it moves), and the errors are those from "
+            "the path that is left: plan with a higher rate (--rate-hz) to keep it"
         )
         remarks += (Remark(words),)
     return made, closed, remarks

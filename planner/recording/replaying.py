@@ -25,7 +25,7 @@ from planner.recording.recorded_path import (
     recorded_path,
 )
 from planner.summary import Summarised, Summary
-from planner.trajectory import Array, error_norm
+from planner.trajectory import Array, error_norm, most_lost
 from planner.validation import as_positive, freeze
 
 Kind = Literal["resent", "direct", "shifted", "planned"]
@@ -161,7 +161,17 @@ def replay_at(
     if speed is None:
         speed = float((moments[-1] - moments[0]) / ((len(moments) - 1) * path.period))
     freeze(moments)
-    return Replay(path=path, speed=speed, moments=moments, joints=tuple(found))
+    answer = Replay(path=path, speed=speed, moments=moments, joints=tuple(found))
+    lost = [(each.name, each.lost) for each in answer.planned if each.lost]
+    if not lost:
+        return answer
+    name, share = max(lost, key=lambda each: each[1])
+    words = (
+        f"at this speed a request every {1e3 * path.period:.3g} ms loses {100.0 * share:.0f} % of "
+        f"the motion of {name} (rms of what it moves), and the errors are those from the path that "
+        "is left: choose a lower speed or a higher rate"
+    )
+    return replace(answer, path=replace(path, remarks=(*path.remarks, words)))
 
 
 class Span(NamedTuple):
@@ -196,6 +206,29 @@ class JointReplay:
     def desired(self) -> Array:
         """The angles to follow, shape (n,)."""
         return self.path.at(self.moments, self.path.followed)
+
+    @cached_property
+    def lost(self) -> float:
+        """Share of the recorded motion that straight lines between the samples lose, rms.
+
+        It is 0 where it need not be said.
+        """
+        times, followed = self._rows
+        lost = most_lost(times, followed[:, np.newaxis], self.moments, self.desired[:, np.newaxis])
+        return lost[1] if lost else 0.0
+
+    @property
+    def between(self) -> Array:
+        """How far lines between the samples are from the recorded path at its rows, shape (r,)."""
+        times, followed = self._rows
+        return np.asarray(np.interp(times, self.moments, self.desired) - followed)
+
+    @property
+    def _rows(self) -> tuple[Array, Array]:
+        """Times [s] and angles of the rows between the first and the last sample, (r,) each."""
+        times = self.path.times
+        inside = (times >= self.moments[0]) & (times <= self.moments[-1])
+        return times[inside], self.path.followed[inside]
 
     @cached_property
     def recorded_requests(self) -> Array:

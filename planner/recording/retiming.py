@@ -157,9 +157,10 @@ def fastest(
     """The fastest replay of a recording at which the plan stays within a tolerance.
 
     The largest constant factor is found by bisection, each trial a plan, whose largest error by the
-    exact model decides; a lower bound above the tolerance proves a speed too high for any requests.
-    With ``retime="varying"`` the factor then changes along the recording, slower where errors are
-    large and faster where they are small, with a bounded acceleration of time.
+    exact model decides, and how far straight lines between its samples cut the path; a lower bound
+    above the tolerance proves a speed too high for any requests. With ``retime="varying"`` the
+    factor then changes along the recording, slower where errors are large and faster where they are
+    small, with a bounded acceleration of time.
 
     Args:
         recording: As of :func:`planner.replay`.
@@ -279,6 +280,18 @@ class Measure:
         feet = self.leg.foot_positions(desired + off) - self.leg.foot_positions(desired)
         return np.asarray(np.linalg.norm(feet, axis=1) / self.tolerance)
 
+    def largest(self, made: Replay) -> float:
+        """Largest error of a plan over what is allowed, at samples and on the lines between them.
+
+        A path that lines between few samples cut short is not the recorded one. Of a foot only the
+        samples count.
+        """
+        at_samples = float(np.max(self.errors(made, "planned")))
+        if self.leg is not None:
+            return at_samples
+        between = [np.max(np.abs(each.between)) / self.of_path(each.path) for each in made.planned]
+        return max(at_samples, *map(float, between))
+
     def late(self, made: Replay) -> list[JointReplay]:
         """The joints that a plan for the largest error may bring within the tolerance."""
         if self.leg is not None:
@@ -345,7 +358,7 @@ class _Search:
             while not self.keeps(low := low / 2.0):
                 if low / 2.0 < SLOWEST:
                     last = self.known[min(self.known)]
-                    least = float(np.max(self.measure.errors(last, "planned")))
+                    least = self.measure.largest(last)
                     raise Infeasible(
                         f"tolerance: at {low:g} times the speed the plan still is {least:.3g} "
                         "times as far off as allowed; allow more, or choose a part that begins at "
@@ -492,7 +505,7 @@ class _Search:
         return made is not None and self.is_kept(made)
 
     def is_kept(self, made: Replay) -> bool:
-        return bool(np.max(self.measure.errors(made, "planned")) <= 1.0)
+        return self.measure.largest(made) <= 1.0
 
     def has_rows(self, speed: float) -> bool:
         """Whether enough requests remain to speak of a motion."""

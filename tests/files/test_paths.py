@@ -109,7 +109,6 @@ def test_times_in_milliseconds_are_refused_before_they_are_resampled(resample):
         path.in_step(0.02, resample=resample, cyclic=False)
 
 
-
 @given(
     st.integers(3, 60), st.sampled_from([0.004, 0.01, 0.02]), st.sampled_from([0.005, 0.008, 0.01])
 )

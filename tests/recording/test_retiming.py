@@ -51,6 +51,26 @@ def test_a_bound_by_a_top_speed_that_was_never_seen_holds_for_the_model_only(con
     assert not constant.impossible.of_model_only
 
 
+def test_a_speed_at_which_requests_are_too_far_apart_for_the_path_is_too_high():
+    """A joint that follows anything: samples on the path are no proof that it is followed."""
+    quick = JointModel(
+        v_max=500.0, theta_0=6.0, lag=0.0, acceleration_time=0.005, tick=0.005, hold=4
+    )
+    rows = np.arange(1000)
+    angles = 0.3 * np.minimum(rows / 400, 1.0) ** 3 * np.sin(np.pi * 0.02 * rows) ** 2
+    recorded = Log(times=0.02 * rows, requests=angles, angles=0.999 * angles)
+    found = fastest(recorded, quick, tolerance=TOLERANCE)
+    (joint,) = found.replay.joints
+    lines = np.interp(recorded.times, found.replay.moments, joint.desired)
+    inside = recorded.times <= found.replay.moments[-1]
+    assert np.max(np.abs(joint.errors["planned"])) < 0.1 * TOLERANCE
+    assert 0.9 < np.max(np.abs(lines - recorded.angles)[inside]) / TOLERANCE <= 1.0
+    assert 8.0 < found.speed < 9.0
+    assert not found.replay.path.remarks
+    remarks = replay(recorded, quick, speed=25.0).path.remarks
+    assert "at this speed a request every 20 ms loses 17 % of the motion of" in remarks[-1]
+
+
 def test_the_bound_proves_a_speed_a_little_higher_impossible(constant):
     assert constant.speed < constant.impossible.speed < 1.1 * constant.speed
     assert constant.impossible.bound > 1.0
@@ -184,6 +204,7 @@ class MadeUp:
                 desired=each.at(moments, each.followed),
                 inversion=SimpleNamespace(max_error=size),
                 error_of=lambda kind: factors[kind] * errors,
+                between=np.zeros(1),
             )
             for each in path.planned
         )
