@@ -57,6 +57,10 @@ GAIN = 2e-3
 """Predicted gain of a round below which there is none [of the plan's squared error]; half of it may
 be no more than what the search for minima leaves unproved."""
 
+NOTHING = 1e-3
+"""Squared error of relaxed responses near the plan below which nothing is proved [of the plan's]:
+no bound is above it."""
+
 SPREAD = 0.05
 """Spread of the columns' angles below which the widest side is split instead [of that side];
 without the rule three of seven bounds are 9 to 89 % lower."""
@@ -83,6 +87,9 @@ def foot_bound(task: Task, angles: Array) -> float:
     lower, upper = attainable_angles(
         models, (task.lower, task.upper), len(angles), start=task.start, loads=task.loads
     )
+    if task.cyclic:
+        turn = 2.0 * math.pi
+        angles = angles - turn * np.floor((np.min(angles, axis=0) - lower[0]) / turn)
     scales = task.axis_scales / known
     distance = Distance(leg.chain, lower, upper, task.desired_foot, scales)
     joints = zip(models, angles.T, task.starts, task.loads, strict=True)
@@ -133,6 +140,9 @@ def _branch_and_bound(
         multipliers,
         (Column(angles, relaxation.distance.squared(angles)),),
     )
+    squares = relaxation.distance.squared(angles)
+    if (np.max(squares) if relaxation.norm == "max" else np.mean(squares)) < NOTHING:
+        return 0.0
     order = count()
     rounds = min(max(EFFORT // relaxation.samples, 3), 12)  # three or four usually gain all
     node = _improved(relaxation, every, rounds)

@@ -13,6 +13,7 @@ from scipy.optimize import minimize
 
 from planner.exceptions import NoSteadyCycle, SolverFailed
 from planner.gait.half_ellipse import reference_walk
+from planner.gait.stride import stride
 from planner.model.joint import JointModel
 from planner.model.response import simulate
 from planner.planning.bounds.bundle_method import (
@@ -240,6 +241,28 @@ def test_a_path_that_the_joints_can_follow_has_a_bound_of_nothing():
     leg = WALK.leg
     still = np.tile(leg.foot_positions(np.mean(leg.limits, axis=0)[np.newaxis]), (12, 1))
     plan = invert_foot(ERS210A, leg, still)
+    assert plan.lower_bound == 0.0
+
+
+@pytest.mark.parametrize("turns", [(1, 0, 0), (-2, 0, 1)])
+def test_whole_turns_of_a_plan_change_no_bound(turns):
+    """Joints of robots may turn ten radians either way: a search that began elsewhere fails."""
+    plan = short_plan(1, cyclic=True, norm="rms")
+    task, angles = plan.plan.task, plan.predicted
+    turned = angles + 2.0 * np.pi * np.array(turns)
+    assert foot_bound(task, turned) == pytest.approx(foot_bound(task, angles), rel=1e-6) > 0.0
+
+
+def test_where_the_joints_could_follow_nothing_is_searched(monkeypatch):
+    """The plan misses only what smoother requests may cost."""
+    leg = ers210a_leg("hind_right")
+    made = stride(leg, samples=40)
+    joint = JointModel(
+        v_max=5.2, theta_0=0.3, lag=0.02, acceleration_time=0.03, tick=0.01, hold=2, dead_band=0.01
+    )
+    plan = invert_foot([joint] * 3, replace(leg, near=made.pose), made.foot)
+    assert plan.rms > 1e-5
+    monkeypatch.setattr("planner.planning.bounds.foot_bound._improved", None)
     assert plan.lower_bound == 0.0
 
 
