@@ -210,19 +210,20 @@ def test_a_table_is_copied_as_a_spreadsheet_reads_it(quiet, report, results):
 def test_a_page_that_is_printed_before_a_plot_was_near_has_its_plots(quiet, tmp_path):
     curve = Curve(DIRECT, np.arange(2.0), np.arange(2.0))
     panel = Panel(Axis("angle", "deg"), (curve,))
-    drawn = plot(Figure("far", "", "", Axis("time", "s"), (panel,)))
-    figures = {f"far_{number}": drawn for number in range(40)}
-    places = "".join(f'<figure id="{name}"><div class="live"></div></figure>' for name in figures)
+    figures = {"far": plot(Figure("far", "", "", Axis("time", "s"), (panel,)))}
+    body = '<div style="height: 9000px"></div><figure id="far"><div class="live"></div></figure>'
+    noted = (
+        "addEventListener('DOMContentLoaded', () => { live.early = live.unpacked !== undefined; })"
+    )
     page = tmp_path / "page.html"
-    body = f'<div style="height: 9000px"></div>{places}'
-    page.write_text(f"<!doctype html>{live_head()}{body}{live_scripts(figures)}")
+    page.write_text(
+        f"<!doctype html>{live_head()}{body}{live_scripts(figures)}<script>{noted}</script>"
+    )
     quiet.open(page)
+    assert quiet.ask("live.early")
     quiet.ask("live.unpacked")
     quiet.ask("void dispatchEvent(new Event('beforeprint'))")
-    drawn = (
-        "[...document.querySelectorAll('figure')].filter((each) => each.querySelector('.main-svg'))"
-    )
-    assert quiet.ask(f"{drawn}.length") == len(figures)
+    assert quiet.ask("document.querySelectorAll('#far .main-svg').length") > 0
 
 
 def test_on_paper_every_plot_is_light_and_as_wide_as_its_figure(quiet, report):
