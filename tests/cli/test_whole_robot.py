@@ -176,6 +176,17 @@ def test_requests_stay_within_the_ranges_of_the_servos_or_each_joint_is_named(ru
     assert [line.split(": ")[2] for line in said] == names
 
 
+def test_the_limits_of_a_leg_are_kept_where_its_servos_turn_further(run, robot, tmp_path):
+    """The knee of the ERS-210A ends at -27 degrees, its servo at -149."""
+    names = [f"front_left_{joint}" for joint in ("rotator", "abductor", "knee")]
+    angles = np.radians([[0.0, 10.0, knee] for knee in (-25.0, -26.0, -30.0, -26.0)])
+    write_joint_path(tmp_path / "leg.csv", names, angles, period=0.02)
+    result = run("plan", "leg.csv", "--rate-hz", "50", "--model", robot, "-o", "requests.csv")
+    assert result.exit_code == 2
+    assert "front_left_knee" in result.stderr
+    assert "degrees beyond the angles" in result.stderr
+
+
 def test_requests_of_a_foot_path_stay_within_the_ranges_of_the_servos(run, robot, tmp_path):
     """A gait of one leg, which its URDF lets turn further than its servos."""
     frames = ("--urdf", "ers210a.urdf", "--base", "body", "--foot", "front_left_ball")
