@@ -151,6 +151,9 @@ def test_what_does_not_fit_the_joint_is_refused():
         told = rf"got 15\.625 rad/s in curve 1, expected slopes {within}; no request"
         with pytest.raises(InvalidInput, match=told):
             closed_form_requests(model, [flat, steep, flat])
+    loaded, most = replace(even, speed_per_torque=0.5), 2.0 * np.sin(np.arange(88) / 14.0)
+    with pytest.raises(InvalidInput, match=r"got 5 rad/s in curve 0, expected slopes .* 4\.454"):
+        closed_form_requests(loaded, replace(flat, values=[0.0, 0.32]), load=most)
     with pytest.raises(InvalidInput, match=r"every 0\.01 s, expected every 0\.016 s"):
         closed_form_requests(held, replace(flat, tick=0.01))
     with pytest.raises(InvalidInput, match="rule: got 'best'"):

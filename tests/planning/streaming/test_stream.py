@@ -557,6 +557,7 @@ def test_a_load_at_every_step_is_planned_for():
         sent = one.step(rows, load=0.3)
         assert np.array_equal(sent, two.step(rows, load=[0.3, 0.3]))
         assert np.array_equal(sent, three.step(rows, load=np.full((PREVIEW, 2), 0.3)))
+    assert np.array_equal(one.step(rows), two.step(rows, load=0.0))  # a load ends with its step
     assert one.status == two.status == ("planned", "planned")
     both = planner.Stream([planner.JointModel.ers210a(), model], preview=PREVIEW)
     alone = planner.Stream(model, preview=PREVIEW)
