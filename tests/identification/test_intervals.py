@@ -72,6 +72,12 @@ def test_narrow_intervals_are_196_hundredths_of_a_deviation_to_either_side():
         assert half == pytest.approx(1.97 * deviation, rel=0.01), name
 
 
+def test_the_interval_of_a_joint_without_a_lag_begins_at_zero():
+    log = rich_log(replace(AIBO, lag=0.0), noise=NOISE, rows=250)
+    lower, upper = planner.identify(log, hold_out=False).intervals["lag"]
+    assert lower == 0.0 < upper < AIBO.tick
+
+
 def test_the_interval_of_a_dead_band_is_as_wide_as_its_estimates_scatter():
     joint = replace(AIBO, dead_band=0.03)
     found = [
@@ -250,15 +256,18 @@ def test_logs_of_different_joints_are_refused():
         planner.identify([columns, {**columns, "unit": "1"}])
 
 
-def test_a_top_speed_that_nothing_called_for_is_lowered_to_what_was():
-    log = rich_log(amplitude=GENTLE)
+@pytest.mark.parametrize("dead_band", [0.0, 0.02])
+def test_a_top_speed_that_nothing_called_for_is_lowered_to_what_was(dead_band):
+    joint = replace(AIBO, dead_band=dead_band)
+    log = rich_log(joint, amplitude=GENTLE)
     grid = resampled([log], tick=AIBO.tick, reach=0.5, burn_in=0.0)
-    begin = Parameters.of(AIBO)._replace(v_max=50.0)
+    begin = Parameters.of(joint)._replace(v_max=50.0)
     fit = least_squares(grid, begin, effort=Effort(evaluations=2, tolerance=1e-3))
     lowered = with_observed_speed(fit)
     errors = np.abs(log.requests[:, np.newaxis] - log.angles)
     assert lowered.parameters.v_max <= fit.parameters.gain * np.max(errors) * 1.01
-    reached = fit.response._replace(errors=np.full((1, 2), 0.8 / fit.parameters.gain))
+    called = dead_band + 0.8 / fit.parameters.gain
+    reached = fit.response._replace(errors=np.full((1, 2), called))
     for asymmetry, v_max in ((0.3, 1.0), (0.1, 0.8)):  # it saturates in one direction, or in none
         at = fit.parameters._replace(v_max=1.0, asymmetry=-asymmetry)
         kept = with_observed_speed(replace(fit, parameters=at, response=reached))
