@@ -236,6 +236,8 @@ def test_choices_never_rise_and_go_up_to_the_number_of_the_fit():
     assert np.all(np.diff(found.rms) <= 0.0)
     assert found.rms[-1] == fit.rms
     assert found.floor == pytest.approx(fit_pwl(impulse, **PATH, knots=range(40)).rms, rel=SAME)
+    cycle = fit_pwl(np.roll(impulse, 20), v_max=0.2, tick=1.0, segments=3)  # it begins at the peak
+    assert choices(cycle, most=3).floor == pytest.approx(found.floor, rel=SAME)
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -472,12 +472,14 @@ def test_a_leg_has_a_column_for_each_joint(walk):
         cross_check(JOINT, DESIRED, leg=walk.leg)
 
 
-def test_a_plan_that_rests_elsewhere_has_no_gap_to_the_foots_bound():
+@pytest.mark.parametrize("norm", ["rms", "max"])
+def test_a_plan_that_rests_elsewhere_has_no_gap_to_the_foots_bound(norm):
     joint = JointModel(
         v_max=math.radians(250.0), theta_0=math.radians(3.0), lag=0.0, acceleration_time=0.008
     )
     steps = np.maximum(np.arange(16) - 2, 0)[:, np.newaxis] / 13.0
     desired = np.radians(np.hstack([10.0 + 23.4 * steps, 20.0 + 0.0 * steps, -20.0 + 16.0 * steps]))
-    foot = cross_check(joint, desired, cyclic=False, leg=planner.reference_walk().leg).foot
+    leg = planner.reference_walk().leg
+    foot = cross_check(joint, desired, cyclic=False, norm=norm, leg=leg).foot
     assert foot.gap("foot_optimal") >= 0.0  # it rests in the other pose that reaches the point
     assert foot.gap("optimal") is None
