@@ -135,6 +135,7 @@ def verdict_on(
         )
         none = Finding("motion", "the log holds no motion of the joint")
         return "refused", none, [Finding("motion", words)]
+    scale = _other_scale(fit.grid, unit)
     if missed > OPTIONS.suspect:
         words = "the model misses" if fits else "the model does not fit: it misses"
         words += f" {missed:.0%} of the motion's standard deviation{where} (rms {angle(error)})"
@@ -142,9 +143,11 @@ def verdict_on(
             words += f", and a mere delay hardly more ({angle(mere)} in place of {angle(fit.rms)})"
         elif not fits:
             words += f"; more than {OPTIONS.refused:.0%} is not accepted"
-        scale = _other_scale(fit.grid, unit)
         topic: Topic = "columns" if scale else "error" if fits else "fit"
-        notes.append(Finding(topic, f"{words}; {scale}{REASONS}"))
+        why = f"{scale} if not, {REASONS}" if scale else REASONS
+        notes.append(Finding(topic, f"{words}; {why}"))
+    elif scale and np.ptp(fit.grid.angles) > np.ptp(fit.grid.requests):  # taken for gravity
+        notes.append(Finding("columns", f"{scale} if not, its load moves the joint so far"))
     if not fits and (span := float(np.ptp(fit.grid.angles))) < 0.2:
         words = (
             f"the joint hardly moves in this log, by {angle(span)} in all: record requests that "
@@ -374,18 +377,18 @@ def opposite_sign(grid: Grid) -> Finding | None:
 def _other_scale(grid: Grid, unit: str) -> str:
     """The spans and factors of columns in two scales in words; "" where they are in one.
 
-    The angles then are like the requests, but of another span.
+    The angles then are like the requests, but of another span. A slow or overloaded joint spans
+    less than its requests, and one that rings little more.
     """
     requested, actual = float(np.ptp(grid.requests)), float(np.ptp(grid.angles))
-    if min(requested, actual) <= 0.0 or 0.5 <= actual / requested <= 2.0:
+    if min(requested, actual) <= 0.0 or 0.5 <= actual / requested <= 1.3:
         return ""
     if np.max(_likeness(grid, np.linspace(0.0, grid.reach, 200))) < OPTIONS.scaled:
         return ""
     return (
         f"the angles are like the requests but span {angle_in(unit, actual)} beside "
         f"{angle_in(unit, requested)}: is the scale of a column wrong? expected actual angles "
-        f"times {requested / actual:.3g}, or requested ones times {actual / requested:.3g}; if "
-        "not, "
+        f"times {requested / actual:.3g}, or requested ones times {actual / requested:.3g};"
     )
 
 

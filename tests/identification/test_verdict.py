@@ -296,16 +296,19 @@ def test_a_log_in_which_the_joint_always_saturates_bounds_theta_0_from_above_onl
     assert any("theta_0 is only known to be less than" in text for text in found.warnings)
 
 
-@pytest.mark.parametrize("factor", [0.2, 4.0])
-def test_columns_in_two_scales_are_said_with_both_factors(factor):
+@pytest.mark.parametrize(
+    ("factor", "verdict"), [(0.2, "refused"), (4.0, "refused"), (2.0, "usable"), (1.5, "usable")]
+)
+def test_columns_in_two_scales_are_said_with_both_factors(factor, verdict):
+    """A sag by the angle explains most of a factor of one to two."""
     times = AIBO.period * np.arange(400)
     requests = 0.5 * np.sin(2.0 * times) + 0.3 * np.sign(np.sin(3.1 * times))
     angles = factor * planner.simulate(AIBO, requests, cyclic=False)
     found = planner.identify((times, requests, angles), hold_out=False)
-    assert found.verdict == "refused"
+    assert found.verdict == verdict
     ratio = np.ptp(requests) / np.ptp(angles)
     words = f"expected actual angles times {ratio:.3g}, or requested ones times {1.0 / ratio:.3g}"
-    assert words in found.warnings[0]
+    assert any(words in each for each in found.warnings)
     assert next_step({"pan": found}, "arm.toml").startswith("next: check the columns of pan")
 
 
