@@ -132,9 +132,9 @@ def solve(
 def solve_joint(task: Task, *, solver: Solver = "gauss-newton") -> Solved:
     """The requests for one joint, (n, 1)."""
     (models,), problem = task.models, problem_of(task)
-    column, band = best_requests(problem, solver), models[0].dead_band
+    column, band, best = best_requests(problem, solver), models[0].dead_band, None
     if task.start is not None and band and len(models) == 1:
-        problem, column = first_request_freed(problem, column, solver)
+        problem, column, best = first_request_freed(problem, column, solver)
 
     def others() -> Iterator[Array]:
         if band:
@@ -146,12 +146,16 @@ def solve_joint(task: Task, *, solver: Solver = "gauss-newton") -> Solved:
         if math.isfinite(models[0].max_acceleration):
             yield minimise(problem, initial_guess(problem), SMOOTH)[0]
 
-    column = smoothed(problem, column, others=others())
+    column = smoothed(problem, column, best=best, others=others())
     return _for_all_models(task, problem, column, NARROW)
 
 
-def first_request_freed(problem: Problem, column: Array, solver: Solver) -> tuple[Problem, Array]:
+def first_request_freed(
+    problem: Problem, column: Array, solver: Solver
+) -> tuple[Problem, Array, Array | None]:
     """The problem from rest with the first request that serves best, and the plan for it.
+
+    Where the plan given is kept although another is better, the angles of that one come third.
 
     Anywhere within the dead band it holds the joint at the start. Until it has left the window of
     the acceleration it draws on a joint that moves, the less the nearer it is to the edge on the
@@ -169,9 +173,9 @@ def first_request_freed(problem: Problem, column: Array, solver: Solver) -> tupl
     count = math.ceil(BEGINNING * (problem.ages.oldest + settled))
     if len(problem.desired) > 2 * count:
         beginning = problem.beginning(count)
-        freed, _ = first_request_freed(beginning, best_requests(beginning, solver), solver)
+        freed, _, _ = first_request_freed(beginning, best_requests(beginning, solver), solver)
         if freed.first is None:
-            return problem, column
+            return problem, column, None
         firsts = [freed.first]
     answers = []
     for first in firsts:
@@ -181,9 +185,10 @@ def first_request_freed(problem: Problem, column: Array, solver: Solver) -> tupl
     error, held, requests = min(answers, key=itemgetter(0))
     angles, best = problem.exact_angles(column), held.exact_angles(requests)
     if angles is None or best is None or error >= problem.error(angles):
-        return problem, column
-    allowed = allowed_beside(problem, judged(problem, best))
-    return (problem, column) if allowed.by(judged(problem, angles)) else (held, requests)
+        return problem, column, None
+    if allowed_beside(problem, judged(problem, best)).by(judged(problem, angles)):
+        return problem, column, best
+    return held, requests, None
 
 
 def without_small_reversals(angles: Array, least: float, *, cyclic: bool) -> Array:

@@ -47,6 +47,17 @@ def rough(plan):
     return float(np.sum(np.diff(np.vstack([ends[0], columns, ends[1]]), n=2, axis=0) ** 2))
 
 
+@pytest.mark.parametrize("seed", [6, 15, 18])
+def test_a_first_request_in_the_middle_of_the_dead_band_costs_nothing_beside_the_share(seed):
+    rng = np.random.default_rng(seed)
+    model = replace(ERS210A, dead_band=rng.uniform(0.03, 0.15))
+    desired = np.cumsum(rng.uniform(-1.0, 1.0, 30)) * rng.uniform(0.02, 0.1)
+    desired -= desired[0]
+    rugged = invert_optimal(model, desired, cyclic=False, smoothness=0.0)
+    plan = invert_optimal(model, desired, cyclic=False)
+    assert ENCODER_STEP < plan.rms <= allowed_error(rugged.rms, 0.005) + ROUNDING
+
+
 @CYCLIC
 @pytest.mark.parametrize("norm", ["rms", "max"])
 @pytest.mark.parametrize("joint", REFERENCE_JOINTS, ids=lambda joint: joint.name)

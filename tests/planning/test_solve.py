@@ -329,7 +329,8 @@ def test_smoothing_starts_from_a_calmer_path_and_from_smooth_stages_too(monkeypa
         solvers.append(solver)
         return problem.desired + 1.0
 
-    def smooth(problem, requests, *, others):
+    def smooth(problem, requests, *, best, others):
+        assert best is None
         given.append((problem.smoothness, requests, list(others)))
         return requests
 
