@@ -38,7 +38,18 @@ from planner.planning.arguments import (
     models_of_joints,
     of_each,
 )
-from planner.trajectory import Array, Mask, as_rows, as_trajectory, check_radians, error_norm, steps
+from planner.trajectory import (
+    MOST_TURNS,
+    TURN,
+    Array,
+    Mask,
+    as_rows,
+    as_trajectory,
+    check_radians,
+    error_norm,
+    steps,
+    turns_words,
+)
 from planner.validation import as_flag, as_number, as_positive, check_choice, freeze, shown
 
 if TYPE_CHECKING:
@@ -176,9 +187,15 @@ class Task:
         added = checked_disturbance(disturbance, angles)
         expected = "a number [rad] or one for each joint"
         resting = of_each("start", start, names, expected=expected)
-        for rest, name, *pair in zip(resting, names, lower, upper, strict=True):
+        columns = zip(resting, names, angles[0].tolist(), lower, upper, strict=True)
+        for rest, name, begins, *pair in columns:
             with about(name):
-                checked_start(rest, cyclic=cyclic)
+                given = checked_start(rest, cyclic=cyclic)
+                if given is not None and abs(given - begins) > MOST_TURNS * TURN:
+                    raise InvalidInput(
+                        f"start: {turns_words(given)}, where the path begins at {begins:.3g} rad; "
+                        "if this is in degrees, convert it with numpy.radians"
+                    )
                 checked_limits(pair)
         begin = [
             each if rest is None else rest for each, rest in zip(angles[0], resting, strict=True)

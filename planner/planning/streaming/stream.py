@@ -320,11 +320,25 @@ class Stream:
                 problems.append(
                     f"measured: got {shown(measured)}, expected {joints} angles [rad], or NaN"
                 )
+        problems += self._not_measured()
         here = np.where(np.isnan(states["angle"]), states["measured"], states["angle"])
         here[np.isnan(here)] = 0.0
         away = asked.desired - here
         if (np.abs(away) > MOST_TURNS * TURN).any():
             problems += self._not_radians(away, here)
+        return problems
+
+    def _not_measured(self) -> list[str]:
+        """Take first measured angles that are degrees beside radians as missing, and say so."""
+        states, begins = self._data.states, self._data.desired[0]
+        here, problems = states["measured"], []
+        far = np.isnan(states["angle"]) & (np.abs(here - begins) > MOST_TURNS * TURN)
+        for j in np.flatnonzero(far & (np.abs(here) > np.abs(begins))):
+            problems.append(
+                f"measured: {self.names[j]} {turns_words(here[j])}, where it should be at "
+                f"{begins[j]:.3g} rad; if these are degrees, convert them with numpy.radians"
+            )
+            here[j] = math.nan
         return problems
 
     def _not_radians(self, away: Array, here: Array) -> list[str]:

@@ -91,6 +91,19 @@ def test_a_path_in_degrees_is_held_and_said_and_a_joint_that_winds_is_planned():
     assert [(stream.step(rows), stream.problem)[1] for rows in stretches(winding)] == 600 * [""]
 
 
+def test_a_first_measured_angle_in_degrees_is_taken_as_missing_and_said():
+    stream = planner.Stream(
+        dict.fromkeys(("hip", "knee"), planner.JointModel.ers210a()), preview=PREVIEW
+    )
+    rows = np.tile([0.1, 0.5], (PREVIEW, 1))
+    requests = stream.step(rows, [0.12, 28.0])
+    assert np.abs(requests - [0.12, 0.5]).max() < 0.05
+    assert stream.problem.startswith("measured: knee got 28 rad, 4.5 turns,")
+    assert "where it should be at 0.5 rad; if these are degrees" in stream.problem
+    stream.step(rows, [0.12, 0.5])
+    assert stream.problem == ""
+
+
 def test_a_path_in_degrees_that_falls_steadily_is_held_where_the_joint_is():
     degrees = np.linspace(34.0, 3.0, PREVIEW)[:, np.newaxis]
     stream = planner.Stream(planner.JointModel.ers210a(), preview=PREVIEW)
