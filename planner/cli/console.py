@@ -52,7 +52,8 @@ def summarise(text: str) -> None:
     """Print a summary on standard error, out of the way of the data; the first line stands out."""
     if verbosity() == "quiet":
         return
-    first, newline, rest = text.partition("\n")
+    shown = "".join(c if c.isprintable() or c == "\n" else repr(c)[1:-1] for c in text)
+    first, newline, rest = shown.partition("\n")
     print_line(click.style(first, bold=True) + newline + rest)
 
 
@@ -121,7 +122,7 @@ def print_answer(document: Mapping[str, Any], summary: str, *, as_json: bool) ->
 def detail(message: str) -> None:
     """Say on standard error what only ``--verbose`` asks for."""
     if verbosity() == "verbose":
-        print_line(click.style(f"request-planner: {message}", dim=True))
+        print_line(click.style(f"request-planner: {printable(message)}", dim=True))
 
 
 def print_line(text: str) -> None:
@@ -342,7 +343,7 @@ class Progress:
 
     def _draw(self) -> None:
         width = shutil.get_terminal_size().columns - 1
-        text = self.line()[:width]
+        text = printable(self.line())[:width]
         click.echo(f"{_ERASE}{text}", sys.stderr, nl=False, err=True, color=True)
 
     def _keep_time(self) -> None:

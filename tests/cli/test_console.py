@@ -259,12 +259,12 @@ def test_colours_depend_on_the_terminal_unless_the_environment_says(monkeypatch,
 def test_the_first_line_of_a_summary_and_the_label_of_a_notice_stand_out(monkeypatch, capsys):
     monkeypatch.setenv("FORCE_COLOR", "1")
     monkeypatch.delenv("NO_COLOR", raising=False)
-    summarise("first\nsecond\nthird")
+    summarise("first\nsec\x1bond\nthird")  # which a terminal would obey
     warn("a warning:\nof warning: \x1b")
     remark("a remark\n\x1b")
     complain("an\n  error \x1b")
     assert capsys.readouterr().err == (
-        "\x1b[1mfirst\x1b[0m\nsecond\nthird\n"
+        "\x1b[1mfirst\x1b[0m\nsec\\x1bond\nthird\n"
         "request-planner: \x1b[33mwarning:\x1b[0m a warning: of warning: \\x1b\n"
         "request-planner: a remark \\x1b\n"
         "\x1b[31m\x1b[1mrequest-planner:\x1b[0m an error \\x1b\n"
