@@ -96,6 +96,12 @@ OTHER_LIMITS = (
 )
 """Why learning goes on where it would have ended."""
 
+BELOW_BOUND = (
+    "the measured error is less than half of the least that any requests reach by the model: the "
+    "joint is faster than its model, or the measured angles are the desired ones"
+)
+"""Why measured angles, or the model, may be wrong."""
+
 AnyPlan = TypeVar("AnyPlan", Inversion, FootInversion, Plan)
 
 
@@ -276,6 +282,8 @@ def _refined(joints: Plan, cycles: Array, sensor_delay: float | None, reidentify
         stopped = ""
         remarks.append(OTHER_LIMITS)
     floor = _floor(joints, made, noise, before, ended=bool(stopped))
+    if base.error + floor[1] < 0.5 * floor[0]:
+        remarks.append(BELOW_BOUND)
     if stopped:
         made, next_error = replace(made, requests=base.requests.copy()), base.error
         stopped += f"; {_remaining(joints, base, floor)}"

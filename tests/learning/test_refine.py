@@ -129,6 +129,17 @@ def test_it_stops_at_the_speed_limit_and_says_so() -> None:
     assert after.learning.floor[0] == pytest.approx(plan.rms, rel=0.05)
 
 
+@pytest.mark.parametrize(("share", "said"), [(0.02, True), (0.7, False)])
+def test_an_error_far_below_the_bound_is_no_joint_of_the_model(share: float, said: bool) -> None:
+    """As of a file with the desired angles and a little noise."""
+    desired = 0.8 * np.sin(2.0 * np.pi * np.arange(88) / 88)
+    plan = planner.invert_optimal(KNOWN, desired)
+    off = np.sqrt(2.0) * share * plan.lower_bound * np.sin(2.0 * np.pi * np.arange(88) / 88)
+    made = planner.refine(plan, desired + off, reidentify=False)
+    assert any("less than half of the least" in each for each in made.learning.remarks) == said
+
+
+
 @pytest.mark.parametrize("changed", [{"max_step": 0.02}, {"lower": -0.29, "upper": 0.29}], ids=str)
 def test_where_learning_would_end_with_requests_beyond_new_limits_it_goes_on(changed) -> None:
     desired = 0.29 * np.sin(2.0 * np.pi * np.arange(88) / 88)
