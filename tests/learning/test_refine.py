@@ -139,7 +139,6 @@ def test_an_error_far_below_the_bound_is_no_joint_of_the_model(share: float, sai
     assert any("less than half of the least" in each for each in made.learning.remarks) == said
 
 
-
 @pytest.mark.parametrize("changed", [{"max_step": 0.02}, {"lower": -0.29, "upper": 0.29}], ids=str)
 def test_where_learning_would_end_with_requests_beyond_new_limits_it_goes_on(changed) -> None:
     desired = 0.29 * np.sin(2.0 * np.pi * np.arange(88) / 88)
