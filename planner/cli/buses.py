@@ -166,7 +166,7 @@ def open_arm(choices: Mapping[str, Any], servos: Mapping[str, Servo], model: str
         known = read_bus(model)
         if "bus" not in known:
             raise click.UsageError(
-                f"{model} says of no bus where its servos are: name it with --bus, such as --bus "
+                f"{model} does not name the bus of its servos: name it with --bus, such as --bus "
                 "feetech --port /dev/ttyACM0."
             )
         try:

@@ -97,10 +97,10 @@ def _with_servos(export: Export, model: str, schedule: Schedule) -> Export:
     from planner.robot.arm import check_ranges
 
     if export.unit != "ticks":
-        raise click.UsageError("--model needs --unit ticks: other units know no servo.")
+        raise click.UsageError("--model needs --unit ticks: it has no effect on other units.")
     if export.zero_tick or export.zero_ticks or export.reverse or export.ticks_per_turn:
         raise click.UsageError(
-            "--model says zeros, directions and ticks: leave out --zero-tick, --reverse and "
+            "--model sets zeros, directions and ticks: leave out --zero-tick, --reverse and "
             "--ticks-per-turn."
         )
     known, names = read_servos(model), schedule.names

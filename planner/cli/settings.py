@@ -112,7 +112,7 @@ class Leg(Settings):
         type=types.POSE,
         multiple=True,
         metavar="JOINT=DEG",
-        option_help="With several poses that reach the first point: the one nearest to this; "
+        option_help="Initial pose: the nearest solution of the inverse kinematics is taken; "
         "several times for several joints.",
     )
     unreachable: Unreachable = setting(

@@ -340,8 +340,8 @@ def read_servos(path: Path | str) -> dict[str, Servo]:
     if not servos:
         raise InvalidFile(
             file.path,
-            "says of no joint which servo turns it; calibrate writes tables such as [knee.servo] "
-            "with id, zero_tick and direction",
+            "no table of a servo; expected tables such as [knee.servo] with id, zero_tick and "
+            "direction, as calibrate writes them",
         )
     return servos
 

@@ -85,8 +85,8 @@ LEAST = 1e-300
 """Change of requests that counts as none [rad]."""
 
 AFTER_ROBUST_PLAN = (
-    "the executed plan was for several models: learning goes on from the nominal one, and what was "
-    "measured takes the place of the others"
+    "the executed plan was for several models: learning goes on from the nominal one, and the "
+    "measured errors replace the others"
 )
 """Why a robust plan is followed by one that is not."""
 

@@ -77,7 +77,8 @@ def robot_of(name: str, port: str) -> Any:
         )
     robot = make_robot_from_config(known[kind](port=port))
     if type(getattr(robot, "bus", None)).__name__ not in PROTOCOLS:
-        raise InvalidInput(f"--bus lerobot:{name}: its servos are not on a bus that is known here")
+        known = ", ".join(PROTOCOLS)
+        raise InvalidInput(f"--bus lerobot:{name}: got another bus of servos, expected {known}")
     return robot
 
 

@@ -678,7 +678,7 @@ def test_the_port_is_that_of_the_command_or_of_the_file_and_is_given_back(run, a
     ):
         assert words in run(*record, *given).stderr
     arm.write_text(ARM)
-    assert "arm.toml says of no bus where its servos are: name it with --bus" in run(*record).stderr
+    assert "arm.toml does not name the bus of its servos: name it with --bus" in run(*record).stderr
     arm.write_text('bus = "can"\n' + ARM)
     assert "arm.toml: bus: got 'can', expected one of virtual, feetech" in run(*record).stderr
     arm.write_text('bus = "dynamixel"\nbaud_rate = "fast"\n' + ARM)

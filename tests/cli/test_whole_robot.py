@@ -308,7 +308,7 @@ def test_what_a_file_says_of_a_robot_is_no_model_and_no_joint(robot):
 
 @pytest.mark.parametrize(
     ("first", "message"),
-    [("", "says of no bus where its servos are"), ('bus = "can"', "bus: got 'can', expected one")],
+    [("", "does not name the bus of its servos"), ('bus = "can"', "bus: got 'can', expected one")],
 )
 def test_play_without_a_bus_is_refused(run, robot, tmp_path, first, message):
     robot.write_text(robot_text().replace('bus = "virtual"', first))

@@ -63,7 +63,7 @@ def test_a_file_without_servos_says_what_is_missing(tmp_path):
     file = tmp_path / "model.toml"
     file.write_text("v_max = 5.0\n\n[knee]\nlag = 0.03\n")
     assert not has_servos(file)
-    with pytest.raises(InvalidFile, match="says of no joint which servo turns it"):
+    with pytest.raises(InvalidFile, match="no table of a servo; expected tables such as"):
         read_servos(file)
 
 

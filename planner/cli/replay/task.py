@@ -233,7 +233,7 @@ def summary(replay: Replay, models: JointModels, found: Fastest | None = None) -
     if refuted := refuted_joints(replay):
         lines.append(
             f"the recording contradicts the model of {', '.join(refuted)}: it moved faster than "
-            "by its model it can; identify it from this recording too"
+            "the top speed of the model; identify it from this recording too"
         )
     if words := resent_words(replay):
         lines.append(words)
@@ -339,8 +339,8 @@ def fastest_text(found: Fastest) -> str:
         plural = "models" if len(found.contradicted) > 1 else "model"
         return (
             f"{words}; the recording contradicts the {plural} of {names}: at its own speed, from "
-            f"rest, no requests would keep {names} within {size}, but it was done, and no limit "
-            "follows; identify from this recording too, or begin where it rests"
+            f"rest, no requests would keep {names} within {size}, but the robot did it: no "
+            "limit on the speed is known; identify from this recording too, or begin where it rests"
         )
     if found.impossible is None:
         none = "there is no lower bound for a foot" if found.foot else "no speed is proved too high"

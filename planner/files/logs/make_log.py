@@ -211,7 +211,7 @@ def _with_fitted_scale(
     if not (_share(known, requests) >= SLOW_RANGE and {-1.0, 1.0} <= set(behind.tolist())):
         raise InvalidFile(
             source.name,
-            f"the scale of actual angles in counts does not show: {len(known)} rows have slow "
+            f"the scale of actual angles in counts cannot be found: {len(known)} rows have slow "
             f"requests, over {_share(known, requests):.0%} of their range; expected requests over "
             f"{SLOW_RANGE:.0%} of it that move by at most {SLOW_SHARE:.0%} of it in {SLOW_TIME:g} "
             "s, up and down, such as excite's slow triangle; or give the unit of the actual angles",
@@ -229,8 +229,8 @@ def _with_fitted_scale(
     fitted = Scale(COUNTS, 1.0 / slope, -zero / slope, "rad")
     note = (
         f"a count of the actual angle is {np.degrees(fitted.factor):.4g} degrees and {zero:.4g} "
-        f"counts are a request of 0, by {len(known)} rows of slow requests: what the joint is "
-        "beside these everywhere does not show"
+        f"counts are a request of 0, by {len(known)} rows of slow requests; a constant offset "
+        "of the joint cannot be seen"
     )
     return replace(columns, angle_scale=fitted), (note,)
 

@@ -64,9 +64,9 @@ MOST_MISSED = 1000
 """Missed ticks that are simulated; after more of them the last request is taken to have acted."""
 
 PLANNED, NOT_FINITE, BLOCKED, BEYOND, JUMPED = range(5)
-"""What is wrong with a joint's arguments: nothing, its desired angles, its load, a desired angle
-where the limits do not let it rest, or its measured angle. A joint with one of the first two is
-held."""
+"""What is wrong with a joint's arguments: nothing, a desired angle that is not finite, a load that
+blocks it, a desired angle beyond its limits, a measured angle that it cannot have reached. In the
+first two cases it is held."""
 
 Record = Any
 """An entry of an array with named fields."""

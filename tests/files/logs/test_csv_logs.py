@@ -336,7 +336,7 @@ def test_names_of_columns_say_pulses_and_counts(tmp_path):
 @pytest.mark.parametrize(
     ("unit", "slow", "message"),
     [
-        ("requested=us,actual=counts", 0.0, "the scale of actual angles in counts does not show"),
+        ("requested=us,actual=counts", 0.0, "the scale of actual angles in counts cannot be found"),
         ("requested=us,actual=counts", 0.49, "slow requests, over 49% of their range; expected"),
         ("counts", 1.0, "requests in counts, whose scale is unknown"),
         ("requested=counts,actual=us", 1.0, "requests in counts"),
