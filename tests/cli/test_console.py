@@ -82,7 +82,7 @@ def test_progress_is_for_terminals_and_the_time_of_each_step_for_who_asks(
     monkeypatch, capsys, clock, asked, watched
 ):
     monkeypatch.setattr(sys.stderr, "isatty", lambda: watched, raising=False)
-    monkeypatch.setattr("shutil.get_terminal_size", lambda: os.terminal_size((12, 24)))
+    monkeypatch.setattr("shutil.get_terminal_size", lambda **_: os.terminal_size((12, 24)))
     monkeypatch.setattr("planner.cli.console.REDRAWN", 1e6)
     monkeypatch.setenv("NO_COLOR", "1")
     with click.Context(click.Command("plan")) as context:
