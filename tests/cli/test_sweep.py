@@ -92,11 +92,13 @@ def test_a_cycle_has_as_many_requests_as_fit_into_its_period(tmp_path):
         assert content["path"]["half_ellipse"]["samples"] == samples
 
 
+@pytest.mark.parametrize("ground", [0.5, 0.3])
 @pytest.mark.parametrize("heading", [0.0, 90.0, 200.0])
-def test_the_speed_is_that_along_the_heading(heading):
-    walk = HalfEllipse(heading_deg=heading)
-    foot = planner.half_ellipse(heading=math.radians(heading))
-    assert walking_speed(foot, walk, 0.008) == pytest.approx(0.04893 * 2 / (44 * 0.008))
+def test_the_speed_is_that_on_the_ground_along_the_heading(heading, ground):
+    walk = HalfEllipse(heading_deg=heading, ground_fraction=ground)
+    foot = planner.half_ellipse(heading=math.radians(heading), ground_fraction=ground)
+    expected = pytest.approx(0.04893 * 2 / (ground * 88 * 0.008))
+    assert walking_speed(foot, walk, 0.008) == expected
 
 
 def test_a_cycle_is_of_requests_at_the_rate_of_the_file(tmp_path):
