@@ -71,6 +71,13 @@ def test_a_speed_at_which_requests_are_too_far_apart_for_the_path_is_too_high():
     assert "at this speed a request every 20 ms loses 17 % of the motion of" in remarks[-1]
 
 
+def test_requests_of_the_fastest_replay_stay_within_limits(constant):
+    limits = (-0.01, 0.81)
+    found = fastest(log(swing(0.8, 150)), SERVO, tolerance=TOLERANCE, limits=limits)
+    assert np.max(constant.replay.requests) > 0.82
+    assert np.max(found.replay.requests) <= 0.81
+
+
 def test_the_bound_proves_a_speed_a_little_higher_impossible(constant):
     assert constant.speed < constant.impossible.speed < 1.1 * constant.speed
     assert constant.impossible.bound > 1.0
