@@ -36,7 +36,7 @@ def test_the_error_of_a_gripper_is_a_share_of_its_range():
         ([*gripper, *logs("elbow")], "degrees or % of the range"),
     ):
         page = replay_page(replay(recorded, SERVO), title="demo.csv", words="follows")
-        (promised, off) = re.findall(rf"(\S+) {unit} o", page)[:2]
+        promised, off = re.findall(rf"([\d.]+) {unit} o", page)[:2]
         assert 0.0 < float(promised) < float(off)
 
 
