@@ -29,13 +29,16 @@ def test_the_error_that_joints_stay_within_is_not_rounded_down(size, speed):
     assert largest <= float(promised) <= 1.1 * largest
 
 
-def test_the_error_of_a_gripper_is_a_share_of_its_range():
-    gripper = [replace(each, unit="1") for each in logs("gripper")]
+def test_the_error_of_a_hand_is_a_share_of_its_range():
+    hand = [replace(each, unit="1") for each in logs("hand")]
     for recorded, unit in (
-        (gripper, "% of the range"),
-        ([*gripper, *logs("elbow")], "degrees or % of the range"),
+        (hand, "% of the range"),
+        ([*hand, *logs("elbow")], "degrees or % of the range"),
     ):
-        page = replay_page(replay(recorded, SERVO), title="demo.csv", words="follows")
+        joints = [each.joint for each in recorded]
+        page = replay_page(
+            replay(recorded, SERVO, joints=joints), title="demo.csv", words="follows"
+        )
         promised, off = re.findall(rf"([\d.]+) {unit} o", page)[:2]
         assert 0.0 < float(promised) < float(off)
 
