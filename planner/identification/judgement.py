@@ -381,7 +381,7 @@ def _other_scale(grid: Grid, unit: str) -> str:
     less than its requests, and one that rings little more.
     """
     requested, actual = float(np.ptp(grid.requests)), float(np.ptp(grid.angles))
-    if min(requested, actual) <= 0.0 or 0.5 <= actual / requested <= 1.3:
+    if min(requested, actual) <= 0.0 or 0.5 <= actual / requested <= 1.4:
         return ""
     if np.max(_likeness(grid, np.linspace(0.0, grid.reach, 200))) < OPTIONS.scaled:
         return ""

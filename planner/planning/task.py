@@ -11,7 +11,14 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from planner.exceptions import Infeasible, InvalidInput, InvalidTrajectory, about, angle_text
+from planner.exceptions import (
+    ANGLE_UNIT,
+    Infeasible,
+    InvalidInput,
+    InvalidTrajectory,
+    about,
+    angle_text,
+)
 from planner.model.joint import JointModel
 from planner.model.response import (
     checked_load,
@@ -191,9 +198,10 @@ class Task:
         for rest, name, begins, *pair in columns:
             with about(name):
                 given = checked_start(rest, cyclic=cyclic)
-                if given is not None and abs(given - begins) > MOST_TURNS * TURN:
+                turns = 0.0 if given is None else (given - begins) / TURN
+                if abs(turns) > MOST_TURNS and ANGLE_UNIT.get() == "rad":  # else it is degrees
                     raise InvalidInput(
-                        f"start: {turns_words(given)}, where the path begins at {begins:.3g} rad; "
+                        f"start: {turns_words(as_number(rest))}, where the path begins at {begins:.3g} rad; "
                         "if this is in degrees, convert it with numpy.radians"
                     )
                 checked_limits(pair)

@@ -49,7 +49,7 @@ def test_a_plan(planned):
     for j in range(2):
         figure = plan.joint_figure(planned, FOOT_OPTIMAL, j)
         desired = planned.desired[:, j]
-        angles = {"direct": planned.direct[:, j], "foot-optimised": planned.predicted[:, j]}
+        angles = {"without a plan": planned.direct[:, j], "foot-optimised": planned.predicted[:, j]}
         requests = {"requested": planned.requests[:, j]}
         above, below = {"desired": desired, **angles}, {"desired": desired, **requests}
         same(drawn(figure, len(desired)), [above, below])
@@ -102,7 +102,7 @@ def test_a_replay(replayed):
     samples = len(replayed.moments)
     sent = {"path": elbow.desired, "recorded requests": elbow.recorded_requests}
     shifted, predicted = elbow.shifted, elbow.predicted
-    angles = {"path": elbow.desired, "direct": elbow.direct}
+    angles = {"path": elbow.desired, "as it is": elbow.direct}
     expected = [
         angles | {"best time shift": shifted, "optimised": predicted},
         {"best time shift": shifted - elbow.desired, "optimised": predicted - elbow.desired},
