@@ -201,8 +201,8 @@ class Task:
                 turns = 0.0 if given is None else (given - begins) / TURN
                 if abs(turns) > MOST_TURNS and ANGLE_UNIT.get() == "rad":  # else it is degrees
                     raise InvalidInput(
-                        f"start: {turns_words(as_number(rest))}, where the path begins at {begins:.3g} rad; "
-                        "if this is in degrees, convert it with numpy.radians"
+                        f"start: {turns_words(as_number(rest))}, where the path begins at "
+                        f"{begins:.3g} rad; if this is in degrees, convert it with numpy.radians"
                     )
                 checked_limits(pair)
         begin = [
