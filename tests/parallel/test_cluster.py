@@ -51,7 +51,7 @@ def results(tmp_path):
 @pytest.fixture(scope="module")
 def cluster(tmp_path_factory):
     """A Dask scheduler and two workers, on the loopback interface: its address and its process."""
-    pytest.importorskip("distributed", reason="needs the extra cluster")
+    distributed = pytest.importorskip("distributed", reason="needs the extra cluster")
     begun = [sys.executable, "-P", "-m"]
     log, folder = subprocess.PIPE, tmp_path_factory.mktemp("workers")
     local = ["--host", "127.0.0.1", "--port", "0", "--no-dashboard"]
@@ -63,6 +63,10 @@ def cluster(tmp_path_factory):
     worker = [*begun, "distributed.cli.dask_worker", address, "--nworkers", "2", "--nthreads", "1"]
     worker += ["--no-dashboard", "--local-directory", folder]
     workers = subprocess.Popen(worker, stderr=subprocess.DEVNULL)
+    with distributed.Client(address, timeout=60.0) as client:
+        client.wait_for_workers(2, timeout=60.0)
+        # A worker that dies while its nanny still starts it takes all workers with it.
+        client.run(os.getpid, nanny=True)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(parallel, "ARRIVAL", 60.0)
         patch.setattr(parallel, "PATIENCE", 60.0)  # a machine at work may take that long to begin
