@@ -320,13 +320,16 @@ class Stream:
                 problems.append(
                     f"measured: got {shown(measured)}, expected {joints} angles [rad], or NaN"
                 )
-        problems += self._not_measured()
+        if (np.abs(self._away()[1]) > MOST_TURNS * TURN).any():
+            problems += [*self._not_measured(), *self._not_radians()]
+        return problems
+
+    def _away(self) -> tuple[Array, Array]:
+        """Where the joints are, 0 where that is not known, and how far the desired angles are."""
+        states = self._data.states
         here = np.where(np.isnan(states["angle"]), states["measured"], states["angle"])
         here[np.isnan(here)] = 0.0
-        away = asked.desired - here
-        if (np.abs(away) > MOST_TURNS * TURN).any():
-            problems += self._not_radians(away, here)
-        return problems
+        return here, self._data.desired - here
 
     def _not_measured(self) -> list[str]:
         """Take first measured angles that are degrees beside radians as missing, and say so."""
@@ -341,9 +344,9 @@ class Stream:
             here[j] = math.nan
         return problems
 
-    def _not_radians(self, away: Array, here: Array) -> list[str]:
+    def _not_radians(self) -> list[str]:
         """Leave out the desired angles that are degrees, and say so."""
-        rows, problems = self._data.desired, []
+        (here, away), rows, problems = self._away(), self._data.desired, []
         for j, name in enumerate(self.names):
             way = np.append(0.0, away[:, j])  # the first move, too, is one that a joint makes
             if np.all(np.abs(rows[:, j]) <= LARGEST) and not_radians(way):
