@@ -142,5 +142,5 @@ def _read(requests: str, joints: tuple[str, ...], period: float | None) -> Sched
             requests, "no column t_s, so no time between requests; add it, or --period-s"
         )
     else:
-        period = float(given.times[-1] - given.times[0]) / (len(given.times) - 1)
+        period = given.step
     return Schedule(given.names, given.angles, period)

@@ -137,13 +137,11 @@ def _check_rate(given: JointPath, period: float) -> None:
     try:
         given.check_period(period)
     except InvalidFile as error:
-        assert given.times is not None, "they are what was checked"
-        step = float(given.times[-1] - given.times[0]) / (len(given.times) - 1)
         raise InvalidFile(
             given.path,
-            f"one row every {step:.6g} s, expected one every {period:.6g} s, the time between "
-            f"requests; refine with --rate-hz {1.0 / step:.6g} if that is the rate at which they "
-            "were planned and sent, else record a row for each request",
+            f"one row every {given.step:.6g} s, expected one every {period:.6g} s, the time "
+            f"between requests; refine with --rate-hz {1.0 / given.step:.6g} if that is the rate "
+            "at which they were planned and sent, else record a row for each request",
         ) from error
 
 

@@ -79,7 +79,7 @@ def play(
             )
     if path.times is None:
         raise InvalidFile(requests, "no column t_s, so no time between requests; add it")
-    period = float(path.times[-1] - path.times[0]) / (len(path.times) - 1)
+    period = path.step
     known = read_servos(model)
     if missing := [name for name in path.names if name not in known]:
         raise InvalidFile(

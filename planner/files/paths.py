@@ -65,7 +65,7 @@ class _Path:
     samples: ClassVar[tuple[str, ...]]
 
     @property
-    def _step(self) -> float:
+    def step(self) -> float:
         """Mean time between the samples [s]; NaN where the file does not say."""
         if self.times is None:
             return math.nan
@@ -75,7 +75,7 @@ class _Path:
         """Raise InvalidFile if the samples are not ``period`` [s] apart, as requests are."""
         if self.times is None:
             return
-        step = self._step
+        step = self.step
         if abs(step - period) > UNEVEN * period:
             raise InvalidFile(
                 self.path,
@@ -97,10 +97,10 @@ class _Path:
             InvalidFile: The samples are not ``period`` apart, and are not to be resampled; or they
                 are too far apart to show a motion.
         """
-        if self._step > FARTHEST:
+        if self.step > FARTHEST:
             raise InvalidFile(
                 self.path,
-                f"one sample every {self._step:.6g} s, expected one every {FARTHEST:g} s or more "
+                f"one sample every {self.step:.6g} s, expected one every {FARTHEST:g} s or more "
                 "often; give the times in seconds, or call a column of milliseconds t_ms",
             )
         if speed is None and (self.times is None or not resample):
