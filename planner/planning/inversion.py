@@ -86,7 +86,8 @@ def invert_optimal(
         smoothness: Relative rise of the error that smoother requests may cost; by default 0.005, 0
             for none. It is the error that a robot would show, to which the error of the model adds
             in quadrature: that known of an identified one, and at least an encoder's step of 0.088
-            degrees. With dry friction an error up to that step is allowed in any case.
+            degrees. With dry friction, and where requests would change direction more than eight
+            times a second more often than the path, an error up to that step is allowed anyway.
         robust: "mean" to minimise the root mean square of the errors of several models, the default
             for them, "worst" for the largest of them. With a model by itself eight others are
             drawn from the intervals that its file has.

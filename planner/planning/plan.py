@@ -20,7 +20,7 @@ from planner.planning.result import ErrorsOfModels, FootInversion, Inversion
 from planner.planning.task import Task
 from planner.planning.trials import Learning
 from planner.summary import Summarised, Summary
-from planner.trajectory import Array, error_norm, relative_gap, steps
+from planner.trajectory import Array, error_norm, relative_gap, reversals, steps
 from planner.validation import freeze
 
 if TYPE_CHECKING:
@@ -65,13 +65,10 @@ def request_motion(
         cyclic: Whether they repeat for ever.
     """
     changes, others = (steps(each, cyclic=cyclic) for each in (requests, desired))
-    directions = np.sign(changes[np.abs(changes) > 1e-9])  # less is rounding
-    if cyclic:
-        directions = np.append(directions, directions[:1])
     beyond = max(desired.min() - requests.min(), requests.max() - desired.max(), 0.0)
     return RequestMotion(
         largest_step=float(np.max(np.abs(changes), initial=0.0)),
-        reversals_per_s=np.count_nonzero(np.diff(directions)) / (len(requests) * period),
+        reversals_per_s=float(reversals(requests, cyclic=cyclic)) / (len(requests) * period),
         path_length=float(np.sum(np.abs(changes))),
         desired_length=float(np.sum(np.abs(others))),
         beyond=float(beyond),

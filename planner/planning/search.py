@@ -24,7 +24,7 @@ from planner.model.joint import JointModel
 from planner.model.response import Loads
 from planner.planning.gauss_newton import LARGEST_SHARE, Search, Stage, allocated, go_through
 from planner.planning.problem import Problem
-from planner.trajectory import Array
+from planner.trajectory import Array, reversals
 
 NARROW = (
     Stage(0.5, 1e-2),
@@ -278,7 +278,8 @@ def smoothed(
     if angles is None:
         return requests
     found = judged(problem, angles)
-    allowed = allowed_beside(problem, found if best is None else judged(problem, best))
+    closest = found if best is None else judged(problem, best)
+    allowed = allowed_beside(problem, closest)
     starts = [(State(requests, angles), found)]
     for other in others:
         reached = problem.exact_angles(other)
@@ -289,15 +290,29 @@ def smoothed(
         share = 1.0 + OPTIONS.mean * smoothness
         mean = share * math.hypot(found.mean, found.known)
         mean = max(math.sqrt(max(mean**2 - found.known**2, 0.0)), allowed.unseen)
-    unseen, heaviest = min(allowed.unseen, at_most), OPTIONS.heaviest * smoothness
-    bounds = (
-        _Bound(allowed.shown, 1.0 + smoothness, math.inf, at_most, mean),
-        _Bound(math.inf, math.inf, heaviest, unseen, mean),
-    )
-    smoother = [
-        _smoothest(problem, *start, found.error, bound) for start in starts for bound in bounds
-    ]
+    bound = _Bound(allowed.shown, 1.0 + smoothness, math.inf, at_most, mean)
+    smoother = [_smoothest(problem, *start, found.error, bound) for start in starts]
+    unseen = allowed.unseen
+    if not unseen and any(shakes(problem, each) for each in smoother):
+        unseen = closest.unseen
+    heaviest = OPTIONS.heaviest * smoothness
+    bound = _Bound(math.inf, math.inf, heaviest, min(unseen, at_most), max(mean, unseen))
+    smoother += [_smoothest(problem, *start, found.error, bound) for start in starts]
     return min(smoother, key=problem.roughness)
+
+
+SHAKING = 8.0
+"""Changes of direction beyond those of the path from which on requests shake a joint [1/s]. Of 20
+smooth paths that joints can follow one has such requests, of four of legs with kinks all."""
+
+
+def shakes(problem: Problem, requests: Array) -> bool:
+    """Whether requests of a joint, (n, J), change direction much more often than its path does."""
+    found, desired = (
+        reversals(each, cyclic=problem.cyclic) for each in (requests, problem.desired)
+    )
+    seconds = len(requests) * problem.models[0].period
+    return bool(np.any(found - desired > SHAKING * seconds))
 
 
 class Judged(NamedTuple):
@@ -345,7 +360,7 @@ class Allowed(NamedTuple):
     Attributes:
         shown: Largest error that a robot may show.
         unseen: Error that an encoder's step of each joint makes, for a foot and with dry friction;
-            0 for others.
+            0 for others. (:func:`smoothed` allows others more where requests shake.)
     """
 
     shown: float
