@@ -15,7 +15,7 @@ from planner.files.table import Table
 from planner.trajectory import Array
 
 TIME = "t_s"
-"""The column that is the time [s], whatever others may be."""
+"""The column of times [s]; it takes precedence over other columns."""
 
 WORDS = frozenset(("t", "time", "times", "timestamp", "stamp", "clock", "seconds"))
 """Words for times in the name of a column."""
@@ -46,22 +46,22 @@ def time_column(table: Table, *, advice: str = "") -> str | None:
 
     Args:
         table: The table.
-        advice: How else than by renaming columns a user may say which one it is.
+        advice: How else a user may choose the column, for the message.
 
     Raises:
         InvalidFile: Several columns may hold times.
     """
-    found = time_columns(table.names)
-    if TIME in found or not found:
-        return TIME if found else None
-    if len(found) > 1:
+    columns = time_columns(table.names)
+    if TIME in columns or not columns:
+        return TIME if columns else None
+    if len(columns) > 1:
         raise InvalidFile(
             table.path,
-            f"{len(found)} columns may be the time ({', '.join(found)}); columns: "
+            f"{len(columns)} columns may be the time ({', '.join(columns)}); columns: "
             f"{', '.join(table.names)}; {advice}rename it {TIME}",
             line=1,
         )
-    return found[0]
+    return columns[0]
 
 
 def read_clock(
@@ -72,12 +72,12 @@ def read_clock(
     Args:
         table: The table.
         column: The column that holds them.
-        unit: Its unit, one of :data:`.SECONDS`; by default that of its name.
+        unit: Its unit, one of :data:`.SECONDS`; by default from its name.
         missing: Whether cells may be empty, or NaN: they are NaN then.
-        advice: How else than by renaming the column a user may say its unit.
+        advice: How else a user may give the unit, for the message.
 
     Raises:
-        InvalidFile: The unit is not said, or a cell is no number.
+        InvalidFile: The unit is unknown, or a cell is not a number.
     """
     dates = _dates(table, column, missing=missing)
     if dates is not None:
@@ -92,15 +92,15 @@ def read_clock(
     note = f"time from column '{column}'"
     if not column.endswith(f"_{unit}"):
         note += f" [{unit}]"
-    known = np.flatnonzero(np.isfinite(numbers))
-    if not len(known) or abs(numbers[known[0]]) * seconds <= EPOCH:
+    finite = np.flatnonzero(np.isfinite(numbers))
+    if not len(finite) or abs(numbers[finite[0]]) * seconds <= EPOCH:
         return numbers * seconds, note
     place = table.place(column)
     with localcontext() as context:
         context.prec = 60
-        exact = [Decimal(table.rows[k][place].strip()) for k in known]
+        exact = [Decimal(table.rows[k][place].strip()) for k in finite]
         since = numbers.copy()
-        since[known] = [float(time - exact[0]) for time in exact]
+        since[finite] = [float(time - exact[0]) for time in exact]
     return since * seconds, f"{note}, shifted to start at 0"
 
 
@@ -108,7 +108,7 @@ def _dates(table: Table, column: str, *, missing: bool) -> Array | None:
     """Times [s] since the first of a column of dates and times (ISO 8601), shape (n,), else None.
 
     Raises:
-        InvalidFile: The first cell is a date and another one is none.
+        InvalidFile: The first cell is a date and another is not.
     """
     place = table.place(column)
     cells = [row[place].strip() for row in table.rows]

@@ -1,4 +1,4 @@
-"""A log that is on the disk as far as it was measured, whatever ends the process."""
+"""A log written row by row, so that no measured row is lost when the process ends."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class GrowingLog:
     """A CSV of requested and actual angles that has every row as soon as it was measured.
 
     It is written as ``NAME.part``, and gets its name when it is complete: other outputs appear
-    whole or not at all, but nothing that was measured may be lost.
+    whole or not at all, but no measured row may be lost.
     """
 
     def __init__(

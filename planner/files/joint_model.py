@@ -39,7 +39,7 @@ TESTED: dict[str, tuple[tuple[int, ...], str]] = {
     "error_spread": ((2,), "[-] least and largest error of 90 % of motions over the expected one"),
     "error_over_delay": ((), "[-] error on rows that were not fitted over a pure delay's"),
 }
-"""Keys beside the parameters, for the first fields of Evidence: shapes, and what they hold."""
+"""Keys beside the parameters, for the first fields of Evidence: shapes and meanings."""
 
 INTERVALS = {
     f"{name}_interval": (name, unit)
@@ -55,10 +55,10 @@ CORRELATIONS = "correlations"
 """Key of the correlations of the parameters that have intervals, in the order of these."""
 
 VERDICT, REASON = "verdict", "verdict_reason"
-"""Keys of whether a model may be planned with, and why."""
+"""Keys of the verdict on a model, and of its reason."""
 
 SERVO = "servo"
-"""Key of the table, within a joint's, that says which servo turns it; models do without."""
+"""Key of the table of a joint's servo, within the joint's table; optional."""
 
 KNOWN = (*FIELDS, *TESTED, *INTERVALS, CORRELATIONS, VERDICT, REASON)
 """Every key of a model."""
@@ -70,10 +70,10 @@ FASTEST = 60.0
 """No servo is so fast [rad/s]: hobby servos reach about 20 without a load, direct drives 40."""
 
 ROUNDING = 1e-9
-"""By this share of its size a parameter may be beyond its interval."""
+"""A parameter may be outside its interval by this share of its size."""
 
 KINDS = ("a number, 0 or more", "two numbers", "pairs of numbers, 0 or more")
-"""Such values in words, by the number of their axes."""
+"""Expected values in words, by number of axes."""
 
 REQUIRED = tuple(each.name for each in fields(JointModel) if each.default is MISSING)
 
@@ -110,7 +110,7 @@ class ModelFile:
         """The model of each named joint.
 
         Raises:
-            InvalidFile: A joint has no model, or a table was meant for one but is misspelt.
+            InvalidFile: A joint has no model, or the name of its table is misspelt.
         """
         return tuple(self._for_joint(name, names) for name in names)
 
@@ -133,19 +133,19 @@ def read_models(path: Path | str) -> dict[str, JointModel]:
     """Read joint models from TOML, or from standard input for ``-``.
 
     Keys above all tables hold for every joint; a table ``[knee]`` sets or changes some for one.
-    What the file says of a robot, its legs, bus and servos, is not read here.
+    Keys and tables of the robot (legs, bus, servos) are ignored here.
 
     Args:
         path: The file, as ``identify`` and :meth:`planner.JointModel.to_toml` write it.
 
     Returns:
-        The models by joint, with what they were tested on and the intervals of their parameters,
-        where the file says it: :attr:`planner.JointModel.evidence`. The model of all joints without
-        a table of their own, if there is one, stands under ``""``; :func:`planner.plan` takes the
-        dict as it is.
+        The models by joint, with their tests and the intervals of their parameters, where the file
+        has them: :attr:`planner.JointModel.evidence`. The key ``""`` holds the model of all joints
+        without a table of their own, if there is one; :func:`planner.plan` takes the dict as it
+        is.
 
     Warns:
-        UserWarning: The file says of a model that it is not to be planned with: its ``verdict``.
+        UserWarning: The ``verdict`` of a model advises against planning with it.
 
     Raises:
         InvalidFile: Not TOML, an unknown or missing key, or parameters that describe no joint.
@@ -185,7 +185,7 @@ def read_model_file(path: Path | str) -> ModelFile:
     complete = not tables or all(key in common for key in REQUIRED)
     model = _model(path, common, common, "") if complete else None
     by_joint = {
-        # A table that changes parameters is another model: what is known of it stands in the table.
+        # A table that changes parameters is another model: its evidence is in the table.
         table: _model(path, {**common, **own}, own, f"table [{table}]: ")
         for table, own in tables.items()
     }
@@ -215,17 +215,18 @@ def models_text(
         servos: By joint, the servo that turns it; see :func:`read_servos`.
         bus: Where the servos are; see :func:`planner.files.robot.read_bus`.
     """
-    # A table has what stands above all tables, unless it says otherwise.
+    # A table inherits the keys above all tables, unless it sets them.
     above = models[""].parameters() if "" in models else {}
     blocks = ["\n".join(_comment(remark) for remark in remarks)] if remarks else []
     if bus:
         blocks.append("\n".join(f"{key} = {_value(value)}" for key, value in bus.items()))
     for joint, model in models.items():
-        said = (about or {}).get(joint, {})
+        comments = (about or {}).get(joint, {})
         lines = [f"[{_key(joint)}]"] if joint else []
-        lines += [_comment(line) for line in said.get("", "").splitlines()]
+        lines += [_comment(line) for line in comments.get("", "").splitlines()]
         lines += [
-            f"{name} = {getattr(model, name)!r}  " + _comment(said.get(name, f"[{UNITS[name]}]"))
+            f"{name} = {getattr(model, name)!r}  "
+            + _comment(comments.get(name, f"[{UNITS[name]}]"))
             for name in model.parameters() | above
         ]
         lines += _evidence_lines(model.evidence)
@@ -236,7 +237,7 @@ def models_text(
 
 
 def _comment(text: str) -> str:
-    """A comment on one line, without what TOML forbids in it."""
+    """A comment on one line, without characters that TOML forbids."""
     return "# " + "".join(mark if mark.isprintable() else " " for mark in text)
 
 
@@ -253,7 +254,7 @@ def _value(value: str | int) -> str:
 
 
 def _evidence_lines(evidence: Evidence | None) -> list[str]:
-    """What is known of a model: its test, its verdict, its intervals and their correlations."""
+    """The evidence of a model: its test, verdict, intervals and their correlations."""
     if evidence is None:
         return []
     tested: tuple[Any, ...] = evidence
@@ -277,7 +278,7 @@ def _evidence_lines(evidence: Evidence | None) -> list[str]:
 
 
 def _servo_lines(joint: str, servo: Servo) -> list[str]:
-    """Which servo turns a joint, as a table within the joint's."""
+    """The servo of a joint, as a table within the joint's."""
     return [
         "",
         f"[{_key(joint)}.{SERVO}]",
@@ -291,7 +292,7 @@ def _servo_lines(joint: str, servo: Servo) -> list[str]:
 
 
 def has_servos(path: Path | str) -> bool:
-    """Whether a model file says of any joint which servo turns it."""
+    """Whether a model file has a servo for any joint."""
     tables = read_toml(path, example="id = 1").content.values()
     return any(isinstance(own, dict) and isinstance(own.get(SERVO), dict) for own in tables)
 
@@ -300,10 +301,10 @@ def read_servos(path: Path | str) -> dict[str, Servo]:
     """The servos of the joints of a model file, by joint: its tables ``[<joint>.servo]``.
 
     Raises:
-        InvalidFile: There are none, or one of them is no servo.
+        InvalidFile: There are none, or one of them is invalid.
     """
     file = read_toml(path, example="id = 1")
-    known = {each.name for each in fields(Servo)} - {"settings"} | set(SETTINGS)
+    keys = {each.name for each in fields(Servo)} - {"settings"} | set(SETTINGS)
     servos = {}
     for joint, own in file.content.items():
         table = own.get(SERVO) if isinstance(own, dict) else None
@@ -312,8 +313,8 @@ def read_servos(path: Path | str) -> dict[str, Servo]:
         place = (joint, SERVO)
         for key, value in table.items():
             line = file.line_of((*place, key))
-            if key not in known:
-                words = f"unknown key '{key}'{nearest(key, sorted(known))}"
+            if key not in keys:
+                words = f"unknown key '{key}'{nearest(key, sorted(keys))}"
                 raise InvalidFile(file.path, words, line=line)
             if key == "limits":
                 fits = _reals(value).shape == (2,) and bool(np.isfinite(_reals(value)).all())
@@ -329,12 +330,12 @@ def read_servos(path: Path | str) -> dict[str, Servo]:
         if "id" not in table:
             words = f"[{joint}.{SERVO}] has no id; expected the servo's identifier on the bus"
             raise InvalidFile(file.path, words, line=file.line_of(place))
-        given = {key: value for key, value in table.items() if key not in SETTINGS}
-        if "limits" in given:
-            given["limits"] = tuple(map(float, given["limits"]))
+        arguments = {key: value for key, value in table.items() if key not in SETTINGS}
+        if "limits" in arguments:
+            arguments["limits"] = tuple(map(float, arguments["limits"]))
         settings = {key: value for key, value in table.items() if key in SETTINGS}
         try:
-            servos[joint] = Servo(**given, settings=settings)
+            servos[joint] = Servo(**arguments, settings=settings)
         except InvalidInput as error:
             raise InvalidFile(file.path, f"[{joint}.{SERVO}]: {error}") from error
     if not servos:
@@ -347,9 +348,9 @@ def read_servos(path: Path | str) -> dict[str, Servo]:
 
 
 def _model(
-    path: Path | str, keys: Mapping[str, Any], known: Mapping[str, Any], place: str
+    path: Path | str, keys: Mapping[str, Any], own: Mapping[str, Any], place: str
 ) -> JointModel:
-    """The model of these keys, with what some of them say that is known of it."""
+    """The model of these keys, with the evidence in its own keys."""
     missing = [key for key in REQUIRED if key not in keys]
     if missing:
         raise InvalidFile(
@@ -367,12 +368,12 @@ def _model(
         model = JointModel(**{key: value for key, value in keys.items() if key in FIELDS})
     except InvalidModel as error:
         raise InvalidFile(path, f"{place}{error}") from error
-    if not any(key in INTERVALS for key in known):  # identify writes intervals, and radians
+    if not any(key in INTERVALS for key in own):  # identify writes intervals, and radians
         _check_radians(model, path, place)
     try:
-        found = _tested(known) if "expected_error" in known else {}
-        found |= _intervals(known, model) | _verdict(known)
-        return model.with_evidence(Evidence(**found)) if found else model
+        evidence = _tested(own) if "expected_error" in own else {}
+        evidence |= _intervals(own, model) | _verdict(own)
+        return model.with_evidence(Evidence(**evidence)) if evidence else model
     except InvalidInput as error:
         raise InvalidFile(path, f"{place}{error}") from error
 
@@ -393,8 +394,8 @@ def _check_radians(model: JointModel, path: Path | str, place: str) -> None:
 
 
 def _tested(keys: Mapping[str, Any]) -> dict[str, Any]:
-    """What a model's keys say of its test, as the fields of Evidence."""
-    found: dict[str, Any] = {}
+    """The test of a model, as fields of Evidence."""
+    evidence: dict[str, Any] = {}
     for (key, (shape, words)), name in zip(TESTED.items(), Evidence._fields, strict=False):
         if key not in keys:
             continue
@@ -402,20 +403,20 @@ def _tested(keys: Mapping[str, Any]) -> dict[str, Any]:
         fits = values.ndim == len(shape) and values.shape[-1:] == shape[-1:]
         if not fits or np.isnan(values).any() or (key != "tested_angles" and np.any(values < 0.0)):
             raise InvalidInput(f"{key}: got {keys[key]!r}, expected {KINDS[len(shape)]}: {words}")
-        found[name] = _as_tuples(values.tolist())
-    return found
+        evidence[name] = _as_tuples(values.tolist())
+    return evidence
 
 
 def _intervals(keys: Mapping[str, Any], model: JointModel) -> dict[str, Any]:
-    """What a model's keys say of where its parameters lie, as the fields of Evidence."""
-    given = [key for key in keys if key in INTERVALS]
+    """The intervals and correlations of a model's parameters, as fields of Evidence."""
+    declared = [key for key in keys if key in INTERVALS]
     both = [f"{name}_interval" for name in (GAIN, "theta_0")]
-    if set(both) <= set(given):
+    if set(both) <= set(declared):
         raise InvalidInput(
             f"got {' and '.join(both)}, expected one of them: by v_max one follows from the other"
         )
     intervals = {}
-    for key in given:
+    for key in declared:
         name, unit = INTERVALS[key]
         value = model.v_max / model.theta_0 if name == GAIN else getattr(model, name)
         ends, rounding = _reals(keys[key]), ROUNDING * abs(value)
@@ -425,15 +426,15 @@ def _intervals(keys: Mapping[str, Any], model: JointModel) -> dict[str, Any]:
                 f"{value:g}, that of the model, between them; inf or -inf where there is none"
             )
         intervals[name] = (float(ends[0]), float(ends[1]))
-    found: dict[str, Any] = {"intervals": intervals} if intervals else {}
+    evidence: dict[str, Any] = {"intervals": intervals} if intervals else {}
     if CORRELATIONS in keys:
-        found["correlations"] = _as_tuples(keys[CORRELATIONS])
-    return found
+        evidence["correlations"] = _as_tuples(keys[CORRELATIONS])
+    return evidence
 
 
 def _verdict(keys: Mapping[str, Any]) -> dict[str, Any]:
-    """What a model's keys say of whether it may be planned with, as the fields of Evidence."""
-    found = {
+    """The verdict on a model and its reason, as fields of Evidence."""
+    evidence = {
         name: keys[key] for name, key in (("verdict", VERDICT), ("reason", REASON)) if key in keys
     }
     if VERDICT in keys and not is_one_of(keys[VERDICT], get_args(Verdict)):
@@ -441,13 +442,13 @@ def _verdict(keys: Mapping[str, Any]) -> dict[str, Any]:
         raise InvalidInput(f"{VERDICT}: got {shown(keys[VERDICT])}, expected one of {names}")
     if not isinstance(keys.get(REASON, ""), str):
         raise InvalidInput(f"{REASON}: got {shown(keys[REASON])}, expected the reason in words")
-    return found
+    return evidence
 
 
-def _reals(given: Any) -> Array:
+def _reals(value: Any) -> Array:
     """Numbers of a file; NaN for anything else."""
     try:
-        return as_reals(given)
+        return as_reals(value)
     except (TypeError, ValueError):
         return np.array(math.nan)
 

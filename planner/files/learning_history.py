@@ -16,10 +16,10 @@ from planner.planning.trials import Learning, SensorDelay, Trial
 from planner.trajectory import LARGEST, Array
 
 FORMAT = "request-planner refine 1"
-"""The value of ``format``, by which such a file is known."""
+"""The value of ``format`` that identifies such a file."""
 
 SAME_ANGLE = 1e-6
-"""Desired angles that differ by less are those of one path [rad]: files carry them rounded."""
+"""Desired paths that differ by less are the same [rad]: files carry rounded angles."""
 
 
 class LearningState(NamedTuple):
@@ -39,11 +39,11 @@ def read_history(path: str, names: Collection[str], desired: Array) -> dict[str,
 
     Args:
         path: The file.
-        names: The plans that there may be.
+        names: Names of the possible plans.
         desired: The path that they are for [rad], shape (n, k).
 
     Raises:
-        InvalidFile: It is no such file, one of another path, or damaged.
+        InvalidFile: Not such a file, of another path, or damaged.
     """
     content = read_json(path, what="a file that request-planner refine wrote")
     if not isinstance(content, dict) or content.get("format") != FORMAT:
@@ -91,7 +91,7 @@ def read_history(path: str, names: Collection[str], desired: Array) -> dict[str,
 
 
 def write_history(path: str, desired: Array, states: Mapping[str, LearningState]) -> None:
-    """Write what the next call needs.
+    """Write the state that the next call needs.
 
     Args:
         path: The file.

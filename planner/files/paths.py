@@ -1,7 +1,7 @@
 """Paths over time as CSV: angles or requests of joints, positions of a foot, knots of curves.
 
 A joint path has one ``<joint>_deg`` or ``<joint>_rad`` column per joint, or ``<joint>_percent`` or
-``<joint>_range`` (0 to 1) where the joint is known by the share of its range. Its columns
+``<joint>_range`` (0 to 1) where only the share of its range is known. Its columns
 ``<joint>_load_Nm`` are torques on these joints in the direction of positive angles. A foot path has
 the columns ``x_m, y_m, z_m`` (or ``_cm``, ``_mm``). Both may have times, as logs have them
 (:mod:`planner.files.clock`): ``t_s``, ``time_ms``, ``stamp_ns``, dates.
@@ -35,7 +35,7 @@ from planner.files.units import (
 from planner.trajectory import MOST_SAMPLES, Array, not_radians, turns_words
 
 JOINT_UNITS = {**ANGLES, **SHARES}
-"""What one of a joint's unit is in radians."""
+"""Units of a joint, in radians."""
 
 LOAD = "_load_Nm"
 """Ending of the columns that hold the torque on a joint [N m]."""
@@ -54,11 +54,11 @@ FARTHEST = 5.0
 long."""
 
 AXES = ("x", "y", "z")
-"""Of a foot's positions."""
+"""Axes of a foot's positions."""
 
 
 class _Path:
-    """What joint paths and foot paths share: samples at times."""
+    """The common part of joint paths and foot paths: samples at times."""
 
     path: str
     times: Array | None
@@ -90,8 +90,8 @@ class _Path:
     ) -> Self:
         """The path with a sample every ``period`` [s]; resampled, or else checked.
 
-        Without times it has a sample per request, and is handed back as it is unless its speed is
-        to be multiplied by ``speed``.
+        Without times it has a sample per request, and is returned unchanged unless ``speed``
+        multiplies its speed.
 
         Raises:
             InvalidFile: The samples are not ``period`` apart, and are not to be resampled; or they
@@ -109,13 +109,13 @@ class _Path:
         times = self.times
         if times is None:
             times = _times(len(getattr(self, self.samples[0])), period)
-        changed: dict[str, Any] = {
+        arrays: dict[str, Any] = {
             name: resampled(times, rows, period * (speed or 1.0), cyclic=cyclic)
             for name in self.samples
             if (rows := getattr(self, name)) is not None
         }
-        count = len(changed[self.samples[0]])
-        return replace(self, times=_times(count, period), **changed)  # type: ignore[type-var]
+        count = len(arrays[self.samples[0]])
+        return replace(self, times=_times(count, period), **arrays)  # type: ignore[type-var]
 
 
 @dataclass(frozen=True)
@@ -155,7 +155,7 @@ def read_joint_path(path: Path | str, *, joints: Sequence[str] = ()) -> JointPat
 
     Args:
         path: The file.
-        joints: Joints to read, in this order; the file's other columns are then left alone. By
+        joints: Joints to read, in this order; the file's other columns are then ignored. By
             default every column is a joint, but for times, ``index`` and ``sample``.
 
     Raises:
@@ -170,7 +170,7 @@ def path_table(path: Path | str) -> Table:
 
 
 def joint_path(table: Table, *, joints: Sequence[str] = (), even: bool = True) -> JointPath:
-    """Understand a table as a joint path; see :func:`read_joint_path`.
+    """Parse a table as a joint path; see :func:`read_joint_path`.
 
     Args:
         table: The table.
@@ -184,8 +184,8 @@ def joint_path(table: Table, *, joints: Sequence[str] = (), even: bool = True) -
         columns = pick(table, joints, JOINT_UNITS)
     else:
         _check_no_log(table)
-        others = {*time_columns(table.names), *COUNTERS}
-        columns = [name for name in table.names if not (name in others or name.endswith(LOAD))]
+        no_joints = {*time_columns(table.names), *COUNTERS}
+        columns = [name for name in table.names if not (name in no_joints or name.endswith(LOAD))]
     if not columns:
         raise InvalidFile(
             table.path,
@@ -225,19 +225,19 @@ def _loads(table: Table, names: Sequence[str], *, all_joints: bool) -> Array | N
     Raises:
         InvalidFile: A torque is on a joint that is not in the file.
     """
-    loaded = [name.removesuffix(LOAD) for name in table.names if name.endswith(LOAD)]
-    if strange := [name for name in loaded if all_joints and name not in names]:
+    joints = [name.removesuffix(LOAD) for name in table.names if name.endswith(LOAD)]
+    if unknown := [name for name in joints if all_joints and name not in names]:
         raise InvalidFile(
             table.path,
-            f"column '{strange[0]}{LOAD}': no joint '{strange[0]}'{nearest(strange[0], names)}; "
+            f"column '{unknown[0]}{LOAD}': no joint '{unknown[0]}'{nearest(unknown[0], names)}; "
             f"joints: {', '.join(names)}",
             line=1,
         )
-    if not set(loaded) & set(names):
+    if not set(joints) & set(names):
         return None
     torques = np.zeros((len(table.rows), len(names)))
     for j, name in enumerate(names):
-        if name in loaded:
+        if name in joints:
             torques[:, j] = table.numbers([f"{name}{LOAD}"])[:, 0]
     torques.setflags(write=False)
     return torques
@@ -292,7 +292,7 @@ class FootPath(_Path):
 
 
 def is_foot_path(table: Table) -> bool:
-    """Whether a table names a position along an axis, and so is meant as a foot path."""
+    """Whether a table has a position along an axis, as foot paths have."""
     parts = [split_unit(name, LENGTHS) for name in table.names]
     return any(part is not None and part[0] in AXES for part in parts)
 
@@ -307,7 +307,7 @@ def read_foot_path(path: Path | str) -> FootPath:
 
 
 def foot_path(table: Table, *, even: bool = True) -> FootPath:
-    """Understand a table as a foot path; see :func:`read_foot_path` and :func:`joint_path`."""
+    """Parse a table as a foot path; see :func:`read_foot_path` and :func:`joint_path`."""
     quantities = with_unit(table, pick(table, AXES, LENGTHS), LENGTHS)
     return FootPath(table.path, quantities.values, read_times(table, even=even))
 
@@ -345,7 +345,7 @@ def read_times(table: Table, *, even: bool = True) -> Array | None:
     """Times of the samples [s], shape (n,); None where no column may hold them.
 
     Raises:
-        InvalidFile: Several columns may hold them, or the unit is not said; times that do not
+        InvalidFile: Several columns may hold them, or the unit is unknown; times that do not
             increase, or that are not ``even``.
     """
     column = time_column(table, advice="keep one of them, or ")
@@ -375,22 +375,22 @@ def read_times(table: Table, *, even: bool = True) -> Array | None:
 
 
 def resampled(times: Array, rows: Array, period: float, *, cyclic: bool) -> Array:
-    """Rows at even times from the first on, by straight lines between the given ones.
+    """Rows at even times from the first on, interpolated linearly.
 
-    A cycle lasts one mean step longer than its times. It is given a whole number of samples, the
-    nearest, over which it is stretched or shortened by less than half a sample.
+    A cycle lasts one mean step longer than its times. It gets the nearest whole number of samples,
+    for which it is stretched or shortened by less than half a sample.
 
     Args:
         times: Increasing times [s], shape (n,); they may be uneven.
-        rows: What holds then, shape (n, k).
-        period: Time between the samples of the answer [s].
+        rows: Values at these times, shape (n, k).
+        period: Time between the samples of the result [s].
         cyclic: Whether the rows repeat for ever.
 
     Returns:
         Rows every ``period``, shape (m, k), read-only.
 
     Raises:
-        InvalidInput: There would be too many of them.
+        InvalidInput: There would be too many rows.
     """
     span = float(times[-1] - times[0])
     since = times - times[0]
@@ -416,7 +416,7 @@ def _times(count: int, period: float) -> Array:
 
 
 def _check_radians(table: Table, name: str, angles: Array) -> None:
-    """Refuse a column of radians whose values are those of degrees."""
+    """Refuse a column of radians whose values look like degrees."""
     if not_radians(angles):
         k = int(np.argmax(np.abs(angles)))
         raise InvalidFile(

@@ -1,6 +1,6 @@
 """Results of single tasks, kept beside the output that is built from them, and resumed.
 
-Whether an output is whole, and made from the same settings, is recognised by its manifest.
+The manifest of an output shows whether it is complete and was made from the same settings.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ class Task:
     """A piece of work.
 
     Attributes:
-        name: What messages call it, such as "episode 12"; unique among the tasks.
-        argument: What the function takes; it is pickled.
+        name: Its name in messages, such as "episode 12"; unique among the tasks.
+        argument: The argument of the function; it is pickled.
         inputs: Identifies the content of its inputs, such as a digest of a file: where that
             changes, an earlier result is not used.
     """
@@ -42,8 +42,8 @@ class Results:
     """The results of tasks in a hidden folder beside the output that is built from them.
 
     Each is a file that begins with a digest of its content; a damaged one counts as missing. A
-    result is found by what it was computed from: the settings, the name and the inputs of its task,
-    and the version of this package.
+    result is identified by the settings, the name and the inputs of its task, and the version of
+    this package.
     """
 
     def __init__(
@@ -53,11 +53,11 @@ class Results:
 
         Args:
             output: The file or folder that is built from the results.
-            settings: What all results depend on, as JSON takes it.
-            resume: Keep the results that are there; they are removed otherwise.
+            settings: The settings of all results, as JSON takes them.
+            resume: Keep existing results; they are removed otherwise.
 
         Raises:
-            InvalidInput: The results that are there were computed with other settings.
+            InvalidInput: The existing results were computed with other settings.
             InvalidFile: The folder cannot be made or written.
         """
         target = Path(output).resolve()
@@ -86,7 +86,7 @@ class Results:
         """Keep a result; it appears whole or not at all.
 
         Raises:
-            InvalidFile: The output cannot be written; what is kept stays.
+            InvalidFile: The output cannot be written; earlier results stay.
         """
         self._keep(self._file(task), sha256(result).digest() + result)
 
@@ -124,11 +124,11 @@ class Results:
     def _check_same(self, before: Any) -> None:
         if before == self._settings:
             return
-        known = before if isinstance(before, dict) else {}
-        names = {**known, **self._settings}
-        others = [name for name in names if known.get(name) != self._settings.get(name)]
+        old = before if isinstance(before, dict) else {}
+        names = {**old, **self._settings}
+        keys = [name for name in names if old.get(name) != self._settings.get(name)]
         raise InvalidInput(
-            f"--resume: {self.folder} holds results for other settings ({', '.join(others)}); set "
+            f"--resume: {self.folder} holds results for other settings ({', '.join(keys)}); set "
             "what was set then, or leave --resume out to compute all again"
         )
 
@@ -138,21 +138,21 @@ def made_from(settings: Mapping[str, Any], manifest: Mapping[str, Any]) -> dict[
 
     Args:
         settings: All that the output depends on, as JSON takes it.
-        manifest: What the output says of itself, with or without this key.
+        manifest: The output's manifest, with or without this key.
     """
-    others = {name: each for name, each in manifest.items() if name != "made_from"}
-    content = [__version__, settings, json.loads(to_json(others))]
+    rest = {name: each for name, each in manifest.items() if name != "made_from"}
+    content = [__version__, settings, json.loads(to_json(rest))]
     return {"made_from": _digest(content)}
 
 
 def finished(output: Path | str, name: str, settings: Mapping[str, Any]) -> dict[str, Any] | None:
     """The manifest of an output that was made from the same settings and is whole; None if not.
 
-    The results that another command has left beside it are removed then.
+    Results of another command beside it are removed then.
 
     Args:
         output: The folder.
-        name: The manifest in it, which holds what :func:`made_from` gives.
+        name: The manifest in it, which holds the key of :func:`made_from`.
         settings: All that the output depends on, as JSON takes it.
     """
     manifest: dict[str, Any] | None = _read_json(Path(output) / name)
@@ -169,7 +169,7 @@ def _digest(content: Any) -> str:
 
 
 def _read_json(file: Path) -> Any:
-    """The content of a file; None where there is none that could be read."""
+    """The content of a file; None where it cannot be read."""
     try:
         return json.loads(file.read_bytes())
     except (OSError, ValueError, RecursionError):

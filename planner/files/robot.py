@@ -1,4 +1,4 @@
-"""What a model file says of the robot beside its models: legs, the bus, the servos' port."""
+"""The robot in a model file, beside its models: legs, the bus, the servos' port."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ LEG = "leg"
 """Key of the tables ``[leg.<name>]``."""
 
 BUS = {"bus": str, "port": str, "baud_rate": int}
-"""Keys above all tables that say where the servos are, and of which type they are."""
+"""Keys above all tables for the place and the type of the servos."""
 
 KEYS = {
     "urdf": "the description of the robot, a file beside this one",
@@ -25,17 +25,17 @@ KEYS = {
     "near_deg": "a table of angles of the standing pose [deg]",
     "lock_deg": "a table of joints that are held, with their angles [deg]",
 }
-"""Keys of a leg, and what they hold."""
+"""Keys of a leg, and their meanings."""
 
 
 class LegPlace(NamedTuple):
-    """Where a leg is described, and what is needed to find it there.
+    """The file that describes a leg, and the leg's frames and joints in it.
 
     Attributes:
         urdf: The file.
         base: The frame at its upper end.
         foot: The frame at its lower end.
-        locked: Joints between them that are held, and where [rad; m for one that slides].
+        locked: Fixed joints between them, and their positions [rad; m for one that slides].
         near: A pose near which paths start [rad]; None for any.
     """
 
@@ -70,17 +70,17 @@ def read_bus(path: Path | str) -> dict[str, Any]:
     """Bus, port and baud rate of a model file, where it has them.
 
     Raises:
-        InvalidFile: One of them is of another type.
+        InvalidFile: One of them has another type.
     """
     file = read_toml(path, example='bus = "feetech"')
     content = {key: value for key, value in file.content.items() if not isinstance(value, dict)}
-    found = {key: content[key] for key in BUS if key in content}
-    for key, value in found.items():
+    settings = {key: content[key] for key in BUS if key in content}
+    for key, value in settings.items():
         if not is_of_robot(key, value):
             expected = "a text in quotes" if BUS[key] is str else "a whole number"
             words = f"{key}: got {shown(value)}, expected {expected}"
             raise InvalidFile(file.path, words, line=file.line_of((key,)))
-    return found
+    return settings
 
 
 def legs_text(path: Path | str) -> str:
@@ -122,8 +122,8 @@ def _leg(file: Toml, name: str, table: Mapping[str, Any]) -> LegPlace:
             line = file.line_of((*place, key))
             raise InvalidFile(file.path, f"[{LEG}.{name}]: {words}", line=line)
     if missing := [key for key in ("urdf", "base", "foot") if key not in table]:
-        said = "; ".join(f"{key} is {KEYS[key]}" for key in missing)
-        words = f"[{LEG}.{name}] has no {', '.join(missing)}; {said}"
+        meanings = "; ".join(f"{key} is {KEYS[key]}" for key in missing)
+        words = f"[{LEG}.{name}] has no {', '.join(missing)}; {meanings}"
         raise InvalidFile(file.path, words, line=file.line_of(place))
     near = table.get("near_deg")
     return LegPlace(

@@ -1,11 +1,11 @@
 """Outputs that appear whole or not at all: one file, or a folder of results.
 
-What is written goes to the disk before a rename makes it the output, so that a power cut leaves the
-last good one or the new one as a killed process does. A hidden file beside an output,
+Content goes to the disk before a rename makes it the output, so that after a power cut, as after a
+killed process, the output is the last good one or the new one. A hidden file beside an output,
 ``.NAME.lock``, is locked while a command works on it. The system releases the lock however the
-process ends; what killed processes have left beside, ``.NAME.new-…`` and ``.NAME.old-…``, is
-removed under it. So nothing depends on process numbers or clocks, and where another machine shares
-the folder the lock holds there too, as far as the file system has locks. Where it has none, no
+process ends; remnants of killed processes, ``.NAME.new-…`` and ``.NAME.old-…``, are removed
+under it. So nothing depends on process numbers or clocks, and where another machine shares
+the folder the lock holds there too, if the file system has locks. Where it has none, no
 command is refused and nothing is removed.
 """
 
@@ -33,7 +33,7 @@ MOST_MANIFEST = 64 * 2**20
 """Longest manifest that is read [bytes]."""
 
 MOST_FOREIGN = 1000
-"""Files of others that are counted before the search for more of them is given up."""
+"""Foreign files that are counted before the search for more of them ends."""
 
 
 _CLAIMED: dict[Path, bool] = {}
@@ -47,11 +47,11 @@ _FILLED: set[Path] = set()
 def staged(path: Path | str, content: bytes) -> Iterator[None]:
     """Write ``content`` beside ``path``, and rename it to ``path`` if the block does not raise.
 
-    So that of several files all appear or none: the last one is written in the block of the others.
-    Whoever reads ``path`` meanwhile gets the old content or the new one, and after a power cut too:
-    the content is on the disk before the rename. A process that is killed leaves a hidden file,
-    ``.NAME.new-…``, which the next one that writes ``path`` removes. A device or a pipe is written
-    to directly, as is a file in the folder that :func:`output_folder` hands out.
+    To have all of several files appear, or none, write each in the block of the one before. A
+    reader of ``path`` meanwhile gets the old content or the new one, and after a power cut too:
+    the content is on the disk before the rename. A killed process leaves a hidden file,
+    ``.NAME.new-…``, which the next writer of ``path`` removes. A device or a pipe is written to
+    directly, as is a file in the folder that :func:`output_folder` hands out.
 
     Raises:
         InvalidFile: The folder does not exist or cannot be written to.
@@ -96,8 +96,8 @@ def output_folder(path: Path | str, *, export: str = "") -> Iterator[Path]:
 
     The last run's folder stays as it is until then, and for good where the block raises or the
     process is killed; killed between two renames, it leaves it beside, as ``.NAME.old-…``. The next
-    good run removes what killed ones have left. The folder is replaced only if it is empty or holds
-    nothing but the files that its own manifest lists: what a user has put there is never removed.
+    good run removes such remnants. The folder is replaced only if it is empty or holds
+    nothing but the files that its own manifest lists: a user's files are never removed.
 
     Args:
         path: The folder.
@@ -150,7 +150,7 @@ def claimed(path: Path | str) -> Iterator[bool]:
     """Keep other commands away from a folder of results, and from what is beside it, in the block.
 
     Yields:
-        Whether it could be locked; claimed in a block that has claimed it, as there.
+        Whether it could be locked; in a nested block the outer block's answer.
 
     Raises:
         InvalidFile: Another command is at work on it, or the folders above it cannot be made.
@@ -219,7 +219,7 @@ def list_files(folder: Path) -> list[str]:
 def all_there(folder: Path | str) -> bool:
     """Whether every file that the manifest of a folder lists is there."""
     target = _target(folder)
-    files = _made_by_a_run(target)
+    files = _files_of_run(target)
     return bool(files) and all((target / name).is_file() for name in files)
 
 
@@ -231,13 +231,13 @@ def cannot_write(path: Path | str, error: Exception) -> InvalidFile:
 
 
 def reason(error: Exception) -> str:
-    """What the system says, in lower case; of an error with a number nothing else does."""
+    """The system's message in lower case; of an error without a number its own text."""
     number = getattr(error, "errno", None)
     return (os.strerror(number) if number else str(error)).lower()
 
 
 def _target(path: Path | str) -> Path:
-    """Where a folder of results really is."""
+    """The resolved path of a folder of results."""
     try:
         return Path(path).resolve()
     except (OSError, RuntimeError, ValueError) as error:  # a link to itself, or a null byte
@@ -253,7 +253,7 @@ def _beside(target: Path, age: str) -> Path:
 
 
 def _named_as_output(error: OSError, path: str, new: Path) -> OSError | InvalidFile:
-    """An error in filling a hidden folder, by the name that the user knows; others as they are."""
+    """An error in filling a hidden folder, with the user's name of it; other errors as they are."""
     if isinstance(error, BrokenPipeError):
         return error
     if error.filename is None:  # such as where a disk is full
@@ -266,10 +266,10 @@ def _named_as_output(error: OSError, path: str, new: Path) -> OSError | InvalidF
 
 @contextmanager
 def _lock(target: Path, *, shared: bool) -> Iterator[Literal["held", "taken", "none"]]:
-    """Lock an output, alone or with others; the last one to leave removes what is left beside it.
+    """Lock an output, exclusively or shared; the last owner removes remnants beside it.
 
     Yields:
-        Whether the lock is held, taken by another process, or not to be had on this file system.
+        Whether the lock is held, taken by another process, or not available on this file system.
     """
     place = target.with_name(f".{target.name}.lock")
     try:
@@ -295,7 +295,7 @@ def _locked(place: Path, *, shared: bool) -> int:
     """Descriptor of a lock file that is locked, and still there.
 
     Raises:
-        BlockingIOError: Another process has it alone, or this one wants it alone.
+        BlockingIOError: Another process has locked it, and one of the two locks is exclusive.
         OSError: No file can be made there, or none can be locked.
         ImportError: The platform has no such locks.
     """
@@ -319,17 +319,17 @@ def _flock(descriptor: int, *, shared: bool) -> None:
 
 
 def _sweep(target: Path, age: str) -> None:
-    """Remove what killed processes have left beside an output that this one has alone."""
-    for left in target.parent.glob(f".{escape(target.name)}.{age}-{'[0-9a-f]' * 16}"):
-        if left.is_dir() and not left.is_symlink():
-            shutil.rmtree(left, ignore_errors=True)
+    """Remove remnants of killed processes beside an output that is locked exclusively."""
+    for remnant in target.parent.glob(f".{escape(target.name)}.{age}-{'[0-9a-f]' * 16}"):
+        if remnant.is_dir() and not remnant.is_symlink():
+            shutil.rmtree(remnant, ignore_errors=True)
         else:
             with suppress(OSError):
-                left.unlink()
+                remnant.unlink()
 
 
 def _to_disk(path: Path) -> None:
-    """Have what a file or a folder holds written to the disk, where the file system can do that."""
+    """Flush a file or a folder to the disk, where the file system can do that."""
     descriptor = os.open(path, os.O_RDONLY)
     try:
         os.fsync(descriptor)
@@ -341,7 +341,7 @@ def _to_disk(path: Path) -> None:
 
 
 def _names_to_disk(folder: Path) -> None:
-    """The same of the names in a folder, where the platform opens folders."""
+    """Flush the names in a folder to the disk, where the platform opens folders."""
     with suppress(OSError):
         _to_disk(folder)
 
@@ -391,22 +391,22 @@ def _check_replaceable(path: Path | str, target: Path) -> None:
         return
     if not target.is_dir():
         raise InvalidFile(path, "is a file, expected a folder; choose another name")
-    ours = _made_by_a_run(target)
+    ours = _files_of_run(target)
     foreign = sorted(
         islice((file for file in _files_below(target) if file not in ours), MOST_FOREIGN)
     )
     if foreign:
         least = "at least " if len(foreign) == MOST_FOREIGN else ""
-        others = f" and {least}{len(foreign) - 1} more" if len(foreign) > 1 else ""
+        more = f" and {least}{len(foreign) - 1} more" if len(foreign) > 1 else ""
         raise InvalidFile(
             path,
-            f"holds files that no earlier run made ({foreign[0]}{others}), expected a new or empty "
+            f"holds files that no earlier run made ({foreign[0]}{more}), expected a new or empty "
             "folder or an earlier run's; choose another folder or move them away",
         )
 
 
-def _made_by_a_run(target: Path) -> set[str]:
-    """What the manifest lists; nothing where there is none that a run could have written."""
+def _files_of_run(target: Path) -> set[str]:
+    """Files that the manifest lists; empty without a manifest of a run."""
     manifest = target / MANIFEST
     try:
         if not manifest.is_file() or manifest.stat().st_size > MOST_MANIFEST:

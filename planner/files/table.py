@@ -26,16 +26,16 @@ MOST_CELLS = 10_000_000
 """Cells of a table: some 70 bytes of memory each."""
 
 FORMULAS = ("=", "+", "-", "@", "\t", "\r")
-"""What a text begins with that a spreadsheet takes as a formula."""
+"""First characters of a text that a spreadsheet takes as a formula."""
 
 DECIMALS = 12
 """Decimals that are written: beyond any sensor, and short for numbers that were short before."""
 
 DELIMITERS = ",;\t"
-"""What may stand between cells."""
+"""Possible delimiters of cells."""
 
 _NAMED_DELIMITER = re.compile(r"sep=([,;\t])\r?\n")
-"""A first line by which spreadsheets say what stands between the cells."""
+"""A first line by which spreadsheets declare the delimiter."""
 
 _COMMENTS = re.compile(r"(?:[ \t]*(?:#[^\n]*)?\n)+")
 """Lines that are empty or begin with ``#``."""
@@ -102,10 +102,10 @@ class Table:
         except ValueError:
             number = math.nan
         if not math.isfinite(number):
-            found = f"'{_shortened(cell)}'" if cell.strip() else "nothing"
+            content = f"'{_shortened(cell)}'" if cell.strip() else "nothing"
             raise InvalidFile(
                 self.path,
-                f"column '{name}': got {found}, expected a finite number; "
+                f"column '{name}': got {content}, expected a finite number; "
                 "remove or interpolate the sample",
                 line=line,
             )
@@ -115,10 +115,10 @@ class Table:
 def read_table(path: Path | str, *, most_rows: int | None = None) -> Table:
     """Read a CSV file with a header line, or standard input for ``-``.
 
-    Lines that begin with ``#`` are comments; where numbers follow at once, the last of them above
-    the header is the header. A first line ``sep=;``, or else the commonest of
-    :data:`DELIMITERS` in the header, says what stands between the cells. Where that is no comma,
-    numbers may have decimal commas.
+    Lines that begin with ``#`` are comments; where numbers follow at once, the last of these
+    lines is the header. A first line ``sep=;``, or else the commonest of
+    :data:`DELIMITERS` in the header, is the delimiter. Where it is not a comma, numbers may have
+    decimal commas.
 
     Args:
         path: The file.
@@ -129,10 +129,10 @@ def read_table(path: Path | str, *, most_rows: int | None = None) -> Table:
             lengths.
     """
     text = read_text(path)
-    named = _NAMED_DELIMITER.match(text)
-    text = _without_comments(text, named.end() if named else 0)
+    declaration = _NAMED_DELIMITER.match(text)
+    text = _without_comments(text, declaration.end() if declaration else 0)
     first = text.lstrip().partition("\n")[0]
-    delimiter = named[1] if named else max(DELIMITERS, key=first.count)
+    delimiter = declaration[1] if declaration else max(DELIMITERS, key=first.count)
     reader = csv.reader(io.StringIO(text, newline=""), delimiter=delimiter, strict=True)
     names: tuple[str, ...] = ()
     rows: list[tuple[str, ...]] = []
@@ -141,7 +141,7 @@ def read_table(path: Path | str, *, most_rows: int | None = None) -> Table:
         for cells in reader:
             if not _is_row(cells):
                 continue
-            if named and reader.line_num == 1:
+            if declaration and reader.line_num == 1:
                 continue
             if not names:
                 names = _checked_names(path, [_title(cell) for cell in cells], reader.line_num)
@@ -233,7 +233,7 @@ def _is_formula(cell: object) -> bool:
 
 
 def _title(cell: str) -> str:
-    """The title that :func:`csv_text` wrote as this."""
+    """The title that :func:`csv_text` wrote as this cell."""
     cell = cell.strip()
     return cell[1:] if cell.startswith("'") and _is_formula(cell) else cell
 
@@ -272,7 +272,7 @@ def _checked_names(path: Path | str, names: list[str], line: int) -> tuple[str, 
 def _ragged(
     path: Path | str, names: Sequence[str], cells: int, line: int, *, cut: bool
 ) -> InvalidFile:
-    """The error that a row has not a cell for each column."""
+    """The error that a row does not have one cell per column."""
     return InvalidFile(
         path,
         f"got {cells} {'cell' if cells == 1 else 'cells'}, expected {len(names)} "

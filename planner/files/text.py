@@ -20,7 +20,7 @@ STANDARD_STREAM = "-"
 
 CHUNK = 2**15
 """Characters that go to standard output at once: where Python does not buffer it, the rest of a
-longer text is lost without a word when its reader goes away."""
+longer text is lost silently when its reader goes away."""
 
 
 def read_text(path: Path | str) -> str:
@@ -59,11 +59,11 @@ def read_text(path: Path | str) -> str:
 
 
 def read_json(path: Path | str, *, what: str) -> Any:
-    """What a JSON file holds; NaN and infinities are read too, as Python writes them.
+    """The content of a JSON file; NaN and infinities are read too, as Python writes them.
 
     Args:
         path: The file, or ``-`` for standard input.
-        what: What the file should be, for the messages.
+        what: Kind of file that is expected, for the messages.
 
     Raises:
         InvalidFile: There is no such file, or it is not JSON.

@@ -1,4 +1,4 @@
-"""TOML in: tables that know on which line of their file each key stands."""
+"""TOML in: tables, with the line of each key in its file."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ MOST_PARTS = 100
 """Parts of a dotted key: reading one takes memory by the square of their number."""
 
 Place = tuple[str | int, ...]
-"""Where a value stands: the keys that lead to it, and the numbers of tables that repeat."""
+"""Place of a value: the keys that lead to it, and the numbers of tables that repeat."""
 
 _KEY = r"(?:\"[^\"]*\"|'[^']*'|[A-Za-z0-9_-]+)"
 _DEEP = re.compile(
@@ -32,8 +32,8 @@ class Toml:
 
     Attributes:
         path: Where it came from; ``-`` is standard input.
-        text: What it says.
-        content: What that means.
+        text: Its text.
+        content: The parsed tables.
     """
 
     path: str
@@ -41,9 +41,9 @@ class Toml:
     content: dict[str, Any]
 
     def line_of(self, place: Sequence[str | int]) -> int | None:
-        """Line on which a place is first named, as far as that is written in the usual way."""
-        sought = tuple(place)
-        return next((number for number, named in _places(self.text) if named == sought), None)
+        """Line on which a place first appears; None where its syntax is unusual."""
+        keys = tuple(place)
+        return next((number for number, path in _places(self.text) if path == keys), None)
 
 
 def read_toml(path: Path | str, *, example: str) -> Toml:
@@ -51,7 +51,7 @@ def read_toml(path: Path | str, *, example: str) -> Toml:
 
     Args:
         path: The file.
-        example: A line that such a file may hold, for the message of one that is no TOML.
+        example: A line that such a file may hold, for the message about invalid TOML.
 
     Raises:
         InvalidFile: The file cannot be read, or is not TOML.

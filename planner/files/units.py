@@ -13,13 +13,13 @@ from planner.files.table import Table
 from planner.trajectory import Array
 
 ANGLES: Mapping[str, float] = {"deg": math.pi / 180.0, "rad": 1.0}
-"""Angle units and what one of them is in radians."""
+"""Angle units, in radians."""
 
 SHARES: Mapping[str, float] = {"percent": math.pi / 180.0, "range": 100.0 * math.pi / 180.0}
 """Shares of a joint's range: a percent is carried as if it were a degree, and so printed as one."""
 
 LENGTHS: Mapping[str, float] = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
-"""Length units and what one of them is in metres."""
+"""Length units, in metres."""
 
 
 OTHER_UNITS = frozenset(
@@ -28,7 +28,7 @@ OTHER_UNITS = frozenset(
         *("meter", "meters", "metre", "metres", "inch", "km"),
     )
 )
-"""Ends of names that are a unit too, but none that is read."""
+"""Endings of names that are units too, but unsupported ones."""
 
 LARGEST = 1e6
 """An angle or a length beyond this [rad, m] is a mistake: its square would lose all digits."""
@@ -41,7 +41,7 @@ class Quantities(NamedTuple):
     """Columns with a unit.
 
     Attributes:
-        names: What is measured, without the unit.
+        names: Names of the quantities, without the unit.
         units: Their units.
         values: The measured values in SI, shape (n, k), read-only.
     """
@@ -66,24 +66,24 @@ def with_unit(table: Table, columns: Sequence[str], units: Mapping[str, float]) 
         InvalidFile: A column has no unit of these, the units differ, or a value is not finite or
             too large to be true.
     """
-    names, found = [], []
+    names, endings = [], []
     for column in columns:
         parts = split_unit(column, units)
         if parts is None:
             bare = [each for each in columns if split_unit(each, units) is None]
             raise _without_unit(table, bare, units)
         names.append(parts[0])
-        found.append(parts[1])
-    if len(set(found) - set(SHARES)) > 1 or len(set(found) & set(SHARES)) > 1:
+        endings.append(parts[1])
+    if len(set(endings) - set(SHARES)) > 1 or len(set(endings) & set(SHARES)) > 1:
         mixed = ", ".join(columns)
         raise InvalidFile(
             table.path, f"mixed units ({mixed}); expected one unit in all columns", line=1
         )
-    factors = np.array([units[unit] for unit in found])
+    factors = np.array([units[unit] for unit in endings])
     values = table.numbers(columns) * factors
     _check_size(table, columns, values, LARGEST / factors)
     values.setflags(write=False)
-    return Quantities(tuple(names), tuple(found), values)
+    return Quantities(tuple(names), tuple(endings), values)
 
 
 def pick(table: Table, names: Sequence[str], units: Mapping[str, float]) -> list[str]:
@@ -92,33 +92,33 @@ def pick(table: Table, names: Sequence[str], units: Mapping[str, float]) -> list
     Raises:
         InvalidFile: One of them is missing, or there in two units.
     """
-    known: dict[str, list[str]] = {}
+    by_name: dict[str, list[str]] = {}
     for column in table.names:
         parts = split_unit(column, units)
         if parts is not None:
-            known.setdefault(parts[0], []).append(column)
+            by_name.setdefault(parts[0], []).append(column)
     columns = []
     for name in names:
         if names.count(name) > 1:
             raise InvalidFile(
                 table.path, f"'{name}' is named {names.count(name)} times; name it once"
             )
-        if name not in known:
+        if name not in by_name:
             endings = " or ".join(f"{name}_{unit}" for unit in units if unit not in SHARES)
             raise InvalidFile(
                 table.path,
-                f"no column {endings}{nearest(name, tuple(known))}; "
+                f"no column {endings}{nearest(name, tuple(by_name))}; "
                 f"columns: {', '.join(table.names)}",
                 line=1,
             )
-        if len(known[name]) > 1:
+        if len(by_name[name]) > 1:
             raise InvalidFile(
                 table.path,
-                f"'{name}' comes in mixed units ({', '.join(known[name])}), expected one column; "
+                f"'{name}' comes in mixed units ({', '.join(by_name[name])}), expected one column; "
                 "remove the others",
                 line=1,
             )
-        columns.extend(known[name])
+        columns.extend(by_name[name])
     return columns
 
 

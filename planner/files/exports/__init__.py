@@ -16,7 +16,7 @@ NEEDS = {
     "mcap": ("rosbags", "a ROS 2 bag", "bags"),
     "lerobot": ("pyarrow", "a LeRobot dataset", "parquet"),
 }
-"""By format: the package that writes it, what it is then called, and the extra with the package."""
+"""By format: the package that writes it, its name in messages, and the extra with the package."""
 
 
 def check_format(
@@ -31,14 +31,14 @@ def check_format(
 
     Args:
         form: ``csv``, or one of :data:`NEEDS`.
-        schedule: Rows with the joints and times of those that are to be written.
+        schedule: Rows with the joints and times to be written.
         ticks: With ``csv``: how servos count.
         lead: With a format of ROS: time of the first point [s].
         topic: With a bag: its topic.
 
     Raises:
         MissingExtra: The format's package is not installed.
-        InvalidInput: What else is wrong.
+        InvalidInput: The rows or an option do not fit the format.
     """
     if form != "csv" and form not in NEEDS:
         raise InvalidInput(f"format: got '{form}', expected csv, {', '.join(NEEDS)}")

@@ -25,7 +25,7 @@ PULSES = (500, 2500)
 """Shortest and longest pulse of a hobby servo [us]."""
 
 MOST_TICKS = 2**31
-"""Most ticks of a turn: what counts them has 32 bits."""
+"""Most ticks of a turn: counters have 32 bits."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class Ticks:
     Attributes:
         per_turn: Ticks of a full turn.
         zero: The tick at angle 0, of every joint.
-        zeros: The same of single joints.
+        zeros: Zero ticks of single joints, by name.
         reversed: Joints whose servo is mounted the other way round.
         unit: "ticks" or "us".
     """
@@ -64,7 +64,7 @@ def write_controller_csv(
     """Write ``t_s`` and one ``<joint>_<unit>`` column per joint; ``-`` is standard output.
 
     Raises:
-        InvalidInput: A unit that is none of :data:`UNITS`, or requests beyond a servo's turn.
+        InvalidInput: A unit not in :data:`UNITS`, or requests beyond a servo's turn.
         InvalidFile: The file cannot be written.
     """
     names = [TIME, *(f"{name}_{unit}" for name in schedule.names)]
@@ -83,7 +83,7 @@ def to_ticks(schedule: Schedule, ticks: Ticks) -> npt.NDArray[np.int64]:
     """The nearest tick to every request, shape (n, k).
 
     Raises:
-        InvalidInput: A zero for a joint that is not there, or a request outside a turn.
+        InvalidInput: A zero for an unknown joint, or a request outside a turn.
     """
     check_zeros(schedule, ticks)
     zeros = np.array([ticks.zeros.get(name, ticks.zero) for name in schedule.names])
@@ -105,10 +105,10 @@ _NAMES = {"ticks": "tick {:.0f}", "us": "a pulse of {:.0f} us"}
 
 
 def check_zeros(schedule: Schedule, ticks: Ticks) -> None:
-    """Make sure that every joint with a zero or a direction of its own is there.
+    """Make sure that every joint with its own zero or direction exists.
 
     Raises:
-        InvalidInput: One is not.
+        InvalidInput: One does not.
     """
     for key, names in (("zero tick", ticks.zeros), ("reverse", ticks.reversed)):
         for name in names:

@@ -18,10 +18,10 @@ from planner.robot.schedule import Schedule
 from planner.trajectory import Array
 
 VERSION = "v3.0"
-"""Of the layout."""
+"""Version of the layout."""
 
 TASK = "follow the planned requests"
-"""What an episode shows, by default."""
+"""Default task of an episode."""
 
 PLACE = "chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
 """Where the layout puts tables, below the folder of their kind."""
@@ -36,10 +36,10 @@ CHUNK_FILES = 1000
 """Files in a chunk."""
 
 BATCH = 1000
-"""Episodes whose descriptions are kept before they are written."""
+"""Episodes whose descriptions are buffered before they are written."""
 
 QUANTILES = {"q01": 0.01, "q10": 0.1, "q50": 0.5, "q90": 0.9, "q99": 0.99}
-"""By which some policies normalise; by the names that LeRobot gives them."""
+"""Quantiles by which some policies normalise, under LeRobot's names."""
 
 COUNTED = ("timestamp", "frame_index", "episode_index", "index", "task_index")
 """Columns of every dataset that count rows."""
@@ -47,11 +47,11 @@ COUNTED = ("timestamp", "frame_index", "episode_index", "index", "task_index")
 
 @dataclass(frozen=True, kw_only=True)
 class Layout:
-    """What the rows of a dataset hold.
+    """Layout of a dataset's rows.
 
     Attributes:
         features: By feature, such as ``action``, the names of its numbers.
-        rate: Rows per second; whole numbers are what LeRobot's recorder writes.
+        rate: Rows per second; LeRobot's recorder writes whole numbers.
         robot_type: The robot, as LeRobot calls it.
     """
 
@@ -83,11 +83,11 @@ def lerobot_dataset(
 ) -> Iterator[AddEpisode]:
     """Write a dataset, episode by episode; the folder appears where the block does not raise.
 
-    What is kept in memory does not grow with the number of episodes, but for their tasks.
+    Memory use does not grow with the number of episodes, except for their tasks.
 
     Args:
         path: The folder.
-        layout: What the rows hold.
+        layout: Layout of the rows.
         beside: Further files by name, with their text, which the block may still add to.
 
     Raises:
@@ -170,8 +170,8 @@ class _Writer:
             }
         )
         for name, each in statistics.items():
-            known = self._statistics.get(name)
-            self._statistics[name] = each if known is None else known.with_more(each)
+            total = self._statistics.get(name)
+            self._statistics[name] = each if total is None else total.with_more(each)
         self._rows += len(data)
         self._rows_of_file += len(data)
         self._episodes += 1
@@ -179,7 +179,7 @@ class _Writer:
             self.flush()
 
     def flush(self) -> None:
-        """Write the descriptions of episodes that are kept."""
+        """Write the buffered descriptions of episodes."""
         import pyarrow as pa
 
         if not self._about:
@@ -192,7 +192,7 @@ class _Writer:
         self._about = []
 
     def describe(self) -> None:
-        """Write what the dataset says of itself, once all its rows are written."""
+        """Write the dataset's metadata, once all its rows are written."""
         import pyarrow as pa
         from pyarrow import parquet
 
@@ -205,7 +205,7 @@ class _Writer:
             write_text(self._folder / "meta" / f"{name}.json", text)
 
     def _columns(self, values: Mapping[str, Array], task: str) -> dict[str, Any]:
-        """The columns of an episode: features are (n, k), the others (n,)."""
+        """The columns of an episode: features are (n, k), counters (n,)."""
         columns: dict[str, Any] = {
             name: np.asarray(values[name]).astype(np.float32) for name in self._layout.features
         }
@@ -231,7 +231,7 @@ class _Writer:
         return self._stack.enter_context(parquet.ParquetWriter(stream, schema))
 
     def _info(self) -> dict[str, Any]:
-        """``meta/info.json``: what the dataset holds and where."""
+        """``meta/info.json``: features, counts and paths of files."""
         features: dict[str, Any] = {
             name: {"dtype": "float32", "shape": [len(names)], "names": list(names)}
             for name, names in self._layout.features.items()
@@ -265,8 +265,8 @@ class Statistics:
         most: The largest.
         mean: The mean.
         variance: The mean of the squared distances from it.
-        quantiles: Those of :data:`QUANTILES`, shape (5, k); of several columns the mean of theirs
-            by their rows, as LeRobot has it.
+        quantiles: The quantiles :data:`QUANTILES`, shape (5, k); of several columns their mean,
+            weighted by rows, as in LeRobot.
         count: Rows.
     """
 
@@ -313,7 +313,7 @@ class Statistics:
 
 
 def _cells(column: Any) -> Any:
-    """A column as Arrow has it; one number a row is a plain column, as LeRobot writes it."""
+    """A column as an Arrow array; one number a row is a plain column, as LeRobot writes it."""
     import pyarrow as pa
 
     if column.ndim == 1 or column.shape[1] == 1:

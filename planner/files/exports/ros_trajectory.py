@@ -1,6 +1,6 @@
 """Requests for ROS 2: a ``trajectory_msgs/JointTrajectory``, as YAML or as a bag.
 
-The YAML is what ``ros2 topic pub`` takes; the bag, in SQLite or MCAP, is for ``ros2 bag play``.
+The YAML is input for ``ros2 topic pub``; the bag, in SQLite or MCAP, is for ``ros2 bag play``.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ TOPIC = "/joint_trajectory_controller/joint_trajectory"
 """Where ros2_control's joint trajectory controller listens by default."""
 
 VERSION: Literal[8] = 8
-"""Of the bag's metadata; the next one is not read by ROS 2 before Jazzy."""
+"""Version of the bag's metadata; ROS 2 before Jazzy does not read the next one."""
 
 
 def joint_trajectory(
@@ -76,7 +76,7 @@ def joint_trajectory(
 
 
 def check_times(schedule: Schedule, lead: float) -> None:
-    """Make sure that ROS has the times of the points.
+    """Make sure that ROS can represent the times of the points.
 
     Raises:
         InvalidInput: As :func:`joint_trajectory` does.
@@ -91,7 +91,7 @@ def check_times(schedule: Schedule, lead: float) -> None:
 
 
 def write_trajectory_yaml(path: Path | str, message: Mapping[str, Any]) -> None:
-    """Write what :func:`joint_trajectory` makes to a file, or to standard output for ``-``.
+    """Write the message of :func:`joint_trajectory` to a file, or to standard output for ``-``.
 
     Raises:
         MissingExtra: PyYAML is not installed.
@@ -103,7 +103,7 @@ def write_trajectory_yaml(path: Path | str, message: Mapping[str, Any]) -> None:
 def trajectory_yaml(message: Mapping[str, Any]) -> str:
     """The message's text, by PyYAML, with which ROS reads it.
 
-    Names such as ``on`` are then quoted where YAML 1.1 would take them for something else.
+    Names such as ``on``, which YAML 1.1 would read as other types, are quoted.
     """
     try:
         import yaml
@@ -128,7 +128,7 @@ def write_bag(
     storage: Storage = "sqlite3",
     topic: str = TOPIC,
 ) -> None:
-    """Write what :func:`joint_trajectory` makes as a folder for ``ros2 bag play``, at time 0.
+    """Write the message of :func:`joint_trajectory` as a folder for ``ros2 bag play``, at time 0.
 
     Raises:
         MissingExtra: rosbags is not installed.
@@ -161,7 +161,7 @@ def check_topic(topic: str) -> None:
     """Make sure that a topic has a name.
 
     Raises:
-        InvalidInput: It has none.
+        InvalidInput: The topic has no name.
     """
     if not topic.strip("/") or any(character.isspace() for character in topic):
         raise InvalidInput(f"topic: got '{topic}', expected a name such as {TOPIC}")

@@ -46,18 +46,18 @@ def read_bag(path: Path | str, options: LogOptions) -> tuple[Log, ...]:
     """Read the chosen joints of a bag.
 
     Raises:
-        InvalidFile: It is none, or does not hold requested and actual angles; the message says
-            what it holds.
+        InvalidFile: Not a bag, or without requested and actual angles; the message lists its
+            topics.
         MissingExtra: rosbags is not installed.
     """
     recording = _recording(path, options)
     names = recording.joints
     chosen = choose_joints(path, names, options.joint)
-    found = [_log(path, recording, names[k], options) for k in chosen]
-    origin = min(first for first, _ in found)  # joints whose requests begin later keep their time
+    logs = [_log(path, recording, names[k], options) for k in chosen]
+    origin = min(first for first, _ in logs)  # joints whose requests begin later keep their time
     return tuple(
         replace(log, times=log.times + (first - origin) * 1e-9) if first > origin else log
-        for first, log in found
+        for first, log in logs
     )
 
 
@@ -72,7 +72,7 @@ def _log(
     """Stamp of the first row [ns], and the log with times since then."""
     stamps, angles = recording.actual.series(joint, stamped=recording.stamped[0])
     sent, requests = recording.requested.series(joint, stamped=recording.stamped[1])
-    fresh = np.ones(len(stamps), dtype=bool)  # a row that is there twice is there once
+    fresh = np.ones(len(stamps), dtype=bool)  # repeated rows are kept once
     fresh[1:] = (np.diff(stamps) != 0) | (angles[1:] != angles[:-1])
     stamps, angles = stamps[fresh], angles[fresh]
     last = np.searchsorted(sent, stamps, side="right") - 1  # request that holds at each stamp
@@ -110,8 +110,8 @@ def _left_out(fresh: Switch, begun: Switch) -> tuple[str, ...]:
 
 
 def _unit(name: str, options: LogOptions, joint: str) -> str:
-    said = options.unit_of(joint) is not None
-    return f"angles in {name}, as {'--unit said' if said else 'is the custom of ROS (REP 103)'}"
+    has_unit = options.unit_of(joint) is not None
+    return f"angles in {name}, as {'--unit said' if has_unit else 'is the custom of ROS (REP 103)'}"
 
 
 class _Rows(NamedTuple):
@@ -165,7 +165,7 @@ class Track:
         return float(np.median(leads)) if leads else 0.0
 
     def series(self, joint: str, *, stamped: bool) -> tuple[Stamps, Array]:
-        """When [ns] a joint had which angles, by the stamps or by the receipt, in time's order."""
+        """Times [ns] and angles of a joint, by the stamps or by the receipt, in order of time."""
         rows = self._by_joint[joint]
         stamps = np.array(rows.stamps if stamped else rows.received, dtype=np.int64)
         order = np.argsort(stamps, kind="stable")
@@ -179,8 +179,8 @@ class Recording:
     Attributes:
         actual: The actual angles.
         requested: The requested angles.
-        stamped: Whether the time of either is that of its stamps, or else of the receipt.
-        notes: What was guessed, in words.
+        stamped: Whether the times of either are its stamps, or else those of the receipt.
+        notes: Guesses, in words.
     """
 
     actual: Track
@@ -228,8 +228,8 @@ def _recording(path: Path | str, options: LogOptions) -> Recording:
 def _clocks(actual: Track, requested: Track) -> tuple[bool, bool]:
     """Whether to take either topic's stamps.
 
-    Not where a message has none. And not where they are of another clock than the recorder's
-    (simulated time, another computer), unless those of both topics are.
+    Not where a message has no stamp, nor where the stamps come from another clock than the
+    recorder's (simulated time, another computer), unless both topics' stamps do.
     """
     stamped = (actual.stamped, requested.stamped)
     if all(stamped) and abs(actual.lead() - requested.lead()) <= APART:
@@ -250,38 +250,38 @@ def _gather(
 
     Args:
         bag: The bag.
-        tracks: Where to put what each function understands of a message.
-        names: The joints for which angles without names are meant.
+        tracks: By function that extracts angles from a message, the track that takes them.
+        names: The joints of angles without names, in order.
         joint: The joint that the user chose, for a single angle without a name.
 
     Returns:
-        What was guessed, in words.
+        Guesses, in words.
     """
     (topic,) = {track.topic for track in tracks.values()}
     kind = bag.topics[topic]
     notes: tuple[str, ...] = ()
     for k, (received, content) in enumerate(bag.messages(topic)):
         place = f"topic {topic}, message {k + 1}"
-        for understand, track in tracks.items():
+        for extract, track in tracks.items():
             try:
-                read = understand(kind, content)
+                message = extract(kind, content)
             except (AttributeError, LookupError, TypeError, ValueError, ArithmeticError) as error:
                 raise InvalidFile(  # the bag's definition of the type may be anything
                     bag.path,
                     f"{place}: fields are not those of {kind} ({error}); is the bag damaged?",
                 ) from error
-            joints = read.joints
+            joints = message.joints
             if joints is None:
-                joints = _order(bag, topic, names, joint, len(read.angles))
+                joints = _order(bag, topic, names, joint, len(message.angles))
                 notes = (f"numbers of {topic} taken for {', '.join(joints)}",)
-            if len(joints) != len(read.angles) or len(set(joints)) != len(joints):
+            if len(joints) != len(message.angles) or len(set(joints)) != len(joints):
                 raise InvalidFile(
                     bag.path,
-                    f"{place}: got {len(read.angles)} in '{read.field}', expected an angle for "
-                    f"each of {len(joints)} joints ({', '.join(joints[:20])})",
+                    f"{place}: got {len(message.angles)} in '{message.field}', expected an angle "
+                    f"for each of {len(joints)} joints ({', '.join(joints[:20])})",
                 )
             if joints:
-                track.add(received, read.stamp, joints, read.angles)
+                track.add(received, message.stamp, joints, message.angles)
     return notes
 
 

@@ -1,8 +1,8 @@
 """Messages of ROS bags and MCAP files, read by rosbags; a damaged or hostile file is one error.
 
 rosbags' own readers are used, one topic at a time. Its ``AnyReader`` is not: it refuses a bag for
-the definition of a type on any topic, where that cannot be understood or has another hash, and it
-knows one layout only of a type that a bag does not define.
+an unreadable definition of a type on any topic, or one with another hash, and it supports only one
+layout of a type that a bag does not define.
 """
 
 from __future__ import annotations
@@ -35,23 +35,23 @@ MOST_TIMES = 200
 """All chunks of a file that is not small unfold to this many times its size at most."""
 
 PIECE = 2**20
-"""What is unfolded at once [bytes]."""
+"""Size of a piece that is unfolded at once [bytes]."""
 
 MCAP, ROS1 = b"\x89MCAP0\r\n", b"#ROSBAG V"
-"""What the two formats with chunks begin with."""
+"""First bytes of the two formats with chunks."""
 
 _CHUNK = 6  # the record's code in MCAP
 _ROS1_CHUNK = b"op=\x05"
 
 Chunk = tuple[str, bytes]
-"""Name of the compression, and what is compressed."""
+"""Name of the compression, and the compressed bytes."""
 
 
 class Message(NamedTuple):
-    """A message and when it came.
+    """A message and its time of receipt.
 
     Attributes:
-        received: When the recorder received it [ns].
+        received: Time of its receipt by the recorder [ns].
         content: Its fields.
     """
 
@@ -74,17 +74,19 @@ class Bag:
     _ros1: bool
 
     def messages(self, topic: str) -> Iterator[Message]:
-        """The messages of a topic, in the order in which they came.
+        """The messages of a topic, in order of receipt.
 
         Raises:
-            InvalidFile: A type is not known, or a message is damaged.
+            InvalidFile: A type is unknown, or a message is damaged.
         """
-        connections = [found for found in self._reader.connections if found.topic == topic]
+        connections = [
+            connection for connection in self._reader.connections if connection.topic == topic
+        ]
         kind = self.topics[topic]
         with _damage_reported(self.path):
             stores = _stores(connections)
-            received = self._reader.messages(connections=connections)
-            for k, (_, when, data) in enumerate(received):
+            messages = self._reader.messages(connections=connections)
+            for k, (_, when, data) in enumerate(messages):
                 place = f"topic {topic}, message {k + 1}"
                 if not 0 <= when < LATEST:
                     raise InvalidFile(self.path, f"{place}: received at {when} ns, expected a time")
@@ -109,7 +111,7 @@ def open_bag(path: Path | str) -> Iterator[Bag]:
     """Open a bag of ROS 1, of ROS 2 (folder or a single file of it), or an MCAP file.
 
     Raises:
-        InvalidFile: It is none, or is damaged.
+        InvalidFile: Not a bag, or a damaged one.
         MissingExtra: rosbags is not installed.
     """
     try:
@@ -125,7 +127,7 @@ def open_bag(path: Path | str) -> Iterator[Bag]:
         reader: Any = rosbag1.Reader(place) if ros1 else rosbag2.Reader(place)
         reader.open()
     try:
-        topics = {found.topic: found.msgtype for found in reader.connections}
+        topics = {connection.topic: connection.msgtype for connection in reader.connections}
         yield Bag(place, topics, reader, ros1)
     finally:
         with _damage_reported(path):
@@ -134,7 +136,7 @@ def open_bag(path: Path | str) -> Iterator[Bag]:
 
 @contextmanager
 def _damage_reported(path: Path | str) -> Iterator[None]:
-    """Turn what rosbags, SQLite, YAML or a decoder raise for a damaged bag into one error."""
+    """Turn errors of rosbags, SQLite, YAML or a decoder for a damaged bag into one error."""
     try:
         yield
     except InvalidFile:
@@ -146,7 +148,7 @@ def _damage_reported(path: Path | str) -> Iterator[None]:
 
 
 def _stores(connections: Sequence[Connection]) -> list[Typestore]:
-    """Types to try, in this order: the bag's own, or those that are known without them."""
+    """Stores of types to try, in this order: the bag's own types, or the default ones."""
     from rosbags.interfaces import MessageDefinitionFormat
     from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 
@@ -177,10 +179,10 @@ def _words(error: BaseException) -> str:
 
 
 def check_unfolding(path: Path | str) -> None:
-    """Refuse a bag with chunks that unfold to very much more than they are.
+    """Refuse a bag with chunks that unfold to many times their size.
 
     Args:
-        path: An MCAP file, a bag of ROS 1, or a folder with MCAP files; of others nothing is read.
+        path: An MCAP file, a bag of ROS 1, or a folder with MCAP files; other files are not read.
 
     Raises:
         InvalidFile: A chunk, or all of them together, would take too much memory or time.
@@ -208,10 +210,10 @@ def _check(path: Path | str, file: Path, chunks: Callable[[BinaryIO], Iterator[C
 
 
 def unfolded(compression: str, content: bytes) -> int:
-    """To how many bytes a chunk unfolds; of more than :data:`MOST_CHUNK` the rest is not counted.
+    """Unfolded size of a chunk [bytes]; counting ends soon after :data:`MOST_CHUNK`.
 
-    What is cut short, or compressed in an unknown way, counts as far as it goes; rosbags refuses
-    it.
+    A chunk that is cut short counts as far as it goes, one of unknown compression as it is; rosbags
+    refuses both.
     """
     begin = _unfolders().get(compression)
     if begin is None or len(content) > MOST_CHUNK:
@@ -273,7 +275,7 @@ def _ros1_chunks(stream: BinaryIO) -> Iterator[Chunk]:
 
 
 def _sized(stream: BinaryIO, form: str, most: int) -> bytes:
-    """What stands after its own length, ``most`` bytes of it at most."""
+    """The bytes after their own length, ``most`` of them at most."""
     head = stream.read(struct.calcsize(form))
     (length,) = struct.unpack(form, head)
     return stream.read(min(length, most))

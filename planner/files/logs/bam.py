@@ -53,8 +53,8 @@ def read_bam(path: Path | str, options: LogOptions) -> tuple[Log, ...]:
     angles = _numbers(source, entries, ACTUAL)
     requests = _numbers(source, entries, REQUESTED)
     if torque_on is not None:  # a servo that is switched off may have no goal
-        unasked = np.isnan(requests) & ~torque_on
-        requests[unasked] = angles[unasked]
+        no_goal = np.isnan(requests) & ~torque_on
+        requests[no_goal] = angles[no_goal]
     moment = _moment(path, content)
     load = None if moment is None else -moment * np.sin(angles)
     radians = scale(UNIT, None)
@@ -105,10 +105,10 @@ def _moment(path: Path | str, content: Mapping[str, Any]) -> float | None:
 def _entries(path: Path | str, content: Any) -> Sequence[Mapping[str, Any]]:
     entries = content.get("entries") if isinstance(content, dict) else None
     if not isinstance(entries, list):
-        found = ", ".join(map(repr, list(content)[:8])) if isinstance(content, dict) else ""
+        keys = ", ".join(map(repr, list(content)[:8])) if isinstance(content, dict) else ""
         raise InvalidFile(
             path,
-            f"got {'the keys ' + found if found else 'no entries'}, expected BAM's object with a "
+            f"got {'the keys ' + keys if keys else 'no entries'}, expected BAM's object with a "
             "list 'entries'; give another format as CSV",
         )
     source = Source(path=path, row="entry")

@@ -1,4 +1,4 @@
-"""What the columns of a table mean, guessed from their names."""
+"""Meaning of a table's columns, guessed from their names."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ ACTUAL = frozenset(
 """Words for an actual angle."""
 
 PLAIN = frozenset(("position", "pos", "angle"))
-"""Words that only say that a column holds angles; without another word, actual ones."""
+"""Words for an angle; without a word for its role, it is an actual one."""
 
 OTHER = frozenset(
     (
@@ -34,7 +34,7 @@ OTHER = frozenset(
         *("limit", "min", "max"),
     )
 )
-"""Words for what is no angle."""
+"""Words for quantities that are no angles."""
 
 TORQUES = frozenset(("torque_on", "torque_enable", "torque_enabled"))
 """Names for whether the torque is on."""
@@ -45,7 +45,7 @@ _SEPARATORS = "_.-/: "
 
 
 class Meaning(NamedTuple):
-    """What a column holds.
+    """Meaning of a column.
 
     Attributes:
         column: Its name.
@@ -73,7 +73,7 @@ class Pair(NamedTuple):
 
 
 def meaning(column: str) -> Meaning | None:
-    """What an angle's column means by its name; None where the name says nothing."""
+    """Meaning of an angle's column by its name; None where the name is unclear."""
     stem = _SET_POINT.sub("setpoint", split_name(column, ANGLE_NAMES)[0])
     spans = [word.span() for word in _WORD.finditer(stem)]
     words = [stem[start:end].lower() for start, end in spans]
@@ -84,7 +84,7 @@ def meaning(column: str) -> Meaning | None:
     lead = _run(words)
     trail = _run(words[::-1]) if lead < len(words) else 0
     edge = {*words[:lead], *words[len(words) - trail :]}
-    roles = [role for role, known in _ROLES if edge & known]
+    roles = [role for role, synonyms in _ROLES if edge & synonyms]
     if len(roles) == 2 and roles[1] == "position":
         roles.pop()
     if len(roles) != 1:
@@ -97,14 +97,14 @@ def meaning(column: str) -> Meaning | None:
 def pairs(columns: Sequence[str]) -> tuple[Pair, ...]:
     """The columns by joint, in the order in which the joints appear."""
     by_joint: dict[str, list[Meaning]] = {}
-    for found in filter(None, map(meaning, columns)):
-        by_joint.setdefault(found.joint, []).append(found)
-    named: dict[str, list[str]] = {}  # those that only name a joint, such as elbow_deg
+    for each in filter(None, map(meaning, columns)):
+        by_joint.setdefault(each.joint, []).append(each)
+    by_stem: dict[str, list[str]] = {}  # for columns that only name a joint, such as elbow_deg
     for column in columns:
-        named.setdefault(split_name(column, ANGLE_NAMES)[0].lower(), []).append(column)
+        by_stem.setdefault(split_name(column, ANGLE_NAMES)[0].lower(), []).append(column)
     return tuple(
-        _pair(joint, found, tuple(named.get(joint.lower(), ())) if joint else ())
-        for joint, found in by_joint.items()
+        _pair(joint, meanings, tuple(by_stem.get(joint.lower(), ())) if joint else ())
+        for joint, meanings in by_joint.items()
     )
 
 
@@ -115,14 +115,14 @@ def torque_columns(columns: Sequence[str]) -> tuple[str, ...]:
 
 def _run(words: Sequence[str]) -> int:
     """How many of the first words name a role."""
-    known = REQUESTED | ACTUAL | PLAIN
-    return next((k for k, word in enumerate(words) if word not in known), len(words))
+    role_words = REQUESTED | ACTUAL | PLAIN
+    return next((k for k, word in enumerate(words) if word not in role_words), len(words))
 
 
-def _pair(joint: str, found: Sequence[Meaning], named: tuple[str, ...]) -> Pair:
+def _pair(joint: str, meanings: Sequence[Meaning], plain: tuple[str, ...]) -> Pair:
     """The columns of a joint; one that only names it holds actual angles if no other does."""
-    by_role = {role: tuple(m.column for m in found if m.role == role) for role, _ in _ROLES}
-    return Pair(joint, by_role["requested"], by_role["actual"] or by_role["position"] or named)
+    by_role = {role: tuple(m.column for m in meanings if m.role == role) for role, _ in _ROLES}
+    return Pair(joint, by_role["requested"], by_role["actual"] or by_role["position"] or plain)
 
 
 _ROLES = (("requested", REQUESTED), ("actual", ACTUAL), ("position", PLAIN))

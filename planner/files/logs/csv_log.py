@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from planner.identification.log import Log
 
 SWITCH = {"0": False, "1": True, "0.0": False, "1.0": True, "false": False, "true": True}
-"""What a column of the torque may hold."""
+"""Values of a torque column."""
 
 
 def read_csv_log(path: Path | str, options: LogOptions) -> tuple[Log, ...]:
@@ -35,7 +35,7 @@ def read_csv_log(path: Path | str, options: LogOptions) -> tuple[Log, ...]:
     times, clock = _read_clock(table, options)
     torque, switch = _read_torque(table, options)
     logs = []
-    chosen = _chosen(table, options)
+    chosen = _choose_pairs(table, options)
     for pair in chosen:
         requested, actual = pair.requested[0], pair.actual[0]
         numbers = table.numbers([requested, actual], missing=True)
@@ -73,48 +73,48 @@ def csv_joints(path: Path | str, options: LogOptions) -> tuple[str, ...]:  # noq
     return tuple(pair.joint for pair in _complete(pairs(read_table(path).names)))
 
 
-def _complete(found: tuple[Pair, ...]) -> tuple[Pair, ...]:
-    return tuple(pair for pair in found if pair.requested and pair.actual)
+def _complete(candidates: tuple[Pair, ...]) -> tuple[Pair, ...]:
+    return tuple(pair for pair in candidates if pair.requested and pair.actual)
 
 
-def _chosen(table: Table, options: LogOptions) -> tuple[Pair, ...]:
+def _choose_pairs(table: Table, options: LogOptions) -> tuple[Pair, ...]:
     """One column of requested and one of actual angles for each joint to read."""
-    found = pairs(table.names)
+    candidates = pairs(table.names)
     if options.requested is not None or options.actual is not None:
-        return (_named(table, found, options),)
-    complete = _complete(found)
+        return (_named_pair(table, candidates, options),)
+    complete = _complete(candidates)
     if not complete:
-        raise _no_pair(table, found)
+        raise _no_pair(table, candidates)
     chosen = choose_joints(table.path, [pair.joint for pair in complete], options.joint)
     return tuple(_single(table, complete[k]) for k in chosen)
 
 
-def _named(table: Table, found: tuple[Pair, ...], options: LogOptions) -> Pair:
+def _named_pair(table: Table, candidates: tuple[Pair, ...], options: LogOptions) -> Pair:
     """The columns that the options name; if they name only one, the other is guessed."""
-    given = {"requested": options.requested, "actual": options.actual}
-    named = [column for column in given.values() if column is not None]
-    for column in named:
+    by_role = {"requested": options.requested, "actual": options.actual}
+    names = [column for column in by_role.values() if column is not None]
+    for column in names:
         table.place(column)
-    parsed = meaning(named[0])
+    first = meaning(names[0])
     chosen = None if options.joint == ALL_JOINTS else options.joint
-    joint = chosen or (parsed.joint if parsed is not None else "")
+    joint = chosen or (first.joint if first is not None else "")
     columns = {
-        role: (column,) if column is not None else _guessed(table, found, role, joint)
-        for role, column in given.items()
+        role: (column,) if column is not None else _guess(table, candidates, role, joint)
+        for role, column in by_role.items()
     }
     if columns["requested"] == columns["actual"]:
         raise InvalidFile(
             table.path,
-            f"column '{named[0]}' cannot be both the requested and the actual angle; name the "
+            f"column '{names[0]}' cannot be both the requested and the actual angle; name the "
             "other one too",
             line=1,
         )
     return _single(table, Pair(joint, **columns))
 
 
-def _guessed(table: Table, found: tuple[Pair, ...], role: str, joint: str) -> tuple[str, ...]:
+def _guess(table: Table, candidates: tuple[Pair, ...], role: str, joint: str) -> tuple[str, ...]:
     """The columns of a role, of this joint or of the only one that has any."""
-    guesses = {pair.joint: getattr(pair, role) for pair in found if getattr(pair, role)}
+    guesses = {pair.joint: getattr(pair, role) for pair in candidates if getattr(pair, role)}
     if joint not in guesses and len(guesses) != 1:
         raise InvalidFile(
             table.path,
@@ -138,8 +138,8 @@ def _single(table: Table, pair: Pair) -> Pair:
     return pair
 
 
-def _no_pair(table: Table, found: tuple[Pair, ...]) -> InvalidFile:
-    half = next((pair for pair in found if pair.requested or pair.actual), None)
+def _no_pair(table: Table, candidates: tuple[Pair, ...]) -> InvalidFile:
+    half = next((pair for pair in candidates if pair.requested or pair.actual), None)
     every = f"columns: {', '.join(table.names)}"
     if half is None:
         return InvalidFile(
@@ -158,16 +158,16 @@ def _no_pair(table: Table, found: tuple[Pair, ...]) -> InvalidFile:
     )
 
 
-def _scale(table: Table, column: str, given: str | None, options: LogOptions) -> Scale:
-    _, said = split_name(column, ANGLE_NAMES)
-    if said is not None and given is not None and said != given:
+def _scale(table: Table, column: str, user_unit: str | None, options: LogOptions) -> Scale:
+    _, column_unit = split_name(column, ANGLE_NAMES)
+    if column_unit is not None and user_unit is not None and column_unit != user_unit:
         raise InvalidFile(
             table.path,
-            f"column '{column}' says {said}, but --unit says {given}; rename the column or leave "
-            "the option out",
+            f"column '{column}' says {column_unit}, but --unit says {user_unit}; rename the column "
+            "or leave the option out",
             line=1,
         )
-    unit = said or given
+    unit = column_unit or user_unit
     if unit is None:
         raise InvalidFile(
             table.path,
@@ -182,11 +182,11 @@ def _scale(table: Table, column: str, given: str | None, options: LogOptions) ->
 
 
 def _check_radians(table: Table, column: str, requests: Array) -> None:
-    """Refuse requests in radians that are those of degrees; a sensor may have glitches."""
-    known = np.flatnonzero(np.isfinite(requests))
-    if not len(known) or not not_radians(requests[known]):
+    """Refuse requests in radians that look like degrees; angles may, as sensors have glitches."""
+    finite = np.flatnonzero(np.isfinite(requests))
+    if not len(finite) or not not_radians(requests[finite]):
         return
-    k = int(known[np.argmax(np.abs(requests[known]))])
+    k = int(finite[np.argmax(np.abs(requests[finite]))])
     raise InvalidFile(
         table.path,
         f"column '{column}': {turns_words(requests[k])}; if these are degrees, name the columns so "
@@ -205,17 +205,17 @@ def _columns_note(pair: Pair, *, several: bool) -> str:
     return f"requested from '{requested}', actual from '{actual}'"
 
 
-def _unit_note(columns: Columns, given: str | None) -> str:
+def _unit_note(columns: Columns, user_unit: str | None) -> str:
     requested, actual = columns.request_scale.name, columns.angle_scale.name
     both = actual if requested == actual else f"{requested} and {actual}"
-    return f"angles in {both}, as {'the columns' if given is None else '--unit'} said"
+    return f"angles in {both}, as {'the columns' if user_unit is None else '--unit'} said"
 
 
 def _read_clock(table: Table, options: LogOptions) -> tuple[Array, str]:
     """Times [s], shape (n,), and where they come from, in words.
 
     Raises:
-        InvalidFile: No column is clearly the time, its unit is not said, or a cell is no number.
+        InvalidFile: No column is clearly the time, its unit is unknown, or a cell is not a number.
     """
     units = ", ".join(SECONDS)
     name, unit = options.time, None
@@ -244,29 +244,29 @@ def _read_torque(table: Table, options: LogOptions) -> tuple[str, Switch | None]
     """Where the torque's switch comes from, in words, and the switch, shape (n,), if there is one.
 
     Raises:
-        InvalidFile: Several columns may be the switch, or a cell is none.
+        InvalidFile: Several columns may be the switch, or a cell is not one.
     """
     if options.torque is not None:
         table.place(options.torque)
-    found = (options.torque,) if options.torque is not None else torque_columns(table.names)
-    if not found:
+    columns = (options.torque,) if options.torque is not None else torque_columns(table.names)
+    if not columns:
         return "", None
-    if len(found) > 1:
+    if len(columns) > 1:
         raise InvalidFile(
             table.path,
-            f"{len(found)} columns may say whether the torque is on ({', '.join(found)}); name one "
-            "with --torque",
+            f"{len(columns)} columns may say whether the torque is on ({', '.join(columns)}); name "
+            "one with --torque",
             line=1,
         )
-    place = table.names.index(found[0])
+    place = table.names.index(columns[0])
     switch = np.empty(len(table.rows), dtype=bool)
     for k, (row, line) in enumerate(zip(table.rows, table.lines, strict=True)):
         cell = row[place].strip().lower()
         if cell not in SWITCH:
             raise InvalidFile(
                 table.path,
-                f"column '{found[0]}': got '{cell[:20]!s}', expected 0, 1, true or false",
+                f"column '{columns[0]}': got '{cell[:20]!s}', expected 0, 1, true or false",
                 line=line,
             )
         switch[k] = SWITCH[cell]
-    return f", torque from '{found[0]}'", switch
+    return f", torque from '{columns[0]}'", switch

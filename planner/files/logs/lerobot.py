@@ -33,13 +33,13 @@ ACTION, STATE = "action", "observation.state"
 """Features that hold the requested and the actual angles."""
 
 INFO = Path("meta", "info.json")
-"""Where a dataset describes itself."""
+"""The description of a dataset."""
 
 VERSIONS = ("v2.0", "v2.1", "v3.0")
-"""Versions whose layout is known."""
+"""Supported versions of the layout."""
 
 PREFIX, SUFFIX = "main_", ".pos"
-"""What LeRobot puts around the names of joints."""
+"""Prefix and suffix of LeRobot's names of joints."""
 
 _EPISODE = re.compile(r"episode_(\d+)\.parquet", re.ASCII)
 
@@ -54,13 +54,13 @@ def read_lerobot(path: Path | str, options: LogOptions) -> tuple[Log, ...]:
     """Read the chosen joints of the chosen episodes of a dataset, or of one of its files.
 
     Raises:
-        InvalidFile: It is none, or holds no such joint or episode; the message says why.
+        InvalidFile: Not a dataset, or without such a joint or episode; the message says why.
         MissingExtra: pyarrow is not installed.
     """
     dataset = find_dataset(Path(path))
     episodes = options.episode_numbers()
     logs: list[Log] = []
-    found: set[int] = set()
+    all_episodes: set[int] = set()
     for file in _files(dataset, Path(path), episodes):
         columns = read_columns(file, [TIME, EPISODE, ACTION, STATE])
         times, numbers = (_one_a_row(file, name, columns[name]) for name in (TIME, EPISODE))
@@ -68,9 +68,9 @@ def read_lerobot(path: Path | str, options: LogOptions) -> tuple[Log, ...]:
         chosen = choose_joints(path, tuple(joints), options.joint)
         names = [tuple(joints)[k] for k in chosen]
         scales = {name: _scale(path, name, options) for name in names}
-        held = _known_episodes(file, numbers)
-        found.update(held)
-        for episode in held:
+        file_episodes = _episodes_in(file, numbers)
+        all_episodes.update(file_episodes)
+        for episode in file_episodes:
             if episodes is not None and episode not in episodes:
                 continue
             rows = np.flatnonzero(numbers == episode)
@@ -85,7 +85,7 @@ def read_lerobot(path: Path | str, options: LogOptions) -> tuple[Log, ...]:
                     angle_scale=scales[name],
                 )
                 logs.append(make_log(source, values, joint=name, notes=_notes(values)))
-    _check_there(dataset, Path(path), episodes, found)
+    _check_there(dataset, Path(path), episodes, all_episodes)
     if not logs:
         raise InvalidFile(path, "no row of any episode; is the file cut short?")
     return tuple(logs)
@@ -96,7 +96,7 @@ class EpisodeFile(NamedTuple):
 
     Attributes:
         file: The Parquet file.
-        episode: The episode; None where the file cannot be read, and does not say it by its name.
+        episode: The episode; None where the file is unreadable and its name has no number.
     """
 
     file: Path
@@ -106,36 +106,36 @@ class EpisodeFile(NamedTuple):
 def lerobot_episodes(path: Path | str, options: LogOptions) -> tuple[EpisodeFile, ...]:
     """The chosen episodes of a dataset, or of one of its files, in order.
 
-    A file that cannot be read is among them, so that its error comes where its rows are asked for.
+    An unreadable file is among them, so that its error is raised when its rows are read.
 
     Raises:
         InvalidFile: It is no dataset, or does not hold a chosen episode.
         MissingExtra: pyarrow is not installed.
     """
     dataset, chosen = find_dataset(Path(path)), options.episode_numbers()
-    found: list[EpisodeFile] = []
+    places: list[EpisodeFile] = []
     for file in _files(dataset, Path(path), chosen):
         try:
             numbers = _one_a_row(file, EPISODE, read_columns(file, [EPISODE])[EPISODE])
-            found += [EpisodeFile(file, number) for number in _known_episodes(file, numbers)]
+            places += [EpisodeFile(file, number) for number in _episodes_in(file, numbers)]
         except InvalidFile:
             match = _EPISODE.fullmatch(file.name)
-            found.append(EpisodeFile(file, int(match[1]) if match else None))
-    known = {each.episode for each in found if each.episode is not None}
-    if None not in {each.episode for each in found}:  # a file that cannot be read may hold any
-        _check_there(dataset, Path(path), chosen, known)
-    kept = [each for each in found if chosen is None or each.episode in {None, *chosen}]
-    return tuple(sorted(kept, key=lambda each: (each.episode is None, each.episode or 0)))
+            places.append(EpisodeFile(file, int(match[1]) if match else None))
+    all_episodes = {each.episode for each in places if each.episode is not None}
+    if None not in {each.episode for each in places}:  # an unreadable file may hold any
+        _check_there(dataset, Path(path), chosen, all_episodes)
+    selection = [each for each in places if chosen is None or each.episode in {None, *chosen}]
+    return tuple(sorted(selection, key=lambda each: (each.episode is None, each.episode or 0)))
 
 
 class EpisodeRows(NamedTuple):
-    """What an episode holds, in the numbers and under the names of its dataset.
+    """The rows of an episode, in the units and under the names of its dataset.
 
     Attributes:
         times: Times of the rows [s], shape (n,).
         action: Its actions, shape (n, k).
         state: Its observations, shape (n, m).
-        task: What it shows, in words; "" where the dataset does not say.
+        task: Its task, in words; "" where the dataset does not say.
     """
 
     times: Array
@@ -168,7 +168,7 @@ def _task(file: Path, rows: Rows) -> str:
 
 
 def _task_entries(file: Path) -> list[Any]:
-    """What describes each task: lines of JSON up to v2.1, rows of Parquet from v3.0 on.
+    """The description of each task: lines of JSON up to v2.1, rows of Parquet from v3.0 on.
 
     Raises:
         InvalidFile: It cannot be read.
@@ -204,12 +204,12 @@ def _files(dataset: Dataset, path: Path, episodes: frozenset[int] | None) -> tup
 
 
 def _check_there(
-    dataset: Dataset, path: Path, chosen: frozenset[int] | None, known: Iterable[int]
+    dataset: Dataset, path: Path, chosen: frozenset[int] | None, all_episodes: Iterable[int]
 ) -> None:
-    """Raise InvalidFile where a chosen episode is not among those that are known."""
-    if missing := (chosen or frozenset()).difference(known):
-        named = dataset.episodes_named() if path.is_dir() else ()
-        episodes = _ranges({*known, *named})
+    """Raise InvalidFile where a chosen episode is not among ``all_episodes``."""
+    if missing := (chosen or frozenset()).difference(all_episodes):
+        by_name = dataset.episodes_named() if path.is_dir() else ()
+        episodes = _ranges({*all_episodes, *by_name})
         raise InvalidFile(path, f"no episode {min(missing)}; episodes: {episodes}")
 
 
@@ -262,10 +262,10 @@ def _one_a_row(file: Path, name: str, values: Array) -> Array:
     return values.ravel()
 
 
-def _known_episodes(file: Path, numbers: Array) -> list[int]:
+def _episodes_in(file: Path, numbers: Array) -> list[int]:
     """The episodes whose numbers a file holds, in order."""
-    known = (numbers == np.floor(numbers)) & (numbers >= 0) & (numbers < MOST_EPISODES)
-    if not known.all():
+    valid = (numbers == np.floor(numbers)) & (numbers >= 0) & (numbers < MOST_EPISODES)
+    if not valid.all():
         raise InvalidFile(file, f"'{EPISODE}': expected whole numbers from 0")
     return [int(number) for number in np.unique(numbers)]
 
@@ -298,8 +298,8 @@ class Dataset:
         names: Names of the columns of ``action`` and of ``observation.state``; None where a
             feature does not name its joints.
         written: The same names as the dataset writes them.
-        others: The features beside these, and beside the columns that count rows.
-        rate: Rows per second, as the dataset says it; None where it does not.
+        others: Other features, without the columns that count rows.
+        rate: Rows per second; None where the dataset does not say.
         robot_type: The robot, as LeRobot calls it.
     """
 
@@ -311,7 +311,7 @@ class Dataset:
     robot_type: str | None = None
 
     def files(self, episodes: frozenset[int] | None) -> tuple[Path, ...]:
-        """Its Parquet files, but for those whose name says that none of the episodes is in them.
+        """Its Parquet files, except files whose names exclude all of the episodes.
 
         Raises:
             InvalidFile: There is none.
@@ -323,14 +323,14 @@ class Dataset:
 
     @property
     def task_file(self) -> Path | None:
-        """What holds the texts of its tasks; None where there is no such file."""
+        """The file with the texts of its tasks; None where there is none."""
         names = ("tasks.jsonl", "tasks.parquet")
         return next((f for name in names if (f := self.root / "meta" / name).is_file()), None)
 
     def tasks(self) -> dict[int, str]:
-        """The texts of its tasks by number; none of a file that cannot be read.
+        """The texts of its tasks by number; empty where their file is unreadable.
 
-        An episode is worth more than the text of its task, and is read without it.
+        An episode can be used without the text of its task.
         """
         try:
             entries = _task_entries(self.task_file) if self.task_file else []
@@ -355,10 +355,10 @@ def is_dataset(path: Path) -> bool:
 
 
 def find_dataset(path: Path) -> Dataset:
-    """The dataset that a folder is, or that a Parquet file is a part of.
+    """The dataset in a folder, or the one that a Parquet file belongs to.
 
     Raises:
-        InvalidFile: No description beside the file, or one that cannot be understood.
+        InvalidFile: No description beside the file, or an invalid one.
     """
     if not path.exists():
         raise InvalidFile(path, "no such file; check the name and the folder")
@@ -384,8 +384,8 @@ def find_dataset(path: Path) -> Dataset:
     for key in (ACTION, STATE):
         feature = features.get(key) if isinstance(features, dict) else None
         if not isinstance(feature, dict):
-            known = ", ".join(features) if isinstance(features, dict) else "none"
-            raise InvalidFile(root / INFO, f"no feature '{key}'; features: {known}")
+            keys = ", ".join(features) if isinstance(features, dict) else "none"
+            raise InvalidFile(root / INFO, f"no feature '{key}'; features: {keys}")
         flat = tuple(_flat(feature.get("names")))
         shape = feature.get("shape", [len(flat)])
         # some datasets name the axis ("motors") and not the joints on it
@@ -404,7 +404,7 @@ def find_dataset(path: Path) -> Dataset:
 
 
 def plain_names(names: tuple[str, ...]) -> list[str]:
-    """Names of joints without what LeRobot puts around them, where they stay apart."""
+    """Names of joints without LeRobot's prefix and suffix, where they stay distinct."""
     plain = [name.removesuffix(SUFFIX).removeprefix(PREFIX) for name in names]
     return plain if len(set(plain)) == len(plain) and all(plain) else list(names)
 

@@ -21,17 +21,17 @@ Switch = npt.NDArray[np.bool_]
 """Whether the torque was on, shape (n,)."""
 
 SLOW_TIME, SLOW_SHARE = 1.0, 0.4
-"""Requests whose way in so long [s] is no more than so much of their range are slow: a joint is
-behind them by its delay and friction only, to two sides."""
+"""Requests are slow if they travel at most this share of their range in this time [s]: the joint
+then lags by its delay and friction only, to both sides."""
 
 SLOW_RANGE = 0.5
-"""Share of the range of all requests that slow ones have to reach for a scale to be fitted."""
+"""Share of the range of all requests that slow ones must span for a scale to be fitted."""
 
 STRAIGHT = 0.1
 """Share of their spread by which slow rows may miss a straight line, rms."""
 
 MOST_SHARE = 2.0
-"""A share of the range beyond this either way is none."""
+"""Largest magnitude of a share of the range."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,11 +40,11 @@ class Source:
 
     Attributes:
         path: The file.
-        part: What of it, such as "episode 3"; "" for all.
+        part: Part of it, such as "episode 3"; "" for all.
         line: Line of the file on which a row stands, counted from 1; None where it has no lines.
-        row: What a row is called.
+        row: Name of a row.
         episode: Number of the episode; None for a file of one recording.
-        kept: Which rows of the source were kept, counted from 0; None for all.
+        kept: Rows of the source that remain, counted from 0; None for all.
     """
 
     path: Path | str
@@ -52,7 +52,7 @@ class Source:
     line: Callable[[int], int] | None = None
     row: str = "row"
     episode: int | None = None
-    kept: npt.NDArray[np.int_] | None = None
+    source_rows: npt.NDArray[np.int_] | None = None
 
     @property
     def name(self) -> str:
@@ -61,7 +61,7 @@ class Source:
 
     def fault(self, problem: str, k: int) -> InvalidFile:
         """The error that row ``k``, counted from 0, has a problem."""
-        k = k if self.kept is None else int(self.kept[k])
+        k = k if self.source_rows is None else int(self.source_rows[k])
         if self.line is not None:
             return InvalidFile(self.path, problem, line=self.line(k))
         place = f"{self.part}, {self.row} {k + 1}" if self.part else f"{self.row} {k + 1}"
@@ -70,14 +70,14 @@ class Source:
 
 @dataclass(frozen=True, kw_only=True)
 class Columns:
-    """What a log holds, as it was written.
+    """Contents of a log, as written.
 
     Attributes:
         times: Times of the rows [s], shape (n,).
         requests: Requested angles, shape (n,), in the unit of ``request_scale``.
         angles: Actual angles, shape (n,), in the unit of ``angle_scale``.
-        request_scale: What a request's number means.
-        angle_scale: What an angle's number means.
+        request_scale: Scale of the requests.
+        angle_scale: Scale of the angles.
         torque_on: Whether the torque was on, shape (n,); None where the log does not say.
         load: Torque on the joint in the direction of positive angles [N m], shape (n,); None where
             the log does not say.
@@ -105,10 +105,10 @@ def make_log(source: Source, columns: Columns, *, joint: str, notes: tuple[str, 
         InvalidFile: A value cannot be true, times do not increase, or there are too few rows; the
             message says where.
     """
-    columns, source, left_out = _with_requests(source, columns)
-    columns, source, doubles = _without_doubles(source, columns)
-    columns, measured, unread = _filled(source, columns)
-    columns, fitted = _with_fitted_scale(source, columns, measured)
+    columns, source, gap_notes = _with_requests(source, columns)
+    columns, source, double_notes = _without_doubles(source, columns)
+    columns, measured, fill_notes = _filled(source, columns)
+    columns, fit_notes = _with_fitted_scale(source, columns, measured)
     if columns.request_scale.unit != columns.angle_scale.unit:
         raise InvalidFile(
             source.name,
@@ -135,7 +135,7 @@ def make_log(source: Source, columns: Columns, *, joint: str, notes: tuple[str, 
             unit=columns.angle_scale.unit,
             load=columns.load,
             measured=measured,
-            notes=(*notes, *left_out, *doubles, *unread, *fitted, *_doubts(columns)),
+            notes=(*notes, *gap_notes, *double_notes, *fill_notes, *fit_notes, *_doubts(columns)),
             written=Written(
                 str(source.path), source.episode, columns.requested, *columns.request_scale[:3]
             ),
@@ -145,7 +145,7 @@ def make_log(source: Source, columns: Columns, *, joint: str, notes: tuple[str, 
 
 
 def _with_requests(source: Source, columns: Columns) -> tuple[Columns, Source, tuple[str, ...]]:
-    """The rows in which neither time nor request is missing (NaN), and a note on the others."""
+    """The rows in which neither time nor request is missing (NaN), and a note on the rest."""
     lost = np.isnan(columns.times) | np.isnan(columns.requests)
     count, whole = len(lost), int(np.sum(~(lost | _unread(columns))))
     if whole < count and whole < FEWEST_ROWS:
@@ -157,11 +157,11 @@ def _with_requests(source: Source, columns: Columns) -> tuple[Columns, Source, t
     if not lost.any():
         return columns, source, ()
     note = f"{_rows(source, lost)}: left out, as the time or the request is missing"
-    return *_kept(source, columns, ~lost), (note,)
+    return *_select(source, columns, ~lost), (note,)
 
 
 def _without_doubles(source: Source, columns: Columns) -> tuple[Columns, Source, tuple[str, ...]]:
-    """The rows that do not repeat the row before, and a note on the others."""
+    """The rows that do not repeat the row before, and a note on the rest."""
     double = np.ones(len(columns.times), dtype=bool)
     for array in _arrays(columns).values():
         double[1:] &= (array[1:] == array[:-1]) | (np.isnan(array[1:]) & np.isnan(array[:-1]))
@@ -169,20 +169,20 @@ def _without_doubles(source: Source, columns: Columns) -> tuple[Columns, Source,
     if not double.any():
         return columns, source, ()
     note = f"{_rows(source, double)}: left out, the same as the row before"
-    return *_kept(source, columns, ~double), (note,)
+    return *_select(source, columns, ~double), (note,)
 
 
 def _arrays(columns: Columns) -> dict[str, Any]:
-    """What there is one of per row."""
+    """Arrays with a value per row, by name."""
     names = ("times", "requests", "angles", "load", "torque_on")
     return {name: array for name in names if (array := getattr(columns, name)) is not None}
 
 
-def _kept(source: Source, columns: Columns, rows: Switch) -> tuple[Columns, Source]:
-    """Some of the rows, and where they come from."""
-    before = np.arange(len(rows)) if source.kept is None else source.kept
-    kept = {name: array[rows] for name, array in _arrays(columns).items()}
-    return replace(columns, **kept), replace(source, kept=before[rows])
+def _select(source: Source, columns: Columns, rows: Switch) -> tuple[Columns, Source]:
+    """The selected rows, and their source."""
+    before = np.arange(len(rows)) if source.source_rows is None else source.source_rows
+    arrays = {name: array[rows] for name, array in _arrays(columns).items()}
+    return replace(columns, **arrays), replace(source, source_rows=before[rows])
 
 
 def _with_fitted_scale(
@@ -191,7 +191,7 @@ def _with_fitted_scale(
     """The columns with the scale of counts, by a straight line through slow rows, and a note on it.
 
     Raises:
-        InvalidFile: The requests are in counts, too few rows are slow, or they are on no line.
+        InvalidFile: The requests are in counts, too few rows are slow, or a line does not fit.
     """
     if columns.request_scale.name == COUNTS:
         raise InvalidFile(
@@ -205,18 +205,18 @@ def _with_fitted_scale(
     slow = measured & _slow(columns.times, requests)
     if columns.torque_on is not None:
         slow &= columns.torque_on
-    known, counts = requests[slow], columns.angles[slow]
+    inputs, counts = requests[slow], columns.angles[slow]
     speeds = np.gradient(requests, columns.times)[slow]
     behind = np.sign(speeds)  # which way friction holds the joint back
-    if not (_share(known, requests) >= SLOW_RANGE and {-1.0, 1.0} <= set(behind.tolist())):
+    if not (_share(inputs, requests) >= SLOW_RANGE and {-1.0, 1.0} <= set(behind.tolist())):
         raise InvalidFile(
             source.name,
-            f"the scale of actual angles in counts cannot be found: {len(known)} rows have slow "
-            f"requests, over {_share(known, requests):.0%} of their range; expected requests over "
+            f"the scale of actual angles in counts cannot be found: {len(inputs)} rows have slow "
+            f"requests, over {_share(inputs, requests):.0%} of their range; expected requests over "
             f"{SLOW_RANGE:.0%} of it that move by at most {SLOW_SHARE:.0%} of it in {SLOW_TIME:g} "
             "s, up and down, such as excite's slow triangle; or give the unit of the actual angles",
         )
-    basis = np.column_stack([np.ones_like(known), known, behind, speeds])
+    basis = np.column_stack([np.ones_like(inputs), inputs, behind, speeds])
     line, *_ = np.linalg.lstsq(basis, counts)
     zero, slope, *_ = line.tolist()
     missed = float(np.std(counts - basis @ line)) / max(float(np.std(counts)), 1e-300)
@@ -226,18 +226,18 @@ def _with_fitted_scale(
             f"actual angles in counts are {missed:.0%} of their spread beside a straight line of "
             f"slow requests, expected at most {STRAIGHT:.0%}; is this the sensor of this joint?",
         )
-    fitted = Scale(COUNTS, 1.0 / slope, -zero / slope, "rad")
+    fit = Scale(COUNTS, 1.0 / slope, -zero / slope, "rad")
     note = (
-        f"a count of the actual angle is {np.degrees(fitted.factor):.4g} degrees and {zero:.4g} "
-        f"counts are a request of 0, by {len(known)} rows of slow requests; a constant offset "
+        f"a count of the actual angle is {np.degrees(fit.factor):.4g} degrees and {zero:.4g} "
+        f"counts are a request of 0, by {len(inputs)} rows of slow requests; a constant offset "
         "of the joint cannot be seen"
     )
-    return replace(columns, angle_scale=fitted), (note,)
+    return replace(columns, angle_scale=fit), (note,)
 
 
-def _share(some: Array, every: Array) -> float:
-    """Range of some requests over that of all; 0 for requests that never change."""
-    return float(np.ptp(some) / np.ptp(every)) if len(some) and np.ptp(every) else 0.0
+def _share(part: Array, whole: Array) -> float:
+    """Range of a part of the requests over that of all; 0 for requests that never change."""
+    return float(np.ptp(part) / np.ptp(whole)) if len(part) and np.ptp(whole) else 0.0
 
 
 def _slow(times: Array, requests: Array) -> Switch:
@@ -262,13 +262,13 @@ def _filled(source: Source, columns: Columns) -> tuple[Columns, Switch, tuple[st
     Values between two readings would hide where an encoder starts again.
 
     Returns:
-        The columns, whether each row was measured, and a note on those that were not.
+        The columns, whether each row was measured, and a note on the unmeasured rows.
     """
     missing = _unread(columns)
     if not missing.any():
         return columns, ~missing, ()
-    known = np.flatnonzero(~missing)
-    last = known[np.maximum(np.searchsorted(known, np.arange(len(missing))) - 1, 0)]
+    places = np.flatnonzero(~missing)
+    last = places[np.maximum(np.searchsorted(places, np.arange(len(missing))) - 1, 0)]
     what = "angle" if np.isnan(columns.angles).any() else "load"
     note = f"{_rows(source, missing)}: the {what} is missing, only the request counts"
     angles = np.where(np.isnan(columns.angles), columns.angles[last], columns.angles)
@@ -279,10 +279,10 @@ def _filled(source: Source, columns: Columns) -> tuple[Columns, Switch, tuple[st
 
 
 def _rows(source: Source, rows: Switch) -> str:
-    """How many rows these are, and which is the first, in words."""
+    """Number of these rows, and the first one, in words."""
     first, count = int(np.argmax(rows)), int(np.sum(rows))
-    if source.kept is not None:
-        first = int(source.kept[first])
+    if source.source_rows is not None:
+        first = int(source.source_rows[first])
     place = f"line {source.line(first)}" if source.line else f"{source.row} {first + 1}"
     return place if count == 1 else f"{count} rows, first {place}"
 
@@ -325,7 +325,7 @@ def _checked(source: Source, what: str, numbers: Array, scale: Scale) -> Array:
 
 
 def _doubts(columns: Columns) -> tuple[str, ...]:
-    """What looks like a wrong unit, in words."""
+    """Signs of a wrong unit, in words."""
     doubts = []
     step = float(np.median(np.diff(columns.times)))
     if not FASTEST <= step <= SLOWEST:

@@ -1,4 +1,4 @@
-"""What a user says about logs: which joint, which columns or topics, which units."""
+"""Options for logs: joint, columns or topics, units."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ ROLES = ("requested", "actual")
 """Columns of a joint that may have units of their own."""
 
 MOST_EPISODES = 1_000_000
-"""Episodes that may be asked for; a range beyond it is a slip of the finger."""
+"""Most episodes in a range; a longer one is a typing error."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class LogOptions:
-    """Everything that a log may leave open; None leaves it to the log.
+    """Choices that a log may leave open; None leaves one to the log.
 
     Attributes:
         joint: The joint to read, or "all".
@@ -54,11 +54,11 @@ class LogOptions:
     episodes: str | None = None
 
     def __post_init__(self) -> None:
-        """Check what can be checked without a log.
+        """Check the values that need no log.
 
         Raises:
-            InvalidInput: No text where it belongs, an unknown unit, ticks that are no number, or
-                episodes that are no list.
+            InvalidInput: A value that is no text, an unknown unit, ticks that are no number, or an
+                invalid list of episodes.
         """
         for field in fields(self):
             value = getattr(self, field.name)
@@ -70,7 +70,7 @@ class LogOptions:
         self.episode_numbers()
 
     def unit_of(self, joint: str, role: str = "") -> str | None:
-        """The unit that the user gives for a joint's angles; None where the log has to say.
+        """The unit that the user gives for a joint's angles; None leaves it to the log.
 
         Args:
             joint: Name of the joint.
@@ -80,7 +80,7 @@ class LogOptions:
         return next((units[name] for name in (joint, role, "") if name in units), None)
 
     def joints_with_units(self) -> tuple[str, ...]:
-        """The joints of which the user gives the unit by name."""
+        """The joints whose units the user gives by name."""
         return tuple(joint for joint in _units(self.unit) if joint not in ("", *ROLES))
 
     def scale_of(self, joint: str) -> Scale | None:
@@ -139,7 +139,7 @@ def choose_joints(path: Path | str, joints: Sequence[str], joint: str | None) ->
 
 
 def _units(text: str | None) -> dict[str, str]:
-    """Unit by joint; the key "" holds that of all others."""
+    """Unit by joint; the key "" holds the default."""
     units: dict[str, str] = {}
     for part in text.split(",") if text is not None else ():
         joint, _, word = part.rpartition("=")

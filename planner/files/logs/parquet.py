@@ -45,21 +45,21 @@ def read_columns(path: Path | str, names: Sequence[str]) -> dict[str, Array]:
         ) from error
 
 
-def _check(path: Path | str, known: Sequence[str], names: Sequence[str]) -> None:
+def _check(path: Path | str, columns: Sequence[str], names: Sequence[str]) -> None:
     for name in names:
-        if name not in known:
+        if name not in columns:
             raise InvalidFile(
-                path, f"no column '{name}'{nearest(name, known)}; columns: {', '.join(known)}"
+                path, f"no column '{name}'{nearest(name, columns)}; columns: {', '.join(columns)}"
             )
-        if known.count(name) > 1:
-            raise InvalidFile(path, f"{known.count(name)} columns '{name}', expected one")
+        if columns.count(name) > 1:
+            raise InvalidFile(path, f"{columns.count(name)} columns '{name}', expected one")
 
 
 def _columns(path: Path | str, file: Any, names: Sequence[str]) -> dict[str, Array]:
     """The columns, unfolded some rows at a time: a small file cannot fill all of the memory.
 
-    What the file says of its own size is not asked: pyarrow ends the whole process where a damaged
-    description cannot be understood.
+    The size in the file's own description is not used: pyarrow ends the whole process where a
+    description is damaged.
     """
     pieces: dict[str, list[Array]] = {name: [] for name in names}
     size = 0
@@ -78,7 +78,7 @@ def _columns(path: Path | str, file: Any, names: Sequence[str]) -> dict[str, Arr
 
 
 def _joined(path: Path | str, pieces: Sequence[Array], name: str) -> Array:
-    """Pieces of a column, one after another; those without any list are NaN."""
+    """Pieces of a column, joined; pieces without any list are NaN."""
     widths = {piece.shape[1] for piece in pieces if piece.ndim == 2} - {0}
     if len(widths) > 1:
         raise _uneven(path, name, min(widths), max(widths))

@@ -1,4 +1,4 @@
-"""Logs of any known format, which follows from the path."""
+"""Logs of any supported format, which follows from the path."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ if TYPE_CHECKING:
 
 
 class Format(NamedTuple):
-    """What is known of one format.
+    """A format of logs.
 
     Attributes:
-        name: What it is called.
-        read: The logs of a path.
-        joints: The joints of a path.
-        options: The options that mean something to it, besides joint, unit and ticks_per_turn.
+        name: Its name in messages.
+        read: Reads the logs of a path.
+        joints: Reads the names of the joints of a path.
+        options: Its options, besides joint, unit and ticks_per_turn.
     """
 
     name: str
@@ -44,13 +44,13 @@ BY_SUFFIX = {".parquet": LEROBOT, ".json": BAM, ".mcap": BAG, ".bag": BAG, ".db3
 """Formats by the end of a file's name; any other is CSV."""
 
 OWN = tuple(name for form in (CSV, LEROBOT, BAG) for name in form.options)
-"""Options that mean something to one format only."""
+"""Options of one format only."""
 
 
 def read_logs(
     paths: Path | str | Sequence[Path | str], *, options: LogOptions | None = None
 ) -> tuple[Log, ...]:
-    r"""Read logs of requested against actual angles, of any known format.
+    r"""Read logs of requested and actual angles, in any supported format.
 
     Args:
         paths: CSV files (``-`` is standard input), LeRobot datasets or single Parquet files of one,
@@ -105,14 +105,14 @@ def joints_in(path: Path | str, options: LogOptions | None = None) -> tuple[str,
 
 
 def _check_units(paths: Sequence[Path | str], options: LogOptions, joints: Collection[str]) -> None:
-    """Refuse a unit of a joint that is in none of the files; those that are read are ``joints``."""
-    others = set(options.joints_with_units()) - set(joints)
-    if not others or STANDARD_STREAM in map(str, paths):
+    """Refuse a unit of a joint that is in no file; ``joints`` are the joints of the logs."""
+    unread = set(options.joints_with_units()) - set(joints)
+    if not unread or STANDARD_STREAM in map(str, paths):
         return
     names = [name for path in paths for name in joints_in(path, options)]
-    for other in sorted(others - set(names)):
+    for joint in sorted(unread - set(names)):
         raise InvalidInput(
-            f"--unit: no joint '{other}'{nearest(other, names)}; joints: "
+            f"--unit: no joint '{joint}'{nearest(joint, names)}; joints: "
             + ", ".join(each or "(one without a name)" for each in names)
         )
 
@@ -124,7 +124,7 @@ def _checked(options: LogOptions | None) -> LogOptions:
 
 
 def format_of(path: Path | str, options: LogOptions) -> Format:
-    """The format of a path, for which the options have to be meant."""
+    """The format of a path, to which the options must apply."""
     if not isinstance(path, Path | str) or "\0" in str(path):
         raise InvalidInput(f"log: got {shown(path)}, expected a path")
     try:

@@ -23,9 +23,9 @@ class Recording:
     Attributes:
         path: The file that holds it; of a bag the folder.
         options: How to read it; the episode of a dataset among them.
-        dataset: The dataset that it is of, as it was named; "" where it is of none.
+        dataset: Its dataset, as the user named it; "" where it has none.
         episode: Its number in the dataset; None where it has none.
-        folder: From which the path is named, for a process that works elsewhere.
+        folder: Base of a relative path, for a process that works elsewhere.
     """
 
     path: str
@@ -63,7 +63,7 @@ def recordings_in(paths: Sequence[str], options: LogOptions) -> tuple[Recording,
     """The recordings that files hold, in order; of datasets the chosen episodes.
 
     Args:
-        paths: What :func:`planner.read_logs` reads.
+        paths: Paths as for :func:`planner.read_logs`.
         options: How to read it. All joints are read, whatever joint they name.
 
     Raises:
@@ -73,12 +73,12 @@ def recordings_in(paths: Sequence[str], options: LogOptions) -> tuple[Recording,
     if not paths:
         raise InvalidInput("no recording; give at least one file")
     every = replace(options, joint=ALL_JOINTS)
-    found: list[Recording] = []
+    recordings: list[Recording] = []
     for path in paths:
         if format_of(path, every) is not LEROBOT:
-            found.append(Recording(str(path), every))
+            recordings.append(Recording(str(path), every))
             continue
         for file, episode in lerobot_episodes(path, every):
             own = every if episode is None else replace(every, episodes=str(episode))
-            found.append(Recording(str(file), own, str(path), episode))
-    return tuple(found)
+            recordings.append(Recording(str(file), own, str(path), episode))
+    return tuple(recordings)

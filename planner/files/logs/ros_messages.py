@@ -10,7 +10,7 @@ from planner.exceptions import InvalidFile, nearest
 from planner.files.logs.options import ALL_JOINTS, LogOptions
 
 LATEST = 2**63
-"""Times from here on [ns] are no times."""
+"""Stamps from here on [ns] are invalid."""
 
 CONTROLLER_STATE = "control_msgs/msg/JointTrajectoryControllerState"
 
@@ -43,7 +43,7 @@ LAYOUTS = (
     _layout(*("reference feedback error output desired actual",) * 2),
     _layout(*("reference feedback error output",) * 2),
 )
-"""How a controller's state was laid out up to Galactic, in Humble, and since Iron.
+"""Layouts of a controller's state: up to Galactic, in Humble, and since Iron.
 
 A bag without definitions of its types, as ROS 2 wrote them before Iron, does not say which one it
 holds. Only the right one explains all the bytes of a message.
@@ -82,7 +82,7 @@ def choose_topics(path: Path, kinds: Mapping[str, str], options: LogOptions) -> 
     """The topics that the options name, or the only ones that their types allow.
 
     Raises:
-        InvalidFile: No topic, or several, could be meant; the message lists them.
+        InvalidFile: No topic, or several, are possible; the message lists them.
     """
     requested = options.command_topic
     if requested is not None:
@@ -109,33 +109,33 @@ def _actual(path: Path, kinds: Mapping[str, str], command_topic: str | None) -> 
     controllers = [topic for topic, kind in kinds.items() if kind == CONTROLLER_STATE]
     if command_topic is not None and kinds[command_topic] != CONTROLLER_STATE:
         controllers = [] if set(states) - {command_topic} else controllers
-    found = controllers or [topic for topic in states if topic != command_topic]
-    if len(found) != 1:
-        what = "several topics hold" if found else "no topic holds"
+    topics = controllers or [topic for topic in states if topic != command_topic]
+    if len(topics) != 1:
+        what = "several topics hold" if topics else "no topic holds"
         raise InvalidFile(
             path,
-            f"{what} actual angles; topics: {_listed(kinds, found)}; "
-            + ("choose one with --topic" if found else f"expected {' or '.join(ACTUAL_TYPES)}"),
+            f"{what} actual angles; topics: {_listed(kinds, topics)}; "
+            + ("choose one with --topic" if topics else f"expected {' or '.join(ACTUAL_TYPES)}"),
         )
-    return found[0]
+    return topics[0]
 
 
 def _requested(path: Path, kinds: Mapping[str, str], actual: str, joint: str | None) -> str:
-    found = [topic for topic, kind in kinds.items() if kind in REQUEST_TYPES and topic != actual]
-    if len(found) > 1 and joint not in (None, ALL_JOINTS):
-        found = [topic for topic in found if joint in topic] or found
-    if len(found) != 1:
-        what = "several topics may hold" if found else "no topic holds"
+    topics = [topic for topic, kind in kinds.items() if kind in REQUEST_TYPES and topic != actual]
+    if len(topics) > 1 and joint not in (None, ALL_JOINTS):
+        topics = [topic for topic in topics if joint in topic] or topics
+    if len(topics) != 1:
+        what = "several topics may hold" if topics else "no topic holds"
         raise InvalidFile(
             path,
-            f"{what} the requested angles; topics: {_listed(kinds, found)}; "
+            f"{what} the requested angles; topics: {_listed(kinds, topics)}; "
             + (
                 "choose one with --command-topic"
-                if found
+                if topics
                 else "record the topic of the commands too, or a controller's state"
             ),
         )
-    return found[0]
+    return topics[0]
 
 
 def _check(
@@ -183,11 +183,11 @@ def actual_angles(kind: str, content: Any) -> MessageAngles:
 def _controller(content: Any) -> tuple[MessageAngles, MessageAngles]:
     """Requested and actual angles of a controller's state, by the names that its layout has."""
     pairs = (("reference", "feedback"), ("desired", "actual"))
-    known = [pair for pair in pairs if all(hasattr(content, name) for name in pair)]
-    filled = [pair for pair in known if len(getattr(content, pair[1]).positions)]
+    layouts = [pair for pair in pairs if all(hasattr(content, name) for name in pair)]
+    filled = [pair for pair in layouts if len(getattr(content, pair[1]).positions)]
     requested, actual = (
         _angles_of(content, content.joint_names, getattr(content, name).positions, name)
-        for name in (filled or known)[0]
+        for name in (filled or layouts)[0]
     )
     return requested, actual
 

@@ -1,4 +1,4 @@
-"""Units of logged angles and times: said by a name or by the user, never guessed."""
+"""Units of logged angles and times: from a name or from the user, never guessed."""
 
 from __future__ import annotations
 
@@ -33,20 +33,20 @@ ANGLE_NAMES: Mapping[str, str] = {
     "range_0_100": "percent",
     "range_m100_100": "range_m100_100",
 }
-"""What people call the units of an angle, and the unit that each means."""
+"""Names of the units of an angle, and the unit of each."""
 
 ANGLE_UNITS = tuple(dict.fromkeys(ANGLE_NAMES.values()))
 """The units of an angle."""
 
 PULSE_ZERO, PULSES_PER_TURN = 1500, 4000
-"""Pulse of a hobby servo at angle 0, and what a turn would be [us]: most turn by 180 degrees over
+"""Pulse of a hobby servo at angle 0, and pulses of a full turn [us]: most turn by 180 degrees over
 2000 us."""
 
 COUNTS = "counts"
-"""Unit of a sensor whose scale is not known, such as a potentiometer at a converter."""
+"""Unit of a sensor of unknown scale, such as a potentiometer at a converter."""
 
 SECONDS: Mapping[str, float] = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
-"""Units of time and what one of them is in seconds."""
+"""Units of time, in seconds."""
 
 TIME_NAMES: Mapping[str, str] = {
     **{unit: unit for unit in SECONDS},
@@ -61,7 +61,7 @@ TIME_NAMES: Mapping[str, str] = {
     "nsec": "ns",
     "nanosec": "ns",
 }
-"""What people call the units of time, and the unit that each means."""
+"""Names of the units of time, and the unit of each."""
 
 _BRACKETED = re.compile(r"^(.*\S)\s*[\[(]\s*([^\[\]()\s]+)\s*[\])]$")
 
@@ -71,8 +71,8 @@ class Scale(NamedTuple):
 
     Attributes:
         name: The unit of the logged number.
-        factor: What one of it is, in ``unit``.
-        shift: What its zero is, in ``unit``.
+        factor: Size of the logged unit, in ``unit``.
+        shift: Its zero, in ``unit``.
         unit: "rad", or "1" for a share of the joint's range.
     """
 
@@ -91,7 +91,7 @@ def scale(name: str, ticks_per_turn: float | None) -> Scale:
             microseconds of a turn, by default 4000.
 
     Returns:
-        The scale; of counts, whose scale the log has to tell, not a number.
+        The scale; NaN for counts, whose scale is fitted to the log.
 
     Raises:
         InvalidInput: Ticks without their number in a turn.
@@ -121,9 +121,9 @@ def split_name(name: str, units: Mapping[str, str]) -> tuple[str, str | None]:
 
     ``knee_deg``, ``knee [deg]`` and ``knee (deg)`` all are ``knee`` in ``deg``.
     """
-    bracketed = _BRACKETED.match(name)
-    if bracketed:
-        stem, word = bracketed.groups()
+    match = _BRACKETED.match(name)
+    if match:
+        stem, word = match.groups()
     else:
         stem, _, word = name.rpartition("_")
     unit = units.get(word.lower())
