@@ -1,4 +1,4 @@
-"""What a calibration found, for the terminal and as a page: every way with its measured error."""
+"""Results of a calibration, for terminal and page: every method with its measured error."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from planner.report.page import Card, Page, Section, figures_section, heading
 from planner.report.table import Column, Row, Table, number
 
 
-def candidates_table(found: Mapping[str, Compared]) -> Table:
-    """Every joint and every way, with what was measured on the test motion."""
+def candidates_table(comparisons: Mapping[str, Compared]) -> Table:
+    """Every joint and every method, with its errors measured on the test motion."""
     rows = []
-    for joint, each in found.items():
-        for one in each.candidates:
-            mark = "\nrecommended" if one is each.recommended else ""
-            sizes = (one.error, one.max_error, one.expected, one.largest_step)
-            error, *others = (number(math.degrees(each)) for each in sizes)
-            rows.append(Row(WORDS[one.way], (error + mark, *others), subject=joint))
+    for joint, compared in comparisons.items():
+        for method in compared.candidates:
+            mark = "\nrecommended" if method is compared.recommended else ""
+            sizes = (method.error, method.max_error, method.expected, method.largest_step)
+            error, *rest = (number(math.degrees(each)) for each in sizes)
+            rows.append(Row(WORDS[method.way], (error + mark, *rest), subject=joint))
     columns = tuple(
         Column(title) for title in ("error, rms", "largest", "expected", "largest step")
     )
@@ -29,7 +29,7 @@ def candidates_table(found: Mapping[str, Compared]) -> Table:
 
 
 def recommendation(joint: str, each: Compared) -> str:
-    """What is recommended for a joint, in a line."""
+    """The recommendation for a joint, in a line."""
     best, shift = each.recommended, each.named("shift")
     error, other = math.degrees(best.error), math.degrees(shift.error)
     words = f"{joint}: {WORDS[best.way]}, {number(error)} deg rms"
@@ -41,17 +41,17 @@ def recommendation(joint: str, each: Compared) -> str:
     return f"{words} (best shift: {number(other)}){method}"
 
 
-def calibration_text(found: Mapping[str, Compared], output: str) -> str:
-    """The last screen: the recommendation, every way with its price, and what to do next."""
+def calibration_text(comparisons: Mapping[str, Compared], output: str) -> str:
+    """The last screen: the recommendation, the errors of every method, and the next step."""
     lines = [f"recommended, and written to {output}:"]
-    lines += [f"  {recommendation(joint, each)}" for joint, each in found.items()]
-    step = next_step({joint: each.identification for joint, each in found.items()}, output)
-    return "\n".join([*lines, candidates_table(found).text(), step])
+    lines += [f"  {recommendation(joint, each)}" for joint, each in comparisons.items()]
+    step = next_step({joint: each.identification for joint, each in comparisons.items()}, output)
+    return "\n".join([*lines, candidates_table(comparisons).text(), step])
 
 
-def calibration_page(found: Mapping[str, Compared]) -> str:
-    """The same as a page, with the model of every joint beside what it was identified from."""
-    joints = list(found.items())
+def calibration_page(comparisons: Mapping[str, Compared]) -> str:
+    """The same as a page, with every joint's model beside its measurements."""
+    joints = list(comparisons.items())
     gains = [each.named("shift").error / each.recommended.error for _, each in joints]
     errors = [math.degrees(each.recommended.error) for _, each in joints]
     lines = [recommendation(joint, each) for joint, each in joints]
@@ -59,7 +59,9 @@ def calibration_page(found: Mapping[str, Compared]) -> str:
     for k, (joint, each) in enumerate(joints, 1):
         figure = cloud_figure(each.identification, f"joint{k}_")
         figures.append(replace(figure, title=f"{joint}: {figure.title}"))
-    step = next_step({joint: each.identification for joint, each in found.items()}, "arm.toml")
+    step = next_step(
+        {joint: each.identification for joint, each in comparisons.items()}, "arm.toml"
+    )
     return Page(
         heading=heading(joints[0][0] if len(joints) == 1 else f"{len(joints)} joints")
         + ", calibrated",
@@ -74,7 +76,7 @@ def calibration_page(found: Mapping[str, Compared]) -> str:
                 "<ul>{% for line in lines %}<li>{{ line }}</li>{% endfor %}</ul><p>{{ step }}</p>",
                 {"lines": lines, "step": step[:1].upper() + step[1:]},
             ),
-            Section("Every way", WAYS, {"table": candidates_table(found)}),
+            Section("Every way", WAYS, {"table": candidates_table(comparisons)}),
             figures_section("The joints", figures),
         ),
         footer="Errors are measured: every way was played on the servos.",

@@ -66,16 +66,16 @@ def comparison_page(
     unreachable: int = 0,
     notes: Sequence[str] = (),
 ) -> str:
-    """The whole page: the verdict and the key figures first, where it comes from last.
+    """The whole page: verdict and key figures first, sources last.
 
     Args:
         check: The comparison.
-        title: What was planned for; the joints' names by default.
-        leg: The leg whose joints these are, in its order, if it is to be seen moving.
-        origins: What the plans were made from: pairs of what it is and which.
+        title: Title of the plans; the joints' names by default.
+        leg: The leg whose joints these are, in its order, if it is to be shown moving.
+        origins: Inputs of the plans: pairs of a kind and a name.
         files: Files of the run to link to.
         unreachable: How many samples were out of the leg's reach.
-        notes: What else should be known first.
+        notes: Further remarks, shown first.
     """
     head, tail = verdict(check)
     names = [joint.name for joint in check.joints]
@@ -85,7 +85,9 @@ def comparison_page(
         "plans": plans_table(check.joints),
         "foot": None if check.foot is None else foot_table(check.foot),
         "second": check.methods.count(SECOND),
-        "known": any(np.isfinite(each.plans["optimal"].expected.error) for each in check.joints),
+        "has_expected": any(
+            np.isfinite(each.plans["optimal"].expected.error) for each in check.joints
+        ),
     }
     figures = [*(joint_figure(check, joint, j) for j, joint in enumerate(check.joints)), *foot]
     checks = {"table": checks_table(check.checks), "reasons": tolerance_reasons(check.checks)}
@@ -101,7 +103,7 @@ def comparison_page(
         figure=leg_figure(check, check.foot, leg) if check.foot is not None and leg else None,
         sections=[
             Section("How good each plan is", PLANS, plans),
-            Section("Angles and requests", FIGURES, {"shown": figures}),
+            Section("Angles and requests", FIGURES, {"pictures": figures}),
             Section("What was checked", CHECKS, checks),
             table_section(
                 "The models", models_table(names, [joint.model for joint in check.joints])
@@ -118,8 +120,8 @@ PLANS = """
   bring the
   {{ check.norm }} error below the lower bounds; the gap is how far a plan is above the sharpest of
     them. Requests differ from those of the optimised plan.
-  {% if known %}On the robot, expect the error of the plan and of its model, by what the model was
-    tested on.
+  {% if has_expected %}On the robot, expect the error of the plan and of its model, by what the
+    model was tested on.
   {% endif %}
   {% if second %}The plans by IPOPT are a second opinion on the optimised ones: the same problem as
     a nonlinear programme in CasADi.{% endif %}</p>
@@ -138,7 +140,7 @@ FIGURES = """
 <p>Two plans that are equally good may have requests far apart: where the joint is at top speed, or
   rests in its dead band, many requests have the same effect, and the joint averages the rest.</p>
 {{ hints }}
-{{ figures(shown) }}
+{{ figures(pictures) }}
 """
 
 CHECKS = """
@@ -161,26 +163,26 @@ FOOTER = (
 )
 
 
-# What the comparison amounts to, in words.
+# The verdict in words.
 
 
 def verdict(check: CrossCheck) -> tuple[str, str]:
-    """The answer in a few words, and what it is worth."""
-    held = len(check.checks) - len(check.failures)
+    """The verdict: a headline and its details."""
+    count = len(check.checks) - len(check.failures)
     if check.passed:
-        head = f"The plans agree: all {held} checks hold"
+        head = f"The plans agree: all {count} checks hold"
     else:
         head = f"{len(check.failures)} of {len(check.checks)} checks do not hold"
     methods = [(SHOWN, "closed form"), ("optimal", "optimised requests")]
     methods += [(SECOND, "IPOPT through CasADi")] * (SECOND in check.methods)
-    shown = ", ".join(f"{words} {above_bound(check, method)}" for method, words in methods)
+    gaps = ", ".join(f"{words} {above_bound(check, method)}" for method, words in methods)
     zero = error_above_zero(check, SHOWN) is not None
     what = "Errors above a lower bound of 0" if zero else "Gaps above the lower bound"
-    said = f"{what}: {shown}."
+    tail = f"{what}: {gaps}."
     apart = max(math.degrees(np.max(np.abs(joint.difference(SHOWN)))) for joint in check.joints)
     if apart > 0.0:
-        said += f" The requests of the first two differ by up to {apart:.3g} degrees all the same."
-    return head, said
+        tail += f" The requests of the first two differ by up to {apart:.3g} degrees all the same."
+    return head, tail
 
 
 def above_bound(check: CrossCheck, method: str) -> str:
@@ -236,10 +238,10 @@ def key_figures(check: CrossCheck) -> list[Card]:
 
 
 def remarks(check: CrossCheck, *, unreachable: int = 0) -> list[str]:
-    """What somebody who relies on these plans should know first."""
-    said = [f"{failure_words(each)}." for each in check.failures]
+    """Remarks for users of these plans."""
+    lines = [f"{failure_words(each)}." for each in check.failures]
     if unreachable:
-        said.append(
+        lines.append(
             f"{unreachable} of {len(check.joints[0].desired)} samples were out of reach; the "
             "distances are to the path that the leg can reach."
         )
@@ -252,11 +254,11 @@ def remarks(check: CrossCheck, *, unreachable: int = 0) -> list[str]:
         if excess > OUTSIDE:
             beyond.append(f"{joint.name} by {math.degrees(excess):.3g} degrees")
     if beyond:
-        said.append(
+        lines.append(
             f"The closed form knows no limits: it requests more than they allow of "
             f"{', '.join(beyond)}. A robot that clips its requests would track less well than this."
         )
-    return said + [f"{note[0].upper()}{note[1:]}." for note in notes(check.joints)]
+    return lines + [f"{note[0].upper()}{note[1:]}." for note in notes(check.joints)]
 
 
 # The figures.

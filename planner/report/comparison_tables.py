@@ -19,7 +19,7 @@ SHOWN = "closed_form_paper"
 
 
 def comparison_text(check: CrossCheck) -> str:
-    """Everything that a terminal should show."""
+    """The text for a terminal."""
     tables = [plans_table(check.joints)]
     if check.foot is not None:
         tables.append(foot_table(check.foot))
@@ -27,67 +27,67 @@ def comparison_text(check: CrossCheck) -> str:
         f"  {unit}, {names}: {reason}" for unit, names, reason in tolerance_reasons(check.checks)
     ]
     checks = "\n".join([checks_table(check.checks).text(), "tolerances:", *reasons])
-    said = [f"note: {note}" for note in notes(check.joints)]
-    return "\n\n".join([*(table.text() for table in tables), checks, *said])
+    lines = [f"note: {note}" for note in notes(check.joints)]
+    return "\n\n".join([*(table.text() for table in tables), checks, *lines])
 
 
 def verdict_line(check: CrossCheck) -> str:
-    """How many checks hold, and which do not."""
-    held = f"{len(check.checks) - len(check.failures)} of {len(check.checks)} checks hold"
+    """The number of checks that hold, and the first that does not."""
+    count = f"{len(check.checks) - len(check.failures)} of {len(check.checks)} checks hold"
     if check.passed:
-        return f"passed: {held}"
-    return f"failed: {held}; {failure_words(check.failures[0])}"
+        return f"passed: {count}"
+    return f"failed: {count}; {failure_words(check.failures[0])}"
 
 
-def failure_words(failed: Check) -> str:
+def failure_words(check: Check) -> str:
     """A check that does not hold."""
-    plan = f", {failed.plan}" if failed.plan else ""
+    plan = f", {check.plan}" if check.plan else ""
     return (
-        f"{failed.subject}{plan}: {failed.name}: got {failed.value:.3g} {failed.unit}, "
-        f"tolerance {failed.tolerance:.2g} {failed.unit}"
+        f"{check.subject}{plan}: {check.name}: got {check.value:.3g} {check.unit}, "
+        f"tolerance {check.tolerance:.2g} {check.unit}"
     )
 
 
 def plans_table(joints: Sequence[JointComparison]) -> Table:
     """How good each plan is, and the lower bounds on its error."""
     rows = []
-    known = any(math.isfinite(joint.plans["optimal"].expected.error) for joint in joints)
+    has_expected = any(math.isfinite(joint.plans["optimal"].expected.error) for joint in joints)
     for joint in joints:
         for method, plan in joint.plans.items():
             apart = np.degrees(joint.difference(method))
             most = index_of_largest(np.abs(apart))
-            differs = (NOTHING,) * 3
+            difference = (NOTHING,) * 3
             if method != "optimal":
                 rms = math.sqrt(float(np.mean(apart**2)))
-                differs = (f"{rms:.2f}", f"{abs(apart[most]):.2f}", f"{most}")
+                difference = (f"{rms:.2f}", f"{abs(apart[most]):.2f}", f"{most}")
             errors = (f"{math.degrees(plan.rms):.3f}", f"{math.degrees(plan.max_error):.3f}")
             expected = math.degrees(plan.expected.error)
-            robot = (number(expected, 3),) * known
-            row = (*errors, *robot, percent(joint.gap(method)), *differs)
+            robot = (number(expected, 3),) * has_expected
+            row = (*errors, *robot, percent(joint.gap(method)), *difference)
             rows.append(Row(METHODS[method], row, joint.name))
         column = 0 if joint.plans["optimal"].norm == "rms" else 1
         for level, bound in joint.bounds.items():
-            unsolved = joint.certificates[level].solver_gap
-            which = f"{level}, solver gap {percent(unsolved)}" if unsolved else level
-            cells = _only(f"{math.degrees(bound):.3f}", column, 6 + known)
+            solver_gap = joint.certificates[level].solver_gap
+            which = f"{level}, solver gap {percent(solver_gap)}" if solver_gap else level
+            cells = _only(f"{math.degrees(bound):.3f}", column, 6 + has_expected)
             rows.append(Row(f"lower bound ({which})", cells, joint.name, "bound"))
     titles = (
-        *("rms [deg]", "max [deg]", *["on the robot [deg]"] * known, "gap"),
+        *("rms [deg]", "max [deg]", *["on the robot [deg]"] * has_expected, "gap"),
         *("requests differ: rms [deg]", "most [deg]", "at request"),
     )
     return Table("joint, plan", tuple(map(Column, titles)), tuple(rows), label="Plans")
 
 
 def foot_table(foot: FootComparison) -> Table:
-    """Where the plans bring the foot."""
+    """Errors of the foot under the plans."""
     rows = []
     for method, plan in foot.plans.items():
         gap = foot.gap(method)
-        differs = [NOTHING] * 2
+        difference = [NOTHING] * 2
         if method != "foot_optimal":
-            differs = [number(math.degrees(apart)) for apart in foot.differences[method]]
+            difference = [number(math.degrees(value)) for value in foot.differences[method]]
         errors = tuple(f"{100.0 * each[0]:.3f}" for each in (plan.rms, plan.max_error))
-        cells = (*errors, NOTHING if gap is None else percent(gap), *differs)
+        cells = (*errors, NOTHING if gap is None else percent(gap), *difference)
         rows.append(Row(METHODS[method], cells, "foot"))
     if foot.bound is not None:
         cells = _only(f"{100.0 * foot.bound:.3f}", 0 if foot.norm == "rms" else 1, 5)
@@ -124,7 +124,7 @@ def tolerance_reasons(checks: Sequence[Check]) -> list[tuple[str, str, str]]:
 
 
 def notes(joints: Sequence[JointComparison]) -> Iterator[str]:
-    """What must be known of single plans."""
+    """Notes on single plans."""
     names = [joint.name for joint in joints]
     if words := untested_words(names, [joint.plans["optimal"].expected for joint in joints]):
         yield words

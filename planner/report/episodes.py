@@ -27,13 +27,13 @@ if TYPE_CHECKING:
     from planner.trajectory import Array
 
 MOST_ROWS = 500
-"""Recordings that the table has at most, those that are farthest off: a page of some 200 kB."""
+"""Most rows of the table, for the recordings that are farthest off: a page of some 200 kB."""
 
 MOST_REASONS = 20
-"""Recordings without a plan that are listed."""
+"""Most recordings without a plan that are listed."""
 
 UNITS = {"deg": "deg", "percent": "%"}
-"""What the page calls the units of the document."""
+"""The page's names of the document's units."""
 
 KINDS = {
     "resent_rms": "as recorded",
@@ -56,23 +56,23 @@ def episodes_page(
     """The whole page.
 
     Args:
-        document: What ``replay --json`` prints of many recordings.
-        title: What they are of, in a few words.
-        words: What is followed, why, and by which models.
-        origins: What they were made from: pairs of what it is and which.
+        document: Output of ``replay --json`` for many recordings.
+        title: Title of the recordings, in a few words.
+        words: The path, its purpose and the models, in words.
+        origins: Inputs of the replays: pairs of a kind and a name.
     """
-    rows, failed = document["recordings"], document["left_out"]
-    total = len(rows) + len(failed)
+    rows, failures = document["recordings"], document["left_out"]
+    total = len(rows) + len(failures)
     units = sorted({row["unit"] for row in rows})
     sections = [
         Section(
             "The recordings",
             RECORDINGS,
-            {"table": episodes_table(document), "left": max(len(rows) - MOST_ROWS, 0)},
+            {"table": episodes_table(document), "rest": max(len(rows) - MOST_ROWS, 0)},
         )
     ]
-    if failed:
-        sections.append(table_section("Left out", failures_table(failed)))
+    if failures:
+        sections.append(table_section("Left out", failures_table(failures)))
     figures = [errors_figure(rows, unit) for unit in units]
     if len(figures) > 1:
         sections.insert(0, figures_section("", figures[1:]))
@@ -89,7 +89,7 @@ def episodes_page(
             f"{median['direct']:.2g}",
         ),
         note=sentence(words),
-        good=not failed,
+        good=not failures,
         remarks=[sentence(each) for each in document["remarks"]],
         cards=[
             Card(f"{worst['planned_rms']:.3g}", f"{UNITS[worst['unit']]} rms",
@@ -111,16 +111,16 @@ RECORDINGS = """
 recorded” are the recorded requests at this speed, “as it is” the path itself as requests. What to
 expect on the robot is the error of plan and model together. No requests bring the error below the
 lower bound.
-{%- if left %} {{ left }} recordings with smaller errors are not in the table.{% endif %}
+{%- if rest %} {{ rest }} recordings with smaller errors are not in the table.{% endif %}
 </p>
 """
 
 MEDIANS = ("direct", "shifted", "planned")
-"""Kinds of requests whose median errors are said first."""
+"""Kinds of requests whose median errors are in the verdict."""
 
 
 def episodes_table(document: Mapping[str, Any]) -> Table:
-    """Errors of every recording by kind of requests; of very many, of those farthest off."""
+    """Errors of every recording by kind of requests; of very many, the ones farthest off."""
     rows = document["recordings"]
     if len(rows) > MOST_ROWS:
         off = np.argsort([-row["planned_rms"] for row in rows], kind="stable")[:MOST_ROWS]
@@ -151,10 +151,10 @@ def episodes_table(document: Mapping[str, Any]) -> Table:
     )
 
 
-def failures_table(failed: Mapping[str, str]) -> Table:
+def failures_table(failures: Mapping[str, str]) -> Table:
     """Why recordings have no plan."""
-    rows = [Row(_short(name), (reason,)) for name, reason in list(failed.items())[:MOST_REASONS]]
-    if (more := len(failed) - MOST_REASONS) > 0:
+    rows = [Row(_short(name), (reason,)) for name, reason in list(failures.items())[:MOST_REASONS]]
+    if (more := len(failures) - MOST_REASONS) > 0:
         rows.append(Row(f"{more} more", (NOTHING,)))
     return Table("recording", (Column("reason", words=True),), tuple(rows), label="Left out")
 

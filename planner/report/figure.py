@@ -1,4 +1,4 @@
-"""A figure, described once: Plotly draws those of pages, Matplotlib those in files.
+"""A figure, described once: Plotly draws it on pages, Matplotlib in files.
 
 A figure is a column of panels over one horizontal axis. A panel holds curves, spans and words; a
 curve is a role, which gives its looks, and two arrays.
@@ -19,7 +19,7 @@ MOST_MILLISECONDS = 5000.0
 """Longer motions are shown in seconds [ms]."""
 
 MARGIN = 0.06
-"""Room beside the values of an axis, as a share of what they span."""
+"""Room beside the values of an axis, as a share of their span."""
 
 NEAR = 0.6
 """A limit is drawn within this share of the requests' range beyond them: one far away would press
@@ -41,7 +41,7 @@ class Curve:
         label: Its name in legends; the role's own by default. Equal names are hidden together.
         legend: Whether legends have it; a line for reference is not in them.
         marks: Draw marks instead of a line: rings or dots.
-        opacity: Of dots.
+        opacity: Opacity of dots.
         held: Whether each value holds until the next.
         hidden: Whether only a page shows it, and only on demand.
         notes: Words that a page adds to each value under the pointer, n of them or none.
@@ -60,7 +60,7 @@ class Curve:
 
     @property
     def name(self) -> str:
-        """What legends call it."""
+        """Its name in legends."""
         return self.label or self.role.label
 
 
@@ -71,12 +71,12 @@ class Span:
     Attributes:
         start: Its beginning, in the unit of the axis.
         end: Its end, likewise.
-        role: Whose colour it has.
-        opacity: How much of that colour.
+        role: The role that gives its colour.
+        opacity: Opacity of that colour.
         along: The axis.
-        words: What it is, written at its upper end.
+        words: Its label, at its upper end.
         words_side: At which end of a horizontal span they stand.
-        legend: What the legend of a file calls it.
+        legend: Its name in the legend of a file.
     """
 
     start: float
@@ -119,10 +119,10 @@ class Axis:
         unit: Unit of the values; "" where the axis has names.
         range: Least and largest value shown; chosen by the curves where it is None.
         names: Words at some values, instead of numbers.
-        decimals: Of a value under the pointer.
+        decimals: Decimals of a value under the pointer.
         from_zero: Whether zero is at the bottom.
         least: Smallest extent that is shown, so that rounding does not look like a motion.
-        note: What follows the title and its unit.
+        note: Text after the title and its unit.
     """
 
     title: str
@@ -147,7 +147,7 @@ class Panel:
     Attributes:
         y: The vertical axis.
         curves: The curves; later ones lie over earlier ones.
-        title: What it is about, such as the name of a joint.
+        title: Its subject, such as the name of a joint.
         spans: Shades behind the curves.
         words: Words between them.
         height: Height beside that of a usual panel.
@@ -178,8 +178,8 @@ class Motion:
 
     Attributes:
         role: Meaning, with its looks.
-        points: Where its joints and, last, its foot are [m], shape (n, joints + 1, 3).
-        distances: How far the foot is from where it should be [m], shape (n,), or None.
+        points: Positions of its joints and, last, its foot [m], shape (n, joints + 1, 3).
+        distances: Distances of the foot from its desired positions [m], shape (n,), or None.
         hidden: Whether it is drawn only on demand.
     """
 
@@ -213,7 +213,7 @@ class Moments:
     Attributes:
         joints: The joints.
         units: The unit of each.
-        kinds: What is known of them: values by name, shape (n,) or None for each joint.
+        kinds: Their quantities: values by name, shape (n,) or None for each joint.
         period: Time between samples [s].
     """
 
@@ -229,7 +229,7 @@ class Figure:
 
     Attributes:
         name: Name of its files, and its identifier on a page.
-        title: What it is about, in a few words.
+        title: Its subject, in a few words.
         caption: What to see in it.
         x: The horizontal axis.
         panels: The panels, from the top.
@@ -238,8 +238,8 @@ class Figure:
         clock: How many units of the axis a second is, where the figure follows the moving leg of
             its page and is zoomed in time with the others that do; or None.
         views: Parts of the axis that a button of that name brings into view.
-        movie: What a page shows in place of the panels.
-        moments: The same, where there are numbers to show and no leg.
+        movie: A moving leg that a page shows in place of the panels.
+        moments: Numbers that a page shows in place of the panels, without a leg.
         wide: Whether it takes the whole width of a page.
     """
 
@@ -258,19 +258,19 @@ class Figure:
 
     @property
     def description(self) -> str:
-        """What it shows, for those who cannot see it: its axes, panels and curves."""
+        """A description for screen readers: its axes, panels and curves."""
         curves = [curve for panel in self.panels for curve in panel.curves if curve.legend]
         parts = {
             "axes": [*(panel.y.words for panel in self.panels), self.x.words],
             "panels": [panel.title for panel in self.panels],
             "curves": [curve.name for curve in curves if not curve.hidden],
         }
-        said = [
+        phrases = [
             f"{kind}: {', '.join(dict.fromkeys(filter(None, names)))}"
             for kind, names in parts.items()
             if any(names)
         ]
-        return f"{self.title}. {'; '.join(said)}"
+        return f"{self.title}. {'; '.join(phrases)}"
 
     @property
     def x_range(self) -> tuple[float, float]:
@@ -331,9 +331,9 @@ class Timeline:
         hidden: bool = False,
     ) -> Curve:  # fmt: skip
         """A value per sample, shape (n,); of a cycle up to where it begins again."""
-        drawn = np.append(values, values[0]) if self.cyclic else values
-        times = self.step * np.arange(float(len(drawn)))
-        return Curve(role, times, drawn, label, held=held, hidden=hidden)
+        heights = np.append(values, values[0]) if self.cyclic else values
+        times = self.step * np.arange(float(len(heights)))
+        return Curve(role, times, heights, label, held=held, hidden=hidden)
 
     def degrees(
         self, angles: Array, role: Role, label: str = "", *, held: bool = False,
@@ -351,9 +351,9 @@ class Timeline:
 
     def path(self, positions: Array, role: Role) -> Curve:
         """A path of the foot [m], shape (n, 3): x and z in cm, with the time at its points."""
-        seen = 100.0 * (np.vstack([positions, positions[:1]]) if self.cyclic else positions)
-        times = tuple(f"{self.step * k:g} {self.unit}" for k in range(len(seen)))
-        return Curve(role, seen[:, 0], seen[:, 2], notes=times)
+        points = 100.0 * (np.vstack([positions, positions[:1]]) if self.cyclic else positions)
+        times = tuple(f"{self.step * k:g} {self.unit}" for k in range(len(points)))
+        return Curve(role, points[:, 0], points[:, 2], notes=times)
 
     def figure(
         self,
@@ -391,26 +391,26 @@ def joint_figure(
     clock: bool = True,
     title: str = "predicted",
 ) -> Figure:
-    """A joint: its angles, their errors and its requests, each that there are in a panel.
+    """A joint: its angles, their errors and its requests, a panel for each that is there.
 
     Args:
-        timeline: When the samples are.
+        timeline: Times of the samples.
         name: The figure's name.
         words: Title and caption.
         angles: Desired, measured and predicted angles.
-        errors: What they differ by.
-        requests: Requests, the last of which the limits are for.
-        unit: Of all these.
+        errors: Errors of these angles.
+        requests: Requests; the limits are for the last.
+        unit: Unit of all curves.
         limits: Smallest and largest request, drawn where they are near; or None.
         spans: Shades behind the angles.
         clock: Whether it follows the moving leg, or the slider, of its page.
-        title: What the angles are.
+        title: Title of the panel of angles.
     """
-    limited = near_limits(limits, requests[-1], end=timeline.step * timeline.last)
+    limit_lines = near_limits(limits, requests[-1], end=timeline.step * timeline.last)
     panels = [
         Panel(Axis("angle", unit, least=1.0), tuple(angles), title, spans),
         Panel(Axis("error", unit, least=0.05), tuple(errors)),
-        Panel(Axis("request", unit, least=1.0), (*limited, *requests), "requested"),
+        Panel(Axis("request", unit, least=1.0), (*limit_lines, *requests), "requested"),
     ]
     drawn = [panel for panel in panels if panel.curves]
     return timeline.figure(name, drawn, words, clock=clock)
@@ -437,8 +437,8 @@ def foot_figure(timeline: Timeline, feet: Mapping[str, Sequence[Curve]]) -> Figu
 
 def around(values: Iterable[Array], *, margin: float = MARGIN) -> tuple[float, float]:
     """The ends of an axis on which all values lie, with room on both sides."""
-    known = [each[np.isfinite(each)] for each in values]
-    every = np.concatenate([*known, np.empty(0)])
+    finite = [each[np.isfinite(each)] for each in values]
+    every = np.concatenate([*finite, np.empty(0)])
     if not len(every):
         return -1.0, 1.0
     low, high = float(every.min()), float(every.max())

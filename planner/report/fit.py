@@ -1,4 +1,4 @@
-"""The figure of a fit: its lines, those at the top speed, and what other numbers of lines give."""
+"""The figure of a fit: its lines, those at the top speed, and errors of other numbers of lines."""
 
 from __future__ import annotations
 

@@ -49,7 +49,7 @@ ERROR = INK._replace(label="error, measured", width=1.4)
 LEARNT = SHIFT._replace(label="learnt: measured less modelled", width=1.8)
 
 TRIALS = "{{ table }}{% if more %}{{ figures(more) }}{% endif %}"
-"""The section on the trials: a joint's errors stand beside the heading, those of others here."""
+"""The section on the trials: the first errors stand beside the heading, the rest here."""
 
 NOTHING_LEFT = 5e-4
 """Errors below this are shown as 0 [deg, cm]: rounding."""
@@ -57,20 +57,20 @@ NOTHING_LEFT = 5e-4
 
 @dataclass(frozen=True, eq=False)
 class Progress:
-    """The errors of what learns, a joint or a foot.
+    """The errors of a joint or a foot that learns.
 
     Attributes:
         name: The joint, or "foot".
-        unit: Of the errors: deg, percent or cm.
+        unit: Unit of the errors: deg, percent or cm.
         errors: Error of the mean cycle of each trial, shape (trials,).
         cycles: Measured cycles of each trial.
         predicted: Error to expect of the next requests.
         bound: Lower bound of the model on the error; NaN where there is none.
         noise: Standard deviation of one cycle about the mean of many.
-        gain: Share of the disturbance last found that the next requests compensate for.
-        best: The trial that the next requests are made from.
+        gain: Learning gain, 0 to 1: share of the disturbance that the next requests compensate.
+        best: The trial that the next requests start from.
         stopped: Why learning has ended; empty while it goes on.
-        remarks: What was done with the measurements.
+        remarks: Notes on the use of the measurements.
     """
 
     name: str
@@ -104,9 +104,9 @@ def learning_page(
         executed: The requests of the last trial [rad], shape (n, k).
         measured: Mean of its measured cycles [rad], shape (n, k).
         progress: The errors of each joint, or of the foot.
-        about_others: What became of other joints, in words; empty for nothing.
-        title: What was learnt for.
-        origins: What it was made from: pairs of what it is and which.
+        about_others: Note on other joints; empty for none.
+        title: Title of the page.
+        origins: Inputs of the plan: pairs of a kind and a name.
         files: Files to link to.
     """
     ended = all(each.stopped for each in progress)
@@ -115,8 +115,8 @@ def learning_page(
     head = "Learning has ended" if ended else f"Learnt from {count}"
     joints = [joint_figure(plan, executed, measured, j) for j in range(len(plan.names))]
     first = _worst(progress)
-    others = [each for each in progress if each is not first]
-    more = [errors_figure(each, f"learning_{j + 2}") for j, each in enumerate(others)]
+    rest = [each for each in progress if each is not first]
+    more = [errors_figure(each, f"learning_{j + 2}") for j, each in enumerate(rest)]
     remarks = [about_others] if about_others else []
     remarks += [sentence(f"{each.name}: {text}") for each in progress for text in each.remarks]
     remarks += [sentence(f"{each.name}: {each.stopped}") for each in progress if each.stopped]
@@ -137,26 +137,26 @@ def learning_page(
 
 
 def errors_figure(progress: Progress, name: str = "learning") -> Figure:
-    """The error of each trial, with what cannot be learnt."""
+    """The error of each trial, with the lower bound."""
     count = len(progress.errors)
     goes_on = not math.isnan(progress.predicted) and not progress.stopped
     last = count + goes_on
     trials, ends = np.arange(1.0, count + 1.0), np.array([0.8, last + 0.2])
-    said = list[str]()
+    notes = list[str]()
     error = OPTIMAL._replace(label="error", dashes="-")
     curves = [Curve(error, trials, progress.errors, marks=marks) for marks in ("", "dots")]
     if not math.isnan(progress.bound):
         curves.insert(0, Curve(BOUND, ends, np.full(2, progress.bound)))
-        said.append("No requests have less error than the lower bound of the model.")
+        notes.append("No requests have less error than the lower bound of the model.")
     if goes_on:
         at = np.array([count + 1.0])
         curves.append(Curve(NEXT, at, np.array([progress.predicted]), marks="rings"))
-        said.append("The ring is the error predicted of the next requests.")
+        notes.append("The ring is the error predicted of the next requests.")
     top = 1.1 * float(np.nanmax([*progress.errors, progress.noise, progress.predicted]))
     return Figure(
         name,
         f"{heading(progress.name)}: the error of each trial",
-        " ".join(said),
+        " ".join(notes),
         Axis(
             "trial",
             names={float(number): str(number) for number in range(1, last + 1)},
@@ -169,8 +169,8 @@ def errors_figure(progress: Progress, name: str = "learning") -> Figure:
 def joint_figure(plan: Plan, executed: Array, measured: Array, j: int) -> Figure:
     """A joint's angles, its error with what was learnt of it, and its requests before and after."""
     timeline = Timeline(plan.period, len(plan.desired), plan.cyclic)
-    learnt = plan.task.disturbance
-    assert learnt is not None, "it was learnt"
+    disturbance = plan.task.disturbance
+    assert disturbance is not None, "a learnt plan has a disturbance"
 
     def curves(*looks: tuple[Array, Role], held: bool = False) -> list[Curve]:
         return [timeline.degrees(values[:, j], role, held=held) for values, role in looks]
@@ -183,7 +183,7 @@ def joint_figure(plan: Plan, executed: Array, measured: Array, j: int) -> Figure
             "Angles; the measured error and the part of it that repeats; and requests.",
         ),
         angles=curves((plan.desired, DESIRED), (measured, EXECUTED), (plan.predicted, NEXT)),
-        errors=curves((measured - plan.desired, ERROR), (learnt, LEARNT)),
+        errors=curves((measured - plan.desired, ERROR), (disturbance, LEARNT)),
         requests=curves((executed, BEFORE), (plan.requests, AFTER), held=True),
         clock=False,
         title="measured and predicted",
@@ -223,7 +223,7 @@ def _verdict(progress: Sequence[Progress]) -> str:
 
 
 def _worst(progress: Sequence[Progress]) -> Progress:
-    """What has the largest error left."""
+    """The joint or foot with the largest remaining error."""
     return max(progress, key=lambda each: float(np.min(each.errors)))
 
 
@@ -232,14 +232,14 @@ def _short(value: float, digits: int = 3) -> str:
 
 
 def _cards(progress: Sequence[Progress]) -> list[Card]:
-    """First, best and floor of what has the largest error left."""
-    shown = _worst(progress)
+    """First error, best error and bound of the joint or foot with the largest remaining error."""
+    worst = _worst(progress)
     cards = [
-        Card(_short(shown.errors[0]), shown.unit, f"rms error of the first trial, {shown.name}")
+        Card(_short(worst.errors[0]), worst.unit, f"rms error of the first trial, {worst.name}")
     ]
-    if len(shown.errors) > 1:
-        cards.append(Card(_short(np.min(shown.errors)), shown.unit, "of the best trial"))
-    if not math.isnan(shown.bound):
-        cards.append(Card(_short(shown.bound), shown.unit, "lower bound of the model"))
-    cards.append(Card(_short(shown.noise), shown.unit, "noise of one cycle"))
+    if len(worst.errors) > 1:
+        cards.append(Card(_short(np.min(worst.errors)), worst.unit, "of the best trial"))
+    if not math.isnan(worst.bound):
+        cards.append(Card(_short(worst.bound), worst.unit, "lower bound of the model"))
+    cards.append(Card(_short(worst.noise), worst.unit, "noise of one cycle"))
     return cards

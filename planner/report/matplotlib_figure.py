@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import FigureBase
 
 RESOLUTION = 200
-"""Of PNG files [dots per inch]."""
+"""Resolution of PNG files [dots per inch]."""
 
 ROW = 1.5
 """Height of a panel of height 1 [inch]."""
@@ -129,8 +129,8 @@ def _draw_into(
     picture.align_ylabels(list(rows[:, 0]))
     entries = _names(figure)
     if entries:
-        drawn = _handles(rows[:, 0])
-        handles = [drawn[name] for name in entries]
+        by_name = _handles(rows[:, 0])
+        handles = [by_name[name] for name in entries]
         picture.legend(
             handles,
             entries,
@@ -158,8 +158,8 @@ def _looks(curve: Curve) -> dict[str, Any]:
     role = curve.role
     looks: dict[str, Any] = {"color": role.light, "label": curve.name}
     if not curve.marks:
-        held = "steps-post" if curve.held else "default"
-        looks |= {"linewidth": role.width, "linestyle": role.dashes, "drawstyle": held}
+        drawstyle = "steps-post" if curve.held else "default"
+        looks |= {"linewidth": role.width, "linestyle": role.dashes, "drawstyle": drawstyle}
         return looks | ({"solid_capstyle": "butt"} if role.width > 5.0 else {})
     looks |= {"linestyle": "", "marker": "o"}
     if curve.marks == "rings":
@@ -204,12 +204,12 @@ def _indexed(words: str) -> str:
     return words.replace("v_max", r"$v_\mathrm{max}$")
 
 
-def _set_axis(axis: Any, described: Axis) -> None:
+def _set_axis(axis: Any, description: Axis) -> None:
     """The words of an axis: its title, and names where it has them."""
-    axis.set_label_text(described.words)
-    if described.names is not None:
-        words = [_indexed(name) for name in described.names.values()]
-        axis.set_ticks(list(described.names), labels=words)
+    axis.set_label_text(description.words)
+    if description.names is not None:
+        words = [_indexed(name) for name in description.names.values()]
+        axis.set_ticks(list(description.names), labels=words)
         axis.set_tick_params(length=0)
         axis.grid(visible=False)
 
@@ -236,12 +236,12 @@ def _names(figure: Figure) -> list[str]:
 
 
 def _handles(rows: Any) -> dict[str, Any]:
-    """What stands before the legend's entries."""
-    found: dict[str, Any] = {}
+    """The handles of the legend's entries, by name."""
+    handles: dict[str, Any] = {}
     for axes in rows:
         for handle, name in zip(*axes.get_legend_handles_labels(), strict=True):
-            found.setdefault(name, handle)
-    return found
+            handles.setdefault(name, handle)
+    return handles
 
 
 def _columns(names: Sequence[str], width: float) -> int:

@@ -1,6 +1,6 @@
 """A page: one HTML file that needs nothing else, built from a list of sections.
 
-A page is a heading with its verdict, key figures, sections, and lists of where it comes from. A
+A page is a heading with its verdict, key figures, sections, and lists of its sources. A
 section is a title and a template, in which tables and figures are values: copy a section into a
 page of your own, or change its words.
 """
@@ -36,15 +36,15 @@ if TYPE_CHECKING:
     from planner.model.joint import JointModel
 
 SCRIPTS = ("live.js", "plots.js", "leg.js", "moment.js", "tables.js")
-"""In the order in which they run."""
+"""Scripts of a page, in the order in which they run."""
 
 POLICY = (
     "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
 )
-"""What the browser lets a page do: run what stands in it, and load nothing."""
+"""Content security policy of a page: inline scripts run, and nothing is loaded."""
 
 LIBRARIES = ("numpy", "scipy", "casadi", "osqp", "cvxpy", "pin", "matplotlib", "plotly")
-"""Whose numbers and figures these are."""
+"""Libraries whose versions a page lists."""
 
 PARAMETERS: Mapping[str, tuple[str, str]] = {
     "v_max": ("top speed", "top speed v_max"),
@@ -64,8 +64,7 @@ PARAMETERS: Mapping[str, tuple[str, str]] = {
     "sag_sin": ("sag by the sine of the angle (gravity)", "sag by sine"),
     "sag_cos": ("sag by the cosine of the angle (gravity)", "sag by cosine"),
 }
-"""What the parameters of a joint are called in words and, where room is short, in few; ``gain`` is
-v_max / theta_0."""
+"""Descriptions of a joint's parameters, long and short; ``gain`` is v_max / theta_0."""
 
 ALWAYS = ("v_max", "theta_0", "lag", "acceleration_time", "tick", "hold", "offset")
 """Parameters that are shown of every joint."""
@@ -84,7 +83,7 @@ BREAKS = "/_-"
 
 
 class Card(NamedTuple):
-    """A key figure: the number, its unit, and what it says."""
+    """A key figure: the number, its unit, and its meaning."""
 
     figure: str
     unit: str
@@ -99,7 +98,7 @@ class Section:
         title: Its heading; none where it is empty.
         template: Its content, a Jinja template; ``{{ table }}`` is a table, ``{{ show(figure) }}``
             a figure, and ``{{ figures(several) }}`` draws several side by side.
-        context: What the template knows.
+        context: Variables of the template.
     """
 
     title: str
@@ -114,11 +113,11 @@ def table_section(title: str, table: Table) -> Section:
 
 def figures_section(title: str, figures: Sequence[Figure]) -> Section:
     """Figures side by side under a heading."""
-    return Section(title, "{{ figures(drawn) }}", {"drawn": figures})
+    return Section(title, "{{ figures(pictures) }}", {"pictures": figures})
 
 
 class Listing(NamedTuple):
-    """A list at the end of a page: a title, and pairs of a name and what belongs to it."""
+    """A list at the end of a page: a title, and pairs of a name and its content."""
 
     title: str
     pairs: Sequence[tuple[Any, Any]]
@@ -129,14 +128,14 @@ class Page:
     """A page.
 
     Attributes:
-        heading: What it is about, in words.
-        eyebrow: What made it, above the heading.
-        verdict: The answer in a few words, and what it is worth; plain text, or markup.
-        sections: What follows, in order.
-        footer: Whose model it is.
-        note: What the verdict rests on, in small letters.
+        heading: Its subject, in words.
+        eyebrow: The command that made it, above the heading.
+        verdict: A headline and its details; plain text, or markup.
+        sections: The sections, in order.
+        footer: Source of the model.
+        note: Basis of the verdict, in small letters.
         good: Whether the verdict is good news.
-        remarks: What should be known first.
+        remarks: Remarks, shown first.
         cards: Key figures.
         figure: The figure beside the heading; the key figures stand there without one.
         listings: The lists at the end.
@@ -179,7 +178,7 @@ class Page:
 
 
 class _Drawing:
-    """Draws the figures of a page, and keeps what is live of them."""
+    """Draws the figures of a page, and collects the data of live ones."""
 
     def __init__(self, template: jinja2.Template, *, downloads: bool) -> None:
         self.live: dict[str, Mapping[str, Any]] = {}
@@ -187,18 +186,18 @@ class _Drawing:
 
     def show(self, figure: Figure) -> Markup:
         """A figure as an element of the page."""
-        told = self.live[figure.name] = live(figure)
-        return Markup(self._template.render(figure=figure, live=told, downloads=self._downloads))
+        data = self.live[figure.name] = live(figure)
+        return Markup(self._template.render(figure=figure, live=data, downloads=self._downloads))
 
     def several(self, figures: Iterable[Figure]) -> Markup:
         """Figures side by side."""
-        shown = [self.show(figure) for figure in figures]
-        kind = "pictures many" if len(shown) >= MANY else "pictures"
-        return Markup('<div class="{}">\n{}\n</div>').format(kind, Markup("\n").join(shown))
+        elements = [self.show(figure) for figure in figures]
+        kind = "pictures many" if len(elements) >= MANY else "pictures"
+        return Markup('<div class="{}">\n{}\n</div>').format(kind, Markup("\n").join(elements))
 
 
 def environment() -> jinja2.Environment:
-    """Where templates are found, and how they write numbers."""
+    """Environment of the templates: their folder, filters and globals."""
     import jinja2
 
     environment = jinja2.Environment(
@@ -216,7 +215,7 @@ def environment() -> jinja2.Environment:
 
 
 def live_head() -> Markup:
-    """The elements of a page's head that keep it from the network."""
+    """The elements of a page's head that block the network."""
     return Markup(f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">')
 
 
@@ -226,7 +225,7 @@ def live_scripts(figures: Mapping[str, Mapping[str, Any]]) -> Markup:
     Plotly is packed, which makes a page of 5 MB one of 2 MB.
 
     Args:
-        figures: By the identifier of a ``figure`` element, what is drawn in its ``live`` element:
+        figures: By the identifier of a ``figure`` element, the data of its ``live`` element,
             from :func:`planner.report.plotly_figure.live`.
     """
     # Within a script no "<" may stand that could end it.
@@ -240,21 +239,21 @@ def live_scripts(figures: Mapping[str, Mapping[str, Any]]) -> Markup:
 
 def models_table(names: Sequence[str], models: Sequence[JointModel]) -> Table:
     """The parameters of every joint."""
-    shown = parameters_of([model.parameters() for model in models])
+    titles = parameters_of([model.parameters() for model in models])
     rows = (
-        Row(joint, tuple(_parameter(getattr(model, name)) for name in shown))
+        Row(joint, tuple(_parameter(getattr(model, name)) for name in titles))
         for joint, model in zip(names, models, strict=True)
     )
-    return Table("joint", tuple(map(Column, shown.values())), tuple(rows), label="Models")
+    return Table("joint", tuple(map(Column, titles.values())), tuple(rows), label="Models")
 
 
 def _parameter(value: float) -> str:
-    """A parameter of a model with four digits; a dash for a limit that there is not."""
+    """A parameter of a model with four digits; a dash for no limit."""
     return NOTHING if math.isinf(value) else signed(f"{value:.4g}")
 
 
 def parameters_of(models: Sequence[Mapping[str, float]]) -> dict[str, str]:
-    """The parameters to show for some models, by name, in words: those that one of them has."""
+    """The parameters to show for some models, by name, in words."""
     from planner.model.joint import JointModel
 
     return {
@@ -268,22 +267,22 @@ def parameters_of(models: Sequence[Mapping[str, float]]) -> dict[str, str]:
 
 def versions(*more: str) -> dict[str, str]:
     """Versions of this project, of Python, and of the libraries whose numbers these are."""
-    found = {"request-planner": __version__, "python": platform.python_version()}
+    by_package = {"request-planner": __version__, "python": platform.python_version()}
     for library in (*LIBRARIES, *more):
         try:
-            found[library] = version(library)
+            by_package[library] = version(library)
         except PackageNotFoundError:  # installed by other means than a package
-            found[library] = "unknown"
-    return found
+            by_package[library] = "unknown"
+    return by_package
 
 
 class LinkedFile(NamedTuple):
     """A file that a page links to.
 
     Attributes:
-        role: What it is, such as "requests".
+        role: Its role, such as "requests".
         name: Its path from the page's folder.
-        href: Where it is as seen from the page, as a browser takes it.
+        href: Its address relative to the page, for a browser.
     """
 
     role: str
@@ -297,22 +296,22 @@ def linked_files(
     """The files of a run as its page links to them: relative, so that they may move together.
 
     Args:
-        page: Where the page will stand.
-        files: What each file is, and where; those that are standard input or output ("-"), or not
-            there at all (None, ""), are left out, and so are those named twice.
+        page: Path of the page.
+        files: Role and path of each file; standard input or output ("-"), missing paths (None,
+            "") and duplicates are left out.
     """
     folder = Path(page).resolve().parent
-    found: dict[str, LinkedFile] = {}
+    links: dict[str, LinkedFile] = {}
     for role, file in files:
         if not file or str(file) == "-":
             continue
         name, href = _seen_from(folder, Path(file).resolve())
-        found.setdefault(href, LinkedFile(role, name, href))
-    return list(found.values())
+        links.setdefault(href, LinkedFile(role, name, href))
+    return list(links.values())
 
 
 def origin_lists(origins: Sequence[tuple[str, str]], linked: Sequence[LinkedFile]) -> list[Listing]:
-    """Where a page comes from: what it was made from, its files, and versions."""
+    """Sources of a page: its inputs, its files, and versions."""
     links = [
         (each.role, Markup('<a href="{}">{}</a>').format(each.href, _breakable(each.name)))
         for each in linked
@@ -332,7 +331,7 @@ def file_links(files: Sequence[str]) -> Listing:
 
 
 def footer(command: str, more: str = "") -> Markup:
-    """Whose model a page of a command rests on."""
+    """Footer of a command's page: the source of the model."""
     return Markup(
         "request-planner {} {}. The model is that of Stronger &amp; Stone, <cite>A Model-Based "
         "Approach to Robot Joint Control</cite>, Equations 2 and 3{}."
@@ -340,7 +339,7 @@ def footer(command: str, more: str = "") -> Markup:
 
 
 def spoken(head: str, tail: str, link: str = ", ") -> Markup:
-    """The answer in a few words, and what it is worth, as a sentence."""
+    """A headline and its details, as a sentence."""
     return Markup("<strong>{}</strong>{}{}.").format(head, link if tail else "", tail)
 
 

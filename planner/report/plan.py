@@ -1,4 +1,4 @@
-"""The page about a plan for any joints or any leg: what holds first, where it comes from last."""
+"""The page about a plan for any joints or any leg: verdict first, sources last."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ METHODS = {
     "optimal": OPTIMAL,
     "foot-optimal": FOOT_OPTIMAL,
 }
-"""How the plan of each method is drawn everywhere."""
+"""The role of each method's plan in all figures."""
 
 
 def plan_page(
@@ -83,25 +83,25 @@ def plan_page(
 
     Args:
         plan: The plan.
-        title: What was planned for.
-        method: How, as the command line calls it.
-        origins: What the plan was made from: pairs of what it is and which.
+        title: Title of the plan.
+        method: The method, by its name on the command line.
+        origins: Inputs of the plan: pairs of a kind and a name.
         files: Files of the run to link to.
         foot_given: Desired positions of the foot [m], shape (n, 3), before they were clamped to
             what the leg reaches; None where they were not.
         unreachable: How many positions are out of the leg's reach.
         legs: The legs of a robot whose joints are all planned, by name.
         missed: Tolerances that the plan misses, in words.
-        notes: What else should be known first.
+        notes: Further remarks, shown first.
     """
     role = METHODS[method]
     parts = {name: plan.of_leg(leg) for name, leg in (legs or {}).items()}
     head, tail = verdict(plan, parts)
     bounded = is_bounded(plan) and method != "foot-optimal"  # of a robot, too: its joints, by feet
     foot = foot_figures(plan, role)
-    drawn = max(map(len, plan.task.models)) - 1
-    over = f" · robust, {plan.task.robust} of the nominal and {drawn} drawn models" if drawn else ""
-    told: dict[str, Any] = {
+    count = max(map(len, plan.task.models)) - 1
+    over = f" · robust, {plan.task.robust} of the nominal and {count} drawn models" if count else ""
+    common: dict[str, Any] = {
         "norm": plan.task.norm,
         "robust": plan.task.robust,
         "no_bound": NO_BOUND if plan.task.load_of_pose else "",
@@ -110,10 +110,10 @@ def plan_page(
     of_joints = {each.plan.names[each.column]: _over_models(each) for each in plan.inversions}
     of_foot = {"foot": _over_models(plan.of_foot)} if plan.of_foot else {}
     joints = {
-        **told,
+        **common,
         "table": joints_table(plan, bounded=bounded),
         "over_models": models_errors_table("joint", of_joints, "deg"),
-        "known": any(expected_errors(plan)),
+        "has_expected": any(expected_errors(plan)),
         "joints": [joint_figure(plan, role, j) for j in range(len(plan.names))],
     }
     sections = [
@@ -130,7 +130,7 @@ def plan_page(
         sections.insert(0, Section("The feet", "{{ table }}{{ figures(feet) }}", feet))
     if foot:
         over_models = models_errors_table("", of_foot, "cm")
-        values = {**told, "over_models": over_models, "foot": foot[1:]}
+        values = {**common, "over_models": over_models, "foot": foot[1:]}
         sections.insert(0, Section("The foot", OVER_MODELS + "{{ figures(foot) }}", values))
     return Page(
         heading=f"Plan for the leg “{title}”" if plan.task.leg else heading(title),
@@ -160,8 +160,8 @@ JOINTS = (
     """
 {{ table }}
 <p class="note">Errors are predicted minus desired angles at each request, by the exact models.
-{% if known %}On the robot, expect the error of the plan and of its model, by what the model was
-  tested on.
+{% if has_expected %}On the robot, expect the error of the plan and of its model, by what the model
+  was tested on.
 {% endif %}{% if no_bound %}There is no lower bound under {{ no_bound }}.
 {% elif bounded %}No requests bring the {{ norm }} error below the lower bound.
 {% else %}The plan is for the foot: single joints may have errors that compensate for one
@@ -186,16 +186,16 @@ cost more accuracy (--smoothness).</p>
 """
 
 
-# What the plan amounts to, in words.
+# The verdict in words.
 
 
 def verdict(plan: Plan, legs: Mapping[str, Plan] | None = None) -> tuple[str, str]:
-    """The answer in a few words, and what it is worth; of a robot by the parts of its legs."""
+    """The verdict: a headline and its details; of a robot by the parts of its legs."""
     feet = list((legs or {}).values()) or ([plan] if plan.task.leg else [])
     if feet:
         planned, direct = (
             size(np.concatenate(each), 100.0)
-            for each in zip(*((one.distances, one.direct_distances) for one in feet), strict=True)
+            for each in zip(*((leg.distances, leg.direct_distances) for leg in feet), strict=True)
         )
         unit = "cm"
         words = "feet stay" if legs else "foot stays", "their paths" if legs else "its path"
@@ -224,52 +224,52 @@ def verdict(plan: Plan, legs: Mapping[str, Plan] | None = None) -> tuple[str, st
 def remarks(
     plan: Plan, *, foot_given: Array | None = None, unreachable: int, missed: Sequence[str]
 ) -> list[str]:
-    """What somebody who sends these requests should know first."""
-    said = [f"{each}." for each in missed]
+    """Remarks for users of these requests."""
+    lines = [f"{each}." for each in missed]
     if words := untested_words(plan.names, plan.expected):
-        said.append(f"{words[0].upper()}{words[1:]}.")
+        lines.append(f"{words[0].upper()}{words[1:]}.")
     if plan.method != "shift" and (why := shift_recommended(plan, shifted(plan.task))):
-        said.append(f"The best time shift is recommended instead (--method shift): {why}.")
+        lines.append(f"The best time shift is recommended instead (--method shift): {why}.")
     if unreachable:
-        said.append(_out_of_reach(plan, foot_given, unreachable))
+        lines.append(_out_of_reach(plan, foot_given, unreachable))
     if jumps := jumps_of(plan):
-        listed = ", ".join(str(sample) for sample in jumps[:5])
-        said.append(
-            f"The leg jumps to another pose after {len(jumps)} samples ({listed}): the "
+        samples = ", ".join(str(sample) for sample in jumps[:5])
+        lines.append(
+            f"The leg jumps to another pose after {len(jumps)} samples ({samples}): the "
             "desired angles are no smooth path. Start near another pose (--near), or move the path."
         )
     rows = sorted(joint_rows(plan), key=lambda row: row.load, reverse=True)
     if fast := [row for row in rows if row.too_fast > 0.0]:
-        listed = ", ".join(
+        names = ", ".join(
             f"{row.name} ({100 * row.too_fast:.0f} % of the path, up to {row.speed:.0f} deg/s; "
             f"the joint reaches {row.top_speed:.0f})"
             for row in fast
         )
-        said.append(
-            f"The desired path is faster than the top speed of: {listed}. There no requests make "
+        lines.append(
+            f"The desired path is faster than the top speed of: {names}. There no requests make "
             "the joint follow exactly; a slower or smaller path has no such error."
         )
-        seen = dict(zip(plan.names, (each.evidence for each in plan.models), strict=True))
-        evidence = {row.name: seen[row.name] for row in fast}
+        by_name = dict(zip(plan.names, (each.evidence for each in plan.models), strict=True))
+        evidence = {row.name: by_name[row.name] for row in fast}
         unknown = [name for name, each in evidence.items() if each and each.leaves_top_speed_open]
         if unknown:
-            said[-1] += (
+            lines[-1] += (
                 f" For {', '.join(unknown)} this holds for the model only: {OPEN_TOP_SPEED}."
             )
     if outside := [row for row in rows if row.beyond]:
-        listed = ", ".join(f"{row.name} by {row.beyond:.3g} degrees" for row in outside)
-        said.append(
-            f"Requests go beyond the limits of {listed}. A robot that clips its requests would "
+        names = ", ".join(f"{row.name} by {row.beyond:.3g} degrees" for row in outside)
+        lines.append(
+            f"Requests go beyond the limits of {names}. A robot that clips its requests would "
             "track less well than this."
         )
-    if held := [row for row in rows if row.at_limit and not row.beyond]:
-        listed = ", ".join(f"{row.name} ({row.at_limit})" for row in held)
-        said.append(f"Requests at a limit of their joint: {listed}.")
-    return said
+    if at_limit := [row for row in rows if row.at_limit and not row.beyond]:
+        names = ", ".join(f"{row.name} ({row.at_limit})" for row in at_limit)
+        lines.append(f"Requests at a limit of their joint: {names}.")
+    return lines
 
 
 def jumps_of(plan: Plan) -> list[int]:
-    """Samples from which the desired pose leaps to another one."""
+    """Samples after which the desired pose jumps."""
     leg, desired = plan.task.leg, plan.desired
     if leg is None:
         return []
@@ -283,35 +283,35 @@ def _over_models(plan: Inversion | FootInversion) -> tuple[ErrorsOfModels, Error
 
 
 def _out_of_reach(plan: Plan, foot_given: Array | None, unreachable: int) -> str:
-    """What the distances count of positions that the leg cannot reach."""
+    """The remark on positions that the leg cannot reach."""
     head = f"{unreachable} of {len(plan.desired)} positions are out of the leg's reach"
     if foot_given is None:
         return f"{head}; the distances count them."
-    given = size(np.linalg.norm(plan.foot - foot_given, axis=1), 100.0)
+    original = size(np.linalg.norm(plan.foot - foot_given, axis=1), 100.0)
     return (
         f"{head}. The path was clamped to what the leg can reach, and all distances here are to "
-        f"the clamped path. To the path as given the foot's distance is {given.rms:.3f} cm rms, "
-        f"{given.max:.3f} cm at most."
+        f"the clamped path. To the path as given the foot's distance is {original.rms:.3f} cm rms, "
+        f"{original.max:.3f} cm at most."
     )
 
 
 def cards(plan: Plan, legs: Mapping[str, Plan] | None = None) -> list[Card]:
-    """The key figures; of a robot with those of the feet of its legs."""
+    """The key figures; of a robot also of its feet."""
     rows = joint_rows(plan)
-    made = []
+    foot_cards = []
     if feet := list((legs or {}).values()) or ([plan] if plan.task.leg else []):
         planned, direct, early = (
             size(np.concatenate(each), 100.0)
             for each in (
-                [one.distances for one in feet],
-                [one.direct_distances for one in feet],
-                [shifted(one.task).distances for one in feet],
+                [leg.distances for leg in feet],
+                [leg.direct_distances for leg in feet],
+                [shifted(leg.task).distances for leg in feet],
             )
         )
         shift = [f", with the best time shift {each:.3g} cm" for each in early]
         shift = ["", ""] if plan.method == "shift" else shift
         whose = "the feet from their paths" if legs else "the foot from its path"
-        made += [
+        foot_cards += [
             Card(f"{planned.rms:.3g}", "cm rms",
                  f"{whose}; without a plan {direct.rms:.3g} cm{shift[0]}"),
             Card(f"{planned.max:.3g}", "cm",
@@ -319,7 +319,7 @@ def cards(plan: Plan, legs: Mapping[str, Plan] | None = None) -> list[Card]:
         ]  # fmt: skip
     if plan.foot_bound:
         kind = {"rms": "rms", "max": "at most"}[plan.task.norm]
-        made.append(
+        foot_cards.append(
             Card(percent(float(plan.gaps[0])), "",
                  f"above the lower bound for requests within the limits, "
                  f"{100.0 * plan.foot_bound:.3g} cm {kind}, proved")
@@ -328,7 +328,7 @@ def cards(plan: Plan, legs: Mapping[str, Plan] | None = None) -> list[Card]:
     busy = max(rows, key=lambda row: row.load)
     count, joints = len(plan.desired), len(rows)
     return [
-        *made,
+        *foot_cards,
         Card(f"{worst.planned.rms:.3g}", "deg rms",
              f"the joint with the largest error, {worst.name}; without a plan "
              f"{worst.direct.rms:.3g} deg"),
@@ -360,7 +360,7 @@ def foot_figures(plan: Plan, role: Role) -> list[Figure]:
 
 
 def distances_figure(legs: Mapping[str, Plan], role: Role) -> Figure:
-    """The error of each foot over time, without a plan and with it; "" for that of the only leg."""
+    """The error of each foot over time, without a plan and with it; "" for the only leg."""
     timeline = timeline_of(next(iter(legs.values())))
     feet = {
         name: [
@@ -398,15 +398,15 @@ def joint_figure(plan: Plan, role: Role, j: int) -> Figure:
             (plan.predicted, role),
         )
     )
-    compared = "without a plan, and with it"
+    comparison = "without a plan, and with it"
     if plan.method == "shift":
-        compared = "with the desired angles as requests, and with these the best time early"
+        comparison = "with the desired angles as requests, and with these the best time early"
     return figure.joint_figure(
         timeline,
         f"joint_{j}",
         (
             heading(plan.names[j]),
-            f"Above: the joint's angle as desired, {compared}. Below: its requests; limits are "
+            f"Above: the joint's angle as desired, {comparison}. Below: its requests; limits are "
             "drawn where they are near.",
         ),
         angles=(desired, direct, predicted),

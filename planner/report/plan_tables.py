@@ -29,12 +29,12 @@ def size(errors: Array, factor: float) -> Distance:
 
 
 def expected_errors(plan: Plan) -> list[float]:
-    """Error to expect of each joint on the robot, rms [deg]; 0 where it is not known."""
+    """Error to expect of each joint on the robot, rms [deg]; 0 where it is unknown."""
     return [math.degrees(each.error) if each.error > 0.0 else 0.0 for each in plan.expected]
 
 
 def expected_words(expected: Expectation) -> str:
-    """Error to expect on the robot with its range, rms [deg], as far as they are known."""
+    """Error to expect on the robot with its range, rms [deg], where known."""
     if math.isnan(expected.error):
         return NOTHING
     error = f"{math.degrees(expected.error):.3f}"
@@ -108,14 +108,14 @@ def joint_rows(plan: Plan) -> list[JointRow]:
 
 
 def joints_table(plan: Plan, *, bounded: bool = True) -> Table:
-    """Errors, bounds, where they are to be shown and there are any, speeds and limits of joints."""
+    """Errors, speeds and limits of joints, and lower bounds if wanted and available."""
     bounded = bounded and is_bounded(plan)
-    known = any(expected_errors(plan))
+    has_expected = any(expected_errors(plan))
     is_shift = plan.method == "shift"
     columns = [
         Column("best time shift [deg]" if is_shift else "planned [deg]", ("rms", "max")),
         *([Column("early [ms]")] if is_shift else []),
-        *([Column("on the robot [deg]")] if known else []),
+        *([Column("on the robot [deg]")] if has_expected else []),
         Column("without a plan [deg]", ("rms", "max")),
         *([] if is_shift else [Column("best time shift", ("rms [deg]", "early [ms]"))]),
         *([Column("lower bound [deg]"), Column("gap")] if bounded else []),
@@ -139,7 +139,7 @@ def joints_table(plan: Plan, *, bounded: bool = True) -> Table:
         cells: list[str | tuple[str, ...]] = [
             planned,
             *([early_by] if is_shift else []),
-            *([robot] if known else []),
+            *([robot] if has_expected else []),
             direct,
             *([] if is_shift else [(f"{error:.3f}", early_by)]),
             *(bounds if bounded else []),
@@ -158,12 +158,12 @@ def models_errors_table(
     """Errors of the robust plan over the models that joints may have, beside the nominal plan's.
 
     Args:
-        stub: What has a row each.
-        over_models: Their errors, in SI units, None for no row; there is no table without any.
-        unit: In which they are shown, "deg" or "cm".
+        stub: Title of the first column.
+        over_models: Errors by row, in SI units, None for no row; there is no table without any.
+        unit: Unit of the table, "deg" or "cm".
     """
-    told = {name: plans for name, plans in over_models.items() if plans is not None}
-    if not told:
+    planned = {name: plans for name, plans in over_models.items() if plans is not None}
+    if not planned:
         return None
     parts, factor = ("nominal", "mean", "worst"), {"deg": math.degrees(1.0), "cm": 100.0}[unit]
     columns = (
@@ -172,7 +172,7 @@ def models_errors_table(
     )
     rows = (
         Row(name, tuple(tuple(f"{factor * error:.3f}" for error in errors) for errors in plans))
-        for name, plans in told.items()
+        for name, plans in planned.items()
     )
     return Table(stub, columns, tuple(rows), label="Errors over the models")
 
@@ -208,17 +208,17 @@ def motions_table(plan: Plan) -> Table:
 
 def feet_table(legs: Mapping[str, Plan]) -> Table:
     """How far the foot of each leg of a robot is from its path."""
-    known = all(plan.expected_foot is not None for plan in legs.values())
-    ways = ("rms", "at most")
-    columns = [Column("plan [cm]", ways), Column("without a plan [cm]", ways)]
-    columns += [Column("best shift [cm]", ways)] + [Column("on the robot, rms [cm]")] * known
+    on_robot = all(plan.expected_foot is not None for plan in legs.values())
+    norms = ("rms", "at most")
+    columns = [Column("plan [cm]", norms), Column("without a plan [cm]", norms)]
+    columns += [Column("best shift [cm]", norms)] + [Column("on the robot, rms [cm]")] * on_robot
     rows = []
     for name, plan in legs.items():
         each = (plan.distances, plan.direct_distances, shifted(plan.task).distances)
         cells: list[str | tuple[str, ...]] = [
             tuple(f"{error:.3f}" for error in size(distances, 100.0)) for distances in each
         ]
-        if plan.expected_foot is not None and known:
+        if plan.expected_foot is not None and on_robot:
             cells.append(f"{100.0 * plan.expected_foot:.3f}")
         rows.append(Row(name, tuple(cells)))
     return Table("foot", tuple(columns), tuple(rows), label="Feet")
@@ -235,5 +235,5 @@ def requests_table(plan: Plan) -> Table:
 
 
 def timeline_of(plan: Plan) -> Timeline:
-    """When the samples are."""
+    """The times of the samples."""
     return Timeline(plan.period, len(plan.desired), plan.cyclic)

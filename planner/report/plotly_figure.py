@@ -33,14 +33,14 @@ BOLDER = 1.2
 """Pixels for a point of a line: a screen is farther away than paper."""
 
 MOST_FRAMES = 1500
-"""Moments of a motion that are shown; of longer ones every second is, or every third."""
+"""Most samples of a motion that are shown; of longer motions every second one, or every third."""
 
 DECIMALS = 2
-"""Of positions [cm]: a tenth of a millimetre, less than a pixel."""
+"""Decimals of positions [cm]: a tenth of a millimetre, less than a pixel."""
 
 
 def live(figure: Figure) -> dict[str, Any]:
-    """What the page's scripts draw: the moving leg, numbers at a moment, or the plot."""
+    """Data for the page's scripts: the moving leg, numbers at a moment, or the plot."""
     if figure.movie is not None:
         return moving_leg(figure.movie)
     return plot(figure) if figure.moments is None else numbers_over_time(figure.moments)
@@ -85,7 +85,7 @@ def plot(figure: Figure) -> dict[str, Any]:
 
 
 def moving_leg(movie: Movie) -> dict[str, Any]:
-    """What the page's script needs to draw a leg along its motions, with a time slider."""
+    """Data for the page's script that draws a leg along its motions, with a time slider."""
     stride = -(-len(movie.motions[0].points) // MOST_FRAMES)
     return {
         "kind": "leg",
@@ -113,7 +113,7 @@ def moving_leg(movie: Movie) -> dict[str, Any]:
 
 
 def numbers_over_time(moments: Moments) -> dict[str, Any]:
-    """What the page's script needs to show the numbers of a moment, with a time slider."""
+    """Data for the page's script that shows the numbers of a moment, with a time slider."""
     every = [each for values in moments.kinds.values() for each in values if each is not None]
     samples = len(every[0])
     stride = -(-samples // MOST_FRAMES)
@@ -210,7 +210,7 @@ def _dashes(role: Role) -> str:
 
 
 def _domains(panels: tuple[Panel, ...]) -> tuple[list[tuple[float, float]], float]:
-    """Where each panel stands, as shares of the height from below, and that height [px]."""
+    """Place of each panel, as shares of the height from below, and that height [px]."""
     heights = [ROW * panel.height for panel in panels]
     inner = sum(heights) + GAP * (len(panels) - 1)
     domains, top = [], inner
@@ -221,24 +221,27 @@ def _domains(panels: tuple[Panel, ...]) -> tuple[list[tuple[float, float]], floa
 
 
 def _axis(axis: Axis, *, standoff: float) -> dict[str, Any]:
-    made: dict[str, Any] = {
+    layout: dict[str, Any] = {
         "gridcolor": "var(--grid)",
         "linecolor": variable(MUTED),
         "zeroline": False,
         "title": {"text": _escaped(axis.words), "standoff": standoff},
     }
     if axis.names is not None:
-        made |= {"tickvals": list(axis.names), "ticktext": list(map(_escaped, axis.names.values()))}
-        made |= {"automargin": True, "showgrid": False}
-    return made
+        layout |= {
+            "tickvals": list(axis.names),
+            "ticktext": list(map(_escaped, axis.names.values())),
+        }
+        layout |= {"automargin": True, "showgrid": False}
+    return layout
 
 
 def _x_axis(figure: Figure) -> dict[str, Any]:
     start, end = figure.x_range
-    made = _axis(figure.x, standoff=8) | {"range": [start, end]}
+    layout = _axis(figure.x, standoff=8) | {"range": [start, end]}
     if not figure.over_time:
-        return made
-    return made | {
+        return layout
+    return layout | {
         "anchor": f"y{len(figure.panels)}" if len(figure.panels) > 1 else "y",
         "minallowed": start,
         "maxallowed": end,
@@ -253,14 +256,14 @@ def _x_axis(figure: Figure) -> dict[str, Any]:
 
 
 def _y_axis(figure: Figure, panel: Panel, domain: tuple[float, float]) -> dict[str, Any]:
-    made = _axis(panel.y, standoff=6) | {"domain": list(domain)}
+    layout = _axis(panel.y, standoff=6) | {"domain": list(domain)}
     ends = panel.y_range
     if figure.equal:
-        made["scaleanchor"] = "x"
+        layout["scaleanchor"] = "x"
         ends = around([curve.y for curve in panel.curves])
     if panel.y.names is None:
-        made |= {"nticks": 6, "rangemode": "tozero" if panel.y.from_zero else "normal"}
-    return made if ends is None else made | {"range": list(ends)}
+        layout |= {"nticks": 6, "rangemode": "tozero" if panel.y.from_zero else "normal"}
+    return layout if ends is None else layout | {"range": list(ends)}
 
 
 def _cursor() -> dict[str, Any]:
@@ -311,7 +314,7 @@ def _words(words: Words, axis: str) -> dict[str, Any]:
 
 
 def _span_words(span: Span, axis: str) -> dict[str, Any]:
-    """What a span is, beside its upper end."""
+    """The label of a span, beside its upper end."""
     left = span.words_side == "left"
     at = Words(span.words, span.start if left else span.end, 1.0,
                across="right" if left else "left", upward="top")  # fmt: skip
@@ -319,5 +322,5 @@ def _span_words(span: Span, axis: str) -> dict[str, Any]:
 
 
 def _escaped(text: str) -> str:
-    """Text that Plotly takes for nothing but text."""
+    """Text without characters that Plotly takes for markup."""
     return text.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")

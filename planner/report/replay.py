@@ -1,4 +1,4 @@
-"""The page about a replay: what holds, a slider through the episode, every joint over time."""
+"""The page about a replay: verdict, a slider through the episode, every joint over time."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ if TYPE_CHECKING:
     from planner.trajectory import Array
 
 UNITS = {"rad": ("deg", math.degrees(1.0)), "1": ("%", 100.0)}
-"""By a log's unit: what the page shows, and how many of it one is."""
+"""By a log's unit: the page's unit, and the factor to it."""
 
 AS_IT_IS = DIRECT._replace(label="as it is")
 """The path itself as requests."""
@@ -63,8 +63,8 @@ AS_IT_IS = DIRECT._replace(label="as it is")
 FAST = 0.16
 """Opacity of the parts that are faster than the joint."""
 
-SHOWN = 20.0
-"""The curve of errors over speed shows up to so many tolerances."""
+MOST_TOLERANCES = 20.0
+"""Largest error in the figure of errors over speed, in tolerances."""
 
 
 def replay_page(
@@ -85,13 +85,13 @@ def replay_page(
     Args:
         replay: The replay.
         title: The recording, in a few words.
-        words: What is followed, why, and by which models.
+        words: The path, its purpose and the models, in words.
         found: The search for the fastest replay, where there was one.
-        verdict: What that search says.
+        verdict: Result of that search, in words.
         arm: The leg or arm whose joints these are; None for none.
         missed: Tolerances that the plan misses, in words.
-        remarks: What else should be known first.
-        origins: What the replay was made from: pairs of what it is and which.
+        remarks: Further remarks, shown first.
+        origins: Inputs of the replay: pairs of a kind and a name.
         files: Files of the run to link to.
     """
     planned = replay.planned
@@ -131,7 +131,7 @@ def replay_page(
         good=not missed,
         remarks=[
             *(sentence(each) for each in (verdict, *missed, *replay.path.remarks) if each),
-            *_said(replay, found),
+            *_remarks(replay, found),
             *remarks,
         ],
         cards=cards(replay),
@@ -164,15 +164,15 @@ requests keep it.
 
 
 def _verdict(replay: Replay) -> tuple[str, str]:
-    """The answer in a few words, and what it is worth."""
+    """The verdict: a headline and its details."""
     worst = {
-        kind: max(_shown(each, each.errors[kind], "max") for each in replay.planned)
+        kind: max(_error(each, each.errors[kind], "max") for each in replay.planned)
         for kind in ("planned", "direct", "resent")
     }
     many = len(replay.planned) > 1
     units = {"rad": "degrees", "1": "% of the range"}
     unit = " or ".join(
-        units[each] for each in units if each in {one.path.unit for one in replay.planned}
+        units[each] for each in units if each in {joint.path.unit for joint in replay.planned}
     )
     head = (
         f"By the model the planned joint{'s stay' if many else ' stays'} within "
@@ -185,57 +185,57 @@ def _verdict(replay: Replay) -> tuple[str, str]:
     return head, tail
 
 
-def _said(replay: Replay, found: Fastest | None) -> list[str]:
-    """What somebody who sends these requests should know first."""
-    said = []
+def _remarks(replay: Replay, fastest: Fastest | None) -> list[str]:
+    """Remarks for users of these requests."""
+    lines = []
     fast = [each for each in replay.planned if each.too_fast]
     if fast:
         parts = ", ".join(
             f"{each.name} ({sum(b - a for a, b in each.too_fast):.2g} s)" for each in fast
         )
         unknown = _listed(replay.path.open_top_speeds & {each.name for each in fast})
-        proof = found and found.impossible
+        proof = fastest and fastest.impossible
         reason = "" if proof and proof.of_model_only else f": {OPEN_TOP_SPEED}"
         only = f" That is by the model only of {unknown}{reason}." if unknown else ""
-        said.append(f"The path is faster than the joint can be: {parts}; shaded below.{only}")
+        lines.append(f"The path is faster than the joint can be: {parts}; shaded below.{only}")
     if untested := [each for each in replay.planned if each.untested]:
-        listed = ", ".join(f"{each.name} ({', '.join(each.untested)})" for each in untested)
-        said.append(f"Outside what the models were tested on: {listed}.")
-    passed = [each for each in replay.joints if each.inversion is None]
-    if passed:
-        listed = ", ".join(f"{each.name} ({each.path.reason})" for each in passed)
-        said.append(f"These joints get their recorded requests at the same moments: {listed}.")
-    return said
+        names = ", ".join(f"{each.name} ({', '.join(each.untested)})" for each in untested)
+        lines.append(f"Outside what the models were tested on: {names}.")
+    unplanned = [each for each in replay.joints if each.inversion is None]
+    if unplanned:
+        names = ", ".join(f"{each.name} ({each.path.reason})" for each in unplanned)
+        lines.append(f"These joints get their recorded requests at the same moments: {names}.")
+    return lines
 
 
 def cards(replay: Replay) -> list[Card]:
     """The key figures."""
-    worst = max(replay.planned, key=lambda each: _shown(each, each.errors["planned"], "rms"))
+    worst = max(replay.planned, key=lambda each: _error(each, each.errors["planned"], "rms"))
     unit, factor = UNITS[worst.path.unit]
-    shown = {kind: _shown(worst, error, "rms") for kind, error in worst.errors.items()}
+    errors = {kind: _error(worst, error, "rms") for kind, error in worst.errors.items()}
     bound = factor * worst.lower_bound
     bounded = f"; lower bound {bound:.3g}" if math.isfinite(bound) else ""
-    made = [
-        Card(f"{shown['planned']:.3g}", f"{unit} rms",
+    entries = [
+        Card(f"{errors['planned']:.3g}", f"{unit} rms",
              f"the joint that is farthest off, {worst.name}; the best time shift of its path "
-             f"leaves {shown['shifted']:.3g}{bounded}"),
+             f"leaves {errors['shifted']:.3g}{bounded}"),
     ]  # fmt: skip
-    known = [each for each in replay.planned if math.isfinite(each.expected)]
-    if known:
-        each = max(known, key=lambda one: UNITS[one.path.unit][1] * one.expected)
+    expected = [each for each in replay.planned if math.isfinite(each.expected)]
+    if expected:
+        each = max(expected, key=lambda joint: UNITS[joint.path.unit][1] * joint.expected)
         unit, factor = UNITS[each.path.unit]
-        made.append(
+        entries.append(
             Card(f"{factor * each.expected:.3g}", f"{unit} rms",
                  f"to expect on the robot of {each.name}, the plan's error and the model's")
         )  # fmt: skip
     count, joints = len(replay.moments), len(replay.joints)
     seconds = (count - 1) * replay.period
-    made.append(
+    entries.append(
         Card(f"{seconds:.3g}", "s",
              f"{count} requests to {joints} joint{'s' * (joints > 1)} at "
              f"{1.0 / replay.period:.4g} Hz, for {replay.path.duration:.3g} s of the recording")
     )  # fmt: skip
-    return made
+    return entries
 
 
 def joints_table(replay: Replay) -> Table:
@@ -259,7 +259,7 @@ def joints_table(replay: Replay) -> Table:
         cells += [nothing, NOTHING, NOTHING, NOTHING]
         if joint.inversion is not None:
             pairs = {kind: _pair(joint, error) for kind, error in joint.errors.items()}
-            spent = sum(last - first for first, last in joint.too_fast)
+            seconds = sum(last - first for first, last in joint.too_fast)
             cells = [
                 recorded,
                 pairs["resent"],
@@ -268,7 +268,7 @@ def joints_table(replay: Replay) -> Table:
                 pairs["planned"],
                 number(factor * joint.expected, 3),
                 number(factor * joint.lower_bound, 3),
-                f"{spent:.2f}" if spent else "0",
+                f"{seconds:.2f}" if seconds else "0",
             ]
         rows.append(Row(f"{joint.name} [{unit}]", tuple(cells)))
     return Table("joint", tuple(columns), tuple(rows), label="Joints")
@@ -326,7 +326,7 @@ def joint_figure(replay: Replay, j: int) -> Figure:
     timeline, joint = _timeline(replay), replay.joints[j]
     unit, factor = UNITS[joint.path.unit]
     desired = timeline.curve(factor * joint.desired, DESIRED, "path")
-    sent = [
+    request_curves = [
         timeline.curve(factor * requests, role, label, held=True)
         for requests, role, label in (
             (joint.recorded_requests, APPROXIMATION, "recorded requests"),
@@ -337,7 +337,7 @@ def joint_figure(replay: Replay, j: int) -> Figure:
         words = f"{joint.path.reason}: its recorded requests at the same moments"
         return figure.joint_figure(
             timeline, f"joint_{j}", (joint.name, sentence(words)), unit=unit,
-            requests=(desired, *sent),
+            requests=(desired, *request_curves),
         )  # fmt: skip
     assert joint.predicted is not None, "a planned joint is simulated"
     angles = ((joint.direct, AS_IT_IS), (joint.shifted, SHIFT), (joint.predicted, OPTIMAL))
@@ -346,10 +346,10 @@ def joint_figure(replay: Replay, j: int) -> Figure:
         Span(timeline.per_second * a, timeline.per_second * b, DIRECT, FAST)
         for a, b in joint.too_fast
     )
-    shaded = "; shaded where the path is faster than the joint can be" if joint.too_fast else ""
+    shade_note = "; shaded where the path is faster than the joint can be" if joint.too_fast else ""
     words = (
         "Above: the angle to follow, with the path itself as requests, with the best time shift of "
-        f"it, and as planned{shaded}. In the middle: errors. Below: requests"
+        f"it, and as planned{shade_note}. In the middle: errors. Below: requests"
     )
     return figure.joint_figure(
         timeline,
@@ -358,28 +358,28 @@ def joint_figure(replay: Replay, j: int) -> Figure:
         unit=unit,
         angles=(desired, *(timeline.curve(factor * each, role) for each, role in angles)),
         errors=[timeline.curve(factor * (each - joint.desired), role) for each, role in angles[1:]],
-        requests=(desired, *sent),
+        requests=(desired, *request_curves),
         limits=span and (factor * span[0], factor * span[1]),
         spans=tuple(fast),
     )
 
 
-def speeds_figure(found: Fastest) -> Figure:
+def speeds_figure(fastest: Fastest) -> Figure:
     """Largest errors against the speed, with the tolerance."""
-    unit = "cm" if found.foot else "deg"
-    allowed = (100.0 if found.foot else math.degrees(1.0)) * found.tolerance
-    speeds = np.array([each.speed for each in found.curve])
+    unit = "cm" if fastest.foot else "deg"
+    tolerance = (100.0 if fastest.foot else math.degrees(1.0)) * fastest.tolerance
+    speeds = np.array([each.speed for each in fastest.curve])
     looks = {"direct": AS_IT_IS, "shifted": SHIFT, "planned": OPTIMAL}
     curves = [
-        Curve(role, speeds, allowed * np.array([getattr(each, kind) for each in found.curve]))
+        Curve(role, speeds, tolerance * np.array([getattr(each, kind) for each in fastest.curve]))
         for kind, role in looks.items()
     ]
-    bounds = allowed * np.array([each.bound for each in found.curve])
+    bounds = tolerance * np.array([each.bound for each in fastest.curve])
     if np.isfinite(bounds).any():
         curves.append(Curve(LOWER_BOUND, speeds, bounds))
     ends = (float(speeds[0]), float(speeds[-1]))
-    known = np.concatenate([curve.y[np.isfinite(curve.y)] for curve in curves[1:]])
-    top = min(SHOWN * allowed, 1.05 * max(float(np.max(known)), allowed))
+    finite = np.concatenate([curve.y[np.isfinite(curve.y)] for curve in curves[1:]])
+    top = min(MOST_TOLERANCES * tolerance, 1.05 * max(float(np.max(finite)), tolerance))
     curves = [
         replace(each, label=f"{each.role.label}, off the scale") if np.all(each.y > top) else each
         for each in curves
@@ -392,19 +392,19 @@ def speeds_figure(found: Fastest) -> Figure:
         (
             Panel(
                 Axis("largest error", unit, (0.0, top)),
-                (line(ends, (allowed, allowed), LIMIT), *curves),
+                (line(ends, (tolerance, tolerance), LIMIT), *curves),
                 height=1.8,
             ),
         ),
     )
 
 
-def factors_figure(found: Fastest) -> Figure:
+def factors_figure(fastest: Fastest) -> Figure:
     """The speed along the replay."""
-    timeline = _timeline(found.replay)
-    factors = np.append(found.factors, found.factors[-1:])
+    timeline = _timeline(fastest.replay)
+    factors = np.append(fastest.factors, fastest.factors[-1:])
     curves = [timeline.curve(factors, OPTIMAL, "speed")]
-    constant = timeline.curve(np.full(len(factors), found.constant), LIMIT, "largest constant")
+    constant = timeline.curve(np.full(len(factors), fastest.constant), LIMIT, "largest constant")
     return timeline.figure(
         "factors",
         [Panel(Axis("times the recorded speed", from_zero=True), (constant, *curves), height=1.8)],
@@ -422,12 +422,12 @@ def _in_unit(joint: JointReplay, values: Array) -> Array:
     return np.asarray(UNITS[joint.path.unit][1] * values)
 
 
-def _shown(joint: JointReplay, errors: Array, norm: Literal["rms", "max"]) -> float:
+def _error(joint: JointReplay, errors: Array, norm: Literal["rms", "max"]) -> float:
     return UNITS[joint.path.unit][1] * error_norm(errors, norm)
 
 
 def _pair(joint: JointReplay, errors: Array) -> tuple[str, str]:
-    return f"{_shown(joint, errors, 'rms'):.3f}", f"{_shown(joint, errors, 'max'):.3f}"
+    return f"{_error(joint, errors, 'rms'):.3f}", f"{_error(joint, errors, 'max'):.3f}"
 
 
 def _timeline(replay: Replay) -> Timeline:

@@ -24,13 +24,13 @@ if TYPE_CHECKING:
 PLANNED = FOOT_OPTIMAL._replace(label="planned")
 
 MOST_FRAMES = 1000
-"""Moments of a motion that are shown; of longer ones every second is, or every third."""
+"""Most samples of a motion that are shown; of longer motions every second one, or every third."""
 
 TRACE = 0.008
 """Radius of a foot's trace, to the size of the leg."""
 
 VIEWPOINT = np.array([0.5, 1.0, 0.3])
-"""Where the camera is, from the middle of what is shown and to its size: forward, sideways, up."""
+"""Place of the camera, from the scene's middle, to the scene's size: forward, sideways, up."""
 
 RANDOM = re.compile(r"[0-9a-f]{8}(-[0-9a-f]{4}){3}-[0-9a-f]{12}")
 """The names that Meshcat gives to objects."""
@@ -40,20 +40,20 @@ THINNER = 0.05
 share."""
 
 SIDES = 8
-"""Of a trace, which is a tube: browsers draw lines one pixel wide."""
+"""Sides of a trace, which is a tube: browsers draw lines one pixel wide."""
 
 SOIL = 1.3
 """Extent of the ground, to that of the feet on it."""
 
 
 class Motion(NamedTuple):
-    """How a leg moves.
+    """The motion of a leg.
 
     Attributes:
         role: Meaning, with its colour.
         angles: Its joints' angles [rad], shape (n, k).
-        foot: Where its foot is in the base frame [m], shape (n, 3).
-        opacity: Of its links: 1 hides what is behind them.
+        foot: Positions of its foot in the base frame [m], shape (n, 3).
+        opacity: Opacity of its links: 1 hides what is behind them.
     """
 
     role: Role
@@ -74,7 +74,7 @@ def motions(
 
 
 def import_meshcat() -> Any:
-    """The package; silent about what it uses that is deprecated.
+    """The package; its deprecation warnings are ignored.
 
     Raises:
         MissingExtra: It is not installed.
@@ -91,10 +91,10 @@ def import_meshcat() -> Any:
 
 
 class Recording:
-    """Stands for the window of a ``meshcat.Visualizer``, and keeps what is sent there.
+    """A window for a ``meshcat.Visualizer`` that records its commands.
 
     Attributes:
-        commands: What was sent, packed as the viewer takes it.
+        commands: The recorded commands, packed for the viewer.
     """
 
     def __init__(self) -> None:
@@ -120,7 +120,7 @@ class Recording:
 
 
 def scene_page(
-    scene: Scene, shown: Sequence[Motion], *, period: float, cyclic: bool, title: str
+    scene: Scene, leg_motions: Sequence[Motion], *, period: float, cyclic: bool, title: str
 ) -> str:
     """The whole page; the same scene makes the same page.
 
@@ -129,24 +129,26 @@ def scene_page(
 
     Args:
         scene: The robot.
-        shown: The motions of its leg, as for :func:`draw_scene`.
+        leg_motions: The motions of its leg, as for :func:`draw_scene`.
         period: Time between their samples [s].
         cyclic: Whether they repeat.
-        title: What is shown, in words.
+        title: Title of the page.
 
     Raises:
         MissingExtra: Meshcat is not installed.
     """
     meshcat = import_meshcat()
     recording = Recording()
-    draw_scene(meshcat.Visualizer(window=recording), scene, shown, period=period, cyclic=cyclic)
+    draw_scene(
+        meshcat.Visualizer(window=recording), scene, leg_motions, period=period, cyclic=cyclic
+    )
     viewer = files("meshcat").joinpath("viewer", "dist", "main.min.js").read_text("utf-8")
     return (
         environment()
         .get_template("scene.html")
         .render(
             title=title,
-            motions=shown,
+            motions=leg_motions,
             viewer=viewer,
             commands=[base64.b64encode(command).decode() for command in recording.commands],
         )
@@ -154,24 +156,24 @@ def scene_page(
 
 
 def draw_scene(
-    viewer: Any, scene: Scene, shown: Sequence[Motion], *, period: float, cyclic: bool
+    viewer: Any, scene: Scene, leg_motions: Sequence[Motion], *, period: float, cyclic: bool
 ) -> None:
     """Draw the robot and its leg's motions, and play them for ever in real time.
 
     Args:
         viewer: A ``meshcat.Visualizer``.
         scene: The robot; it stands still but for the leg.
-        shown: The motions, each of the same length.
+        leg_motions: The motions, each of the same length.
         period: Time between their samples [s].
         cyclic: Whether the motions repeat, so that their ends are joined.
     """
-    stride = -(-len(shown[0].angles) // MOST_FRAMES)
-    places = scene.places(shown[0].angles[0])
+    stride = -(-len(leg_motions[0].angles) // MOST_FRAMES)
+    places = scene.places(leg_motions[0].angles[0])
     reach = float(np.linalg.norm(np.ptp(places, axis=0))) or 1.0
-    rest = scene.configurations(shown[0].angles[:1])[0]
+    rest = scene.configurations(leg_motions[0].angles[:1])[0]
     _show(viewer, "robot", scene, scene.still, None).display(rest)
     animation = import_meshcat().animation.Animation(default_framerate=1.0 / (stride * period))
-    for motion in shown:
+    for motion in leg_motions:
         name = motion.role.label
         leg = _show(viewer, name, scene, scene.moving, [*_parts(motion.role), motion.opacity])
         poses = scene.configurations(motion.angles[::stride])
@@ -182,8 +184,10 @@ def draw_scene(
             leg.viewer = animation.at_frame(viewer, number)
             leg.display(pose)
         _draw_trace(viewer[f"{name} trace"], motion, TRACE * reach, closed=cyclic)
-    _draw_ground(viewer["ground"], np.concatenate([motion.foot for motion in shown]), TRACE * reach)
-    _look(viewer, np.concatenate([places, *(motion.foot for motion in shown)]))
+    _draw_ground(
+        viewer["ground"], np.concatenate([motion.foot for motion in leg_motions]), TRACE * reach
+    )
+    _look(viewer, np.concatenate([places, *(motion.foot for motion in leg_motions)]))
     viewer.set_animation(animation, play=True, repetitions=float("inf"))
 
 

@@ -110,8 +110,8 @@ SETTINGS: Mapping[str, Any] = {
 
 def variable(role: Role) -> str:
     """The colour of a role as a page names it, which is light or dark with the page."""
-    for name, known in ROLES.items():
-        if known.light == role.light:
+    for name, candidate in ROLES.items():
+        if candidate.light == role.light:
             return f"var(--{name})"
     raise KeyError(f"no colour of the page is {role.light}: give the role one of ROLES")
 

@@ -40,10 +40,10 @@ WORDS = {
     "period_s": ("period", "s"),
     "speed": ("speed", "times"),
 }
-"""What a parameter is called where not by its key, and its unit."""
+"""Name and unit of a parameter that is not shown by its key."""
 
 MOST_REASONS = 20
-"""Reasons that are listed, of points without a plan."""
+"""Most reasons that are listed for points without a plan."""
 
 Point = tuple[float, ...]
 """A value for each parameter, in their order."""
@@ -51,7 +51,7 @@ Point = tuple[float, ...]
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a point comes to: speeds and errors in the units of the sweep.
+    """Result of a point: speeds and errors in the units of the sweep.
 
     Attributes:
         point: The point.
@@ -60,7 +60,7 @@ class Outcome:
         largest: Its largest error.
         direct: The error of the desired angles as requests.
         too_fast: Share of the path on which a joint would have to exceed its top speed.
-        slowest: The joint that would; "" where none has to.
+        slowest: That joint; "" where there is none.
         unreachable: Samples out of the leg's reach, where the settings let these be clamped.
         reason: Why there is no plan, or which requirement it misses.
     """
@@ -82,13 +82,13 @@ class Outcome:
 
 
 def _words(name: str) -> tuple[str, str]:
-    """What a parameter is called, and its unit."""
+    """Name and unit of a parameter."""
     return WORDS.get(name, (name, ""))
 
 
 @dataclass(frozen=True)
 class Requirement:
-    """What is required of a point: at most an error, or at least a speed."""
+    """Requirement on a point: at most an error, or at least a speed."""
 
     of: Literal["error", "speed"]
     value: float
@@ -101,10 +101,10 @@ class Swept:
     Attributes:
         file: The sweep file, as the user named it.
         names: The parameters.
-        outcomes: Every point that was tried, in order.
-        speed_unit: Of speeds: "cm/s", or "times" that of the path.
-        error_unit: Of errors: "cm" of a foot, or "deg".
-        requirement: What is required of a point; None where the whole front is sought.
+        outcomes: Every evaluated point, in order.
+        speed_unit: Unit of speeds: "cm/s", or "times" that of the path.
+        error_unit: Unit of errors: "cm" of a foot, or "deg".
+        requirement: Requirement on a point; None for the whole front.
     """
 
     file: str
@@ -116,22 +116,22 @@ class Swept:
 
     @cached_property
     def front(self) -> tuple[Outcome, ...]:
-        """The points than which no other is better in both, speed and error, by speed."""
-        found, least = list[Outcome](), math.inf
+        """The Pareto-optimal points in speed and error, by speed."""
+        points, least = list[Outcome](), math.inf
         planned = (each for each in self.outcomes if each.planned)
         for each in sorted(planned, key=lambda each: (-each.speed, each.error)):
             if each.error < least:
                 least = each.error
-                found.append(each)
-        return tuple(reversed(found))
+                points.append(each)
+        return tuple(reversed(points))
 
     @property
     def best(self) -> Outcome | None:
         """The best point that meets the requirement; None without one."""
-        kept = [each for each in self.front if not each.reason]
-        if self.requirement is None or not kept:
+        points = [each for each in self.front if not each.reason]
+        if self.requirement is None or not points:
             return None
-        return kept[-1] if self.requirement.of == "error" else kept[0]
+        return points[-1] if self.requirement.of == "error" else points[0]
 
     def number(self, outcome: Outcome) -> int:
         """The number of a point, from 1."""
@@ -140,9 +140,9 @@ class Swept:
     def command(self, outcome: Outcome) -> str:
         """The command that plans a point again, with all files of a run."""
         values = zip(self.names, outcome.point, strict=True)
-        given = " ".join(f"--at {name}={value!r}" for name, value in values)
+        options = " ".join(f"--at {name}={value!r}" for name, value in values)
         number = self.number(outcome)
-        return f"request-planner sweep {shlex.quote(self.file)} {given} --out point-{number}"
+        return f"request-planner sweep {shlex.quote(self.file)} {options} --out point-{number}"
 
     @cached_property
     def _numbers(self) -> dict[Point, int]:
@@ -159,7 +159,7 @@ def sweep_page(
 
     Args:
         swept: The sweep.
-        origins: What it was made from: pairs of what it is and which.
+        origins: Inputs of the sweep: pairs of a kind and a name.
         files: Files of the sweep to link to.
     """
     front = swept.front
@@ -177,8 +177,8 @@ def sweep_page(
                 {"several": parameter_figures(swept)},
             ),
         ]
-    if failed := failures_table(swept):
-        sections.append(table_section("Points without a plan", failed))
+    if failures := failures_table(swept):
+        sections.append(table_section("Points without a plan", failures))
     head, _, tail = verdict(swept).partition(": ")
     return Page(
         heading="Speed against error",
@@ -204,14 +204,16 @@ prints is that of the table.</p>
 
 def verdict(swept: Swept) -> str:
     """The answer in a few words."""
-    front, best, required = swept.front, swept.best, swept.requirement
+    front, best, requirement = swept.front, swept.best, swept.requirement
     if not front:
         return "No point has a plan"
-    if required is not None:
-        unit = swept.error_unit if required.of == "error" else swept.speed_unit
-        limit = f"{'at most' if required.of == 'error' else 'at least'} {required.value:g} {unit}"
+    if requirement is not None:
+        unit = swept.error_unit if requirement.of == "error" else swept.speed_unit
+        limit = (
+            f"{'at most' if requirement.of == 'error' else 'at least'} {requirement.value:g} {unit}"
+        )
         if best is None:
-            near = front[0] if required.of == "error" else front[-1]
+            near = front[0] if requirement.of == "error" else front[-1]
             return f"No point has {limit}: the nearest has {sizes(swept, near)}"
         return f"The best point with {limit} has {sizes(swept, best)}: {words_of(swept, best)}"
     if len(front) == 1:
@@ -242,10 +244,10 @@ def words_of(swept: Swept, outcome: Outcome) -> str:
 def cards(swept: Swept) -> list[Card]:
     """Key figures."""
     planned = sum(each.planned for each in swept.outcomes)
-    made = [Card(f"{planned}", "", f"of {len(swept.outcomes)} points have a plan")]
+    entries = [Card(f"{planned}", "", f"of {len(swept.outcomes)} points have a plan")]
     if swept.front:
         slow, fast = swept.front[0], swept.front[-1]
-        made += [
+        entries += [
             Card(f"{fast.speed:.3g}", swept.speed_unit,
                  f"the fastest of the front, at {fast.error:.3g} {swept.error_unit}"),
             Card(f"{slow.error:.3g}", swept.error_unit,
@@ -253,7 +255,7 @@ def cards(swept: Swept) -> list[Card]:
             Card(f"{slow.direct / max(slow.error, 1e-9):.3g}", "times",
                  "that error without a plan, with the desired angles as requests"),
         ]  # fmt: skip
-    return made
+    return entries
 
 
 def _commands(swept: Swept) -> str:
@@ -296,8 +298,8 @@ def failures_table(swept: Swept) -> Table | None:
         if not each.planned:
             reasons.setdefault(each.reason, []).append(each)
     rows = [
-        Row(f"{swept.number(those[0])}", (words_of(swept, those[0]), f"{len(those)}", reason))
-        for reason, those in list(reasons.items())[:MOST_REASONS]
+        Row(f"{swept.number(points[0])}", (words_of(swept, points[0]), f"{len(points)}", reason))
+        for reason, points in list(reasons.items())[:MOST_REASONS]
     ]
     if not rows:
         return None
@@ -321,12 +323,12 @@ def front_figure(swept: Swept) -> Figure:
         Curve(FOOT_OPTIMAL, best_speeds, best_errors, "Pareto front", notes=ahead),
         Curve(FOOT_OPTIMAL, best_speeds, best_errors, "Pareto front", marks="rings", notes=ahead),
     ]  # fmt: skip
-    required = swept.requirement
-    if required is not None:
+    requirement = swept.requirement
+    if requirement is not None:
         low, high = (float(end) for end in (speeds.min(), speeds.max()))
-        ends = ([low, high], [required.value] * 2)
-        if required.of == "speed":
-            ends = ([required.value] * 2, [0.0, float(errors.max())])
+        ends = ([low, high], [requirement.value] * 2)
+        if requirement.of == "speed":
+            ends = ([requirement.value] * 2, [0.0, float(errors.max())])
         looks = LIMIT._replace(label="required")
         curves.insert(0, Curve(looks, np.array(ends[0]), np.array(ends[1])))
     if swept.best is not None:

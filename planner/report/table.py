@@ -12,13 +12,13 @@ from itertools import groupby
 from operator import attrgetter
 
 NOTHING = "–"
-"""What stands in a cell that has no value."""
+"""Content of a cell without a value."""
 
 NO_BOUND = "a load that depends on the pose: other requests would meet another load"
-"""Why there is no lower bound where there is none."""
+"""Reason for a missing lower bound."""
 
 ROUNDING = 1e-12
-"""What the division by a decimal step may add to a quotient, as a share of it."""
+"""Rounding error of a division by a decimal step, as a share of the quotient."""
 
 _WIDTH: ContextVar[int | None] = ContextVar("_WIDTH", default=None)
 """Characters of a line; None, as for files, for any number."""
@@ -57,10 +57,10 @@ class Row:
     """A row.
 
     Attributes:
-        about: What it is about, in the first column.
-        cells: Its cells: words, or one for each part of their column. What follows a line break
+        about: Its label, in the first column.
+        cells: Its cells: words, or one for each part of their column. Text after a line break
             is a note.
-        subject: What it shares with its neighbours; rows of one subject stand together.
+        subject: Its group; rows of one subject stand together.
         kind: How a page marks it, such as "bound".
     """
 
@@ -75,10 +75,10 @@ class Table:
     """A table.
 
     Attributes:
-        about: What its rows are about: the title of the first column.
+        about: Title of the first column.
         columns: The other columns.
         rows: The rows.
-        label: What it is called for those who cannot see it.
+        label: Its name for screen readers.
         apart: Whether a terminal shows the subject in a column of its own, once.
     """
 
@@ -89,7 +89,7 @@ class Table:
     apart: bool = False
 
     def text(self) -> str:
-        """The table for a terminal, the subject before what each row is about."""
+        """The table for a terminal, the subject before each row's label."""
         rows = []
         for subject, same in self.subjects():
             for number, row in enumerate(same):
@@ -157,9 +157,9 @@ def text_table(header: Sequence[str], rows: Sequence[Sequence[str]], *, about: i
     between two tables.
 
     Args:
-        header: The columns' names; the first stands on the left, the others on the right.
+        header: The columns' names; the first is on the left, the rest on the right.
         rows: Their cells, as many per row as names.
-        about: Columns that say what a row is about.
+        about: Number of columns that identify a row.
     """
     cells = [list(header), *(list(row) for row in rows)]
     widths = [max(len(row[j]) for row in cells) for j in range(len(header))]
@@ -176,16 +176,16 @@ def text_table(header: Sequence[str], rows: Sequence[Sequence[str]], *, about: i
 
 
 def _blocks(widths: Sequence[int], about: int) -> list[list[int]]:
-    """Which columns stand side by side, each time after those that say what a row is about."""
+    """Columns that fit side by side, each time after the columns that identify a row."""
     most, first = _WIDTH.get(), list(range(about))
-    used = sum(widths[:about]) + 2 * (about - 1)
-    blocks, taken = [first.copy()], used
+    stub = sum(widths[:about]) + 2 * (about - 1)
+    blocks, width = [first.copy()], stub
     for j in range(about, len(widths)):
-        if most is not None and taken + 2 + widths[j] > most and len(blocks[-1]) > about:
+        if most is not None and width + 2 + widths[j] > most and len(blocks[-1]) > about:
             blocks.append(first.copy())
-            taken = used
+            width = stub
         blocks[-1].append(j)
-        taken += 2 + widths[j]
+        width += 2 + widths[j]
     return blocks
 
 
@@ -240,8 +240,8 @@ def _html_cell(cell: str | tuple[str, ...], column: Column) -> str:
     if isinstance(cell, str):
         breaks = " class=breaks" if " " in cell and not re.search(r"\d", cell) else ""
         return f"<td{' class=words' if column.words else breaks}>{_noted(cell)}</td>"
-    first, *others = map(_noted, cell)
-    return f"<td class=part>{first}</td>" + "".join(f"<td>{each}</td>" for each in others)
+    first, *rest = map(_noted, cell)
+    return f"<td class=part>{first}</td>" + "".join(f"<td>{each}</td>" for each in rest)
 
 
 def _html_parts(column: Column) -> str:
@@ -250,8 +250,8 @@ def _html_parts(column: Column) -> str:
 
     if not column.parts:
         return "<td></td>"
-    first, *others = (f">{escape(part)}</th>" for part in column.parts)
-    return '<th scope="col" class=part' + first + "".join(f'<th scope="col"{o}' for o in others)
+    first, *rest = (f">{escape(part)}</th>" for part in column.parts)
+    return '<th scope="col" class=part' + first + "".join(f'<th scope="col"{o}' for o in rest)
 
 
 def _noted(text: str) -> str:

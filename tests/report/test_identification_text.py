@@ -20,7 +20,13 @@ from planner.report.identification.text import (
     model_comments,
     remarks,
 )
-from planner.report.identification.words import compared_with, figure, known, parameters, verdict
+from planner.report.identification.words import (
+    compared_with,
+    determined_words,
+    figure,
+    parameters,
+    verdict,
+)
 from tests.report.made_up import made_up, made_up_log, never_saturated
 
 
@@ -137,28 +143,28 @@ def test_parameters_that_not_every_joint_has_are_explained_below_the_table():
 
 
 def test_what_is_not_determined_is_named():
-    assert known(made_up()) == "The logs determine every parameter."
-    assert "neither of the two alone" in known(never_saturated())
+    assert determined_words(made_up()) == "The logs determine every parameter."
+    assert "neither of the two alone" in determined_words(never_saturated())
     right = made_up()
     vague = {**right.intervals, "lag": Interval(-math.inf, 0.1)}
-    assert known(made_up(intervals=vague)) == "The logs do not determine: lag."
+    assert determined_words(made_up(intervals=vague)) == "The logs do not determine: lag."
     wide = {**right.intervals, "lag": Interval(0.0, 0.1)}
-    assert known(made_up(intervals=wide)).endswith("but some only roughly: lag.")
+    assert determined_words(made_up(intervals=wide)).endswith("but some only roughly: lag.")
     some = never_saturated()
     some = dataclasses.replace(some, intervals={**some.intervals, "lag": Interval(0.0, 0.1)})
-    assert known(some).endswith("but neither of the two alone; only roughly known: lag.")
+    assert determined_words(some).endswith("but neither of the two alone; only roughly known: lag.")
     rough = dataclasses.replace(never_saturated(), gain_interval=Interval(30.0, 60.0))
-    assert known(rough).endswith(
+    assert determined_words(rough).endswith(
         "determine v_max / theta_0 only roughly, but neither of the two alone."
     )
     hardly = dataclasses.replace(never_saturated(), gain_interval=Interval(0.0, 100.0))
-    assert known(hardly).startswith("The logs do not determine: top speed")
-    assert known(hardly).count("speed per error") == 1
+    assert determined_words(hardly).startswith("The logs do not determine: top speed")
+    assert determined_words(hardly).count("speed per error") == 1
     some = dataclasses.replace(some, intervals={**some.intervals, "lag": vague["lag"]})
-    assert known(some) == (
+    assert determined_words(some) == (
         "The logs do not determine: top speed, error that calls for top speed, lag."
     )
-    assert "say little" in known(made_up(verdict="refused"))
+    assert "say little" in determined_words(made_up(verdict="refused"))
 
 
 def test_the_text_of_one_joint_begins_with_the_verdict_and_ends_with_warnings_and_what_to_do():

@@ -1,1 +1,1 @@
-"""What was identified of a joint: in words, on a terminal, and on a page."""
+"""The identification of joints: in words, on a terminal, and on a page."""

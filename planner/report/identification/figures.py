@@ -40,7 +40,7 @@ MOST_POINTS = 1500
 page."""
 
 BINS = 10_000
-"""Parts of a log, of which each is drawn by its least and its largest value; a log of twice as many
+"""Parts of a log, each drawn by its least and its largest value; a log of twice as many
 rows, over three minutes at 100 Hz, is drawn row by row."""
 
 CLOSE_UP = 3.0
@@ -50,7 +50,7 @@ DOWNWEIGHTED = 0.5
 """Rows whose weight is below this are marked as outliers."""
 
 APART = "window across a corner of f"
-"""What the pale dots of a cloud are called."""
+"""Name of the pale dots of a cloud."""
 
 MEASURED = DESIRED._replace(label="measured")
 FITTED = CLOSED_FORM._replace(label="model, fitted", width=1.4)
@@ -87,10 +87,10 @@ class Cloud(NamedTuple):
     highest: float
 
 
-def cloud_of(found: Identification) -> Cloud:
-    """All points of an identification, and the part of the plane that nearly all of them are in."""
-    model = found.model
-    clouds = [speed_against_error(model, fit) for fit in found.fits]
+def cloud_of(identification: Identification) -> Cloud:
+    """All points of an identification, and the part of the plane with nearly all of them."""
+    model = identification.model
+    clouds = [speed_against_error(model, fit) for fit in identification.fits]
     points = SpeedPoints(*(np.concatenate(parts) for parts in zip(*clouds, strict=True)))
     corner = float(model.corners()[-1])
     reach = 2.0 * corner
@@ -98,8 +98,8 @@ def cloud_of(found: Identification) -> Cloud:
         most = 1.1 * float(np.quantile(np.abs(points.errors), 0.99))
         beyond = max(1.3 * corner, min(most, 5.0 * corner))
         reach = max(most, 1e-9) if most < corner else beyond
-    shown = np.abs(points.speeds[np.abs(points.errors) <= reach])
-    most = float(np.quantile(shown, 0.995)) if len(shown) else 0.0
+    speeds = np.abs(points.speeds[np.abs(points.errors) <= reach])
+    most = float(np.quantile(speeds, 0.995)) if len(speeds) else 0.0
     return Cloud(points, reach, 1.15 * max(float(model.speed(reach)), most))
 
 
@@ -120,8 +120,8 @@ def speed_against_error(model: JointModel, fit: LogFit) -> SpeedPoints:
     mean, least, most = _windows(
         log, middle - model.lag - model.acceleration_time, middle - model.lag
     )
-    held = here - model.offset - model.pose_sag(here)
-    errors, low, high = (values - held for values in (mean, least, most))
+    balance = here - model.offset - model.pose_sag(here)
+    errors, low, high = (values - balance for values in (mean, least, most))
     down, *band, up = model.corners().tolist()
     saturated = (low >= up) | (high <= down)
     edges = [down, *(band if model.dead_band else ()), up]
@@ -132,12 +132,12 @@ def speed_against_error(model: JointModel, fit: LogFit) -> SpeedPoints:
 
 
 def _windows(log: Log, starts: Array, ends: Array) -> tuple[Array, Array, Array]:
-    """Mean, least and largest of the requests, each held until the next, between given times."""
+    """Mean, least and largest of the requests, each held until the next, in windows of time."""
     steps = np.diff(log.times)
-    summed = np.concatenate([[0.0], np.cumsum(log.requests[:-1] * steps)])
+    cumulative = np.concatenate([[0.0], np.cumsum(log.requests[:-1] * steps)])
 
     def integral(times: Array) -> Array:
-        inner = np.interp(times, log.times, summed)
+        inner = np.interp(times, log.times, cumulative)
         before = np.minimum(times - log.times[0], 0.0) * log.requests[0]
         after = np.maximum(times - log.times[-1], 0.0) * log.requests[-1]  # by half a tick
         total: Array = inner + before + after
@@ -154,29 +154,29 @@ def _windows(log: Log, starts: Array, ends: Array) -> tuple[Array, Array, Array]
     return mean, least, most
 
 
-def cloud_figure(found: Identification, prefix: str = "") -> Figure:
+def cloud_figure(identification: Identification, prefix: str = "") -> Figure:
     """The paper's Figure 5, from data: speed against error, with the identified f over it."""
-    model, units = found.model, units_of(found)
-    points, reach, highest = cloud_of(found)
+    model, units = identification.model, units_of(identification)
+    points, reach, highest = cloud_of(identification)
     factor = units.factor
     finite = np.isfinite(points.errors) & np.isfinite(points.speeds)
     curves = [line((-factor * reach, factor * reach), (0, 0)), line((0, 0), (-factor * highest,
               factor * highest))]  # fmt: skip
-    for chosen, role, opacity, name in (
+    for mask, role, opacity, name in (
         (finite & points.apart, MUTED, 0.3, APART),
         (finite & ~points.apart, INK, 0.6, "measured"),
     ):
-        some = np.flatnonzero(chosen)
-        some = some[:: max(1, math.ceil(len(some) / MOST_POINTS))]
-        if len(some):
-            x, y = factor * points.errors[some], factor * points.speeds[some]
+        places = np.flatnonzero(mask)
+        places = places[:: max(1, math.ceil(len(places) / MOST_POINTS))]
+        if len(places):
+            x, y = factor * points.errors[places], factor * points.speeds[places]
             curves.append(Curve(role, x, y, name, marks="dots", opacity=opacity))
     far = max(reach, float(np.max(np.abs(points.errors[finite]), initial=0.0)))
     corners = model.corners()
     ends = np.array([-far, *np.clip(corners, -far, far), far])
     speeds = factor * model.speed(ends)
     words: tuple[Words, ...] = ()
-    if found.saturates and corners[-1] <= reach:
+    if identification.saturates and corners[-1] <= reach:
         corner, top = factor * float(corners[-1]), factor * float(model.speed(corners[-1]))
         low = -factor * highest
         curves.append(line((corner, corner), (low, top), MUTED._replace(dashes=(0, (1.0, 1.5)))))
@@ -192,12 +192,12 @@ def cloud_figure(found: Identification, prefix: str = "") -> Figure:
         )
     curves.append(Curve(CLOSED_FORM._replace(width=2.4), factor * ends, speeds, "f, identified"))
     age, oldest = 1e3 * model.lag, 1e3 * (model.lag + model.acceleration_time)
-    unbounded = ""
-    if not found.saturates and corners[-1] <= reach:
-        unbounded = " Its level ends are a guess: no data is there."
-    across = ""
+    end_note = ""
+    if not identification.saturates and corners[-1] <= reach:
+        end_note = " Its level ends are a guess: no data is there."
+    note = ""
     if (finite & points.apart).any():
-        across = (
+        note = (
             " Dots of a window that lies on both sides of a corner of f are pale: they may lie off "
             "the line."
         )
@@ -206,8 +206,8 @@ def cloud_figure(found: Identification, prefix: str = "") -> Figure:
         "The function f: speed against error",
         "One dot per interval between two rows: upwards the change of the measured angle over the "
         f"interval by its duration, to the right the mean of the requests {age:.0f} to "
-        f"{oldest:.0f} ms old, plus the static sag, minus the angle.{across} The line is f with "
-        f"the identified v_max and θ₀; it was not fitted to these dots.{unbounded}",
+        f"{oldest:.0f} ms old, plus the static sag, minus the angle.{note} The line is f with "
+        f"the identified v_max and θ₀; it was not fitted to these dots.{end_note}",
         Axis("request minus angle", units.angle, (-factor * reach, factor * reach), decimals=3),
         (
             Panel(
@@ -220,21 +220,21 @@ def cloud_figure(found: Identification, prefix: str = "") -> Figure:
     )
 
 
-def intervals_figure(found: Identification, prefix: str = "") -> Figure:
+def intervals_figure(identification: Identification, prefix: str = "") -> Figure:
     """Every estimate and its 95 % interval, on a scale from nothing to twice the estimate."""
     curves, words, names = list[Curve](), list[Words](), dict[float, str]()
-    for k, row in enumerate(parameters(found)):
-        value, interval = estimate(found, row.name)
-        factor, unit = unit_of(found, row.name)
-        least, most = _strip(found, row.name, value)
+    for k, row in enumerate(parameters(identification)):
+        value, interval = estimate(identification, row.name)
+        factor, unit = unit_of(identification, row.name)
+        least, most = _strip(identification, row.name, value)
         scaled = Interval(*(factor * each for each in interval))
         marks = (least, 0.5 * (least + most), most)
         low, high, estimated, *ends = (
             100.0 * (each - least) / (most - least)
             for each in (*np.clip(interval, least, most), value, *marks)
         )
-        role = CLOSED_FORM if row.known else DIRECT
-        label = "95 % interval" if row.known else "interval without an end"
+        role = CLOSED_FORM if row.bounded else DIRECT
+        label = "95 % interval" if row.bounded else "interval without an end"
         y = float(k)
         curves += [
             _stroke(GRID, (0, 100), (y, y), BAR, "", legend=False),
@@ -264,9 +264,9 @@ def intervals_figure(found: Identification, prefix: str = "") -> Figure:
     )
 
 
-def _strip(found: Identification, name: str, value: float) -> tuple[float, float]:
-    """The ends of a parameter's strip: those of the lag in milliseconds that matter."""
-    model = found.model
+def _strip(identification: Identification, name: str, value: float) -> tuple[float, float]:
+    """The ends of a parameter's strip; the lag's covers at least a period."""
+    model = identification.model
     if name == "offset":
         most = max(0.25 * model.theta_0, 1.5 * abs(value))
         return -most, most
@@ -280,10 +280,10 @@ def _strip(found: Identification, name: str, value: float) -> tuple[float, float
     return 0.0, 2.0 * value if value else 1.0
 
 
-def alternatives_figure(found: Identification, prefix: str = "") -> Figure:
-    """How far off each description is, on rows held out where there are any."""
-    units, entries = units_of(found), errors(found)
-    where = "on all rows" if found.held_out_rms is None else "on rows held out"
+def alternatives_figure(identification: Identification, prefix: str = "") -> Figure:
+    """Error of each description, on rows held out where there are any."""
+    units, entries = units_of(identification), errors(identification)
+    where = "on all rows" if identification.held_out_rms is None else "on rows held out"
     curves, words = list[Curve](), list[Words]()
     for k, error in enumerate(entries):
         y, rms = float(k), units.factor * error.telling
@@ -319,28 +319,28 @@ def _stroke(
     return Curve(looks, np.asarray(x, float), np.asarray(y, float), label, legend=legend)
 
 
-def log_figure(found: Identification, fit: LogFit, prefix: str) -> Figure:
+def log_figure(identification: Identification, fit: LogFit, prefix: str) -> Figure:
     """A log: the whole of it, with a button for the part to look at closely."""
-    units, noise, log = units_of(found), found.noise, fit.log
+    units, noise, log = units_of(identification), identification.noise, fit.log
     times = log.times - log.times[0]
     close = close_up(fit)
-    held = fit.held_out.any()
-    unseen = "; where the model is green, it was fitted without these rows" if held else ""
-    shaded = " The shaded part was held out." if held else ""
-    counted = ""
+    has_held_out = fit.held_out.any()
+    colours = "; where the model is green, it was fitted without these rows" if has_held_out else ""
+    shade_note = " The shaded part was held out." if has_held_out else ""
+    outlier_note = ""
     if len(outliers_of(fit)):
-        counted = "; outliers are rows that the robust fit counted by less than half"
+        outlier_note = "; outliers are rows that the robust fit counted by less than half"
     level = f"{units.factor * noise:.2g} {units.angle}" if math.isfinite(noise) else "unknown"
     below = f"Below, measured minus predicted, and twice the noise ({level}) either way"
     return Figure(
         f"{prefix}whole",
         "The whole log",
-        f"Requests, measured angles and prediction{unseen}. {below}{counted}. There is no "
+        f"Requests, measured angles and prediction{colours}. {below}{outlier_note}. There is no "
         "prediction where the torque was off "
-        f"or the requests before are not known.{shaded} The close-up shows the {CLOSE_UP:g} "
+        f"or the requests before are not known.{shade_note} The close-up shows the {CLOSE_UP:g} "
         "seconds in which the joint is farthest from its requests.",
         Axis("time", "s", (0.0, float(times[-1])), decimals=3),
-        _log_panels(found, fit),
+        _log_panels(identification, fit),
         over_time=True,
         views={
             "whole log": (0.0, float(times[-1])),
@@ -350,9 +350,9 @@ def log_figure(found: Identification, fit: LogFit, prefix: str) -> Figure:
     )
 
 
-def _log_panels(found: Identification, fit: LogFit) -> tuple[Panel, Panel]:
+def _log_panels(identification: Identification, fit: LogFit) -> tuple[Panel, Panel]:
     """Requests, angles and prediction of a log, and below them the residuals."""
-    units, log = units_of(found), fit.log
+    units, log = units_of(identification), fit.log
     times = log.times - log.times[0]
     requests, angles = units.factor * log.requests, units.factor * log.angles
     predicted = units.factor * prediction(fit)
@@ -374,7 +374,7 @@ def _log_panels(found: Identification, fit: LogFit) -> tuple[Panel, Panel]:
         for start, end in zip(edges[::2], edges[1::2], strict=True)
         if end - start < len(times)
     ]
-    band = 2.0 * units.factor * found.noise
+    band = 2.0 * units.factor * identification.noise
     noise = [Span(-band, band, CLOSED_FORM, 0.16, "y", legend="± 2 noise")]
     quantity = "angle" if units.si else "position"
     return (
@@ -394,15 +394,15 @@ def outliers_of(fit: LogFit) -> npt.NDArray[np.intp]:
 
 
 def close_up(fit: LogFit) -> npt.NDArray[np.intp]:
-    """The rows of the seconds to look at closely, of those held out if there are any."""
+    """The rows of the seconds to look at closely, within the rows held out if there are any."""
     log = fit.log
     rows = fit.held_out & fit.used if (fit.held_out & fit.used).any() else fit.used
     error = np.where(rows, (log.requests - log.angles) ** 2, 0.0)
-    summed = np.concatenate([[0.0], np.cumsum(error)])
+    cumulative = np.concatenate([[0.0], np.cumsum(error)])
     ends = np.searchsorted(log.times, log.times + CLOSE_UP, side="right")
     whole = log.times + CLOSE_UP <= log.times[np.flatnonzero(rows)[-1]]
-    found = summed[ends] - summed[:-1]
-    start = index_of_largest(np.where(whole, found, -1.0)) if whole.any() else 0
+    sums = cumulative[ends] - cumulative[:-1]
+    start = index_of_largest(np.where(whole, sums, -1.0)) if whole.any() else 0
     return np.arange(start, ends[start])
 
 
@@ -415,16 +415,16 @@ def thinned(times: Array, values: Array, *, bins: int = BINS) -> tuple[Array, Ar
     """A curve for drawing: of every part the least and the largest value, NaN where it has none."""
     if len(values) <= 2 * bins:
         return times, values
-    chosen = []
+    pieces = []
     for rows in np.array_split(np.arange(len(values)), bins):
         finite = rows[np.isfinite(values[rows])]
         if not len(finite):
-            chosen.append(rows[:1])
+            pieces.append(rows[:1])
             continue
         ends = (finite[np.argmin(values[finite])], finite[np.argmax(values[finite])])
-        chosen.append(np.unique(ends))
-    kept = np.concatenate(chosen)
-    return times[kept], values[kept]
+        pieces.append(np.unique(ends))
+    indices = np.concatenate(pieces)
+    return times[indices], values[indices]
 
 
 def _log_curve(role: Role, times: Array, values: Array, *, held: bool = False) -> Curve:

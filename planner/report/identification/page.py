@@ -1,4 +1,4 @@
-"""The page about identified joints: what holds first, where it comes from last."""
+"""The page about identified joints: verdict first, sources last."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from planner.report.identification.figures import (
     log_figure,
 )
 from planner.report.identification.words import (
+    determined_words,
     errors,
     errors_table,
     explained,
-    known,
     of_several,
     parameters,
     parameters_table,
@@ -47,11 +47,11 @@ from planner.report.table import NOTHING, Column, Row, Table, percent
 
 
 class Joint(NamedTuple):
-    """What the page says about one joint: its name, its identifier, and what was identified."""
+    """A joint of the page: name, anchor, identification, and prefix of its figures."""
 
     name: str
     anchor: str
-    found: Identification
+    identification: Identification
     prefix: str
 
 
@@ -66,44 +66,44 @@ def identification_page(
     """
     several = len(identifications) > 1
     joints = [
-        Joint(name, re.sub(r"\W+", "-", f"{prefix}{name or 'joint'}"), found, prefix)
-        for k, (name, found) in enumerate(identifications.items(), 1)
+        Joint(name, re.sub(r"\W+", "-", f"{prefix}{name or 'joint'}"), identification, prefix)
+        for k, (name, identification) in enumerate(identifications.items(), 1)
         for prefix in [f"joint{k}_" if several else ""]
     ]
     first = joints[0]
     page = Page(
         heading=heading(first.name or "a joint")
-        + (", identified" if first.found.accepted else ", not identified"),
-        eyebrow=f"request-planner identify · {len(first.found.fits)} "
-        f"log{'s' * (len(first.found.fits) > 1)}",
-        verdict=_verdict(first.found),
+        + (", identified" if first.identification.accepted else ", not identified"),
+        eyebrow=f"request-planner identify · {len(first.identification.fits)} "
+        f"log{'s' * (len(first.identification.fits) > 1)}",
+        verdict=_verdict(first.identification),
         sections=_sections(first),
-        note=profile(first.found),
+        note=profile(first.identification),
         footer=footer("identify", ", with lag and acceleration time of any length"),
-        good=first.found.accepted,
-        remarks=first.found.warnings,
-        cards=cards(first.found),
-        figure=None if several else cloud_figure(first.found, first.prefix),
+        good=first.identification.accepted,
+        remarks=first.identification.warnings,
+        cards=cards(first.identification),
+        figure=None if several else cloud_figure(first.identification, first.prefix),
         listings=origin_lists((), files),
     )
     if several:
-        said = of_several([joint.found for joint in joints])
+        words = of_several([joint.identification for joint in joints])
         page = replace(
             page,
             heading=f"{len(joints)} joints, identified",
             eyebrow="request-planner identify",
             verdict=Markup(
-                f"<strong>{said[0].upper()}{said[1:]}</strong>: what is "
+                f"<strong>{words[0].upper()}{words[1:]}</strong>: what is "
                 "known of each, and what it adds, follows joint by joint."
             ),
             note="",
-            good=all(joint.found.accepted for joint in joints),
+            good=all(joint.identification.accepted for joint in joints),
             remarks=(),
             cards=(),
             sections=[
                 Section("", OVERVIEW, {"joints": joints, "table": joints_table(joints),
                                        "rare": explained(_names(joints)),
-                                       "where": telling_error(first.found)[1]}),
+                                       "where": telling_error(first.identification)[1]}),
                 *(section for joint in joints for section in (_head(joint), *_sections(joint))),
             ],
         )  # fmt: skip
@@ -125,9 +125,9 @@ HEAD = """
 {% if profile %}
 <p class="note">{{ profile }}</p>
 {% endif %}
-{% if joint.found.warnings %}
+{% if joint.identification.warnings %}
 <ul class="warnings" aria-label="Warnings">
-{% for warning in joint.found.warnings %}<li>{{ warning }}</li>{% endfor %}
+{% for warning in joint.identification.warnings %}<li>{{ warning }}</li>{% endfor %}
 </ul>
 {% endif %}
 </div>
@@ -136,7 +136,7 @@ HEAD = """
 {% include "cards.html" %}
 """
 
-KNOWN = """
+ESTIMATES = """
 <div class="facts">
 <div>
 {{ table }}
@@ -167,9 +167,9 @@ ADDS = """
 
 LOGS = """
 {{ hints }}
-{% for name, error, shown in logs %}
+{% for name, error, figure in logs %}
 <h3 class="log">{{ name | breakable }} <small class="note">{{ error }} rms</small></h3>
-{{ show(shown) }}
+{{ show(figure) }}
 {% endfor %}
 """
 
@@ -187,67 +187,74 @@ def _head(joint: Joint) -> Section:
     return Section("", HEAD, {
         "joint": joint,
         "heading": heading,
-        "verdict": _verdict(joint.found),
-        "profile": profile(joint.found),
-        "good": joint.found.accepted,
-        "cloud": cloud_figure(joint.found, joint.prefix),
-        "cards": cards(joint.found),
+        "verdict": _verdict(joint.identification),
+        "profile": profile(joint.identification),
+        "good": joint.identification.accepted,
+        "cloud": cloud_figure(joint.identification, joint.prefix),
+        "cards": cards(joint.identification),
     })  # fmt: skip
 
 
 def _sections(joint: Joint) -> list[Section]:
-    """What is known of a joint, what the model adds, its logs, and where it comes from."""
-    found, prefix = joint.found, joint.prefix
+    """A joint's parameters, the improvement by the model, the logs, and the sources."""
+    identification, prefix = joint.identification, joint.prefix
     logs = [
-        (fit.log.name, _angle(found, fit.rms), log_figure(found, fit, f"{prefix}log{k}_"))
-        for k, fit in enumerate(found.fits, 1)
+        (
+            fit.log.name,
+            _angle(identification, fit.rms),
+            log_figure(identification, fit, f"{prefix}log{k}_"),
+        )
+        for k, fit in enumerate(identification.fits, 1)
     ]
     return [
-        Section("What is known, and how well", KNOWN, {
-            "table": parameters_table(found, page=True),
-            "share": saturated(found),
-            "open": _leaves_top_speed_open(found),
-            "intervals": intervals_figure(found, prefix),
+        Section("What is known, and how well", ESTIMATES, {
+            "table": parameters_table(identification, page=True),
+            "share": saturated(identification),
+            "open": _leaves_top_speed_open(identification),
+            "intervals": intervals_figure(identification, prefix),
         }),
         Section("What the model adds", ADDS, {
-            "table": errors_table(found),
-            "signal": _angle(found, found.signal),
-            "alternatives": alternatives_figure(found, prefix),
+            "table": errors_table(identification),
+            "signal": _angle(identification, identification.signal),
+            "alternatives": alternatives_figure(identification, prefix),
         }),
         Section("Log by log", LOGS, {"logs": logs}),
         Section("Where it comes from", ORIGIN, {
-            "table": logs_table(found),
-            "names": parameters_of([found.model.parameters()]),
-            "model": found.model,
+            "table": logs_table(identification),
+            "names": parameters_of([identification.model.parameters()]),
+            "model": identification.model,
         }),
     ]  # fmt: skip
 
 
-def _verdict(found: Identification) -> str:
-    """The verdict, what it is worth, and what is known."""
-    said = verdict(found).replace(" %", "\N{NO-BREAK SPACE}%")
-    head, tail = said.split(":", 1)
+def _verdict(identification: Identification) -> str:
+    """The verdict, its details, and the parameters that the logs determine."""
+    words = verdict(identification).replace(" %", "\N{NO-BREAK SPACE}%")
+    head, tail = words.split(":", 1)
     start = Markup("<strong>{}</strong>:").format(head[0].upper() + head[1:])
-    return start + f"{tail}. {known(found)}"
+    return start + f"{tail}. {determined_words(identification)}"
 
 
-def _angle(found: Identification, radians: float | None) -> str:
+def _angle(identification: Identification, radians: float | None) -> str:
     """An angle in the unit of the page."""
-    units = units_of(found)
+    units = units_of(identification)
     return NOTHING if radians is None else f"{units.factor * radians:.3g} {units.angle}"
 
 
-def cards(found: Identification) -> list[Card]:
+def cards(identification: Identification) -> list[Card]:
     """The key figures."""
-    error, where = telling_error(found)
-    number, _, unit = _angle(found, error).partition(" ")
-    short = {row.name: row.bounds if row.rough else row.value for row in parameters(found)}
-    share = percent(saturated(found), 1)
+    error, where = telling_error(identification)
+    number, _, unit = _angle(identification, error).partition(" ")
+    short = {row.name: row.bounds if row.rough else row.value for row in parameters(identification)}
+    share = percent(saturated(identification), 1)
     reached = (
-        "" if _leaves_top_speed_open(found) else f"; reached in {share} of the measured intervals"
+        ""
+        if _leaves_top_speed_open(identification)
+        else f"; reached in {share} of the measured intervals"
     )
     return [
-        Card(number, unit, f"rms error {where}; noise: {_angle(found, found.noise)}"),
+        Card(number, unit,
+             f"rms error {where}; noise: {_angle(identification, identification.noise)}"),
         Card(short["v_max"], "", f"top speed{reached}"),
         Card(short["lag"], "",
              f"lag; acceleration time: {short['acceleration_time']}"),
@@ -256,35 +263,41 @@ def cards(found: Identification) -> list[Card]:
     ]  # fmt: skip
 
 
-def _leaves_top_speed_open(found: Identification) -> bool:
+def _leaves_top_speed_open(identification: Identification) -> bool:
     """Whether the joint may be faster than anything in the logs."""
-    return math.isinf(found.intervals["v_max"].upper)
+    return math.isinf(identification.intervals["v_max"].upper)
 
 
-def saturated(found: Identification) -> float:
+def saturated(identification: Identification) -> float:
     """Share of the measured intervals that were wholly at the top speed."""
-    points = cloud_of(found).points
+    points = cloud_of(identification).points
     return int(np.sum(points.saturated)) / max(1, len(points.errors))
 
 
 def joints_table(joints: Sequence[Joint]) -> Table:
     """Every joint in a row; a column for each parameter that some joint has, except the sag."""
-    found = [{row.name: row.short for row in parameters(joint.found)} for joint in joints]
+    values_of = [
+        {row.name: row.short for row in parameters(joint.identification)} for joint in joints
+    ]
     names = _names(joints)
     cells = []
-    for joint, values in zip(joints, found, strict=True):
-        delay = [error.telling for error in errors(joint.found) if error.name == "delay"]
-        rms = (telling_error(joint.found)[0], delay[0] if delay else None)
-        refused = joint.found.verdict == "refused"
-        cells.append(("does not fit" if refused else joint.found.verdict,
-                      *(_angle(joint.found, error) for error in rms),
+    for joint, values in zip(joints, values_of, strict=True):
+        delay = [error.telling for error in errors(joint.identification) if error.name == "delay"]
+        rms = (telling_error(joint.identification)[0], delay[0] if delay else None)
+        refused = joint.identification.verdict == "refused"
+        cells.append(("does not fit" if refused else joint.identification.verdict,
+                      *(_angle(joint.identification, error) for error in rms),
                       *(values.get(name, NOTHING) for name in names)))  # fmt: skip
     titles = ("model", "rms error", "best delay", *(PARAMETERS[name][1] for name in names))
     columns = list(map(_unit_above, titles, zip(*cells, strict=True)))
-    shown = zip(*(column for _, column in columns), strict=True)
+    cell_rows = zip(*(column for _, column in columns), strict=True)
     rows = tuple(
-        Row(joint.name or "unnamed", of_joint, kind="" if joint.found.accepted else "broken")
-        for joint, of_joint in zip(joints, shown, strict=True)
+        Row(
+            joint.name or "unnamed",
+            of_joint,
+            kind="" if joint.identification.accepted else "broken",
+        )
+        for joint, of_joint in zip(joints, cell_rows, strict=True)
     )
     return Table("joint", tuple(Column(title) for title, _ in columns), rows, label="Joints")
 
@@ -301,11 +314,11 @@ def _unit_above(title: str, cells: Sequence[str]) -> tuple[str, list[str]]:
 
 def _names(joints: Sequence[Joint]) -> list[str]:
     """The parameters that some joint has, except the sag."""
-    found = {row.name for joint in joints for row in parameters(joint.found)}
-    return [name for name in PARAMETERS if name in found and name != "offset"]
+    names = {row.name for joint in joints for row in parameters(joint.identification)}
+    return [name for name in PARAMETERS if name in names and name != "offset"]
 
 
-def logs_table(found: Identification) -> Table:
+def logs_table(identification: Identification) -> Table:
     """Every log: its rows, its length, which rows were not fitted and why, and how it was read."""
     rows = tuple(
         Row(
@@ -318,7 +331,7 @@ def logs_table(found: Identification) -> Table:
                 "; ".join(fit.log.notes),
             ),
         )
-        for fit in found.fits
+        for fit in identification.fits
     )
     columns = (
         *map(Column, ("rows used", "seconds", "rate")),

@@ -32,7 +32,7 @@ from planner.report.page import PARAMETERS
 from planner.report.table import NOTHING, text_table
 
 WIDTH = 96
-"""Of the lines [characters]."""
+"""Width of the lines [characters]."""
 
 RECORD: dict[str, dict[Topic, str]] = {
     "steps": {
@@ -56,36 +56,36 @@ NAMED = 3
 def identification_text(
     identifications: Mapping[str, Identification], model: str = "joint.toml"
 ) -> str:
-    """What was found, the verdict first, what to do next last.
+    """The results, the verdict first and the next step last.
 
     Args:
         identifications: By joint; "" for one without a name. Several share a table, and warnings.
         model: The file of the models.
     """
-    return f"{_found(identifications)}\n{next_step(identifications, model)}"
+    return f"{_results(identifications)}\n{next_step(identifications, model)}"
 
 
 def next_step(identifications: Mapping[str, Identification], model: str) -> str:
-    """What to do next, in a line: look at the columns, record what is open, or plan.
+    """The next step, in a line: check the columns, record another signal, or plan.
 
     Args:
         identifications: By joint; "" for one without a name.
         model: The file of the models.
     """
     topics = {
-        joint or "the joint": {each.topic for each in found.findings}
-        for joint, found in identifications.items()
+        joint or "the joint": {each.topic for each in identification.findings}
+        for joint, identification in identifications.items()
     }
     wrong = [joint for joint, open_ in topics.items() if open_ & {"sign", "columns"}]
     if wrong:
         return f"next: check the columns of {_names(wrong)}, as the first warning says"
     kinds: list[str] = []
-    settled: list[str] = []
+    subjects: list[str] = []
     joints: list[str] = []
     for kind, shows in RECORD.items():
         if which := [joint for joint, open_ in topics.items() if open_ & shows.keys()]:
             kinds.append(kind)
-            settled += [
+            subjects += [
                 what for topic, what in shows.items() if any(topic in topics[j] for j in which)
             ]
             joints += [joint for joint in which if joint not in joints]
@@ -94,7 +94,7 @@ def next_step(identifications: Mapping[str, Identification], model: str) -> str:
         first = joints[0] if joints[0] in identifications else ""
         likewise = f" (likewise {_names(joints[1:])})" if joints[1:] else ""
         return (
-            f"next: record {_names(joints[:1])}{likewise}, which shows {', '.join(settled)}: "
+            f"next: record {_names(joints[:1])}{likewise}, which shows {', '.join(subjects)}: "
             f"{_excite(kind, first, identifications[first])}; then identify from all logs"
         )
     refused = [joint or "the joint" for joint, each in identifications.items() if not each.accepted]
@@ -103,14 +103,14 @@ def next_step(identifications: Mapping[str, Identification], model: str) -> str:
     return f"next: request-planner plan PATH --model {model} -o requests.csv"
 
 
-def _excite(kind: str, joint: str, found: Identification) -> str:
+def _excite(kind: str, joint: str, identification: Identification) -> str:
     """The command that makes a signal within the requests of the logs, at their rate."""
-    requests = np.degrees(np.concatenate([fit.log.requests for fit in found.fits]))
+    requests = np.degrees(np.concatenate([fit.log.requests for fit in identification.fits]))
     low, high = float(np.min(requests)), float(np.max(requests))
-    if found.unit != "rad" or high - low < 0.1:
+    if identification.unit != "rad" or high - low < 0.1:
         return f"request-planner excite --kind {kind}"
     limits = f"{math.ceil(low)}:{math.floor(high)}" if high - low > 4.0 else f"{low:.2f}:{high:.2f}"
-    rate = f" --rate-hz {1.0 / found.fits[0].log.period:.4g}"
+    rate = f" --rate-hz {1.0 / identification.fits[0].log.period:.4g}"
     name = f" --joint {shlex.quote(joint)}" if joint else ""
     return f"request-planner excite --kind {kind} --limits-deg {limits}{rate}{name} -o more.csv"
 
@@ -122,7 +122,7 @@ def _names(joints: Sequence[str]) -> str:
     return " and ".join(filter(None, [", ".join(joints[:-1]), joints[-1]]))
 
 
-def _found(identifications: Mapping[str, Identification]) -> str:
+def _results(identifications: Mapping[str, Identification]) -> str:
     if len(identifications) > 1:
         return _several(identifications)
     ((joint, identification),) = identifications.items()
@@ -139,15 +139,15 @@ def _found(identifications: Mapping[str, Identification]) -> str:
 
 
 def _several(identifications: Mapping[str, Identification]) -> str:
-    found = {
+    values_of = {
         joint: {row.name: row.short for row in parameters(each)}
         for joint, each in identifications.items()
     }
-    names = list(dict.fromkeys(name for values in found.values() for name in values))
+    names = list(dict.fromkeys(name for values in values_of.values() for name in values))
     rows = []
     for joint, each in identifications.items():
         holds = "DOES NOT FIT" if each.verdict == "refused" else each.verdict
-        values = [found[joint].get(name, NOTHING) for name in names]
+        values = [values_of[joint].get(name, NOTHING) for name in names]
         rows.append([joint, holds, *values, *_errors(each)])
     header = ["joint", "model", *(PARAMETERS[name][1] for name in names)]
     lines = [
@@ -159,13 +159,13 @@ def _several(identifications: Mapping[str, Identification]) -> str:
 
 
 def _shared_warnings(identifications: Mapping[str, Identification]) -> list[str]:
-    """A line for each warning, once for all its joints, with the name of whose numbers it has."""
+    """A line for each warning, once for all its joints, with the joint whose numbers it has."""
     shared: dict[tuple[Topic, str], dict[str, str]] = {}
     for joint, each in identifications.items():
-        for found in each.findings:
-            own = found.topic in ("log", "pattern")  # of which there are many kinds
-            key = found.topic, re.sub(r"[\d.]+", "", found.words) if own else ""
-            shared.setdefault(key, {}).setdefault(joint, found.words)
+        for finding in each.findings:
+            own = finding.topic in ("log", "pattern")  # of which there are many kinds
+            key = finding.topic, re.sub(r"[\d.]+", "", finding.words) if own else ""
+            shared.setdefault(key, {}).setdefault(joint, finding.words)
     topics = get_args(Topic)
     ordered = sorted(shared.items(), key=lambda entry: topics.index(entry[0][0]))
     lines = []
@@ -180,20 +180,20 @@ def _errors(identification: Identification) -> list[str]:
     """The model's errors, and that of the best delay."""
     units = units_of(identification)
     delays = [error.telling for error in errors(identification) if error.name == "delay"]
-    found = (identification.rms, identification.held_out_rms, delays[0] if delays else None)
-    return [NOTHING if e is None else f"{units.factor * e:.3g} {units.angle}" for e in found]
+    values = (identification.rms, identification.held_out_rms, delays[0] if delays else None)
+    return [NOTHING if e is None else f"{units.factor * e:.3g} {units.angle}" for e in values]
 
 
-def excitation_text(made: Excitation, expected: Identification, *, model: str) -> str:
-    """What a test signal would determine first, then how, then in numbers.
+def excitation_text(excitation: Excitation, expected: Identification, *, model: str) -> str:
+    """Text on a test signal: what it would determine, its parts, and the expected intervals.
 
     Args:
-        made: The signal.
+        excitation: The signal.
         expected: The identification of the expected joint from its answer.
-        model: What the expected joint is called.
+        model: Name of the expected joint.
     """
-    found = parameters(expected)
-    heights = ", ".join(f"{math.degrees(height):.4g}" for height in made.amplitudes)
+    estimates = parameters(expected)
+    heights = ", ".join(f"{math.degrees(height):.4g}" for height in excitation.amplitudes)
     rows = [
         [
             row.brief,
@@ -202,21 +202,21 @@ def excitation_text(made: Excitation, expected: Identification, *, model: str) -
             "no" if not row.determined else "roughly" if row.rough else "yes",
             row.judgement,
         ]
-        for row in found
+        for row in estimates
     ]
-    seconds = len(made.requests) * made.period
+    seconds = len(excitation.requests) * excitation.period
     each: dict[str, list[str]] = {}
-    for part in made.parts:
+    for part in excitation.parts:
         each.setdefault(part.name, [part.determines]).append(f"{part.begin:.0f} to {part.end:.0f}")
     rows_of_parts = [[name, ", ".join(times), what] for name, (what, *times) in each.items()]
     parts = text_table(["part", "time [s]", "determines"], rows_of_parts) if each else ""
     return "\n".join(
         [
-            f"{made.kind.replace('_', ' ')} for {seconds:.4g} s: {_determined(found)}",
-            f"begins and ends at {math.degrees(made.centre):.4g} deg; the largest jump is "
-            f"{math.degrees(made.largest_jump):.4g} deg"
+            f"{excitation.kind.replace('_', ' ')} for {seconds:.4g} s: {_determined(estimates)}",
+            f"begins and ends at {math.degrees(excitation.centre):.4g} deg; the largest jump is "
+            f"{math.degrees(excitation.largest_jump):.4g} deg"
             + (f"; step tests of {heights} deg" if heights else ""),
-            *textwrap.wrap(made.meaning, WIDTH),
+            *textwrap.wrap(excitation.meaning, WIDTH),
             *filter(None, [parts]),
             f"expected of a joint like {model}:",
             text_table(["parameter", "identified", "95 % interval", "determined", "known"], rows),
@@ -227,7 +227,7 @@ def excitation_text(made: Excitation, expected: Identification, *, model: str) -
 
 
 def _friction(expected: Identification) -> str:
-    """What a test signal would determine of dry friction, in a sentence."""
+    """The accuracy with which a test signal would determine dry friction, in a sentence."""
     units = units_of(expected)
     for term in expected.terms:
         if term.name != "dead_band":
@@ -240,9 +240,9 @@ def _friction(expected: Identification) -> str:
     return "dry friction: would not be determined"
 
 
-def _determined(found: Sequence[Parameter]) -> str:
-    missing = [row.brief for row in found if not row.determined]
-    rough = [row.brief for row in found if row.determined and row.rough]
+def _determined(rows: Sequence[Parameter]) -> str:
+    missing = [row.brief for row in rows if not row.determined]
+    rough = [row.brief for row in rows if row.determined and row.rough]
     statements = [
         f"{how} {', '.join(names)}"
         for how, names in (("would not determine", missing), ("only roughly", rough))
@@ -257,7 +257,7 @@ def remarks() -> tuple[str, ...]:
 
 
 def model_comments(identifications: Mapping[str, Identification]) -> dict[str, dict[str, str]]:
-    """The comments on every joint's model: on its keys, and under "" those above them."""
+    """The comments on every joint's model: on its keys, and under "" above them."""
     return {joint: _comments(each) for joint, each in identifications.items()}
 
 

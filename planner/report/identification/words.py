@@ -19,7 +19,7 @@ IN_SI = {
     for each in fields(JointModel)
     if "rad" in each.metadata["unit"]
 }
-"""Parameters that are shown in another unit, and theirs in SI."""
+"""Parameters that are shown in another unit, and their SI units."""
 
 MAY_VANISH = ("lag", "offset", "v_offset", "sag_sin", "sag_cos")
 """Parameters that may be 0, which no percentage is of."""
@@ -29,20 +29,20 @@ ALTERNATIVES = {
     "delay": "best pure delay",
     "first_order": "delay and first-order lag",
 }
-"""What the simpler descriptions are called in words."""
+"""Names of the simpler descriptions."""
 
 COMPARED = {"delay": "the best pure delay", "first_order": "a delay with a first-order lag"}
-"""Those that the verdict compares with."""
+"""Descriptions that the verdict compares with."""
 
 MODEL = "the joint model"
 
 NOT_KNOWN = "not known"
-"""In place of an interval that says nothing: without ends, or from zero to infinity."""
+"""In place of an uninformative interval: without ends, or from zero to infinity."""
 
 ROUGH = 0.2
-"""Beyond this part of the estimate the half width of an interval is called rough; the lag is held
-against itself and the acceleration time, and is rough too where a warning says that the log does
-not determine it; the static sag is held against theta_0."""
+"""Beyond this part of the estimate the half width of an interval is called rough; the lag is
+compared with itself and the acceleration time, and is rough too where a warning says that the log
+does not determine it; the static sag is compared with theta_0."""
 
 HARDLY = "hardly at all"
 """How well a parameter is known whose interval is wider to either side than the estimate."""
@@ -52,10 +52,10 @@ class Units(NamedTuple):
     """The units of a report; inside, angles are in radians.
 
     Attributes:
-        factor: What one radian is.
-        angle: Its unit.
+        factor: One radian in the unit of angles.
+        angle: Unit of angles.
         speed: Unit of speeds.
-        si: Whether it is worth telling in SI too: not for shares of a range.
+        si: Whether values are also given in SI: not for shares of a range.
     """
 
     factor: float
@@ -69,14 +69,14 @@ class Parameter(NamedTuple):
 
     Attributes:
         name: As in the model's file; ``gain`` for v_max / theta_0.
-        words: What it is.
-        brief: The same where room is short.
+        words: Its description.
+        brief: A shorter description.
         value: The estimate, with its unit.
         interval: The 95 % interval in the same unit.
         si: Both in SI.
-        judgement: How well it is known.
+        judgement: How well it is determined.
         known: Whether it is bounded on both sides.
-        rough: Whether it is not, or only within a wide interval.
+        rough: Whether it is unbounded, or bounded by a wide interval only.
     """
 
     name: str
@@ -86,18 +86,18 @@ class Parameter(NamedTuple):
     interval: str
     si: str
     judgement: str
-    known: bool
+    bounded: bool
     rough: bool
 
     @property
     def determined(self) -> bool:
-        """Whether the logs say about what it is."""
-        return self.known and self.judgement != HARDLY
+        """Whether the logs determine its approximate value."""
+        return self.bounded and self.judgement != HARDLY
 
     @property
     def short(self) -> str:
-        """The value, or what is known of it."""
-        return self.value if self.known else self.bounds
+        """The value, or its bounds."""
+        return self.value if self.bounded else self.bounds
 
     @property
     def bounds(self) -> str:
@@ -109,12 +109,12 @@ class Parameter(NamedTuple):
 
 
 class Error(NamedTuple):
-    """How far off one description of the joint is.
+    """The error of one description of the joint.
 
     Attributes:
         name: The description; "" for the joint model.
-        words: What it is called.
-        detail: Its parameters, as far as it has any worth telling.
+        words: Its name.
+        detail: Its parameters; empty for none.
         rms: Error over all rows [rad].
         held_out: Error on the rows held out [rad]; None where there are none.
     """
@@ -139,7 +139,7 @@ def units_of(identification: Identification) -> Units:
 
 
 def unit_of(identification: Identification, name: str) -> tuple[float, str]:
-    """What one SI unit of a parameter is in the unit in which it is shown, and that unit."""
+    """The factor from SI to the unit in which a parameter is shown, and that unit."""
     units = units_of(identification)
     return {
         "v_max": (units.factor, units.speed),
@@ -178,7 +178,7 @@ def parameters(identification: Identification) -> list[Parameter]:
                 interval=between(scaled),
                 si=si,
                 judgement=judgement(identification, name, factor, unit),
-                known=interval.bounded,
+                bounded=interval.bounded,
                 rough=is_rough(identification, name),
             )
         )
@@ -194,7 +194,7 @@ def parameters_table(identification: Identification, *, page: bool = False) -> T
         cells = [row.value, row.interval, *((row.si or NOTHING,) if column else ())]
         if page and row.si:
             cells = [f"{cell}\n{si}" for cell, si in zip(cells, row.si.split(", ", 1), strict=True)]
-        kind = "" if row.known else "unknown"
+        kind = "" if row.bounded else "unknown"
         about = row.brief
         if page and not about.startswith(row.words):
             about = row.words if about in row.words else f"{row.words}\n{about}"
@@ -214,9 +214,9 @@ def judgement(identification: Identification, name: str, factor: float, unit: st
     """How well a parameter is known, in words.
 
     Args:
-        identification: What was found.
+        identification: The identification.
         name: The parameter.
-        factor: What one of its SI unit is in ``unit``.
+        factor: Its SI unit in ``unit``.
         unit: The unit to write it in.
     """
     value, interval = estimate(identification, name)
@@ -253,18 +253,20 @@ def is_rough(identification: Identification, name: str) -> bool:
 
 def errors(identification: Identification) -> list[Error]:
     """The errors of the simpler descriptions, and of the joint model at the end."""
-    made = []
-    for other in identification.alternatives:
+    entries = []
+    for alternative in identification.alternatives:
         times = [
-            f"{1e3 * other.parameters[name]:.0f} ms"
+            f"{1e3 * alternative.parameters[name]:.0f} ms"
             for name in ("delay", "time_constant")
-            if name in other.parameters
+            if name in alternative.parameters
         ]
-        words = ALTERNATIVES.get(other.name, other.name)
+        words = ALTERNATIVES.get(alternative.name, alternative.name)
         detail = " + ".join(times)
-        made.append(Error(other.name, words, detail, other.rms, other.held_out_rms))
-    made.append(Error("", MODEL, "", identification.rms, identification.held_out_rms))
-    return made
+        entries.append(
+            Error(alternative.name, words, detail, alternative.rms, alternative.held_out_rms)
+        )
+    entries.append(Error("", MODEL, "", identification.rms, identification.held_out_rms))
+    return entries
 
 
 def errors_table(identification: Identification) -> Table:
@@ -290,16 +292,16 @@ def verdict(identification: Identification) -> str:
     units = units_of(identification)
     error, where = telling_error(identification)
     sentence = f"{units.factor * error:.3g} {units.angle} rms {where}"
-    others = {each.name: each.telling for each in errors(identification)}
-    compared = []
-    if others.get("raw", 0.0) > 0.0:
-        compared.append(f"{percent_of(error, others['raw'])} of the error of the request itself")
-    compared += [
-        f"{compared_with(error, others[name])} {words}"
+    by_name = {each.name: each.telling for each in errors(identification)}
+    phrases = []
+    if by_name.get("raw", 0.0) > 0.0:
+        phrases.append(f"{percent_of(error, by_name['raw'])} of the error of the request itself")
+    phrases += [
+        f"{compared_with(error, by_name[name])} {words}"
         for name, words in COMPARED.items()
-        if name in others
+        if name in by_name
     ]
-    tail = f": {', '.join([sentence, *compared])}"
+    tail = f": {', '.join([sentence, *phrases])}"
     words = {
         "holds": "the model holds",
         "usable": "the model is usable, but not exact",
@@ -318,7 +320,7 @@ def of_several(identifications: Sequence[Identification]) -> str:
 
 
 def explained(names: Iterable[str]) -> str:
-    """What those of the parameters are that not every joint has, in a sentence; empty for none."""
+    """Explanations of parameters that not every joint has, in a sentence; empty for none."""
     rare = [name for name in names if name in TERMS.values()]
     return "; ".join(": ".join(reversed(PARAMETERS[name])) for name in rare)
 
@@ -339,7 +341,7 @@ def profile(identification: Identification) -> str:
     return ""
 
 
-def known(identification: Identification) -> str:
+def determined_words(identification: Identification) -> str:
     """Which parameters the logs determine, in a sentence; nothing of a model that does not fit."""
     if identification.verdict == "refused":
         return "Its parameters say little about the joint."

@@ -1,4 +1,4 @@
-"""Figures in pairs: those of Table 2 beside the paper's, and plans beside what came of them."""
+"""Pairs of figures: Table 2 beside the paper's, and plans beside their execution."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ class Pair(NamedTuple):
     """A figure of Table 2.
 
     Attributes:
-        comparison: What of the table it is about.
-        joint: Whose it is.
-        norm: Which distance.
-        row: Where it stands.
+        comparison: Its comparison in the table.
+        joint: Its joint.
+        norm: Norm of the distance.
+        row: Its place.
         ours: Our figure [deg].
         paper: The paper's [deg].
     """
@@ -41,16 +41,16 @@ class Pair(NamedTuple):
 
 def agreement_pairs(reproduction: Reproduction) -> list[Pair]:
     """All pairs, comparison by comparison and joint by joint, two to a row."""
-    found, row = [], 0.0
+    pairs, row = [], 0.0
     for comparison in COMPARED:
         row += 1.2
         for joint in TABLE_2:
             row += 1.0
             ours, paper = reproduction.table2[joint][comparison], published(joint, comparison)
             assert paper is not None, "these are the comparisons of Table 2"
-            found.append(Pair(comparison, joint, "L₂", row, ours.rms, paper.L2.mean))
-            found.append(Pair(comparison, joint, "L∞", row, ours.max, paper.Linf.mean))
-    return found
+            pairs.append(Pair(comparison, joint, "L₂", row, ours.rms, paper.L2.mean))
+            pairs.append(Pair(comparison, joint, "L∞", row, ours.max, paper.Linf.mean))
+    return pairs
 
 
 def agreement_figure(reproduction: Reproduction) -> Figure:
@@ -101,13 +101,13 @@ def dumb_bells(
         name: The figure's name.
         about: Title and caption.
         axis: The axis of the values.
-        rows: What each row is called, by its place.
+        rows: Name of each row, by its place.
         places: The row of each pair.
         ends: The first and the second value of every pair; their heights are the places.
-        notes: What each pair is.
+        notes: Label of each pair.
         words: Words between the rows.
         more: Marks beside the pairs.
-        link: What the lines stand for.
+        link: Meaning of the lines.
     """
     first, second = ends
     heights = np.asarray(places, float)

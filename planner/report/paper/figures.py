@@ -76,7 +76,7 @@ SHADE = 0.16
 ACROSS, UPWARD = Axis("forward of the hip, x", "cm"), Axis("above the hip, z", "cm")
 
 Curves = Callable[["JointOutcome"], Sequence[Curve]]
-"""What is drawn of a joint."""
+"""Function for the curves of a joint."""
 
 
 def paper_figures(reproduction: Reproduction) -> tuple[Figure, ...]:
@@ -214,7 +214,7 @@ def foot_distances_figure(timeline: Timeline, panel: Panel, title: str) -> Figur
 
 
 def _distance_panel(reproduction: Reproduction, *, hidden: Sequence[str] = ()) -> Panel:
-    """The foot's distances, those of some methods hidden at first."""
+    """The foot's distances; some methods are hidden at first."""
     timeline, desired = timeline_of(reproduction), reproduction.walk.desired_foot
     curves = []
     for method, role in ROLES.items():
@@ -246,7 +246,7 @@ def joints_figure(
         planned: The walk.
         name: The figure's name.
         words: Title and caption.
-        curves: What is drawn of a joint.
+        curves: Function for the curves of a joint.
         more: Panels below.
         clock: Whether it follows the moving leg of its page.
     """
@@ -335,20 +335,20 @@ JOINTS: Mapping[str, tuple[tuple[str, str], tuple[Drawn, ...]]] = {
         ),
     ),
 }
-"""The figures of the joints by name: title and caption, and what is drawn."""
+"""The figures of the joints by name: title and caption, and curves."""
 
 
 def _joints(
     reproduction: Reproduction, name: str, *panels: Panel, more: Curves = lambda _: ()
 ) -> Figure:
     """One of :data:`JOINTS`, with more panels below, and more curves of each joint."""
-    words, drawn = JOINTS[name]
+    words, specs = JOINTS[name]
     draw = timeline_of(reproduction).degrees
 
     def curves(joint: JointOutcome) -> list[Curve]:
         return [
             *(draw(attrgetter(each.values)(joint), each.role, each.label, hidden=each.hidden)
-              for each in drawn),
+              for each in specs),
             *more(joint),
         ]  # fmt: skip
 

@@ -59,10 +59,10 @@ def paper_page(results: Results, figures: Sequence[Figure], files: Sequence[str]
         Card(f"{percent(min(gaps))} – {percent(max(gaps))}", "",
              "gap of every joint’s optimised requests over its lower bound"),
     ]  # fmt: skip
-    known: dict[str, Any] = {"results": results, "foot": foot}
-    featured, others = _split(figures, FEATURED)
+    context: dict[str, Any] = {"results": results, "foot": foot}
+    featured, rest = _split(figures, FEATURED)
     parameters = results["parameters"]
-    listed = [
+    parameter_rows = [
         *((Markup("<code>{}</code> {}").format(name, words), f"{parameters['model'][name]:.6g}")
           for name, words in parameters_of([parameters["model"]]).items()),
         ("samples in a step of the walk", parameters["samples"]),
@@ -73,17 +73,17 @@ def paper_page(results: Results, figures: Sequence[Figure], files: Sequence[str]
     return Page(
         heading="The paper’s experiment, again",
         eyebrow=EYEBROW,
-        verdict=_rendered(VERDICT, known),
-        note=_rendered(NOTE, known),
+        verdict=_rendered(VERDICT, context),
+        note=_rendered(NOTE, context),
         cards=cards,
         sections=[
             _moments(featured),
-            Section("Table 2: joint angles", TABLE_2, known | _titled(table_2(results))),
-            Section("The foot", FOOT, known | _titled(foot_table(results), "centimetres")),
+            Section("Table 2: joint angles", TABLE_2, context | _titled(table_2(results))),
+            Section("The foot", FOOT, context | _titled(foot_table(results), "centimetres")),
             Section("How good could any requests be?", BOUNDS, {"table": limits_table(results)}),
-            figures_section("Figures", others),
+            figures_section("Figures", rest),
         ],
-        listings=[file_links(files), Listing("Parameters", listed), *_ends(results)],
+        listings=[file_links(files), Listing("Parameters", parameter_rows), *_ends(results)],
         footer=f"{results['made_by']}. Published figures: {results['source']}.",
         downloads=True,
     ).html()
@@ -165,9 +165,9 @@ def virtual_page(results: Results, figures: Sequence[Figure], files: Sequence[st
         figures: The figures, in order; also in files beside the page.
         files: Files of the run to link to, relative to the page.
     """
-    foot, found = results["foot"], results["identified"]
+    foot, joints = results["foot"], results["identified"]
     fidelity = [each["Pwl,Plain"]["L2"] for each in results["table2"].values()]
-    rms = [each["rms_deg"] for each in found.values()]
+    rms = [each["rms_deg"] for each in joints.values()]
     cards = [
         Card(f"{min(rms):.2f} – {max(rms):.2f}°", "",
              "rms between the step tests and the identified models, by joint"),
@@ -177,28 +177,29 @@ def virtual_page(results: Results, figures: Sequence[Figure], files: Sequence[st
              "foot error of the foot-optimised plan, executed against planned"),
         _foot_card(foot),
     ]  # fmt: skip
-    known = {"results": results, "foot": foot, "dropped": dropped_words(results)}
-    featured, others = _split(figures, VIRTUAL_FEATURED)
-    learning, others = _split(others, ("learning",))
-    warnings = {name: joint["warnings"] for name, joint in found.items() if joint["warnings"]}
+    context = {"results": results, "foot": foot, "dropped": dropped_words(results)}
+    featured, rest = _split(figures, VIRTUAL_FEATURED)
+    learning, rest = _split(rest, ("learning",))
+    warnings = {name: joint["warnings"] for name, joint in joints.items() if joint["warnings"]}
     return Page(
         heading="The paper’s experiment on a virtual robot",
         eyebrow=EYEBROW,
-        verdict=_rendered(VIRTUAL_VERDICT, known),
+        verdict=_rendered(VIRTUAL_VERDICT, context),
         note=results["note"],
         cards=cards,
         sections=[
             _moments(featured),
             Section("Table 1: the joints, identified", VIRTUAL_TABLE_1,
-                    known | _titled(table_1(results), "joint") | {"warnings": warnings}),
-            Section("Table 2: joint angles", VIRTUAL_TABLE_2, known | _titled(table_2(results))),
-            Section("The foot", VIRTUAL_FOOT, known | _titled(foot_table(results), "centimetres")),
+                    context | _titled(table_1(results), "joint") | {"warnings": warnings}),
+            Section("Table 2: joint angles", VIRTUAL_TABLE_2, context | _titled(table_2(results))),
+            Section("The foot", VIRTUAL_FOOT,
+                    context | _titled(foot_table(results), "centimetres")),
             Section("What the plans predicted and the robot did", EXECUTED,
                     _titled(executed_table(results), "L₂")),
-            Section("Learning from executed cycles", LEARNING, {**known, "learning": learning}),
-            figures_section("Figures", others),
+            Section("Learning from executed cycles", LEARNING, {**context, "learning": learning}),
+            figures_section("Figures", rest),
             Section("What the robot is made of", ROBOT,
-                    {**known, "table": constants_table(results["robot"]["constants"])}),
+                    {**context, "table": constants_table(results["robot"]["constants"])}),
         ],
         listings=[file_links(files), *_ends(results)],
         footer=f"{results['made_by']}. Published figures: {results['source']}.",
@@ -225,8 +226,8 @@ VIRTUAL_TABLE_1 = """
   used up by back-EMF and friction. A tick is 8 ms. The intervals suppose a joint of the model’s
   kind, which this one is not.</p>
 {{ table }}
-{% for name, said in warnings.items() %}
-<p><b>{{ name }}</b>: {{ said | join(" ") }}</p>
+{% for name, lines in warnings.items() %}
+<p><b>{{ name }}</b>: {{ lines | join(" ") }}</p>
 {% endfor %}
 """
 
@@ -298,7 +299,7 @@ def _foot_card(foot: Results) -> Card:
 
 
 def _split(figures: Sequence[Figure], featured: Sequence[str]) -> tuple[list[Figure], list[Figure]]:
-    """The featured figures, and the others."""
+    """The featured figures, and the rest."""
     first = [figure for figure in figures if figure.name in featured]
     return first, [figure for figure in figures if figure.name not in featured]
 
@@ -309,7 +310,7 @@ def _moments(featured: Sequence[Figure]) -> Section:
 
 
 def _ends(results: Results) -> list[Listing]:
-    """How long it took, and versions."""
+    """Durations and versions."""
     seconds = [(part.replace("_", " "), f"{each:.2f}") for part, each in results["seconds"].items()]
     return [Listing("Seconds", seconds), Listing("Versions", list(results["versions"].items()))]
 
@@ -319,6 +320,6 @@ def _titled(table: Table, about: str = "degrees") -> dict[str, Any]:
     return {"table": replace(table, about=about)}
 
 
-def _rendered(template: str, known: Mapping[str, Any]) -> Markup:
+def _rendered(template: str, context: Mapping[str, Any]) -> Markup:
     # Escaped where it was rendered.
-    return Markup(environment().from_string(template).render(known))
+    return Markup(environment().from_string(template).render(context))

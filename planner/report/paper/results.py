@@ -51,7 +51,7 @@ def paper_results(reproduction: Reproduction) -> dict[str, Any]:
     Every distance is a pair of plain numbers with the paper's own beside it, or None where the
     paper has none: ``table2[joint]["Des,Dir"]["L2"]`` beside ``[...]["paper"]["L2"]``, and
     ``foot[method]["Linf"]`` beside ``[...]["paper"]["Linf"]``. Comparisons are spelt as the paper
-    spells them, without parentheses and blanks; ``comparisons`` and ``methods`` say what each is.
+    spells them, without parentheses and blanks; ``comparisons`` and ``methods`` explain them.
     The paper's closed form stands beside both of ours: ``closed_form_plain`` (``Plain`` in Table 2)
     is its method, ``closed_form`` (``MB``) has its knots refined by simulating the joint.
     """
@@ -102,7 +102,7 @@ def distance_entry(distance: Distance, published: Published | None) -> dict[str,
 
 
 def _heads(command: str, note: str, **units: str) -> dict[str, Any]:
-    """What the document is, its units, and what its keys are called in words."""
+    """Origin of the document, its units, and names of its keys."""
     return {
         "made_by": f"request-planner {__version__} {command}",
         "note": note,
@@ -133,7 +133,7 @@ def _plan_parameters(planned: PlannedWalk) -> dict[str, Any]:
 
 
 def _bounds(planned: PlannedWalk) -> dict[str, Any]:
-    """Lower bounds with the plans' gaps, and limits with what requests exceed them by."""
+    """Lower bounds with the plans' gaps, and limits with the excess of requests over them."""
     return {
         "bounds": {joint.name: _bound(joint) for joint in planned.joints},
         "foot_bound": {
@@ -168,8 +168,8 @@ def virtual_results(outcome: VirtualOutcome) -> dict[str, Any]:
     """The document that ``reproduce --robot virtual`` writes and prints.
 
     Every distance is the mean over the cycles by the true angles, in degrees or centimetres, with
-    its standard deviation (``std``), the same by the sensors (``sensed``), what the plan had
-    predicted on the identified models (``predicted``), by how much the mean is above that
+    its standard deviation (``std``), the same by the sensors (``sensed``), the plan's
+    prediction on the identified models (``predicted``), the relative excess of the mean over it
     (``loss``), and the paper's own.
     """
     planned = outcome.planned
@@ -182,8 +182,8 @@ def virtual_results(outcome: VirtualOutcome) -> dict[str, Any]:
         ),
         "robot": _robot(outcome),
         "identified": {
-            joint.name: _identified(found, outcome.unseen_rms[joint.name])
-            for joint, found in zip(planned.joints, outcome.identifications, strict=True)
+            joint.name: _identification_entry(identification, outcome.unseen_rms[joint.name])
+            for joint, identification in zip(planned.joints, outcome.identifications, strict=True)
         },
         "table2": _table2(outcome),
         "foot": _foot(outcome),
@@ -266,21 +266,21 @@ def _entry(
     }
 
 
-def _identified(found: Identification, unseen: float) -> dict[str, Any]:
+def _identification_entry(identification: Identification, unseen: float) -> dict[str, Any]:
     """The identification, and the same in the paper's units beside its Table 1."""
-    period = found.model.period
+    period = identification.model.period
     paper = _in_paper_units(JointModel.ers210a().parameters(), period)
-    ours = _in_paper_units(found.model.parameters(), period)
+    ours = _in_paper_units(identification.model.parameters(), period)
     ends = [
-        _in_paper_units({name: of[end] for name, of in found.intervals.items()}, period)
+        _in_paper_units({name: of[end] for name, of in identification.intervals.items()}, period)
         for end in (0, 1)
     ]
     return {
-        **found.to_dict(),
-        "rms_deg": math.degrees(found.rms),
+        **identification.to_dict(),
+        "rms_deg": math.degrees(identification.rms),
         "held_out_rms_deg": None
-        if found.held_out_rms is None
-        else math.degrees(found.held_out_rms),
+        if identification.held_out_rms is None
+        else math.degrees(identification.held_out_rms),
         "unseen_walk_rms_deg": math.degrees(unseen),
         "table1": {
             name: {
@@ -312,8 +312,8 @@ def _baseline_deviation(outcome: VirtualOutcome) -> float:
         for joint, pairs in outcome.table2.items()
     }
     foot = {method: over.mean for method, over in outcome.foot_table.items()}
-    found = deviations(table2, foot)
-    return sum(found) / len(found)
+    values = deviations(table2, foot)
+    return sum(values) / len(values)
 
 
 def joint_paths(reproduction: Reproduction) -> dict[str, Array]:

@@ -19,7 +19,7 @@ COMPARISONS = {
     "Des,Opt": "desired to optimised",
     "Des,Foot": "desired to foot-optimised",
 }
-"""What pairs of trajectories are called in words; Plain and MB are the paper's MB."""
+"""Names of pairs of trajectories; Plain and MB are the paper's MB."""
 
 METHODS = {
     "direct": "direct: request the desired angles",
@@ -35,9 +35,9 @@ GAPS = {
     "closed form, knots refined": "closed_form_gap",
     "optimised": "gap",
 }
-"""Whose gaps over the lower bound the results hold, and under which key."""
+"""Methods whose gaps over the lower bound the results hold, and the key of each."""
 
-KEPT = ("closed_form_plain", "closed_form", "optimal", "foot_optimal")
+LIMIT_METHODS = ("closed_form_plain", "closed_form", "optimal", "foot_optimal")
 """The methods whose requests are compared with the limits of the joints."""
 
 NORMS = {"L2": "L₂", "Linf": "L∞"}
@@ -49,14 +49,14 @@ TABLE_1 = {
     "acceleration_ticks": "acceleration time [ticks]",
     "offset_deg": "static sag [degrees]",
 }
-"""Rows of Table 1: key in the results, and what it is."""
+"""Rows of Table 1: key in the results, and title."""
 
 ERRORS = {
     "rms_deg": "prediction of the step tests [deg rms]",
     "held_out_rms_deg": "the same, held out [deg rms]",
     "unseen_walk_rms_deg": "prediction of a walk never seen [deg rms]",
 }
-"""How well an identified model predicts: key in the results, and what it is."""
+"""Errors of an identified model: key in the results, and title."""
 
 PLANS = {
     "direct": "Des,Dir",
@@ -65,7 +65,7 @@ PLANS = {
     "optimal": "Des,Opt",
     "foot_optimal": "Des,Foot",
 }
-"""The row of Table 2 that says how well a method tracks in the joints."""
+"""The row of Table 2 with a method's errors in the joints."""
 
 BESIDE = ("ours", "paper", "diff.")
 """The columns of a figure beside the paper's."""
@@ -170,7 +170,7 @@ def excess_table(results: Results) -> Table:
     limits = results["limits"]
     rows = [
         Row(METHODS[method].split(":")[0], tuple(_beyond(each, method) for each in limits.values()))
-        for method in KEPT
+        for method in LIMIT_METHODS
     ]
     return Table("", tuple(map(Column, limits)), tuple(rows), label="Beyond the limits")
 
@@ -193,17 +193,17 @@ def limits_table(results: Results) -> Table:
 
 def table_1(results: Results) -> Table:
     """Table 1: the identified parameters of every joint, and how well they predict."""
-    found = results["identified"].values()
+    joints = results["identified"].values()
     rows = []
     for key, label in TABLE_1.items():
-        entries = [joint["table1"][key] for joint in found]
+        entries = [joint["table1"][key] for joint in joints]
         cells = [
             signed(f"{e['value']:.2f}\n{number(e['lower'])} to {number(e['upper'])}")
             for e in entries
         ]
         rows.append(Row(label, (*cells, number(entries[0]["paper"], 1))))
     for key, label in ERRORS.items():
-        cells = [number(joint[key]) for joint in found]
+        cells = [number(joint[key]) for joint in joints]
         rows.append(Row(label, (*cells, NOTHING), kind="beyond"))
     columns = tuple(map(Column, (*results["identified"], "paper")))
     return Table("", columns, tuple(rows), label="Table 1")
@@ -234,7 +234,7 @@ def signed_percent(share: float) -> str:
 
 
 def dropped_words(results: Results) -> str:
-    """How many cycles were left out, over all methods."""
+    """The number of dropped cycles, over all methods."""
     dropped = results["robot"]["dropped_cycles"].values()
     low, high = min(dropped), max(dropped)
     return f"{low}" if low == high else f"{low} to {high}"

@@ -92,9 +92,9 @@ def _step_tests(outcome: VirtualOutcome) -> Figure:
     timeline, last = _timeline(outcome), slice(-len(outcome.planned.walk.desired), None)
     once = Timeline(timeline.period, timeline.samples, cyclic=False)
     panels = []
-    for found, joint in zip(outcome.identifications, outcome.planned.joints, strict=True):
+    for identification, joint in zip(outcome.identifications, outcome.planned.joints, strict=True):
         measured, predicted = [], []
-        for fit in found.fits:
+        for fit in identification.fits:
             middle = float(np.mean(fit.log.requests[last]))
             measured.append(once.degrees(fit.log.angles[last] - middle, INK))
             predicted.append(once.degrees(fit.predicted[last] - middle, CLOSED_FORM))
@@ -106,7 +106,7 @@ def _step_tests(outcome: VirtualOutcome) -> Figure:
         )
         panels.append(Panel(Axis("angle", "deg"), curves, joint.name))
         rest = Curve(MUTED._replace(width=0.9), times, angles - model, "residual")
-        title = f"{joint.name}, residual, {np.degrees(found.rms):.2f} deg rms"
+        title = f"{joint.name}, residual, {np.degrees(identification.rms):.2f} deg rms"
         panels.append(Panel(Axis("residual", "deg"), (rest,), title, height=0.6))
     return once.figure(
         "step_tests",
@@ -121,7 +121,7 @@ def _step_tests(outcome: VirtualOutcome) -> Figure:
 
 
 def _joints_direct(outcome: VirtualOutcome) -> Figure:
-    """Figure 2: the joints under the direct method, and what the models had predicted."""
+    """Figure 2: the joints under the direct method, and the models' predictions."""
     draw, run = _timeline(outcome).degrees, outcome.runs["direct"]
 
     def curves(joint: JointOutcome) -> list[Curve]:
@@ -202,7 +202,7 @@ def _joints_by_method(outcome: VirtualOutcome) -> Figure:
 
 
 def _distance_panel(outcome: VirtualOutcome, *, hidden: Sequence[str] = ()) -> Panel:
-    """The foot's distances in every cycle, those of some methods hidden at first."""
+    """The foot's distances in every cycle; some methods are hidden at first."""
     desired, timeline = outcome.planned.walk.desired_foot, _timeline(outcome)
     curves: list[Curve] = []
     for method, role in ROLES.items():
@@ -217,9 +217,9 @@ def _planned_and_executed(outcome: VirtualOutcome) -> Figure:
     executed, planned = outcome.foot_table, outcome.planned.foot_table
     names = [label.split(":")[0] for label in METHODS.values()]
     paper = [published_foot(method) for method in METHODS]
-    known = [row for row, each in enumerate(paper) if each is not None]
+    places = [row for row, each in enumerate(paper) if each is not None]
     figures = np.array([each.L2.mean for each in paper if each is not None])
-    published_names = tuple(names[row] for row in known)
+    published_names = tuple(names[row] for row in places)
     return dumb_bells(
         "promises",
         (
@@ -238,7 +238,7 @@ def _planned_and_executed(outcome: VirtualOutcome) -> Figure:
         ),
         notes=tuple(names),
         more=[
-            Curve(INK, figures, np.array(known, float), "the paper's robot", marks="rings",
+            Curve(INK, figures, np.array(places, float), "the paper's robot", marks="rings",
                   notes=published_names)
         ],
         link="loss",
