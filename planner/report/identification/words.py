@@ -75,7 +75,7 @@ class Parameter(NamedTuple):
         interval: The 95 % interval in the same unit.
         si: Both in SI.
         judgement: How well it is determined.
-        known: Whether it is bounded on both sides.
+        bounded: Whether it is bounded on both sides.
         rough: Whether it is unbounded, or bounded by a wide interval only.
     """
 
