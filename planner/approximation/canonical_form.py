@@ -1,6 +1,6 @@
 """One form for all shifts, mirror images, reversals and scales of the same samples.
 
-A search that meets them in one form finds the same curve for all of them.
+A search in this form finds the same curve for all of them.
 """
 
 from __future__ import annotations
@@ -38,12 +38,12 @@ def to_resolution(samples: Array) -> Array:
 
 @dataclass(frozen=True, kw_only=True)
 class CanonicalForm:
-    """How samples as given become canonical: rolled to their first, reversed, mirrored.
+    """How input samples become canonical: rolled to their first, reversed, mirrored.
 
     Attributes:
         samples: Number of samples n.
         cyclic: Whether the first sample follows the last.
-        first: Given sample that comes first; 0 unless cyclic.
+        first: Input sample that comes first; 0 unless cyclic.
         backwards: Whether time runs backwards.
         sign: -1 if the samples are mirrored, else 1.
     """
@@ -93,7 +93,7 @@ class CanonicalForm:
         )
 
     def restore(self, curve: Candidate) -> Candidate:
-        """Knots and values for the samples as given, in order and within the cycle."""
+        """Knots and values for the input samples, in order and within the cycle."""
         knots, values = curve.knots, self.sign * curve.values
         if self.backwards:
             last = 0.0 if self.cyclic else self.samples - 1.0

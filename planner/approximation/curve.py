@@ -135,7 +135,7 @@ class PiecewiseLinear:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CurveStack:
-    """Curves with the same number of knots, one a row; what :class:`PiecewiseLinear` is, m times.
+    """Curves with the same number of knots, one a row: m times :class:`PiecewiseLinear`.
 
     Attributes:
         knots: Sample indices at which slopes may change, shape (m, s), or (s,) if all curves share
@@ -251,19 +251,19 @@ def lines_in_force(
     return np.asarray((line - 1 + earlier) % size)
 
 
-def checked_fields(given: Mapping[str, Any]) -> dict[str, Any]:
+def checked_fields(fields: Mapping[str, Any]) -> dict[str, Any]:
     """The fields of one curve or of several over the same samples, each in its own type.
 
     Args:
-        given: ``knots``, ``values``, ``samples``, ``tick`` and ``cyclic``; others do not count.
+        fields: ``knots``, ``values``, ``samples``, ``tick``, ``cyclic``; other keys are ignored.
 
     Returns:
         The same; the arrays are read-only copies, whose shapes are not yet checked.
 
     Raises:
-        InvalidInput: One of them is of no use.
+        InvalidInput: A field is invalid.
     """
-    knots, values = _reals("knots", given["knots"]), _reals("values", given["values"])
+    knots, values = _reals("knots", fields["knots"]), _reals("values", fields["values"])
     if not np.all(np.abs(values) <= LARGEST):
         curve = ""
         if values.ndim == 2:
@@ -272,17 +272,17 @@ def checked_fields(given: Mapping[str, Any]) -> dict[str, Any]:
         raise InvalidInput(f"values: expected finite angles [rad]{curve}")
     if not np.all(np.abs(knots) <= LARGEST):
         raise InvalidInput("knots: expected finite sample indices that increase")
-    samples = as_whole(given["samples"]) or 0
+    samples = as_whole(fields["samples"]) or 0
     if not 0 < samples <= MOST_SAMPLES:
         raise InvalidInput(
-            f"samples: got {shown(given['samples'])}, expected a whole number, 1 to {MOST_SAMPLES}"
+            f"samples: got {shown(fields['samples'])}, expected a whole number, 1 to {MOST_SAMPLES}"
         )
     return {
         "knots": _frozen(knots),
         "values": _frozen(values),
         "samples": samples,
-        "tick": as_positive("tick", given["tick"], "a finite number above 0 [s]"),
-        "cyclic": as_flag("cyclic", given["cyclic"]),
+        "tick": as_positive("tick", fields["tick"], "a finite number above 0 [s]"),
+        "cyclic": as_flag("cyclic", fields["cyclic"]),
     }
 
 

@@ -9,8 +9,8 @@ values together, so every iterate keeps them. Each step is a dense QP of at most
 which a fit solves 100 to 600: compiled non-negative least squares
 (:mod:`planner.approximation.kernel`) takes microseconds, OSQP 0.35 to 0.5 ms.
 
-None of the numbers of the method matters: half and twice each change the errors of 160 fits by less
-than 0.02 % in the mean.
+No number of the method matters: half and twice each change the errors of 160 fits by less than
+0.02 % in the mean.
 """
 
 from __future__ import annotations
@@ -44,10 +44,10 @@ def best_values(problem: Problem, knots: Array, near: Array | None = None) -> Ca
         problem: What to approximate.
         knots: Knots, at most :data:`WINDOW`.
         near: Values within the slopes, (K,), where the QP begins and whose distance from the best
-            ones it lowers by 1e-10; feasible ones where none are given.
+            ones it lowers by 1e-10; feasible ones by default.
 
     Returns:
-        The curve; where the QP was not solved, that of the values near it.
+        The curve; if the QP is not solved, the one with the values near it.
     """
     from planner.approximation import kernel
 

@@ -40,7 +40,7 @@ from planner.trajectory import Array
 Levels = list[npt.NDArray[np.intp]]
 
 PROVED = 1e-6
-"""Relative distance of the squared error from the least that is left unproved."""
+"""Relative gap between the squared error and its lower bound that ends the search."""
 
 MOST_SAMPLES = 400
 """Samples up to which the optimum is proved: memory grows with their square, of a cycle their cube
@@ -79,7 +79,7 @@ class Multipliers(NamedTuple):
 
 @dataclass(order=True)
 class Branch:
-    """Places where each knot may lie, with what is known of the curves among them."""
+    """Places where each knot may lie, with bounds on the curves among them."""
 
     bound: float
     number: int
@@ -259,7 +259,7 @@ class Relaxation:
     def _lines(
         self, i: object, j: object, pi_i: object, pi_j: object
     ) -> tuple[Array, Array, Array]:
-        """What the multipliers add to centre and slope, and the best slope."""
+        """Terms of the multipliers in centre and slope, and the best slope."""
         at: tuple[object, object] = (i, j)
         centre = self.centre[at]  # type: ignore[index]
         rise = pi_j - pi_i  # type: ignore[operator]
@@ -349,8 +349,8 @@ def climb(
     """Move the multipliers up by a step of Polyak's, in place.
 
     Args:
-        relaxation: What they are for.
-        multipliers: What to move.
+        relaxation: The relaxation.
+        multipliers: Multipliers to improve.
         cheapest: The cheapest chain under them.
         reach: How much higher the bound should become.
         width: Neighbours of a knot that take part of its step [samples].

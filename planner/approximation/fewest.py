@@ -3,8 +3,8 @@
 A gate is an interval of values at a place, and the path must pass all of them with slopes within
 ±v. The greedy algorithm is exact (docs/math.md, section 4): of the lines that pass the gates as far
 as any line can, the one that comes closest to the gate that all of them miss is kept, and the next
-line begins where it crosses that one. Which lines there are is known from two extreme ones, the
-highest and the lowest at all later gates. Each touches a convex hull of ends of gates behind it, so
+line begins where it crosses that one. All lines lie between two extreme ones, the highest and the
+lowest at all later gates. Each touches a convex hull of ends of gates behind it, so
 that a gate costs O(1) on average. All decisions compare numbers one by one; none hangs on a sum.
 
 The path through the same gates over and over keeps some line that misses a gate above it after one
@@ -208,12 +208,12 @@ def _closed(around: Gates, n: int, eave: Link) -> tuple[list[Line], list[Link], 
     ends[free] = [far] * (free.stop - free.start)
     joined = around._replace(lower=lower, upper=upper)
     links: list[Link] = []
-    found: Link | LastLines = eave
-    while isinstance(found, Link):
-        links.append(found)
-        found = next_link(joined, found.touched, last, half=found.end, rising=found.rising)
+    outcome: Link | LastLines = eave
+    while isinstance(outcome, Link):
+        links.append(outcome)
+        outcome = next_link(joined, outcome.touched, last, half=outcome.end, rising=outcome.rising)
     joint = Link(target.line, target.rising, missed + n, -1, last - 1)
-    return [link.line for link in links], [*links, joint], found
+    return [link.line for link in links], [*links, joint], outcome
 
 
 def _around(lines: list[Line], links: list[Link], n: int) -> Course:
@@ -244,23 +244,23 @@ def _passable(gates: Gates) -> tuple[list[float], list[float]]:
 def _forward(gates: Gates, first: int, last: int) -> tuple[list[Link], LastLines]:
     """The lines kept from one gate to another, and those that remain for the last segment."""
     links: list[Link] = []
-    found = next_link(gates, first, last)
-    while isinstance(found, Link):
-        links.append(found)
-        found = next_link(gates, found.touched, last, half=found.end, rising=found.rising)
-    return links, found
+    outcome = next_link(gates, first, last)
+    while isinstance(outcome, Link):
+        links.append(outcome)
+        outcome = next_link(gates, outcome.touched, last, half=outcome.end, rising=outcome.rising)
+    return links, outcome
 
 
 def _pinned(gates: Gates, first: int, last: int, links: list[Link], lines: LastLines) -> LastLines:
     """The last lines through the one value that is left at the last gate."""
-    found: Link | LastLines
+    outcome: Link | LastLines
     if links:
         link = links[-1]
-        found = next_link(gates, link.touched, last, half=link.end, rising=link.rising)
+        outcome = next_link(gates, link.touched, last, half=link.end, rising=link.rising)
     else:
-        found = next_link(gates, first, last)
-    if isinstance(found, LastLines):
-        return found
+        outcome = next_link(gates, first, last)
+    if isinstance(outcome, LastLines):
+        return outcome
     place = gates.places[last]  # missed by a rounding error
     top, bottom = lines.highest.at(place), lines.lowest.at(place)
     share = (gates.lower[last] - bottom) / (top - bottom) if top > bottom else 0.5

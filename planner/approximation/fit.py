@@ -62,7 +62,7 @@ from planner.validation import as_flag
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class PiecewiseLinearFit(Summarised, PiecewiseLinear):
-    """A piecewise-linear curve and what it approximates; its errors are computed from the two.
+    """A piecewise-linear curve and its samples; its errors are computed from the two.
 
     Attributes:
         desired: The samples that it approximates [rad], shape (n,).
@@ -103,7 +103,7 @@ class PiecewiseLinearFit(Summarised, PiecewiseLinear):
 
 
 class Question(NamedTuple):
-    """How many segments, how close, and which knots; each None where it is not asked for."""
+    """How many segments, how close, and which knots; each None if unspecified."""
 
     segments: int | None
     max_error: float | None  # [rad]
@@ -154,7 +154,7 @@ def fit_pwl(
 
     Raises:
         InvalidInput: An argument is out of its range, no trajectory, or excludes another.
-        Infeasible: What is required contradicts itself, the slopes or the error; names the pair.
+        Infeasible: Requirements contradict each other, the slopes or the error; names the pair.
         SolverFailed: A QP was not solved, or nothing proved in reasonable time.
 
     Example:
@@ -243,7 +243,7 @@ def _curve(problem: Problem, question: Question) -> tuple[Candidate, int | None]
     unit = float(np.max(np.abs(angles - middle)))
     if unit <= SMALLEST:
         if question.knots is not None:
-            knots = _given_knots(problem, question.knots)
+            knots = _all_knots(problem, question.knots)
         else:
             segments = question.segments if question.max_error is None else None
             knots = even_knots(problem, segments or 1)
@@ -258,7 +258,7 @@ def _curve(problem: Problem, question: Question) -> tuple[Candidate, int | None]
     )
     fewest = None
     if question.knots is not None:
-        knots = _given_knots(problem, question.knots)
+        knots = _all_knots(problem, question.knots)
         curve = _at_knots(scaled, knots, question, unit)
     elif question.max_error is not None:
         search = KnotSearch(scaled)
@@ -267,7 +267,7 @@ def _curve(problem: Problem, question: Question) -> tuple[Candidate, int | None]
         curve = search.form.restore(curve)
     else:
         search = KnotSearch(scaled)
-        curve = search.final_curve(_sought(search, question, unit))
+        curve = search.final_curve(_search_curve(search, question, unit))
     knots = np.array(curve.knots)
     for place in problem.required:
         knots[np.abs(knots - place) < 8.0 * KNOT_UNIT] = place
@@ -275,15 +275,15 @@ def _curve(problem: Problem, question: Question) -> tuple[Candidate, int | None]
     return Candidate(knots, values, curve.error), fewest
 
 
-def _sought(search: KnotSearch, question: Question, unit: float) -> Candidate:
-    """The curve that is asked for, by the search, in its unit [rad]."""
+def _search_curve(search: KnotSearch, question: Question, unit: float) -> Candidate:
+    """The curve for the question, by the search, in its unit [rad]."""
     segments, _, max_rms, _, exact = question
     if not exact:
         if max_rms is not None:
             return within_rms(search, max_rms / unit, segments, unit)
         return automatic(search) if segments is None else search.curve(segments)
     if max_rms is None:
-        assert segments is not None, "exact says one of the two"
+        assert segments is not None, "exact requires one of the two"
         return proved_best(search.problem, search.curve(segments))
     last = search.most if segments is None else min(segments, search.most)
     least = math.inf
@@ -311,8 +311,8 @@ def _at_knots(problem: Problem, knots: Array, question: Question, unit: float) -
     return curve
 
 
-def _given_knots(problem: Problem, knots: Array) -> Array:
-    """The knots that were given, required ones and a path's ends, if a curve may have all."""
+def _all_knots(problem: Problem, knots: Array) -> Array:
+    """Input knots, required ones and a path's ends, if a curve may have all."""
     knots = np.union1d(knots, problem.required)
     if not problem.cyclic:
         knots = np.union1d(knots, [0.0, problem.samples - 1.0])
@@ -357,7 +357,7 @@ class Choices(NamedTuple):
         segments: Numbers of segments, shape (m,).
         rms: Rms error of the curve of at most so many [rad], shape (m,).
         floor: Rms error of the slope-bounded ideal [rad]: no number of segments has less.
-        automatic: The number that is chosen where none is asked for.
+        automatic: The number that is chosen by default.
     """
 
     segments: tuple[int, ...]

@@ -43,7 +43,7 @@ def slope_bounded(
     tiny, it is solved again as a QP with a knot on every sample.
 
     Args:
-        desired: What to come close to [any unit], shape (n,).
+        desired: Sequence to approximate [any unit], shape (n,).
         step: Largest change from one sample to the next, > 0 [same unit].
         cyclic: Whether the first sample follows the last.
         weights: Weight of every sample's squared error, shape (n,); by default all the same.

@@ -26,7 +26,7 @@ def open_ended(desired: Array, weights: Array, step: float) -> Array:
     backwards.
 
     Args:
-        desired: What to come close to [any unit], (n,).
+        desired: Sequence to approximate [any unit], (n,).
         weights: Weight of every sample's squared error, (n,).
         step: Largest change from one sample to the next [same unit].
     """
@@ -215,14 +215,14 @@ def descend(
     size = len(knots)
     rows = constraint_rows(size, step, cyclic)
     error, gradient, hessian, diagonal = evaluate(desired, cyclic, knots, values)
-    none, moving = 0.0, False
+    zero, moving = 0.0, False
     for k in range(len(desired)):
-        none += 1e-26 * desired[k] * desired[k]
+        zero += 1e-26 * desired[k] * desired[k]
     for i in range(2 * size):
         moving |= free[i]
     damping, scales = 1e-3, np.zeros(2 * size)
     for _ in range(rounds):
-        if error <= none or not moving:
+        if error <= zero or not moving:
             break
         by_knot, by_value = 0.0, 0.0
         for i in range(size):
@@ -263,7 +263,7 @@ def descend(
 def best_values(
     desired: Array, step: float, cyclic: bool, knots: Array, values: Array, free: Mask
 ) -> Array:
-    """The values of least squared error at given knots; those they start from if none are found.
+    """The values of least squared error at given knots; the input values if there are none.
 
     Args:
         desired: Samples, shape (n,).
@@ -277,7 +277,7 @@ def best_values(
     _, by_all, of_all, _ = evaluate(desired, cyclic, knots, values)
     room, conditions = slacks(len(desired), step, cyclic, knots, values), 2 * len(knots)
     conditions = conditions if cyclic else conditions - 2  # on slopes: knots stay where they are
-    steps, found = constraint_rows(size, step, cyclic), np.zeros(size)
+    steps, solution = constraint_rows(size, step, cyclic), np.zeros(size)
     rows, bounds = np.zeros((conditions, size)), np.zeros(conditions)
     hessian, gradient, scales = np.zeros((size, size)), np.zeros(size), np.zeros(size)
     largest = 0.0
@@ -291,8 +291,8 @@ def best_values(
         scales[i] = largest
     move, _, _ = minimise_damped(hessian, gradient, rows, bounds, free, scales, 1e-10)
     for i in range(size):
-        found[i] = values[i] + move[i]
-    return found
+        solution[i] = values[i] + move[i]
+    return solution
 
 
 @inner
@@ -390,15 +390,15 @@ def slacks(samples: int, step: float, cyclic: bool, knots: Array, values: Array)
     """How far slopes and lengths are from their bounds, in the order of the rows, shape (3S,)."""
     size = len(knots)
     count = size if cyclic else size - 1
-    found = np.empty(3 * count)
+    slack = np.empty(3 * count)
     for start in range(count):
         end = (start + 1) % size
         length = knots[end] - knots[start] + (samples if end == 0 else 0)
         rise = values[end] - values[start]
-        found[start] = step * length - rise
-        found[count + start] = step * length + rise
-        found[2 * count + start] = length - 1.0
-    return found
+        slack[start] = step * length - rise
+        slack[count + start] = step * length + rise
+        slack[2 * count + start] = length - 1.0
+    return slack
 
 
 @inner
@@ -426,7 +426,7 @@ def minimise_damped(
         damping: λ; ten times as large as often as it takes to make the sum definite.
 
     Returns:
-        The step, zero if none was found; whether it was found; and the damping.
+        The step, zero without a solution; whether there is one; and the damping.
     """
     size = len(gradient)
     nothing = np.zeros(size)
@@ -572,14 +572,14 @@ def nearest_to_origin(normals: Array, shortfalls: Array) -> Array:
                     system[i, j] = eased[i, j] = gram[index[i], index[j]]
                 # Bounds may repeat one another: a touch of regularisation, removed by refinement.
                 eased[i, i] += 1e-13 * system[i, i]
-            inverse, trial, left = np.zeros((size, size)), np.zeros(size), np.zeros(size)
+            inverse, trial, residual = np.zeros((size, size)), np.zeros(size), np.zeros(size)
             if not inverted_factor(eased, inverse):
                 return applied(by_row, multipliers)
             for _ in range(3):
                 reached = applied(system, trial)
                 for i in range(size):
-                    left[i] = shortfalls[index[i]] - reached[i]
-                further = applied(transposed(inverse), applied(inverse, left))
+                    residual[i] = shortfalls[index[i]] - reached[i]
+                further = applied(transposed(inverse), applied(inverse, residual))
                 for i in range(size):
                     trial[i] += further[i]
             share, settled = 1.0, True

@@ -85,10 +85,10 @@ def within_largest_error(
     course = minimum_link(problem, widest)
     count = _segments(problem, course)
     if most is not None and count > most:
-        known = "needed" if course.fewest > most else "found"
+        word = "needed" if course.fewest > most else "found"
         raise Infeasible(
             f"max_error and the number of segments: got {angle_text(bound * unit)} with at most "
-            f"{most} segments, but the fewest {known} are {count}; allow more error or more "
+            f"{most} segments, but the fewest {word} are {count}; allow more error or more "
             "segments"
         )
     spare = bound * (1.0 - BARELY)
@@ -96,20 +96,20 @@ def within_largest_error(
     least = float(np.max(error_at_pins(problem), initial=attainable))
     low, high = least * (1.0 + TIE) + 1e-15, widest
     if spare > low:
-        other = minimum_link(problem, spare)
-        if _segments(problem, other) == count:
-            tight, high = other, spare
+        trial = minimum_link(problem, spare)
+        if _segments(problem, trial) == count:
+            tight, high = trial, spare
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
-        other = minimum_link(problem, middle)
-        if _segments(problem, other) == count:
-            tight, high = other, middle
+        trial = minimum_link(problem, middle)
+        if _segments(problem, trial) == count:
+            tight, high = trial, middle
         else:
             low = middle
-    kept = spare if high <= spare else high
+    limit = spare if high <= spare else high
     if tight.knots.size > 1:
         curve = candidate(problem, tight.knots, tight.values)
-        return least_squares_within(problem, curve, kept), course.fewest
+        return least_squares_within(problem, curve, limit), course.fewest
     middle = 0.5 * (float(np.max(problem.desired)) + float(np.min(problem.desired)))
     room = max(spare - float(np.max(np.abs(problem.desired - middle))), 0.0)
     mean = float(np.mean(problem.desired))
@@ -297,7 +297,7 @@ class _Lines(NamedTuple):
 def _lines_of(problem: Problem, curve: Candidate, after: Mask) -> _Lines:
     """The samples dealt out to the lines.
 
-    Of the knots on a sample those ``after`` move in the gap after it, the others in that before it.
+    Knots on a sample move in the gap after it where ``after`` is true, else in the one before it.
     """
     n, size = problem.samples, curve.knots.size
     number = np.arange(size + problem.cyclic) % size
@@ -350,10 +350,10 @@ def _line_qp(
     index = np.arange(lines.first[0], lines.last[-1] + 1)
     line = np.repeat(np.arange(size), lines.last - lines.first + 1)
     share = (index - lines.middle[line]) / lines.half[line]
-    missing = (problem.desired[index % problem.samples] - lines.at(line, index)) / bound
+    residual = (problem.desired[index % problem.samples] - lines.at(line, index)) / bound
     s0, s1, s2, d0, d1 = (
         np.bincount(line, product, minlength=size)
-        for product in (np.ones(index.size), share, share * share, missing, missing * share)
+        for product in (np.ones(index.size), share, share * share, residual, residual * share)
     )
     scale = float(np.max(s0))
     P: Any = sparse.bmat(
@@ -378,8 +378,8 @@ def _line_qp(
     hull -= lines.first[0]
     rows = [values(line[hull], index[hull]), sparse.eye(2 * size, format="csc")[size:]]
     room = 1.0 - margin
-    lower = [missing[hull] - room, (-problem.step * room - lines.slope) * lines.half / bound]
-    upper = [missing[hull] + room, (problem.step * room - lines.slope) * lines.half / bound]
+    lower = [residual[hull] - room, (-problem.step * room - lines.slope) * lines.half / bound]
+    upper = [residual[hull] + room, (problem.step * room - lines.slope) * lines.half / bound]
     before, behind, turn = _beside(problem, lines)
     convex = np.where(lines.slope[behind] >= lines.slope[before], 1.0, -1.0)
     for at, way in ((lines.low, -convex), (lines.high, convex)):

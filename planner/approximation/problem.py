@@ -237,7 +237,7 @@ def even_knots(problem: Problem, segments: int | None = None) -> Array:
 
 
 def checked_all_knots(knots: npt.ArrayLike | None, n: int, *, cyclic: bool) -> Array | None:
-    """All knots [samples], increasing, shape (k,); None where they are not given."""
+    """All knots [samples], increasing, shape (k,); None if omitted."""
     if knots is None:
         return None
     values = as_trajectory(knots, name="knots", minimum=1)

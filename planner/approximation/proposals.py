@@ -114,7 +114,7 @@ def lattice_chain(
     Args:
         problem: What to approximate.
         ideal: Its slope-bounded ideal, shape (n,).
-        curve: What says how many segments, and how far from the ideal.
+        curve: Sets the number of segments and the distance from the ideal.
         nodes: Places where knots may lie, if the samples are as many; four for every segment where
             that is more. The cost of a chain takes this number squared.
         offsets: Angles that a knot may have around the ideal, in units of the curve's rms error.

@@ -65,7 +65,7 @@ LATTICES = (
 errors are 11 % higher at worst."""
 
 MOVES = (-0.5, 0.5, -1.0, 1.0, -2.0, 2.0, -5.0, 5.0)
-"""What a knot is moved by [samples]. Without them: 2 % at worst. Without half a sample: 0.3 % more
+"""Moves of a knot [samples]. Without them: 2 % at worst. Without half a sample: 0.3 % more
 of the fits worse by 0.1 %."""
 
 TURNS = 3
@@ -77,7 +77,7 @@ PROPOSED = 32
 mean, 27 % at worst, in half the time; 64: 0.1 % more in the same time."""
 
 BEND = 1e-10
-"""Second difference, relative to the size of the samples, that counts as none."""
+"""Second difference, relative to the size of the samples, that counts as zero."""
 
 
 CLOSE_TO_IDEAL = 1.02
@@ -104,7 +104,7 @@ in one of ten, by 1.4 in one of a hundred, by 2.4 at most."""
 
 
 class KnotSearch:
-    """Curves of any number of segments through the same samples, each found once.
+    """Curves of any number of segments through the same samples, each computed once.
 
     The samples are searched in a canonical form and at a resolution of their own, so that shifted,
     mirrored, reversed and scaled ones give the same curve in spite of rounding.
@@ -122,18 +122,18 @@ class KnotSearch:
         self.fewest = max(2 if problem.cyclic else 1, most.size)
         self.most = int(np.sum(most))
         self.ideal_error = float(np.sum((self.ideal - self.problem.desired) ** 2))
-        self._found: dict[int, Candidate] = {}
-        self._begun: dict[int, list[Candidate]] = {}
+        self._curves: dict[int, Candidate] = {}
+        self._rough: dict[int, list[Candidate]] = {}
 
     def curve(self, segments: int) -> Candidate:
         """The best curve found with this number of segments."""
-        if segments not in self._found:
-            self._found[segments] = self._best(segments)
-        return self._found[segments]
+        if segments not in self._curves:
+            self._curves[segments] = self._best(segments)
+        return self._curves[segments]
 
     def rough_error(self, segments: int) -> float:
         """Squared error of the best start of the search."""
-        if segments in self._found or segments > PROPOSED:
+        if segments in self._curves or segments > PROPOSED:
             return self.curve(segments).error
         return self._starts(segments)[0].error
 
@@ -149,7 +149,7 @@ class KnotSearch:
         return candidate(problem, knots, values)
 
     def final_curve(self, curve: Candidate) -> Candidate:
-        """The curve through the samples as given, by the last QP in the values."""
+        """The curve through the input samples, by the last QP in the values."""
         knots = round_knots(curve.knots)
         values = solve_values(self.unrounded, knots, near=curve.values)
         return self.form.restore(Candidate(knots, values, curve.error))
@@ -160,7 +160,7 @@ class KnotSearch:
         return exact_curve(self.unrounded)
 
     @cached_property
-    def _merged(self) -> MergedKnots:
+    def _merged_knots(self) -> MergedKnots:
         return MergedKnots(replace(self.problem, desired=self.ideal))
 
     def _best(self, segments: int) -> Candidate:
@@ -168,9 +168,9 @@ class KnotSearch:
         if self.exact is not None and segments == problem.segments(self.exact.knots):
             return self.exact
         if segments > PROPOSED:
-            merged = self._merged(segments)
-            merged = even_knots(problem, segments) if merged is None else merged
-            return descend_by_windows(problem, self.valued(merged), rounds=FEW)
+            knots = self._merged_knots(segments)
+            knots = even_knots(problem, segments) if knots is None else knots
+            return descend_by_windows(problem, self.valued(knots), rounds=FEW)
         starts = self._starts(segments)
         best = starts[0]
         if best.knots.size > WINDOW or best.error <= 1e-22 * problem.samples:
@@ -180,22 +180,22 @@ class KnotSearch:
         return descend(problem, best, rounds=MANY)
 
     def _starts(self, segments: int) -> list[Candidate]:
-        """Curves a few evaluations from what is proposed, the best first; found once."""
-        if segments not in self._begun:
-            self._begun[segments] = self._begin(segments)
-        return self._begun[segments]
+        """Curves a few evaluations from the proposals, the best first; computed once."""
+        if segments not in self._rough:
+            self._rough[segments] = self._begin(segments)
+        return self._rough[segments]
 
     def _begin(self, segments: int) -> list[Candidate]:
         problem = self.problem
-        proposed = chain_proposals(problem, self.ideal, segments)
-        proposed = proposed or [even_knots(problem, segments)]
-        if proposed[0].size <= WINDOW:
-            starts = [best_values(problem, knots) for knots in proposed]
-            begun = [descend(problem, start, rounds=FEW, progress=1e-2) for start in starts]
-            return sorted(begun, key=by_error)
-        starts = sorted(map(self.valued, proposed), key=by_error)[:2]
-        begun = [descend_by_windows(problem, curve, rounds=FEW) for curve in starts]
-        return [descend_by_windows(problem, min(begun, key=by_error), rounds=MANY)]
+        proposals = chain_proposals(problem, self.ideal, segments)
+        proposals = proposals or [even_knots(problem, segments)]
+        if proposals[0].size <= WINDOW:
+            starts = [best_values(problem, knots) for knots in proposals]
+            rough = [descend(problem, start, rounds=FEW, progress=1e-2) for start in starts]
+            return sorted(rough, key=by_error)
+        starts = sorted(map(self.valued, proposals), key=by_error)[:2]
+        rough = [descend_by_windows(problem, curve, rounds=FEW) for curve in starts]
+        return [descend_by_windows(problem, min(rough, key=by_error), rounds=MANY)]
 
 
 def by_error(curve: Candidate) -> float:
@@ -225,7 +225,7 @@ def improved(problem: Problem, ideal: Array, rough: list[Candidate]) -> Candidat
 
 
 def _apart(curves: list[Candidate]) -> list[Candidate]:
-    """Those of the curves that have other knots than all before them."""
+    """Curves whose knots differ from those of all earlier curves."""
     chosen: list[Candidate] = []
     for curve in curves:
         knots = np.sort(curve.knots)

@@ -4,9 +4,9 @@
 
 The Hessian is tridiagonal, closed to a ring for a cycle. Few values are found by the compiled dense
 QP of the descents (:mod:`planner.approximation.kernel`). Of many, or with a bound on the largest
-error, which adds a row for every sample, OSQP says which bounds are active and what the values are
-to its tolerance; :func:`polished` makes them exact. :func:`within_slopes` makes the bounds hold to
-the last digit.
+error, which adds a row for every sample, OSQP gives the active bounds, and the values to its
+tolerance; :func:`polished` makes them exact. :func:`within_slopes` makes the bounds hold to the
+last digit.
 """
 
 from __future__ import annotations
@@ -204,7 +204,7 @@ def _solved(problem: Problem, qp: ValuesQP, near: Array, *, iterations: int = 50
 
 
 def run_osqp(qp: ValuesQP, near: Array | None = None, *, iterations: int) -> Any:
-    """What OSQP returns for a QP: ``x``, the multipliers ``y`` and ``info``.
+    """Result of OSQP for a QP: ``x``, the multipliers ``y`` and ``info``.
 
     Args:
         qp: The QP, scaled to entries of size one.
@@ -315,9 +315,9 @@ def closest_values(problem: Problem, knots: Array) -> tuple[Array, tuple[int, in
     qp = build_values_qp(problem, knots, near, tube=0.0)
     n, size = problem.samples, knots.size
     A: Any = sparse.csr_matrix(qp.A)
-    basis, others = A[-n:], A[:-n]
-    both = sparse.vstack([basis, -basis, others, -others])
-    allowance = np.append(-np.ones(2 * n), np.zeros(2 * others.shape[0]))  # the error, of samples
+    basis, slopes = A[-n:], A[:-n]
+    both = sparse.vstack([basis, -basis, slopes, -slopes])
+    allowance = np.append(-np.ones(2 * n), np.zeros(2 * slopes.shape[0]))  # the error, of samples
     rows = sparse.hstack([both, sparse.csr_array(allowance[:, np.newaxis])])
     limits = np.concatenate([problem.desired, -problem.desired, qp.upper[:-n], -qp.lower[:-n]])
     result = linprog(

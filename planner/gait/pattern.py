@@ -60,12 +60,12 @@ def gait(legs: Mapping[str, Leg], pattern: Pattern, **walk: Any) -> dict[str, Le
     """The walk of four legs in a pattern of footfalls, over one cycle.
 
     All legs have the same stroke and swing: those of :func:`planner.gait.stride.stride` that every
-    leg can trace, at the height of the hip that the lowest leg stands at where all have one base.
+    leg can trace, at the hip height of the lowest leg if all have the same base.
 
     Args:
         legs: The legs by name: front-left, front-right, hind-left and hind-right.
         pattern: "walk", "trot", "pace" or "bound".
-        **walk: Arguments of :func:`planner.gait.stride.stride`; what is given holds for all legs.
+        **walk: Arguments of :func:`planner.gait.stride.stride`, the same for all legs.
 
     Returns:
         The legs in the order given.
@@ -81,16 +81,16 @@ def gait(legs: Mapping[str, Leg], pattern: Pattern, **walk: Any) -> dict[str, Le
     if walk.get("hip_height") is None and len({leg.base for leg in legs.values()}) == 1:
         walk["hip_height"] = min(-float(stride(leg, **walk).centre[2]) for leg in legs.values())
     if walk.get("length") is None or walk.get("height") is None:
-        made = [stride(leg, **walk) for leg in legs.values()]
-        walk["length"] = min(each.length for each in made)
-        walk["height"] = min(each.height for each in made)
-    found = {}
+        strides = [stride(leg, **walk) for leg in legs.values()]
+        walk["length"] = min(each.length for each in strides)
+        walk["height"] = min(each.height for each in strides)
+    walks = {}
     for name, leg in legs.items():
-        one, phase = stride(leg, **walk), footfalls.phases[name]
-        angles = np.roll(one.angles, round(phase * len(one.angles)), axis=0)
+        leg_stride, phase = stride(leg, **walk), footfalls.phases[name]
+        angles = np.roll(leg_stride.angles, round(phase * len(leg_stride.angles)), axis=0)
         angles.setflags(write=False)
-        found[name] = LegOfGait(one, phase, angles)
-    return found
+        walks[name] = LegOfGait(leg_stride, phase, angles)
+    return walks
 
 
 def check_legs(names: Mapping[str, Any]) -> None:

@@ -80,23 +80,23 @@ def shortest_cycle(
     Args:
         models: One model for all joints, or one for each.
         leg: The leg.
-        path: The foot path in as many samples as it is called with [m], shape (n, 3).
+        path: The foot path for a number of samples n [m], shape (n, 3).
         tolerance: Largest distance of the foot from its path [m].
         samples: Where to begin.
-        progress: Called with what is tried.
+        progress: Called with the name of each trial.
 
     Raises:
         Infeasible: Not even the longest cycle keeps the tolerance.
         InvalidInput: The tolerance is not above 0.
     """
     as_positive("tolerance", tolerance, "more than 0 m")
-    known: dict[int, FootInversion] = {}
+    plans: dict[int, FootInversion] = {}
 
     def plan(count: int) -> FootInversion:
-        if count not in known:
+        if count not in plans:
             progress(f"a cycle of {count} samples")
-            known[count] = invert_foot(models, leg, path(count), norm="max")
-        return known[count]
+            plans[count] = invert_foot(models, leg, path(count), norm="max")
+        return plans[count]
 
     low, high = FEWEST - 1, samples
     while plan(high).max_error > tolerance:
@@ -109,8 +109,8 @@ def shortest_cycle(
             )
     while high - low > 1:
         middle = (low + high) // 2
-        kept = plan(middle).max_error <= tolerance
-        low, high = (low, middle) if kept else (middle, high)
+        within = plan(middle).max_error <= tolerance
+        low, high = (low, middle) if within else (middle, high)
     return ShortestCycle(plan=plan(high), too_short=_too_short(plan, low, tolerance, progress))
 
 
@@ -121,7 +121,7 @@ def _too_short(
     progress: Callable[[str], None],
 ) -> TooShort | None:
     """The longest cycle tried, of at most ``highest`` samples, that a lower bound refutes."""
-    found, low, high = None, FEWEST, highest
+    proof, low, high = None, FEWEST, highest
     for number in range(PROOFS):
         if low > high:
             break
@@ -129,10 +129,10 @@ def _too_short(
         progress(f"the lower bound for {count} samples")
         bound = plan(count).lower_bound
         if bound > tolerance:
-            found, low = TooShort(count, bound), count + 1
+            proof, low = TooShort(count, bound), count + 1
         else:
             high = count - 1
-    return found
+    return proof
 
 
 def in_samples(path: Array, count: int) -> Array:

@@ -17,10 +17,10 @@ from planner.trajectory import Array
 from planner.validation import as_number, shown
 
 LONGEST = 0.25
-"""Half of the longest stroke that is made unasked, to the length of the leg."""
+"""Half of the longest stroke chosen by default, over the length of the leg."""
 
 HIGHEST = 0.15
-"""The highest swing that is made unasked, to the length of the leg."""
+"""The highest swing chosen by default, over the length of the leg."""
 
 DEXTEROUS = 0.4
 """How dexterous the leg must remain, to its standing pose: it keeps away from stretching."""
@@ -65,9 +65,9 @@ def stride(
     """A half ellipse (:func:`planner.half_ellipse`) sized for a leg, in the leg's base frame.
 
     It lies in a plane of z and the heading around the foot of the standing pose
-    (:func:`kinematics.dexterity.standing_pose`). What is given is kept; length and height that are
-    not are as large as the leg allows, up to a quarter and three twentieths of its own length: it
-    reaches every point without a jump and stays at least 0.4 as dexterous as when it stands.
+    (:func:`kinematics.dexterity.standing_pose`). By default length and height are as large as the
+    leg allows, up to a quarter and three twentieths of its own length: it reaches every point
+    without a jump and stays at least 0.4 as dexterous as when it stands.
 
     Args:
         leg: A leg of three joints at most.
@@ -100,7 +100,7 @@ def stride(
     least = DEXTEROUS * float(dexterity(leg.chain, pose[None])[0])
     fixed = length is not None and height is not None
 
-    def made(scale: float) -> Stride:
+    def scaled(scale: float) -> Stride:
         long = scale * LONGEST * leg.chain.size if length is None else length
         high = scale * HIGHEST * leg.chain.size if height is None else height
         foot = half_ellipse(
@@ -119,24 +119,24 @@ def stride(
             raise Infeasible("foot: the leg would be close to stretched or folded")
         return Stride(foot, long, high, centre, pose, angles)
 
-    return made(1.0) if fixed else _largest(made)
+    return scaled(1.0) if fixed else _largest(scaled)
 
 
-def _metres(name: str, given: float | None, otherwise: float) -> float:
+def _metres(name: str, value: float | None, otherwise: float) -> float:
     """A length that may be left out [m]."""
-    number = float(otherwise) if given is None else as_number(given)
+    number = float(otherwise) if value is None else as_number(value)
     if not math.isfinite(number):
-        raise InvalidInput(f"{name}: got {shown(given)}, expected a finite number")
+        raise InvalidInput(f"{name}: got {shown(value)}, expected a finite number")
     return number
 
 
-def _largest(made: Callable[[float], Stride]) -> Stride:
-    """The stride of the largest scale up to 1 that can be made."""
+def _largest(scaled: Callable[[float], Stride]) -> Stride:
+    """The stride of the largest feasible scale up to 1."""
     low, high, best = 0.0, 1.0, None
     scale = high
     for _ in range(HALVINGS):
         try:
-            best = made(scale)
+            best = scaled(scale)
             low = scale
         except (UnreachableFoot, Infeasible) as error:
             high, why = scale, error

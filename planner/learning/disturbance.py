@@ -23,7 +23,7 @@ Spectrum = npt.NDArray[np.complex128] | Array
 
 @dataclass(frozen=True, kw_only=True)
 class FilterOptions:
-    """What is learnt of a disturbance.
+    """How much of a disturbance is learnt.
 
     Attributes:
         noise: Multiple of the noise's power that is taken off the spectrum [-]. A periodogram
@@ -65,9 +65,8 @@ def noise_of(trials: Sequence[Array], error: Array, *, cyclic: bool) -> Array:
     """Power of the noise of one measured cycle at every frequency [rad^2], (f, k).
 
     It is the larger of two powers: of the variance between cycles, and of frequencies above half of
-    those that are sampled. There a joint hardly moves: what the disturbance has is noise, or the
-    steps of a sensor, which repeat. The second is all there is where no requests were measured
-    twice.
+    those that are sampled. There a joint hardly moves: the disturbance is noise, or the steps of a
+    sensor, which repeat. Only the second is available where no requests were measured twice.
 
     Args:
         trials: Measured cycles of each trial [rad], (cycles, n, k).
@@ -103,7 +102,7 @@ def averaged(powers: Array, neighbours: int) -> Array:
 
 
 def learnt(innovation: Array, noise: Array, models: Sequence[JointModel], *, cyclic: bool) -> Array:
-    """What is to be learnt of an innovation: less noise, and where the models' phase is known.
+    """The part of an innovation to learn: less noise, and where the models' phase is certain.
 
     ``F^-1 [cos(min(2 pi f e, pi/2)) max(0, 1 - c N(f) / S(f)) F [innovation]]``, with S the power
     of the innovation, N that of its noise, and e the error that the latency may have.

@@ -15,7 +15,7 @@ from planner.trajectory import Array
 
 @dataclass(frozen=True, kw_only=True)
 class MeasurementOptions:
-    """When measured angles are taken for something else.
+    """Thresholds beyond which measured angles are refused.
 
     Attributes:
         still: Range of a joint that does not move [rad]: its reading flips between two counts of a
@@ -50,10 +50,10 @@ def check_angles(
 
     Args:
         cycles: Measured angles [rad], (cycles, n, k).
-        requests: What was executed [rad], (n, k).
+        requests: Executed requests [rad], (n, k).
         desired: Desired angles [rad], (n, k).
         modelled: Angles of the models under the requests [rad], (n, k).
-        expected: The same, with what they missed in the trial before [rad], (n, k).
+        expected: The same plus the disturbance of the trial before [rad], (n, k).
 
     Raises:
         InvalidTrajectory: The angles cannot be those of the joints.
@@ -114,8 +114,8 @@ def check_trial(
         before: Angles of the models in each of them [rad], (n, k).
 
     Raises:
-        InvalidTrajectory: They are of another motion, or of an earlier trial whose requests are
-            others by the model.
+        InvalidTrajectory: They are of another motion, or of an earlier trial whose requests
+            differ by the model.
     """
     away = np.std(cycles.mean(axis=0) - modelled, axis=0)
     resting = np.std(modelled, axis=0)
@@ -129,8 +129,8 @@ def check_trial(
         )
     for number, (trial, angles) in enumerate(zip(trials, before, strict=True), start=1):
         apart = np.abs(trial.measured[:, np.newaxis] - cycles).max(axis=(2, 3))
-        others = np.max(np.abs(modelled - angles)) > OPTIONS.lagging
-        if others and np.any(apart <= OPTIONS.repeated):
+        differ = np.max(np.abs(modelled - angles)) > OPTIONS.lagging
+        if differ and np.any(apart <= OPTIONS.repeated):
             raise InvalidTrajectory(
                 f"measured: the same angles as in trial {number}, whose requests were others; give "
                 "what was measured while the last requests were executed"

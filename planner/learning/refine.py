@@ -3,8 +3,8 @@
 Norm-optimal iterative learning control (N. Amann, D. H. Owens, E. Rogers, 1996) on the model of the
 joint, in the form of A. P. Schoellig, F. L. Mueller, R. D'Andrea (2012): the executed cycles give
 the disturbance ``d = measured - M(R)`` that the model M misses, and the next requests minimise
-``|M(R) + d - D|`` by the optimised inversion, with its limits and saturation. Of d only what
-repeats, and where the model can be trusted, is learnt (``learning/disturbance.py``).
+``|M(R) + d - D|`` by the optimised inversion, with its limits and saturation. Of d only the
+repeatable part is learnt, where the model can be trusted (``learning/disturbance.py``).
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ LONGEST_DELAY = 1e3
 
 @dataclass(frozen=True, kw_only=True)
 class LearningOptions:
-    """What steers learning from cycle to cycle.
+    """Options of learning from cycle to cycle.
 
     Attributes:
         growth: Factor of the gain after a cycle that was no worse than the best, up to 1.
@@ -113,13 +113,13 @@ def refine(
     sensor_delay: float | None = None,
     reidentify: bool = True,
 ) -> AnyPlan:
-    """The plan for the next cycles, by what was measured while the plan was executed.
+    """The plan for the next cycles, from the angles measured while the plan was executed.
 
-    What the model misses and what repeats itself from cycle to cycle is learnt, noise is not. The
-    more cycles are measured at once, the better the two are separated. Where an executed cycle is
-    worse than the best one, the next plan is made from the best one with a smaller step. Where
-    learning has ended, ``learning.stopped`` says why, and the requests are those of the best cycle;
-    it goes on where they break limits that the plan has got since.
+    The repeatable error of the model is learnt, noise is not. The more cycles are measured at once,
+    the better the two are separated. Where an executed cycle is worse than the best one, the next
+    plan is made from the best one with a smaller step. Where learning has ended,
+    ``learning.stopped`` gives the reason, and the requests are those of the best cycle; it goes on
+    where they break limits that were added to the plan since.
 
     Limits, norm and all other options stay those of the plan. After a plan for several models the
     next one is for the nominal model, or the one that is identified anew: the measured cycles
@@ -139,11 +139,11 @@ def refine(
             on, where the new model predicts a trial better which it has not seen.
 
     Returns:
-        The next plan, of the same type. Its ``learning`` says what was done; its ``disturbance``
-        is what was learnt, and part of ``predicted``.
+        The next plan, of the same type. Its ``learning`` records the steps; its ``disturbance`` is
+        the learnt one, and part of ``predicted``.
 
     Raises:
-        InvalidInput: ``plan`` is none, or the delay is no time.
+        InvalidInput: ``plan`` is not a plan, or the delay is not a time.
         InvalidTrajectory: ``measured`` has another shape or values that are not finite, or cannot
             belong to the requests: another unit, a joint that does not move, the requests
             themselves, another motion, or a cycle that was already measured under others.
@@ -153,10 +153,10 @@ def refine(
         >>> import numpy as np
         >>> from dataclasses import replace
         >>> from planner import JointModel, invert_optimal, simulate
-        >>> known = JointModel.ers210a()
-        >>> true = replace(known, lag=1.2 * known.lag, theta_0=1.2 * known.theta_0)
+        >>> nominal = JointModel.ers210a()
+        >>> true = replace(nominal, lag=1.2 * nominal.lag, theta_0=1.2 * nominal.theta_0)
         >>> desired = 0.4 * np.sin(2 * np.pi * np.arange(125) / 125)
-        >>> plan = invert_optimal(known, desired)
+        >>> plan = invert_optimal(nominal, desired)
         >>> for _ in range(3):
         ...     angles = simulate(true, plan.requests)
         ...     print(f"{np.degrees(np.sqrt(np.mean((angles - desired) ** 2))):.2f} deg rms")
@@ -173,21 +173,21 @@ def refine(
         )
     if isinstance(plan, Inversion):
         cycles = checked_cycles(measured, (len(plan.requests),))[:, :, np.newaxis]
-        one = plan.plan.joint(plan.column)
-        return Inversion(_refined(one, cycles, sensor_delay, reidentify))
+        joint = plan.plan.joint(plan.column)
+        return Inversion(_refined(joint, cycles, sensor_delay, reidentify))
     if isinstance(plan, FootInversion | Plan):
         cycles = checked_cycles(measured, plan.requests.shape)
         if isinstance(plan, FootInversion):
             return FootInversion(_refined(plan.plan, cycles, sensor_delay, reidentify))
         if plan.task.goal == "foot":
             return _refined(plan, cycles, sensor_delay, reidentify)
-        made = []
+        plans = []
         for j, name in enumerate(plan.names):
             with about(name):
-                made.append(
+                plans.append(
                     _refined(plan.joint(j), cycles[:, :, j : j + 1], sensor_delay, reidentify)
                 )
-        return joined(made)
+        return joined(plans)
     raise InvalidInput(
         f"plan: got {shown(plan)}, expected what planner.plan, invert_optimal, invert_foot or "
         "refine returned"
@@ -236,8 +236,8 @@ def _refined(joints: Plan, cycles: Array, sensor_delay: float | None, reidentify
     modelled = joints.task.response(requests)
     before = joints.learning[0] if joints.learning else None
     old = [joints.task.response(trial.requests) for trial in before.trials] if before else []
-    missed = before.trials[-1].mean - old[-1] if before else 0.0
-    check_angles(cycles, requests, joints.desired, modelled, modelled + missed)
+    error = before.trials[-1].mean - old[-1] if before else 0.0
+    check_angles(cycles, requests, joints.desired, modelled, modelled + error)
     if joints.cyclic and (settled := _settled(cycles)) is not cycles:
         cycles = settled
         remarks.append("the first cycle differs from the others: it is a transient and is ignored")
@@ -253,22 +253,22 @@ def _refined(joints: Plan, cycles: Array, sensor_delay: float | None, reidentify
     since = before.reidentified if before else (0,) * len(joints.models)
     noise = _noise(joints, trials, now)
     if reidentify and now == len(trials) - 1:  # not an earlier trial, executed again
-        joints, since, said = reidentified(joints, trials, since, deviation_of(noise))
-        remarks += said
+        joints, since, notes = reidentified(joints, trials, since, deviation_of(noise))
+        remarks += notes
         noise = _noise(joints, trials, now)
     delays = delays_of(joints, cycles, joints.task.response(requests), removed)
     spread = deviation_of(noise)
     remarks += remarks_on_delays(joints, delays, spread)
     disturbance, best, gain = _estimated(joints, trials, max(since), noise)
     base = trials[best]
-    made = _near(_next(joints, disturbance), base)
-    answer = joints.task.response(made.requests)
-    next_error = _error(joints, answer + _missed(joints, base))
-    saved = base.error - next_error
+    new = _near(_next(joints, disturbance), base)
+    answer = joints.task.response(new.requests)
+    next_error = _error(joints, answer + _measured_disturbance(joints, base))
+    saving = base.error - next_error
     stopped = ""
     if gain < OPTIONS.least_gain:
         stopped = "smaller and smaller steps from the best cycle have made it worse"
-    elif saved <= OPTIONS.worthwhile * base.error:
+    elif saving <= OPTIONS.worthwhile * base.error:
         stopped = (
             f"by the model the next requests would lower the error by less than "
             f"{100.0 * OPTIONS.worthwhile:g} %"
@@ -278,19 +278,19 @@ def _refined(joints: Plan, cycles: Array, sensor_delay: float | None, reidentify
         _size(joints, np.full(len(joints.models), ENCODER_STEP)),
     ):
         stopped = "noise hides the error; a mean of more cycles may show more of it"
-    if stopped and not made.task.keeps(base.requests, rounding=SAME_REQUESTS):
+    if stopped and not new.task.keeps(base.requests, rounding=SAME_REQUESTS):
         stopped = ""
         remarks.append(OTHER_LIMITS)
-    floor = _floor(joints, made, noise, before, ended=bool(stopped))
+    floor = _floor(joints, new, noise, before, ended=bool(stopped))
     if base.error + floor[1] < 0.5 * floor[0]:
         remarks.append(BELOW_BOUND)
     if stopped:
-        made, next_error = replace(made, requests=base.requests.copy()), base.error
+        new, next_error = replace(new, requests=base.requests.copy()), base.error
         stopped += f"; {_remaining(joints, base, floor)}"
     else:
-        changed = _by_joint(answer - joints.task.response(base.requests))
+        change = _by_joint(answer - joints.task.response(base.requests))
         share = _unforeseen(joints, trials, spread)
-        next_error = math.hypot(next_error, share * _size(joints, changed))
+        next_error = math.hypot(next_error, share * _size(joints, change))
     of_mean = math.sqrt(1.0 - 1.0 / base.cycles)  # the noise that is averaged out of its error
     next_error = math.hypot(next_error, of_mean * _size(joints, spread))
     freeze(spread)
@@ -306,7 +306,7 @@ def _refined(joints: Plan, cycles: Array, sensor_delay: float | None, reidentify
         stopped=stopped,
         remarks=tuple(remarks),
     )
-    return replace(made, learning=(learning,))
+    return replace(new, learning=(learning,))
 
 
 def _next(joints: Plan, disturbance: Array) -> Plan:
@@ -316,36 +316,36 @@ def _next(joints: Plan, disturbance: Array) -> Plan:
     return planned(task, solver=joints.solver or "gauss-newton")
 
 
-def _near(made: Plan, base: Trial) -> Plan:
+def _near(plan: Plan, base: Trial) -> Plan:
     """The plan, its requests moved towards those of a trial until they are near enough.
 
-    No model is right about requests that are far from all that were executed. What limits them is
-    convex: on the straight line between two that keep it, all do.
+    No model is right about requests that are far from all that were executed. Their limits are
+    convex: requests on the straight line between two that keep them do so too.
     """
-    error = float(np.linalg.norm(base.mean - made.desired))
-    change = made.requests - base.requests
+    error = float(np.linalg.norm(base.mean - plan.desired))
+    change = plan.requests - base.requests
     share = OPTIONS.largest_change * error / max(float(np.linalg.norm(change)), LEAST)
-    if share >= 1.0 or not made.task.keeps(base.requests, rounding=SAME_REQUESTS):
-        return made
-    return replace(made, requests=base.requests + share * change)
+    if share >= 1.0 or not plan.task.keeps(base.requests, rounding=SAME_REQUESTS):
+        return plan
+    return replace(plan, requests=base.requests + share * change)
 
 
 def _unforeseen(joints: Plan, trials: Sequence[Trial], noise: Array) -> float:
-    """Share of what the requests change by the model that the joint is expected not to do [-].
+    """Share of the modelled change that the joint is expected not to follow [-].
 
-    It is what the joint did not do in the last trial, where that tells more than the noise.
+    It is the share of the last trial, where that exceeds the noise.
     """
     if len(trials) < 2:
         return UNFORESEEN
     last, before = trials[-1], trials[-2]
     by_model = joints.task.response(last.requests) - joints.task.response(before.requests)
-    missed = _by_joint(last.mean - before.mean - by_model)
+    unforeseen = _by_joint(last.mean - before.mean - by_model)
     random = noise * math.sqrt(1.0 / last.cycles + 1.0 / before.cycles)
-    missed = np.sqrt(np.maximum(missed**2 - random**2, 0.0))
+    unforeseen = np.sqrt(np.maximum(unforeseen**2 - random**2, 0.0))
     change = _size(joints, _by_joint(by_model))
     if change <= _size(joints, random):
         return UNFORESEEN
-    return max(UNFORESEEN, _size(joints, missed) / change)
+    return max(UNFORESEEN, _size(joints, unforeseen) / change)
 
 
 def _by_joint(angles: Array) -> Array:
@@ -374,22 +374,22 @@ def _estimated(
     Returns:
         The disturbance for the next requests [rad], (n, k), the trial they start from, the gain.
     """
-    used, gain, base, least = np.zeros_like(trials[0].requests), 1.0, 0, math.inf
-    before = used
+    disturbance, gain, base, least = np.zeros_like(trials[0].requests), 1.0, 0, math.inf
+    before = disturbance
     for number, trial in enumerate(trials):
         if not _worse(joints, trial, least, noise):
             gain = 1.0 if number <= since else min(gain * OPTIONS.growth, 1.0)
-            base, before = number, used
+            base, before = number, disturbance
             least = min(least, trial.error)
         elif number >= since:
             gain *= OPTIONS.shrink
-        missed = _missed(joints, trials[base]) - before
+        innovation = _measured_disturbance(joints, trials[base]) - before
         power = noise / trials[base].cycles
-        used = before + gain * learnt(missed, power, joints.models, cyclic=joints.cyclic)
-    return used, base, gain
+        disturbance = before + gain * learnt(innovation, power, joints.models, cyclic=joints.cyclic)
+    return disturbance, base, gain
 
 
-def _missed(joints: Plan, trial: Trial) -> Array:
+def _measured_disturbance(joints: Plan, trial: Trial) -> Array:
     """The disturbance as it was measured in a trial [rad], (n, k)."""
     return np.asarray(trial.mean - joints.task.response(trial.requests))
 
@@ -402,7 +402,7 @@ def _worse(joints: Plan, trial: Trial, error: float, noise: Array) -> bool:
 
 def _noise(joints: Plan, trials: Sequence[Trial], now: int) -> Array:
     measured = [trial.measured for trial in trials]
-    return noise_of(measured, _missed(joints, trials[now]), cyclic=joints.cyclic)
+    return noise_of(measured, _measured_disturbance(joints, trials[now]), cyclic=joints.cyclic)
 
 
 def _with_trial(
@@ -410,8 +410,8 @@ def _with_trial(
 ) -> tuple[tuple[Trial, ...], int]:
     """The trials with a new one, or with more cycles of one of the same requests; its number."""
     trials = list(before.trials if before else ())
-    known = (np.max(np.abs(trial.requests - requests)) <= SAME_REQUESTS for trial in trials)
-    now = next((number for number, same in enumerate(known) if same), len(trials))
+    matches = (np.max(np.abs(trial.requests - requests)) <= SAME_REQUESTS for trial in trials)
+    now = next((number for number, same in enumerate(matches) if same), len(trials))
     if now < len(trials):
         cycles = np.concatenate([trials[now].measured, cycles])
     elif len(trials) == OPTIONS.trials:
@@ -423,16 +423,16 @@ def _with_trial(
 
 
 def _floor(
-    joints: Plan, made: Plan, noise: Array, before: Learning | None, *, ended: bool
+    joints: Plan, new: Plan, noise: Array, before: Learning | None, *, ended: bool
 ) -> tuple[float, float]:
-    """What cannot be learnt: the lower bound of the model, and the noise of a cycle."""
+    """The error that remains: the lower bound of the model, and the noise of a cycle."""
     size = _size(joints, deviation_of(noise))
-    if made.task.goal == "angles":
-        return float(made.lower_bounds[0]), size
-    known = math.nan if before is None else before.floor[0]
-    if not math.isnan(known) or not ended:
-        return known, size  # a foot's bound takes seconds
-    bound = replace(made, task=replace(made.task, disturbance=None)).foot_bound
+    if new.task.goal == "angles":
+        return float(new.lower_bounds[0]), size
+    floor = math.nan if before is None else before.floor[0]
+    if not math.isnan(floor) or not ended:
+        return floor, size  # a foot's bound takes seconds
+    bound = replace(new, task=replace(new.task, disturbance=None)).foot_bound
     return math.nan if bound is None else bound, size
 
 
@@ -463,7 +463,7 @@ def _settled(cycles: Array) -> Array:
     """The cycles, without the first one where it differs from the others."""
     if len(cycles) < 3:
         return cycles
-    others = cycles[1:]
-    spread, first = rms(others - others.mean(axis=0)), rms(cycles[0] - others.mean(axis=0))
-    count = float(np.max(np.ptp(others, axis=1)))
-    return others if first > max(OPTIONS.settling * spread, 0.01 * count) else cycles
+    later = cycles[1:]
+    spread, first = rms(later - later.mean(axis=0)), rms(cycles[0] - later.mean(axis=0))
+    count = float(np.max(np.ptp(later, axis=1)))
+    return later if first > max(OPTIONS.settling * spread, 0.01 * count) else cycles

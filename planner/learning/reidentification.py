@@ -62,9 +62,9 @@ def reidentified(
     """
     models, last, remarks = list(joints.models), list(since), list[str]()
     for j, model in enumerate(joints.models):
-        found = better_model(model, joints, trials, j, float(noise[j]))
-        if found is not None:
-            models[j], last[j] = found, len(trials) - 1
+        better = better_model(model, joints, trials, j, float(noise[j]))
+        if better is not None:
+            models[j], last[j] = better, len(trials) - 1
             of = "" if len(models) == 1 else f" of joint {j + 1}"
             remarks.append(
                 f"the model{of} was identified anew from the measured cycles: it predicts a trial "
@@ -82,8 +82,8 @@ def better_model(
 
     The last trial is held out. With the model as it is, its angles are predicted with the
     disturbance of the trial before; so they are with a model that is identified from those before.
-    With that disturbance every model explains a repeated motion: what the models are compared by is
-    how the angles change with the requests. So there is no other model after a single trial,
+    With that disturbance every model explains a repeated motion: the models are compared by how
+    the angles change with the requests. So there is no other model after a single trial,
     however many cycles it has, nor where the requests have hardly changed.
 
     ``noise`` is the standard deviation of one cycle's [rad].
@@ -93,18 +93,18 @@ def better_model(
     def run(of: JointModel, requests: Array) -> Array:
         return simulate(of, requests, cyclic=cyclic, start=start, load=load)
 
-    def identified(known: Sequence[tuple[Array, Array]]) -> JointModel | None:
-        logs = [_log(model, *each, cyclic=cyclic, load=load) for each in known[-OPTIONS.trials :]]
+    def identified(data: Sequence[tuple[Array, Array]]) -> JointModel | None:
+        logs = [_log(model, *each, cyclic=cyclic, load=load) for each in data[-OPTIONS.trials :]]
         return _identified(model, logs)
 
     if len(trials) < 2:
         return None
     pairs = [(trial.requests[:, j], trial.mean[:, j]) for trial in trials]
-    known, (sent, target) = pairs[:-1], pairs[-1]
+    data, (sent, target) = pairs[:-1], pairs[-1]
     noise /= math.sqrt(trials[-1].cycles)
 
     def missed(by: JointModel) -> float:
-        before, angles = known[-1]
+        before, angles = data[-1]
         return rms(run(by, sent) - run(by, before) + angles - target)
 
     try:
@@ -112,10 +112,10 @@ def better_model(
         least = max(OPTIONS.unexplained * noise, OPTIONS.negligible * float(np.ptp(target)))
         if now <= least:
             return None
-        other = identified(known)
-        if other is None or missed(other) > (1.0 - OPTIONS.saving) * now:
+        candidate = identified(data)
+        if candidate is None or missed(candidate) > (1.0 - OPTIONS.saving) * now:
             return None
-        return identified([*known, (sent, target)])
+        return identified([*data, (sent, target)])
     except PlannerError:  # no motion to identify from, or no steady cycle
         return None
 
@@ -139,11 +139,11 @@ def _log(
 
 def _identified(model: JointModel, logs: Sequence[Log]) -> JointModel | None:
     """The model of the logs; a top speed that they do not show remains as it was."""
-    found = identify(logs, tick=model.tick, hold=model.hold, hold_out=False)
-    if not found.accepted:
+    result = identify(logs, tick=model.tick, hold=model.hold, hold_out=False)
+    if not result.accepted:
         return None
-    other = replace(found.model, tick=model.tick)
-    if not found.saturates and other.v_max < model.v_max:
-        stretch = model.v_max / other.v_max
-        other = replace(other, v_max=model.v_max, theta_0=other.theta_0 * stretch)
-    return other
+    candidate = replace(result.model, tick=model.tick)
+    if not result.saturates and candidate.v_max < model.v_max:
+        stretch = model.v_max / candidate.v_max
+        candidate = replace(candidate, v_max=model.v_max, theta_0=candidate.theta_0 * stretch)
+    return candidate

@@ -1,4 +1,4 @@
-"""Sensors that are late: what a pure delay explains, and measured angles with it taken off."""
+"""Late sensors: the pure delay that explains most, and measured angles with it taken off."""
 
 from __future__ import annotations
 
@@ -35,25 +35,25 @@ OPTIONS = DelayOptions()
 
 def delays_to_remove(joints: Plan, cycles: Array, modelled: Array) -> list[float]:
     """The delay to take off the measured angles (cycles, n, k) of each joint [s]: a sensor's."""
-    found = delays_of(joints, cycles, modelled, [0.0] * len(joints.models))
+    delays = delays_of(joints, cycles, modelled, [0.0] * len(joints.models))
     return [
         delay.seconds
         if delay.share >= OPTIONS.of_sensor and delay.seconds > OPTIONS.of_joint * latency(model)
         else 0.0
-        for delay, model in zip(found, joints.models, strict=True)
+        for delay, model in zip(delays, joints.models, strict=True)
     ]
 
 
 def delays_of(
     joints: Plan, cycles: Array, modelled: Array, removed: Sequence[float]
 ) -> tuple[SensorDelay, ...]:
-    """What a delay beside the one that was removed would explain, for each joint."""
+    """The delay beside the removed one that explains most, for each joint."""
     columns = zip(cycles.mean(axis=0).T, modelled.T, removed, strict=True)
-    found = []
+    delays = []
     for angles, by_model, seconds in columns:
         delay, share = pure_delay(angles, by_model, joints.period, cyclic=joints.cyclic)
-        found.append(SensorDelay(seconds=delay, share=share, removed=seconds))
-    return tuple(found)
+        delays.append(SensorDelay(seconds=delay, share=share, removed=seconds))
+    return tuple(delays)
 
 
 def earlier(cycles: Array, removed: Sequence[float], joints: Plan) -> Array:
@@ -69,7 +69,7 @@ def earlier(cycles: Array, removed: Sequence[float], joints: Plan) -> Array:
 
 def remarks_on_delays(joints: Plan, delays: Sequence[SensorDelay], noise: Array) -> list[str]:
     """Remarks on delays that were taken off, and on those that might be a sensor's."""
-    said = []
+    remarks = []
     steps = np.diff(joints.requests, axis=0)
     speeds = np.sqrt(np.mean(steps**2, axis=0)) / joints.period
     for j, delay in enumerate(delays):
@@ -77,21 +77,21 @@ def remarks_on_delays(joints: Plan, delays: Sequence[SensorDelay], noise: Array)
         late = abs(delay.seconds)
         clear = late >= 0.25 * joints.period and late * speeds[j] > 2.0 * noise[j]
         if delay.removed:
-            said.append(
+            remarks.append(
                 f"the measured angles{of} are taken to be {1e3 * delay.removed:.3g} ms late, by "
                 "their sensor or log; that is not learnt. If the joint itself is that late: "
                 "sensor_delay=0"
             )
         elif delay.share >= OPTIONS.mentioned and clear:
             share = f"{100.0 * delay.share:.0f} % of what the model misses{of} is"
-            said.append(
+            remarks.append(
                 f"{share} that the joint answers {1e3 * late:.3g} ms earlier than the model: that "
                 "is learnt"
                 if delay.seconds < 0.0
                 else f"{share} a delay of {1e3 * late:.3g} ms: it is learnt as the joint's. If the "
                 f"sensor or the log is late by it: sensor_delay={late:.3g}"
             )
-    return said
+    return remarks
 
 
 def later(rows: Array, seconds: float, period: float, *, cyclic: bool) -> Array:
@@ -129,12 +129,12 @@ def pure_delay(
         return 0.0, 0.0
     reach = max(min(len(modelled) // 8, 50), 1)
     grid = period * np.arange(-reach, reach + 1)
-    found = [unexplained(seconds) for seconds in grid]
-    middle = int(np.argmin(found))
-    best, least = float(grid[middle]), found[middle]
+    errors = [unexplained(seconds) for seconds in grid]
+    middle = int(np.argmin(errors))
+    best, least = float(grid[middle]), errors[middle]
     # A parabola through the least value and its neighbours: a fraction of a sample.
     if 0 < middle < len(grid) - 1:
-        before, after = found[middle - 1], found[middle + 1]
+        before, after = errors[middle - 1], errors[middle + 1]
         bend = before - 2.0 * least + after
         if bend > 0.0:
             trial = best + 0.5 * period * (before - after) / bend

@@ -20,7 +20,7 @@ from planner.trajectory import MOST_SAMPLES, Array
 from planner.validation import as_number, as_positive, check_choice, freeze, shown
 
 Track = Literal["state", "action"]
-"""The recorded signal to follow: what the robot did, or what it was asked to do."""
+"""The recorded signal to follow: the measured angles, or the requests."""
 
 Models = JointModel | Mapping[str, JointModel]
 """One model for all joints, or models by joint; the key "" holds the default model."""
@@ -85,7 +85,7 @@ class RecordedPath:
         first: Where the replay begins [s of the recording].
         last: Where it ends [s of the recording].
         limits: Smallest and largest request by joint [unit], of those that have limits.
-        remarks: What the user should know about the recording.
+        remarks: Remarks on the recording for the user.
         load_at: The load of a pose, as of :func:`planner.plan`, at moments of the recording; None
             where the load is that of the logs, or none.
     """
@@ -126,11 +126,11 @@ class RecordedPath:
 
     def loads(self, moments: Array) -> dict[str, Array]:
         """Torque by joint [N m], of the planned joints that feel one."""
-        found = {}
+        torques = {}
         for each in self.planned:
             if each.load is not None:
-                found[each.name] = each.at(moments, each.load)
-        return found
+                torques[each.name] = each.at(moments, each.load)
+        return torques
 
 
 def _rows(name: str, duration: float, period: float, speed: float) -> int:
@@ -219,10 +219,10 @@ def recorded_path(
 
 def _by_joint(models: Any) -> dict[str, JointModel]:
     """Models by joint, checked."""
-    known = isinstance(models, Mapping) and all(
+    valid = isinstance(models, Mapping) and all(
         isinstance(name, str) and isinstance(model, JointModel) for name, model in models.items()
     )
-    if not known:
+    if not valid:
         raise InvalidInput(
             f"models: got {shown(models)}, expected a JointModel, or a dict of them by joint"
         )
@@ -288,20 +288,20 @@ def _part(
     """First and last moment to replay [s since the first row]: those that all logs have."""
     first = max(float(log.times[0]) for log in logs) - origin
     last = min(float(log.times[-1]) for log in logs) - origin
-    chosen = []
-    for what, value, default in (("begin", begin, first), ("end", end, last)):
+    ends = []
+    for name, value, default in (("begin", begin, first), ("end", end, last)):
         moment = default if value is None else as_number(value)
         if not first - 1e-9 <= moment <= last + 1e-9:
             raise InvalidInput(
-                f"{what}: got {shown(value)} s, expected a moment of the recording, {first:g} to "
+                f"{name}: got {shown(value)} s, expected a moment of the recording, {first:g} to "
                 f"{last:g} s"
             )
-        chosen.append(moment)
-    if not chosen[0] < chosen[1]:
+        ends.append(moment)
+    if not ends[0] < ends[1]:
         raise InvalidInput(
-            f"begin, end: got {chosen[0]:g} and {chosen[1]:g} s, expected an end after the begin"
+            f"begin, end: got {ends[0]:g} and {ends[1]:g} s, expected an end after the begin"
         )
-    return chosen[0], chosen[1]
+    return ends[0], ends[1]
 
 
 def _period(logs: Sequence[Log], rate: float | None) -> float:
@@ -367,35 +367,35 @@ def _path(
 
 def _remarks(logs: Sequence[Log], origin: float, first: float, last: float) -> list[str]:
     """Gaps in the part that is replayed, and rows without torque."""
-    found = []
+    remarks = []
     for log in logs:
         for before, after in pairwise(pieces_of(log)):
             start, stop = log.times[before.stop - 1] - origin, log.times[after.start] - origin
             if start < last and stop > first:
-                found.append(
+                remarks.append(
                     f"a gap of {stop - start:.3g} s after {start:.3g} s is bridged by a straight "
                     "line"
                 )
     off = sum(int(np.count_nonzero(~log.torque_on)) for log in logs)
     if off:
         rows = sum(len(log.times) for log in logs)
-        found.append(
+        remarks.append(
             f"the torque is off in {off} of {rows} rows: the state is what a hand or gravity did"
         )
-    return found
+    return remarks
 
 
 def _limits(
     paths: Sequence[Path], limits: JointLimits | None, names: Sequence[str]
 ) -> dict[str, tuple[float, float]]:
     """Limits by joint: those given, or of a share of a range the range itself."""
-    found = {}
+    spans = {}
     for each in paths:
         if each.unit == "1":
             values = np.concatenate([each.angles, each.requests, [0.0, 1.0]])
-            found[each.name] = (float(np.min(values)), float(np.max(values)))
+            spans[each.name] = (float(np.min(values)), float(np.max(values)))
     lower, upper = limits_of_each(limits, names)
     for name, low, high in zip(names, lower.tolist(), upper.tolist(), strict=True):
         if limits is not None and (not isinstance(limits, Mapping) or name in limits):
-            found[name] = (low, high)
-    return found
+            spans[name] = (low, high)
+    return spans

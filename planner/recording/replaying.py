@@ -1,4 +1,4 @@
-"""Recordings replayed: requests under which the joints repeat what they did, at any speed."""
+"""Recordings replayed: requests under which the joints repeat their motion, at any speed."""
 
 from __future__ import annotations
 
@@ -86,8 +86,9 @@ def replay(
         >>> from planner import JointModel, Log, simulate
         >>> servo = JointModel.ers210a()
         >>> times = servo.period * np.arange(400)
-        >>> asked = 0.5 - 0.5 * np.cos(np.pi * times)  # rad
-        >>> log = Log(times=times, requests=asked, angles=simulate(servo, asked, cyclic=False))
+        >>> requests = 0.5 - 0.5 * np.cos(np.pi * times)  # rad
+        >>> angles = simulate(servo, requests, cyclic=False)
+        >>> log = Log(times=times, requests=requests, angles=angles)
         >>> twice = replay(log, servo, speed=2.0)
         >>> (joint,) = twice.joints
         >>> errors = {kind: np.degrees(np.std(error)) for kind, error in joint.errors.items()}
@@ -126,7 +127,7 @@ def replay_at(
         moments: Moments of the recording [s], increasing, shape (n,), one every ``path.period``.
         speed: What to call the speed; by default the recorded duration over that of the replay.
         load: As of :func:`replay`.
-        known: Plans of joints for these moments that are made already; not used under a load of
+        known: Plans of joints for these moments that exist already; not used under a load of
             the pose, which depends on all of them.
         progress: As of :func:`replay`.
         **options: Further options of :func:`planner.plan`.
@@ -140,7 +141,7 @@ def replay_at(
         if isinstance(value, Mapping):
             options[option] = {name: value[name] for name in names if name in value}
     loads = {name: torque for name, torque in path.loads(moments).items() if name in names}
-    made = plan(
+    solution = plan(
         [each.model for each in planned if each.model],
         np.column_stack([each.at(moments, each.followed) for each in planned]),
         names=names,
@@ -150,22 +151,22 @@ def replay_at(
         progress=progress,
         **options,
     )
-    inversions |= dict(zip(names, made.inversions, strict=True))
-    found = []
+    inversions |= dict(zip(names, solution.inversions, strict=True))
+    joints = []
     for each in path.joints:
         inversion = inversions.get(each.name)
         requests = each.at(moments, each.requests) if inversion is None else inversion.requests
-        found.append(
+        joints.append(
             JointReplay(path=each, moments=moments, requests=requests, inversion=inversion)
         )
     if speed is None:
         speed = float((moments[-1] - moments[0]) / ((len(moments) - 1) * path.period))
     freeze(moments)
-    answer = Replay(path=path, speed=speed, moments=moments, joints=tuple(found))
-    lost = [(each.name, each.lost) for each in answer.planned if each.lost]
-    if not lost:
+    answer = Replay(path=path, speed=speed, moments=moments, joints=tuple(joints))
+    losses = [(each.name, each.lost) for each in answer.planned if each.lost]
+    if not losses:
         return answer
-    name, share = max(lost, key=lambda each: each[1])
+    name, share = max(losses, key=lambda each: each[1])
     words = (
         f"at this speed a request every {1e3 * path.period:.3g} ms loses {100.0 * share:.0f} % of "
         f"the motion of {name} (rms of what it moves), and the errors are those from the path that "
@@ -188,7 +189,7 @@ class JointReplay:
     Attributes:
         path: The joint as it was recorded.
         moments: The moment of the recording that belongs to each request [s], shape (n,).
-        requests: What to send to the joint, shape (n,).
+        requests: Requests for the joint, shape (n,).
         inversion: The plan; None where the recorded requests are sent.
     """
 
@@ -211,7 +212,7 @@ class JointReplay:
     def lost(self) -> float:
         """Share of the recorded motion that straight lines between the samples lose, rms.
 
-        It is 0 where it need not be said.
+        It is 0 where it is negligible.
         """
         times, followed = self._rows
         lost = most_lost(times, followed[:, np.newaxis], self.moments, self.desired[:, np.newaxis])
@@ -250,7 +251,7 @@ class JointReplay:
 
     @property
     def predicted(self) -> Array | None:
-        """What the joint does under the requests, by its model, shape (n,); None without one."""
+        """Angles under the requests, by the joint's model, shape (n,); None without one."""
         return None if self.inversion is None else self.inversion.predicted
 
     @cached_property
@@ -281,7 +282,7 @@ class JointReplay:
 
     @cached_property
     def _rms_task(self) -> Task:
-        """What is asked of it, judged by the root mean square of the errors."""
+        """Its task, judged by the root mean square of the errors."""
         return replace(self._plan.task, norm="rms")
 
     @cached_property
@@ -397,8 +398,8 @@ class Replay(Summarised):
     def resent_may_serve(self) -> tuple[JointReplay, ...]:
         """The planned joints that the recorded requests may move better than the plan.
 
-        At another speed than the recorded one, and along the recorded requests, nobody has seen
-        what the recorded requests do: there are none.
+        There are none at another speed than the recorded one, nor along the recorded requests: the
+        effect of the recorded requests was not measured there.
         """
         if self.speed != 1.0 or self.path.track != "state":
             return ()
@@ -406,7 +407,7 @@ class Replay(Summarised):
 
     @cached_property
     def requests(self) -> Array:
-        """What to send to the joints [rad, or shares of a range], shape (n, k)."""
+        """Requests for the joints [rad, or shares of a range], shape (n, k)."""
         columns = np.column_stack([joint.requests for joint in self.joints])
         columns.setflags(write=False)
         return columns
@@ -432,19 +433,19 @@ class Replay(Summarised):
 
 def _figures(joint: JointReplay) -> dict[str, Any]:
     """Figures of a joint, as JSON holds them."""
-    found: dict[str, Any] = {
+    figures: dict[str, Any] = {
         "planned": joint.inversion is not None,
         "unit": joint.path.unit,
         "recorded_rms": error_norm(joint.recorded_errors, "rms"),
     }
     if joint.inversion is None:
-        return {**found, "reason": joint.path.reason}
+        return {**figures, "reason": joint.path.reason}
     errors = {
         kind: {"rms": error_norm(error, "rms"), "max": error_norm(error, "max")}
         for kind, error in joint.errors.items()
     }
     return {
-        **found,
+        **figures,
         "errors": errors,
         "lead_s": joint.lead,
         "expected_rms": joint.expected if math.isfinite(joint.expected) else None,

@@ -178,11 +178,11 @@ def fastest(
         end: Where to end [s].
         rate: Requests per second.
         limits: Smallest and largest request.
-        progress: Called with what is tried.
+        progress: Called with the name of each trial.
         **options: Further options of :func:`planner.plan`.
 
     Returns:
-        The replay, and what proves that it could not be much faster.
+        The replay, and a proof that it could not be much faster.
 
     Raises:
         Infeasible: The tolerance is missed at every speed; the message says by how much.
@@ -193,10 +193,11 @@ def fastest(
         >>> from planner import JointModel, Log, simulate
         >>> servo = JointModel.ers210a()
         >>> times = servo.period * np.arange(250)
-        >>> asked = 0.5 - 0.5 * np.cos(np.pi * times)  # rad
-        >>> log = Log(times=times, requests=asked, angles=simulate(servo, asked, cyclic=False))
-        >>> found = fastest(log, servo, tolerance=np.radians(2.0))
-        >>> bool(2.5 < found.speed <= found.impossible.speed < 4.5)
+        >>> requests = 0.5 - 0.5 * np.cos(np.pi * times)  # rad
+        >>> angles = simulate(servo, requests, cyclic=False)
+        >>> log = Log(times=times, requests=requests, angles=angles)
+        >>> result = fastest(log, servo, tolerance=np.radians(2.0))
+        >>> bool(2.5 < result.speed <= result.impossible.speed < 4.5)
         True
     """
     check_choice("retime", retime, get_args(Retime))
@@ -220,7 +221,7 @@ LEAST_TOLERANCE = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Measure:
-    """What counts as an error, in multiples of what is allowed.
+    """Errors in multiples of the tolerance.
 
     Attributes:
         tolerance: Largest error allowed [rad, or m for the foot].
@@ -247,11 +248,11 @@ class Measure:
         """
         if (tolerance is None) == (foot_tolerance is None):
             raise InvalidInput("tolerance: got none, or two; expected that of joints, or of a foot")
-        given = tolerance if foot_tolerance is None else foot_tolerance
-        allowed = as_number(given)
+        value = tolerance if foot_tolerance is None else foot_tolerance
+        allowed = as_number(value)
         if not allowed >= LEAST_TOLERANCE:
             raise InvalidInput(
-                f"tolerance: got {shown(given)}, expected more than 0: {LEAST_TOLERANCE:g} or more"
+                f"tolerance: got {shown(value)}, expected more than 0: {LEAST_TOLERANCE:g} or more"
             )
         if foot_tolerance is None:
             return cls(allowed)
@@ -265,40 +266,42 @@ class Measure:
         return cls(allowed, leg, tuple(names.index(name) for name in leg.joint_names))
 
     def of_path(self, path: Path) -> float:
-        """What is allowed of a joint [rad, or shares of its range]."""
+        """Tolerance of a joint [rad, or shares of its range]."""
         return math.degrees(self.tolerance) / 100.0 if path.unit == "1" else self.tolerance
 
-    def errors(self, made: Replay, kind: Kind) -> Array:
-        """Largest error of each sample over what is allowed, shape (n,), by kind of requests."""
+    def errors(self, replay: Replay, kind: Kind) -> Array:
+        """Largest error of each sample over the tolerance, shape (n,), by kind of requests."""
         if self.leg is None:
             ratios = [
-                np.abs(each.error_of(kind)) / self.of_path(each.path) for each in made.planned
+                np.abs(each.error_of(kind)) / self.of_path(each.path) for each in replay.planned
             ]
             return np.asarray(np.max(ratios, axis=0))
-        desired = np.column_stack([each.desired for each in made.planned])[:, self.places]
-        off = np.column_stack([each.error_of(kind) for each in made.planned])[:, self.places]
+        desired = np.column_stack([each.desired for each in replay.planned])[:, self.places]
+        off = np.column_stack([each.error_of(kind) for each in replay.planned])[:, self.places]
         feet = self.leg.foot_positions(desired + off) - self.leg.foot_positions(desired)
         return np.asarray(np.linalg.norm(feet, axis=1) / self.tolerance)
 
-    def largest(self, made: Replay) -> float:
-        """Largest error of a plan over what is allowed, at samples and on the lines between them.
+    def largest(self, replay: Replay) -> float:
+        """Largest error of a plan over the tolerance, at samples and on the lines between them.
 
-        A path that lines between few samples cut short is not the recorded one. Of a foot only the
+        Straight lines between few samples cut the recorded path short. Of a foot only the
         samples count.
         """
-        at_samples = float(np.max(self.errors(made, "planned")))
+        at_samples = float(np.max(self.errors(replay, "planned")))
         if self.leg is not None:
             return at_samples
-        between = [np.max(np.abs(each.between)) / self.of_path(each.path) for each in made.planned]
+        between = [
+            np.max(np.abs(each.between)) / self.of_path(each.path) for each in replay.planned
+        ]
         return max(at_samples, *map(float, between))
 
-    def late(self, made: Replay) -> list[JointReplay]:
+    def late(self, replay: Replay) -> list[JointReplay]:
         """The joints that a plan for the largest error may bring within the tolerance."""
         if self.leg is not None:
-            return list(made.planned)
+            return list(replay.planned)
         return [
             each
-            for each in made.planned
+            for each in replay.planned
             if each.inversion and each.inversion.max_error > self.of_path(each.path)
         ]
 
@@ -316,9 +319,9 @@ def fastest_at(
     contradicted = search.contradicted()
     constant = search.largest_factor()
     impossible = None if contradicted else search.first_impossible(constant.speed)
-    made = constant if retime == "constant" else search.varying(constant)
+    replay = constant if retime == "constant" else search.varying(constant)
     return Fastest(
-        replay=made,
+        replay=replay,
         constant=constant.speed,
         tolerance=measure.tolerance,
         foot=measure.leg is not None,
@@ -337,7 +340,7 @@ class _Search:
     ) -> None:
         self.path, self.measure, self.progress = path, measure, progress
         self.options = {key: value for key, value in options.items() if key != "norm"}
-        self.known: dict[float, Replay] = {}
+        self.replays: dict[float, Replay] = {}
         self.of_pose = path.load_at is not None or options.get("load") is not None
         self.bounded = measure.leg is None and not self.of_pose
 
@@ -353,11 +356,11 @@ class _Search:
                 high *= 2.0
             low, high = high, 2.0 * high
             if not self.has_rows(high) or high > FASTEST:
-                return self.known[low]
+                return self.replays[low]
         else:
             while not self.keeps(low := low / 2.0):
                 if low / 2.0 < SLOWEST:
-                    last = self.known[min(self.known)]
+                    last = self.replays[min(self.replays)]
                     least = self.measure.largest(last)
                     raise Infeasible(
                         f"tolerance: at {low:g} times the speed the plan still is {least:.3g} "
@@ -368,21 +371,21 @@ class _Search:
         while high / low > 1.0 + RESOLUTION:
             middle = math.sqrt(low * high)
             low, high = (middle, high) if self.keeps(middle) else (low, middle)
-        return self.known[low]
+        return self.replays[low]
 
     def first_impossible(self, low: float) -> Impossible | None:
         """The lowest factor above ``low`` at which a lower bound exceeds the tolerance."""
         if not self.bounded:
             return None
-        high, found = 2.0 * low, None
-        while found is None and high <= FASTEST and self.has_rows(high):
-            found = self.refuted(high)
-            low, high = (low, high) if found else (high, 2.0 * high)
-        while found is not None and found.speed / low > 1.0 + RESOLUTION:
-            middle = math.sqrt(low * found.speed)
+        high, proof = 2.0 * low, None
+        while proof is None and high <= FASTEST and self.has_rows(high):
+            proof = self.refuted(high)
+            low, high = (low, high) if proof else (high, 2.0 * high)
+        while proof is not None and proof.speed / low > 1.0 + RESOLUTION:
+            middle = math.sqrt(low * proof.speed)
             lower = self.refuted(middle)
-            low, found = (low, lower) if lower else (middle, found)
-        return found
+            low, proof = (low, lower) if lower else (middle, proof)
+        return proof
 
     def contradicted(self) -> tuple[str, ...]:
         """Joints that did at the recorded speed what no requests do by their models.
@@ -422,22 +425,22 @@ class _Search:
         speeds = np.geomspace(0.5 * speed, last, 7)
         nearest = int(np.argmin(np.abs(np.log(speeds / speed))))
         speeds[nearest] = speed
-        found = []
+        errors = []
         for factor in map(float, speeds):
             if not self.has_rows(factor):
                 break
-            made = self.at(factor)
-            if made is None:
+            replay = self.at(factor)
+            if replay is None:
                 break
             kinds: tuple[Kind, ...] = ("direct", "shifted", "planned")
             direct, shifted, planned = (
-                float(np.max(self.measure.errors(made, kind))) for kind in kinds
+                float(np.max(self.measure.errors(replay, kind))) for kind in kinds
             )
             bound = math.nan
             if self.bounded:
                 bound = max(ratio for _, ratio in self.bounds(factor, self.path.first))
-            found.append(SpeedErrors(factor, direct, shifted, planned, bound))
-        return tuple(found)
+            errors.append(SpeedErrors(factor, direct, shifted, planned, bound))
+        return tuple(errors)
 
     def varying(self, constant: Replay) -> Replay:
         """A replay whose factor changes along the recording, at least as fast as the constant one.
@@ -448,32 +451,32 @@ class _Search:
         path = self.path
         at = np.arange(path.first, path.last + GRID, GRID)
         factors = np.full(len(at), constant.speed)
-        best = made = constant
+        best = replay = constant
         for number in range(ROUNDS):
             self.progress(f"varying speed, round {number + 1} of {ROUNDS}")
-            local = _nearby(made, self.measure.errors(made, "planned"), at)
+            local = _nearby(replay, self.measure.errors(replay, "planned"), at)
             factors *= np.clip((0.97 / local) ** 0.4, 1.0 / 1.25, 1.25)
             factors = np.minimum(factors, 6.0 * constant.speed)
             factors = _accelerating(factors, GRID, ACCELERATION * constant.speed)
-            changed = self.tried(_moments(path, at, factors))
+            changed = self.attempt(_moments(path, at, factors))
             if changed is None:
                 break
-            made = changed
-            if len(made.moments) < len(best.moments) and self.is_kept(made):
-                best = made
+            replay = changed
+            if len(replay.moments) < len(best.moments) and self.is_kept(replay):
+                best = replay
         return best
 
     def at(self, speed: float) -> Replay | None:
-        """The replay at a constant factor; see :meth:`tried`."""
-        if speed not in self.known:
+        """The replay at a constant factor; see :meth:`attempt`."""
+        if speed not in self.replays:
             self.progress(f"{speed:.3g} times the speed")
-            made = self.tried(self.path.moments(speed), speed)
-            if made is None:
+            replay = self.attempt(self.path.moments(speed), speed)
+            if replay is None:
                 return None
-            self.known[speed] = made
-        return self.known[speed]
+            self.replays[speed] = replay
+        return self.replays[speed]
 
-    def tried(self, moments: Array, speed: float | None = None) -> Replay | None:
+    def attempt(self, moments: Array, speed: float | None = None) -> Replay | None:
         """A replay within the tolerance, or near it.
 
         None where a load of the pose leaves none, though another speed had one: a joint cannot move
@@ -482,7 +485,7 @@ class _Search:
         try:
             return self.within(moments, speed)
         except PlannerError:
-            if self.of_pose and self.known:
+            if self.of_pose and self.replays:
                 return None
             raise
 
@@ -491,21 +494,21 @@ class _Search:
 
         Joints that a plan of least rms error leaves beyond it are planned for the largest error.
         """
-        made = replay_at(self.path, moments, speed=speed, **self.options)
-        late = {each.name for each in self.measure.late(made)} if not self.is_kept(made) else set()
+        replay = replay_at(self.path, moments, speed=speed, **self.options)
+        late = set() if self.is_kept(replay) else {each.name for each in self.measure.late(replay)}
         if not late:
-            return made
-        known = {each.name: each.inversion for each in made.planned if each.name not in late}
-        again = replay_at(self.path, moments, speed=speed, known=known, norm="max", **self.options)
-        errors = [np.max(self.measure.errors(each, "planned")) for each in (made, again)]
-        return again if errors[1] < errors[0] else made
+            return replay
+        plans = {each.name: each.inversion for each in replay.planned if each.name not in late}
+        again = replay_at(self.path, moments, speed=speed, known=plans, norm="max", **self.options)
+        errors = [np.max(self.measure.errors(each, "planned")) for each in (replay, again)]
+        return again if errors[1] < errors[0] else replay
 
     def keeps(self, speed: float) -> bool:
-        made = self.at(speed)
-        return made is not None and self.is_kept(made)
+        replay = self.at(speed)
+        return replay is not None and self.is_kept(replay)
 
-    def is_kept(self, made: Replay) -> bool:
-        return self.measure.largest(made) <= 1.0
+    def is_kept(self, replay: Replay) -> bool:
+        return self.measure.largest(replay) <= 1.0
 
     def has_rows(self, speed: float) -> bool:
         """Whether enough requests remain to speak of a motion."""
@@ -522,9 +525,9 @@ class _Search:
     def bounds(
         self, speed: float, first: float, last: float = math.inf
     ) -> Iterator[tuple[str, float]]:
-        """Each planned joint's lower bound on its largest error over what is allowed.
+        """Each planned joint's lower bound on its largest error over the tolerance.
 
-        Those whose top speed is known come first: theirs hold for the joints, not for models only.
+        Joints of known top speed come first: their bounds hold for the joints, not only the models.
 
         Args:
             speed: The factor.
@@ -547,11 +550,11 @@ class _Search:
             yield path.name, bound / self.measure.of_path(path)
 
 
-def _nearby(made: Replay, errors: Array, at: Array) -> Array:
+def _nearby(replay: Replay, errors: Array, at: Array) -> Array:
     """The largest error near each moment of the recording, shape (m,)."""
-    reach = REACH * made.speed
-    first = np.searchsorted(made.moments, at - reach)
-    last = np.searchsorted(made.moments, at + reach)
+    reach = REACH * replay.speed
+    first = np.searchsorted(replay.moments, at - reach)
+    last = np.searchsorted(replay.moments, at + reach)
     parts = (errors[a:b] for a, b in zip(first, last, strict=True))
     return np.array([np.max(part, initial=LEAST) for part in parts])
 
