@@ -27,7 +27,7 @@ WORDS: dict[Way, str] = {
     "optimal": "optimised",
     "optimal_friction": "optimised with friction and load",
 }
-"""What the ways are called."""
+"""Labels of the ways."""
 
 FRICTION_AND_LOAD: dict[str, Any] = {
     "dead_band": 0.0,
@@ -43,7 +43,7 @@ TEST_TIME = 5.0
 """Length of the test motion [s]."""
 
 TEST_SPEED = 0.6
-"""Largest speed of the test motion over the joint's top speed: what can be followed is compared."""
+"""Largest speed of the test motion over the joint's top speed, so that the joint can follow it."""
 
 RUN_IN = 0.5
 """Beginning of the test motion whose errors do not count [s]: until the first motion frees it,
@@ -61,7 +61,7 @@ class Candidate(NamedTuple):
         error: Root mean square of the measured errors after the run-in [rad].
         max_error: The largest of them [rad].
         largest_step: Largest change between requests [rad].
-        expected: The error that the model led one to expect [rad]; NaN where it says none.
+        expected: The error that the model led one to expect [rad]; NaN without one.
     """
 
     way: Way
@@ -76,7 +76,7 @@ class Compared:
     """A calibrated joint.
 
     Attributes:
-        identification: What was identified.
+        identification: The identification.
         candidates: Every way, the simplest first.
         recommended: The one to use.
         model: The model of the recommended way, with its verdict.
@@ -120,8 +120,8 @@ def compare(
         answer = invert_optimal(model, desired, cyclic=False, limits=limits)
         requests["optimal_friction"] = (answer.requests, answer.expected.error)
     candidates = []
-    for name, (asked, expected) in requests.items():
-        allowed = np.clip(asked, *limits)
+    for name, (signal, expected) in requests.items():
+        allowed = np.clip(signal, *limits)
         errors = (measure(name, allowed) - desired)[round(RUN_IN / model.period) :]
         errors = errors[np.isfinite(errors)]
         step = float(np.max(np.abs(np.diff(allowed))))
@@ -129,34 +129,34 @@ def compare(
         candidates.append(Candidate(name, rms(errors), largest, step, expected))
     least = min(each.error for each in candidates)
     recommended = next(each for each in candidates if each.error <= AS_GOOD * least)
-    used, known = model, model.evidence or Evidence()
+    used, evidence = model, model.evidence or Evidence()
     if recommended.way == "optimal":
-        used, known = plain, _of_plain(known, recommended)
+        used, evidence = plain, _of_plain(evidence, recommended)
     return Compared(
         identification=identification,
         candidates=tuple(candidates),
         recommended=recommended,
-        model=used.with_evidence(_judged(known, recommended)),
+        model=used.with_evidence(_judged(evidence, recommended)),
     )
 
 
-def _of_plain(known: Evidence, measured: Candidate) -> Evidence:
-    """What is known of a model without friction and load: its error on the test motion."""
-    return known._replace(
+def _of_plain(evidence: Evidence, measured: Candidate) -> Evidence:
+    """Evidence about a model without friction and load: its error on the test motion."""
+    return evidence._replace(
         error=measured.error,
         by_acceleration=(),
         spread=Evidence().spread,
-        intervals={k: ends for k, ends in known.intervals.items() if k not in FRICTION_AND_LOAD},
+        intervals={k: ends for k, ends in evidence.intervals.items() if k not in FRICTION_AND_LOAD},
         correlations=(),
     )
 
 
-def _judged(known: Evidence, recommended: Candidate) -> Evidence:
-    """What is known of the model, with the verdict of the test motion where it lost there."""
+def _judged(evidence: Evidence, recommended: Candidate) -> Evidence:
+    """Evidence about the model, with the verdict of the test motion where it lost there."""
     if recommended.way not in ("direct", "shift"):
-        return known
+        return evidence
     words = f"on the test motion of its calibration '{WORDS[recommended.way]}' was closer"
-    return known._replace(verdict="worse than a delay", reason=words)
+    return evidence._replace(verdict="worse than a delay", reason=words)
 
 
 def test_motion(model: JointModel, limits: tuple[float, float]) -> Array:
@@ -193,5 +193,5 @@ def _moves(levels: Sequence[float] | Array, samples: int) -> Array:
     share = np.clip(1.5 * np.arange(1, each + 1) / each, 0.0, 1.0)
     rise = share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
     parts = [low + (high - low) * rise for low, high in pairwise(levels)]
-    made = np.concatenate(parts)
-    return np.append(made, np.full(samples - len(made), levels[-1]))
+    motion = np.concatenate(parts)
+    return np.append(motion, np.full(samples - len(motion), levels[-1]))

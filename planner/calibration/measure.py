@@ -1,4 +1,4 @@
-"""What calibration does on the bus: look at the servos, and move one joint at a time."""
+"""Calibration on the bus: inspect the servos, and move one joint at a time."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ MARGIN = 0.05
 """Share of a range that is left free at either end."""
 
 SAME = 1e-3
-"""Difference of requests below which a log holds the motion that was asked for [rad]."""
+"""Difference of requests below which a log holds the requested motion [rad]."""
 
 LEAST_RANGE = math.radians(10.0)
 """Range below which a joint shows too little of its motion [rad]."""
 
 
 class Check(NamedTuple):
-    """What the servos are like before anything moves; dictionaries are by joint.
+    """State of the servos before anything moves; dictionaries are by joint.
 
     Attributes:
         angles: Where every joint is [rad].
@@ -61,7 +61,7 @@ def check(arm: Arm) -> Check:
         bus.ping(servo.id)
     settings = arm.settings()
     rows, times = [], []
-    asked, lost = bus.asked, bus.lost
+    attempts, losses = bus.asked, bus.lost
     for _ in range(LOOKS):
         begin = port.now()
         measured = arm.measure()
@@ -74,15 +74,15 @@ def check(arm: Arm) -> Check:
     whole = np.array(times)[np.isfinite(angles).all(axis=1)]
     if not whole.size or np.isnan(angles).all(axis=0).any():
         raise BusError("most answers are lost; check the baud rate, the cable and the supply")
-    written = 10.0 * (10 + 5 * len(arm.names)) / port.baud_rate
-    tick_time = float(np.median(whole)) + written
+    write_time = 10.0 * (10 + 5 * len(arm.names)) / port.baud_rate
+    tick_time = float(np.median(whole)) + write_time
     bus.patience = max(2e-3, 2.0 * float(np.max(whole)))
     return Check(
         dict(zip(arm.names, np.nanmedian(angles, axis=0).tolist(), strict=True)),
         dict(zip(arm.names, np.nanstd(angles, axis=0).tolist(), strict=True)),
         settings,
         tick_time,
-        (bus.lost - lost) / (bus.asked - asked),
+        (bus.lost - losses) / (bus.asked - attempts),
     )
 
 
@@ -148,7 +148,7 @@ def move(
     Args:
         arm: The arm, powered.
         joint: Which joint.
-        requests: What to request of it [rad], shape (n,).
+        requests: Its requests [rad], shape (n,).
         period: Time between requests [s].
         log: Where the rows go as they are measured.
         resume: Whether a finished log of an earlier run is taken as it is; nothing moves then.
@@ -175,17 +175,17 @@ def move(
             if played.interrupted:
                 raise KeyboardInterrupt
             growing.finish()
-    (read,) = read_logs([str(log)], options=LogOptions(joint=joint))
+    (record,) = read_logs([str(log)], options=LogOptions(joint=joint))
     if resume:
-        rows = np.rint((read.times - read.times[0]) / period).astype(int)
-        asked = requests[np.minimum(rows, len(requests) - 1)]
-        if np.mean(np.abs(asked - read.requests) < SAME) < 0.5:  # rows may be late by one
+        rows = np.rint((record.times - record.times[0]) / period).astype(int)
+        expected = requests[np.minimum(rows, len(requests) - 1)]
+        if np.mean(np.abs(expected - record.requests) < SAME) < 0.5:  # rows may be late by one
             raise InvalidFile(
                 log,
                 "holds another motion than would be played now: the rate, the duration or the "
                 "range differs; choose those of the interrupted run, or leave --resume out",
             )
-    return read
+    return record
 
 
 def angles_of(log: Log, count: int, period: float) -> Array:

@@ -1,4 +1,4 @@
-"""The checks of a plan: each compares a figure with a tolerance, and says why that much."""
+"""The checks of a plan: each compares a figure with a tolerance and states its reason."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ AS_GOOD = Tolerance(
 )
 ROUNDING = 1e-3
 """Share of a tolerance within which a value is rounding: the last bits that processors round
-differently must not decide which plan is said to be closest to breaking a claim."""
+differently must not decide which plan is reported as closest to breaking a claim."""
 FOLLOWED = 1e-4
 """Errors up to this count as zero [rad]: 0.006 degrees."""
 
@@ -86,10 +86,10 @@ class Check:
         subject: The joint that it is about, or the foot.
         plan: The plan that it is about; empty where it is about none.
         name: The claim.
-        value: What should not exceed the tolerance; negative where there is room.
-        tolerance: How much is allowed.
+        value: The figure; negative where there is room.
+        tolerance: Largest allowed value.
         unit: Unit of both.
-        reason: Why that much.
+        reason: Reason for the tolerance.
     """
 
     subject: str
@@ -107,7 +107,7 @@ class Check:
 
     @property
     def passed(self) -> bool:
-        """Whether the claim holds; what is not a number does not."""
+        """Whether the claim holds; not for NaN."""
         return self.value <= self.tolerance
 
     def to_dict(self) -> dict[str, Any]:
@@ -132,7 +132,7 @@ def check(
 
 
 class Answer(NamedTuple):
-    """What one joint does under one plan, simulated independently.
+    """Motion of one joint under one plan, simulated independently.
 
     Attributes:
         agreement: Largest distance from the predicted angles [rad].
@@ -148,7 +148,7 @@ class Answer(NamedTuple):
 
 
 def second_answer(plan: Plan, column: int = 0) -> Answer:
-    """Simulate a joint of a plan by the law in CasADi symbols, and hold the predicted angles to it.
+    """Simulate a joint of a plan by the law in CasADi symbols, and compare the predicted angles.
 
     A cycle is run from where the predicted one ends. Requests that saturate the joint throughout a
     cycle leave it where it is, and so do those that its dry friction holds, so that several cycles
@@ -167,12 +167,12 @@ def second_answer(plan: Plan, column: int = 0) -> Answer:
     following = run(np.array([predicted[-1], speed]))[0]
     closure = abs(float(following[-1] - predicted[-1]))
     apart = max(float(np.max(np.abs(predicted - following))), closure)
-    others = [_settled(run, end + model.offset) for end in (requests.min(), requests.max())]
+    cycles = [_settled(run, end + model.offset) for end in (requests.min(), requests.max())]
     elsewhere = max(
-        (float(np.max(np.abs(o - predicted))) for o in others if o is not None), default=0.0
+        (float(np.max(np.abs(c - predicted))) for c in cycles if c is not None), default=0.0
     )
-    known = elsewhere <= AGREEMENT.value or apart > AGREEMENT.value
-    return Answer(apart, closure, 0.0 if known else elsewhere)
+    same = elsewhere <= AGREEMENT.value or apart > AGREEMENT.value
+    return Answer(apart, closure, 0.0 if same else elsewhere)
 
 
 def _settled(run: Callable[[Array], Array], begun: float) -> Array | None:
@@ -232,11 +232,11 @@ def bound_checks(
 ) -> list[Check]:
     """That each bound is at least the one before it, and no plan is below any [rad]."""
     values = list(bounds.values())
-    found = []
+    checks = []
     if len(values) > 1:
         worst = max(low - high for low, high in pairwise(values))
-        found.append(check(subject, "", f"bounds ordered, {' ≤ '.join(bounds)}", worst, ORDERED))
-    return found + [
+        checks.append(check(subject, "", f"bounds ordered, {' ≤ '.join(bounds)}", worst, ORDERED))
+    return checks + [
         check(subject, plan, ABOVE, max(values) - error, ABOVE_BOUND)
         for plan, error in errors.items()
     ]
@@ -256,8 +256,8 @@ def kept_within(plan: Inversion, limits: tuple[float, float] | None) -> Inversio
     """
     if limits is None or beyond_limits(plan.requests, limits) <= WITHIN_LIMITS.value:
         return plan
-    one = plan.plan.joint(plan.column)
-    clipped = replace(one, requests=np.clip(one.requests, *limits))
+    joint = plan.plan.joint(plan.column)
+    clipped = replace(joint, requests=np.clip(joint.requests, *limits))
     try:
         _ = clipped.predicted
     except NoSteadyCycle:
@@ -266,17 +266,17 @@ def kept_within(plan: Inversion, limits: tuple[float, float] | None) -> Inversio
 
 
 def no_worse_checks(
-    subject: str, plan: str, error: float, others: Mapping[str, float], allowed: Tolerance
+    subject: str, plan: str, error: float, rivals: Mapping[str, float], allowed: Tolerance
 ) -> list[Check]:
-    """That a plan's error is no larger than that of each other one, in the tolerance's unit."""
+    """That a plan's error is no larger than those of its rivals, in the tolerance's unit."""
     return [
         check(
             subject,
             plan,
-            f"no worse than {other}",
+            f"no worse than {rival}",
             error - least,
             allowed,
             more=SHARE * least,
         )
-        for other, least in others.items()
+        for rival, least in rivals.items()
     ]

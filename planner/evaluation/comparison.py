@@ -51,16 +51,16 @@ METHODS: Mapping[str, str] = {
     "optimal_ipopt": "optimised by IPOPT",
     "foot_optimal": "optimised for the foot",
 }
-"""The plans that are compared, by key, and what to call them."""
+"""The compared plans: label by key."""
 
 CLOSED_FORMS = ("closed_form_paper", "closed_form_exact")
-"""Those of them that ignore limits."""
+"""The plans that ignore limits."""
 
 SECOND = "optimal_ipopt"
 """The plan of CasADi's solver, a second opinion on the optimised one."""
 
 FOOT = "foot"
-"""What checks are about that are about no single joint."""
+"""Subject of checks of all joints together."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +71,7 @@ class JointComparison:
         name: The joint.
         plans: Plan by method; all share the model and the desired angles.
         certificates: Bounds on the error of any plan in the plans' norm, by level proved.
-        answers: What an independent simulation says, by method.
+        answers: Results of an independent simulation, by method.
         checks: Every claim about these plans, with its tolerance.
     """
 
@@ -175,13 +175,13 @@ def compare_joint(
     checks: list[Check] = []
     for method, answer in answers.items():
         checks += answer_checks(name, METHODS[method], answer, cyclic=optimal.cyclic)
-    others, known = {}, _known(_unsmoothed(optimal.plan))
+    rivals, known_error = {}, _known_error(_unsmoothed(optimal.plan))
     for method, plan in closed_forms.items():
-        kept = kept_within(plan, optimal.limits)
-        if kept is not None:
-            others[METHODS[method]] = math.hypot(kept.error, known)
-    shown = _shown(optimal.plan, optimal.error)
-    checks += no_worse_checks(name, METHODS["optimal"], shown, others, NO_WORSE)
+        clipped = kept_within(plan, optimal.limits)
+        if clipped is not None:
+            rivals[METHODS[method]] = math.hypot(clipped.error, known_error)
+    robot_error = _robot_error(optimal.plan, optimal.error)
+    checks += no_worse_checks(name, METHODS["optimal"], robot_error, rivals, NO_WORSE)
     errors = {METHODS[method]: plan.error for method, plan in plans.items()}
     checks += bound_checks(name, bounds, errors)
     for level in bounds:
@@ -190,8 +190,8 @@ def compare_joint(
             checks.append(check(name, "", f"{level} bound agrees with CVXPY's", apart, STATED))
     checks += [check(name, METHODS[method], SOLVED, 1.0, SOLVES) for method in failed]
     if SECOND in plans:
-        excess = shown - math.hypot(plans[SECOND].error, known)
-        relative = 0.0 if excess <= FOLLOWED else excess / shown
+        excess = robot_error - math.hypot(plans[SECOND].error, known_error)
+        relative = 0.0 if excess <= FOLLOWED else excess / robot_error
         checks += [
             check(name, METHODS[SECOND], SOLVED, 0.0, SOLVES),
             check(name, METHODS["optimal"], "as good as IPOPT's", relative, AS_GOOD),
@@ -307,19 +307,19 @@ def judge_foot(joints: Sequence[JointComparison], together: FootInversion) -> Fo
     error = error_norm(best.distances, norm)
     if best.foot_bound is not None:
         checks.append(check(FOOT, label, ABOVE, best.foot_bound - error, FOOT_ABOVE_BOUND))
-    others, known = {}, _known(_unsmoothed(best))
+    rivals, known_error = {}, _known_error(_unsmoothed(best))
     for method in planned_methods(joints):
         single = [joint.plans[method] for joint in joints]
         plans[method] = _foot_plan(best, single)
-        kept = [
+        clipped = [
             kept_within(plan, (low, high))
             for plan, low, high in zip(single, *together.limits, strict=True)
         ]
-        usable = [plan for plan in kept if plan is not None]
+        usable = [plan for plan in clipped if plan is not None]
         if len(usable) == len(joints):
-            other = error_norm(_foot_plan(best, usable).distances, norm)
-            others[METHODS[method]] = math.hypot(other, known)
-    checks += no_worse_checks(FOOT, label, _shown(best, error), others, FOOT_NO_WORSE)
+            rival_error = error_norm(_foot_plan(best, usable).distances, norm)
+            rivals[METHODS[method]] = math.hypot(rival_error, known_error)
+    checks += no_worse_checks(FOOT, label, _robot_error(best, error), rivals, FOOT_NO_WORSE)
     return FootComparison({**plans, "foot_optimal": best}, tuple(checks))
 
 
@@ -343,16 +343,16 @@ def _unsmoothed(plan: Plan) -> Plan:
     return planned(best)
 
 
-def _known(plan: Plan) -> float:
-    """What the models' known errors for a motion make of the plan's error [unit], (12b)."""
+def _known_error(plan: Plan) -> float:
+    """Error of the plan due to the models' known errors for its motion [unit], (12b)."""
     known = known_errors(plan.models, plan.predicted, cyclic=plan.cyclic)
     return plan.task.error_made_by(known, plan.predicted)
 
 
-def _shown(plan: Plan, error: float) -> float:
+def _robot_error(plan: Plan, error: float) -> float:
     """The error that a robot may show, (12b); 0 for one that no encoder sees, if many plans do."""
     many = plan.task.goal == "foot" or any(model.dead_band for model in plan.models)
     unseen = np.full(len(plan.models), ENCODER_STEP)
     if many and error <= plan.task.error_made_by(unseen, plan.predicted):
         return 0.0
-    return math.hypot(error, _known(plan))
+    return math.hypot(error, _known_error(plan))

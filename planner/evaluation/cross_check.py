@@ -1,4 +1,4 @@
-"""The cross-check: closed form, our own optimiser and CasADi's, each judged by the others."""
+"""The cross-check: closed form, our own optimiser and CasADi's, each compared with the others."""
 
 from __future__ import annotations
 
@@ -117,7 +117,7 @@ def cross_check(
 
     Each plan's predicted angles are compared with an independent simulation, the optimised plan
     against the closed forms, with both of their rules, and against IPOPT's, all of them against
-    bounds that no requests can go below; and where the requests differ, the answer says why.
+    lower bounds; where the requests differ, the answer gives the reason.
 
     Args:
         model: One joint model for all joints, or one for each.
@@ -130,7 +130,7 @@ def cross_check(
             at once (:func:`planner.invert_foot`) with the others.
         norm: "rms" or "max": the error that the optimised plans minimise and the bounds are about.
         level: The sharpest bound to compute; those before it are computed too.
-        names: What to call the joints; by default what the leg calls them.
+        names: Names of the joints; by default those of the leg.
         load: Torque on the joints in the direction of positive angles [N m], a number, shape (k,)
             for each joint's, or (n, k); row i acts in the request period that ends in sample i.
         progress: Called with the name of each joint before it is compared, and with ``"foot"``.

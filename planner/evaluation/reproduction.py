@@ -72,7 +72,7 @@ class JointOutcome:
 
     @property
     def goals(self) -> dict[str, Array]:
-        """What the rows of Table 2 that are not about the desired angles are about [rad], (n,)."""
+        """Goals of the rows of Table 2 other than the desired angles [rad], (n,)."""
         plain, refined = approximation(self.closed_form_plain), approximation(self.closed_form)
         return {"Pwl,Plain": plain, "Pwl,MB": refined}
 
@@ -99,7 +99,7 @@ def approximation(closed_form: Inversion) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class PlannedWalk:
-    """Every plan for the reference walk, and what the joints' models predict of it.
+    """Every plan for the reference walk, and the predictions of the joints' models.
 
     Attributes:
         models: The model of each joint, in the leg's order.
@@ -175,7 +175,7 @@ class PlannedWalk:
         }
 
     def _columns(self, read: Callable[[Inversion], Array]) -> dict[str, Array]:
-        """What is read of every joint's plans by method, each (n, k)."""
+        """A property of every joint's plans by method, each (n, k)."""
         return {
             method: np.column_stack([read(getattr(joint, method)) for joint in self.joints])
             for method in ("closed_form_plain", "closed_form", "optimal")
@@ -184,7 +184,7 @@ class PlannedWalk:
 
 @dataclass(frozen=True, eq=False)
 class Reproduction(PlannedWalk):
-    """Everything that the experiment gave on one model for all joints.
+    """Results of the experiment on one model for all joints.
 
     Attributes:
         steps: The step tests, by amplitude [degrees].
@@ -264,7 +264,7 @@ def reproduce(
     """Run the paper's experiment on its own model.
 
     Args:
-        model: The model of every joint; Table 1 where not given.
+        model: The model of every joint; by default Table 1.
         segments: Lines of each approximation.
         progress: Called with the name of each part before it is computed.
     """

@@ -81,12 +81,12 @@ def over_cycles(distances: Sequence[Distance]) -> OverCycles:
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """A walk as the robot made it.
+    """A walk of the robot.
 
     Attributes:
-        requests: What was sent in every cycle [rad], shape (n, k).
-        sensed: What the sensors said [rad], shape (cycles, n, k).
-        angles: What the joints did [rad], shape (cycles, n, k).
+        requests: Requests of every cycle [rad], shape (n, k).
+        sensed: Readings of the sensors [rad], shape (cycles, n, k).
+        angles: True angles of the joints [rad], shape (cycles, n, k).
         dropped: Cycles before these, until the walk was steady.
     """
 
@@ -98,17 +98,16 @@ class Run:
 
 @dataclass(frozen=True, eq=False)
 class VirtualOutcome:
-    """Everything that the experiment on the virtual robot gave.
+    """Results of the experiment on the virtual robot.
 
     Attributes:
-        constants: What the robot is made of.
+        constants: Constants of the robot.
         seed: Of its noise.
-        identifications: What the step tests say about each joint.
-        planned: The plans on the identified models, with what these predict.
-        runs: What the robot made of each method's requests.
-        trials: What it made of the requests of each trial of learning, from the foot-optimised
-            plan on.
-        learning: What the trials have led to.
+        identifications: Identification of each joint from its step test.
+        planned: The plans on the identified models, with their predictions.
+        runs: Walks under each method's requests.
+        trials: Walks of the trials of learning, from the foot-optimised plan on.
+        learning: State of learning after the trials.
         shift_samples: Lead of the best time shift, found on the robot.
         seconds: Time that each part took [s].
     """
@@ -130,7 +129,7 @@ class VirtualOutcome:
 
     @property
     def sensed_table2(self) -> dict[str, dict[str, OverCycles]]:
-        """Table 2 by what the sensors said [degrees]."""
+        """Table 2 by the sensors' readings [degrees]."""
         return self._table2(lambda run: run.sensed)
 
     @property
@@ -140,7 +139,7 @@ class VirtualOutcome:
 
     @property
     def sensed_foot_table(self) -> dict[str, OverCycles]:
-        """Distances of the foot by what the sensors said [cm]."""
+        """Distances of the foot by the sensors' readings [cm]."""
         return self._foot_table(lambda run: run.sensed)
 
     @property
@@ -175,11 +174,11 @@ class VirtualOutcome:
         It is identified from step tests alone, so this walk is new to it.
         """
         run = self.runs["direct"]
-        found = {}
+        errors = {}
         for j, joint in enumerate(self.planned.joints):
             actual = run.angles[:, :, j].mean(axis=0)
-            found[joint.name] = angle_distance(actual, joint.direct).rms
-        return found
+            errors[joint.name] = angle_distance(actual, joint.direct).rms
+        return errors
 
     def _table2(self, read: Callable[[Run], Array]) -> dict[str, dict[str, OverCycles]]:
         table: dict[str, dict[str, OverCycles]] = {}
@@ -225,7 +224,7 @@ def play_experiment(
         segments: Lines of each approximation.
         cycles: Cycles of each walk, once it is steady.
         seed: Of the robot's noise.
-        constants: What the robot is made of; its own where not given.
+        constants: Constants of the robot; its own by default.
         progress: Called with the name of each part before it begins.
 
     Raises:
@@ -296,14 +295,14 @@ def record_step_test(robot: VirtualRobot, walk: ReferenceWalk, joint: int, ampli
 
 def _identified(logs: list[Log], *, tick: float) -> Identification:
     """The identification, its tick free of the rounding of the log's clock."""
-    found = identify(logs, tick=tick)
-    return replace(found, model=replace(found.model, tick=tick))
+    result = identify(logs, tick=tick)
+    return replace(result, model=replace(result.model, tick=tick))
 
 
 def learn(
     robot: VirtualRobot, plan: FootInversion, *, trials: int = TRIALS
 ) -> tuple[tuple[Run, ...], Learning]:
-    """Execute a plan, refine it by what the sensors said, and so on: the runs, and what was learnt.
+    """Execute a plan and refine it by the sensors' readings, in turn: the runs, and the learning.
 
     The models are those of the step tests throughout: they are identified already.
     """
@@ -316,7 +315,7 @@ def learn(
 
 
 def execute(robot: VirtualRobot, requests: Array, *, cycles: int) -> Run:
-    """Repeat a cycle of requests until it is steady, and then as often as asked.
+    """Repeat a cycle of requests until it is steady, and then ``cycles`` times.
 
     A walk is steady when the sensors repeat themselves from cycle to cycle.
 

@@ -47,7 +47,7 @@ SETTINGS = {
     "profile_speed": "profile speed",
     "profile_acceleration": "profile acceleration",
 }
-"""The settings of a servo that shape its motion, and what they are called."""
+"""The settings of a servo that shape its motion, with their labels."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,10 +92,10 @@ class Servo:
 
 
 class Measured(NamedTuple):
-    """What the servos say at a tick; one entry per joint, NaN where none answered.
+    """Readings of the servos at a tick; one entry per joint, NaN where none answered.
 
     Attributes:
-        time: When they were asked [s], on the port's clock.
+        time: When they were read [s], on the port's clock.
         angles: Angles [rad].
         errors: The errors that the answers carried, 0 for none.
     """
@@ -129,14 +129,14 @@ class Arm:
         self.bus.sync_write("goal", counts)
 
     def measure(self) -> Measured:
-        """What every joint does, asked for in one packet."""
+        """The state of every joint, read by one packet."""
         now = self.bus.port.now()
         readings = self.bus.sync_read(self._ids)
         errors = tuple(readings[each].error if each in readings else 0 for each in self._ids)
         return Measured(now, self._angles(readings, "position"), errors)
 
     def goals(self) -> Array:
-        """What every joint was last requested to do, by whomever [rad]; NaN where none answers."""
+        """The last request to every joint, from any sender [rad]; NaN where none answers."""
         return self._angles(self.bus.sync_read(self._ids, ("goal",)), "goal")
 
     def _angles(self, readings: Mapping[int, Reading], name: str) -> Array:
@@ -149,7 +149,7 @@ class Arm:
         )
 
     def angles(self, *, silent: bool = False) -> Array:
-        """Where every joint is [rad], asked for again where an answer was lost.
+        """Angle of every joint [rad], read again where an answer was lost.
 
         Args:
             silent: Whether servos may stay silent; their angles are NaN.
@@ -168,10 +168,10 @@ class Arm:
         return angles
 
     def settings(self) -> dict[str, dict[str, int]]:
-        """By joint, the registers that shape its motion, as far as its servo has them."""
-        known = [each for each in SETTINGS if each in self.bus.protocol.registers]
+        """By joint, those registers that shape its motion and that its servo has."""
+        names = [each for each in SETTINGS if each in self.bus.protocol.registers]
         return {
-            name: {each: self.bus.read(servo.id, each) for each in known}
+            name: {each: self.bus.read(servo.id, each) for each in names}
             for name, servo in self.servos.items()
         }
 
@@ -216,14 +216,14 @@ class Arm:
         """Lead the joints to the first request, play all of them, and measure right after each.
 
         Args:
-            requests: What to request [rad], shape (n, k).
+            requests: Requests [rad], shape (n, k).
             period: Time between requests [s].
             cycles: How often.
             keep: Called at every tick after the lead with the time since the first request [s], the
                 requests and the measured angles [rad], shape (k,), NaN where none was read.
 
         Returns:
-            What was sent after the lead, and how late; Ctrl-C ends it.
+            Counts of the requests after the lead, and their lateness; Ctrl-C ends it.
 
         Raises:
             InvalidInput: Before anything moves: a request beyond the limits of its joint.
@@ -297,9 +297,9 @@ class _Guard:
         errors = np.abs(requests - angles)
         free = heard & ~((errors > STUCK_ERROR) & (np.abs(angles - self._anchors) < STUCK_MOTION))
         self._anchors[free], self._moved[free] = angles[free], now
-        left = heard & (np.abs(angles - self._places) >= STUCK_MOTION)
-        self._places[left] = angles[left]
-        self._least[left], self._most[left] = np.inf, -np.inf
+        away = heard & (np.abs(angles - self._places) >= STUCK_MOTION)
+        self._places[away] = angles[away]
+        self._least[away], self._most[away] = np.inf, -np.inf
         self._least = np.fmin(self._least, requests)
         self._most = np.fmax(self._most, requests)
         little = self._most - self._least <= 2.0 * STUCK_ERROR

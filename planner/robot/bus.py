@@ -38,7 +38,7 @@ PATIENCE = 0.05
 
 
 class Port(Protocol):
-    """What carries bytes to the servos and back, and whose clock the motion keeps to.
+    """A connection to the servos, whose clock times the motion.
 
     The clock is the system's, unless a port has one of its own.
     """
@@ -46,10 +46,10 @@ class Port(Protocol):
     baud_rate: int
 
     def write(self, content: bytes) -> None:
-        """Send bytes, and forget what was received before."""
+        """Send bytes, and discard the bytes received before."""
 
     def read(self, count: int, timeout: float) -> bytes:
-        """So many bytes, or those that came within a time [s]."""
+        """So many bytes, or fewer if a time [s] is over before."""
 
     def now(self) -> float:
         """A time that never goes back [s]."""
@@ -76,8 +76,8 @@ class SerialPort(Port):
         """
         speed = getattr(termios, f"B{baud_rate}", None)
         if speed is None:
-            known = sorted(int(name[1:]) for name in dir(termios) if name[1:].isdigit())
-            rates = ", ".join(str(rate) for rate in known if rate >= 9600)
+            speeds = sorted(int(name[1:]) for name in dir(termios) if name[1:].isdigit())
+            rates = ", ".join(str(rate) for rate in speeds if rate >= 9600)
             raise InvalidInput(f"baud rate: got {baud_rate}, expected one of {rates}")
         self.path, self.baud_rate = path, baud_rate
         try:
@@ -96,7 +96,7 @@ class SerialPort(Port):
             raise BusError(f"{path}: is no serial port; expected such as /dev/ttyACM0") from error
 
     def write(self, content: bytes) -> None:
-        """Send bytes, and forget what was received before."""
+        """Send bytes, and discard the bytes received before."""
         try:
             termios.tcflush(self._file, termios.TCIFLUSH)
             sent = 0
@@ -108,11 +108,11 @@ class SerialPort(Port):
             raise self._gone() from error
 
     def read(self, count: int, timeout: float) -> bytes:
-        """So many bytes, or those that came within a time [s]."""
+        """So many bytes, or fewer if a time [s] is over before."""
         received, end = b"", time.monotonic() + timeout
         while len(received) < count:
-            left = end - time.monotonic()
-            if left <= 0.0 or not select.select([self._file], [], [], left)[0]:
+            remaining = end - time.monotonic()
+            if remaining <= 0.0 or not select.select([self._file], [], [], remaining)[0]:
                 break
             try:
                 part = os.read(self._file, count - len(received))
@@ -134,7 +134,7 @@ class SerialPort(Port):
 
 
 class Reading(NamedTuple):
-    """What a servo says of itself.
+    """Registers read from a servo.
 
     Attributes:
         values: Its registers by name, in their own units.
@@ -149,11 +149,11 @@ class Bus:
     """The servos on a port.
 
     Attributes:
-        port: What carries the bytes.
-        protocol: How they are framed.
+        port: Carries the bytes.
+        protocol: Frames the bytes.
         patience: Time for which an answer is waited for beside its own [s].
-        asked: Answers that were asked for.
-        lost: Those that did not come, or not whole.
+        asked: Number of answers asked for.
+        lost: Number of answers that did not come, or not whole.
     """
 
     def __init__(self, port: Port, protocol: ServoProtocol) -> None:
@@ -209,7 +209,7 @@ class Bus:
 
         Args:
             servos: Their identifiers.
-            names: Registers beside one another; by default what the protocol feeds back.
+            names: Registers beside one another; by default the protocol's feedback.
 
         Raises:
             BusError: The bus is gone.
@@ -254,7 +254,7 @@ class Bus:
     def _answers(self, instruction: bytes, count: int, size: int) -> list[Packet]:
         """The packets that come back, at most so many, each with so many bytes of content.
 
-        An adapter may hand back what was sent, before the answers.
+        An adapter may echo the instruction before the answers.
         """
         port, protocol = self.port, self.protocol
         whole = count * len(protocol.answer(1, 0, bytes(size)))
@@ -262,8 +262,8 @@ class Bus:
         port.write(instruction)
         buffer, packets, echo = bytearray(), list[Packet](), len(instruction)
         missing = whole
-        while missing > 0 and (left := end - port.now()) > 0.0:
-            received = port.read(missing, left)
+        while missing > 0 and (remaining := end - port.now()) > 0.0:
+            received = port.read(missing, remaining)
             buffer += received
             if echo and received and instruction.startswith(buffer[:echo]):
                 if len(buffer) < echo:

@@ -38,8 +38,8 @@ def follow(
 
     Tick k is due at k periods from the first one, so that lateness does not add up. When it is due,
     the stretch of the path is taken, the angles are measured, and the requests are planned and
-    sent. Ticks that were missed, because one before took too long, are left out, and the stream is
-    told: the robot held its requests.
+    sent. Ticks that were missed, because one before took too long, are left out, and the stream
+    counts them: the robot held its requests.
 
     Args:
         stream: The stream, as it is: a new one, or one that goes on.
@@ -48,12 +48,12 @@ def follow(
         send: Takes one row, shape (k,), read-only, and sends it.
         measure: Returns the measured angles [rad], shape (k,), NaN where there is none.
         on_stop: Called once at the end, as in :func:`planner.play`.
-        report: Called once after ``on_stop``, with what was sent and how late.
+        report: Called once after ``on_stop``, with the counts and the lateness.
         now: A clock that never goes back [s].
         sleep: Waits for a time [s].
 
     Returns:
-        What was sent, and how late, the planning included; also where Ctrl-C was the end. Any other
+        The counts and the lateness, the planning included; also where Ctrl-C was the end. Any other
         error passes through after ``on_stop`` and ``report``.
 
     Warns:
@@ -97,7 +97,7 @@ def follow(
 
 
 def _stretches(rows: Array) -> Desired:
-    """What is left of a path at each tick."""
+    """The rest of a path at each tick."""
     return lambda tick: rows[tick:] if tick < len(rows) else None
 
 

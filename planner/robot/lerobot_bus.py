@@ -1,7 +1,7 @@
 """The servo bus of a LeRobot robot, which LeRobot's own class opens and sets up.
 
-LeRobot writes gains and accelerations whenever it connects: what is measured here are the servos
-as they are under LeRobot. At the end it switches torque off, unless the robot's configuration says
+LeRobot writes gains and accelerations whenever it connects: the servos are measured here as
+they are under LeRobot. At the end it switches torque off, unless the robot's configuration says
 otherwise.
 """
 
@@ -28,7 +28,7 @@ class LeRobotPort(Port):
         self._serial, self.baud_rate = serial, int(serial.baudrate)
 
     def write(self, content: bytes) -> None:
-        """Send bytes, and forget what was received before."""
+        """Send bytes, and discard the bytes received before."""
         try:
             self._serial.reset_input_buffer()
             self._serial.write(content)
@@ -36,7 +36,7 @@ class LeRobotPort(Port):
             raise self._gone() from error
 
     def read(self, count: int, timeout: float) -> bytes:
-        """So many bytes, or those that came within a time [s]."""
+        """So many bytes, or fewer if a time [s] is over before."""
         try:
             self._serial.timeout = timeout
             return bytes(self._serial.read(count))
@@ -68,22 +68,22 @@ def robot_of(name: str, port: str) -> Any:
     for module in ("so_follower", f"{name}_follower", name):
         with suppress(ImportError):
             importlib.import_module(f"lerobot.robots.{module}")
-    known = RobotConfig.get_known_choices()
-    kind = next((each for each in (f"{name}_follower", name) if each in known), None)
+    choices = RobotConfig.get_known_choices()
+    kind = next((each for each in (f"{name}_follower", name) if each in choices), None)
     if kind is None:
         raise InvalidInput(
             f"--bus: got lerobot:{name}, expected a robot of LeRobot, such as "
-            f"{', '.join(sorted(each.removesuffix('_follower') for each in known))}"
+            f"{', '.join(sorted(each.removesuffix('_follower') for each in choices))}"
         )
-    robot = make_robot_from_config(known[kind](port=port))
+    robot = make_robot_from_config(choices[kind](port=port))
     if type(getattr(robot, "bus", None)).__name__ not in PROTOCOLS:
-        known = ", ".join(PROTOCOLS)
-        raise InvalidInput(f"--bus lerobot:{name}: got another bus of servos, expected {known}")
+        protocols = ", ".join(PROTOCOLS)
+        raise InvalidInput(f"--bus lerobot:{name}: got another bus of servos, expected {protocols}")
     return robot
 
 
 def joints(name: str) -> dict[int, str]:
-    """What LeRobot calls the joints of a robot, by the identifiers of their servos."""
+    """LeRobot's names of the joints of a robot, by the identifiers of their servos."""
     return {motor.id: joint for joint, motor in robot_of(name, "").bus.motors.items()}
 
 

@@ -27,7 +27,7 @@ class TimedRequest(NamedTuple):
 
     Attributes:
         time: When it is due, from the first one on [s].
-        requests: What to send to every joint [rad], shape (k,), read-only.
+        requests: Requests for the joints [rad], shape (k,), read-only.
     """
 
     time: float
@@ -36,10 +36,10 @@ class TimedRequest(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class Playback:
-    """What a player sent, and how late.
+    """Counts of the requests of a player, and their lateness.
 
     Attributes:
-        sent: Requests that were sent, those of the ramp included.
+        sent: Requests that were sent, including the ramp.
         skipped: Requests that were not, because the next one was due when they could be.
         held: Ticks of a stream at which the last request of a joint was repeated.
         overruns: Requests that were not yet sent, ``send`` having returned, when the next was due.
@@ -89,7 +89,7 @@ def play(
     step with the clock. On the ramp nothing is skipped; where it is late, the rest waits.
 
     Args:
-        requests: What to send to the joints [rad], shape (n, k), or (n,) for one joint.
+        requests: Requests for the joints [rad], shape (n, k), or (n,) for one joint.
         period: Time between requests [s].
         send: Takes one row, shape (k,), read-only, and sends it.
         cycles: How often to go through the requests; until Ctrl-C by default. A plan from
@@ -100,13 +100,13 @@ def play(
         on_stop: Called once at the end: after the last request, Ctrl-C, or an error.
             Nothing is sent any more: the joints hold the last request that reached them, unless
             this function does otherwise, such as take their torque.
-        report: Called once after ``on_stop``, with what was sent and how late, whatever ended it:
-            after an error, which leaves no answer, the one way to know.
+        report: Called once after ``on_stop``, with the counts and the lateness, whatever ended it:
+            after an error, which returns nothing, the only source of them.
         now: A clock that never goes back [s].
         sleep: Waits for a time [s].
 
     Returns:
-        What was sent, and how late, also where Ctrl-C was the end; any other error passes through
+        The counts and the lateness, also where Ctrl-C was the end; any other error passes through
         after ``on_stop`` and ``report``.
 
     Raises:
@@ -145,7 +145,7 @@ def conduct(
     on_stop: Callable[[], object] | None,
     report: Callable[[Playback], object] | None,
 ) -> Playback:
-    """Run a player to its end, to Ctrl-C or to an error, and say what it sent: see :func:`play`."""
+    """Run a player to its end, Ctrl-C or an error, and count its requests: see :func:`play`."""
     interrupted, failed = False, True
     try:
         try:
@@ -163,15 +163,15 @@ def conduct(
     return playback
 
 
-def check_functions(*, optional: bool = False, **given: object) -> None:
-    """Raise InvalidInput for what cannot be called."""
-    for name, each in given.items():
+def check_functions(*, optional: bool = False, **functions: object) -> None:
+    """Raise InvalidInput for an object that cannot be called."""
+    for name, each in functions.items():
         if not callable(each) and not (optional and each is None):
             raise InvalidInput(f"{name}: got {shown(each)}, expected a function")
 
 
 class Player:
-    """Sends requests and counts what was sent, skipped and late."""
+    """Sends requests and counts the sent, skipped and late ones."""
 
     def __init__(
         self,
@@ -219,10 +219,10 @@ class Player:
             self._skipped += missed
             due = start + tick * self._period
             self._wait_until(due)
-            answered = answer(tick, missed)
-            if answered is None:
+            reply = answer(tick, missed)
+            if reply is None:
                 return
-            requests, held = answered
+            requests, held = reply
             self._held += held
             if np.isfinite(requests).all():
                 self._send_at(due, requests)
@@ -230,7 +230,7 @@ class Player:
             tick += 1
 
     def playback(self, *, interrupted: bool, failed: bool) -> Playback:
-        """What was sent until now, and what ended it."""
+        """The counts until now, and the cause of the end."""
         return Playback(
             sent=self._sent,
             skipped=self._skipped,
@@ -253,8 +253,8 @@ class Player:
         return begun
 
     def _wait_until(self, due: float) -> None:
-        while (left := due - self._now()) > 0.0:
-            self._sleep(left)
+        while (remaining := due - self._now()) > 0.0:
+            self._sleep(remaining)
 
 
 def timed_requests(
@@ -263,7 +263,7 @@ def timed_requests(
     """Each row of requests with its time, which is its number times the period and never drifts.
 
     Args:
-        requests: What to send to the joints [rad], shape (n, k), or (n,) for one joint.
+        requests: Requests for the joints [rad], shape (n, k), or (n,) for one joint.
         period: Time between requests [s].
         cycles: How often to go through them; for ever by default.
 
@@ -327,10 +327,10 @@ def ramp(current: npt.ArrayLike, first: npt.ArrayLike, *, speed: float, period: 
 def _row(angles: npt.ArrayLike, *, name: str) -> Array:
     """One angle per joint [rad], shape (k,)."""
     try:
-        given = np.asarray(angles)
+        array = np.asarray(angles)
     except ValueError:  # rows of different lengths
-        given = np.empty((0, 0))
-    if given.ndim > 1:
+        array = np.empty((0, 0))
+    if array.ndim > 1:
         raise InvalidInput(f"{name}: got {shown(angles)}, expected one angle per joint, shape (k,)")
-    row: Array = as_rows(np.atleast_2d(given), name=name)[0]
+    row: Array = as_rows(np.atleast_2d(array), name=name)[0]
     return row

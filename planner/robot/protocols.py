@@ -60,7 +60,7 @@ class Register(NamedTuple):
 
 
 class Packet(NamedTuple):
-    """What a frame holds.
+    """The content of a frame.
 
     Attributes:
         servo: Identifier of the servo that it is for, or from.
@@ -78,13 +78,13 @@ class ServoProtocol:
     """A protocol and the control table of servos; the subclasses have the frames.
 
     Attributes:
-        name: What users call it.
+        name: Its name for users.
         registers: By name; the same names in both protocols.
-        feedback: What one sync read fetches: registers beside one another.
+        feedback: Registers of one sync read, beside one another.
         speed_unit: Speed of a profile speed of 1 [rad/s].
         acceleration_unit: Acceleration of a profile acceleration of 1 [rad/s²].
         load_unit: Share of the largest load of a load of 1.
-        errors: By bit of an answer's error, what it means.
+        errors: Meaning of each bit of an answer's error.
         address_size: Bytes of an address.
         ticks_per_turn: Counts of the angle in a turn.
         middle: Count in the middle of the range, which is angle 0 unless one says otherwise.
@@ -112,10 +112,10 @@ class ServoProtocol:
         raise NotImplementedError
 
     def take(self, buffer: bytearray, *, answers: bool) -> Packet | None:
-        """Take the first whole packet off a buffer, and what is no packet before it.
+        """Take the first whole packet off a buffer, and any other bytes before it.
 
         Args:
-            buffer: Bytes as they came; what is left may be the beginning of a packet.
+            buffer: Bytes as they came; the rest may be the beginning of a packet.
             answers: Whether answers are expected, not instructions; others are dropped.
         """
         raise NotImplementedError
@@ -132,7 +132,7 @@ class ServoProtocol:
         return first, max(place.address + place.size for place in places) - first
 
     def error_words(self, error: int) -> str:
-        """What the error of an answer says, in words; empty for none."""
+        """The error of an answer in words; empty for none."""
         bits = [words for bit, words in self.errors.items() if error & bit]
         return " and ".join(bits + ([self.refusal(error)] if self.refusal(error) else []))
 

@@ -13,10 +13,10 @@ from planner.robot.schedule import Schedule, check_cycles
 from planner.trajectory import Array
 
 Between = Literal["hold", "linear"]
-"""What happens between two requests: the last one is held, or a straight line is followed."""
+"""Between two requests: hold the last one, or follow a straight line."""
 
 MOST_ROWS = 1_000_000
-"""Longest schedule that is made [rows]: more than two hours at a request every 8 ms."""
+"""Longest schedule [rows]: more than two hours at a request every 8 ms."""
 
 ON_TIME = 1e-6
 """A row this part of a period before a request already sends it; clocks are written rounded."""
@@ -46,7 +46,7 @@ def resampled(schedule: Schedule, rate: float, *, between: Between = "hold") -> 
     Args:
         schedule: The requests.
         rate: Rows per second [Hz].
-        between: What is sent between two requests.
+        between: Rows between two requests.
 
     Returns:
         Rows at 0, 1/rate, 2/rate ... as long as the schedule lasts.
@@ -64,8 +64,8 @@ def resampled(schedule: Schedule, rate: float, *, between: Between = "hold") -> 
     )
     places = _places(schedule, rate)
     if between == "linear":
-        known = np.arange(len(schedule.requests))
-        rows = np.column_stack([np.interp(places, known, column) for column in schedule.requests.T])
+        index = np.arange(len(schedule.requests))
+        rows = np.column_stack([np.interp(places, index, column) for column in schedule.requests.T])
     else:
         if skipped := never_sent(schedule, rate):
             raise InvalidInput(
@@ -74,17 +74,17 @@ def resampled(schedule: Schedule, rate: float, *, between: Between = "hold") -> 
                 f"as planned; plan at this rate (plan --rate-hz {rate:g}), or send what is on the "
                 "straight lines between requests (--between linear)"
             )
-        rows = schedule.requests[_held(places, len(schedule.requests))]
+        rows = schedule.requests[_index_at(places, len(schedule.requests))]
     return Schedule(schedule.names, rows, 1.0 / rate)
 
 
 def never_sent(schedule: Schedule, rate: float) -> int:
     """How many requests :func:`resampled` never sends when it holds them at this rate [Hz]."""
-    kept = _held(_places(schedule, rate), len(schedule.requests))
+    kept = _index_at(_places(schedule, rate), len(schedule.requests))
     return len(schedule.requests) - len(np.unique(kept))
 
 
-def _held(places: Array, requests: int) -> npt.NDArray[np.intp]:
+def _index_at(places: Array, requests: int) -> npt.NDArray[np.intp]:
     """Number of the request that is held at each place."""
     return np.minimum(np.floor(places + ON_TIME).astype(np.intp), requests - 1)
 
@@ -96,9 +96,9 @@ def _places(schedule: Schedule, rate: float) -> Array:
     return places
 
 
-def _check_length(rows: float, what: str, advice: str) -> None:
+def _check_length(rows: float, length: str, advice: str) -> None:
     if rows > MOST_ROWS:
         many = f"{rows:.0f}" if rows < 1e18 else "too many"
         raise InvalidInput(
-            f"{what} make {many} rows, expected at most {MOST_ROWS}; ask for {advice}"
+            f"{length} make {many} rows, expected at most {MOST_ROWS}; ask for {advice}"
         )

@@ -1,4 +1,4 @@
-"""Requests of some joints at even times: what exporters write and players send."""
+"""Requests of some joints at even times, for exporters and players."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Schedule:
 
     Attributes:
         names: The joints.
-        requests: What to send to them [rad], shape (n, k), read-only.
+        requests: Requests for them [rad], shape (n, k), read-only.
         period: Time between rows [s].
 
     Raises:

@@ -19,9 +19,9 @@ def constant(value: float | int, unit: str, source: str) -> Any:
 
 @dataclass(frozen=True, kw_only=True)
 class Constants:
-    """What the virtual robot is made of; ``docs/virtual_robot.md`` has the equations.
+    """Constants of the virtual robot; ``docs/virtual_robot.md`` has the equations.
 
-    Nothing is known of the motors of the ERS-210A. These are those of a coreless motor of a size
+    The motors of the ERS-210A are unknown. These are those of a coreless motor of a size
     that fits the leg; top speed, lag and acceleration follow from it and are set nowhere. Every
     field carries its unit and its source as metadata; a guess is marked as one.
     """
@@ -79,7 +79,7 @@ class Constants:
 
     @property
     def sensor_error(self) -> float:
-        """Standard deviation of what the sensor says [rad]: its noise and its rounding."""
+        """Standard deviation of the sensor's reading [rad]: its noise and its rounding."""
         return math.hypot(self.sensor_noise, self.count / math.sqrt(12.0))
 
     @property

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 JOINTS = ("front_left_rotator", "front_left_abductor", "front_left_knee")
 """The joints of the leg, from the hip."""
 
-OTHERS = (
+OTHER_BODIES = (
     "head",
     "tail",
     "front_right_shoulder",
@@ -27,16 +27,16 @@ OTHERS = (
 def front_leg(constants: Constants) -> mujoco.MjModel:
     """The left front leg of ``urdf/ers210a.urdf``, its body held in the air.
 
-    Links, masses, inertias and axes are those of the URDF. What a URDF does not say is added to the
-    joints: the rotor behind the gear (armature), friction, and stops beyond the limits of requests.
-    Nothing collides: the leg is in the air.
+    Links, masses, inertias and axes are those of the URDF. The joints get
+    properties that a URDF lacks: the rotor behind the gear (armature), friction, and stops beyond
+    the limits of requests. Nothing collides: the leg is in the air.
 
     Raises:
         MissingExtra: MuJoCo is not installed.
     """
     mujoco = load_mujoco()
     spec = mujoco.MjSpec.from_file(str(urdf_path("ers210a.urdf")))
-    for name in OTHERS:
+    for name in OTHER_BODIES:
         spec.delete(spec.body(name))
     # Without this MuJoCo would give the ball, which has no mass in the URDF, that of its shape.
     spec.compiler.inertiafromgeom = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_FALSE
@@ -49,7 +49,7 @@ def front_leg(constants: Constants) -> mujoco.MjModel:
 
 
 def drive_joint(joint: Any, constants: Constants) -> None:
-    """Give a joint what a URDF does not say: rotor, friction, and stops beyond its limits."""
+    """Add the properties that a URDF lacks: rotor, friction, and stops beyond its limits."""
     joint.armature = constants.armature
     joint.frictionloss = constants.coulomb_friction
     joint.damping[0] = constants.viscous_friction

@@ -1,6 +1,6 @@
 """Position servos as their makers build them: a PID loop, a motor with friction, a load.
 
-The law of :mod:`planner.model` is not used here, nor known to it. In each millisecond, with the
+The law of :mod:`planner.model` is not used here. In each millisecond, with the
 error e between the goal, as the profile lets it through, and the counted angle::
 
     duty     = clip(kp e + ki ∫e - kd w, -limit, limit), in steps of the PWM, 0 inside its dead band
@@ -35,7 +35,7 @@ AMBIENT = 25.0
 
 @dataclass(frozen=True, kw_only=True)
 class Motor:
-    """The constants of a servo and of what it carries.
+    """The constants of a servo and of its load.
 
     The defaults are a Feetech STS3215 at 7.4 V: resistance, torque constant, armature and viscous
     friction as BAM identified them, at the joint; dry friction as the elbow of an SO-101 shows it.
@@ -219,7 +219,7 @@ class Motors:
     """Servos in motion; arrays have one entry per servo.
 
     Attributes:
-        goals: What they were told [rad]; written by the caller.
+        goals: Goal positions [rad]; written by the caller.
         powered: Whether their torque is on, 0 or 1.
         gains: P, I and D, shape (n, 3).
         profiles: Top speed [rad/s] and acceleration [rad/s²] of the goal, 0 for none, shape (n, 2).
@@ -254,8 +254,8 @@ class Motors:
         """Let them run until a time since the beginning [s]."""
         steps = math.floor(until / STEP + 1e-6) - self._done
         if steps > 0:
-            given = (self.goals, self.powered, self.gains, self.profiles, self.limits, self.jammed)
-            _run(self._done, steps, self._constants, self._states, self._delayed, *given)
+            inputs = (self.goals, self.powered, self.gains, self.profiles, self.limits, self.jammed)
+            _run(self._done, steps, self._constants, self._states, self._delayed, *inputs)
             self._done += steps
 
     @property

@@ -18,13 +18,13 @@ from planner.virtual.servo import Servo, Supply
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """What was asked of the joints, and what they did; one row per request.
+    """Requests to the joints and their motion; one row per request.
 
     Attributes:
         times: When each request was made [s], shape (n,).
         requests: The requests as they were made [rad], shape (n, k).
-        sensed: What the sensors said right after each request [rad], shape (n, k).
-        angles: The true angles at these times [rad], shape (n, k), which no robot knows.
+        sensed: Readings of the sensors right after each request [rad], shape (n, k).
+        angles: The true angles at these times [rad], shape (n, k), unknown on a real robot.
     """
 
     times: Array
@@ -53,9 +53,9 @@ class VirtualRobot:
 
         Args:
             start: Requests that it has been holding [rad], shape (3,), or (1,) of a pendulum.
-            constants: What it is made of.
+            constants: Its constants.
             seed: Of the noise of supply and sensors.
-            pendulum: What a single joint carries, in place of the leg.
+            pendulum: Load of a single joint, in place of the leg.
 
         Raises:
             MissingExtra: MuJoCo is not installed.
@@ -76,7 +76,7 @@ class VirtualRobot:
         self._late = round(constants.transport_delay / constants.control_period)
         self._periods = round(constants.request_period / constants.control_period)
         self._under_way = deque([tuple(map(float, first))] * self._late)
-        self._made = 0
+        self._count = 0
 
     def play(self, requests: npt.ArrayLike) -> Recording:
         """Make one row of requests after the other; the robot goes on from where it is.
@@ -87,19 +87,19 @@ class VirtualRobot:
         Raises:
             InvalidTrajectory: Not a finite array of that shape.
         """
-        asked = np.array(requests, dtype=np.float64)
-        kept = self._requests(asked)
-        sensed, angles = np.empty_like(kept), np.empty_like(kept)
-        made = np.arange(self._made, self._made + len(kept), dtype=np.float64)
-        times = self.constants.request_period * made
-        for k, row in enumerate(kept):
+        rows = np.array(requests, dtype=np.float64)
+        clipped = self._requests(rows)
+        sensed, angles = np.empty_like(clipped), np.empty_like(clipped)
+        index = np.arange(self._count, self._count + len(clipped), dtype=np.float64)
+        times = self.constants.request_period * index
+        for k, request in enumerate(clipped):
             angles[k], sensed[k] = self._data.qpos, self.sense()
             for _ in range(self._periods):
-                self._advance(tuple(map(float, row)))
-        self._made += len(kept)
-        for array in (times, asked, sensed, angles):
+                self._advance(tuple(map(float, request)))
+        self._count += len(clipped)
+        for array in (times, rows, sensed, angles):
             array.setflags(write=False)
-        return Recording(times, asked, sensed, angles)
+        return Recording(times, rows, sensed, angles)
 
     def sense(self) -> Array:
         """The angles now, in whole counts of the sensor and with its noise [rad], shape (k,)."""

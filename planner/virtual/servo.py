@@ -27,7 +27,7 @@ class Servo:
         """A servo at rest.
 
         Args:
-            constants: What it is made of.
+            constants: Its constants.
             angle: Sensed angle and request that it rests at [rad].
         """
         self._constants = constants

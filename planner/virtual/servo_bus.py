@@ -32,17 +32,17 @@ from planner.robot.protocols import (
     Packet,
     ServoProtocol,
 )
-from planner.virtual import motors as made
+from planner.virtual import motors as catalogue
 from planner.virtual.motors import Motor, Motors, arm_of
 
 REG_WRITE, ACTION = 0x04, 0x05
-"""Instructions that only the emulator knows: write later, at the same moment."""
+"""Instructions of the emulator only: write later, at the same moment."""
 
 OVERLOADED = 2.0
 """Time at nearly full duty without motion after which a servo gives up [s]."""
 
 WATCHED = 0.02
-"""Time between two looks at what went wrong [s]."""
+"""Time between two checks for faults [s]."""
 
 HOT = 70.0
 """Temperature at which a servo switches its torque off [°C]."""
@@ -55,12 +55,12 @@ PROTECTIVE, SAGGING = 0.2, 0.3
 
 
 class Kind(NamedTuple):
-    """A kind of servo: what it speaks, what it is made of, and what its registers hold at first.
+    """A kind of servo: its protocol, its motor, and the first content of its registers.
 
     Attributes:
         protocol: Its packets and registers.
-        motor: What moves behind them.
-        registers: What they hold when the supply is switched on; the others hold 0.
+        motor: Its motor.
+        registers: Content when the supply is switched on; all other registers hold 0.
     """
 
     protocol: ServoProtocol
@@ -76,7 +76,7 @@ def _dynamixel(motor: Motor, model: int, gain: int) -> Kind:
 KINDS: Mapping[str, Kind] = {
     "sts3215": Kind(
         FEETECH,
-        made.STS3215,
+        catalogue.STS3215,
         {
             "model": 777,
             "largest_position": 4095,
@@ -85,22 +85,22 @@ KINDS: Mapping[str, Kind] = {
             "torque_limit": 1000,
         },
     ),
-    "xl430": _dynamixel(made.XL430, 1060, 800),
-    "xl330": _dynamixel(made.XL330, 1200, 400),
-    "mx-64": _dynamixel(made.MX64, 311, 850),
-    "mx-106": _dynamixel(made.MX106, 321, 850),
+    "xl430": _dynamixel(catalogue.XL430, 1060, 800),
+    "xl330": _dynamixel(catalogue.XL330, 1200, 400),
+    "mx-64": _dynamixel(catalogue.MX64, 311, 850),
+    "mx-106": _dynamixel(catalogue.MX106, 321, 850),
     "xl-320": Kind(
         XL320,
-        made.XL320,
+        catalogue.XL320,
         {"model": 350, "largest_position": 1023, "p_gain": 32, "torque_limit": 1023},
     ),
 }
-"""By name; the first of a protocol is the one that stands for it."""
+"""By name; the first of a protocol represents it."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Faults:
-    """What goes wrong, and when [s since the beginning].
+    """Faults, and their times [s since the beginning].
 
     Attributes:
         drop: Share of the packets, both ways, that are lost.
@@ -137,8 +137,8 @@ class VirtualServos:
         Args:
             count: How many.
             kind: One of :data:`KINDS`, or one's own.
-            motors: What they are made of; by default an arm of such servos.
-            faults: What goes wrong.
+            motors: Their motors; by default an arm of such servos.
+            faults: Faults of the bus.
             step: Time between two sync writes [s], where they are to be the clock; any other packet
                 takes :data:`WIRE`.
             seed: Of the lost packets.
@@ -206,7 +206,7 @@ class VirtualServos:
         return self.faults.drop > 0.0 and bool(self._random.random() < self.faults.drop)
 
     def _carry_out(self, packet: Packet) -> Iterator[bytes]:
-        """Do what an instruction says, and answer."""
+        """Carry out an instruction, and answer."""
         width, content = self.protocol.address_size, packet.content
         first = int.from_bytes(content[:width], "little")
         size = int.from_bytes(content[width : 2 * width], "little")
@@ -253,7 +253,7 @@ class VirtualServos:
         memory[register.address : register.address + register.size] = register.encode(value)
 
     def _memory(self, servo: int) -> bytearray:
-        """The memory of a servo, with what it measures now."""
+        """The memory of a servo, with its present measurements."""
         motors, k, protocol = self.motors, servo - 1, self.protocol
         for name, value in {
             "position": protocol.middle + motors.angles[k] / self._tick_angle,
@@ -296,12 +296,12 @@ class VirtualPort:
         self._time, self._waiting = servos.time, b""
 
     def write(self, content: bytes) -> None:
-        """Send bytes, and forget what was received before."""
+        """Send bytes, and discard the bytes received before."""
         self.sleep(10.0 * len(content) / self.baud_rate)
         self._waiting = self.servos.feed(content)
 
     def read(self, count: int, timeout: float) -> bytes:
-        """So many bytes, or those that came within a time [s]."""
+        """So many bytes, or fewer if a time [s] is over before."""
         received, self._waiting = self._waiting[:count], self._waiting[count:]
         self.sleep(10.0 * len(received) / self.baud_rate if len(received) == count else timeout)
         return received
