@@ -55,23 +55,23 @@ def draw(desired: np.ndarray, direct: np.ndarray, plan: planner.Inversion) -> No
 def main() -> None:
     """Identify, plan, compare, write."""
     logs = planner.read_logs(sys.argv[1]) if len(sys.argv) > 1 else [recorded()]
-    found = planner.identify(logs)
-    for warning in found.warnings:
+    result = planner.identify(logs)
+    for warning in result.warnings:
         print("warning:", warning)
-    for name, (lower, upper) in found.intervals.items():
-        print(f"{name} = {getattr(found.model, name):.4f}, from {lower:.4f} to {upper:.4f}")
-    if not found.accepted:
+    for name, (lower, upper) in result.intervals.items():
+        print(f"{name} = {getattr(result.model, name):.4f}, from {lower:.4f} to {upper:.4f}")
+    if not result.accepted:
         raise SystemExit("the model does not describe this servo: do not plan with it")
 
-    desired = desired_motion(found.model.period)
+    desired = desired_motion(result.model.period)
     limits = (np.radians(-60.0), np.radians(60.0))
-    plan = planner.invert_optimal(found.model, desired, limits=limits)
-    direct = planner.simulate(found.model, desired)
-    missed = np.degrees(np.sqrt(np.mean((direct - desired) ** 2)))
-    print(f"requesting the desired angles: {missed:.2f} deg rms")
+    plan = planner.invert_optimal(result.model, desired, limits=limits)
+    direct = planner.simulate(result.model, desired)
+    error = np.degrees(np.sqrt(np.mean((direct - desired) ** 2)))
+    print(f"requesting the desired angles: {error:.2f} deg rms")
     print(f"planned: {np.degrees(plan.rms):.2f}, at most {100 * plan.gap:.1f} % above the optimum")
 
-    times = found.model.period * np.arange(len(desired))
+    times = result.model.period * np.arange(len(desired))
     table = np.column_stack([times, np.degrees(plan.requests)])
     np.savetxt("requests.csv", table, delimiter=",", header="t_s,servo_deg", comments="")
     draw(desired, direct, plan)

@@ -11,7 +11,7 @@ import planner
 
 
 class Servos:
-    """Yours; this one only keeps what it was sent."""
+    """Yours; this one only keeps the requests."""
 
     def __init__(self) -> None:
         self.sent: list[np.ndarray] = []

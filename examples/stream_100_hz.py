@@ -2,7 +2,7 @@
 
     python examples/stream_100_hz.py
 
-Every 1.5 s somebody chooses another angle. A quintic leads there; its next 0.2 s are known. The arm
+Every 1.5 s the user chooses another angle. A quintic leads there; its next 0.2 s are known. The arm
 is a simulated servo with friction and a load (extra `mujoco`).
 """
 
@@ -55,17 +55,17 @@ class Target:
 
 
 def error(*, streamed: bool) -> float:
-    """How far the arm is from the target, sent as it is or by a stream [rad, rms]."""
+    """Error of the arm to the target, sent as it is or by a stream [rad, rms]."""
     robot = VirtualRobot(
         [0.6], constants=replace(Sts3215(), request_period=PERIOD), pendulum=Pendulum()
     )
     robot.rest(1.0, [0.6])
-    target, clock, meant, angles = Target(), [0.0], [], []
+    target, clock, desired_angles, angles = Target(), [0.0], [], []
 
     def desired(tick: int) -> np.ndarray | None:
         stretch = target.stretch(tick)
         if stretch is not None:
-            meant.append(stretch[0, 0])
+            desired_angles.append(stretch[0, 0])
         return stretch
 
     def send(requests: np.ndarray) -> None:
@@ -90,7 +90,7 @@ def error(*, streamed: bool) -> float:
     else:
         while (stretch := desired(len(angles))) is not None:
             send(stretch[0])
-    return float(np.sqrt(np.mean((np.array(angles) - meant) ** 2)))
+    return float(np.sqrt(np.mean((np.array(angles) - desired_angles) ** 2)))
 
 
 def main() -> None:

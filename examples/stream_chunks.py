@@ -2,8 +2,8 @@
 
     python examples/stream_chunks.py
 
-A made policy gives chunks of 50 actions and is asked again after 25 of them; the new chunk is not
-where the old one was. The arm is a simulated servo with friction and a load (extra `mujoco`).
+An artificial policy gives chunks of 50 actions and is called again after 25 of them; the new chunk
+differs from the old one. The arm is a simulated servo with friction and a load (extra `mujoco`).
 """
 
 from __future__ import annotations
@@ -52,13 +52,13 @@ class Policy:
         self.chunk = np.zeros((0, 1))
 
     def actions(self, tick: int) -> np.ndarray | None:
-        """What is left of the chunk in force: the actions from this tick on [rad], (m, 1)."""
+        """The rest of the chunk in force: the actions from this tick on [rad], (m, 1)."""
         if tick == ACTIONS:
             return None
         if tick % USED == 0:
             time = PERIOD * (tick + np.arange(CHUNK))
-            meant = 0.9 - 0.6 * np.cos(2.5 * time) + 0.1 * np.sin(7.0 * time)
-            self.chunk = (meant + self.random.normal(0.0, 0.02))[:, np.newaxis]
+            desired = 0.9 - 0.6 * np.cos(2.5 * time) + 0.1 * np.sin(7.0 * time)
+            self.chunk = (desired + self.random.normal(0.0, 0.02))[:, np.newaxis]
         return self.chunk[tick % USED :]
 
 
@@ -78,17 +78,17 @@ def identified() -> planner.JointModel:
 
 def run(send_actions) -> float:
     """Error of the arm to the actions [rad, rms] where this function sends the actions."""
-    policy, meant = Policy(), []
+    policy, desired = Policy(), []
 
     def actions(tick: int) -> np.ndarray | None:
         chunk = policy.actions(tick)
         if chunk is not None:
-            meant.append(chunk[0, 0])
+            desired.append(chunk[0, 0])
         return chunk
 
     arm = Arm(float(Policy().actions(0)[0, 0]))
     send_actions(arm, actions)
-    return float(np.sqrt(np.mean((np.array(arm.angles) - meant) ** 2)))
+    return float(np.sqrt(np.mean((np.array(arm.angles) - desired) ** 2)))
 
 
 def main() -> None:

@@ -50,7 +50,7 @@ def compiled(function: Callable[P, T]) -> Callable[P, T]:
     """The function, compiled at its first call.
 
     It is cached beside its file, or in the user's cache folder, until its file or one of the
-    package that this one imports changes: what they define is compiled into it.
+    package that this one imports changes: their functions are compiled into it.
     """
     folder = _cache_folder(function.__module__)
     if folder is None:
@@ -68,7 +68,7 @@ def inner(function: Callable[P, T]) -> Callable[P, T]:
     """The function, compiled in the compiled functions that call it; Python cannot call it.
 
     Numba optimises and translates a function by itself, and then once more in each function that
-    calls it, directly or not. What this one leaves out is a third of the compilation. A test that
+    calls it, directly or not. This one leaves out a third of the compilation. A test that
     calls the function compiles its ``py_func``.
     """
     options = OPTIONS | {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
@@ -86,16 +86,16 @@ class _InnerLibrary(JITCodeLibrary):
 
 
 class _InnerCompiler(Compiler):
-    """Numba's compiler, but for what callers do."""
+    """Numba's compiler, without the steps that callers repeat."""
 
     def compile_extra(self, func: Any) -> Any:
-        """Compile a function, and make it known to those that call it."""
+        """Compile a function, and register it for its callers."""
         state: Any = self.state
         compile_extra: Any = super().compile_extra
         library: Any = _InnerLibrary
         state.library = library(state.targetctx.codegen(), func.__qualname__)
         state.flags.no_compile = True
-        # Numba wants a builtin of its own for Python to call: an empty list has nothing to remove
+        # Numba needs a builtin of its own for Python to call: an empty list has nothing to remove
         result = compile_extra(func)._replace(entry_point=[].remove)
         state.targetctx.insert_user_function(result.entry_point, result.fndesc, [result.library])
         return result
@@ -128,21 +128,21 @@ def _cache_folder(module: str) -> Path | None:
 
 def _imported(module: str) -> set[str]:
     """The module and those of the package that it imports at its top, directly or not."""
-    found, left = {module}, [module]
-    while left:
-        text = Path(str(sys.modules[left.pop()].__file__)).read_text(encoding="utf-8")
+    modules, queue = {module}, [module]
+    while queue:
+        text = Path(str(sys.modules[queue.pop()].__file__)).read_text(encoding="utf-8")
         names = set(re.findall(r"^from (planner\.[\w.]+) import", text, flags=re.MULTILINE))
-        left += names - found
-        found |= names
-    return found
+        queue += names - modules
+        modules |= names
+    return modules
 
 
 class _Compilation(event.Listener):
-    """Says once on standard error that compilation takes a moment, and collects no garbage in it.
+    """Announces compilation once on standard error, and suspends garbage collection in it.
 
     Of processes that compile at the same time, such as workers and the commands of a pipe, one
-    says it: the first that locks the folder, until it ends. Garbage collection, which finds next to
-    nothing, would take an eighth of the time.
+    announces it: the first that locks the folder, until it ends. Garbage collection, which finds
+    next to nothing, would take an eighth of the time.
     """
 
     def __init__(self) -> None:

@@ -3,12 +3,12 @@
 ::
 
     PlannerError
-    ├── InvalidInput (a ValueError too)   what was given cannot be used; says what to do
+    ├── InvalidInput (a ValueError too)   an argument cannot be used; says what to do
     │   ├── InvalidModel                  a joint that cannot exist or cannot come to rest
     │   ├── InvalidTrajectory             NaN, wrong shape, too short
     │   ├── InvalidFile                   not what it should be; carries path and line
     │   ├── Infeasible                    requirements that contradict each other
-    │   └── MissingExtra                  what is asked needs a package that is not installed
+    │   └── MissingExtra                  the call needs a package that is not installed
     ├── BusError                          servos that do not answer, do not follow or report a fault
     ├── NoSteadyCycle                     a cycle that never closes; carries the mismatch
     └── SolverFailed                      a solver stopped short; carries problem and status
@@ -47,7 +47,7 @@ class PlannerError(Exception):
 
 
 class InvalidInput(PlannerError, ValueError):
-    """What was given cannot be used: the message says what, what was expected and what to do."""
+    """An argument cannot be used: the message says which, the expected value and what to do."""
 
 
 class InvalidModel(InvalidInput):
@@ -75,11 +75,11 @@ class InvalidFile(InvalidInput):
 
 
 class Infeasible(InvalidInput):
-    """No answer can meet what was asked."""
+    """No answer can meet the requirements."""
 
 
 class MissingExtra(InvalidInput):
-    """What is asked for needs a package that is not installed.
+    """The call needs a package that is not installed.
 
     Attributes:
         extra: The extra of request-planner that installs it.
@@ -121,8 +121,8 @@ class SolverFailed(PlannerError):
     """A solver stopped without an answer that can be trusted.
 
     Attributes:
-        problem: What was being solved.
-        status: The solver's own word.
+        problem: The problem being solved.
+        status: The solver's own status.
         violation: Largest violation of a constraint, in the problem's unit; None where unknown.
     """
 

@@ -178,9 +178,9 @@ class Processes(ThreadPoolExecutor):
         self._spawn = get_context("spawn")
         self._watched, self._lifeline = self._spawn.Pipe(duplex=False)
 
-    def submit(self, function: Callable[..., Any], /, *given: Any) -> Future[Any]:  # type: ignore[override]
+    def submit(self, function: Callable[..., Any], /, *args: Any) -> Future[Any]:  # type: ignore[override]
         """Run a call in the process of whichever thread is idle first."""
-        return super().submit(self._call, partial(function, *given))
+        return super().submit(self._call, partial(function, *args))
 
     def __exit__(self, *_: object) -> None:
         """End all processes, whatever they are doing."""

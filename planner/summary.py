@@ -1,4 +1,4 @@
-"""Answers in a few lines: what Python and a notebook show of them."""
+"""Answers in a few lines: as text in Python and as a table in a notebook."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ class Summary(NamedTuple):
     """A heading, and a table with a unit beside every number or title.
 
     Attributes:
-        head: What it is, in one line.
+        head: Its kind, in one line.
         columns: Titles of the columns; that of the first may be empty.
         rows: Their cells.
     """
@@ -46,7 +46,7 @@ class Summarised:
     """An answer that Python and a notebook show by its summary."""
 
     def _summarised(self) -> Summary:
-        """What is shown."""
+        """The summary."""
         raise NotImplementedError
 
     def __repr__(self) -> str:

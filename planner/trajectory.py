@@ -1,4 +1,4 @@
-"""What a trajectory is: a finite float64 array with one entry per request."""
+"""Trajectories: a finite float64 array with one entry per request."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ SAME = 1e-6
 """Relative difference of two values that are equally large to a reader."""
 
 MOST_SAMPLES = 1_000_000
-"""Longest trajectory that is read, or made from a number alone [samples]: five hours at 50 Hz. A
-plan takes some 5 kB of memory for each."""
+"""Longest trajectory that is read, or generated from a number alone [samples]: five hours at 50 Hz.
+A plan takes some 5 kB of memory for each."""
 
 TURN = 2.0 * math.pi
 """A turn [rad]."""
@@ -38,11 +38,11 @@ its motion, and of its largest angle, is in one direction."""
 def as_trajectory(
     values: npt.ArrayLike, *, name: str, minimum: int = 2, largest: float = LARGEST
 ) -> Array:
-    """Copy ``values`` into a read-only trajectory, or say why they are none.
+    """Copy ``values`` into a read-only trajectory, or raise an error that gives the reason.
 
     Args:
         values: Angles or requests [rad], shape (n,).
-        name: What to call them in an error.
+        name: Their name in an error.
         minimum: Least number of samples that is accepted.
         largest: Largest magnitude that is accepted.
 
@@ -54,25 +54,25 @@ def as_trajectory(
             that can be true.
     """
     try:
-        given = np.asarray(values)
+        array = np.asarray(values)
     except ValueError as error:
         raise InvalidTrajectory(
             f"{name}: got rows of different lengths, expected one number per request, shape (n,)"
         ) from error
-    if given.dtype.kind not in "iuf":
+    if array.dtype.kind not in "iuf":
         raise InvalidTrajectory(
-            f"{name}: got an array of {given.dtype}, expected real numbers [rad]; "
+            f"{name}: got an array of {array.dtype}, expected real numbers [rad]; "
             "convert it with numpy.asarray(..., dtype=float) and look at what fails"
         )
-    if given.ndim != 1:
+    if array.ndim != 1:
         raise InvalidTrajectory(
-            f"{name}: got shape {given.shape}, expected (n,); pass the joints one at a time"
+            f"{name}: got shape {array.shape}, expected (n,); pass the joints one at a time"
         )
-    if given.size < minimum:
-        raise InvalidTrajectory(f"{name}: got {given.size} samples, expected at least {minimum}")
+    if array.size < minimum:
+        raise InvalidTrajectory(f"{name}: got {array.size} samples, expected at least {minimum}")
     if np.ma.is_masked(values):
         raise InvalidTrajectory(f"{name}: got masked samples; remove or interpolate them first")
-    trajectory = np.array(given, dtype=np.float64)
+    trajectory = np.array(array, dtype=np.float64)
     bad = np.flatnonzero(~np.isfinite(trajectory))
     if bad.size:
         raise InvalidTrajectory(
@@ -104,7 +104,7 @@ def not_radians(angles: Array) -> bool:
 
 
 def turns_words(angle: float) -> str:
-    """What is wrong with an angle that is :func:`not_radians`, in words."""
+    """The error in an angle that is :func:`not_radians`, in words."""
     return (
         f"got {angle:g} rad, {abs(angle) / TURN:.1f} turns, expected at most {MOST_TURNS:g} for a "
         "joint that does not wind"
@@ -116,7 +116,7 @@ def check_radians(angles: Array, *, name: str) -> None:
 
     Args:
         angles: Angles or requests [rad], shape (n,).
-        name: What to call them in an error.
+        name: Their name in an error.
 
     Raises:
         InvalidTrajectory: They are beyond two turns, and the joint does not wind.
@@ -139,22 +139,22 @@ def as_rows(values: npt.ArrayLike, *, name: str) -> Array:
         InvalidTrajectory: Another shape, empty, not real numbers, not finite, or degrees.
     """
     try:
-        given = np.asarray(values)
+        array = np.asarray(values)
     except ValueError as error:
         raise InvalidTrajectory(
             f"{name}: got rows of different lengths, expected one request per joint, shape (n, k)"
         ) from error
-    if given.ndim == 1:
-        given = given[:, None]
-    if given.ndim != 2 or given.size == 0:
+    if array.ndim == 1:
+        array = array[:, None]
+    if array.ndim != 2 or array.size == 0:
         raise InvalidTrajectory(
             f"{name}: got shape {np.shape(values)}, expected (n, k), a row of requests per period"
         )
     columns = [
         as_trajectory(column, name=f"{name}, column {j}", minimum=1)
-        for j, column in enumerate(given.T)
+        for j, column in enumerate(array.T)
     ]
-    if len(given) > 1:  # a row alone is no motion
+    if len(array) > 1:  # a row alone is no motion
         for j, column in enumerate(columns):
             check_radians(column, name=f"{name}, column {j}")
     rows: Array = np.column_stack(columns)
@@ -231,7 +231,7 @@ LOST = 0.1
 
 
 def most_lost(times: Array, rows: Array, at: Array, samples: Array) -> tuple[int, float] | None:
-    """What straight lines between samples lose of a path, where that is more than ``LOST``.
+    """The loss of a path by straight lines between samples, where it exceeds ``LOST``.
 
     Args:
         times: Times of the rows of the path [s], shape (n,).

@@ -1,4 +1,4 @@
-"""Checks of what a caller passes: numbers, flags and names are as expected, or refused."""
+"""Checks of arguments: numbers, flags and names are as expected, or refused."""
 
 from __future__ import annotations
 
@@ -46,9 +46,9 @@ def as_positive(name: str, value: object, expected: str) -> float:
     """The value as a float above 0.
 
     Args:
-        name: What to call it in the error.
-        value: What was passed.
-        expected: What the error says was expected, with the unit.
+        name: Its name in the error.
+        value: The argument.
+        expected: The expected value in the error, with the unit.
 
     Raises:
         InvalidInput: It is no finite number above 0.
@@ -75,10 +75,10 @@ def as_reals(values: Any) -> Array:
     Raises:
         ValueError: They are no real numbers, or rows of different lengths.
     """
-    given = np.asarray(values)
-    if given.dtype.kind not in "iuf":
-        raise ValueError(f"got an array of {given.dtype!s:.40}, expected real numbers")
-    return np.array(given, dtype=np.float64)
+    array = np.asarray(values)
+    if array.dtype.kind not in "iuf":
+        raise ValueError(f"got an array of {array.dtype!s:.40}, expected real numbers")
+    return np.array(array, dtype=np.float64)
 
 
 def freeze(*arrays: npt.NDArray[Any] | None) -> None:

@@ -60,34 +60,34 @@ TEN_MINUTES = 75_000
 def main(arguments: Sequence[str] | None = None) -> int:
     """Measure, print, keep and compare."""
     parser = described()
-    given = parser.parse_args(arguments)
-    unknown = sorted(set(given.parts) - set(PARTS))
+    options = parser.parse_args(arguments)
+    unknown = sorted(set(options.parts) - set(PARTS))
     if unknown:
         parser.error(f"no part {', '.join(unknown)}; there are {', '.join(PARTS)}")
     try:
-        earlier = record.load(given.compare) if given.compare else None
+        earlier = record.load(options.compare) if options.compare else None
     except ValueError as error:
         parser.error(str(error))
     where = circumstances()
     print("\n".join(f"{name}: {value}" for name, value in where.items()), end="\n\n")
-    chosen = [name for name in PARTS if name in given.parts or not given.parts]
+    parts = [name for name in PARTS if name in options.parts or not options.parts]
     try:
-        tables = measured(chosen, given)
+        tables = measured(parts, options)
     except planner.MissingExtra as error:
         parser.error(str(error))
     if earlier is not None:
         print("Against", ", ".join(f"{k} {v}" for k, v in earlier["circumstances"].items()))
         for table in record.compared(tables, earlier):
             print(f"\n{table}")
-    if given.save:
-        record.save(given.save, record.as_json(where, tables))
-    if given.markdown:
-        given.markdown.write_text(record.markdown(where, tables), encoding="utf-8")
+    if options.save:
+        record.save(options.save, record.as_json(where, tables))
+    if options.markdown:
+        options.markdown.write_text(record.markdown(where, tables), encoding="utf-8")
     return 0
 
 
 def described() -> argparse.ArgumentParser:
-    """What may be asked for."""
+    """The parser of the command's arguments."""
     parser = argparse.ArgumentParser(
         prog="scripts/bench",
         description="Measure the planner, side by side with what else one could write.",
@@ -113,13 +113,13 @@ def described() -> argparse.ArgumentParser:
     return parser
 
 
-def measured(parts: Sequence[str], given: argparse.Namespace) -> list[Table]:
+def measured(parts: Sequence[str], arguments: argparse.Namespace) -> list[Table]:
     """The tables of the parts, each printed as soon as it is there."""
-    options = (QUICK if given.quick else Options())._replace(exact=given.exact)
+    options = (QUICK if arguments.quick else Options())._replace(exact=arguments.exact)
     for name in ("instances", "samples"):
-        if getattr(given, name) is not None:
-            options = options._replace(**{name: getattr(given, name)})
-    if given.long:
+        if getattr(arguments, name) is not None:
+            options = options._replace(**{name: getattr(arguments, name)})
+    if arguments.long:
         options = options._replace(lengths=(*options.lengths, TEN_MINUTES))
     tables = []
     for part in parts:

@@ -33,12 +33,12 @@ def cascaded(numbers: Array, error: float, angle: float, speed: float, memory: f
     inertia, Coulomb and viscous friction, gravity.
     """
     gain, top, by_speed, integral, stall, free, inertia, coulomb, viscous, gravity = numbers[:10]
-    asked = min(max(gain * error, -top), top) - speed
-    torque = by_speed * asked + memory
+    change = min(max(gain * error, -top), top) - speed
+    torque = by_speed * change + memory
     high = stall * min(max(1.0 - speed / free, 0.0), 1.0)
     low = -stall * min(max(1.0 + speed / free, 0.0), 1.0)
     if low < torque < high:
-        memory += integral * asked * STEP
+        memory += integral * change * STEP
     torque = min(max(torque, low), high) - gravity * math.sin(angle) - viscous * speed
     return _slowed(speed + torque * STEP / inertia, coulomb * STEP / inertia), memory
 
@@ -72,8 +72,8 @@ def hobby(numbers: Array, error: float, _: float, speed: float, memory: float) -
     Numbers: gain, top speeds up and down, dead zone, largest acceleration.
     """
     gain, up, down, zone, most = numbers[:5]
-    asked = 0.0 if abs(error) <= zone else min(max(gain * error, -down), up)
-    return speed + min(max(asked - speed, -most * STEP), most * STEP), memory
+    target = 0.0 if abs(error) <= zone else min(max(gain * error, -down), up)
+    return speed + min(max(target - speed, -most * STEP), most * STEP), memory
 
 
 @_compile
@@ -105,7 +105,7 @@ class CompiledServo:
     """A servo.
 
     Attributes:
-        name: What it is.
+        name: Its name.
         law: :func:`cascaded`, :func:`proportional` or :func:`hobby`.
         numbers: Its constants.
         delay: Before a request arrives [s].
@@ -133,7 +133,7 @@ class CompiledServo:
         return np.asarray(angles[-len(requests) :])
 
     def seen(self, angles: Array, random: np.random.Generator) -> Array:
-        """What the sensor makes of them [rad]."""
+        """The sensor's readings of the angles [rad]."""
         count, noise = SEEN
         rows = angles + noise * random.standard_normal(np.shape(angles))
         return np.asarray(count * np.round(rows / count))

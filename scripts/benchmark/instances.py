@@ -1,4 +1,4 @@
-"""What is measured on: the instances of the tests, by name and seed."""
+"""Instances of the benchmark: those of the tests, by name and seed."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ FREE = (-math.inf, math.inf)
 
 
 class Instance(NamedTuple):
-    """A joint, what it should do, and between which requests."""
+    """A joint, its desired angles and its limits."""
 
     name: str
     model: planner.JointModel

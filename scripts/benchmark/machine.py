@@ -1,4 +1,4 @@
-"""On what it was measured: versions and machine."""
+"""Circumstances of a measurement: versions and machine."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ OPTIONAL = ("pyscipopt", "pwlf", "ruptures")
 
 def circumstances() -> dict[str, str]:
     """Date, machine and versions."""
-    found = {name: _version(name) for name in (*PACKAGES, *OPTIONAL)}
+    versions = {name: _version(name) for name in (*PACKAGES, *OPTIONAL)}
     return {
         "date": date.today().isoformat(),
         "machine": f"{_processor()}, {os.cpu_count()} cores, {platform.system()}",
         "BLAS threads": os.environ.get("OPENBLAS_NUM_THREADS", "as it comes"),
         "Python": platform.python_version(),
-        **{name: version for name, version in found.items() if version},
+        **{name: version for name, version in versions.items() if version},
     }
 
 

@@ -17,7 +17,7 @@ class MadeJoint:
     """A :class:`planner.JointModel` with gravity, whose sensor has noise and steps.
 
     Attributes:
-        model: What the joint truly is.
+        model: The true model of the joint.
         gravity: Torque at 90 degrees [N m], as of a pendulum that hangs at 0.
         noise: Standard deviation of the sensor's noise [rad].
         count: Step of the sensor [rad]; 0 for none.
@@ -38,7 +38,7 @@ class MadeJoint:
         self._random = np.random.default_rng(self.seed)
 
     def angles(self, requests: Array) -> Array:
-        """What the joint does [rad], (n,): its load is that of its own angles."""
+        """True angles [rad], (n,): the load is that of these angles."""
         answer, load = None, np.zeros(len(requests))
         for _ in range(30 if self.gravity and self.model.feels_load else 1):
             before = answer
@@ -49,7 +49,7 @@ class MadeJoint:
         return answer
 
     def play(self, requests: Array, cycles: int = 1) -> tuple[Array, Array]:
-        """True angles (n,) and what the sensor says of several cycles (cycles, n) [rad]."""
+        """True angles (n,) and the sensor's readings of several cycles (cycles, n) [rad]."""
         true = self.angles(requests)
         seen = np.roll(true, self.late) if self.cyclic else true[self._before(len(true))]
         seen = seen + self.noise * self._random.standard_normal((cycles, len(true)))
@@ -60,7 +60,7 @@ class MadeJoint:
 
 
 def random_joint(seed: int, *, spread: float = 0.3) -> MadeJoint:
-    """A joint whose parameters are within a spread of the ERS-210A's, with what it lacks.
+    """A joint with parameters within a spread of the ERS-210A's, and effects that its model lacks.
 
     Top speed, threshold, lag and acceleration time are scaled by up to ``spread`` either way; dry
     friction up to 1 degree, top speeds that differ by up to a tenth, a sag of up to 2 degrees, up
@@ -149,7 +149,7 @@ class Servo:
         return true, seen
 
     def log(self, requests: Array) -> planner.Log:
-        """What is recorded of requests once, from rest at the first."""
+        """Log of requests, executed once from rest at the first."""
         self.rest(float(requests[0]))
         _, seen = self.play(requests, settle=0)
         return planner.Log(
@@ -166,11 +166,11 @@ class Servo:
         return angles
 
     def _advance(self, request: float) -> None:
-        seen = self._angle
+        sensed = self._angle
         if self.count:
-            seen = self.count * round(seen / self.count)
-        asked = min(max(self.position_gain * (request - seen), -self.top_speed), self.top_speed)
-        error = asked - self._speed
+            sensed = self.count * round(sensed / self.count)
+        target = min(max(self.position_gain * (request - sensed), -self.top_speed), self.top_speed)
+        error = target - self._speed
         torque = self.speed_gain * error + self._sum - self.derivative * self._speed
         high = self.stall * min(max(1.0 - self._speed / self.free_speed, 0.0), 1.0)
         low = -self.stall * min(max(1.0 + self._speed / self.free_speed, 0.0), 1.0)

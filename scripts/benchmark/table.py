@@ -12,8 +12,8 @@ class Table:
     """Rows of numbers under a heading each.
 
     Attributes:
-        title: What is measured.
-        columns: What each number is, with its unit.
+        title: Title of the table.
+        columns: Meaning of each number, with its unit.
         note: How it was measured.
         rows: Numbers by name; nan where there is none.
         stub: Heading of the names.

@@ -11,12 +11,12 @@ Answer = TypeVar("Answer")
 
 
 def timed(call: Callable[[], Answer]) -> tuple[Answer, float]:
-    """What the call gives back, and its time [s]."""
+    """The result of the call, and its time [s]."""
     began = perf_counter()
     answer = call()
     return answer, perf_counter() - began
 
 
 def median_time(call: Callable[[], object], repeats: int) -> float:
-    """Median time of several calls [s]; what makes the first one longer is the caller's affair."""
+    """Median time of several calls [s]; the caller has to warm up."""
     return median(timed(call)[1] for _ in range(repeats))

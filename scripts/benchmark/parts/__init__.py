@@ -1,4 +1,4 @@
-"""What can be measured, each part a function from its options to tables."""
+"""Parts of the benchmark, each a function from its options to tables."""
 
 from __future__ import annotations
 

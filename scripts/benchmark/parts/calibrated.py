@@ -1,4 +1,4 @@
-"""Kinds of servos, calibrated on a bus as users do, and what the recommendation is worth."""
+"""Kinds of servos, calibrated on a bus as users do, and the gain of the recommendation."""
 
 from __future__ import annotations
 
@@ -55,13 +55,13 @@ HOBBY = Kind(
 """A hobby servo of 20 kg cm and 0.16 s for 60 degrees at 6 V, as data sheets of such give them: an
 8-bit PWM with a dead band, a pulse every 20 ms, a potentiometer at a converter of ten bits."""
 
-SHOWN = {
+SERVOS = {
     **{name: KINDS[name] for name in ("mx-64", "mx-106", "xl330", "xl-320", "sts3215", "xl430")},
     "hobby": HOBBY,
 }
 
 RATE, DURATION = 100.0, 60.0
-"""Of the requests [Hz], and of the excitation [s]: what calibrate does by default."""
+"""Of the requests [Hz], and of the excitation [s]: the defaults of calibrate."""
 
 REACH = math.radians(60.0)
 """Range either way [rad]: the motions reach 40 degrees, and sag asks for more."""
@@ -74,19 +74,19 @@ FINER = np.arange(-0.016, 0.017, 0.004)
 """Leads among which the best time shift is sought on the servo itself [s], then about the best."""
 
 FAIR = 0.3
-"""Share by which the error that is told may be off the one that is met."""
+"""Relative difference allowed between the expected and the measured error."""
 
 
 class Joint(NamedTuple):
     """A calibrated joint.
 
     Attributes:
-        found: What calibration found.
+        calibration: Result of the calibration.
         limits: Least and largest request [rad].
         play: Plays cycles of requests [rad], (n,), and returns the measured angles, (cycles n,).
     """
 
-    found: Compared
+    calibration: Compared
     limits: tuple[float, float]
     play: Callable[[Array, int], Array]
 
@@ -104,18 +104,18 @@ def measure(_: Options) -> list[Table]:
         "Recommended: its error over that. Told: error to expect of the plan over that met.",
         stub="kind, way: motion",
     )
-    shares, told = [], []
-    for name, kind in SHOWN.items():
+    shares, ratios = [], []
+    for name, kind in SERVOS.items():
         with TemporaryDirectory() as folder:
             joint = calibrated(kind, Path(folder))
             for motion, row in rows_of(joint):
-                way = joint.found.recommended.way
+                way = joint.calibration.recommended.way
                 table.add(f"{name}, {way}: {motion}", *row)
                 shares.append(row[2])
-                told.append(row[3])
-    near = np.mean([abs(each - 1.0) <= FAIR for each in told if math.isfinite(each)])
+                ratios.append(row[3])
+    fair = np.mean([abs(each - 1.0) <= FAIR for each in ratios if math.isfinite(each)])
     table.note += (
-        f" The median is {np.median(shares):.2f}, the largest {max(shares):.2f}; in {near:.0%} of "
+        f" The median is {np.median(shares):.2f}, the largest {max(shares):.2f}; in {fair:.0%} of "
         f"the rows the error is told within {FAIR:.0%}."
     )
     return [table, loops()]
@@ -142,7 +142,7 @@ def loops() -> Table:
         command = [sys.executable, "-P", "-c", SERVED, "virtual-bus", "--kind", kind]
         with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as served:
             try:
-                assert served.stdout is not None, "a pipe was asked for"
+                assert served.stdout is not None, "it is a pipe"
                 port = SerialPort(served.stdout.readline().strip(), 1_000_000)
                 table.add(name, *_loop(port, name))
                 port.close()
@@ -164,10 +164,10 @@ def _loop(port: SerialPort, protocol: str) -> tuple[float, ...]:
         arm.perform(rows[:1], period=1.0 / RATE)  # to where it begins
         begin = time.process_time()
         played = arm.perform(rows, period=1.0 / RATE)
-        spent = time.process_time() - begin
+        seconds = time.process_time() - begin
     lost = 100.0 * arm.bus.lost / arm.bus.asked
     late = 1e3 * played.mean_lateness, 1e3 * played.latest
-    return 1e3 * spent / count, *late, float(played.skipped), lost
+    return 1e3 * seconds / count, *late, float(played.skipped), lost
 
 
 def calibrated(kind: Kind, folder: Path) -> Joint:
@@ -196,13 +196,13 @@ def calibrated(kind: Kind, folder: Path) -> Joint:
     with arm.powered():
         requests = excitation(arm, "joint", period=period, duration=DURATION)
         log = move(arm, "joint", requests, period=period, log=folder / "log.csv")
-        found = compare(identify(log), limits, measured)
-    return Joint(found, limits, play)
+        calibration = compare(identify(log), limits, measured)
+    return Joint(calibration, limits, play)
 
 
 def rows_of(joint: Joint) -> Iterator[tuple[str, tuple[float, ...]]]:
     """Errors on each motion: direct and best shift [deg], recommended over shift, told over met."""
-    model = joint.found.model
+    model = joint.calibration.model
     for name, path in motions(model.period).items():
 
         def error(requests: Array, path: Array = path) -> float:
@@ -222,7 +222,7 @@ def rows_of(joint: Joint) -> Iterator[tuple[str, tuple[float, ...]]]:
 
 def planned(joint: Joint, path: Array) -> tuple[Array, float]:
     """Requests for a cycle in the recommended way, and the error to expect [rad]."""
-    model, way = joint.found.model, joint.found.recommended.way
+    model, way = joint.calibration.model, joint.calibration.recommended.way
     if way == "direct":
         return path, math.nan
     if way == "shift":

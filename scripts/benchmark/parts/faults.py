@@ -79,21 +79,21 @@ def measure(options: Options) -> list[Table]:
 
 
 def case(command: str, fault: str, seed: int) -> tuple[bool, bool, bool, bool]:
-    """What was wrong with one case: message, status, log and torque."""
-    for left in (*Path().glob("*.part"), *Path().glob("*_logs/*.part"), *Path().glob("log.csv")):
-        left.unlink()
+    """Whether message, status, log and torque of one case are wrong."""
+    for file in (*Path().glob("*.part"), *Path().glob("*_logs/*.part"), *Path().glob("log.csv")):
+        file.unlink()
     random = np.random.default_rng(seed)
     arguments, duration = COMMANDS[command]
     moment = duration * float(random.random())
     servos, interrupted = list[Interrupted](), fault == "Ctrl-C"
 
-    def made(*given: Any, **options: Any) -> Interrupted:
+    def create(*args: Any, **options: Any) -> Interrupted:
         faults = Faults(**FAULTS[fault](moment))
-        servos.append(Interrupted(*given, faults=faults, seed=seed, **options))
+        servos.append(Interrupted(*args, faults=faults, seed=seed, **options))
         servos[-1].interruption = moment if interrupted else float("inf")
         return servos[-1]
 
-    with patch.object(servo_bus, "VirtualServos", made):
+    with patch.object(servo_bus, "VirtualServos", create):
         result = CliRunner().invoke(cli, ["-q", *arguments])
     (bus,) = servos
     since = bus.time - moment if bus.interrupted or not interrupted else -1.0
@@ -120,7 +120,7 @@ class Interrupted(VirtualServos):
 
 
 def in_one_line(result: Result) -> bool:
-    """Whether a failure was said in one line; success may come with warnings."""
+    """Whether a failure was reported in one line; success may come with warnings."""
     lines = result.stderr.splitlines()
     clear = all(line.startswith("request-planner: ") for line in lines)
     return clear if result.exit_code == 0 else clear and len(lines) == 1
@@ -130,9 +130,9 @@ def right_status(result: Result, command: str, fault: str, since: float) -> bool
     """Whether a fault ended the command in good time, and nothing else did.
 
     Args:
-        result: What the command answered.
+        result: Result of the command.
         command: Its name.
-        fault: What went wrong.
+        fault: The fault.
         since: For how long the command went on afterwards [s]; negative where it had ended before.
     """
     harmless = fault.startswith("5 %") or (command == "record" and fault == "servo stalls")

@@ -1,4 +1,4 @@
-"""Piecewise-linear approximation: time against length, and beside what else there is."""
+"""Piecewise-linear approximation: time against length, and beside its rivals."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def measure(options: Options) -> list[Table]:
         beside(options),
         speed(options),
         loose(options),
-        known(options),
+        known_curves(options),
     ]
 
 
@@ -123,13 +123,13 @@ def series(samples: int) -> dict[str, np.ndarray]:
         for waves in rng.integers(1, 2 + samples // 40, size=4)
     )
     walk = np.cumsum(rng.normal(size=samples))
-    made = {
+    shapes = {
         "sines": np.asarray(sines),
         "noise": rng.normal(size=samples),
         "random walk": walk - walk[-1] * turn,
         "chirp": np.sin(0.25 * np.pi * samples * turn * (1.0 - turn)),
     }
-    return {kind: desired / np.ptp(desired) for kind, desired in made.items()}
+    return {kind: desired / np.ptp(desired) for kind, desired in shapes.items()}
 
 
 def ours(instance: Instance, *, faster: float = 1.0, **choice: Any) -> Any:
@@ -175,9 +175,9 @@ def speed(options: Options) -> Table:
     table = Table(
         "Approximation, fit_pwl and pwlf.fit by number of segments",
         tuple(
-            f"{instance.name}, {what}"
+            f"{instance.name}, {figure}"
             for instance in reference()
-            for what in ("ms", "pwlf over it")
+            for figure in ("ms", "pwlf over it")
         ),
         note=f"The reference joints' cycle, slopes bounded in fit_pwl.{left_out()}",
         stub="segments",
@@ -193,8 +193,8 @@ def speed(options: Options) -> Table:
     return table
 
 
-def known(options: Options) -> Table:
-    """Requests from curves that are known already, many at once."""
+def known_curves(options: Options) -> Table:
+    """Requests from curves, many at once."""
     table = Table(
         "Closed form of known curves, microseconds per cycle",
         tuple(f"rule {rule!r}" for rule in RULES),

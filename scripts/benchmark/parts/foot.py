@@ -76,15 +76,15 @@ def bounds(samples: int) -> Table:
 def tasks(samples: int) -> list[Task]:
     """The reference walk and the ERS-210A's four legs on the half ellipse of their end."""
     walk = planner.reference_walk()
-    found = [Task("reference walk", walk.leg, walk.desired_foot, walk.desired)]
+    legs = [Task("reference walk", walk.leg, walk.desired_foot, walk.desired)]
     for end, ellipse in (("front", {}), ("hind", HIND)):
         path = planner.half_ellipse(samples=samples, **ellipse)
         for side, outward in (("left", 1.0), ("right", -1.0)):
             leg = Leg.from_urdf(urdf_path("ers210a.urdf"), base="body", foot=f"{end}_{side}_ball")
             ellipse_in_body = hip(leg) + path * (1.0, outward, 1.0)
             angles = leg.joint_angles(ellipse_in_body, unreachable="nearest")
-            found.append(Task(f"{end} {side}", leg, leg.foot_positions(angles), angles))
-    return found
+            legs.append(Task(f"{end} {side}", leg, leg.foot_positions(angles), angles))
+    return legs
 
 
 def hip(leg: Leg) -> Array:

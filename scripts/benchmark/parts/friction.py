@@ -54,11 +54,11 @@ MOTIONS: Mapping[str, tuple[float, Callable[[Array], Array]]] = {
 
 
 class Rig(NamedTuple):
-    """A virtual servo with a pendulum, and what is known of its load.
+    """A virtual servo with a pendulum, and the description of its load.
 
     Attributes:
-        pendulum: What it carries.
-        constants: What the servo is made of.
+        pendulum: Its load.
+        constants: Constants of the servo.
         leg: The pendulum's description, for its load.
     """
 
@@ -79,13 +79,13 @@ class Rig(NamedTuple):
         return recording.sensed[-last:, 0], recording.angles[-last:, 0]
 
 
-class Known(NamedTuple):
-    """What one log says of the joint.
+class Models(NamedTuple):
+    """Models of the joint from one log.
 
     Attributes:
         four: The paper's four numbers and a static offset.
-        friction: What is found where the load is not recorded.
-        all: What is found with it.
+        friction: Model without recorded load.
+        all: Model with recorded load.
     """
 
     four: planner.JointModel
@@ -94,9 +94,9 @@ class Known(NamedTuple):
 
 
 class Answers(NamedTuple):
-    """What the joint does in the last cycle [rad], shape (n,), by what is sent.
+    """Angles of the joint in the last cycle [rad], shape (n,), by method.
 
-    ``told`` is the error to expect that the plan with all terms tells beforehand [rad], rms.
+    ``expected`` is the expected error of the plan with all terms [rad], rms.
     """
 
     desired: Array
@@ -105,14 +105,14 @@ class Answers(NamedTuple):
     four: Array
     friction: Array
     all: Array
-    told: float
+    expected: float
 
 
 def measure(options: Options) -> list[Table]:  # noqa: ARG001
-    """Errors on the virtual servo by motion and by what the plan knows."""
+    """Errors on the virtual servo by motion and by the plan's model."""
     with TemporaryDirectory() as folder:
-        rig = made(Path(folder))
-        found = known(rig)
+        rig = make_rig(Path(folder))
+        models = fit_models(rig)
     table = Table(
         "Plans for a virtual servo with friction and a load",
         (
@@ -130,9 +130,9 @@ def measure(options: Options) -> list[Table]:  # noqa: ARG001
         stub="motion",
     )
     for name in MOTIONS:
-        answers = play(rig, name, found)
+        answers = play(rig, name, models)
         errors = [1e3 * rms(each - answers.desired) for each in answers[1:-1]]
-        table.add(name, *errors, 100.0 * errors[-1] / errors[2], 1e3 * answers.told)
+        table.add(name, *errors, 100.0 * errors[-1] / errors[2], 1e3 * answers.expected)
     return [table, between_loads()]
 
 
@@ -143,7 +143,7 @@ def between_loads() -> Table:
     logs = []
     for mass in MASSES:
         with TemporaryDirectory() as folder:
-            rig = made(Path(folder), Pendulum(mass=mass))
+            rig = make_rig(Path(folder), Pendulum(mass=mass))
             sensed, _ = rig.execute(requests)
             load = rig.load(sensed)
         logs.append(planner.Log(times=times, requests=requests, angles=sensed, load=load))
@@ -167,7 +167,7 @@ def between_loads() -> Table:
     return table
 
 
-def made(folder: Path, pendulum: Pendulum | None = None) -> Rig:
+def make_rig(folder: Path, pendulum: Pendulum | None = None) -> Rig:
     """The servo, its pendulum and its description in a folder."""
     pendulum = pendulum or Pendulum()
     (folder / "pendulum.urdf").write_text(pendulum.urdf(), encoding="utf-8")
@@ -175,8 +175,8 @@ def made(folder: Path, pendulum: Pendulum | None = None) -> Rig:
     return Rig(pendulum, Sts3215(), leg)
 
 
-def known(rig: Rig) -> Known:
-    """The models that a log of the servo leads to."""
+def fit_models(rig: Rig) -> Models:
+    """The models fitted to a log of the servo."""
     requests = excitation()
     sensed, _ = rig.execute(requests)
     times = PERIOD * np.arange(len(requests))
@@ -189,7 +189,7 @@ def known(rig: Rig) -> Known:
     four = fit.parameters.model(tick=timing.tick, hold=timing.hold)
     unloaded = planner.identify(log)
     loaded = planner.identify(replace(log, load=rig.load(sensed)))
-    return Known(four, unloaded.model, loaded.model)
+    return Models(four, unloaded.model, loaded.model)
 
 
 def excitation() -> Array:
@@ -206,7 +206,7 @@ def excitation() -> Array:
     return np.concatenate(pieces)
 
 
-def play(rig: Rig, name: str, found: Known) -> Answers:
+def play(rig: Rig, name: str, models: Models) -> Answers:
     """Execute the plans of a motion, the desired angles, and these early."""
     length, motion = MOTIONS[name]
     count = round(length / PERIOD)
@@ -215,10 +215,10 @@ def play(rig: Rig, name: str, found: Known) -> Answers:
     leads = [np.roll(direct, -lead) for lead in range(count)]
     shift = min(leads, key=lambda early: rms(early - desired))
     executed = []
-    for model in (found.four, found.friction, found.all):
+    for model in (models.four, models.friction, models.all):
         plan = planner.plan(model, desired, load=rig.leg.load_torques)
         executed.append(rig.execute(plan.requests[:, 0], CYCLES)[1])
-    return Answers(desired, direct, shift, *executed, told=float(plan.expected_rms[0]))
+    return Answers(desired, direct, shift, *executed, expected=float(plan.expected_rms[0]))
 
 
 def rms(errors: Array) -> float:
@@ -227,14 +227,14 @@ def rms(errors: Array) -> float:
 
 
 def draw(file: Path) -> None:
-    """The picture of ``docs/friction.md``: one motion, by what the plan knows."""
+    """The picture of ``docs/friction.md``: one motion, by the plan's model."""
     import matplotlib.pyplot as plt
 
     with TemporaryDirectory() as folder:
-        rig = made(Path(folder))
-    answers = play(rig, "pick and place", known(rig))
+        rig = make_rig(Path(folder))
+    answers = play(rig, "pick and place", fit_models(rig))
     times = PERIOD * np.arange(len(answers.desired))
-    shown = {
+    curves = {
         "desired angles sent": (answers.direct, "#8a4b9f"),
         "plan, four numbers": (answers.four, "#c25d00"),
         "plan, friction and load": (answers.all, "#0067a8"),
@@ -243,7 +243,7 @@ def draw(file: Path) -> None:
         2, figsize=(7.5, 5.0), sharex=True, layout="constrained", height_ratios=(3, 2)
     )
     above.plot(times, np.degrees(answers.desired), color="#15181c", ls="--", label="desired")
-    for name, (angles, colour) in shown.items():
+    for name, (angles, colour) in curves.items():
         above.plot(times, np.degrees(angles), color=colour, label=name)
         if angles is not answers.direct:
             below.plot(times, np.degrees(angles - answers.desired), color=colour)

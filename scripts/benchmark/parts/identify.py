@@ -20,7 +20,7 @@ from planner.identification.terms import backlash_of, with_motor, with_terms
 from tests.identification.made import random_servo
 
 SEEDS = 10
-"""Repetitions for each instance that is asked for."""
+"""Repetitions for each requested instance."""
 
 AMPLITUDES = (30.0, 90.0), (40.0, 110.0), (30.0,)
 """Step tests [deg]; the second pair is the paper's."""
@@ -43,7 +43,7 @@ PENDULUMS = {
 
 
 def measure(options: Options) -> list[Table]:
-    """Made logs, and the recordings where they are."""
+    """Simulated logs, and the recordings where they are available."""
     seeds = SEEDS * options.instances
     tables = [coverage(seeds), friction(seeds), servos(2 * options.instances)]
     folder = os.environ.get("REQUEST_PLANNER_RECORDINGS", "")
@@ -72,14 +72,15 @@ def coverage(seeds: int) -> Table:
     }
     for amplitudes in AMPLITUDES:
         began = time.process_time()
-        found = [
-            planner.identify(made(truth, amplitudes, seed), hold_out=False) for seed in range(seeds)
+        results = [
+            planner.identify(step_logs(truth, amplitudes, seed), hold_out=False)
+            for seed in range(seeds)
         ]
         seconds = (time.process_time() - began) / seeds
         for name, unit in units.items():
             true = getattr(truth, name)
-            errors = np.array([getattr(one.model, name) - true for one in found]) / unit
-            bounds = [one.intervals[name] for one in found]
+            errors = np.array([getattr(result.model, name) - true for result in results]) / unit
+            bounds = [result.intervals[name] for result in results]
             table.add(
                 f"{' and '.join(f'{a:g}' for a in amplitudes)} deg: {name}",
                 100.0 * float(np.mean([low <= true <= high for low, high in bounds])),
@@ -102,15 +103,17 @@ def friction(seeds: int) -> Table:
     )
     for degrees in (1.0, 2.0, 4.0):
         truth = replace(planner.JointModel.ers210a(), dead_band=math.radians(degrees))
-        found = [planner.identify(sticky_log(truth, seed), hold_out=False) for seed in range(seeds)]
-        kept = np.array([one.model.dead_band > 0.0 for one in found])
-        errors = np.array([one.model.dead_band for one in found]) / truth.dead_band - 1.0
-        ends = np.array([one.intervals.get("dead_band", (0.0, 0.0)) for one in found])
-        held = (ends[:, 0] <= truth.dead_band) & (truth.dead_band <= ends[:, 1])
+        results = [
+            planner.identify(sticky_log(truth, seed), hold_out=False) for seed in range(seeds)
+        ]
+        kept = np.array([result.model.dead_band > 0.0 for result in results])
+        errors = np.array([result.model.dead_band for result in results]) / truth.dead_band - 1.0
+        ends = np.array([result.intervals.get("dead_band", (0.0, 0.0)) for result in results])
+        inside = (ends[:, 0] <= truth.dead_band) & (truth.dead_band <= ends[:, 1])
         table.add(
             f"{degrees:g}",
             100.0 * float(np.mean(kept)),
-            100.0 * float(np.mean(held)),
+            100.0 * float(np.mean(inside)),
             100.0 * float(np.sqrt(np.mean(errors**2))),
             100.0 * float(np.max(np.abs(errors))),
             50.0 * float(np.median(ends[:, 1] - ends[:, 0])) / truth.dead_band,
@@ -119,7 +122,7 @@ def friction(seeds: int) -> Table:
 
 
 def servos(seeds: int) -> Table:
-    """One row for each thing that a servo has besides a time constant and friction."""
+    """One row for each property of a servo besides a time constant and friction."""
     table = Table(
         "Backlash and acceleration limits in logs of servos, made",
         ("backlash, %", "acceleration limit, %", "median error of its size, %", "time, s"),
@@ -140,23 +143,23 @@ def servos(seeds: int) -> Table:
         ),
         "an acceleration limit": ("most", 15.0, 60.0, {"kinds": ("steps", "mixed")}),
     }
-    for name, (defect, least, most, asked) in kinds.items():
+    for name, (defect, least, most, settings) in kinds.items():
         sizes: dict[str, list[float]] = {"play": [], "most": []}
         errors = []
         seconds = 0.0
         for seed in range(seeds):
             size = float(np.random.default_rng([seed, 1]).uniform(least, most))
-            log = random_servo(seed, **({defect: size} if defect else {}), **asked)
+            log = random_servo(seed, **({defect: size} if defect else {}), **settings)
             began = time.process_time()
             fit, terms = with_terms(*fit_joint([log], timing_of([log], tick=None, hold=None)))
             fit, _ = with_motor(fit, terms)
             backlash = backlash_of(with_observed_speed(fit))
             seconds += (time.process_time() - began) / seeds
             limit = fit.parameters.max_acceleration(fit.grid.tick)
-            found = {"play": [backlash.size] if backlash else []}
-            found["most"] = [limit] if math.isfinite(limit) else []
-            errors += [abs(each / size - 1.0) for each in found.get(defect, [])]
-            for kind, values in found.items():
+            estimates = {"play": [backlash.size] if backlash else []}
+            estimates["most"] = [limit] if math.isfinite(limit) else []
+            errors += [abs(each / size - 1.0) for each in estimates.get(defect, [])]
+            for kind, values in estimates.items():
                 sizes[kind] += values
         table.add(
             name,
@@ -181,7 +184,9 @@ def sticky_log(model: planner.JointModel, seed: int) -> planner.Log:
     )
 
 
-def made(model: planner.JointModel, amplitudes: tuple[float, ...], seed: int) -> list[planner.Log]:
+def step_logs(
+    model: planner.JointModel, amplitudes: tuple[float, ...], seed: int
+) -> list[planner.Log]:
     """Step tests as a noisy sensor of finite resolution reports them."""
     rng = np.random.default_rng(seed)
     logs = []
@@ -211,19 +216,19 @@ def recordings(folder: Path) -> Table:
     )
     for name, logs in recorded(folder).items():
         began = time.process_time()
-        found = planner.identify(logs)
+        result = planner.identify(logs)
         seconds = time.process_time() - began
-        others = [other.held_out_rms or math.nan for other in found.alternatives]
-        held = found.held_out_rms or math.nan
-        share = 100.0 * held / found.signal
-        table.add(name, *others, held, share, found.rms, float(found.accepted), seconds)
+        errors = [alternative.held_out_rms or math.nan for alternative in result.alternatives]
+        error = result.held_out_rms or math.nan
+        share = 100.0 * error / result.signal
+        table.add(name, *errors, error, share, result.rms, float(result.accepted), seconds)
     return table
 
 
 def recorded(folder: Path) -> dict[str, list[planner.Log]]:
     """The recordings by name."""
     table = np.genfromtxt(folder / "so101" / "prbs_excitation.csv", delimiter=",", names=True)
-    found = {
+    logs = {
         f"so101, {joint}": [
             planner.Log(
                 times=table["t_s"], requests=table[f"req_{joint}"], angles=table[f"act_{joint}"]
@@ -234,7 +239,7 @@ def recorded(folder: Path) -> dict[str, list[planner.Log]]:
     for name, (servo, motions, gain) in PENDULUMS.items():
         paths = [folder / servo / f"{servo}_kp{gain}_{motion}.csv" for motion in motions]
         runs = [np.genfromtxt(path, delimiter=",", names=True) for path in paths]
-        found[name] = [
+        logs[name] = [
             planner.Log(
                 times=run["t_s"],
                 requests=run["req_rad"],
@@ -243,4 +248,4 @@ def recorded(folder: Path) -> dict[str, list[planner.Log]]:
             )
             for run in runs
         ]
-    return found
+    return logs

@@ -1,4 +1,4 @@
-"""Side by side with what else one could write, on the same instances from the same start."""
+"""Side by side with rival methods, on the same instances from the same start."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def build_ours(
     solver: Literal["gauss-newton", "ipopt"] = "gauss-newton",
     smoothness: float | None = 0.0,
 ) -> Solve:
-    """The optimised inversion, which builds what it needs when it solves."""
+    """The optimised inversion, which builds its problem when it solves."""
     del samples
 
     def solve(desired: Array, limits: tuple[float, float], start: Array) -> Array:
@@ -53,7 +53,7 @@ PLAINLY_STARTED = "IPOPT as a user writes it"
 
 
 class Result(NamedTuple):
-    """What a method made of an instance."""
+    """Result of a method on an instance."""
 
     rms: float  # of the exact model [rad]
     first: float  # time of construction and first solve [s]
@@ -81,7 +81,7 @@ def measure(options: Options) -> list[Table]:
 
 def compare(instance: Instance, number: int, *, repeats: int) -> dict[str, Result]:
     """Every method on one instance, the ``number``-th."""
-    # A joint that nobody has seen, so that the first solve of each method is one.
+    # A new joint, so that the first solve of each method is one.
     model = replace(instance.model, v_max=instance.model.v_max * (1.0 + number * 2.0**-48))
     refined, plain = closed_form(model, instance), papers(model, instance)
     results = {}
@@ -147,11 +147,11 @@ def summary(results: Sequence[dict[str, Result]]) -> Table:
     for name in METHODS:
         own = [result[name] for result in results]
         ratios = [result[name].again / result[OURS].again for result in results]
-        others = [
-            min(other.rms for method, other in result.items() if method != name)
+        rivals = [
+            min(rival.rms for method, rival in result.items() if method != name)
             for result in results
         ]
-        excess = [over(r.rms, best) for r, best in zip(own, others, strict=True)]
+        excess = [over(r.rms, best) for r, best in zip(own, rivals, strict=True)]
         table.add(
             name,
             1e3 * float(np.median([result.first for result in own])),
@@ -188,5 +188,5 @@ def each(instances: Sequence[Instance], results: Sequence[dict[str, Result]]) ->
 
 
 def over(rms: float, best: float) -> float:
-    """Excess over the best [%], to the digit that says something."""
+    """Excess over the best [%], to its last significant digit."""
     return round(100.0 * (rms / best - 1.0), 3) + 0.0

@@ -15,7 +15,7 @@ from benchmark.table import Table
 from planner.trajectory import Array
 
 TRIALS = 10
-"""Trials of each: the first is the plan, the others have learnt."""
+"""Trials of each: the first is the plan, the rest are learnt."""
 
 EARLY = 5
 """Trials that have learnt, after which the error is compared with the floor."""
@@ -65,12 +65,12 @@ def measure(options: Options) -> list[Table]:
         ),
         stub="plants",
     )
-    for name, one in (
+    for name, play in (
         ("joints, models identified anew", lambda seed: joint(seed, reidentify=True)),
         ("joints, one model", lambda seed: joint(seed, reidentify=False)),
         ("servos from physics", servo),
     ):
-        add(table, name, [one(seed) for seed in range(options.instances)])
+        add(table, name, [play(seed) for seed in range(options.instances)])
     return [table]
 
 
@@ -95,9 +95,9 @@ def add(table: Table, name: str, played: list[Played]) -> None:
 
 def joint(seed: int, *, reidentify: bool) -> Played:
     """A joint of the model's form with other parameters, on the model of the ERS-210A."""
-    plant, known = random_joint(seed), planner.JointModel.ers210a()
+    plant, nominal = random_joint(seed), planner.JointModel.ers210a()
     desired = random_path(seed, 88, span=1.2, fastest=(0.03, 0.06)[seed % 2])
-    plan = planner.invert_optimal(known, desired)
+    plan = planner.invert_optimal(nominal, desired)
     errors = learnt(plan, plant.play, reidentify=reidentify)
     bound = planner.lower_bound(plant.model, desired, load=np.zeros(len(desired)))
     noise = math.hypot(plant.noise, plant.count / math.sqrt(12.0))

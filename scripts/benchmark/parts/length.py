@@ -76,14 +76,14 @@ def solve(samples: int, *, cyclic: bool) -> dict[str, float]:
         )
 
     planner.invert_optimal(warm_up.model, warm_up.desired, cyclic=cyclic)
-    found, first = timed(plan)
+    result, first = timed(plan)
     again = min(timed(plan)[1] for _ in range(3 if samples <= SHORT else 1))
     memory = peak_memory()
     return {
         "first": first,
         "again": again,
-        "rms": degrees(found.rms),
-        "gap": 100.0 * found.gap,
+        "rms": degrees(result.rms),
+        "gap": 100.0 * result.gap,
         "memory": memory,
     }
 
@@ -92,9 +92,9 @@ def peak_memory() -> float:
     """Most memory that this process has held [MB]."""
     status = Path("/proc/self/status")
     if status.is_file():  # Linux counts what the parent held before exec into ru_maxrss
-        held = dict(line.split(":", 1) for line in status.read_text().splitlines())
-        if "VmHWM" in held:
-            return int(held["VmHWM"].split()[0]) / 1024.0
+        fields = dict(line.split(":", 1) for line in status.read_text().splitlines())
+        if "VmHWM" in fields:
+            return int(fields["VmHWM"].split()[0]) / 1024.0
     unit = 1024.0**2 if sys.platform == "darwin" else 1024.0
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / unit
 

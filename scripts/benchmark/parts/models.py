@@ -27,10 +27,10 @@ MOTION = 10.0
 """Length of the parts of a recording that are one motion each [s]."""
 
 FAIR = (0.7, 1.4)
-"""Between which shares of the error that is met the one that is told is right."""
+"""Range of the expected over the measured error that counts as right."""
 
 SECONDS = 30.0
-"""Length of the made logs."""
+"""Length of the simulated logs."""
 
 TICK = 0.0005
 """Of the joints that they are of [s]."""
@@ -40,16 +40,16 @@ PERIODS = (0.005, 0.0079, 0.0081, 0.01, 0.02)
 
 
 def measure(options: Options) -> list[Table]:
-    """Made joints, and every recording that is at hand."""
-    made = [motors(4 * options.instances), rates(2 * options.instances)]
+    """Simulated joints, and every available recording."""
+    simulated = [motors(4 * options.instances), rates(2 * options.instances)]
     folder = os.environ.get("REQUEST_PLANNER_RECORDINGS", "")
     if not folder or not Path(folder).is_dir():
-        return made
+        return simulated
     arm = so101(Path(folder))
     every = {**arm, **pendulums(Path(folder))}
     if options.instances > 3:
         every |= humanoid(Path(folder))
-    return [halves(every), *unseen(arm), *made]
+    return [halves(every), *unseen(arm), *simulated]
 
 
 def halves(joints: Mapping[str, Sequence[planner.Log]]) -> Table:
@@ -65,17 +65,17 @@ def halves(joints: Mapping[str, Sequence[planner.Log]]) -> Table:
     )
     for name, logs in joints.items():
         try:
-            found = planner.identify(logs)
+            result = planner.identify(logs)
         except planner.InvalidInput:
             continue
-        errors = [other.held_out_rms for other in found.alternatives] + [found.held_out_rms]
-        known = [1e3 * error if error else math.nan for error in errors]
-        table.add(name, len(logs), *known, known[3] / known[1], *terms(found))
+        errors = [fit.held_out_rms for fit in result.alternatives] + [result.held_out_rms]
+        scaled = [1e3 * error if error else math.nan for error in errors]
+        table.add(name, len(logs), *scaled, scaled[3] / scaled[1], *terms(result))
     return table
 
 
 def unseen(arm: Mapping[str, Sequence[planner.Log]]) -> list[Table]:
-    """Models of three recordings of the arm on the others, and the errors that they tell."""
+    """Models of three recordings of the arm on the others, and their expected errors."""
     tables = [
         Table(
             "Models of the SO-101's joints on recordings that were not fitted",
@@ -94,17 +94,21 @@ def unseen(arm: Mapping[str, Sequence[planner.Log]]) -> list[Table]:
     ]
     for name, logs in arm.items():
         fitted = [log for log in logs if log.name in FITTED]
-        others = [log for log in logs if log.name not in FITTED]
-        if not fitted or not others or "Jaw" in name:
+        unfitted = [log for log in logs if log.name not in FITTED]
+        if not fitted or not unfitted or "Jaw" in name:
             continue
-        found = planner.identify(fitted)
-        (delay,) = [one.parameters["delay"] for one in found.alternatives if one.name == "delay"]
-        motions = np.array([motion for log in others for motion in motions_of(found, log, delay)])
-        met, late, told, low, high = motions.T
+        result = planner.identify(fitted)
+        (delay,) = [
+            each.parameters["delay"] for each in result.alternatives if each.name == "delay"
+        ]
+        motions = np.array(
+            [motion for log in unfitted for motion in motions_of(result, log, delay)]
+        )
+        met, late, expected, low, high = motions.T
         model, pure = float(np.median(met)), float(np.median(late))
         worst = 1e3 * float(np.max(met))
-        tables[0].add(name, 1e3 * pure, 1e3 * model, worst, model / pure, *terms(found))
-        shares = told / met
+        tables[0].add(name, 1e3 * pure, 1e3 * model, worst, model / pure, *terms(result))
+        shares = expected / met
         tables[1].add(
             name,
             len(met),
@@ -116,18 +120,18 @@ def unseen(arm: Mapping[str, Sequence[planner.Log]]) -> list[Table]:
 
 
 class Motion(NamedTuple):
-    """A part of a recording: errors of the model and of a delay, and what the model tells [rad]."""
+    """A part of a recording: errors of model and delay, and the model's expected error [rad]."""
 
     met: float
     late: float
-    told: float
+    expected: float
     low: float
     high: float
 
 
-def motions_of(found: planner.Identification, log: planner.Log, delay: float) -> Iterator[Motion]:
+def motions_of(result: planner.Identification, log: planner.Log, delay: float) -> Iterator[Motion]:
     """The parts of a recording in which the joint moves, but for the first second of all."""
-    model, evidence = found.model, found.tested
+    model, evidence = result.model, result.tested
     start, period = float(log.angles[0]), log.period
     predicted = planner.simulate(model, log.requests, cyclic=False, start=start)
     late = np.interp(log.times - delay, log.times, log.requests)
@@ -139,17 +143,17 @@ def motions_of(found: planner.Identification, log: planner.Log, delay: float) ->
         met, by_delay = (
             math.sqrt(np.mean((angles - log.angles)[part] ** 2)) for angles in (predicted, late)
         )
-        told = evidence.error_of(predicted[part], period=period, cyclic=False)
+        expected = evidence.error_of(predicted[part], period=period, cyclic=False)
         ends = evidence.range_of(predicted[part], period=period, cyclic=False)
-        yield Motion(met, by_delay, told, *ends)
+        yield Motion(met, by_delay, expected, *ends)
 
 
-def terms(found: planner.Identification) -> tuple[float, ...]:
+def terms(result: planner.Identification) -> tuple[float, ...]:
     """The terms of a motor, in the units of :data:`TERMS`; NaN where the model has none."""
-    at = found.model
-    limit = at.max_acceleration if np.isfinite(at.max_acceleration) else 0.0
+    model = result.model
+    limit = model.max_acceleration if np.isfinite(model.max_acceleration) else 0.0
     return tuple(
-        each or float("nan") for each in (1e3 * at.dead_band, 1e3 * at.time_constant, limit)
+        each or float("nan") for each in (1e3 * model.dead_band, 1e3 * model.time_constant, limit)
     )
 
 
@@ -182,14 +186,14 @@ def rates(joints: int) -> Table:
         f"As above, {joints} joints without time constant and acceleration limit.",
     )
     for period in PERIODS:
-        found = [
+        results = [
             planner.identify(
                 logged(joint, period=period, rows=round(SECONDS / period), seed=seed),
                 hold_out=False,
             )
             for seed, joint in enumerate(truths)
         ]
-        rows(table, f"{1e3 * period:g} ms: ", truths, found)
+        rows(table, f"{1e3 * period:g} ms: ", truths, results)
     return table
 
 
@@ -224,14 +228,14 @@ def rows(
     table: Table,
     stub: str,
     truths: Sequence[planner.JointModel],
-    found: Sequence[planner.Identification],
+    results: Sequence[planner.Identification],
 ) -> None:
-    """One row for each parameter of joints that are known."""
+    """One row for each parameter of joints with known parameters."""
     names = ["gain", "v_max", "lag", "acceleration_time", "dead_band"]
     names += ["time_constant", "max_acceleration"] if truths[0].has_inertia else []
     for name in names:
-        known = []
-        for joint, each in zip(truths, found, strict=True):
+        columns = []
+        for joint, each in zip(truths, results, strict=True):
             true, value = (
                 model.v_max / model.theta_0 if name == "gain" else getattr(model, name)
                 for model in (joint, each.model)
@@ -239,8 +243,8 @@ def rows(
             unknown = (math.nan, math.nan)
             low, high = each.gain_interval if name == "gain" else each.intervals.get(name, unknown)
             size = 1e-3 if name in ("lag", "acceleration_time") else 0.01 * true
-            known.append(((value - true) / size, low <= true <= high, (high - low) / 2.0 / size))
-        errors, inside, half = np.array(known).T
+            columns.append(((value - true) / size, low <= true <= high, (high - low) / 2.0 / size))
+        errors, inside, half = np.array(columns).T
         kept = np.isfinite(half)
         table.add(
             stub + name,

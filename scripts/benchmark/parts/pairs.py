@@ -1,4 +1,4 @@
-"""Models of one recording on the other recordings of the same joint: what verdicts are worth."""
+"""Models of one recording on the other recordings of the same joint: a test of the verdicts."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ from planner.trajectory import Array, rms
 JOINTS = ("Rotation", "Pitch", "Elbow", "Wrist_Pitch", "Wrist_Roll", "Jaw")
 
 FITTED = ("prbs_excitation", "static_holding", "random_waypoints")
-"""Recordings of the SO-101 that are fitted together; the others are predicted."""
+"""Recordings of the SO-101 that are fitted together; the rest are predicted."""
 
 BAD = 0.25
 """Error over the standard deviation of the motion from which on a model does not fit."""
 
 
 SMOOTHED = 5
-"""Rows that are averaged before their speeds and accelerations are held against those tested."""
+"""Rows that are averaged before their speeds and accelerations are compared with those tested."""
 
 
 PERIOD = 0.02
@@ -57,7 +57,7 @@ SIGNALS: dict[str, tuple[str, ...]] = {
     "multisine": ("multisine",),
     "slow triangle, random steps, multisine": ("slow_triangle", "random_steps", "multisine"),
 }
-"""What is logged of them, by signals of :func:`planner.identification.excitation.excite`."""
+"""Logged motions, by signals of :func:`planner.identification.excitation.excite`."""
 
 
 class Tested(NamedTuple):
@@ -66,14 +66,14 @@ class Tested(NamedTuple):
     Attributes:
         error: Root mean square error [rad].
         share: The same over the standard deviation of the motion.
-        outside: In what the log is outside of what the model was tested on.
-        told: Error to expect, by the accelerations of the predicted angles [rad].
+        outside: Quantities of the log beyond the tested range of the model.
+        expected: Expected error, by the accelerations of the predicted angles [rad].
     """
 
     error: float
     share: float
     outside: tuple[str, ...]
-    told: float
+    expected: float
 
 
 def measure(options: Options) -> list[Table]:
@@ -114,38 +114,38 @@ def promised(servos: int) -> Table:
         stub="log",
     )
     for name in SIGNALS:
-        found = np.array([each for seed in range(servos) for each in _promises(name, seed)])
-        told = found[:, 2]
+        rows = np.array([each for seed in range(servos) for each in _promises(name, seed)])
+        ratios = rows[:, 2]
         table.add(
             name,
-            float(len(found)),
-            *np.median(found[:, :2], axis=0).tolist(),
-            *np.quantile(told, (0.5, 0.1, 0.9)).tolist(),
-            100.0 * float(np.mean(told > 1.0)),
-            100.0 * float(np.mean(found[:, 3])),
+            float(len(rows)),
+            *np.median(rows[:, :2], axis=0).tolist(),
+            *np.quantile(ratios, (0.5, 0.1, 0.9)).tolist(),
+            100.0 * float(np.mean(ratios > 1.0)),
+            100.0 * float(np.mean(rows[:, 3])),
         )
     return table
 
 
 def _promises(name: str, seed: int) -> list[tuple[float, ...]]:
-    """Of each plan the errors to expect over the one met, and whether it says to be outside."""
-    servo, found = random_servo(seed), []
-    known = planner.identify(servo.log(_log_requests(name, seed)))
-    bare = known.tested._replace(delay_error=0.0)
+    """Expected errors of each plan over the measured one, and whether it is outside."""
+    servo, ratios = random_servo(seed), []
+    result = planner.identify(servo.log(_log_requests(name, seed)))
+    bare = result.tested._replace(delay_error=0.0)
     for length in CYCLES:
         low, high = LIMITS[0] + MARGIN, LIMITS[1] - MARGIN
         samples = round(length / PERIOD)
         path = random_path(seed, samples, span=high - low, fastest=FASTEST * PERIOD)
         desired = path - path.min() + low
-        plan = planner.plan(known.model, desired).inversions[0]
+        plan = planner.plan(result.model, desired).inversions[0]
         servo.rest(float(plan.requests[0]))
         true, _ = servo.play(plan.requests, settle=3)
         own, met = rms(plan.predicted - desired), rms(true[0] - desired)
         error = bare.error_of(plan.predicted, period=PERIOD, cyclic=True)
-        scaled = error * known.expected_error / known.rms
-        told = math.hypot(own, error), math.hypot(own, scaled), plan.expected.error
-        found.append((*(each / met for each in told), bool(plan.expected.untested)))
-    return found
+        scaled = error * result.expected_error / result.rms
+        expected = math.hypot(own, error), math.hypot(own, scaled), plan.expected.error
+        ratios.append((*(each / met for each in expected), bool(plan.expected.untested)))
+    return ratios
 
 
 def _log_requests(name: str, seed: int) -> Array:
@@ -153,8 +153,8 @@ def _log_requests(name: str, seed: int) -> Array:
     kinds = SIGNALS[name]
     if not kinds:
         random = np.random.default_rng(seed)
-        held = [np.full(random.integers(50, 125), random.uniform(*LIMITS)) for _ in range(40)]
-        return np.concatenate(held)[: round(40.0 / PERIOD)]
+        levels = [np.full(random.integers(50, 125), random.uniform(*LIMITS)) for _ in range(40)]
+        return np.concatenate(levels)[: round(40.0 / PERIOD)]
     parts = [
         excite(kind, limits=LIMITS, period=PERIOD, duration=40.0 / len(kinds), seed=seed)
         for kind in kinds
@@ -174,23 +174,23 @@ def unseen(arm: dict[str, list[planner.Log]]) -> Table:
         stub="joint and recording",
     )
     for joint, logs in arm.items():
-        known = [log for log in logs if log.name in FITTED]
-        timing = timing_of(known, tick=None, hold=None)
-        fit = fit_joint(known, timing, choose_tick=True)[-1]
+        fitted = [log for log in logs if log.name in FITTED]
+        timing = timing_of(fitted, tick=None, hold=None)
+        fit = fit_joint(fitted, timing, choose_tick=True)[-1]
         timing = timing.ticking(fit.grid.tick)
         four = fit.parameters.model(tick=timing.tick, hold=timing.hold)
-        found = planner.identify(known)
+        result = planner.identify(fitted)
         for log in logs:
             if log.name not in FITTED:
                 plain, _ = errors_of(four, log)
-                each = tested(found, log)
+                each = tested(result, log)
                 table.add(
                     f"{joint}, {log.name}",
                     1e3 * plain,
                     1e3 * each.error,
                     100.0 * each.share,
-                    1e3 * each.told,
-                    each.told / each.error,
+                    1e3 * each.expected,
+                    each.expected / each.error,
                     float(len(each.outside)),
                 )
     return table
@@ -214,20 +214,20 @@ def pairs(every: dict[str, list[planner.Log]]) -> list[Table]:
     )
     total = np.zeros(6)
     for joint, logs in every.items():
-        found = _identified(logs)
+        results = _identified(logs)
         sums = np.zeros(6)
-        for k, model in found.items():
-            for j in set(found) - {k}:
+        for k, model in results.items():
+            for j in set(results) - {k}:
                 each = tested(model, logs[j])
                 holds = model.verdict == "holds"
                 off = holds and each.share > BAD
                 sums += [1, holds, off, off and not each.outside, 0, 0]
-                sums[4:] += _agreement(model, found[j])
+                sums[4:] += _agreement(model, results[j])
                 if off:
                     name = f"{joint}, {logs[k].name} on {logs[j].name}"
                     named.add(name, 100.0 * each.share, float(len(each.outside)))
         total += sums
-        if len(found) > 1:
+        if len(results) > 1:
             counted.add(joint, *_row(sums))
     counted.add("all", *_row(total))
     return [counted, named]
@@ -243,34 +243,34 @@ def _row(sums: planner.trajectory.Array) -> tuple[float, ...]:
 
 
 def _identified(logs: list[planner.Log]) -> dict[int, Identification]:
-    found = {}
+    results = {}
     for k, log in enumerate(logs):
         try:
-            found[k] = planner.identify(log)
+            results[k] = planner.identify(log)
         except planner.InvalidInput:  # the joint is not moved in it
             continue
-    return found
+    return results
 
 
-def _agreement(one: Identification, other: Identification) -> tuple[int, int]:
+def _agreement(result: Identification, other: Identification) -> tuple[int, int]:
     """In how many parameters the value lies in the other's interval, and how many there are."""
     names = ["lag", "acceleration_time", "offset", "dead_band"]
-    shared = [name for name in names if name in one.intervals and name in other.intervals]
-    values = [getattr(one.model, name) for name in shared] + [one.gain]
+    shared = [name for name in names if name in result.intervals and name in other.intervals]
+    values = [getattr(result.model, name) for name in shared] + [result.gain]
     intervals = [other.intervals[name] for name in shared] + [other.gain_interval]
     pairs = zip(values, intervals, strict=True)
     return sum(low <= value <= high for value, (low, high) in pairs), len(values)
 
 
-def tested(found: Identification, log: planner.Log) -> Tested:
-    """What a model makes of a log to which it was not fitted."""
+def tested(result: Identification, log: planner.Log) -> Tested:
+    """Results of a model on a log to which it was not fitted."""
     kept = np.flatnonzero(log.torque_on)
     smooth = np.convolve(log.angles[kept], np.ones(SMOOTHED) / SMOOTHED, "valid")
     load = 0.0 if log.load is None else log.load
-    outside = found.tested.exceeded(smooth, period=log.period, cyclic=False, load=load)
-    grid, predicted = _predicted(found.model, log)
-    told = found.tested.error_of(predicted, period=log.period, cyclic=False)
-    return Tested(*_errors(grid, predicted), outside, told)
+    outside = result.tested.exceeded(smooth, period=log.period, cyclic=False, load=load)
+    grid, predicted = _predicted(result.model, log)
+    expected = result.tested.error_of(predicted, period=log.period, cyclic=False)
+    return Tested(*_errors(grid, predicted), outside, expected)
 
 
 def errors_of(model: planner.JointModel, log: planner.Log) -> tuple[float, float]:
@@ -296,13 +296,13 @@ def _errors(grid: Grid, predicted: Array) -> tuple[float, float]:
 
 def so101(folder: Path) -> dict[str, list[planner.Log]]:
     """The recordings of the arm's joints in which they are moved."""
-    found: dict[str, list[planner.Log]] = {f"so101, {joint}": [] for joint in JOINTS}
+    logs: dict[str, list[planner.Log]] = {f"so101, {joint}": [] for joint in JOINTS}
     for path in sorted((folder / "so101").glob("*.csv")):
         table = np.genfromtxt(path, delimiter=",", names=True)
         for joint in JOINTS:
             requests = table[f"req_{joint}"]
             if np.ptp(requests) > 0.0:
-                found[f"so101, {joint}"].append(
+                logs[f"so101, {joint}"].append(
                     planner.Log(
                         times=table["t_s"],
                         requests=requests,
@@ -311,16 +311,16 @@ def so101(folder: Path) -> dict[str, list[planner.Log]]:
                         unit="1" if joint == "Jaw" else "rad",
                     )
                 )
-    return found
+    return logs
 
 
 def pendulums(folder: Path) -> dict[str, list[planner.Log]]:
     """The recordings of servos with pendulums, by servo and gain."""
-    found: dict[str, list[planner.Log]] = {}
+    logs: dict[str, list[planner.Log]] = {}
     for servo in ("sts3250", "xl330"):
         for path in sorted((folder / servo).glob("*.csv")):
             run = np.genfromtxt(path, delimiter=",", names=True)
-            found.setdefault(", ".join(path.stem.split("_")[:2]), []).append(
+            logs.setdefault(", ".join(path.stem.split("_")[:2]), []).append(
                 planner.Log(
                     times=run["t_s"],
                     requests=run["req_rad"],
@@ -329,18 +329,18 @@ def pendulums(folder: Path) -> dict[str, list[planner.Log]]:
                     name=path.stem,
                 )
             )
-    return found
+    return logs
 
 
 def humanoid(folder: Path) -> dict[str, list[planner.Log]]:
     """The episodes of the humanoid's joints; hands in shares of their range."""
     info = json.loads((folder / "lerobot_g1" / "meta" / "info.json").read_text("utf-8"))
     (names,) = info["features"]["action"]["names"]
-    found = {}
+    joints = {}
     for name in names:
         unit = "range" if "Hand" in name else "rad"
         logs = planner.read_logs(
             folder / "lerobot_g1", options=planner.LogOptions(joint=name, unit=unit)
         )
-        found[f"g1, {name}"] = [log for log in logs if np.ptp(log.requests) > 0.0]
-    return found
+        joints[f"g1, {name}"] = [log for log in logs if np.ptp(log.requests) > 0.0]
+    return joints

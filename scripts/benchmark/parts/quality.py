@@ -1,4 +1,4 @@
-"""How near the plans come to what no requests can go below."""
+"""Gaps between the errors of plans and lower bounds."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from benchmark.table import Table
 
 def measure(options: Options) -> list[Table]:
     """Gaps in both norms, and errors where the joint can follow."""
-    known = reference()
+    instances = reference()
     # Random instances cost less here than side by side: three times as many.
     seeds = range(3 * options.instances)
     saturating = [random_saturating(seed, samples=options.samples) for seed in seeds]
     attainable = [random_attainable(seed, samples=options.samples) for seed in seeds]
     return [
-        gaps(known, saturating, "rms", options.exact),
-        gaps(known, saturating, "max", options.exact),
+        gaps(instances, saturating, "rms", options.exact),
+        gaps(instances, saturating, "max", options.exact),
         attained(attainable),
     ]
 
 
 def gaps(
-    known: Sequence[Instance], population: Sequence[Instance], norm: str, exact: float
+    instances: Sequence[Instance], population: Sequence[Instance], norm: str, exact: float
 ) -> Table:
     """The error of each plan over its bounds, less one."""
     levels = ("slope", "envelope", *(["exact"] if exact else []))
@@ -45,10 +45,10 @@ def gaps(
         note=f"{len(population)} random instances that cannot follow, without smoothing.{limited}",
         stub="instance",
     )
-    rows = [gap_row(instance, norm, levels, exact) for instance in (*known, *population)]
-    for instance, row in zip(known, rows, strict=False):
+    rows = [gap_row(instance, norm, levels, exact) for instance in (*instances, *population)]
+    for instance, row in zip(instances, rows, strict=False):
         table.add(instance.name, *row)
-    random = np.array(rows[len(known) :])
+    random = np.array(rows[len(instances) :])
     table.add("random, median", *np.median(random, axis=0))
     table.add("random, 95th percentile", *np.percentile(random, 95.0, axis=0))
     table.add("random, worst", *np.max(random, axis=0))

@@ -1,7 +1,7 @@
 """Many episodes: plans per second, scaling over workers, overhead per task, and memory.
 
-Times are wall-clock and say something on a quiet machine only; processor times beside them do so on
-a busy one, too.
+Times are wall-clock and valid on a quiet machine only; processor times beside them are valid on a
+busy one, too.
 """
 
 from __future__ import annotations
@@ -38,13 +38,13 @@ JOINTS = 6
 """Of an arm."""
 
 EPISODES = 300
-"""Of which the times are taken; 40 with ``--quick``."""
+"""Episodes for the times; 40 with ``--quick``."""
 
 MANY = 10_000
-"""Of which the memory is taken; 200 with ``--quick``."""
+"""Episodes for the memory; 200 with ``--quick``."""
 
 
-def made(seed: int) -> np.ndarray:
+def desired_angles(seed: int) -> np.ndarray:
     """The desired angles of an episode [rad], shape (n, k)."""
     rng = np.random.default_rng(seed)
     ends = rng.uniform(-0.8, 0.8, size=(5, JOINTS))
@@ -55,15 +55,15 @@ def made(seed: int) -> np.ndarray:
 def episode(seed: int) -> bytes:
     """Its requests, after the processor time [s] and the peak memory of this process [MB]."""
     began = process_time()
-    requests = planner.plan(JOINT, made(seed), cyclic=False).requests
+    requests = planner.plan(JOINT, desired_angles(seed), cyclic=False).requests
     spent = np.array([process_time() - began, peak_memory()])
     return spent.tobytes() + requests.tobytes()
 
 
 def simulated(seed: int) -> bytes:
-    """What the joints do when an episode is requested as it is, after the same two numbers."""
+    """Angles when an episode is requested as it is, after the same two numbers."""
     began = process_time()
-    angles = [planner.simulate(JOINT, column, cyclic=False) for column in made(seed).T]
+    angles = [planner.simulate(JOINT, column, cyclic=False) for column in desired_angles(seed).T]
     spent = np.array([process_time() - began, peak_memory()])
     return spent.tobytes() + np.column_stack(angles).tobytes()
 
@@ -93,8 +93,8 @@ def carried_out(
             raise RuntimeError(f"{failures}")
         inside, memory = 0.0, 0.0
         for task in tasks(count):
-            time, held = np.frombuffer((results.read(task) or b"")[:16])
-            inside, memory = inside + float(time), max(memory, float(held))
+            time, peak = np.frombuffer((results.read(task) or b"")[:16])
+            inside, memory = inside + float(time), max(memory, float(peak))
     return {
         "per second": count / seconds,
         "in a worker, ms": 1e3 * inside / count,
@@ -151,20 +151,20 @@ def local(workers: int) -> Iterator[Executor]:
 @contextmanager
 def dask() -> Iterator[Executor]:
     """A Dask scheduler and two workers on the loopback interface."""
-    begun = [sys.executable, "-P", "-m"]
+    python = [sys.executable, "-P", "-m"]
     scheduler = subprocess.Popen(
-        [*begun, "distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", "0",
+        [*python, "distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", "0",
          "--no-dashboard"],
         stderr=subprocess.PIPE, text=True, env=environment(),
     )  # fmt: skip
     assert scheduler.stderr is not None, "it is a pipe"
-    found = (re.search(r"Scheduler at:\s+(tcp://\S+)", line) for line in scheduler.stderr)
-    match = next(filter(None, found), None)
+    matches = (re.search(r"Scheduler at:\s+(tcp://\S+)", line) for line in scheduler.stderr)
+    match = next(filter(None, matches), None)
     if match is None:
         raise RuntimeError("no Dask scheduler could be started")
     with TemporaryDirectory() as folder:
         workers = subprocess.Popen(
-            [*begun, "distributed.cli.dask_worker", match[1], "--nworkers", "2", "--nthreads", "1",
+            [*python, "distributed.cli.dask_worker", match[1], "--nworkers", "2", "--nthreads", "1",
              "--no-dashboard", "--local-directory", folder],
             stderr=subprocess.DEVNULL, env=environment(),
         )  # fmt: skip

@@ -1,4 +1,4 @@
-"""Servos from their physics: what plans on identified models are worth beside a time shift."""
+"""Servos from their physics: plans on identified models compared with a time shift."""
 
 from __future__ import annotations
 
@@ -46,8 +46,8 @@ def measure(_: Options) -> list[Table]:
     )
     rows = [row for servo in SERVOS for row in rows_of(servo)]
     for name, row in rows:
-        told = (each / row.met[1] for each in row.told)
-        table.add(name, math.degrees(row.shift), *(each / row.shift for each in row.met), *told)
+        ratios = (each / row.met[1] for each in row.expected)
+        table.add(name, math.degrees(row.shift), *(each / row.shift for each in row.met), *ratios)
     table.note += summary([row for _, row in rows])
     return [table]
 
@@ -58,14 +58,14 @@ class Row(NamedTuple):
     Attributes:
         shift: Of the best time shift, sought on the servo.
         met: Of the model's own shift, the plan, the trials of learning, the robust plans.
-        told: Error to expect of the plan, and its range.
+        expected: Expected error of the plan, and its range.
         predicted: Errors that the trials predict over those that were measured then [-].
         robust: Worst errors over the models that robust plans tell.
     """
 
     shift: float
     met: tuple[float, ...]
-    told: tuple[float, float, float]
+    expected: tuple[float, float, float]
     predicted: tuple[float, ...]
     robust: tuple[float, ...]
 
@@ -78,16 +78,16 @@ def rows_of(servo: CompiledServo) -> list[tuple[str, Row]]:
 
 
 def row_of(servo: CompiledServo, model: planner.JointModel, path: Array) -> Row:
-    """What the servo does on a cycle."""
+    """Errors of the servo on a cycle."""
     load = servo.load(path)
     best = min(_error(servo, path, early(path, lead / servo.period)) for lead in LEADS)
     own = planner.invert_shift(model, path, load=load)
     plan = planner.invert_optimal(model, path, load=load)
     trials, predicted = learnt(servo, plan)
-    known = None if model.evidence is None else model.evidence.intervals
+    intervals = None if model.evidence is None else model.evidence.intervals
     robust = [
         planner.invert_optimal(model, path, load=load, robust=which)
-        for which in (("mean", "worst") if known else ())
+        for which in (("mean", "worst") if intervals else ())
     ]
     met = [_error(servo, path, each.requests) for each in (own, plan)] + trials
     met += [_error(servo, path, each.requests) for each in robust] or [math.nan] * 2
@@ -98,31 +98,31 @@ def row_of(servo: CompiledServo, model: planner.JointModel, path: Array) -> Row:
 
 
 def learnt(servo: CompiledServo, plan: planner.Inversion) -> tuple[list[float], list[float]]:
-    """True errors of the trials after a plan [rad], and what was told of the measured ones [-]."""
-    random, met, told = np.random.default_rng(1), list[float](), list[float]()
-    seen = servo.seen(servo.angles(plan.requests, before=SETTLED), random)
+    """True errors of the trials after a plan [rad], and predicted over measured ones [-]."""
+    random, met, ratios = np.random.default_rng(1), list[float](), list[float]()
+    sensed = servo.seen(servo.angles(plan.requests, before=SETTLED), random)
     for _ in range(TRIALS):
-        plan = planner.refine(plan, seen)
+        plan = planner.refine(plan, sensed)
         assert plan.learning is not None, "of a plan that has learnt"
         played = servo.angles(plan.requests, before=SETTLED)
-        seen = servo.seen(played, random)
+        sensed = servo.seen(played, random)
         met.append(rms(played - plan.desired))
-        told.append(plan.learning.next_error / rms(seen - plan.desired))
-    return met, told
+        ratios.append(plan.learning.next_error / rms(sensed - plan.desired))
+    return met, ratios
 
 
 def summary(rows: list[Row]) -> str:
-    """What the rows have in common."""
+    """A summary of the rows."""
 
     def median(column: int) -> str:
         return f"{np.nanmedian([row.met[column] / row.shift for row in rows]):.2f}"
 
     plans = [row.met[1] / row.shift for row in rows]
-    near = np.mean([0.7 <= row.told[0] / row.met[1] <= 1.4 for row in rows])
-    inside = np.mean([row.told[1] <= row.met[1] <= row.told[2] for row in rows])
+    near = np.mean([0.7 <= row.expected[0] / row.met[1] <= 1.4 for row in rows])
+    inside = np.mean([row.expected[1] <= row.met[1] <= row.expected[2] for row in rows])
     steps = [row.met[k + 1] / row.met[k] for row in rows for k in range(1, TRIALS + 1)]
-    told = [each for row in rows for each in row.predicted]
-    within = np.mean([1.0 / 1.5 <= each <= 1.5 for each in told])
+    ratios = [each for row in rows for each in row.predicted]
+    within = np.mean([1.0 / 1.5 <= each <= 1.5 for each in ratios])
     return (
         f" The plan's median is {median(1)}, its largest {max(plans):.2f}; in {near:.0%} of the "
         f"rows 0.7 to 1.4 of the error met is told, in {inside:.0%} it is in the range. The third "

@@ -1,4 +1,4 @@
-"""How smooth requests are, what that costs, and how plans bear a model that is a little wrong."""
+"""Smoothness of requests, its cost, and robustness to a slightly wrong model."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def corners(samples: int = 125) -> Array:
 
 
 def joints(instances: Sequence[Instance]) -> Table:
-    """Single joints by what is asked of the requests."""
+    """Single joints by smoothness of the requests."""
     table = Table(
         "Smooth requests of single joints",
         (
@@ -147,7 +147,7 @@ def travel(requests: Array) -> float:
 
 
 def wrong_models(instances: Sequence[Instance]) -> Table:
-    """Errors under models that the plan was not made for."""
+    """Errors under models that the plan did not use."""
     table = Table(
         "Models that are a little wrong",
         (
@@ -165,15 +165,15 @@ def wrong_models(instances: Sequence[Instance]) -> Table:
         stub="plan",
     )
     phase = 2.0 * np.pi * np.arange(88) / 88
-    known, unsaturated = identified(reach=1.0), identified(reach=0.1)
+    wide, unsaturated = identified(reach=1.0), identified(reach=0.1)
     cases = [
-        *((known, each) for each in instances),
-        (known, Instance("sine", known.model, 0.3 * np.sin(phase), FREE)),
+        *((wide, each) for each in instances),
+        (wide, Instance("sine", wide.model, 0.3 * np.sin(phase), FREE)),
         (unsaturated, Instance("fast sine", unsaturated.model, 0.5 * np.sin(phase), FREE)),
         *((unsaturated, each._replace(name=f"{each.name}, small steps")) for each in instances),
     ]
-    for found, instance in cases:
-        model, desired = found.model, instance.desired
+    for result, instance in cases:
+        model, desired = result.model, instance.desired
         fresh = fresh_models(model)
         bound = max(planner.lower_bound(each, desired) for each in fresh)
         off = [
@@ -231,13 +231,13 @@ def wrong_legs() -> Table:
         ("small steps, leg 1, half speed", 0.1, 1, slow),
     ]
     for case, reach, number, foot in cases:
-        found = [identified(reach=reach, seed=3 * number - 2 + joint) for joint in range(3)]
-        drawn = [fresh_models(each.model, seed=seed) for seed, each in enumerate(found)]
+        results = [identified(reach=reach, seed=3 * number - 2 + joint) for joint in range(3)]
+        drawn = [fresh_models(each.model, seed=seed) for seed, each in enumerate(results)]
         fresh = [*zip(*drawn, strict=True)]
         plans = {
-            "foot-optimal": planner.invert_foot([each.model for each in found], walk.leg, foot),
-            "robust, mean": planner.invert_foot(found, walk.leg, foot, robust="mean"),
-            "robust, worst": planner.invert_foot(found, walk.leg, foot, robust="worst"),
+            "foot-optimal": planner.invert_foot([each.model for each in results], walk.leg, foot),
+            "robust, mean": planner.invert_foot(results, walk.leg, foot, robust="mean"),
+            "robust, worst": planner.invert_foot(results, walk.leg, foot, robust="worst"),
         }
         alone = plans["foot-optimal"]
         slowest = min(fresh, key=lambda models: sum(each.v_max for each in models))
@@ -266,13 +266,13 @@ def slower(foot: Array) -> Array:
 
 
 def fresh_models(model: planner.JointModel, *, seed: int = 0) -> tuple[planner.JointModel, ...]:
-    """Models from the intervals that no plan is made for."""
+    """Models from the intervals that no plan uses."""
     planned = 2 * PAIRS
     return drawn_models(model, pairs=PAIRS + FRESH, seed=seed)[1 + planned :]
 
 
 def identified(*, reach: float, seed: int = 1) -> planner.Identification:
-    """What a short noisy log of the ERS-210A's joint tells.
+    """Identification from a short noisy log of the ERS-210A's joint.
 
     Args:
         reach: Largest angle that is requested [rad].

@@ -1,4 +1,4 @@
-"""Streams: against what users do today, and how long a tick takes."""
+"""Streams: compared with common practice, and the time of a tick."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from planner.virtual.robot import VirtualRobot
 
 Array = npt.NDArray[np.float64]
 
-KNOWN = 0.2
-"""Time ahead that a stream knows [s]."""
+AHEAD = 0.2
+"""Preview of a stream [s]."""
 
 LONGER = 0.3
-"""Time ahead by which one sees what more of the future is worth [s]."""
+"""A longer preview, for comparison [s]."""
 
 ALPHA = 0.25
 """Share of the new value in exponential smoothing, as users set it."""
@@ -51,7 +51,7 @@ WALKED = (*MODELLED, "with its cycle, %")
 """Where the path repeats, too."""
 
 EXPLAINED = (
-    f"Root mean square of the error, mrad, from rest, with {1e3 * KNOWN:g} ms known ahead. EMA: "
+    f"Root mean square of the error, mrad, from rest, with {1e3 * AHEAD:g} ms known ahead. EMA: "
     f"exponential smoothing, alpha {ALPHA:g}. Feed-forward: first order, by the model's lag, half "
     "its acceleration time and theta_0 over v_max. Shift: earlier by the best number of periods. "
     "Whole plan: `invert_optimal` of the whole path at once. "
@@ -102,11 +102,11 @@ def streamed(
     model: planner.JointModel,
     path: Array,
     measured: Callable[[Array], Array] | None = None,
-    known: float = KNOWN,
+    ahead: float = AHEAD,
     cycle: int | None = None,
 ) -> Array:
     """The stream's requests; ``measured`` sends each and returns the next measured angle."""
-    preview = round(known / model.period)
+    preview = round(ahead / model.period)
     stream, sent, angle = planner.Stream(model, preview=preview, cycle=cycle), [], None
     for k in range(len(path)):
         requests = stream.step(path[k : k + preview], angle)
@@ -118,7 +118,7 @@ def streamed(
 def row(
     model: planner.JointModel, path: Array, execute: Callable[[Array], Array]
 ) -> tuple[list[float], Array]:
-    """Errors of what can be sent without a loop [mrad], and the whole plan's requests."""
+    """Errors of methods without feedback [mrad], and the whole plan's requests."""
     whole = planner.invert_optimal(model, path, cyclic=False)
     most = round(0.4 / model.period)
     sent = [path, smoothed(path), fed_forward(model, path)]
@@ -135,16 +135,16 @@ def compared(errors: list[float], stream: float, whole: float) -> list[float]:
 def modelled(
     table: Table, name: str, model: planner.JointModel, path: Array, cycle: int | None = None
 ) -> None:
-    """Add a joint that is its model, and where its path repeats, what a stream gains by that."""
+    """Add a joint that is its model, and where its path repeats, the gain of a stream by that."""
 
     def execute(requests: Array) -> Array:
         return planner.simulate(model, requests, cyclic=False, start=float(path[0]))
 
     errors, requests = row(model, path, execute)
     whole = rms(execute(requests) - path)
-    settings = [{"known": KNOWN}, {"known": LONGER}, *([{"cycle": cycle}] if cycle else [])]
-    stream, *others = (rms(execute(streamed(model, path, **each)) - path) for each in settings)
-    more = [100.0 * (each / whole - 1.0) for each in others]
+    settings = [{"ahead": AHEAD}, {"ahead": LONGER}, *([{"cycle": cycle}] if cycle else [])]
+    stream, *further = (rms(execute(streamed(model, path, **each)) - path) for each in settings)
+    more = [100.0 * (each / whole - 1.0) for each in further]
     table.add(name, *compared(errors, stream, whole), *more)
 
 
@@ -161,12 +161,12 @@ def on_models() -> Table:
 
 
 def on_changing_walks() -> Table:
-    """The reference walk at a speed that changes: what it costs to expect a cycle."""
+    """The reference walk at a speed that changes: the cost of expecting a cycle."""
     table = Table(
         "Streams, walks whose speed changes",
         ("stream", "with a cycle", "whole plan", "stream over whole, %", "with a cycle, %"),
         note="Root mean square of the error of the reference walk's three joints, mrad, from "
-        f"rest, with {1e3 * KNOWN:g} ms known ahead; five cycles at the speed of the walk. The "
+        f"rest, with {1e3 * AHEAD:g} ms known ahead; five cycles at the speed of the walk. The "
         "stream with a cycle expects that of the reference walk.",
         stub="speed",
     )
@@ -194,7 +194,7 @@ def on_changing_walks() -> Table:
         )
         errors = []
         for cycle in (None, count):
-            stream = planner.Stream([joint] * 3, preview=round(KNOWN / joint.period), cycle=cycle)
+            stream = planner.Stream([joint] * 3, preview=round(AHEAD / joint.period), cycle=cycle)
             sent = np.array([stream.step(path[k:]) for k in at])
             angles = [planner.simulate(joint, each, cyclic=False) for each in sent.T]
             errors.append(rms(np.transpose(angles) - path))
@@ -214,7 +214,7 @@ def on_servo() -> Table:
         stub="motion",
     )
     with TemporaryDirectory() as folder:
-        rig = friction.made(Path(folder))
+        rig = friction.make_rig(Path(folder))
         requests = friction.excitation()
         sensed, _ = rig.execute(requests)
         log = planner.Log(
@@ -283,7 +283,7 @@ def times(ticks: int, *, fast: Sequence[float] = (0.002, 0.004, 0.008, 0.01)) ->
     table = Table(
         "Streams, time of a tick",
         ("rows", "median, ms", "99th percentile, ms"),
-        note=f"Processor time. Six different joints, {ticks} ticks, with {1e3 * KNOWN:g} ms known "
+        note=f"Processor time. Six different joints, {ticks} ticks, with {1e3 * AHEAD:g} ms known "
         f"ahead, limits, max_step and measured angles; and a cycle of {CYCLE:g} s where one is "
         "expected.",
         stub="period",
@@ -303,7 +303,7 @@ def times(ticks: int, *, fast: Sequence[float] = (0.002, 0.004, 0.008, 0.01)) ->
             )
             for j in range(6)
         ]
-        rows, cycle = round(KNOWN / period), round(CYCLE / period) if repeats else None
+        rows, cycle = round(AHEAD / period), round(CYCLE / period) if repeats else None
         stream = planner.Stream(models, preview=rows, limits=(-1.0, 1.0), max_step=0.3, cycle=cycle)
         clock = period * np.arange(ticks + rows)[:, np.newaxis]
         turns = clock / (cycle * period) if cycle else clock * (0.5 + 0.1 * np.arange(6))

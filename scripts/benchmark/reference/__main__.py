@@ -25,34 +25,34 @@ SECTIONS: dict[str, Section] = {
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Record, or compare with what was recorded."""
+    """Record, or compare with a record."""
     parser = described()
-    given = parser.parse_args(arguments)
-    if given.command == "trace":
+    options = parser.parse_args(arguments)
+    if options.command == "trace":
         print(trace.table())
         return 0
-    only = [name.strip() for name in given.only.split(",") if name.strip()]
+    only = [name.strip() for name in options.only.split(",") if name.strip()]
     unknown = sorted(set(only) - set(SECTIONS))
     if unknown:
         parser.error(f"no section {', '.join(unknown)}; there are {', '.join(SECTIONS)}")
     sections = {name: make for name, make in SECTIONS.items() if not only or name in only}
-    if given.command == "processors":
-        return compare_processors([*sections], given.every)
-    if given.command == "record":
-        record(given.file, sections, given.every)
+    if options.command == "processors":
+        return compare_processors([*sections], options.every)
+    if options.command == "record":
+        record(options.file, sections, options.every)
         return 0
     try:
-        old = load(given.file, only)
-        new = load(given.with_file, only) if given.with_file else None
+        old = load(options.file, only)
+        new = load(options.with_file, only) if options.with_file else None
     except ValueError as error:
         parser.error(str(error))
     if new is None:
-        new = recorded({name: sections[name] for name in old}, given.every)
+        new = recorded({name: sections[name] for name in old}, options.every)
     return judged(old, new)
 
 
 def described() -> argparse.ArgumentParser:
-    """What may be asked for."""
+    """The parser of the command's arguments."""
     parser = argparse.ArgumentParser(
         prog="scripts/reference",
         description="Record reference results and compare later ones with them.",
@@ -92,7 +92,7 @@ def judged(old: dict, new: dict) -> int:
         for check in checks_of(name, section):
             verdict = "pass" if check.passed else "FAIL"
             failed += not check.passed
-            print(f"  {verdict}  {check.what}: {check.value:.4g}, at most {check.limit:.4g}")
+            print(f"  {verdict}  {check.name}: {check.value:.4g}, at most {check.limit:.4g}")
         for line in worst_cases(section):
             print(f"        {line}")
     return 1 if failed else 0

@@ -1,4 +1,4 @@
-"""New results beside old ones: how far they differ, what was lost, and what may be lost."""
+"""New results beside old ones: differences, losses, and their limits."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ WORSE = 1e-3
 """Relative loss from which on a case counts as worse."""
 
 RESTS = {"seconds", "steepest", "over optimum", "solver gap"}
-"""Numbers that are no results, or are what two results differ by."""
+"""Numbers that are no results, or that are differences of two results."""
 
 ROUNDING = 1e-9
 """Relative change that is none."""
@@ -60,7 +60,7 @@ class Compared(NamedTuple):
 class Check(NamedTuple):
     """A number that has a limit."""
 
-    what: str
+    name: str
     value: float
     limit: float
 
@@ -72,16 +72,16 @@ class Check(NamedTuple):
 
 def compared(old: dict[str, Any], new: dict[str, Any]) -> dict[str, Compared]:
     """The sections of two runs that both have."""
-    found = {}
+    sections = {}
     for name in [name for name in old if name in new]:
         before, after = old[name]["cases"], new[name]["cases"]
         both = [case for case in before if case in after]
-        found[name] = Compared(
+        sections[name] = Compared(
             {case: before[case] for case in both},
             {case: after[case] for case in both},
             new[name]["pace"] / old[name]["pace"],
         )
-    return found
+    return sections
 
 
 def table_of(sections: dict[str, Compared]) -> Table:
@@ -138,7 +138,7 @@ def worse(losses: Sequence[float]) -> float:
 def difference(old: Numbers, new: Numbers) -> float:
     """Largest relative difference of any two numbers; inf where their kinds differ.
 
-    Errors are relative to the floor at least. What is the rest of two equal numbers is left out.
+    Errors are relative to the floor at least. Rounding of two equal numbers is left out.
     """
     kept = old.keys() - RESTS
     if kept != new.keys() - RESTS or old.get("failed") != new.get("failed"):
@@ -166,7 +166,7 @@ def worst_cases(section: Compared, count: int = 5) -> list[str]:
 
 
 def checks_of(name: str, section: Compared) -> list[Check]:
-    """What is asked of this section."""
+    """The checks of this section."""
     new_failures = [
         f"{case} {after.get('failed')}"
         for case, before, after in section.pairs()
@@ -204,8 +204,8 @@ def _questions(section: Compared) -> list[Check]:
 
 
 def _plans(section: Compared) -> list[Check]:
-    held = {name for name, _, new in section.pairs("equation 13") if new["equation 13"]}
-    losses = [loss for name, loss in section.losses.items() if name in held]
+    valid = {name for name, _, new in section.pairs("equation 13") if new["equation 13"]}
+    losses = [loss for name, loss in section.losses.items() if name in valid]
     return [Check("mean loss where Equation 13 holds", summed(np.mean, losses), 2e-4)]
 
 
@@ -241,4 +241,4 @@ CHECKS: dict[str, Callable[[Compared], list[Check]]] = {
     "certificates": _certificates,
     "identification": _identification,
 }
-"""What is asked of each section: it may not get worse by more than this."""
+"""The checks of each section: it may not get worse by more than this."""

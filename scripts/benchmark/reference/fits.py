@@ -65,14 +65,14 @@ def questions() -> Iterator[Case]:
     named = {f"{seed}": series_of(seed) for seed in range(0, 16, 2)} | {"rotator": walk}
     for series, (desired, settings) in named.items():
         for cyclic in (True, False):
-            for question, asked in asked_of(desired, **settings, cyclic=cyclic).items():
+            for question, arguments in asked_of(desired, **settings, cyclic=cyclic).items():
                 name = f"{question}: {series} {'cycle' if cyclic else 'path'}"
-                yield name, partial(fit, desired, **settings, cyclic=cyclic, **asked)
+                yield name, partial(fit, desired, **settings, cyclic=cyclic, **arguments)
     for seed, n in enumerate((300, 1000, 3000)):
         long = oracle_instance(UNSEEN + 8 * seed + 1, n=n)  # sines, noise and steps
-        asked = asked_of(long.desired, **long.settings)
+        arguments = asked_of(long.desired, **long.settings)
         for question in ("automatic", "within 1 %", "segments 8"):
-            call = partial(fit, long.desired, **long.settings, **asked[question])
+            call = partial(fit, long.desired, **long.settings, **arguments[question])
             yield f"{question}: {n} samples", call
 
 
@@ -97,21 +97,21 @@ def asked_of(desired: Array, **settings: Any) -> dict[str, dict[str, Any]]:
     }
 
 
-def fit(desired: Array, *, optimum: float | None = None, **asked: Any) -> Numbers:
+def fit(desired: Array, *, optimum: float | None = None, **arguments: Any) -> Numbers:
     """The fit's numbers."""
-    found = planner.fit_pwl(desired, **asked)
+    result = planner.fit_pwl(desired, **arguments)
     floor = NEGLIGIBLE * float(np.ptp(desired))
     numbers: Numbers = {
-        "error": found.rms,
+        "error": result.rms,
         "floor": floor,
-        "max_error": found.max_error,
-        "segments": found.segments,
-        "steepest": float(np.max(np.abs(found.slopes))) / found.v_max - 1.0,
-        "knots": found.knots.tolist(),
-        "values": found.values.tolist(),
+        "max_error": result.max_error,
+        "segments": result.segments,
+        "steepest": float(np.max(np.abs(result.slopes))) / result.v_max - 1.0,
+        "knots": result.knots.tolist(),
+        "values": result.values.tolist(),
     }
     if optimum is not None:
-        numbers["over optimum"] = max(found.rms, floor) / max(optimum, floor) - 1.0
-    if asked.get("segments") is None:
-        numbers["counted"] = math.inf if "knots" in asked else found.segments
+        numbers["over optimum"] = max(result.rms, floor) / max(optimum, floor) - 1.0
+    if arguments.get("segments") is None:
+        numbers["counted"] = math.inf if "knots" in arguments else result.segments
     return numbers

@@ -1,4 +1,4 @@
-"""Reference identifications: made logs, and the recordings where they are."""
+"""Reference identifications: simulated logs, and the recordings where available."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from pathlib import Path
 import numpy as np
 
 import planner
-from benchmark.parts.identify import AMPLITUDES, made, recorded
+from benchmark.parts.identify import AMPLITUDES, recorded, step_logs
 from benchmark.reference.record import Case, Numbers
 from tests.instances import random_model
 
-MADE = 20
+SIMULATED = 20
 
 UNSEEN = 3000
 """First seed of the random joints."""
@@ -26,11 +26,11 @@ NEGLIGIBLE = math.radians(1e-3)
 
 def identifications() -> Iterator[Case]:
     """Step tests of the ERS-210A and of random joints, and the recorded servos."""
-    for seed in range(MADE):
+    for seed in range(SIMULATED):
         model = planner.JointModel.ers210a()
         if seed % 2:
             model = random_model(np.random.default_rng(UNSEEN + seed), whole=seed % 4 == 1)
-        logs = made(model, AMPLITUDES[seed % len(AMPLITUDES)], UNSEEN + seed)
+        logs = step_logs(model, AMPLITUDES[seed % len(AMPLITUDES)], UNSEEN + seed)
         yield f"made {seed}", partial(identified, logs)
     folder = os.environ.get("REQUEST_PLANNER_RECORDINGS", "")
     if folder and Path(folder).is_dir():
@@ -40,15 +40,15 @@ def identifications() -> Iterator[Case]:
 
 def identified(logs: list[planner.Log]) -> Numbers:
     """The numbers of an identification."""
-    found = planner.identify(logs)
-    names = list(found.intervals)
+    result = planner.identify(logs)
+    names = list(result.intervals)
     return {
-        "error": found.rms,
+        "error": result.rms,
         "floor": NEGLIGIBLE,
-        "held out": math.nan if found.held_out_rms is None else found.held_out_rms,
-        "noise": found.noise,
-        "accepted": int(found.accepted),
-        "parameters": [float(getattr(found.model, name)) for name in names],
-        "ends": [end for name in names for end in found.intervals[name]],
-        "gain ends": [*found.gain_interval],
+        "held out": math.nan if result.held_out_rms is None else result.held_out_rms,
+        "noise": result.noise,
+        "accepted": int(result.accepted),
+        "parameters": [float(getattr(result.model, name)) for name in names],
+        "ends": [end for name in names for end in result.intervals[name]],
+        "gain ends": [*result.gain_interval],
     }

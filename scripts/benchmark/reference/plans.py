@@ -52,7 +52,7 @@ def joints() -> Iterator[tuple[str, Instance, dict[str, Any]]]:
     for seed in range(UNSEEN + 70, UNSEEN + 82):
         yield f"largest error {seed}", random_saturating(seed), {"norm": "max"}
     for seed in range(UNSEEN + 90, UNSEEN + 110):
-        kind, make = MADE[seed % 3]
+        kind, make = KINDS[seed % 3]
         rng = np.random.default_rng(seed)
         model = make(rng)
         desired = saturating(rng, model, samples=int(rng.integers(40, 110)))
@@ -70,7 +70,7 @@ def _slow(rng: np.random.Generator) -> planner.JointModel:
     return replace(model, lag=lag * model.tick, acceleration_time=acceleration * model.tick)
 
 
-MADE = (
+KINDS = (
     ("held", _held),
     ("slow", _slow),
     ("outside Equation 13", random_model_outside_equation_13),
@@ -79,22 +79,22 @@ MADE = (
 
 def plans() -> Iterator[Case]:
     """Optimised plans."""
-    for name, instance, asked in joints():
-        yield name, partial(optimal, instance, **asked)
+    for name, instance, arguments in joints():
+        yield name, partial(optimal, instance, **arguments)
 
 
-def optimal(instance: Instance, **asked: Any) -> Numbers:
+def optimal(instance: Instance, **arguments: Any) -> Numbers:
     """The plan's numbers."""
     limits = None if instance.limits == FREE else instance.limits
-    plan = planner.invert_optimal(instance.model, instance.desired, limits=limits, **asked)
+    plan = planner.invert_optimal(instance.model, instance.desired, limits=limits, **arguments)
     return numbers_of(plan)
 
 
 def closed_forms() -> Iterator[Case]:
     """The closed forms of every third joint, and of the reference walk by both rules."""
-    for name, instance, asked in [*joints()][::3]:
+    for name, instance, arguments in [*joints()][::3]:
         keeps = instance.model.keeps_equation_13
-        kept = {key: asked[key] for key in asked if key == "cyclic"}
+        kept = {key: arguments[key] for key in arguments if key == "cyclic"}
         for rule in ("paper", "exact") if keeps else ("exact",):
             yield f"{name}, {rule}", partial(by_lines, instance, segments=6, rule=rule, **kept)
     for instance in reference():
@@ -102,14 +102,14 @@ def closed_forms() -> Iterator[Case]:
         yield f"{instance.name}, not refined", partial(by_lines, instance, refine=False)
 
 
-def by_lines(instance: Instance, **asked: Any) -> Numbers:
+def by_lines(instance: Instance, **arguments: Any) -> Numbers:
     """The closed form's numbers."""
-    plan = planner.invert_closed_form(instance.model, instance.desired, **asked)
+    plan = planner.invert_closed_form(instance.model, instance.desired, **arguments)
     return numbers_of(plan) | {"segments": plan.approximation.segments}
 
 
 def numbers_of(plan: planner.Inversion) -> Numbers:
-    """What matters of a plan."""
+    """The compared numbers of a plan."""
     return {
         "error": plan.error,
         "floor": ATTAINED,
@@ -131,18 +131,18 @@ def feet() -> Iterator[Case]:
         lower, upper = task.leg.limits
         middle, half = (lower + upper) / 2.0, (upper - lower) / 2.0
         narrow = middle - 0.8 * half, middle + 0.8 * half
-        for what, asked in {
+        for variant, arguments in {
             "from rest": {"cyclic": False},
             "from rest, max": {"cyclic": False, "norm": "max"},
             "height": {"weights": (0.2, 0.2, 1.0)},
             "narrow": {"limits": narrow},
         }.items():
-            yield f"{task.name}, {what}", partial(stepped, task, **asked)
+            yield f"{task.name}, {variant}", partial(stepped, task, **arguments)
 
 
-def stepped(task: Task, **asked: Any) -> Numbers:
+def stepped(task: Task, **arguments: Any) -> Numbers:
     """The numbers of a leg's plan."""
-    plan = planner.invert_foot(planner.JointModel.ers210a(), task.leg, task.desired, **asked)
+    plan = planner.invert_foot(planner.JointModel.ers210a(), task.leg, task.desired, **arguments)
     return {
         "error": plan.error,
         "floor": FOOT_ATTAINED,
@@ -163,14 +163,14 @@ def certificates() -> Iterator[Case]:
                 yield name, partial(bounded, instance, level=level, norm=norm, cyclic=cyclic)
     for seed in range(UNSEEN + 220, UNSEEN + 224):
         instance = random_saturating(seed, samples=18 + seed % 4)
-        asked = {"level": "exact", "norm": "rms" if seed % 2 else "max", "cyclic": seed % 4 > 0}
-        yield f"exact {seed}", partial(bounded, instance, **asked, time_limit=EXACT_SECONDS)
+        arguments = {"level": "exact", "norm": "rms" if seed % 2 else "max", "cyclic": seed % 4 > 0}
+        yield f"exact {seed}", partial(bounded, instance, **arguments, time_limit=EXACT_SECONDS)
 
 
-def bounded(instance: Instance, *, norm: str, cyclic: bool, **asked: Any) -> Numbers:
+def bounded(instance: Instance, *, norm: str, cyclic: bool, **arguments: Any) -> Numbers:
     """A bound, and the error of the plan [rad]."""
     start = None if cyclic else float(instance.desired[0])
-    asked |= {"norm": norm, "cyclic": cyclic, "start": start}
-    found = planner.certify(instance.model, instance.desired, **asked)
+    arguments |= {"norm": norm, "cyclic": cyclic, "start": start}
+    certificate = planner.certify(instance.model, instance.desired, **arguments)
     plan = planner.invert_optimal(instance.model, instance.desired, norm=norm, cyclic=cyclic)
-    return {"bound": found.bound, "plan": plan.error, "solver gap": found.solver_gap}
+    return {"bound": certificate.bound, "plan": plan.error, "solver gap": certificate.solver_gap}

@@ -25,7 +25,7 @@ QUICK = 0.05
 
 
 def record(path: Path, sections: dict[str, Section], every: int = 1) -> None:
-    """Run the sections and keep what they give."""
+    """Run the sections and keep their results."""
     run = {
         "circumstances": circumstances(),
         "planner": str(Path(planner.__file__).parent),
@@ -37,14 +37,14 @@ def record(path: Path, sections: dict[str, Section], every: int = 1) -> None:
 
 def recorded(sections: dict[str, Section], every: int = 1) -> dict[str, Any]:
     """The numbers of every case, or of one in ``every``."""
-    found = {}
+    results = {}
     for name, section in sections.items():
         began, pace = process_time(), measured_pace()
         cases = [*section()][::every]
-        found[name] = {"cases": {case: run(call) for case, call in cases}}
-        found[name]["pace"] = min(pace, measured_pace())
+        results[name] = {"cases": {case: run(call) for case, call in cases}}
+        results[name]["pace"] = min(pace, measured_pace())
         print(f"{name}: {len(cases)} in {process_time() - began:.0f} s", file=sys.stderr)
-    return found
+    return results
 
 
 def run(call: Callable[[], Numbers]) -> Numbers:
@@ -52,7 +52,7 @@ def run(call: Callable[[], Numbers]) -> Numbers:
     began = process_time()
     try:
         numbers = call()
-    except Exception as error:  # what a user would see, also where it is none of ours
+    except Exception as error:  # as a user would see it, also an error of another package
         numbers = {"failed": type(error).__name__}
     seconds = process_time() - began
     if seconds < QUICK and "failed" not in numbers:
@@ -66,7 +66,7 @@ def measured_pace() -> float:
     """Processor time of a fixed piece of work [s], least of several: how fast this machine is."""
     rng = np.random.default_rng(0)
     matrix = rng.normal(size=(60, 60)) + 60.0 * np.eye(60)
-    taken = []
+    seconds = []
     for _ in range(7):
         began = process_time()
         vector = np.ones(60)
@@ -74,8 +74,8 @@ def measured_pace() -> float:
             vector = np.linalg.solve(matrix, vector + np.cumsum(vector))
             vector /= float(np.max(np.abs(vector)))
         sum(i * i for i in range(100_000))
-        taken.append(process_time() - began)
-    return min(taken)
+        seconds.append(process_time() - began)
+    return min(seconds)
 
 
 def load(path: Path, only: Sequence[str] = ()) -> dict[str, Any]:

@@ -51,11 +51,11 @@ def table() -> Table:
         ),
     }
     columns = ("functions", "files", "handed samples", "in files", "by names")
-    found = Table("Trace", (*columns, "handed desired", "by its names"), DEFINITION, stub="call")
+    result = Table("Trace", (*columns, "handed desired", "by its names"), DEFINITION, stub="call")
     for name, call in calls.items():
-        call()  # what is imported or kept at the first call is no part of the way
+        call()  # imports and caches of the first call are not counted
         trace = traced(call, instance)
-        found.add(
+        result.add(
             name,
             len(trace.entered),
             len(_files(trace.entered)),
@@ -65,7 +65,7 @@ def table() -> Table:
             len({code for code, _ in trace.desired}),
             len({path for _, path in trace.desired}),
         )
-    return found
+    return result
 
 
 def traced(call: Callable[[], object], instance: Instance) -> Trace:

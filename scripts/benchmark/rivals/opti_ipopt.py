@@ -73,10 +73,10 @@ def build(model: planner.JointModel, samples: int) -> Solve:
             # Opti's word for every failure; the last iterate may still do.
             with contextlib.suppress(RuntimeError):
                 opti.solve()
-            found = np.asarray(opti.debug.value(requests), dtype=np.float64)
-            if not np.all(np.isfinite(found)):
+            solution = np.asarray(opti.debug.value(requests), dtype=np.float64)
+            if not np.all(np.isfinite(solution)):
                 break
-            candidates.append(found * DEGREE)
+            candidates.append(solution * DEGREE)
             opti.set_initial(opti.x, opti.debug.value(opti.x))
         return best_of(model, trajectory, limits, candidates)
 

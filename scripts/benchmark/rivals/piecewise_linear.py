@@ -63,11 +63,11 @@ def trend_filter(desired: Array, segments: int, v_max: float) -> Knots:
     for _ in range(ROUNDS):
         weight.value = 10.0 ** ((low + high) / 2.0)
         filtered.solve(solver=cvxpy.CLARABEL)
-        found = 1 + np.flatnonzero(np.abs(bends.value) > KINK)
-        if len(found) > segments:
+        bent = 1 + np.flatnonzero(np.abs(bends.value) > KINK)
+        if len(bent) > segments:
             low = (low + high) / 2.0
         else:
-            high, kinks = (low + high) / 2.0, found
+            high, kinks = (low + high) / 2.0, bent
     knots = np.unique([0, *(kinks % (len(closed) - 1)), len(closed) - 1])
     values = cvxpy.Variable(len(knots))
     lines = np.array([np.interp(np.arange(len(closed)), knots, row) for row in np.eye(len(knots))])

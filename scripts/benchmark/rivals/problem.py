@@ -1,4 +1,4 @@
-"""What the rivals share: smoothed saturation, schedule, and the last word of the exact model."""
+"""Parts shared by the rivals: smoothed saturation, schedule, choice by the exact model."""
 
 from __future__ import annotations
 

@@ -90,7 +90,7 @@ def build(model: planner.JointModel, samples: int) -> Solve:
                     last[key] = simulation.cycle(requests, radius, boundary)
                 return last[key]
 
-            found = least_squares(
+            result = least_squares(
                 lambda requests: np.append(
                     cycle(requests)[0] - desired, weight * (requests - resting)
                 ),
@@ -102,7 +102,7 @@ def build(model: planner.JointModel, samples: int) -> Solve:
                 max_nfev=MOST_EVALUATIONS,
                 x_scale=1.0,
             )
-            requests = found.x
+            requests = result.x
             candidates.append(requests * DEGREE)
         return best_of(model, trajectory, limits, candidates)
 
