@@ -17,7 +17,7 @@ from planner.virtual.pendulum import Pendulum, Sts3215
 from planner.virtual.robot import VirtualRobot
 
 PERIOD = 0.033  # [s]
-CHUNK, USED = 50, 25  # actions in a chunk, and those that are used before the next one
+CHUNK, USED = 50, 25  # actions in a chunk, and actions used before the next one
 PREVIEW = 9  # actions that the stream looks ahead: 0.3 s
 ACTIONS = 300
 

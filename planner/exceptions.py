@@ -6,7 +6,7 @@
     ├── InvalidInput (a ValueError too)   an argument cannot be used; says what to do
     │   ├── InvalidModel                  a joint that cannot exist or cannot come to rest
     │   ├── InvalidTrajectory             NaN, wrong shape, too short
-    │   ├── InvalidFile                   not what it should be; carries path and line
+    │   ├── InvalidFile                   invalid content; carries path and line
     │   ├── Infeasible                    requirements that contradict each other
     │   └── MissingExtra                  the call needs a package that is not installed
     ├── BusError                          servos that do not answer, do not follow or report a fault
@@ -59,7 +59,7 @@ class InvalidTrajectory(InvalidInput):
 
 
 class InvalidFile(InvalidInput):
-    """A file does not hold what it should.
+    """The content of a file is invalid.
 
     Attributes:
         path: The file, or ``-`` for standard input.

@@ -57,7 +57,7 @@ _ONE_AT_A_TIME = threading.Lock()
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a worker returns: the result, or None and the reason; and warnings."""
+    """Return value of a worker: the result, or None and the reason; and warnings."""
 
     result: bytes | None
     reason: str = ""
@@ -138,7 +138,7 @@ def outcomes(
 
 @contextmanager
 def executor_of(workers: int | None = None, scheduler: str | None = None) -> Iterator[Executor]:
-    """Hand out the processes of this machine, or a cluster; what still runs ends with the block.
+    """Hand out the processes of this machine, or a cluster; running tasks end with the block.
 
     Args:
         workers: Processes, of one thread each, as threads of the linear algebra would compete with
@@ -251,7 +251,7 @@ def _cluster(address: str) -> Iterator[Executor]:
                     f"{__version__} as here"
                 )
 
-    logging.disable()  # messages here say what is wrong with a cluster
+    logging.disable()  # the errors here describe faults of a cluster
     try:
         try:
             asyncio.run(check_scheduler())

@@ -11,7 +11,7 @@ class Summary(NamedTuple):
     """A heading, and a table with a unit beside every number or title.
 
     Attributes:
-        head: Its kind, in one line.
+        head: The heading, in one line.
         columns: Titles of the columns; that of the first may be empty.
         rows: Their cells.
     """

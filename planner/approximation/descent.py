@@ -41,7 +41,7 @@ def best_values(problem: Problem, knots: Array, near: Array | None = None) -> Ca
     """The curve of best values within the slopes at given knots, a convex QP.
 
     Args:
-        problem: What to approximate.
+        problem: The approximation problem.
         knots: Knots, at most :data:`WINDOW`.
         near: Values within the slopes, (K,), where the QP begins and whose distance from the best
             ones it lowers by 1e-10; feasible ones by default.
@@ -68,7 +68,7 @@ def descend(
     """Move knots and values downhill until there is no progress; the ends of a path stay.
 
     Args:
-        problem: What to approximate.
+        problem: The approximation problem.
         start: Where to start, within the slopes, at most :data:`WINDOW` knots.
         rounds: Most evaluations.
         progress: Relative decrease of the squared error below which the descent ends.

@@ -57,7 +57,7 @@ def proved_best(problem: Problem, start: Candidate) -> Candidate:
     than the best curve known are struck out; the rest is halved.
 
     Args:
-        problem: What to approximate, required knots on samples.
+        problem: The approximation problem, required knots on samples.
         start: A curve from whose knots, put on samples, the search begins.
 
     Returns:

@@ -50,7 +50,7 @@ class Course(NamedTuple):
 
 
 class Gates(NamedTuple):
-    """What a curve must pass, by place.
+    """Intervals that a curve must pass, by place.
 
     Attributes:
         places: Where the gates are, increasing [samples].

@@ -127,8 +127,8 @@ def fit_pwl(
 ) -> PiecewiseLinearFit:
     """Approximate ``desired`` by few straight lines that a joint of speed ``v_max`` can follow.
 
-    The curve is continuous, closed if ``cyclic``, and every slope is within ±v_max. What it costs
-    and how its knots are found stand at the top of the module: O(n log n), unless ``exact``.
+    The curve is continuous, closed if ``cyclic``, and every slope is within ±v_max. The module's
+    docstring describes the search of the knots. Cost O(n log n), unless ``exact``.
 
     Args:
         desired: Angles [rad], shape (n,), n >= 3.

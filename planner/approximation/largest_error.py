@@ -61,7 +61,7 @@ def within_largest_error(
     """The fewest segments whose largest error is within ``bound``, as close as they come.
 
     Args:
-        problem: What to approximate, samples of size one.
+        problem: The approximation problem, samples of size one.
         bound: Largest error [unit of the samples]; kept with :data:`BARELY` to spare if that takes
             no more segments.
         most: Most segments; None for any number.
@@ -146,7 +146,7 @@ def gates_of(
     """Gates at samples and required knots, and the numbers of the latter, ends left out.
 
     Args:
-        problem: What to approximate.
+        problem: The approximation problem.
         bound: Largest error at any sample.
         start: Of a cycle, where it is cut to be a path; the last gate is a turn later.
         ends: Least and largest value there; by default, a cycle is not cut.
@@ -213,7 +213,7 @@ def least_squares_within(problem: Problem, curve: Candidate, bound: float) -> Ca
     """A curve with as many segments as ``curve`` and a squared error that is no larger.
 
     Args:
-        problem: What to approximate; samples of size one or less.
+        problem: The approximation problem; samples of size one or less.
         curve: A curve with no error above ``bound``, its slopes within their bound.
         bound: Largest error at any sample.
 

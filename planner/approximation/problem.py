@@ -1,4 +1,4 @@
-"""What to approximate: samples, bound on the slopes, required knots; checks that a curve exists.
+"""Approximation problem: samples, slope bound, required knots; checks that a curve exists.
 
 A search works in units of its own: samples of size one, time counted in samples. The ends of a path
 and required knots are fixed, and at required knots values may be, too.
@@ -40,7 +40,7 @@ BARELY = 1e-9
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Problem:
-    """What to approximate, in a unit of its own.
+    """An approximation problem, in a unit of its own.
 
     Attributes:
         desired: Samples D, shape (n,).
@@ -130,7 +130,7 @@ def feasible_values(problem: Problem, knots: Array) -> Array:
     """Values within the slopes that keep the pins, elsewhere as near as possible to the mean.
 
     Args:
-        problem: What to approximate.
+        problem: The approximation problem.
         knots: Knots [samples], shape (k,).
 
     Returns:
@@ -166,7 +166,7 @@ def with_required(problem: Problem, knots: Array) -> Array | None:
     """Knots from a grid of samples, with the nearest ones replaced by required knots.
 
     Args:
-        problem: What to approximate.
+        problem: The approximation problem.
         knots: Knots on samples, shape (K,), among them those of :func:`nearest_samples`.
 
     Returns:
@@ -209,7 +209,7 @@ def even_knots(problem: Problem, segments: int | None = None) -> Array:
     """Knots as evenly spread as required knots allow.
 
     Args:
-        problem: What to approximate.
+        problem: The approximation problem.
         segments: Number of segments; None for as many as possible.
 
     Returns:
@@ -305,7 +305,7 @@ def check_required(problem: Problem, tick: float) -> None:
     """Raise Infeasible where no curve has the required knots and angles, and name the two.
 
     Args:
-        problem: What to approximate [rad].
+        problem: The approximation problem [rad].
         tick: Time between samples [s].
     """
     n, places = problem.samples, segment_capacity(problem)[0]
@@ -337,7 +337,7 @@ def check_room(problem: Problem, segments: int, *, at_most: bool) -> None:
     """Raise Infeasible where required knots leave no room for so many or so few segments.
 
     Args:
-        problem: What to approximate.
+        problem: The approximation problem.
         segments: Number of segments.
         at_most: Whether fewer will do, too.
     """

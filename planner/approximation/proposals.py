@@ -48,7 +48,7 @@ def chain_proposals(problem: Problem, ideal: Array, segments: int) -> list[Array
     """Knots of the cheapest chains by chord and by line, without duplicates.
 
     Args:
-        problem: What to approximate; a cycle begins where a knot is likely.
+        problem: The approximation problem; a cycle begins where a knot is likely.
         ideal: Its slope-bounded ideal, shape (n,).
         segments: Number of segments.
     """
@@ -112,7 +112,7 @@ def lattice_chain(
     """Knots of the cheapest chain with as many segments on a grid.
 
     Args:
-        problem: What to approximate.
+        problem: The approximation problem.
         ideal: Its slope-bounded ideal, shape (n,).
         curve: Sets the number of segments and the distance from the ideal.
         nodes: Places where knots may lie, if the samples are as many; four for every segment where

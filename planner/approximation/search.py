@@ -44,7 +44,7 @@ from planner.approximation.values import solve_values, within_slopes
 from planner.exceptions import Infeasible, angle_text
 from planner.trajectory import Array
 
-# What half and twice do was measured on 640 fits of 2 to 12 segments, and 80 of 14 to 40.
+# The effects of half and twice were measured on 640 fits of 2 to 12 segments, and 80 of 14 to 40.
 
 FEW = 4
 """Evaluations after which starts and moves are compared. 3: 0.02 % more error in the mean, 6 %
@@ -95,7 +95,7 @@ ONE_BY_ONE = 16
 segments in 5 of 99 answers; 32: no change."""
 
 LIKELY = 1.02
-"""Squared error of a rough curve over what is enough, up to which that number of segments is
+"""Squared error of a rough curve over the sufficient one, up to which that number of segments is
 searched in full at once. 1: more segments in 1 of 99 answers; 1.04: no change."""
 
 HOPELESS = 1.75
@@ -207,7 +207,7 @@ def improved(problem: Problem, ideal: Array, rough: list[Candidate]) -> Candidat
     """The best curve found from chains on lattices, and by moves of single knots.
 
     Args:
-        problem: What to approximate.
+        problem: The approximation problem.
         ideal: Its slope-bounded ideal, shape (n,).
         rough: Curves of as many segments, the best first, at most :data:`WINDOW` knots.
     """
@@ -251,18 +251,18 @@ def with_moved_knots(problem: Problem, curves: list[Candidate]) -> Candidate:
     """A curve reached by moving single knots, each move followed by a descent; never a worse one.
 
     Args:
-        problem: What to approximate.
+        problem: The approximation problem.
         curves: Where to begin; from the first move on the best is followed alone.
     """
-    best, begun = min(curves, key=by_error), curves
+    best, bases = min(curves, key=by_error), curves
     for _ in range(TURNS):
-        starts = [each for curve in begun for each in (curve, *moved(problem, curve))]
-        other = min((descend(problem, each, rounds=FEW) for each in starts), key=by_error)
-        gained = best.error - other.error
-        if gained <= 0.0:
+        starts = [each for curve in bases for each in (curve, *moved(problem, curve))]
+        result = min((descend(problem, each, rounds=FEW) for each in starts), key=by_error)
+        gain = best.error - result.error
+        if gain <= 0.0:
             break
-        best, begun = other, [other]
-        if gained <= 1e-3 * best.error:
+        best, bases = result, [result]
+        if gain <= 1e-3 * best.error:
             break
     return best
 
@@ -298,7 +298,7 @@ def exact_curve(problem: Problem) -> Candidate | None:
     lies where the lines on its two sides meet.
 
     Args:
-        problem: What to approximate; samples of size one.
+        problem: The approximation problem; samples of size one.
 
     Returns:
         The curve; None if it is too steep somewhere or has more than one segment in three samples.

@@ -66,7 +66,7 @@ def solve_values(
     """The best values at ``knots``; slopes within the bound up to a part in 1e6.
 
     Args:
-        problem: What to approximate; samples of size one or less.
+        problem: The approximation problem; samples of size one or less.
         knots: Knots, shape (K,).
         near: Values from which OSQP starts, and those of the regularisation, shape (K,).
         tube: Largest error at any sample; ``near`` keeps it.
@@ -102,7 +102,7 @@ def build_values_qp(
     """The QP in the values at ``knots``, with a slight regularisation towards ``near``.
 
     Args:
-        problem: What to approximate.
+        problem: The approximation problem.
         knots: Knots, shape (K,).
         near: Values of the regularisation, which undetermined ones take, shape (K,).
         tube: Largest error at any sample, if that is bounded.
@@ -280,7 +280,7 @@ def values_within(problem: Problem, knots: Array, bound: float | None, unit: flo
     """The best values at given knots, with no error above ``bound`` if there is one.
 
     Args:
-        problem: What to approximate, samples of size one.
+        problem: The approximation problem, samples of size one.
         knots: Knots, shape (K,).
         bound: Largest error at any sample, if that is bounded.
         unit: Unit of the samples [rad], for the message.

@@ -251,8 +251,8 @@ def beyond_limits(requests: Array, limits: tuple[Any, Any]) -> float:
 def kept_within(plan: Inversion, limits: tuple[float, float] | None) -> Inversion | None:
     """The plan with its requests clipped to the limits; None where that leads to no cycle.
 
-    The closed form knows no limits, so what it gains beyond them does not count against a plan that
-    keeps them.
+    The closed form ignores limits, so its gain beyond them does not count against a plan that keeps
+    them.
     """
     if limits is None or beyond_limits(plan.requests, limits) <= WITHIN_LIMITS.value:
         return plan

@@ -1,4 +1,4 @@
-"""Plans side by side: those for one joint, and those for a leg by where they bring its foot."""
+"""Plans side by side: for one joint by its angles, for a leg by the positions of its foot."""
 
 from __future__ import annotations
 

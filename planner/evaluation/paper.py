@@ -58,8 +58,8 @@ TABLE_2: Mapping[str, Mapping[str, Published]] = {
 }
 """Distances between angle trajectories [degrees], by joint and comparison.
 
-Des is the desired trajectory, Dir what the joint does when it is requested, Pwl its piecewise
-linear approximation, and MB (model-based) what the joint does under the requests from that.
+Des is the desired trajectory, Dir the angles when it is requested, Pwl its piecewise
+linear approximation, and MB (model-based) the angles under the requests from that.
 """
 
 FOOT: Mapping[str, Published] = {

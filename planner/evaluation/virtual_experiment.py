@@ -55,7 +55,7 @@ TRIALS = 10
 """Trials of learning, each executed until it is steady and then measured for two cycles."""
 
 MEASURED_CYCLES = 2
-"""Cycles that are measured in each trial: the fewest that separate noise from what repeats."""
+"""Cycles that are measured in each trial: the fewest that separate noise from repeatable errors."""
 
 MOST_DROPPED = 20
 """Cycles after which a walk that is not steady will not be."""

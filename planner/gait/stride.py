@@ -38,7 +38,7 @@ class Stride:
         length: Half of its stroke [m].
         height: How high the foot swings [m].
         centre: Middle of the stroke on the ground [m], shape (3,), read-only.
-        pose: The standing pose around which it was made [rad], shape (k,), read-only.
+        pose: The standing pose around which it lies [rad], shape (k,), read-only.
         angles: Angles of the joints that trace it [rad], shape (n, k), read-only.
     """
 

@@ -388,7 +388,7 @@ def _remarks(logs: Sequence[Log], origin: float, first: float, last: float) -> l
 def _limits(
     paths: Sequence[Path], limits: JointLimits | None, names: Sequence[str]
 ) -> dict[str, tuple[float, float]]:
-    """Limits by joint: those given, or of a share of a range the range itself."""
+    """Limits by joint: the arguments, or of a share of a range the range itself."""
     spans = {}
     for each in paths:
         if each.unit == "1":

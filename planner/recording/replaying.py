@@ -125,7 +125,7 @@ def replay_at(
     Args:
         path: The recording.
         moments: Moments of the recording [s], increasing, shape (n,), one every ``path.period``.
-        speed: What to call the speed; by default the recorded duration over that of the replay.
+        speed: The reported speed; by default the recorded duration over that of the replay.
         load: As of :func:`replay`.
         known: Plans of joints for these moments that exist already; not used under a load of
             the pose, which depends on all of them.
@@ -292,7 +292,7 @@ class JointReplay:
     def error_of(self, kind: Kind) -> Array:
         """Angles minus desired angles of a planned joint under one kind of requests, shape (n,).
 
-        Only what this kind needs is simulated: the best time shift takes dozens of simulations.
+        Only this kind is simulated: the best time shift takes dozens of simulations.
         """
         assert self.predicted is not None, "only a planned joint has errors"
         angles: Array = self.predicted if kind == "planned" else getattr(self, kind)
@@ -320,7 +320,7 @@ class JointReplay:
 
     @property
     def untested(self) -> tuple[str, ...]:
-        """In what the motion exceeds what the model was tested on: "speed", "angle" and others."""
+        """Quantities in which the motion exceeds the tests of the model: "speed", "angle", ..."""
         return self._plan.expected[0].untested
 
     @cached_property

@@ -112,7 +112,7 @@ class Fastest:
         foot: Whether it is about the foot.
         retime: Whether the factor varies.
         impossible: A speed that is proved too high; None where none is.
-        contradicted: Joints that did at the recorded speed what no requests do by their models,
+        contradicted: Joints whose motion at the recorded speed no requests reach by their models,
             from rest: no speed is proved too high then.
         curve: Errors over speed, in multiples of the tolerance.
     """
@@ -226,7 +226,7 @@ class Measure:
     Attributes:
         tolerance: Largest error allowed [rad, or m for the foot].
         leg: The leg whose foot counts; None where the joints do.
-        places: Where the leg's joints are among those that are planned.
+        places: Indices of the leg's joints among the planned ones.
     """
 
     tolerance: float
@@ -333,7 +333,7 @@ def fastest_at(
 
 
 class _Search:
-    """Plans at several speeds, each made once."""
+    """Plans at several speeds, each computed once."""
 
     def __init__(
         self, path: RecordedPath, measure: Measure, progress: Progress, options: dict[str, Any]
@@ -388,7 +388,7 @@ class _Search:
         return proof
 
     def contradicted(self) -> tuple[str, ...]:
-        """Joints that did at the recorded speed what no requests do by their models.
+        """Joints whose motion at the recorded speed no requests reach by their models.
 
         Raises:
             Infeasible: They do it where the replay begins at a later row.

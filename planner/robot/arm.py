@@ -228,7 +228,7 @@ class Arm:
         Raises:
             InvalidInput: Before anything moves: a request beyond the limits of its joint.
             BusError: The bus is gone, or a servo is silent, does not follow, leaves its range or
-                reports a fault. What was kept until then is kept.
+                reports a fault. Ticks until then are kept.
         """
         check_ranges(self.servos, requests)
         port, start = self.bus.port, self.angles()

@@ -21,8 +21,8 @@ class Recording:
     """Requests to the joints and their motion; one row per request.
 
     Attributes:
-        times: When each request was made [s], shape (n,).
-        requests: The requests as they were made [rad], shape (n, k).
+        times: Times of the requests [s], shape (n,).
+        requests: The requests before clipping [rad], shape (n, k).
         sensed: Readings of the sensors right after each request [rad], shape (n, k).
         angles: The true angles at these times [rad], shape (n, k), unknown on a real robot.
     """

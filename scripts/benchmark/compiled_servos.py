@@ -143,7 +143,7 @@ class CompiledServo:
         return -self.pendulum * np.sin(angles) if self.pendulum else None
 
     def logs(self, seed: int = 0) -> list[planner.Log]:
-        """What ``excite`` proposes by default, a minute, as its sensor reports it."""
+        """The default motion of ``excite``, a minute, as its sensor reports it."""
         signal = excite("combined", limits=(-0.85, 0.85), period=self.period, duration=60.0)
         angles = self.seen(self.angles(signal.requests), np.random.default_rng(seed))
         return [

@@ -97,8 +97,8 @@ class Servo:
     torque, which current and back-EMF limit. Coulomb friction is exact: it holds a joint at rest.
 
     Attributes:
-        position_gain: Speed asked for per error [1/s].
-        top_speed: Largest speed that is asked for [rad/s].
+        position_gain: Target speed per error [1/s].
+        top_speed: Largest target speed [rad/s].
         speed_gain: Torque per speed error [N m s/rad].
         integral_gain: Torque per integrated speed error [N m/rad].
         derivative: Share of the measured speed that the torque takes off besides [N m s/rad].

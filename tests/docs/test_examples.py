@@ -63,4 +63,4 @@ def test_the_cells_of_the_notebook_print_what_it_shows(notebook):
             with contextlib.redirect_stdout(printed):
                 exec(compile("".join(cell["source"]), notebook.name, "exec"), names)
             assert difference(shown, printed.getvalue()) is None, printed.getvalue()
-    assert isinstance(names["found"], planner.Identification)
+    assert isinstance(names["result"], planner.Identification)

@@ -201,7 +201,7 @@ def calibrated(kind: Kind, folder: Path) -> Joint:
 
 
 def rows_of(joint: Joint) -> Iterator[tuple[str, tuple[float, ...]]]:
-    """Errors on each motion: direct and best shift [deg], recommended over shift, told over met."""
+    """Errors: direct and best shift [deg], recommended over shift, expected over met."""
     model = joint.calibration.model
     for name, path in motions(model.period).items():
 

@@ -260,7 +260,7 @@ def our_path(instance: Instance, segments: int) -> piecewise_linear.Knots:
 def add_all(
     table: Table, instance: Instance, methods: dict[str, Call], repeats: int, more: str = ""
 ) -> None:
-    """A row for each method, ours first: how near the curve comes, and what it breaks."""
+    """A row for each method, ours first: the error of the curve, and its violations."""
     ours_took = math.nan
     for name, call in methods.items():
         (knots, values), first = timed(call)

@@ -177,7 +177,7 @@ def each(instances: Sequence[Instance], results: Sequence[dict[str, Result]]) ->
         stub="instance",
     )
     for instance, result in zip(instances, results, strict=True):
-        best = min(other.rms for name, other in result.items() if name != OURS)
+        best = min(rival.rms for name, rival in result.items() if name != OURS)
         table.add(
             instance.name,
             *(math.degrees(result[name].rms) for name in METHODS),

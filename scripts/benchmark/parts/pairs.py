@@ -93,7 +93,7 @@ def measure(options: Options) -> list[Table]:
 
 
 def promised(servos: int) -> Table:
-    """The error to expect of plans for virtual servos over the one met, by what was logged."""
+    """The expected error of plans for virtual servos over the measured one, by logged motion."""
     table = Table(
         "The error to expect",
         (

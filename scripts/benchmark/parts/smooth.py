@@ -21,7 +21,7 @@ NOISE = math.radians(0.5)
 """Noise of the log from which a model is identified [rad]."""
 
 FRESH = 40
-"""Pairs of models, drawn from the identification, that no plan was made for."""
+"""Pairs of models, drawn from the identification, that no plan uses."""
 
 
 def measure(options: Options) -> list[Table]:  # noqa: ARG001
@@ -203,7 +203,7 @@ def wrong_models(instances: Sequence[Instance]) -> Table:
 
 
 def wrong_legs() -> Table:
-    """Errors of a foot under models of its joints that the plan was not made for."""
+    """Errors of a foot under models of its joints that the plan did not use."""
     table = Table(
         "Models of a leg that are a little wrong",
         (
