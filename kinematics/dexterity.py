@@ -68,18 +68,18 @@ def standing_pose(leg: Leg) -> Array:
 
 def _below_hip(leg: Leg, pose: Array, least: float) -> Array:
     """The pose with the foot straight below the joint before the last, or as it is."""
-    found = pose
+    candidate = pose
     for _ in range(2):  # that joint moves with those above it
-        points = leg.joint_positions(found[None])[0]
+        points = leg.joint_positions(candidate[None])[0]
         hip, foot = points[max(len(pose) - 2, 0)], points[-1]
         if hip[2] - foot[2] < BELOW * leg.chain.size:
             return pose
         target = np.array([[hip[0], hip[1], foot[2]]])
-        solution = replace(leg, near=found).inverse(target, unreachable="nearest")
-        found = solution.angles[0]
-        if dexterity(leg.chain, found[None])[0] < least:
+        solution = replace(leg, near=candidate).inverse(target, unreachable="nearest")
+        candidate = solution.angles[0]
+        if dexterity(leg.chain, candidate[None])[0] < least:
             return pose
-    return found
+    return candidate
 
 
 def dexterity(chain: Chain, angles: Array) -> Array:

@@ -82,8 +82,7 @@ class Leg:
                 is neither revolute nor continuous, or one that mimics another.
             InvalidInput: A joint cannot be held like that, or is not on the leg.
         """
-        found = read_chain(path, base=base, foot=foot, locked=locked)
-        chain, names, limits, speeds, masses = found
+        chain, names, limits, speeds, masses = read_chain(path, base=base, foot=foot, locked=locked)
         pose = None if near is None else _pose(near, names, limits)
         return cls(base, foot, names, limits, chain, speeds, pose, masses)
 
@@ -284,20 +283,20 @@ def _pose(near: Mapping[str, float], names: tuple[str, ...], limits: Limits) -> 
 def _as_path(values: npt.ArrayLike, *, name: str, columns: int, unit: str) -> Array:
     """The values as a finite array (n, columns), or say why they cannot be a path."""
     try:
-        given = np.asarray(values)
+        array = np.asarray(values)
     except ValueError as error:  # rows of different lengths
         raise InvalidPath(f"{name}: {error}; expected shape (n, {columns}) [{unit}]") from error
-    if given.dtype.kind not in "iuf":
-        raise InvalidPath(f"{name}: got an array of {given.dtype}, expected real numbers [{unit}]")
-    if given.ndim != 2 or given.shape[1] != columns:
-        hint = f"; for a single row pass [{name}]" if given.shape == (columns,) else ""
+    if array.dtype.kind not in "iuf":
+        raise InvalidPath(f"{name}: got an array of {array.dtype}, expected real numbers [{unit}]")
+    if array.ndim != 2 or array.shape[1] != columns:
+        hint = f"; for a single row pass [{name}]" if array.shape == (columns,) else ""
         raise InvalidPath(
-            f"{name}: got shape {given.shape}, expected (n, {columns}) [{unit}]{hint}"
+            f"{name}: got shape {array.shape}, expected (n, {columns}) [{unit}]{hint}"
         )
-    bad = np.flatnonzero(~np.all(np.abs(given) <= FARTHEST, axis=1))
+    bad = np.flatnonzero(~np.all(np.abs(array) <= FARTHEST, axis=1))
     if bad.size:
         raise InvalidPath(
-            f"{name}: {bad.size} of {len(given)} rows are not finite or beyond {FARTHEST:g} "
-            f"{unit}: first index {bad[0]} ({given[bad[0]]}); mend or remove them first"
+            f"{name}: {bad.size} of {len(array)} rows are not finite or beyond {FARTHEST:g} "
+            f"{unit}: first index {bad[0]} ({array[bad[0]]}); mend or remove them first"
         )
-    return given.astype(np.float64)
+    return array.astype(np.float64)

@@ -65,9 +65,9 @@ class Masses:
         moving = np.zeros((2, model.nv))
         torques = np.empty_like(angles)
         for sample, pose in enumerate(angles):
-            for row, given in zip(moving, (speeds, accelerations), strict=True):
-                if given is not None:
-                    row[places] = given[sample]
+            for row, motion in zip(moving, (speeds, accelerations), strict=True):
+                if motion is not None:
+                    row[places] = motion[sample]
             coordinates = self.robot.configuration(self.joints, pose)
             torques[sample] = -pinocchio.rnea(model, data, coordinates, *moving)[places]
         return read_only(torques + 0.0)  # no negative zero

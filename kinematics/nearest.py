@@ -119,10 +119,10 @@ def _newton_step(
             hessian[:, i, j] = hessian[:, j, i] = (columns[i] * columns[j] + miss * bend).sum(
                 axis=0
             )
-    held = (poses <= limits.lower) & (gradient > 0.0)
-    held |= (poses >= limits.upper) & (gradient < 0.0)
-    gradient[held] = 0.0
-    hessian[held[:, :, None] | held[:, None, :]] = 0.0
+    at_limit = (poses <= limits.lower) & (gradient > 0.0)
+    at_limit |= (poses >= limits.upper) & (gradient < 0.0)
+    gradient[at_limit] = 0.0
+    hessian[at_limit[:, :, None] | at_limit[:, None, :]] = 0.0
     # Away from a minimum the curvature may be negative: its size keeps the step going down.
     curvatures, directions = np.linalg.eigh(hessian)
     strongest = np.abs(curvatures).max(axis=1, keepdims=True)

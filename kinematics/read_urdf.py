@@ -179,9 +179,9 @@ def _check_against_pinocchio(
         pinocchio.forwardKinematics(model, data, robot.configuration(joints, angles))
         from_base = (data.oMi[start.parentJoint] * start.placement).inverse()
         expected = (from_base * data.oMi[end.parentJoint] * end.placement).translation
-        found = chain.foot(np.cos(angles), np.sin(angles))[:, 0]
-        if not np.allclose(found, expected, rtol=AGREEMENT, atol=AGREEMENT):
+        foot = chain.foot(np.cos(angles), np.sin(angles))[:, 0]
+        if not np.allclose(foot, expected, rtol=AGREEMENT, atol=AGREEMENT):
             raise UnsupportedLeg(
                 f"the chain from {start.name!r} to {end.name!r} disagrees with Pinocchio by "
-                f"{np.linalg.norm(found - expected):.3g} m; please report this robot"
+                f"{np.linalg.norm(foot - expected):.3g} m; please report this robot"
             )

@@ -78,8 +78,8 @@ def read_robot(path: Path, *, locked: Mapping[str, float] | None = None) -> Robo
     model, mimics = _read_model(path)
     lower, upper = model.lowerPositionLimit, model.upperPositionLimit
     rest = np.clip(pinocchio.neutral(model), lower, upper)
-    held = {_held(model, rest, *each) for each in (locked or {}).items()}
-    return Robot(model, mimics, frozenset(held), read_only(rest))
+    indices = {_lock_joint(model, rest, *each) for each in (locked or {}).items()}
+    return Robot(model, mimics, frozenset(indices), read_only(rest))
 
 
 def _read_model(path: Path) -> tuple[Any, set[str]]:
@@ -132,7 +132,7 @@ def named(joints: Sequence[str]) -> str:
     return f"joint{'' if len(joints) == 1 else 's'} {listed}{more}"
 
 
-def _held(model: Any, coordinates: Any, name: str, position: float) -> int:
+def _lock_joint(model: Any, coordinates: Any, name: str, position: float) -> int:
     """Put a joint where it is held, and say which it is."""
     names = [str(each) for each in model.names]
     if name not in names[1:]:  # the first is the world
@@ -199,8 +199,8 @@ def find_frame(model: Any, name: str, *, role: str) -> Any:
     for frame in model.frames:
         if frame.name == name:
             return frame
-    known = dict.fromkeys(str(frame.name) for frame in model.frames)
-    raise UnknownFrame(name, list(known), role=role)
+    names = dict.fromkeys(str(frame.name) for frame in model.frames)
+    raise UnknownFrame(name, list(names), role=role)
 
 
 def joints_between(model: Any, start: Any, end: Any) -> list[int]:

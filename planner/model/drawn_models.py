@@ -60,19 +60,19 @@ def drawn_models(model: JointModel, *, pairs: int = PAIRS, seed: int = 0) -> tup
     open_above &= np.isfinite(ends[:, 0]) & np.isinf(ends[:, 1])
 
     def moves_of(z: Array) -> Array:
-        known = np.where(z < 0.0, down, up) * z
-        return np.where(open_above & (z > 0.0), values * z / (QUANTILE - z), known)
+        linear = np.where(z < 0.0, down, up) * z
+        return np.where(open_above & (z > 0.0), values * z / (QUANTILE - z), linear)
 
     matrix = np.array(evidence.correlations) if evidence.correlations else np.eye(len(names))
     eigenvalues, vectors = np.linalg.eigh(matrix)
     root = vectors * np.sqrt(np.maximum(eigenvalues, 0.0)) @ vectors.T  # unique: symmetric
-    rng, moves, tried = np.random.default_rng(seed), list[Array](), 0
+    rng, moves, draws = np.random.default_rng(seed), list[Array](), 0
     count = 2 * pairs
     while len(moves) < count:
-        drawn, tried = root @ rng.standard_normal(len(names)), tried + 1
-        for move in map(moves_of, (drawn, -drawn) if np.all(np.abs(drawn) < QUANTILE) else ()):
+        draw, draws = root @ rng.standard_normal(len(names)), draws + 1
+        for move in map(moves_of, (draw, -draw) if np.all(np.abs(draw) < QUANTILE) else ()):
             below = ends_at_zero & (values + move < 0.0)
-            if tried > MOST_REJECTED * count:  # hardly any that fit one another are above 0
+            if draws > MOST_REJECTED * count:  # hardly any that fit one another are above 0
                 move = np.where(below, -values, move)
             elif np.any(below):
                 continue

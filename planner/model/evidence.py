@@ -1,4 +1,4 @@
-"""What is known of a model: its test, the error on the robot that follows, and its intervals."""
+"""Evidence of a model: its test, the error to expect on the robot, and parameter intervals."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from planner.validation import as_reals, shown
 
 @dataclass(frozen=True, kw_only=True)
 class EvidenceOptions:
-    """How errors to expect are found, and which motion is outside of what was tested.
+    """How errors to expect are computed, and which motion is outside the tested range.
 
     Attributes:
         window: Part of a log whose error and acceleration are one point of the fit [s]: several
@@ -27,7 +27,7 @@ class EvidenceOptions:
         at_rest: Share of the largest travel of a part below which the joint rests in another. (Of
             an arm a model that missed 4 to 18 mrad in motion missed 0.1 in some of those.)
         rounds: Reweightings of the fit, so that relative errors count.
-        spare: A motion is outside where it exceeds what was tested by this factor.
+        spare: A motion is outside where it exceeds the tested range by this factor.
         spare_angle: It is also where it leaves the tested angles by more than this share of them.
         slot: Requests that move change in most slots of this time [s]: a robot is sent ten requests
             a second and more.
@@ -67,14 +67,14 @@ OPEN_TOP_SPEED = "the logs do not determine the top speed; v_max is a lower boun
 """Of a joint with :attr:`Evidence.leaves_top_speed_open`."""
 
 ENCODER_STEP = 2.0 * math.pi / 4096.0
-"""Step of an encoder of 12 bits for a turn [rad]: what joints are sent and measured in."""
+"""Step of an encoder of 12 bits for a turn [rad]: the unit of requests and measured angles."""
 
 TRACKING = "moving requests"
-"""In :meth:`Evidence.exceeded`: what logs of steps do not show."""
+"""In :meth:`Evidence.exceeded`: a motion that logs of steps do not contain."""
 
 PROVEN = 0.8
-"""Share of the error of a pure delay up to which a model is clearly better than that: what plans on
-other models gain over a time shift, a robot need not show."""
+"""Share of the error of a pure delay up to which a model is clearly better than a delay. With other
+models a robot need not show the predicted gain over a time shift."""
 
 Verdict = Literal["holds", "usable", "worse than a delay", "refused"]
 """Whether a model may be planned with, see section 8 of ``docs/math.md``."""
@@ -87,11 +87,11 @@ ALIKE = 0.7
 servos from their physics it was -0.70 to 0.64."""
 
 REASONS_SHOWN = 3
-"""Reasons that a warning about several models has; the file has the others."""
+"""Reasons in a warning about several models; the rest is in the file."""
 
 
 class Evidence(NamedTuple):
-    """How far off a model was, on what it was tested, and where its parameters lie.
+    """Test error of a model, the range of the tests, and the intervals of its parameters.
 
     Attributes:
         error: Root mean square error on rows that were not fitted [rad]; NaN where it was not
@@ -101,16 +101,16 @@ class Evidence(NamedTuple):
         angles: Least and largest tested angle [rad]; infinite where they are not known.
         by_acceleration: Pairs of a root mean square acceleration [rad/s^2], increasing, and the
             root mean square error of such motion [rad]; empty where that is not known. The last
-            pair is that of the most accelerated part of the logs.
+            pair is from the most accelerated part of the logs.
         delay_error: Where the logs hold steps only, half the width of the 95 % interval of the time
             by which the joint trails requests that move [s]; 0 where such requests were tested.
         spread: Least and largest error of a motion in 90 % of cases, as shares of the one that is
             expected; from 0 to infinity where that is not known.
-        over_delay: Error on rows that were not fitted over that of the best pure delay [-]; NaN
-            where that is not known.
+        over_delay: Error on rows that were not fitted over the error of the best pure delay [-];
+            NaN where that is not known.
         intervals: Least and largest value of parameters with 95 % confidence, SI units, by their
             names in a JointModel; infinite where it is not known. "gain", v_max / theta_0 [1/s],
-            stands in the place of theta_0.
+            replaces theta_0.
         correlations: Of the parameters in the order of ``intervals``, shape (p, p); empty where
             they are independent.
         verdict: Whether the model may be planned with; None where that is not known.
@@ -148,7 +148,7 @@ class Evidence(NamedTuple):
     def error_of(self, angles: Array, *, period: float, cyclic: bool) -> float:
         """Error of the model to expect of a motion [rad], rms, by its acceleration.
 
-        What the model leaves out of a servo are forces, which accelerate: (19) of ``docs/math.md``.
+        The model leaves out forces of a servo, which accelerate it: (19) of ``docs/math.md``.
         Without ``by_acceleration`` it is ``error``, whatever the motion. After a log of steps the
         delay of requests that move is not tested, and its interval counts as well: (19a).
 
@@ -166,9 +166,9 @@ class Evidence(NamedTuple):
         return math.hypot(*self._errors_of(_motion(angles, period, cyclic=cyclic)))
 
     def range_of(self, angles: Array, *, period: float, cyclic: bool) -> tuple[float, float]:
-        """Between which errors that of the model lies in 90 % of motions like this one [rad].
+        """Range of the model's error in 90 % of motions like this one [rad].
 
-        What the interval of the delay adds to :meth:`error_of` counts in the larger one only.
+        The interval of the delay, a part of :meth:`error_of`, counts in the upper end only.
 
         Args:
             angles: Angles by the model [rad], shape (n,).
@@ -180,23 +180,23 @@ class Evidence(NamedTuple):
         return least * tested, math.hypot(most * tested, by_delay) if tested else by_delay
 
     def _errors_of(self, motion: _Motion) -> tuple[float, float]:
-        """What was tested, and what the interval of the delay adds [rad], rms."""
+        """Error by the test, and error by the interval of the delay [rad], rms."""
         by_delay = self.delay_error * rms(motion.speeds)
         if not self.by_acceleration:
             return self.error, by_delay
         size = rms(motion.accelerations)
-        known, errors = np.transpose(self.by_acceleration)
-        beyond = max(size / known[-1], 1.0) if known[-1] > 0.0 else 1.0
-        return float(np.interp(size, known, errors)) * beyond, by_delay
+        sizes, errors = np.transpose(self.by_acceleration)
+        beyond = max(size / sizes[-1], 1.0) if sizes[-1] > 0.0 else 1.0
+        return float(np.interp(size, sizes, errors)) * beyond, by_delay
 
     def exceeded(
         self, angles: Array, *, period: float, cyclic: bool, load: Array | float = 0.0
     ) -> tuple[str, ...]:
-        """In what a motion is outside of what was tested.
+        """Quantities by which a motion is outside the tested range.
 
-        That is in "speed", "acceleration", "angle", "load" or, where after a log of steps the
-        interval of the delay counts for more than what was tested, and than an encoder's step, in
-        "moving requests".
+        They are "speed", "acceleration", "angle", "load" and, where after a log of steps the
+        interval of the delay adds more than the tested error and an encoder's step, "moving
+        requests".
 
         Args:
             angles: Angles of the joint [rad], shape (n,).
@@ -214,17 +214,17 @@ class Evidence(NamedTuple):
         spare = OPTIONS.spare_angle * (high - low) if math.isfinite(high - low) else 0.0
         size = self.by_acceleration[-1][0] if self.by_acceleration else math.inf
         tested, by_delay = self._errors_of(motion)
-        found = {
+        checks = {
             "speed": np.max(np.abs(motion.speeds), initial=0.0) > OPTIONS.spare * self.speed,
             "acceleration": rms(motion.accelerations) > OPTIONS.spare * size,
             "angle": bool(np.any((angles < low - spare) | (angles > high + spare))),
             "load": np.max(np.abs(load), initial=0.0) > OPTIONS.spare * self.load,
             TRACKING: by_delay > max(tested, ENCODER_STEP),
         }
-        return tuple(name for name, outside in found.items() if outside)
+        return tuple(name for name, outside in checks.items() if outside)
 
     def scaled(self, factor: float) -> Evidence:
-        """The same of angles in a unit that is this many times as small."""
+        """The same evidence, for angles in a unit that is this many times as small."""
         low, high = self.angles
         pairs = tuple((factor * size, factor * error) for size, error in self.by_acceleration)
         intervals = {
@@ -240,7 +240,7 @@ class Evidence(NamedTuple):
         )
 
     def moved(self, factors: Mapping[str, float], shifts: Mapping[str, float]) -> Evidence:
-        """The same of a joint with other parameters: times a factor, plus a shift, 0 at least."""
+        """The same evidence, for other parameters: times a factor, plus a shift, 0 at least."""
         moved = dict(self.intervals)
         for name in {*factors, *shifts} & set(moved):
             low, high = (
@@ -250,20 +250,20 @@ class Evidence(NamedTuple):
         return self._replace(intervals=moved)
 
 
-def refusal(known: Mapping[str, Evidence | None]) -> str:
+def refusal(evidence: Mapping[str, Evidence | None]) -> str:
     """Which models are not to be planned with, and why, in a line; empty for none.
 
     Args:
-        known: What is known of the models by joint; "" is the model of every other joint.
+        evidence: Evidence of the models by joint; the key "" is every other joint.
 
     Example:
         >>> refusal({"knee": Evidence(verdict="refused", reason="it misses 41% of the motion")})
         'do not plan with the model of knee (it misses 41% of the motion): identify it anew'
     """
-    others = "every other joint" if len(known) > 1 else ""
+    default = "every other joint" if len(evidence) > 1 else ""
     refused = {
-        joint or others: each.reason or str(each.verdict)
-        for joint, each in known.items()
+        joint or default: each.reason or str(each.verdict)
+        for joint, each in evidence.items()
         if each is not None and each.refused
     }
     if not refused:
@@ -274,12 +274,12 @@ def refusal(known: Mapping[str, Evidence | None]) -> str:
     return f"do not plan with the {which} of {with_reasons(refused)}: identify {them} anew"
 
 
-def unproven_gains(names: Sequence[str], known: Sequence[Evidence | None]) -> str:
+def unproven_gains(names: Sequence[str], evidence: Sequence[Evidence | None]) -> str:
     """Joints whose models are hardly better than a pure delay, in a line; empty for none.
 
     Args:
-        names: Of the joints.
-        known: What is known of the model of each.
+        names: Names of the joints.
+        evidence: Of the model of each.
 
     Example:
         >>> unproven_gains(["hip", "knee"], [Evidence(over_delay=0.93), Evidence(over_delay=0.2)])
@@ -287,7 +287,7 @@ def unproven_gains(names: Sequence[str], known: Sequence[Evidence | None]) -> st
     """
     shares = {
         name: f"{each.over_delay:.0%}"
-        for name, each in zip(names, known, strict=True)
+        for name, each in zip(names, evidence, strict=True)
         if each is not None and each.over_delay > PROVEN
     }
     if not shares:
@@ -300,7 +300,7 @@ def unproven_gains(names: Sequence[str], known: Sequence[Evidence | None]) -> st
 
 
 def with_reasons(reasons: Mapping[str, str]) -> str:
-    """Joints with the reason of each in brackets, those of one reason together, in a line.
+    """Joints with their reasons in brackets, grouped by reason, in a line.
 
     Example:
         >>> with_reasons({"hip": "shaken", "knee": "shaken", "ankle": "overloaded"})
@@ -309,15 +309,15 @@ def with_reasons(reasons: Mapping[str, str]) -> str:
     joints: dict[str, list[str]] = {}
     for joint, reason in reasons.items():
         joints.setdefault(" ".join(reason.split()), []).append(joint)
-    shown = list(joints.items())[:REASONS_SHOWN]
-    listed = ", ".join(f"{', '.join(names)} ({reason})" for reason, names in shown)
-    left = len(reasons) - sum(len(names) for _, names in shown)
-    return f"{listed} and {left} more" if left else listed
+    groups = list(joints.items())[:REASONS_SHOWN]
+    listed = ", ".join(f"{', '.join(names)} ({reason})" for reason, names in groups)
+    more = len(reasons) - sum(len(names) for _, names in groups)
+    return f"{listed} and {more} more" if more else listed
 
 
-def warn_of_refused(known: Mapping[str, Evidence | None]) -> None:
+def warn_of_refused(evidence: Mapping[str, Evidence | None]) -> None:
     """Warn of models that are not to be planned with; see :func:`refusal`."""
-    if words := refusal(known):
+    if words := refusal(evidence):
         warnings.warn(words, UserWarning, stacklevel=3)
 
 
@@ -325,11 +325,11 @@ def check_correlations(evidence: Evidence) -> None:
     """Raise InvalidInput unless the correlations fit the intervals, or there are none.
 
     Args:
-        evidence: What is known of a model, from a file or from a caller.
+        evidence: Evidence of a model, from a file or from a caller.
     """
-    given, names = evidence.correlations, evidence.intervals
+    correlations, names = evidence.correlations, evidence.intervals
     try:
-        matrix = as_reals(given)
+        matrix = as_reals(correlations)
     except (TypeError, ValueError):
         matrix = np.array(math.nan)
     if (
@@ -339,8 +339,9 @@ def check_correlations(evidence: Evidence) -> None:
         or not np.all(np.diagonal(np.atleast_2d(matrix)) == 1.0)
     ):
         raise InvalidInput(
-            f"correlations: got {shown(given)}, expected a symmetric matrix of numbers from -1 to "
-            f"1, with 1 on its diagonal and a row for each interval: {', '.join(names) or 'none'}"
+            f"correlations: got {shown(correlations)}, expected a symmetric matrix of numbers from "
+            f"-1 to 1, with 1 on its diagonal and a row for each interval: "
+            f"{', '.join(names) or 'none'}"
         )
 
 
@@ -349,7 +350,7 @@ class Expectation(NamedTuple):
 
     Attributes:
         error: Root mean square error to expect [rad]; NaN where the model has no evidence.
-        untested: In what the motion is outside of what the model was tested on, see
+        untested: Quantities by which the motion is outside the model's tested range, see
             :meth:`Evidence.exceeded`; the error may then be larger.
         low: Error that 5 % of such motions stay below [rad]; NaN where that is not known.
         high: Error that 5 % of such motions exceed [rad]; NaN likewise.
@@ -370,12 +371,12 @@ def expectation(
     cyclic: bool,
     load: Array | None = None,
 ) -> Expectation:
-    """The plan's own error and that of its model, as independent ones.
+    """The error to expect: the errors of plan and model, taken as independent.
 
-    Within the range the two may also add up, or cancel, by a correlation of ``ALIKE``.
+    For the range the two may also add up, or cancel, by a correlation of ``ALIKE``.
 
     Args:
-        evidence: What the joint's model was tested on.
+        evidence: Evidence of the joint's model.
         desired: Desired angles [rad], shape (n,).
         predicted: Angles that the plan predicts [rad], shape (n,).
         period: Time between them [s].
@@ -400,21 +401,21 @@ def expectation(
 
 
 def untested_words(names: Sequence[str], expected: Sequence[Expectation]) -> str:
-    """Which joints move in another way than their models were tested on; empty for none."""
+    """Joints that move outside the tested range of their models; empty for none."""
     words = {TRACKING: "moving requests: the logs hold steps only"}
-    found = [
+    joints = [
         f"{name} ({', '.join(words.get(way, way) for way in each.untested)})"
         for name, each in zip(names, expected, strict=True)
         if each.untested
     ]
-    if not found:
+    if not joints:
         return ""
-    listed = ", ".join(found)
+    listed = ", ".join(joints)
     return f"outside what the models were tested on, so that errors may be larger: {listed}"
 
 
 class Run(NamedTuple):
-    """What models make of rows that follow one another."""
+    """Responses of models over consecutive rows of a log."""
 
     angles: Array  # by a model [rad], (n,)
     errors: Array  # actual angles minus those of each model [rad], (m, n)
@@ -429,16 +430,16 @@ class ErrorsOfMotion(NamedTuple):
 
 
 def errors_of_motion(runs: Sequence[Run], *, noise: float = 0.0) -> ErrorsOfMotion:
-    """The pairs between which the error lies on a straight line, and how far parts are beside it.
+    """The pairs between which the error lies on a straight line, and the spread about it.
 
     Each run is cut into parts, of which those count in which the joint moves; (19) of
     ``docs/math.md``, neither term below 0, is fitted to them by least squares of the relative
     deviations, reweighted. The error of a part is the geometric mean over the models. The noise of
-    the sensor is no error of the joint: its square is taken from that of each part, of which a
-    tenth stays. Where no more than that stays the noise hides the error, which may then be 0.
+    the sensor is no error of the joint: its square is subtracted from the squared error of each
+    part, of which at least a tenth stays. Where only a tenth stays the error may be 0.
 
     Args:
-        runs: Rows that follow one another, without gaps.
+        runs: Consecutive rows, without gaps.
         noise: Standard deviation of the noise of the sensor [rad].
 
     Returns:

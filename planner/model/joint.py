@@ -113,9 +113,9 @@ class JointModel:
 
     def __repr__(self) -> str:
         """The call that makes it, parameters with their default left out, and their units."""
-        given = [each for each in fields(self) if getattr(self, each.name) != each.default]
-        call = ", ".join(f"{each.name}={getattr(self, each.name)!r}" for each in given)
-        units = ", ".join(f"{each.metadata['unit']}" for each in given)
+        parameters = [each for each in fields(self) if getattr(self, each.name) != each.default]
+        call = ", ".join(f"{each.name}={getattr(self, each.name)!r}" for each in parameters)
+        units = ", ".join(f"{each.metadata['unit']}" for each in parameters)
         return f"JointModel({call})  # {units}"
 
     def __post_init__(self) -> None:
@@ -230,11 +230,11 @@ class JointModel:
             hold=hold,
             max_acceleration=self.max_acceleration + after - before,
         )
-        known = self.evidence and self.evidence.moved(
+        evidence = self.evidence and self.evidence.moved(
             {GAIN: other / gain, "theta_0": gain / other},
             {"lag": lag - self.lag, "max_acceleration": after - before},
         )
-        return model.with_evidence(known)
+        return model.with_evidence(evidence)
 
     @property
     def evidence(self) -> Evidence | None:
@@ -326,8 +326,8 @@ class JointModel:
 
         A request that is held acts (hold - 1) / 2 ticks later on average than the line it is of.
         """
-        held = (self.hold - 1) / 2.0 * self.tick
-        return self.lag + self.acceleration_time / 2.0 + self.time_constant + held
+        hold_delay = (self.hold - 1) / 2.0 * self.tick
+        return self.lag + self.acceleration_time / 2.0 + self.time_constant + hold_delay
 
     @property
     def v_max_per_tick(self) -> float:
@@ -373,15 +373,15 @@ class JointModel:
 
     def rest(self, request: npt.ArrayLike, load: npt.ArrayLike = 0.0) -> Array:
         """Angle q at which a request holds the joint [rad]: q = R + c + kappa tau + g(q)."""
-        held = np.asarray(np.asarray(request, dtype=np.float64) + self.sag(load))
+        level = np.asarray(np.asarray(request, dtype=np.float64) + self.sag(load))
         if self.most_pose_sag == 0.0:
-            return held
-        angle = held.copy()
+            return level
+        angle = level.copy()
         for _ in range(REST_STEPS):  # Newton's method
             finite = np.where(np.isfinite(angle), angle, 0.0)
             slope = 1.0 - self.sag_sin * np.cos(finite) + self.sag_cos * np.sin(finite)
             angle -= np.where(
-                np.isfinite(held), (finite - self.pose_sag(finite) - held) / slope, 0.0
+                np.isfinite(level), (finite - self.pose_sag(finite) - level) / slope, 0.0
             )
         return angle
 

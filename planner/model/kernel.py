@@ -2,8 +2,8 @@
 
 One tick is ``drive`` and ``moved``; everything else here is a loop over ticks around them:
 a run, the derivatives of request periods with rounded corners, and a run along a log with its
-derivatives by the parameters. The same law in CasADi symbols is in ``model/symbolic.py``, and these
-two files are all that changes with it. Units: radians and ticks.
+derivatives by the parameters. The same law in CasADi symbols is in ``model/symbolic.py``; a change
+of the law concerns these two files alone. Units: radians and ticks.
 
 Import this module where it is used, inside functions: Numba takes a quarter of a second.
 """
@@ -21,7 +21,7 @@ from planner.trajectory import Array, Indices
 
 @inner
 def drive(law: Law, error: float, faster: float) -> tuple[float, float]:
-    """Equation 2 under a load: the speed that an error calls for, friction not yet taken off.
+    """Equation 2 under a load: the speed that an error demands, without friction.
 
     Args:
         law: The joint.
@@ -31,33 +31,33 @@ def drive(law: Law, error: float, faster: float) -> tuple[float, float]:
     Returns:
         The speed [rad/tick], and on which side it saturates: 1, -1, or 0 where it does not.
     """
-    called = law.gain * error
-    if called >= law.top + faster:
+    demand = law.gain * error
+    if demand >= law.top + faster:
         return law.top + faster, 1.0
-    if called <= faster - law.top:
+    if demand <= faster - law.top:
         return faster - law.top, -1.0
-    return called, 0.0
+    return demand, 0.0
 
 
 @inner
-def moved(law: Law, called: float, speed: float) -> float:
+def moved(law: Law, demand: float, speed: float) -> float:
     """The speed after a tick: a motor's inertia, then Coulomb friction, implicit.
 
     Args:
         law: The joint.
-        called: Speed that the requests call for, g(t) [rad/tick].
+        demand: Demanded speed, the drive g(t) [rad/tick].
         speed: Speed in the tick before, w(t-1) [rad/tick].
 
     Returns:
         w(t) [rad/tick].
     """
     if law.share < 1.0 or law.acceleration < np.inf:
-        change = law.share * (called - speed)
-        called = speed + min(max(change, -law.acceleration), law.acceleration)
-    held = law.share * law.friction
-    if held == 0.0:
-        return called
-    return float(np.sign(called)) * max(abs(called) - held, 0.0)
+        change = law.share * (demand - speed)
+        demand = speed + min(max(change, -law.acceleration), law.acceleration)
+    friction = law.share * law.friction
+    if friction == 0.0:
+        return demand
+    return float(np.sign(demand)) * max(abs(demand) - friction, 0.0)
 
 
 @inner
@@ -99,7 +99,7 @@ def run_period(
         faster: How much faster the joint is in the positive direction [rad/tick].
         angle: Angle before the period [rad].
         speed: Speed in the tick before it [rad/tick].
-        skipped: Ticks that are left out.
+        skipped: Ticks left out.
 
     Returns:
         Angle [rad] and speed [rad/tick] after it.
@@ -107,12 +107,12 @@ def run_period(
     hold, width = weights.shape
     youngest = first + width - 1
     for tick in range(skipped, hold):
-        called, here = 0.0, sag + pose_sag(law, angle)
+        demand, here = 0.0, sag + pose_sag(law, angle)
         for j in range(width):
             weight = weights[tick, j]
             if weight != 0.0:
-                called += weight * drive(law, history[youngest - j] + here - angle, faster)[0]
-        speed = moved(law, called, speed)
+                demand += weight * drive(law, history[youngest - j] + here - angle, faster)[0]
+        speed = moved(law, demand, speed)
         angle += speed
     return angle, speed
 
@@ -178,12 +178,12 @@ def moved_along_lines(
     for i in range(len(slopes)):
         angle = 0.0
         for tick in range(len(steps)):
-            called = 0.0
+            demand = 0.0
             for j in range(len(weights)):
                 error = offsets[i] + slopes[i] * steps[tick, j] - angle
-                called += weights[j] * drive(law, error, faster[i])[0]
-            held = law.friction
-            angle += float(np.sign(called)) * max(abs(called) - held, 0.0)
+                demand += weights[j] * drive(law, error, faster[i])[0]
+            friction = law.friction
+            angle += float(np.sign(demand)) * max(abs(demand) - friction, 0.0)
         distances[i] = angle
     return distances
 
@@ -205,31 +205,31 @@ def rounded_clip(
 
 @inner
 def rounded_moved(
-    law: Law, called: float, speed: float, rounded: float
+    law: Law, demand: float, speed: float, rounded: float
 ) -> tuple[float, float, float, float]:
     """:func:`moved` with rounded corners.
 
     Returns:
-        The speed after the tick [rad/tick], its derivatives by ``called`` and by ``speed``, and the
-        second derivative by ``called`` [tick/rad].
+        The speed after the tick [rad/tick], its derivatives by ``demand`` and by ``speed``, and the
+        second derivative by ``demand`` [tick/rad].
     """
-    now, by_called, by_speed, bend = called, 1.0, 0.0, 0.0
+    now, by_demand, by_speed, bend = demand, 1.0, 0.0, 0.0
     rounded = rounded * law.share * law.share
     if law.share < 1.0 or law.acceleration < np.inf:
-        change, slope = law.share * (called - speed), 1.0
+        change, slope = law.share * (demand - speed), 1.0
         if law.acceleration < np.inf:
             change, slope, bend = rounded_clip(change, -law.acceleration, law.acceleration, rounded)
         now = speed + change
-        by_called, by_speed = law.share * slope, 1.0 - law.share * slope
+        by_demand, by_speed = law.share * slope, 1.0 - law.share * slope
         bend *= law.share * law.share
-    held = law.share * law.friction
-    if held > 0.0:
-        kept, slope, bent = rounded_clip(now, -held, held, rounded)
+    friction = law.share * law.friction
+    if friction > 0.0:
+        kept, slope, bent = rounded_clip(now, -friction, friction, rounded)
         now -= kept
-        bend = (1.0 - slope) * bend - bent * by_called * by_called
-        by_called *= 1.0 - slope
+        bend = (1.0 - slope) * bend - bent * by_demand * by_demand
+        by_demand *= 1.0 - slope
         by_speed *= 1.0 - slope
-    return now, by_called, by_speed, bend
+    return now, by_demand, by_speed, bend
 
 
 @inner
@@ -280,20 +280,20 @@ def period(
             values[j] = weights[tick, j] * value
             own[j] = weights[tick, j] * law.gain * slope
             bent[j] = weights[tick, j] * law.gain * law.gain * bend
-        called, total = 0.0, 0.0
+        demand, total = 0.0, 0.0
         for j in range(width):
-            called += values[j]
+            demand += values[j]
             total += own[j]
-        speed, by_called, by_speed, bend = rounded_moved(law, called, speed, rounded)
+        speed, by_demand, by_speed, bend = rounded_moved(law, demand, speed, rounded)
         angle += speed
-        by_angle = -by_called * total * kept
+        by_angle = -by_demand * total * kept
         for c in range(2 + width):
             slopes[1, c] = by_speed * slopes[1, c] + by_angle * slopes[0, c]
         for j in range(width):
-            slopes[1, 2 + j] += by_called * own[j]
+            slopes[1, 2 + j] += by_demand * own[j]
         for j in range(bends.shape[1]):
             bends[1, j] = by_speed * bends[1, j] + by_angle * bends[0, j]
-            bends[1, j] += by_called * bent[j] + bend * own[j] * total * kept
+            bends[1, j] += by_demand * bent[j] + bend * own[j] * total * kept
             bends[0, j] += bends[1, j]
         for c in range(2 + width):
             slopes[0, c] += slopes[1, c]
@@ -312,7 +312,7 @@ def linearise(
     speeds: Array,
     slopes: Array,
 ) -> None:
-    """Derivatives of request periods, each from the state that is given before it.
+    """Derivatives of request periods, each from its own initial state.
 
     Args:
         law: Of :func:`run`.
@@ -346,7 +346,7 @@ def linearise(
 
 
 class Servo(NamedTuple):
-    """A joint along a log, by seconds, and by ticks what moves it."""
+    """A joint along a log: its times in seconds, its law in ticks."""
 
     law: Law
     lag: float  # [s]
@@ -383,11 +383,11 @@ class Track(NamedTuple):
 
 
 ROUNDING = 1e-15
-"""A speed below this, relative to what the angles call for, is rounding: the joint is at rest."""
+"""A speed below this, relative to the demand of the angles, is rounding: the joint is at rest."""
 
 GAIN, V_MAX, LAG, WINDOW, SAG, BAND, FASTER, SAG_LOAD, FASTER_LOAD = range(9)
 SHARE, ACCELERATION, PLAY, SAG_SIN, SAG_COS = range(9, 14)
-"""By what :func:`along` takes derivatives, in its order."""
+"""Parameters by which :func:`along` takes derivatives, in its order."""
 
 START = 14
 """The derivative by the angle at which the run of a row starts."""
@@ -406,11 +406,11 @@ def number_in_force(edges: Array, time: float, number: int) -> int:
 @compiled
 def in_force(edges: Array, requests: Array, times: Array) -> Array:
     """The request in force at each of some increasing times; before the first edge the first."""
-    found, number = np.empty(len(times)), 0
+    values, number = np.empty(len(times)), 0
     for k in range(len(times)):
         number = number_in_force(edges, times[k], number)
-        found[k] = requests[number]
-    return found
+        values[k] = requests[number]
+    return values
 
 
 @compiled
@@ -424,7 +424,7 @@ def along(
     predicted: Array,
     slopes: Array,
 ) -> None:
-    """Run a joint along a log, with the derivatives that are asked for: (16) of ``docs/math.md``.
+    """Run a joint along a log, with the requested derivatives: (16) of ``docs/math.md``.
 
     At each tick the requests act that are in force in [t - lag - window, t - lag], each by its
     share of that time.
@@ -432,7 +432,7 @@ def along(
     Args:
         servo: The joint.
         track: The log.
-        columns: Derivatives that are asked for, from GAIN to START, (c,); none is much quicker.
+        columns: Requested derivatives, from GAIN to START, (c,); without any it is much quicker.
         apart: Distance to both sides of the edges of the window at which requests are read for the
             derivatives by lag and acceleration time [s].
         angles: Angle in each state [rad], (s,): given where a run starts, filled elsewhere.
@@ -471,13 +471,13 @@ def along(
         old = young - servo.window
         first = number_in_force(edges, old, first)
         number, begin, least, most = first, old, np.inf, -np.inf
-        called, inside, mean, limited, saturated = 0.0, 0.0, 0.0, 0.0, 0.0
+        demand, inside, mean, limited, saturated = 0.0, 0.0, 0.0, 0.0, 0.0
         while True:
             end = young if number == last else min(edges[number + 1], young)
             weight = (end - begin) * by_window
             error = requests[number] + sag - angle
             value, side = drive(law, error, faster)
-            called += weight * value
+            demand += weight * value
             least, most = min(least, error), max(most, error)
             if side == 0.0:
                 inside += weight
@@ -490,11 +490,11 @@ def along(
             begin = end
             number += 1
         errors[t, 0], errors[t, 1] = least, most
-        slid, free = speed, called
+        slid, free = speed, demand
         if law.share < 1.0 or law.acceleration < np.inf:
-            change = law.share * (called - speed)
+            change = law.share * (demand - speed)
             free = speed + min(max(change, -law.acceleration), law.acceleration)
-        speed = moved(law, called, speed)
+        speed = moved(law, demand, speed)
         motor += speed
         follows = half == 0.0 or abs(motor - angle) > half
         side = 1.0 if motor > angle else -1.0
@@ -513,7 +513,7 @@ def along(
             drives[GAIN] = mean + band * limited  # the limits are v_max + gain * dead band
             drives[V_MAX] = limited
             drives[LAG] = (side_old - side_young) / window
-            drives[WINDOW] = (side_old - called) / window
+            drives[WINDOW] = (side_old - demand) / window
             drives[SAG] = law.gain * inside
             drives[BAND] = law.gain * limited
             drives[FASTER] = saturated
@@ -521,25 +521,25 @@ def along(
             drives[SAG_SIN] = drives[SAG] * np.sin(angle)
             drives[SAG_COS] = drives[SAG] * np.cos(angle)
             drives[FASTER_LOAD] = saturated * track.loads[t]
-            # By the speed that is called for, and what is left of the speed before
+            # By the demanded speed, and by the speed before
             accelerated = 1.0
             kinks[ACCELERATION] = 0.0
-            if abs(law.share * (called - slid)) > law.acceleration:
+            if abs(law.share * (demand - slid)) > law.acceleration:
                 accelerated = 0.0
-                kinks[ACCELERATION] = np.sign(called - slid)
+                kinks[ACCELERATION] = np.sign(demand - slid)
             if way == 0.0 or abs(free) > ROUNDING * law.share * law.gain * abs(angle):
-                way = np.sign(free)  # at rest that of the side on which it came to rest
+                way = np.sign(free)  # at rest: the direction in which it came to rest
             sliding = 1.0 if law.friction == 0.0 or abs(free) > law.share * law.friction else 0.0
             kinks[GAIN] = -way * law.share * band
             kinks[BAND] = -way * law.share * law.gain
-            kinks[SHARE] = accelerated * (called - slid) - way * law.friction
-            by_called = law.share * accelerated
+            kinks[SHARE] = accelerated * (demand - slid) - way * law.friction
+            by_demand = law.share * accelerated
             by_angle = law.gain * inside * (1.0 - pose_sag_slope(law, angle))
             for p in range(count):
                 column = columns[p]
                 past[p] = now[p]
                 pushed = drives[column] - by_angle * now[p] - fast[p]
-                fast[p] = sliding * (fast[p] + by_called * pushed + kinks[column])
+                fast[p] = sliding * (fast[p] + by_demand * pushed + kinks[column])
                 motion[p] += fast[p]
                 if follows:
                     now[p] = motion[p]
@@ -564,7 +564,7 @@ def normal_equations(
         residuals: r [rad], (rows,).
         corner: Where the loss becomes linear [rad].
         run: Run of each row, (rows,).
-        runs: How many there are.
+        runs: Number of runs.
 
     Returns:
         Without the first angles the matrix, (c - 1, c - 1), and the gradient, (c - 1,); of the

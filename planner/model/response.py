@@ -244,8 +244,8 @@ def rest_requests(models: Sequence[JointModel], angles: Array, loads: Loads | No
     There Equation 2 vanishes; shape (..., joints), or (n, joints) under loads.
     """
     by_pose = [model.pose_sag(angles[..., j]) for j, model in enumerate(models)]
-    held: Array = angles - sags(models, loads) - np.stack(by_pose, axis=-1)
-    return held
+    requests: Array = angles - sags(models, loads) - np.stack(by_pose, axis=-1)
+    return requests
 
 
 def rest_angles(models: Sequence[JointModel], requests: Array, loads: Loads | None = None) -> Array:
@@ -280,15 +280,15 @@ def checked_load(load: npt.ArrayLike | None, model: JointModel, samples: int) ->
     if load is None:
         return None
     try:
-        given = np.asarray(load)
+        array = np.asarray(load)
     except ValueError:  # rows of different lengths
-        given = np.asarray("ragged")
-    if given.dtype.kind not in "iuf" or given.shape not in ((), (samples,)):
-        got = f"shape {given.shape}" if given.dtype.kind in "iuf" else shown(load)
+        array = np.asarray("ragged")
+    if array.dtype.kind not in "iuf" or array.shape not in ((), (samples,)):
+        got = f"shape {array.shape}" if array.dtype.kind in "iuf" else shown(load)
         raise InvalidInput(
             f"load: got {got}, expected a torque [N m], or one for each of the {samples} requests"
         )
-    torques = np.array(np.broadcast_to(given, samples), dtype=np.float64)
+    torques = np.array(np.broadcast_to(array, samples), dtype=np.float64)
     if not np.all(np.isfinite(torques)):
         raise InvalidInput("load: got values that are not finite, expected torques [N m]")
     low, high = model.speed_limits(torques)

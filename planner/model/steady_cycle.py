@@ -248,12 +248,12 @@ def shortest_solution(
     if largest == 0.0:
         return 0.0, 0.0
     # the right singular vector of the largest singular value, from the better of two formulae
-    one, other = largest - second, across
+    x, y = largest - second, across
     if second > first:
-        one, other = across, largest - first
-    share = (a * one + b * other) * right + (c * one + d * other) * below
-    share /= largest * (one * one + other * other)
-    return share * one, share * other
+        x, y = across, largest - first
+    share = (a * x + b * y) * right + (c * x + d * y) * below
+    share /= largest * (x * x + y * y)
+    return share * x, share * y
 
 
 @inner

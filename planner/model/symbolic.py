@@ -47,7 +47,7 @@ def period(
     corner = None if radius is None else law.gain * radius
     for weights in weights_by_tick(model).tolist():
         sag = level + _pose_sag(law, angle)
-        called = sum(
+        demand = sum(
             weight
             * _clip(
                 law.gain * (requests[j] + sag - angle), faster - law.top, faster + law.top, corner
@@ -55,7 +55,7 @@ def period(
             for j, weight in enumerate(weights)
             if weight
         )
-        speed = _moved(law, called, speed, corner)
+        speed = _moved(law, demand, speed, corner)
         angle = angle + speed
     return State(angle, speed)
 
@@ -94,16 +94,16 @@ def _pose_sag(law: Law, angle: Any) -> Any:
     return law.sag_sin * casadi.sin(angle) + law.sag_cos * casadi.cos(angle)
 
 
-def _moved(law: Law, called: Any, speed: Any, corner: Any) -> Any:
+def _moved(law: Law, demand: Any, speed: Any, corner: Any) -> Any:
     """The speed after a tick [rad/tick]: inertia, then friction."""
     corner = None if corner is None else law.share * corner
     if law.share < 1.0 or math.isfinite(law.acceleration):
-        change = law.share * (called - speed)
+        change = law.share * (demand - speed)
         if math.isfinite(law.acceleration):
             change = _clip(change, -law.acceleration, law.acceleration, corner)
-        called = speed + change
-    held = law.share * law.friction
-    return called - _clip(called, -held, held, corner) if held else called
+        demand = speed + change
+    friction = law.share * law.friction
+    return demand - _clip(demand, -friction, friction, corner) if friction else demand
 
 
 def _clip(value: Any, low: Any, high: Any, radius: Any) -> Any:

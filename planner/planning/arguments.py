@@ -74,14 +74,14 @@ def checked_leg(leg: object) -> Leg:
 def joint_names(names: Sequence[str] | None, models: object, count: int) -> tuple[str, ...]:
     """The names of joints, all different; by default the keys of models, or joint_1 and so on."""
     if names is not None:
-        given = tuple(names) if isinstance(names, list | tuple) else ()
-        are_texts = all(isinstance(name, str) for name in given)
-        if not are_texts or len(given) != count or len(set(given)) != count:
+        user_names = tuple(names) if isinstance(names, list | tuple) else ()
+        are_texts = all(isinstance(name, str) for name in user_names)
+        if not are_texts or len(user_names) != count or len(set(user_names)) != count:
             raise InvalidInput(
                 f"names: got {shown(names)}, expected {count} different names, one for each of the "
                 "columns of desired"
             )
-        return given
+        return user_names
     if isinstance(models, Mapping) and (named := tuple(name for name in models if name)):
         if len(named) != count:
             raise InvalidInput(
@@ -151,36 +151,36 @@ def models_of_joints(
     """
     if robust is not None:
         check_choice("robust", robust, get_args(Robust))
-    given: list[Any]
+    entries: list[Any]
     if isinstance(models, Mapping):
         if missing := [name for name in names if name not in models and "" not in models]:
             raise InvalidInput(
                 f"models: none for joint '{missing[0]}'; got "
                 f"{', '.join(map(str, models)) or 'none'}"
             )
-        given = [models[name] if name in models else models[""] for name in names]
+        entries = [models[name] if name in models else models[""] for name in names]
     elif isinstance(models, JointModel) or is_identification(models):
-        given = [models] * len(names)
+        entries = [models] * len(names)
     else:
         try:
-            given = list(models)  # type: ignore[arg-type]  # what is none is refused below
+            entries = list(models)  # type: ignore[arg-type]  # what is none is refused below
         except TypeError:
-            given = []
-        if len(names) == 1 and len(given) > 1:
-            given = [given]
+            entries = []
+        if len(names) == 1 and len(entries) > 1:
+            entries = [entries]
         fit = all(
-            isinstance(each, JointModel | Sequence) or is_identification(each) for each in given
+            isinstance(each, JointModel | Sequence) or is_identification(each) for each in entries
         )
-        fit = fit and not any(isinstance(each, str) for each in given)
-        if len(given) != len(names) or (not fit and names != ("",)):
+        fit = fit and not any(isinstance(each, str) for each in entries)
+        if len(entries) != len(names) or (not fit and names != ("",)):
             raise InvalidInput(
-                f"models: got {len(given)} of them for {len(names)} joints ({', '.join(names)}), "
+                f"models: got {len(entries)} of them for {len(names)} joints ({', '.join(names)}), "
                 "expected one JointModel, or one for each"
             )
-    own = (each.model if is_identification(each) else each for each in given)
-    known = [(each, getattr(each, "evidence", None)) for each in own]  # what is drawn from
-    seeds = [known.index(each) if independent else 0 for each in known]
-    pairs = zip(given, seeds, strict=True)
+    own = (each.model if is_identification(each) else each for each in entries)
+    sources = [(each, getattr(each, "evidence", None)) for each in own]  # what is drawn from
+    seeds = [sources.index(each) if independent else 0 for each in sources]
+    pairs = zip(entries, seeds, strict=True)
     several = [checked_models(each, robust, seed=seed) for each, seed in pairs]
     if robust is not None and all(len(each) == 1 for each in several):
         raise InvalidInput(
@@ -254,44 +254,44 @@ def limits_of_each(limits: JointLimits | None, names: Sequence[str]) -> tuple[Ar
 
 def of_each(
     what: str,
-    given: npt.ArrayLike | Mapping[str, Any] | None,
+    value: npt.ArrayLike | Mapping[str, Any] | None,
     names: Sequence[str],
     *,
     expected: str,
     shape: tuple[int, ...] | None = None,
 ) -> list[Any]:
-    """What is given of every joint, by name, as one number or as one of each; None where nothing.
+    """The values of an argument for each joint; None for joints without one.
 
     Args:
-        what: The argument, in messages.
-        given: It.
-        names: The joints. With one that has no name it is returned as it is.
-        expected: What was expected, in messages.
+        what: Name of the argument, for messages.
+        value: Its value: a dict by joint, one number, or one for each joint.
+        names: The joints. For one without a name the value is returned as it is.
+        expected: The expected value, for messages.
         shape: Where there may be one at every sample: samples and joints, (n, k).
 
     Raises:
-        InvalidInput: They are no numbers, not as many as there are joints, or of one that is not
-            planned.
+        InvalidInput: They are no numbers, not as many as there are joints, or for a joint that is
+            not planned.
     """
-    if given is None:
+    if value is None:
         return [None] * len(names)
-    if isinstance(given, Mapping):
-        if strange := [name for name in given if name not in names]:
+    if isinstance(value, Mapping):
+        if strange := [name for name in value if name not in names]:
             hint = nearest(str(strange[0]), names)
             raise InvalidInput(
                 f"{what}: no joint {shown(strange[0])}{hint}; joints: {', '.join(names)}"
             )
-        return [given.get(name) for name in names]
+        return [value.get(name) for name in names]
     if names == ("",):
-        return [given]
+        return [value]
     try:
-        values = as_reals(given)
+        values = as_reals(value)
         if shape is not None and values.ndim == 1 and len(names) == 1:
             values = values[:, np.newaxis]
         each = np.broadcast_to(values, shape or (len(names),)).T
         return each.tolist() if shape is None else list(each)
     except (TypeError, ValueError) as error:
-        raise InvalidInput(f"{what}: got {shown(given)}, expected {expected}") from error
+        raise InvalidInput(f"{what}: got {shown(value)}, expected {expected}") from error
 
 
 def checked_weights(weights: npt.ArrayLike) -> Array:

@@ -175,18 +175,18 @@ def inverted(
     (model,), (load,) = problem.models, problem.loads
     answers = []
     for curve in curves:
-        tried = [curve]
+        candidates = [curve]
         if refine:
             from planner.planning.pattern_search import refined_curve
 
             ahead = model.switching_time / model.period
-            tried.append(refined_curve(problem, curve, rule=rule, ahead=ahead))
+            candidates.append(refined_curve(problem, curve, rule=rule, ahead=ahead))
         columns = [
             problem.admissible(requests_of(model, CurveStack.of([each]), rule=rule, load=load).T)
-            for each in tried
+            for each in candidates
         ]
         errors = map(problem.exact_error, columns)
-        answers.append(min(zip(errors, tried, columns, strict=True), key=itemgetter(0)))
+        answers.append(min(zip(errors, candidates, columns, strict=True), key=itemgetter(0)))
     best = answers[0]
     for answer in answers[1:]:
         if answer[0] < (1.0 - WORTH_MORE) * best[0]:
@@ -255,8 +255,8 @@ def closed_form_requests(
         )
     requests = requests_of(model, stack, rule=rule, load=load)
     requests.setflags(write=False)
-    one: Array = requests[0]
-    return one if isinstance(curves, PiecewiseLinear) else requests
+    single: Array = requests[0]
+    return single if isinstance(curves, PiecewiseLinear) else requests
 
 
 def requests_of(

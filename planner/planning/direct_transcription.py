@@ -93,14 +93,14 @@ def transcribed_requests(problem: Problem, state: State) -> Array:
     for radius in OPTIONS.radii:
         answer = solve(x0=point, p=radius, **programme.bounds)
         status, iterations = str(solve.stats()["return_status"]), solve.stats()["iter_count"]
-        found = np.asarray(answer["x"], dtype=np.float64).ravel()
+        unknowns = np.asarray(answer["x"], dtype=np.float64).ravel()
         outcome = f"ipopt, corners of {radius:g} theta_0: {status} after {iterations} iterations"
-        if not solve.stats()["success"] or not np.all(np.isfinite(found)):
+        if not solve.stats()["success"] or not np.all(np.isfinite(unknowns)):
             logging.getLogger(__name__).debug("%s", outcome)
             continue
-        point, solved = found, True
+        point, solved = unknowns, True
         requests = problem.resting.copy()
-        requests[:samples, 0] = unit * found[samples : 2 * samples]
+        requests[:samples, 0] = unit * unknowns[samples : 2 * samples]
         if problem.spec.limited and not problem.cyclic:  # those that act after the end
             requests[samples - 1 :] = requests[samples - 1]
         requests = problem.admissible(requests)

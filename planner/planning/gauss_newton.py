@@ -435,12 +435,12 @@ def set_entries(
         for k in range(samples if cyclic else samples - 1):
             numbers, factors = around(k, samples, cyclic), (1.0, -2.0, 1.0)
             for j in range(joints):
-                for one in range(3):
-                    for other in range(one + 1):
-                        rows[e] = numbers[one] * joints + j
-                        columns[e] = numbers[other] * joints + j
-                        twice = one != other and numbers[one] == numbers[other]
-                        values[e] = weight * factors[one] * factors[other]
+                for p in range(3):
+                    for q in range(p + 1):
+                        rows[e] = numbers[p] * joints + j
+                        columns[e] = numbers[q] * joints + j
+                        twice = p != q and numbers[p] == numbers[q]
+                        values[e] = weight * factors[p] * factors[q]
                         values[e] *= 2.0 if twice else 1.0
                         e += 1
     blocks, count = quadratic.shape[1:3]
@@ -606,7 +606,8 @@ def set_step(
     states, parts = drives * spec.parts, spec.parts
     state, multiplier = samples * joints, samples * (joints + states)
     change, count = multiplier + samples * states, point.quadratic.shape[2]
-    held, tight, cyclic, youngest = search.active[0], search.active[1], spec.cyclic, spec.youngest
+    at_limit, tight = search.active[0], search.active[1]
+    cyclic, youngest = spec.cyclic, spec.youngest
     bounds, slopes, quadratic = spec.bounds, point.slopes, point.quadratic
     requests, away, defects, smoothing = point.requests, point.away, point.defects, stage.smoothing
     multipliers, limited = search.multipliers, spec.limited
@@ -650,8 +651,8 @@ def set_step(
         set_entries(spec, stage, point, terms, eased, tight, pattern.rows, pattern.columns, values)
         for number in range(state):
             k, j = number // joints, number % joints
-            bound = FIRST if k == 0 and not cyclic else LOWER if held[k, j] < 0 else UPPER
-            fixed[number] = 1 if bound == FIRST or held[k, j] != 0 else 0
+            bound = FIRST if k == 0 and not cyclic else LOWER if at_limit[k, j] < 0 else UPPER
+            fixed[number] = 1 if bound == FIRST or at_limit[k, j] != 0 else 0
             place[number] = bounds[bound, j] - requests[k, j] if fixed[number] else 0.0
             if limited:
                 room = 0.0
@@ -661,7 +662,7 @@ def set_step(
                 right[change + number] = room
         if not solve_kkt(pattern, values, right, fixed, place, step):
             return False, 0.0
-        if not active_changed(spec, pattern, point, values, right, step, held, tight):
+        if not active_changed(spec, pattern, point, values, right, step, at_limit, tight):
             break
     else:
         return False, 0.0
@@ -701,13 +702,13 @@ def solve_kkt(
     lower, pivots = np.empty(len(pattern.factor.rows)), np.empty(len(step))
     rows, columns, places = pattern.rows, pattern.columns, pattern.factor.place
     for e in range(len(values)):
-        one, other = rows[e], columns[e]
-        if not (fixed[one] or fixed[other]):
+        row, column = rows[e], columns[e]
+        if not (fixed[row] or fixed[column]):
             matrix[places[e]] += values[e]
-        elif not fixed[one]:
-            target[one] -= values[e] * place[other]
-        elif not fixed[other]:
-            target[other] -= values[e] * place[one]
+        elif not fixed[row]:
+            target[row] -= values[e] * place[column]
+        elif not fixed[column]:
+            target[column] -= values[e] * place[row]
     for number in range(len(step)):
         if fixed[number]:
             matrix[pattern.diagonal[number]], target[number] = 1.0, place[number]
@@ -725,7 +726,7 @@ def active_changed(
     values: Array,
     right: Array,
     step: Array,
-    held: Indices,
+    at_limit: Indices,
     tight: Indices,
 ) -> bool:
     """Hold the limits that a step would pass, let go those whose force turns inward; any changed?
@@ -740,31 +741,31 @@ def active_changed(
         return False
     force = -right
     for e in range(len(values)):
-        one, other = rows[e], columns[e]
-        force[one] += values[e] * step[other]
-        if one != other:
-            force[other] += values[e] * step[one]
+        row, column = rows[e], columns[e]
+        force[row] += values[e] * step[column]
+        if row != column:
+            force[column] += values[e] * step[row]
     for k in range(first, samples):
         for j in range(joints):
-            number, before = k * joints + j, held[k, j]
+            number, before = k * joints + j, at_limit[k, j]
             low, high = bounds[LOWER, j], bounds[UPPER, j]
             request = requests[k, j] + step[number]
             if low == high:
                 continue
             if before != 0:
-                held[k, j] = before if before * force[number] < 0.0 else 0
+                at_limit[k, j] = before if before * force[number] < 0.0 else 0
             elif request < low - TOUCHING:
-                held[k, j] = -1
+                at_limit[k, j] = -1
             elif request > high + TOUCHING:
-                held[k, j] = 1
-            changed |= held[k, j] != before
+                at_limit[k, j] = 1
+            changed |= at_limit[k, j] != before
     for k in range(samples - first if spec.limited else 0):
         for j in range(joints):
             number, following, before = k * joints + j, (k + 1) % samples, tight[k, j]
             largest, after = bounds[LARGEST_CHANGE, j], following * joints + j
             moved = requests[following, j] + step[after] - requests[k, j] - step[number]
             too_far = abs(moved) > largest + TOUCHING
-            if held[following, j] != 0 and (held[k, j] != 0 or k < first):
+            if at_limit[following, j] != 0 and (at_limit[k, j] != 0 or k < first):
                 tight[k, j] = 0
                 changed |= too_far  # both are held: no such step is within the limits
             elif before != 0:
@@ -796,9 +797,9 @@ def keep_step(requests: Array, max_step: Array, cyclic: bool) -> None:
         if not step < np.inf:
             continue
         for k in range(samples):
-            near, held = requests[k, j], requests[0, j]
+            near, start = requests[k, j], requests[0, j]
             if not cyclic:
-                near = min(max(near, held - step * k), held + step * k)
+                near = min(max(near, start - step * k), start + step * k)
             below[k] = above[k] = near
         for _ in range(2 - first):  # the second turn reaches around the cycle
             for k in range(first, samples):
@@ -873,8 +874,8 @@ def go_through(
         damping[0] = max(damping[0], OPTIONS.first_damping)
         penalty = OPTIONS.defect_penalty * largest_curvature(point)
         for _ in range(stage.steps):
-            found, predicted = set_step(spec, stage, pattern, point, search, step)
-            if not found:
+            solvable, predicted = set_step(spec, stage, pattern, point, search, step)
+            if not solvable:
                 damping[0] *= OPTIONS.factor
                 continue
             merit, length, after = merit_of(point, step, penalty), 1.0, np.inf

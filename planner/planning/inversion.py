@@ -378,14 +378,14 @@ def planned(
             return _closed_form(task, lines or {}, progress)
         if method == "shift":
             return shifted(task)
-        found = solve(task, solver=solver, progress=progress)
+        solution = solve(task, solver=solver, progress=progress)
         foot = task.goal == "foot"
         return Plan(
             task=task,
-            requests=found.requests,
+            requests=solution.requests,
             method="foot_optimal" if foot else "optimal",
             solver=None if foot else solver,
-            nominal_requests=found.nominal,
+            nominal_requests=solution.nominal,
         )
 
     if callable(load):

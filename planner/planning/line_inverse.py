@@ -78,12 +78,12 @@ def line_offset(
     model = checked_model(model)
     check_rule(rule, model)
     try:
-        given = np.asarray(slope)
+        array = np.asarray(slope)
     except ValueError:  # rows of different lengths
-        given = np.asarray("ragged")
-    if given.dtype.kind not in "iuf":
+        array = np.asarray("ragged")
+    if array.dtype.kind not in "iuf":
         raise InvalidInput(f"slope: got {shown(slope)}, expected a number or an array [rad/s]")
-    slopes = given.astype(np.float64)
+    slopes = array.astype(np.float64)
     torques = _load_of(model, load, slopes)
     check_slopes(model, slopes, torques)
     offsets = offsets_of(model, slopes, rule=rule, load=torques)

@@ -55,28 +55,28 @@ def settled(plan_under: Callable[[Array], Plan], load: LoadOfPose, desired: Arra
     """
     torques, moved = _torques(load, desired), np.inf
     for _ in range(ROUNDS):
-        made = plan_under(torques)
-        expected = made.predicted
-        made, torques = _at_simulated_angles(made, load)
-        moved = float(np.max(np.abs(made.predicted - expected)))
-        far = MOVED_SHARE * float(np.max(np.abs(made.predicted - desired)))
+        plan = plan_under(torques)
+        expected = plan.predicted
+        plan, torques = _at_simulated_angles(plan, load)
+        moved = float(np.max(np.abs(plan.predicted - expected)))
+        far = MOVED_SHARE * float(np.max(np.abs(plan.predicted - desired)))
         if moved <= max(MOVED, far):
-            return made
+            return plan
     raise _unsettled(f"{ROUNDS} plans", moved)
 
 
-def _at_simulated_angles(made: Plan, load: LoadOfPose) -> tuple[Plan, Array]:
+def _at_simulated_angles(plan: Plan, load: LoadOfPose) -> tuple[Plan, Array]:
     """The plan under the load at its own simulated angles, and that load [N m], shape (n, k)."""
-    angles, moved, share = made.predicted, np.inf, 1.0
+    angles, moved, share = plan.predicted, np.inf, 1.0
     for _ in range(ROUNDS):
         torques = _torques(load, angles)
-        made = made.under(torques)
-        before, moved = moved, float(np.max(np.abs(made.predicted - angles)))
+        plan = plan.under(torques)
+        before, moved = moved, float(np.max(np.abs(plan.predicted - angles)))
         if moved <= 1e-9:  # rounding [rad]
-            return made, torques
+            return plan, torques
         if moved > SLOW * before:
             share = max(share / 2.0, LEAST_SHARE)
-        angles = angles + share * (made.predicted - angles)
+        angles = angles + share * (plan.predicted - angles)
     raise _unsettled(f"{ROUNDS} simulations", moved)
 
 

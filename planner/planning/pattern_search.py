@@ -211,8 +211,8 @@ def squared_error(
         start, last = spec.drives[0, -1], hold - 1  # its angle before the first sample
         run(law, weights, history, sags, faster, start, 0.0, last, angles, speeds)
     else:
-        held = requests[0, 0] + sags[0]  # to first order, the angle at rest
-        if run_steady_cycle(joint, held + pose_sag(law, held), MOST_CYCLES) > 0.0:
+        rest = requests[0, 0] + sags[0]  # to first order, the angle at rest
+        if run_steady_cycle(joint, rest + pose_sag(law, rest), MOST_CYCLES) > 0.0:
             return math.inf
     total = 0.0
     for k in range(count):

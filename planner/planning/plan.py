@@ -64,13 +64,13 @@ def request_motion(
         period: Time from one request to the next [s].
         cyclic: Whether they repeat for ever.
     """
-    changes, others = (steps(each, cyclic=cyclic) for each in (requests, desired))
+    changes, desired_changes = (steps(each, cyclic=cyclic) for each in (requests, desired))
     beyond = max(desired.min() - requests.min(), requests.max() - desired.max(), 0.0)
     return RequestMotion(
         largest_step=float(np.max(np.abs(changes), initial=0.0)),
         reversals_per_s=float(reversals(requests, cyclic=cyclic)) / (len(requests) * period),
         path_length=float(np.sum(np.abs(changes))),
-        desired_length=float(np.sum(np.abs(others))),
+        desired_length=float(np.sum(np.abs(desired_changes))),
         beyond=float(beyond),
     )
 
@@ -301,8 +301,8 @@ class Plan(Summarised):
     def errors_of_models(self) -> tuple[Array, ...]:
         """The error with each model, the nominal one first, of each that is judged, (models,)."""
         task = self.task
-        others = [task.errors_of(self._under_models(models)) for models in task.scenarios[1:]]
-        errors = np.array([self.error, *others])
+        other_errors = [task.errors_of(self._under_models(models)) for models in task.scenarios[1:]]
+        errors = np.array([self.error, *other_errors])
         many = [len(task.scenarios)] if task.goal == "foot" else map(len, task.models)
         each = [errors[:count, j].copy() for j, count in enumerate(many)]
         freeze(*each)
@@ -457,5 +457,5 @@ def joined(plans: Sequence[Plan]) -> Plan:
         approximations=tuple(curve for each in plans for curve in each.approximations),
         leads=tuple(lead for each in plans for lead in each.leads),
         nominal_requests=np.hstack(nominal) if robust else None,
-        learning=tuple(one for each in plans for one in each.learning),
+        learning=tuple(state for each in plans for state in each.learning),
     )

@@ -83,8 +83,8 @@ class Problem:
         """From rest: the requests that hold the joints, not yet within the limits [rad], (J,)."""
         if self.start is None or self.first is not None:
             return self.first
-        held = rest_requests(self.nominal, self.start, self.loads[: self.joints])
-        return np.asarray(held if held.ndim == 1 else held[0])
+        requests = rest_requests(self.nominal, self.start, self.loads[: self.joints])
+        return np.asarray(requests if requests.ndim == 1 else requests[0])
 
     @cached_property
     def resting(self) -> Array:

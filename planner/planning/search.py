@@ -2,7 +2,7 @@
 
 Each stage minimises (10) of ``docs/math.md`` on the model with corners of one radius, and the next
 one carries on from its answer with sharper corners and less regularisation: a homotopy. The descent
-within a stage is compiled (``gauss_newton``); the exact models, simulated, judge where it leads.
+within a stage is compiled (``gauss_newton``); its answers are judged by simulating the exact models.
 Several joints that share an error, a foot's, are searched together, and so are several models that
 joints may have, under the same requests. At the end requests are made smoother for as much error as
 a robot would not show (section 6 and (12b) of ``docs/math.md``).
@@ -36,7 +36,7 @@ NARROW = (
     Stage(0.006, 1e-5, steps=2),
 )
 """The stages. A regularisation keeps the first ones out of saturated, flat regions, and the last
-ones from jumping where nothing is gained. Fewer than seven cost up to 13 %."""
+ones from jumping where nothing is gained. Fewer than seven stages cost up to 13 %."""
 
 WIDE = (
     Stage(2.0, 1e-3),
@@ -71,7 +71,7 @@ each alone. Over 38 feet, corners of 2 and 1 in front lose 0.35 % at worst, none
 joints can compensate for one another, stages take many steps; 12 or 24 make no difference."""
 
 SIMULATED = 0.1
-"""Radius below which what a stage ends with is worth a simulation [theta_0]."""
+"""Radius below which the answer of a stage is worth a simulation [theta_0]."""
 
 
 class State(NamedTuple):
@@ -105,7 +105,7 @@ def minimise(
     """The best requests that the stages lead to, judged by the exact models, and their error.
 
     Args:
-        problem: What to reach, and within which limits.
+        problem: The goal, and the limits.
         state: Where to start; its requests within the limits.
         stages: The stages to go through.
         through_rms: Where the largest error counts: whether the plan for the root mean square comes
@@ -124,7 +124,7 @@ def minimise(
 
 
 def stages_for(problem: Problem, stages: Sequence[Stage]) -> Sequence[Stage]:
-    """The stages, and where the largest error counts those that turn to it."""
+    """The stages; where the largest error counts, those that approach it as well."""
     if problem.norm == "rms":
         return stages
     return [*(stage for stage in stages if stage.radius >= LARGEST[0].radius), *LARGEST]
@@ -219,7 +219,7 @@ class SmoothingOptions:
         enough: Share of the allowed rise from which on an answer is kept if it was no large gain,
             and at which steps aim from beyond it (0.8: +7 and -3 %; 0.95: -2 and +8 %).
         large_gain: Ratio of the second differences after a step to those before up to which it was
-            a large gain, so that another one follows [-] (0.25: 0 and 0 %; 0.8: -4 and +8 %).
+            a large gain, so that another step follows [-] (0.25: 0 and 0 %; 0.8: -4 and +8 %).
         unchanged: Relative change of the second differences after which no step follows [-],
         settled: where this share of the allowed rise is used [-] (``unchanged`` 0.05: -2 and +9 %,
             0.2: +9 and -7 %; ``settled`` 0.25: +5 and -14 %, with needless crossings; 0.8: -8 and
@@ -255,21 +255,21 @@ def smoothed(
     requests: Array,
     *,
     best: Array | None = None,
-    others: Iterable[Array] = (),
+    candidates: Iterable[Array] = (),
     at_most: float = math.inf,
 ) -> Array:
-    """Smoother requests whose shown error is within what :func:`allowed_beside` says.
+    """Smoother requests whose shown error is within the limits of :func:`allowed_beside`.
 
     Args:
-        problem: What is to be reached, and within which limits.
+        problem: The goal, and the limits.
         requests: A good plan [rad], shape (n, J).
-        best: Angles of the best plan [rad], (n, A), where that is not this one.
-        others: Requests [rad], (n, J), to start from as well where their error is allowed; they are
-            computed only where requests may be smoothed.
-        at_most: Error that is not to be passed in any case.
+        best: Angles of the best plan [rad], (n, A), if it is another plan.
+        candidates: Requests [rad], (n, J), to start from as well where their error is allowed; they
+            are computed only where requests may be smoothed.
+        at_most: Upper limit of the error in any case.
 
     Returns:
-        The smoother requests, or the given ones: always with a smoothness of 0.
+        The smoother requests, or ``requests``: always with a smoothness of 0.
     """
     smoothness = problem.smoothness
     if smoothness == 0.0:
@@ -277,27 +277,27 @@ def smoothed(
     angles = problem.exact_angles(requests)
     if angles is None:
         return requests
-    found = judged(problem, angles)
-    closest = found if best is None else judged(problem, best)
+    errors = judged(problem, angles)
+    closest = errors if best is None else judged(problem, best)
     allowed = allowed_beside(problem, closest)
-    starts = [(State(requests, angles), found)]
-    for other in others:
-        reached = problem.exact_angles(other)
+    starts = [(State(requests, angles), errors)]
+    for candidate in candidates:
+        reached = problem.exact_angles(candidate)
         if reached is not None and allowed.by(also := judged(problem, reached)):
-            starts.append((State(other, reached), also))
+            starts.append((State(candidate, reached), also))
     mean = math.inf
     if problem.norm == "max":
         share = 1.0 + OPTIONS.mean * smoothness
-        mean = share * math.hypot(found.mean, found.known)
-        mean = max(math.sqrt(max(mean**2 - found.known**2, 0.0)), allowed.unseen)
+        mean = share * math.hypot(errors.mean, errors.model_error)
+        mean = max(math.sqrt(max(mean**2 - errors.model_error**2, 0.0)), allowed.unseen)
     bound = _Bound(allowed.shown, 1.0 + smoothness, math.inf, at_most, mean)
-    smoother = [_smoothest(problem, *start, found.error, bound) for start in starts]
+    smoother = [_smoothest(problem, *start, errors.error, bound) for start in starts]
     unseen = allowed.unseen
     if not unseen and any(shakes(problem, each) for each in smoother):
         unseen = closest.unseen
     heaviest = OPTIONS.heaviest * smoothness
     bound = _Bound(math.inf, math.inf, heaviest, min(unseen, at_most), max(mean, unseen))
-    smoother += [_smoothest(problem, *start, found.error, bound) for start in starts]
+    smoother += [_smoothest(problem, *start, errors.error, bound) for start in starts]
     return min(smoother, key=problem.roughness)
 
 
@@ -308,11 +308,11 @@ smooth paths that joints can follow one has such requests, of four of legs with 
 
 def shakes(problem: Problem, requests: Array) -> bool:
     """Whether requests of a joint, (n, J), change direction much more often than its path does."""
-    found, desired = (
+    request_turns, path_turns = (
         reversals(each, cyclic=problem.cyclic) for each in (requests, problem.desired)
     )
     seconds = len(requests) * problem.models[0].period
-    return bool(np.any(found - desired > SHAKING * seconds))
+    return bool(np.any(request_turns - path_turns > SHAKING * seconds))
 
 
 class Judged(NamedTuple):
@@ -321,19 +321,19 @@ class Judged(NamedTuple):
     Attributes:
         error: In the norm that counts.
         mean: Root mean square, whichever norm counts.
-        known: What the models are known to miss of it, rms: at least an encoder's step.
-        unseen: What an encoder's step of each joint makes, rms.
+        model_error: Known error of the models, rms: at least an encoder's step.
+        unseen: Error that an encoder's step of each joint makes, rms.
     """
 
     error: float
     mean: float
-    known: float
+    model_error: float
     unseen: float
 
     @property
     def shown(self) -> float:
         """The error that a robot would show, of (12b): that of the plan and of its models."""
-        return math.hypot(self.error, self.known)
+        return math.hypot(self.error, self.model_error)
 
 
 def judged(problem: Problem, angles: Array) -> Judged:
@@ -348,19 +348,19 @@ def judged(problem: Problem, angles: Array) -> Judged:
         return math.sqrt(float(weights @ np.sum(reach * errors.reshape(reach.shape) ** 2, axis=1)))
 
     models = problem.nominal * len(weights)  # those that were drawn were not tested
-    known = known_errors(models, angles, cyclic=problem.cyclic)
+    model_errors = known_errors(models, angles, cyclic=problem.cyclic)
     mean = math.sqrt(float(problem.squares(angles).sum(axis=0) @ weights) / len(angles))
-    unseen = np.full(len(known), ENCODER_STEP)
-    return Judged(problem.error(angles), mean, through(known), through(unseen))
+    unseen = np.full(len(model_errors), ENCODER_STEP)
+    return Judged(problem.error(angles), mean, through(model_errors), through(unseen))
 
 
 class Allowed(NamedTuple):
-    """What smoother requests are allowed: a shown error up to one, or an error up to another.
+    """Limits for smoother requests: of the shown error, or of the error.
 
     Attributes:
         shown: Largest error that a robot may show.
         unseen: Error that an encoder's step of each joint makes, for a foot and with dry friction;
-            0 for others. (:func:`smoothed` allows others more where requests shake.)
+            0 for other plans. (:func:`smoothed` allows more there where requests shake.)
     """
 
     shown: float
@@ -372,10 +372,10 @@ class Allowed(NamedTuple):
 
 
 def allowed_beside(problem: Problem, best: Judged) -> Allowed:
-    """What is allowed beside the best plan, (12b) of ``docs/math.md``.
+    """Limits of the errors beside the best plan, (12b) of ``docs/math.md``.
 
     Args:
-        problem: What is to be reached; with a smoothness of 0 nothing is allowed.
+        problem: The goal; with a smoothness of 0 no rise is allowed.
         best: The errors under the best requests.
     """
     if problem.smoothness == 0.0:
@@ -386,37 +386,37 @@ def allowed_beside(problem: Problem, best: Judged) -> Allowed:
 
 
 def known_errors(models: Sequence[JointModel], angles: Array, *, cyclic: bool) -> Array:
-    """What the models are known to miss of a motion [rad], (A,), at least an encoder's step.
+    """Known errors of the models in a motion [rad], (A,), at least an encoder's step.
 
     Args:
         models: The joints.
         angles: Their motion [rad], shape (n, A).
         cyclic: Whether it repeats for ever.
     """
-    known = [
+    errors = [
         ENCODER_STEP
         if model.evidence is None or math.isnan(model.evidence.error)
         else model.evidence.error_of(column, period=model.period, cyclic=cyclic)
         for model, column in zip(models, angles.T, strict=True)
     ]
-    return np.maximum(known, ENCODER_STEP)
+    return np.maximum(errors, ENCODER_STEP)
 
 
 class _Bound(NamedTuple):
-    """What smoother requests keep."""
+    """Limits that smoother requests keep."""
 
     shown: float  # largest shown error
-    growth: float  # and by this it may exceed the least that was met
+    growth: float  # by which it may exceed the least shown error so far
     heaviest: float  # largest weight on the second differences beside the errors
     at_most: float  # largest error
     mean: float  # where the largest error counts, also the largest root mean square
 
     def error(self, motion: Judged) -> float:
-        """The error that is allowed to such a motion."""
-        return min(math.sqrt(max(self.shown**2 - motion.known**2, 0.0)), self.at_most)
+        """The allowed error of such a motion."""
+        return min(math.sqrt(max(self.shown**2 - motion.model_error**2, 0.0)), self.at_most)
 
     def used(self, motion: Judged, error: float) -> float:
-        """Share of what may be added to an error that a motion uses; inf where it adds too much."""
+        """Share of the allowed rise of an error that a motion uses; inf where it exceeds limits."""
         room = self.error(motion) - error
         if motion.mean > self.mean:
             return math.inf
@@ -424,14 +424,14 @@ class _Bound(NamedTuple):
 
 
 def _smoothest(problem: Problem, state: State, start: Judged, error: float, bound: _Bound) -> Array:
-    """The smoothest requests that are met within the bound.
+    """The smoothest requests within the bound.
 
     Steps minimise ``J + w |D2 R|^2`` with sharp corners, J the cost of the errors and D2 the second
     differences of the requests. At the best weight w the smoothing costs about as much as J may
     rise, so that each step takes ``w = c (J_allowed - J) / |D2 R|^2`` anew from the requests from
-    which it sets out, with a factor c that grows while the exact error stays within what is
-    allowed. Where it does not, c is such that the weight itself falls. ``start`` are the errors of
-    the state, ``error`` is that of the best plan.
+    which it sets out, with a factor c that grows while the exact error is allowed. Where it is not,
+    c is such that the weight itself falls. ``start`` are the errors of the state, ``error`` is that
+    of the best plan.
     """
     power = stages_for(problem, NARROW)[-1].power
     best, least = state.requests, problem.roughness(state.requests)
@@ -474,7 +474,7 @@ def _smoothest(problem: Problem, state: State, start: Judged, error: float, boun
 
 
 def _allowed_rise(error: float, most: float, power: float, samples: int, cost: float) -> float:
-    """By how much the cost rises when all errors grow until theirs is the one that is allowed.
+    """Rise of the cost when all errors grow in proportion up to the allowed error.
 
     ``cost`` is the sum of the powers at the start, in units of the error.
     """

@@ -1,4 +1,4 @@
-"""From a task to requests: the searches that are made, and which answer is taken."""
+"""From a task to requests: which searches run, and how their best answer is chosen."""
 
 from __future__ import annotations
 
@@ -89,11 +89,11 @@ STATIONARY = 1e-9
 
 
 class Solved(NamedTuple):
-    """What the search finds.
+    """The answer of a search.
 
     Attributes:
         requests: Requests to the joints [rad], shape (n, k).
-        nominal: With several models: those for the nominal ones alone; else None.
+        nominal: With several models: requests for the nominal ones alone; else None.
     """
 
     requests: Array
@@ -108,7 +108,7 @@ def solve(
     Raises:
         SolverFailed: No requests were found that lead to a steady cycle.
     """
-    if task.disturbance is not None:  # what the models miss is measured, but for how it changes
+    if task.disturbance is not None:  # the models' errors are measured, except for their changes
         sizes = [UNFORESEEN * rms(column) for column in task.disturbance.T]
         models = (
             tuple(each.with_evidence(Evidence(size)) for each in candidates)
@@ -117,15 +117,15 @@ def solve(
         task = replace(task, models=tuple(models))
     if task.goal == "foot":
         return solve_foot(task)
-    found = []
+    solutions = []
     for j, name in enumerate(task.names):
         progress(name)
         with about(name):
-            found.append(solve_joint(task.joint(j), solver=solver))
-    requests = np.column_stack([each.requests for each in found])
-    if all(each.nominal is None for each in found):
+            solutions.append(solve_joint(task.joint(j), solver=solver))
+    requests = np.column_stack([each.requests for each in solutions])
+    if all(each.nominal is None for each in solutions):
         return Solved(requests, None)
-    nominal = [each.requests if each.nominal is None else each.nominal for each in found]
+    nominal = [each.requests if each.nominal is None else each.nominal for each in solutions]
     return Solved(requests, np.column_stack(nominal))
 
 
@@ -136,7 +136,7 @@ def solve_joint(task: Task, *, solver: Solver = "gauss-newton") -> Solved:
     if task.start is not None and band and len(models) == 1:
         problem, column, best = first_request_freed(problem, column, solver)
 
-    def others() -> Iterator[Array]:
+    def candidates() -> Iterator[Array]:
         if band:
             # Over 36 sines, holds and squares of a servo with 2 degrees of dry friction, half of
             # them with noise of 0.06 degrees, half and twice of 0.2 change nothing; without,
@@ -146,7 +146,7 @@ def solve_joint(task: Task, *, solver: Solver = "gauss-newton") -> Solved:
         if math.isfinite(models[0].max_acceleration):
             yield minimise(problem, initial_guess(problem), SMOOTH)[0]
 
-    column = smoothed(problem, column, best=best, others=others())
+    column = smoothed(problem, column, best=best, candidates=candidates())
     return _for_all_models(task, problem, column, NARROW)
 
 
@@ -155,15 +155,16 @@ def first_request_freed(
 ) -> tuple[Problem, Array, Array | None]:
     """The problem from rest with the first request that serves best, and the plan for it.
 
-    Where the plan given is kept although another is better, the angles of that one come third.
+    Where the given plan is kept although another is better, the angles of the better one come
+    third.
 
     Anywhere within the dead band it holds the joint at the start. Until it has left the window of
     the acceleration it draws on a joint that moves, the less the nearer it is to the edge on the
-    side of the motion. The middle is left only for what a robot would show. It may lie beyond the
-    limits: edges are about the middle itself, and the problem clips them.
+    side of the motion. Another request is taken only for a gain that a robot would show. The middle
+    may lie beyond the limits: edges are about the middle itself, and the problem clips them.
 
-    Of a long path the beginning is searched first. Where nobody would see the difference there,
-    nobody would see it in the whole.
+    Of a long path the beginning is searched first. A difference that does not show there does not
+    show in the whole.
     """
     (model,), middle = problem.models, problem.first_requests
     assert middle is not None, "from rest a first request holds the joint"
@@ -179,16 +180,16 @@ def first_request_freed(
         firsts = [freed.first]
     answers = []
     for first in firsts:
-        held = replace(problem, first=first)
-        requests = best_requests(held, solver)
-        answers.append((held.exact_error(requests), held, requests))
-    error, held, requests = min(answers, key=itemgetter(0))
-    angles, best = problem.exact_angles(column), held.exact_angles(requests)
+        candidate = replace(problem, first=first)
+        requests = best_requests(candidate, solver)
+        answers.append((candidate.exact_error(requests), candidate, requests))
+    error, candidate, requests = min(answers, key=itemgetter(0))
+    angles, best = problem.exact_angles(column), candidate.exact_angles(requests)
     if angles is None or best is None or error >= problem.error(angles):
         return problem, column, None
     if allowed_beside(problem, judged(problem, best)).by(judged(problem, angles)):
         return problem, column, best
-    return held, requests, None
+    return candidate, requests, None
 
 
 def without_small_reversals(angles: Array, least: float, *, cyclic: bool) -> Array:
@@ -274,14 +275,14 @@ def best_requests(problem: Problem, solver: Solver) -> Array:
 
 
 def search(problem: Problem, state: State) -> Array:
-    """The best requests found for one joint, (n, 1).
+    """The best requests of the searches for one joint, (n, 1).
 
     A joint that is at top speed, or accelerates as fast as it can, for much of the time may follow
     fitted lines better than anything that the search finds: it starts from these as well. Where
     next to no error need be left, high powers of it lead nowhere, and the plan for the root mean
     square leaves the smaller largest error. If the plan stays far from the ideal, a search with
     wide corners follows. For short cycles and joints that overshoot, where derivatives say little,
-    further ones start from the desired angles and from those as early as the joint is late.
+    further ones start from the desired angles, as they are and as early as the joint is late.
     """
     (model,) = problem.models
     starts, best = [state], minimise(problem, state, NARROW)
@@ -450,7 +451,7 @@ def _alone(task: Task, problem: Problem, j: int) -> Task:
 
 
 def foot_requests(problem: Problem, singly: Array) -> tuple[Problem, Array]:
-    """The best requests found for the foot, (n, k), from the plans for its joints one by one.
+    """The best requests for the foot, (n, k), from the plans for its joints one by one.
 
     They come with the problem that they solve, in which joints may be held.
     """
@@ -470,32 +471,35 @@ def foot_requests(problem: Problem, singly: Array) -> tuple[Problem, Array]:
     return problem, smoothed(problem, best, best=reached)
 
 
-def with_stationary_joints(problem: Problem, found: Array, angles: Array) -> tuple[Problem, Array]:
+def with_stationary_joints(
+    problem: Problem, requests: Array, angles: Array
+) -> tuple[Problem, Array]:
     """The plan with the joints at rest that need not move, if a robot shows no difference.
 
     A joint that stays where it is all along the path can still compensate for a little of the
-    errors of the others. Where the smoothing allows what that gains, it should not move at all.
+    errors of the others. Where this gain is within what the smoothing allows, it should not move.
 
     Args:
         problem: What the joints should do together.
-        found: The requests of a good plan [rad], shape (n, k).
+        requests: The requests of a good plan [rad], shape (n, k).
         angles: Its angles by the exact models [rad], shape (n, k).
 
     Returns:
-        The problem with those joints held, and the plan for it; or what was given.
+        The problem with these joints held, and the plan for it; or the arguments unchanged.
     """
     stationary: Mask = np.ptp(problem.resting, axis=0) <= STATIONARY
     if not np.any(stationary) or np.all(stationary):
-        return problem, found
-    held = holding(problem, stationary)
+        return problem, requests
+    fixed_problem = holding(problem, stationary)
     sharp = [stage for stage in FOOT if stage.radius < SIMULATED]
-    answer, error = minimise(held, State(held.admissible(found), angles), sharp)
-    reached = held.exact_angles(answer)
+    state = State(fixed_problem.admissible(requests), angles)
+    answer, error = minimise(fixed_problem, state, sharp)
+    reached = fixed_problem.exact_angles(answer)
     allowed = allowed_beside(problem, judged(problem, angles))
     as_good = error <= problem.error(angles) + 1e-13  # rounding [m]
     if reached is not None and (as_good or allowed.by(judged(problem, reached))):
-        return held, answer
-    return problem, found
+        return fixed_problem, answer
+    return problem, requests
 
 
 def holding(problem: Problem, stationary: Mask) -> Problem:

@@ -197,8 +197,8 @@ class Task:
         columns = zip(resting, names, angles[0].tolist(), lower, upper, strict=True)
         for rest, name, begins, *pair in columns:
             with about(name):
-                given = checked_start(rest, cyclic=cyclic)
-                turns = 0.0 if given is None else (given - begins) / TURN
+                angle = checked_start(rest, cyclic=cyclic)
+                turns = 0.0 if angle is None else (angle - begins) / TURN
                 if abs(turns) > MOST_TURNS and ANGLE_UNIT.get() == "rad":  # else it is degrees
                     raise InvalidInput(
                         f"start: {turns_words(as_number(rest))}, where the path begins at "
@@ -392,9 +392,9 @@ class Task:
         expected = (
             f"torques [N m] of shape {shape} or ({shape[1]},), one for each joint, or a number"
         )
-        given = of_each("load", load, self.names, expected=expected, shape=shape)
+        values = of_each("load", load, self.names, expected=expected, shape=shape)
         loads: list[Array | None] = []
-        for name, models, column in zip(self.names, self.models, given, strict=True):
+        for name, models, column in zip(self.names, self.models, values, strict=True):
             with about(name if self.goal == "angles" else ""):
                 felt = [checked_load(column, each, len(self.desired)) for each in models]
                 loads.append(next((each for each in felt if each is not None), None))
@@ -461,9 +461,9 @@ def steps_of_each(
         InvalidInput: They are not above 0, or not as many as there are joints.
     """
     expected = "an angle above 0 [rad], or one for each joint"
-    given = of_each("max_step", max_step, names, expected=expected)
-    steps = [math.inf if step is None else as_number(step, infinite=True) for step in given]
-    for name, number, step in zip(names, steps, given, strict=True):
+    values = of_each("max_step", max_step, names, expected=expected)
+    steps = [math.inf if step is None else as_number(step, infinite=True) for step in values]
+    for name, number, step in zip(names, steps, values, strict=True):
         with about(name):
             if not number > 0.0:
                 raise InvalidInput(

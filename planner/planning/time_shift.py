@@ -111,8 +111,8 @@ def shift_recommended(plan: Plan, shift: Plan) -> str:
         plan: A plan by another method.
         shift: The best time shift, for the same task.
     """
-    known = [model.evidence for model in plan.models]
-    if why := unproven_gains(plan.names, known):
+    evidence = [model.evidence for model in plan.models]
+    if why := unproven_gains(plan.names, evidence):
         return why
     own = np.mean(plan.errors**2, axis=0)
     squares = np.mean([each.error**2 for each in plan.expected] - own)
@@ -153,9 +153,9 @@ def best_lead(joint: Task) -> float:
     most = int(min(LONGEST_LEAD / joint.period, len(joint.desired) - 1))
     best, least = 0.0, error(0.0)
     for lead in map(float, range(1, most + 1)):
-        found = error(lead)
-        if found < least:
-            best, least = lead, found
+        trial_error = error(lead)
+        if trial_error < least:
+            best, least = lead, trial_error
         elif lead > max(best, USUAL * delay) + WORSE_LEADS:
             break
     for step in STEPS:

@@ -159,7 +159,7 @@ def test_a_motion_of_a_foot_is_judged_by_what_each_joint_moves_it_in_each_scenar
             ]
         )
     expected = np.sqrt(squares)
-    assert [found.mean, found.known, found.unseen] == pytest.approx(expected, rel=ROUNDING)
+    assert [found.mean, found.model_error, found.unseen] == pytest.approx(expected, rel=ROUNDING)
     assert found.error == both.error(angles)
 
 
@@ -169,7 +169,7 @@ def test_the_root_mean_square_is_judged_beside_the_largest_error():
     found = judged(problem, (desired + np.array([0.03, 0.0, -0.04]))[:, np.newaxis])
     assert found.error == pytest.approx(0.04)
     assert found.mean == pytest.approx(0.05 / math.sqrt(3.0))
-    assert found.known == found.unseen == pytest.approx(ENCODER_STEP)
+    assert found.model_error == found.unseen == pytest.approx(ENCODER_STEP)
 
 
 def test_what_models_miss_is_at_least_an_encoders_step_and_grows_with_the_motion():
@@ -219,13 +219,13 @@ def test_the_smoothest_of_several_beginnings_is_taken_of_those_that_are_allowed(
     shaken = best + 1e-3 * np.random.default_rng(0).normal(size=best.shape)
 
     def made(requests, *others):
-        return smoothed(replace(problem, smoothness=0.005), requests, others=others)
+        return smoothed(replace(problem, smoothness=0.005), requests, candidates=others)
 
     assert problem.roughness(made(shaken, smooth)) <= problem.roughness(smooth)
     for other in (far, np.full_like(best, np.mean(best))):
         np.testing.assert_array_equal(made(best, other), made(best))
     # Where no step is allowed, the smoothest of what was given is left.
-    kept = smoothed(replace(problem, smoothness=0.1), best, others=[smooth], at_most=0.0)
+    kept = smoothed(replace(problem, smoothness=0.1), best, candidates=[smooth], at_most=0.0)
     np.testing.assert_array_equal(kept, smooth)
 
 

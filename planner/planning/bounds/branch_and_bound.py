@@ -154,10 +154,10 @@ def cut_off(problem: ScaledProblem, node: Node, *, rounds: int = 1) -> Node:
     bound = max(node.bound, solution.bound)
     for _ in range(rounds):
         before = bound
-        found = violated_cuts(problem, ranges, solution, node.intervals)
-        if not found or bound >= problem.incumbent:
+        new_cuts = violated_cuts(problem, ranges, solution, node.intervals)
+        if not new_cuts or bound >= problem.incumbent:
             break
-        cuts = [cut for cut, weight in _weighted(cuts, solution) if weight > INACTIVE] + found
+        cuts = [cut for cut, weight in _weighted(cuts, solution) if weight > INACTIVE] + new_cuts
         solution = solve_relaxation(problem, ranges, cuts)
         bound = max(bound, solution.bound)
         if bound <= before * (1.0 + GAP):
@@ -235,11 +235,11 @@ def response_error(problem: ScaledProblem, node: Node) -> float:
         sides = (_response_errors(problem, chosen[:, np.newaxis] + way) for way in (ways, -ways))
         return np.asarray(np.subtract(*sides) / (2.0 * DIFFERENCE))
 
-    found = error_norm(errors(unknowns), problem.norm)
-    if found >= problem.incumbent:
-        return found
+    error = error_norm(errors(unknowns), problem.norm)
+    if error >= problem.incumbent:
+        return error
     better = least_squares(errors, unknowns, jac=slopes, max_nfev=POLISHING_STEPS).x
-    return min(found, error_norm(errors(better), problem.norm))
+    return min(error, error_norm(errors(better), problem.norm))
 
 
 def _response_errors(problem: ScaledProblem, unknowns: Array) -> Array:
@@ -251,8 +251,8 @@ def _response_errors(problem: ScaledProblem, unknowns: Array) -> Array:
     for tick in range(1, problem.ticks):
         acting = slice(ends[tick], ends[tick + 1])
         behind = unknowns[1 + problem.pairs.request[acting]] - angles[tick - 1]
-        called = np.clip(problem.gain * behind, excess - top, excess + top)
-        angles[tick] = angles[tick - 1] + problem.pairs.weight[acting] @ called
+        contributions = np.clip(problem.gain * behind, excess - top, excess + top)
+        angles[tick] = angles[tick - 1] + problem.pairs.weight[acting] @ contributions
     return np.asarray(angles[problem.sampled] - problem.desired[:, np.newaxis])
 
 

@@ -85,14 +85,14 @@ def dual_function(
 ) -> tuple[float, Array]:
     """The squared distance that multipliers prove, and the angles of least value, (n, k)."""
     slopes, constant = _linear_terms(relaxation, multipliers.conditions)
-    found = minima(
+    solution = minima(
         relaxation.distance,
         multipliers.weights,
         slopes,
         guesses,
         tolerance=TOLERANCE / relaxation.samples,
     )
-    return float(np.sum(found.proved)) + constant, found.angles
+    return float(np.sum(solution.proved)) + constant, solution.angles
 
 
 def _linear_terms(
@@ -211,10 +211,10 @@ def bundle_step(
     if not solution.solved:
         return centre, 0.0
     conditions, *_, weights = np.split(solution.unknowns, np.cumsum(counts)[:-1])
-    found = centre.weights if relaxation.norm == "rms" else _normalised(weights)
+    sample_weights = centre.weights if relaxation.norm == "rms" else _normalised(weights)
     rows = np.cumsum([len(each.limits) for each in relaxation.sets])
     multipliers = np.split(np.maximum(conditions, 0.0), rows[:-1])
-    return Multipliers(found, multipliers), -float(problem.slope @ solution.unknowns)
+    return Multipliers(sample_weights, multipliers), -float(problem.slope @ solution.unknowns)
 
 
 class _Bundle(NamedTuple):
@@ -246,10 +246,10 @@ def _bundle_problem(
     room = (sparse.diags_array(np.repeat(ends, ticks)[between]) for ends in relaxation.room)
     count, fixed = gradients.shape[1], relaxation.norm == "rms"
     each_sample = sparse.eye_array(samples)
-    known = each_sample if fixed else sparse.csr_array(np.ones((1, samples)))
+    weight_rows = each_sample if fixed else sparse.csr_array(np.ones((1, samples)))
     zero = [
         [gradients[at], -sparse.eye_array(len(at)), None, None, None],
-        [None, None, None, None, known],
+        [None, None, None, None, weight_rows],
     ]
     at_most: list[list[Any]] = [[-sparse.eye_array(count), None, None, None, None]]
     at_most += [
@@ -263,7 +263,7 @@ def _bundle_problem(
     counts = [count, len(at), len(between), samples, samples]
     slope = np.repeat([0.0, 0.0, -1.0, -1.0, 0.0], counts)
     slope[:count] = np.concatenate([each.limits for each in sets])
-    zeros = len(at) + known.shape[0]
+    zeros = len(at) + weight_rows.shape[0]
     matrix = sparse.csr_array(sparse.block_array([*zero, *at_most]))
     limits = np.zeros(matrix.shape[0])
     limits[len(at) : zeros] = centre.weights if fixed else 1.0

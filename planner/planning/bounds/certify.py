@@ -150,9 +150,9 @@ def certified(
         without_load(problem)  # refused before anything is computed
     bound, gap = linear_bound(problem, level), 0.0
     if level == "exact":
-        known = planned_error(problem)
-        bound = max(bound, exact_bound(problem, known, time_limit=time_limit))
-        gap = max(relative_gap(known, bound), 0.0)
+        plan_error = planned_error(problem)
+        bound = max(bound, exact_bound(problem, plan_error, time_limit=time_limit))
+        gap = max(relative_gap(plan_error, bound), 0.0)
     return Certificate(bound, problem.norm, level, gap, perf_counter() - began)
 
 

@@ -168,9 +168,9 @@ def _update_least(
 ) -> None:
     """Write down, for every sample that has cells, the least value if it is a new one."""
     firsts = np.flatnonzero(np.diff(owner, prepend=-1))  # the cells of a sample stand together
-    found = np.minimum.reduceat(values, firsts)
-    better = found < least[owner[firsts]]
-    reached = np.flatnonzero(values == np.repeat(found, np.diff(firsts, append=len(owner))))
+    lowest = np.minimum.reduceat(values, firsts)
+    better = lowest < least[owner[firsts]]
+    reached = np.flatnonzero(values == np.repeat(lowest, np.diff(firsts, append=len(owner))))
     winners = reached[np.searchsorted(reached, firsts)][better]
     least[owner[winners]], angles[owner[winners]] = values[winners], centres[winners]
 
@@ -191,9 +191,9 @@ def _reach(distance: Distance) -> Array:
     return np.cumsum(beyond[::-1])[::-1]
 
 
-def _dot(one: Array, other: Array) -> Array:
+def _dot(a: Array, b: Array) -> Array:
     """Sum over the first axis of the products: faster than over a short last one."""
-    total: Array = np.sum(one * other, axis=0)
+    total: Array = np.sum(a * b, axis=0)
     return total
 
 

@@ -114,8 +114,8 @@ def _conditions_of_speed(
     drive = np.maximum(v + next_b + friction, highest - a / k)
 
     def free(speed: Any) -> Any:  # the largest speed that follows without friction
-        called = (1.0 - k) * speed + k * drive
-        return cp.minimum(speed + a, called) if math.isfinite(a) else called
+        demand = (1.0 - k) * speed + k * drive
+        return cp.minimum(speed + a, demand) if math.isfinite(a) else demand
 
     def shrunk(speed: Array) -> Array:
         return np.maximum(speed - s, np.minimum(speed + s, 0.0))

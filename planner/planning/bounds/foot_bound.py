@@ -81,8 +81,8 @@ def foot_bound(task: Task, angles: Array) -> float:
     """
     models, leg, norm = task.nominal, task.leg, task.norm
     assert leg is not None, "a foot belongs to a leg"
-    known = float(task.errors_of(angles)[0])
-    if known <= ATTAINED * leg.chain.size:
+    plan_error = float(task.errors_of(angles)[0])
+    if plan_error <= ATTAINED * leg.chain.size:
         return 0.0
     lower, upper = attainable_angles(
         models, (task.lower, task.upper), len(angles), start=task.start, loads=task.loads
@@ -90,7 +90,7 @@ def foot_bound(task: Task, angles: Array) -> float:
     if task.cyclic:
         turn = 2.0 * math.pi
         angles = angles - turn * np.floor((np.min(angles, axis=0) - lower[0]) / turn)
-    scales = task.axis_scales / known
+    scales = task.axis_scales / plan_error
     distance = Distance(leg.chain, lower, upper, task.desired_foot, scales)
     joints = zip(models, angles.T, task.starts, task.loads, strict=True)
     sets = [
@@ -104,7 +104,7 @@ def foot_bound(task: Task, angles: Array) -> float:
     squared = _branch_and_bound(
         relaxation, away, stationary_point(relaxation, np.clip(angles, lower, upper))
     )
-    return known * math.sqrt(min(squared, 1.0))
+    return plan_error * math.sqrt(min(squared, 1.0))
 
 
 class Node(NamedTuple):
@@ -163,12 +163,12 @@ def _branch_and_bound(
 def _split(node: Node) -> list[Node]:
     """The node split in two, halfway between the columns' angles that are farthest apart."""
     middle = len(node.columns[0].angles) // 2
-    known = np.clip([column.angles[middle] for column in node.columns], node.lower, node.upper)
-    joint = int(np.argmax(np.ptp(known, axis=0)))
-    if np.ptp(known[:, joint]) <= SPREAD * (node.upper[joint] - node.lower[joint]):
+    angles = np.clip([column.angles[middle] for column in node.columns], node.lower, node.upper)
+    joint = int(np.argmax(np.ptp(angles, axis=0)))
+    if np.ptp(angles[:, joint]) <= SPREAD * (node.upper[joint] - node.lower[joint]):
         joint = int(np.argmax(node.upper - node.lower))
-        known = np.array([node.lower, node.upper])
-    value = (np.min(known[:, joint]) + np.max(known[:, joint])) / 2.0
+        angles = np.array([node.lower, node.upper])
+    value = (np.min(angles[:, joint]) + np.max(angles[:, joint])) / 2.0
     first, second = node.upper.copy(), node.lower.copy()
     first[joint] = second[joint] = value
     return [node._replace(upper=first), node._replace(lower=second)]

@@ -98,12 +98,12 @@ def support(nu: Array, xi: Array, requests: RequestSet) -> Support:
     breakpoint.
     """
     lower, upper, corners = requests.lower, requests.upper, requests.corners
-    tried = breakpoints(np.concatenate([lower, upper]), requests)[:, np.newaxis]
-    angles = np.empty((2 + len(corners), len(tried), len(lower)))
+    candidates = breakpoints(np.concatenate([lower, upper]), requests)[:, np.newaxis]
+    angles = np.empty((2 + len(corners), len(candidates), len(lower)))
     angles[0], angles[1] = lower, upper
     for place, corner in zip(angles[2:], corners, strict=True):
-        place[:] = np.minimum(np.maximum(tried - corner, lower), upper)
-    contributions = requests.contributions(tried - angles)
+        place[:] = np.minimum(np.maximum(candidates - corner, lower), upper)
+    contributions = requests.contributions(candidates - angles)
     values = nu * contributions - xi * angles
     best = int(np.argmax(values.max(axis=0).sum(axis=1)))
     which = values[:, best].argmax(axis=0), best, np.arange(len(lower))
@@ -126,8 +126,8 @@ def separate(
     angles = np.clip(angles, requests.lower, requests.upper)
     count = len(contributions)
     target = np.concatenate([contributions, gain * (angles - middle)])
-    tried = np.unique(breakpoints(angles, requests))[:, np.newaxis]
-    curve = requests.contributions(tried - angles)
+    candidates = np.unique(breakpoints(angles, requests))[:, np.newaxis]
+    curve = requests.contributions(candidates - angles)
     points = np.hstack([curve, np.broadcast_to(target[count:], curve.shape)])
     best, deepest = None, VIOLATION
     for _ in range(TRIALS):
@@ -155,10 +155,10 @@ def nearest_request(
     The request is moved to where this share of the interval is left on either side.
     """
     ends = breakpoints(angles, requests)
-    tried = np.linspace(ends.min(), ends.max(), TRIED_REQUESTS)
-    errors = tried[:, np.newaxis] - angles
+    candidates = np.linspace(ends.min(), ends.max(), TRIED_REQUESTS)
+    errors = candidates[:, np.newaxis] - angles
     distances = np.linalg.norm(requests.contributions(errors) - contributions, axis=1)
     nearest = int(np.argmin(distances))
-    kept = margin * (tried[-1] - tried[0])
-    request = np.clip(tried[nearest], tried[0] + kept, tried[-1] - kept)
+    kept = margin * (candidates[-1] - candidates[0])
+    request = np.clip(candidates[nearest], candidates[0] + kept, candidates[-1] - kept)
     return float(request), float(distances[nearest])

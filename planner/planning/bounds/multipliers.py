@@ -91,9 +91,9 @@ def interpolated(desired: Array, problem: BoundProblem) -> Array:
     if cyclic:
         slopes[[0, -1]] = (desired[1] - desired[-1]) / 2.0
     share = np.arange(hold)[:, np.newaxis] / hold
-    left = 1.0 - share
-    motion = left**2 * ((1.0 + 2.0 * share) * ends[:-1] + share * slopes[:-1])
-    motion += share**2 * ((1.0 + 2.0 * left) * ends[1:] - left * slopes[1:])
+    rest = 1.0 - share
+    motion = rest**2 * ((1.0 + 2.0 * share) * ends[:-1] + share * slopes[:-1])
+    motion += share**2 * ((1.0 + 2.0 * rest) * ends[1:] - rest * slopes[1:])
     ticks = motion.T.ravel()
     return ticks if cyclic else np.append(ticks, desired[-1])
 
@@ -128,11 +128,15 @@ def nearest_where(
     matrix, limits, sampled = reachable
     inner = sparse.csr_array(matrix[:, free])
     rows = np.diff(inner.indptr) > 0
-    left = limits[rows] - matrix[rows] @ np.where(free, 0.0, through)
+    right = limits[rows] - matrix[rows] @ np.where(free, 0.0, through)
     places = np.cumsum(free) - 1
     compared = free[sampled]
     answer = nearest_point(
-        sparse.csr_array(inner[rows]), left, places[sampled[compared]], desired[compared], norm=norm
+        sparse.csr_array(inner[rows]),
+        right,
+        places[sampled[compared]],
+        desired[compared],
+        norm=norm,
     )
     motion, multipliers = through.copy(), np.zeros(len(limits))
     motion[free], multipliers[rows] = answer.unknowns, answer.multipliers
@@ -164,13 +168,13 @@ def nearest_point(
     rows, unknowns = matrix.shape
     origin = np.zeros(unknowns)  # unknowns are counted from D, so that no digits cancel
     origin[sampled] = desired
-    left = limits - matrix @ origin
+    right = limits - matrix @ origin
     cones = Cones(equations, rows - equations)
     if norm == "rms":
         curvature = np.zeros(unknowns)
         curvature[sampled] = 2.0
         answer = ConicSolver(
-            matrix, left, cones, curvature=curvature, tolerance=BOUND_TOLERANCE
+            matrix, right, cones, curvature=curvature, tolerance=BOUND_TOLERANCE
         ).solve(np.zeros(unknowns))
         return answer._replace(unknowns=origin + answer.unknowns)
     # One more unknown, the largest error, is at least each of them.
@@ -179,7 +183,7 @@ def nearest_point(
     blocks: list[list[Any]] = [[matrix, None], [picked, largest], [-picked, largest]]
     answer = ConicSolver(
         sparse.csr_array(sparse.block_array(blocks)),
-        np.concatenate([left, np.zeros(2 * len(sampled))]),
+        np.concatenate([right, np.zeros(2 * len(sampled))]),
         cones._replace(at_most=cones.at_most + 2 * len(sampled)),
         tolerance=BOUND_TOLERANCE,
     ).solve(np.append(np.zeros(unknowns), 1.0))

@@ -55,7 +55,7 @@ def reachable_set(problem: BoundProblem, level: Level) -> ReachableSet:
     """Linear conditions that every response of the joint meets, tick by tick.
 
     Args:
-        problem: The joint, its load and the number of samples; what is desired does not count.
+        problem: The joint, its load and the number of samples; the desired angles do not count.
         level: "slope" for condition 1, otherwise conditions 1 and 2, and from a given start 3.
 
     Returns:
@@ -90,8 +90,8 @@ def reachable_set(problem: BoundProblem, level: Level) -> ReachableSet:
 def proved_level(model: JointModel, level: Level) -> Level:
     """The strongest level, this one at most, whose conditions hold for a joint.
 
-    "exact" follows requests through the window to a speed that is their sum, which friction and
-    inertia make another one, and a sag by the angle another one at every angle.
+    "exact" needs a speed that is the sum of the requests' contributions. Friction and inertia
+    change that sum, and so does a sag by the angle.
     """
     follows = model.dead_band == 0.0 and model.most_pose_sag == 0.0 and not model.has_inertia
     return level if follows or level != "exact" else "envelope"
@@ -134,7 +134,7 @@ def speed_ranges(model: JointModel, load: Array) -> tuple[Array, Array]:
 
 
 class Side(NamedTuple):
-    """What moves the joint in one direction, for each pair of ticks t and t + 1, shape (m,).
+    """Speeds and drive of a joint in one direction, for each pair of ticks t, t + 1, shape (m,).
 
     Attributes:
         sign: The direction; speeds, sags and drives are positive in it.
@@ -180,7 +180,7 @@ class SpeedCondition(NamedTuple):
     Attributes:
         now: Factor of the speed at t [-], a number or one for each pair of ticks.
         before: Factor of the speed at t - 1 [-]; 0 where it does not count.
-        most: What is added [rad/tick], a number or one for each pair of ticks.
+        most: Constant term [rad/tick], a number or one for each pair of ticks.
     """
 
     now: Array | float
@@ -195,13 +195,14 @@ def speed_conditions(model: JointModel, side: Side) -> list[SpeedCondition]:
         return [SpeedCondition(1.0 - slope, 0.0, most)]
     conditions = _motor_conditions(model, side)
     law = model.law
-    held = law.share * law.friction
+    friction = law.share * law.friction
     # Condition 2b is derived where the acceleration limit is below what the window allows.
-    if law.acceleration + held <= np.min(most - slope * side.fastest) or np.isinf(law.acceleration):
+    least = np.min(most - slope * side.fastest)
+    if law.acceleration + friction <= least or np.isinf(law.acceleration):
         kept = 1.0 - law.share
-        released = 2.0 * held / -side.slowest
+        released = 2.0 * friction / -side.slowest
         now = 1.0 + kept - law.share * slope + released
-        conditions.append(SpeedCondition(now, -kept, law.share * most + 2.0 * held))
+        conditions.append(SpeedCondition(now, -kept, law.share * most + 2.0 * friction))
     return conditions
 
 
@@ -224,25 +225,25 @@ def drive_change(model: JointModel, side: Side) -> tuple[Array, Array]:
 
 
 def _motor_conditions(model: JointModel, side: Side) -> list[SpeedCondition]:
-    """Condition 2a: what the largest drive and the acceleration limit make of the speed before."""
+    """Condition 2a: the speed after a tick at the largest drive and the acceleration limit."""
     law = model.law
-    held = law.share * law.friction
+    friction = law.share * law.friction
     drive = np.maximum(side.drive, side.fastest - law.acceleration / law.share)
     lines = [(1.0 - law.share, law.share * drive)]
     if np.isfinite(law.acceleration):
         lines.append((1.0, np.full_like(drive, law.acceleration)))
-    if held == 0.0:
+    if friction == 0.0:
         return [SpeedCondition(now, 0.0, most) for now, most in lines]
     least, largest = (
         np.min([now * speed + most for now, most in lines], axis=0)
         for speed in (side.slowest, side.fastest)
     )
-    # The concave hull of the friction's shrink between the two: through (-held, 0) with slope 1,
+    # The concave hull of the friction's shrink between the two: through (-friction, 0), slope 1,
     # and from there, or from the least, to the largest.
-    corner = np.clip(-held, least, largest)
-    below, above = (np.sign(u) * np.maximum(np.abs(u) - held, 0.0) for u in (corner, largest))
+    corner = np.clip(-friction, least, largest)
+    below, above = (np.sign(u) * np.maximum(np.abs(u) - friction, 0.0) for u in (corner, largest))
     ratio = (above - below) / np.maximum(largest - corner, np.finfo(np.float64).tiny)
-    hull = [(np.ones_like(ratio), np.full_like(ratio, held)), (ratio, below - ratio * corner)]
+    hull = [(np.ones_like(ratio), np.full_like(ratio, friction)), (ratio, below - ratio * corner)]
     return [
         SpeedCondition(factor * now, 0.0, factor * most + added)
         for factor, added in hull
@@ -276,8 +277,8 @@ def distance_from_rest(model: JointModel, load: Array, level: Level) -> Array:
     """How far the first angles can be from the start [rad]: condition 3.
 
     The joint rests until the second request acts; then only the weights of the requests that may
-    differ from the first one can carry it away, and before and after what the sag changes by. The
-    level "slope", and all of a joint with inertia, leave out what follows the second request.
+    differ from the first one can carry it away, and at any time a change of the sag. The level
+    "slope", and every level of a joint with inertia, ignores the time after the second request.
 
     Args:
         model: The joint.

@@ -66,13 +66,13 @@ class Ranges(NamedTuple):
         """The same ranges, to be narrowed on their own."""
         return Ranges(*(each.copy() for each in self))
 
-    def within(self, others: Ranges) -> Ranges:
+    def within(self, other: Ranges) -> Ranges:
         """What these ranges and others have in common."""
         return Ranges(
-            np.maximum(self.lower, others.lower),
-            np.minimum(self.upper, others.upper),
-            np.maximum(self.slowest, others.slowest),
-            np.minimum(self.fastest, others.fastest),
+            np.maximum(self.lower, other.lower),
+            np.minimum(self.upper, other.upper),
+            np.maximum(self.slowest, other.slowest),
+            np.minimum(self.fastest, other.fastest),
         )
 
 
@@ -234,10 +234,10 @@ def acting_pairs(model: JointModel, ticks: int, *, cyclic: bool) -> ActingPairs:
     later = tick + 1
     sought = (later % ticks) * requests + number
     place = np.minimum(np.searchsorted(unique, sought), len(unique) - 1)
-    found = unique[place] == sought
+    exists = unique[place] == sought
     if not cyclic:
-        found &= later < ticks
-    return ActingPairs(tick, number, weight, np.where(found, place, -1))
+        exists &= later < ticks
+    return ActingPairs(tick, number, weight, np.where(exists, place, -1))
 
 
 class Cut(NamedTuple):
@@ -373,7 +373,7 @@ def violated_cuts(
     problem: ScaledProblem, ranges: Ranges, solution: RelaxedSolution, intervals: Intervals
 ) -> list[Cut]:
     """A cut for every request whose contributions lie outside of its hull."""
-    found = []
+    new_cuts = []
     for request, window in problem.windows.items():
         requests = problem.requests_at(
             ranges.lower[window.angles],
@@ -384,5 +384,5 @@ def violated_cuts(
             solution.contributions[window.contributions], solution.angles[window.angles], requests
         )
         if hull is not None:
-            found.append(Cut(window, hull))
-    return found
+            new_cuts.append(Cut(window, hull))
+    return new_cuts

@@ -88,9 +88,9 @@ def proved_minima(local: LocalProblem, objectives: list[Array]) -> list[float]:
     proved = []
     for objective in objectives:
         answer = solver.solve(objective)
-        left = objective + local.matrix.T @ answer.multipliers
-        loose = float(np.abs(left) @ local.room + answer.multipliers @ local.limits)
-        proved.append(float(left @ local.middle) - loose)
+        gradient = objective + local.matrix.T @ answer.multipliers
+        loose = float(np.abs(gradient) @ local.room + answer.multipliers @ local.limits)
+        proved.append(float(gradient @ local.middle) - loose)
     return proved
 
 

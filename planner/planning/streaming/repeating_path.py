@@ -1,14 +1,14 @@
 """A path that about repeats, such as that of a walking robot, and how it will probably go on.
 
-The known stretch of all joints is compared with those that ended about a cycle ago, all moved to
-end at the same angles. What followed the nearest one, moved likewise, continues the path; its
-weight is the coefficient of determination, the share of the known motion that the stretch a cycle
-ago explains. Nothing is continued before a whole cycle is known.
+The known stretch of all joints is compared with the stretches that ended about a cycle ago, all
+shifted to end at the same angles. The rows that followed the nearest one, shifted likewise,
+continue the path; their weight is the coefficient of determination, the share of the known motion
+that the stretch a cycle ago explains. Nothing is continued before a whole cycle is known.
 
 The nearest of many stretches explains a share of any path, also of one that never repeats. The
-weight is therefore multiplied by a second share: the one by which earlier continuations were nearer
-to the rows that are known now than the last row known then was. It is one of the sums of squares
-over about the last cycle, each square weighted by its coefficient of determination.
+weight is therefore multiplied by a second share: by how much earlier continuations were nearer to
+the present preview than the last row known then. It is a ratio of sums of squares over about the
+last cycle, each square weighted by its coefficient of determination.
 
 Compiled as a part of ``tick``: import this module where it is used, inside functions.
 """
@@ -38,50 +38,50 @@ speed changes errors are 6.0 % above those of whole plans, with half of it 9.1 %
 
 
 class Repeating(NamedTuple):
-    """What was known of the path over the last cycle; k joints."""
+    """The path over the last cycle, as far as it was known; k joints."""
 
-    rows: Array  # angles, those that are known now at the end [rad], (k, longest cycle + known)
-    expected: Array  # of rows from the first known one on, and the row held until then, (2, k, m)
-    counts: Array  # weights of these expectations, (m,)
+    rows: Array  # angles, the present preview at the end [rad], (k, longest cycle + preview)
+    expected: Array  # rows from the first of the preview on, and the row held, (2, k, m)
+    counts: Array  # weights of the expected rows, (m,)
     errors: Array  # sums of squares of the errors of both [rad^2], (2,)
-    known: int  # rows that are known at every tick
+    preview: int  # rows that are known at every tick
     cycle: int  # rows after which the path about repeats
     shortest: int  # cycle
     ahead: int  # rows by which the known ones are continued; 0 where no cycle is expected
 
 
-def repeating_path(joints: int, known: int, cycle: int, *, ahead: int) -> Repeating:
+def repeating_path(joints: int, preview: int, cycle: int, *, ahead: int) -> Repeating:
     """Allocate the memory for joints that repeat together.
 
     Args:
         joints: Number of joints.
-        known: Rows of the path that are known at every tick.
+        preview: Rows of the path that are known at every tick.
         cycle: Rows after which it about repeats.
         ahead: Rows by which to continue it, at most.
     """
     shortest, longest = round((1.0 - VARIES) * cycle), round((1.0 + VARIES) * cycle)
     ahead = max(min(ahead, shortest), 0)
-    rows = np.full((joints, longest + known), math.nan)
-    expected = np.full((2, joints, known + min(known, ahead)), math.nan)
+    rows = np.full((joints, longest + preview), math.nan)
+    expected = np.full((2, joints, preview + min(preview, ahead)), math.nan)
     counts, errors = np.zeros(expected.shape[2]), np.zeros(2)
-    return Repeating(rows, expected, counts, errors, known, cycle, shortest, ahead)
+    return Repeating(rows, expected, counts, errors, preview, cycle, shortest, ahead)
 
 
 @compiled
 def continue_path(path: Repeating, stretch: Array, bad: Mask, periods: int, weights: Array) -> None:
-    """Take what is known now, and continue it.
+    """Add the present preview to the path, and continue it.
 
     Args:
-        path: What was known before.
-        stretch: The known rows [rad], continued here, (k, known + ahead).
-        bad: Joints of which nothing is known now, (k,): their rows do not change.
+        path: The path before; changed in place.
+        stretch: The preview [rad], continued here, (k, preview + ahead).
+        bad: Joints without a valid preview, (k,): their rows do not change.
         periods: Time since the last call.
-        weights: Filled with those of the rows that follow, (k,), from 0, where nothing is known of
-            them, to 1.
+        weights: Filled with the weights of the continued rows, (k,), from 0, where nothing is
+            known of them, to 1.
     """
-    rows, errors, known, ahead, count = path.rows, path.errors, path.known, path.ahead, len(stretch)
-    longest = rows.shape[1] - known
-    # Let time pass, and compare what the rows known now were expected to be with what they are
+    rows, errors, preview, ahead = path.rows, path.errors, path.preview, path.ahead
+    count, longest = len(stretch), rows.shape[1] - preview
+    # Let time pass, and compare the rows of the preview with those expected earlier
     kept = math.exp(-periods / (MEMORY * path.cycle))
     errors[0], errors[1] = kept * errors[0], kept * errors[1]
     move_on(path.counts, periods)
@@ -90,22 +90,22 @@ def continue_path(path: Repeating, stretch: Array, bad: Mask, periods: int, weig
         for which in range(2):
             expected = path.expected[which, j]
             move_on(expected, periods)
-            for i in range(known):
+            for i in range(preview):
                 if not (bad[j] or np.isnan(expected[i])):
                     errors[which] += path.counts[i] * (stretch[j, i] - expected[i]) ** 2
                 expected[i] = np.nan
     # The nearest stretch, which ended `longest - number` rows ago; of equals that of a cycle ago
     distances, spread = np.zeros(longest - path.shortest + 1), 0.0
     for j in range(count):
-        mean, last, own = 0.0, stretch[j, known - 1], rows[j]
-        for i in range(known):
-            mean += stretch[j, i] / known
-        for i in range(known):
+        mean, last, own = 0.0, stretch[j, preview - 1], rows[j]
+        for i in range(preview):
+            mean += stretch[j, i] / preview
+        for i in range(preview):
             spread += (stretch[j, i] - mean) ** 2
             if not bad[j]:
                 own[longest + i] = stretch[j, i]
-        for i in range(0 if bad[j] else known):
-            away, before, ends = stretch[j, i] - last, own[i:], own[known - 1 :]
+        for i in range(0 if bad[j] else preview):
+            away, before, ends = stretch[j, i] - last, own[i:], own[preview - 1 :]
             for number in range(len(distances)):
                 distances[number] += (before[number] - ends[number] - away) ** 2
     nearest = usual = longest - path.cycle
@@ -119,13 +119,13 @@ def continue_path(path: Repeating, stretch: Array, bad: Mask, periods: int, weig
     reliable = max(0.0, 1.0 - errors[0] / max(errors[1], LEAST_SPREAD))
     tested = path.expected.shape[2] - 1  # the row after the known ones that is tested
     for j in range(count):
-        last, begin, own = stretch[j, known - 1], nearest + known, rows[j]
+        last, begin, own = stretch[j, preview - 1], nearest + preview, rows[j]
         follows = not (unknown or bad[j])
         for i in range(begin, begin + ahead):
             follows = follows and not np.isnan(own[i])
         for i in range(ahead):
             moved = own[begin + i] - own[begin - 1]
-            stretch[j, known + i] = last + moved if follows else last
+            stretch[j, preview + i] = last + moved if follows else last
         weights[j] = explained * reliable if follows else 0.0
         if follows:
             path.expected[0, j, tested], path.expected[1, j, tested] = stretch[j, tested], last
@@ -135,7 +135,7 @@ def continue_path(path: Repeating, stretch: Array, bad: Mask, periods: int, weig
 
 @inner
 def move_on(values: Array, periods: int) -> None:
-    """Leave out the first values; those that come at the end are not known yet."""
-    left = max(len(values) - periods, 0)
+    """Drop the first values; the new ones at the end are NaN, not yet known."""
+    stop = max(len(values) - periods, 0)
     for i in range(len(values)):
-        values[i] = values[i + periods] if i < left else np.nan
+        values[i] = values[i + periods] if i < stop else np.nan

@@ -121,8 +121,8 @@ class Stream:
         on_bad: OnBad = "hold",
     ) -> None:
         self.names, self.models = models_by_name(models)
-        known = [model.evidence for model in self.models]
-        warn_of_refused(dict(zip(self.names, known, strict=True)))
+        evidence = [model.evidence for model in self.models]
+        warn_of_refused(dict(zip(self.names, evidence, strict=True)))
         self.period = self.models[0].period
         self.preview = checked_preview(preview, self.period)
         warn_of_short_preview(self.preview, self.names, self.models)
@@ -185,14 +185,14 @@ class Stream:
             "cycle": self.cycle,
             "on_bad": "raise" if self._raises else "hold",
         }
-        known = dict(zip(self.names, self.models, strict=True))
-        return _made_again, (known, options), (self._memory(), self._status, self._problem)
+        models = dict(zip(self.names, self.models, strict=True))
+        return _made_again, (models, options), (self._memory(), self._status, self._problem)
 
     def __setstate__(self, state: tuple[tuple[Any, ...], tuple[Status, ...], str]) -> None:
         """Take a copy of another stream's state."""
         memory, self._status, self._problem = state
-        for mine, others in zip(self._memory(), memory, strict=True):
-            mine[:] = others
+        for array, values in zip(self._memory(), memory, strict=True):
+            array[:] = values
 
     def _memory(self) -> tuple[Any, ...]:
         """What of a stream changes from tick to tick."""
@@ -282,12 +282,12 @@ class Stream:
         planned = self._plan(periods)
         states = self._data.states
         faults: list[int] = states["fault"].tolist()
-        found = self._error(faults) if any(faults) else None
-        if self._raises and found and not planned:
-            raise found
-        self._problem = problems[0] if problems else str(found or "")
+        error = self._error(faults) if any(faults) else None
+        if self._raises and error and not planned:
+            raise error
+        self._problem = problems[0] if problems else str(error or "")
         self._status = self._all_planned
-        if found or not planned:
+        if error or not planned:
             self._status = tuple(STATUS[fault] if planned else "held" for fault in faults)
         requests = np.array(states["request"])
         requests.setflags(write=False)
@@ -301,16 +301,16 @@ class Stream:
 
     def _take(self, desired: Any, measured: Any, load: Any) -> list[str]:
         """Lay the arguments of a step out for the tick; return what is wrong with them."""
-        asked, states, problems = self._data, self._data.states, list[str]()
-        preview, joints = asked.desired.shape
-        if not _fill(asked.desired, desired):
+        data, states, problems = self._data, self._data.states, list[str]()
+        preview, joints = data.desired.shape
+        if not _fill(data.desired, desired):
             problems.append(
                 f"desired: got {shown(desired)}, expected angles [rad] of shape "
                 f"({preview}, {joints})"
             )
-        asked.load[:] = 0.0
+        data.load[:] = 0.0
         felt = load is not None and any(model.feels_load for model in self.models)
-        if felt and not _fill(asked.load, load, constant=True):
+        if felt and not _fill(data.load, load, constant=True):
             problems.append(f"load: got {shown(load)}, expected torques [N m], {joints} or rows")
         states["measured"] = math.nan
         if measured is not None:
@@ -393,21 +393,21 @@ def _fill(rows: Array, values: Any, *, constant: bool = False) -> bool:
     rows[:] = math.nan
     count = rows.shape[1]
     try:
-        given: Any = np.asarray(values)
+        array: Any = np.asarray(values)
     except (ValueError, OverflowError):  # such as rows of different lengths
         return False
-    if given.dtype.kind not in "iuf" or given.size == 0:
+    if array.dtype.kind not in "iuf" or array.size == 0:
         return False
-    if constant and given.shape in ((), (count,)):
-        rows[:] = given
+    if constant and array.shape in ((), (count,)):
+        rows[:] = array
         return True
-    if given.ndim == 1 and count == 1:
-        given = given[:, np.newaxis]
-    if given.ndim != 2 or given.shape[1] != count:
+    if array.ndim == 1 and count == 1:
+        array = array[:, np.newaxis]
+    if array.ndim != 2 or array.shape[1] != count:
         return False
-    known = min(len(given), len(rows))
-    rows[:known] = given[:known]
-    rows[known:] = rows[known - 1]
+    end = min(len(array), len(rows))
+    rows[:end] = array[:end]
+    rows[end:] = rows[end - 1]
     return True
 
 

@@ -191,12 +191,12 @@ def tick(data: Data, path: Repeating, missed: int, strict: bool) -> bool:
             if row < youngest:
                 angle, speed = run_period(law, own, its_sent, row, sag, faster, angle, speed, 0)
             else:
-                sample, k = min(row, rows.shape[1] - 1), row - youngest
-                asked = period_samples[k]
-                asked.sag, asked.faster, asked.goal = sag, faster, rows[j, sample]
-                asked.pose_sag = pose_sag(law, asked.goal)
-                asked.count = 1.0 if sample < preview else shares[j]
-                asked.rounded = (joint.gain * joint.theta_0 * radii[k]) ** 2
+                column, k = min(row, rows.shape[1] - 1), row - youngest
+                sample = period_samples[k]
+                sample.sag, sample.faster, sample.goal = sag, faster, rows[j, column]
+                sample.pose_sag = pose_sag(law, sample.goal)
+                sample.count = 1.0 if column < preview else shares[j]
+                sample.rounded = (joint.gain * joint.theta_0 * radii[k]) ** 2
         problem = Problem(joint, law, own, period_samples, angle, speed, begins)
         improve(problem, state, its_sent, its_plan)
         last = its_sent[-1]
@@ -236,8 +236,8 @@ def check(joint: Record, state: Record, desired: Array, load: Array, j: int) -> 
         sag = joint.offset + joint.compliance * load[row, j]
         sag += pose_sag(law_of(joint), desired[row, j])
         room = joint.dead_band + ON_THE_LIMIT + min(abs(sag), NEGLIGIBLE_SAG)
-        held = desired[row, j] - sag
-        far = max(far, max(held - joint.upper, joint.lower - held) - room)
+        request = desired[row, j] - sag
+        far = max(far, max(request - joint.upper, joint.lower - request) - room)
     state.amount = far
     state.fault = BEYOND if far > 0.0 else PLANNED
     if blocked:
@@ -338,7 +338,7 @@ def improve(problem: Problem, state: Record, sent: Array, plan: Array) -> None:
         lines[k] = min(max(lines[k], joint.lower), joint.upper)
     for _ in range(FIRST_STEPS if begins else STEPS):
         before = gauss_newton_step(problem, now, state.damping, step)
-        least, found = before, -1
+        least, winner = before, -1
         for number in range(1 + len(SHARES)):
             for k in range(count):
                 request = lines[past + k]
@@ -347,12 +347,12 @@ def improve(problem: Problem, state: Record, sent: Array, plan: Array) -> None:
                 trial[past + k] = min(max(request, joint.lower), joint.upper)
             costs = cost(problem, trial, least)
             if costs < least:
-                least, found, best, trial = costs, number, trial, best
-        if found >= 0:
+                least, winner, best, trial = costs, number, trial, best
+        if winner >= 0:
             now, best = best, now
         else:
             state.damping = min(3.0 * state.damping, MOST_DAMPING)
-        if found == 1:
+        if winner == 1:
             state.damping = max(state.damping / 3.0, LEAST_DAMPING)
         if not begins and 1.0 - least / max(before, 1e-12) < WORTH:  # beside 1e-12 nothing counts
             break
@@ -390,13 +390,13 @@ def cost(problem: Problem, requests: Array, enough: float) -> float:
     past, first = len(requests) - len(samples), len(requests) - len(samples) + 1 - weights.shape[1]
     of_errors, of_requests = 0.0, 0.0
     for k in range(len(samples)):
-        asked, request = samples[k], requests[past + k]
+        sample, request = samples[k], requests[past + k]
         angle, speed = run_period(
-            law, weights, requests, first + k, asked.sag, asked.faster, angle, speed, 0
+            law, weights, requests, first + k, sample.sag, sample.faster, angle, speed, 0
         )
-        away = request - (asked.goal - asked.sag - asked.pose_sag)
+        away = request - (sample.goal - sample.sag - sample.pose_sag)
         change = request - requests[past + k - 1]
-        of_errors += asked.count * (angle - asked.goal) ** 2
+        of_errors += sample.count * (angle - sample.goal) ** 2
         of_requests += cost_of_request(joint, change, away)
         if of_errors + of_requests > enough:
             break
@@ -434,15 +434,15 @@ def gauss_newton_step(problem: Problem, requests: Array, damping: float, step: A
     window, bends = np.empty(width), np.empty((2, 0))
     q, per_change, of_errors, of_requests = np.zeros(count), np.empty(count), 0.0, 0.0
     for k in range(count):
-        asked, first, request = samples[k], past + k + 1 - width, requests[past + k]
+        sample, first, request = samples[k], past + k + 1 - width, requests[past + k]
         for age in range(width):
             window[age] = requests[past + k - age]
-        sag, faster = asked.sag, asked.faster
-        period(law, weights, window, sag, faster, asked.rounded, angle, speed, slopes[k], bends)
+        sag, faster = sample.sag, sample.faster
+        period(law, weights, window, sag, faster, sample.rounded, angle, speed, slopes[k], bends)
         angle, speed = run_period(law, weights, requests, first, sag, faster, angle, speed, 0)
-        errors[k] = angle - asked.goal
-        of_errors += asked.count * errors[k] ** 2
-        away = request - (asked.goal - sag - asked.pose_sag)
+        errors[k] = angle - sample.goal
+        of_errors += sample.count * errors[k] ** 2
+        away = request - (sample.goal - sag - sample.pose_sag)
         change = request - requests[past + k - 1]
         of_requests += cost_of_request(joint, change, away)
         excess = change - min(max(change, -joint.max_step), joint.max_step)
@@ -508,21 +508,21 @@ def gauss_newton_step(problem: Problem, requests: Array, damping: float, step: A
         stays = requests[past + k] <= joint.lower and gradient[k] > 0.0
         stays |= requests[past + k] >= joint.upper and gradient[k] < 0.0
         share = 0.0 if stays or (begins and k == 0) else 1.0 / own[last]
-        taken, constant[k] = feedback[k], share * q[k]
+        gains, constant[k] = feedback[k], share * q[k]
         for t in range(last):
-            taken[t] = share * own[t]
-            rest[t] -= taken[t] * q[k]
-            older_a[t] -= taken[t] * c_a[k]
-            older_b[t] -= taken[t] * c_b[k]
+            gains[t] = share * own[t]
+            rest[t] -= gains[t] * q[k]
+            older_a[t] -= gains[t] * c_a[k]
+            older_b[t] -= gains[t] * c_b[k]
         by_a, by_b = share * c_a[k], share * c_b[k]
-        taken[band - 1], taken[band] = by_a, by_b
+        gains[band - 1], gains[band] = by_a, by_b
         p_a -= by_a * q[k]
         p_b -= by_b * q[k]
         p_aa -= by_a * c_a[k]
         p_ab -= by_a * c_b[k]
         p_bb -= by_b * c_b[k]
         for i in range(last):
-            row, lead, half, part = matrix[low + i, band - 1 - i :], lead_a[i], half_a[i], taken[i]
+            row, lead, half, part = matrix[low + i, band - 1 - i :], lead_a[i], half_a[i], gains[i]
             for t in range(i + 1):
                 row[t] += lead * half_a[t] + half * lead_a[t] - part * own[t]
             if inert:
