@@ -1,4 +1,4 @@
-"""Leg kinematics over Pinocchio: where the foot is, and which angles put it where it should be."""
+"""Leg kinematics over Pinocchio: forward and inverse kinematics of the foot."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    """Import what is asked for when it is asked for (PEP 562)."""
+    """Import a public name on first access (PEP 562)."""
     if name not in _HOMES:
         raise AttributeError(f"module 'kinematics' has no attribute {name!r}")
     return getattr(import_module(f"kinematics.{_HOMES[name]}"), name)

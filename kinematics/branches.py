@@ -23,14 +23,14 @@ def choose(
     near: Array | None = None,
     chain: Chain | None = None,
 ) -> Array:
-    """One pose at each point: the first deep inside the limits, the others close to the last.
+    """One pose at each point: the first deep inside the limits, each later one close to the last.
 
-    At the first point the pose whose least distance to any limit is largest, or that with the least
-    move from ``near``; of equal ones that with the larger angle of the last joint, then of the
-    joint before it. At every later point the pose with the least move from the one before (root of
-    the sum of squares); of equal ones the same order decides. Where that path jumps and a chain is
-    given, the next pose at the first point is tried, and so on: the first path with the fewest
-    jumps is taken.
+    At the first point the pose whose least distance to any limit is largest, or the pose with the
+    least move from ``near``; among equal poses the one with the larger angle of the last joint,
+    then of the joint before it. At every later point the pose with the least move from the one
+    before (root of the sum of squares), with the same order among equal poses. If that path jumps
+    and there is a ``chain``, the search starts again from the next pose at the first point, and so
+    on: the first path with the fewest jumps is chosen.
 
     A joint that can turn by a full turn or more starts within half a turn of the middle of its
     limits, or of ``near``, and goes on from sample to sample by half a turn at most. Where that
@@ -51,7 +51,7 @@ def choose(
     margin = np.where(allowed, margin, -np.inf)
     keys = np.concatenate([-np.moveaxis(poses, -1, 0), -margin[None]])
     order = np.lexsort(np.round(keys, SAME), axis=-1)  # best first
-    order = order[:, : allowed.sum(axis=1).max(initial=1)]  # those not allowed come last
+    order = order[:, : allowed.sum(axis=1).max(initial=1)]  # forbidden poses come last
     poses = np.take_along_axis(poses, order[..., None], axis=1)
     allowed = np.take_along_axis(allowed, order, axis=1)
 
@@ -71,11 +71,11 @@ def choose(
 
 
 def jumps(chain: Chain, angles: Array) -> Indices:
-    """Samples from which a path of the joints goes over to another pose for the next.
+    """Samples after which a path of the joints changes to a pose of another kind.
 
     Half way between two poses of a smooth path the foot is half way between its two places, up to
-    the square of the step. Between two poses of different kinds it is somewhere else: a jump is
-    where it is further from there than the two places are from each other.
+    the square of the step. Between two poses of different kinds it is elsewhere: at a jump it is
+    further from the half-way point than the two places are from each other.
 
     Args:
         chain: The leg.
@@ -92,7 +92,7 @@ def jumps(chain: Chain, angles: Array) -> Indices:
 
 
 def _moved(moves: Array, limits: Limits) -> Array:
-    """Length of moves [rad], (...,) for those of shape (..., k); whole turns count for nothing."""
+    """Length of moves of shape (..., k) [rad], (...,); whole turns count for nothing."""
     turned = np.where(limits.turning, half_turned(moves), moves)
     return np.asarray(np.sqrt((turned**2).sum(axis=-1)))
 

@@ -1,4 +1,4 @@
-"""A serial chain of revolute joints as constants: all that positions and derivatives need."""
+"""A serial chain of revolute joints: the constants of its positions and derivatives."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ AnyArray = TypeVar("AnyArray", bound=npt.NDArray[Any])
 
 
 class Link(NamedTuple):
-    """What one joint does to a point beyond it: ``p -> origin + (A + cos C + sin S) p``.
+    """The map of a joint for a point beyond it: ``p -> origin + (A + cos C + sin S) p``.
 
     This is Rodrigues' formula with the joint's constant placement R multiplied in:
     A = R a aᵀ, C = R (1 - a aᵀ), S = R [a]× for the unit axis a. The joint's angle enters by
@@ -76,7 +76,7 @@ class Chain:
 
     @cached_property
     def size(self) -> float:
-        """The way from the first joint over all others to the foot [m]."""
+        """Length of the polyline from the first joint over all joints to the foot [m]."""
         steps = np.linalg.norm(self.translations[1:], axis=1)
         return float(np.sum(steps) + np.linalg.norm(self.tip))
 
@@ -190,5 +190,5 @@ def cross_matrix(axis: Array) -> Array:
 
 
 def _turned(link: Link, vector: Any, cosine: Any, sine: Any) -> Any:
-    """A vector beyond the joint, seen from before it."""
+    """A vector beyond the joint, in the frame before it."""
     return link.axial @ vector + cosine * (link.cosine @ vector) + sine * (link.sine @ vector)

@@ -1,16 +1,16 @@
 """Every pose of a three-joint leg that puts its foot at a point, in closed form.
 
 The foot is e1 e2 e3 p0, where e_i turns about axis i and p0 is the foot with every angle 0. Of the
-three axes two neighbours must intersect or be parallel; they are called the pair, and the third the
-odd one. Turning about either axis of the pair keeps
+three axes two neighbours must intersect or be parallel; they are called the pair, the third axis
+the odd one. Turning about either axis of the pair keeps
 
 - the distance from their common point, if they intersect;
 - the height along their common direction, if they are parallel.
 
 So this quantity alone gives two angles of the odd joint. Inside the pair, turning about its first
-axis keeps both distance and height; the one that the odd joint did not settle gives two angles of
-the pair's second joint, and an arctangent gives the first. That makes four poses. (These are
-Paden and Kahan's subproblems, stated by the quantity that is kept; each of them here is
+axis keeps both distance and height; the quantity not used for the odd joint gives two angles of
+the pair's second joint, and an arctangent gives the first. This makes four poses. (These are
+Paden and Kahan's subproblems, stated by the invariant quantity; each of them here is
 ``a cos q + b sin q = c``.)
 """
 
@@ -24,21 +24,21 @@ import numpy as np
 from kinematics.chain import Array, Chain
 
 EXACT = 1e-9
-"""Axes intersect or are parallel when they do to this: radians, and metres per metre of leg."""
+"""Tolerance of intersecting and of parallel axes: radians, and metres per metre of leg."""
 
 APART = 1e-3
-"""Axes and points are apart only beyond this, likewise: below it the closed form is fragile."""
+"""Least distance of axes and points, likewise: below it the closed form is ill-conditioned."""
 
 
 class Circle(NamedTuple):
-    """The points ``middle + cosine cos q + sine sin q`` that a turn by q takes a point to."""
+    """The points ``middle + cosine cos q + sine sin q`` that a point reaches by a turn by q."""
 
     middle: Array  # (3, ...)
     cosine: Array  # (3, ...)
     sine: Array  # (3, ...)
 
     def at(self, angle: Array) -> Array:
-        """The points at some angles [rad], whose first axis is new: shape (3, 2, ...)."""
+        """The points at angles of shape (2, ...) [rad], shape (3, 2, ...)."""
         middle, cosine, sine = (part[:, None] for part in self)
         return np.asarray(middle + cosine * np.cos(angle) + sine * np.sin(angle))
 
@@ -50,14 +50,14 @@ class Axis(NamedTuple):
     point: Array  # (3,)
 
     def circle(self, points: Array, *, backward: bool = False) -> Circle:
-        """Where the axis takes ``points`` (3, ...), or whence it would have brought them."""
+        """The circles of ``points`` (3, ...) about the axis, forward or backward."""
         arms = points - _column(self.point, points)
         along = _column(self.direction, points) * np.tensordot(self.direction, arms, 1)
         across = np.cross(self.direction, arms, axisb=0, axisc=0)
         return Circle(points - arms + along, arms - along, -across if backward else across)
 
     def angle_between(self, start: Array, end: Array) -> Array:
-        """The turn that takes ``start`` to ``end`` [rad], or as near as it can: an arctangent."""
+        """The turn that takes ``start`` to ``end`` [rad], or nearest to it: an arctangent."""
         circle = self.circle(start)
         arms = end - circle.middle
         return np.arctan2(_dot(circle.sine, arms), _dot(circle.cosine, arms))
@@ -99,8 +99,8 @@ class ClosedForm:
         axes: The three axes with every angle 0, in the base frame.
         foot: The foot with every angle 0 [m], in the base frame, shape (3,).
         odd: Index of the joint outside the pair: 0 or 2.
-        kept: What turning about either axis of the pair keeps.
-        other: What turning about the pair's first axis keeps besides.
+        kept: Invariant of a turn about either axis of the pair.
+        other: Second invariant of a turn about the pair's first axis.
     """
 
     axes: tuple[Axis, Axis, Axis]

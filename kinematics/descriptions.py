@@ -1,4 +1,4 @@
-"""Where the robots that are shipped with the package lie."""
+"""Paths of the robot descriptions that are shipped with the package."""
 
 from __future__ import annotations
 

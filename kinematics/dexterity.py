@@ -1,4 +1,4 @@
-"""How well a leg can move its foot in a pose, and a pose from which it does so well."""
+"""Dexterity of a leg in a pose, and a standing pose of high dexterity."""
 
 from __future__ import annotations
 
@@ -12,28 +12,28 @@ from kinematics.inverse import check_joints
 from kinematics.leg import Leg
 
 STEPS = 25
-"""Angles of each joint that are tried; odd, so that the middle of its range is among them."""
+"""Grid angles of each joint; an odd number, so that the middle of its range is among them."""
 
 LEAST_DEXTERITY = 0.9
-"""Dexterity from which on a pose is accepted, relative to the best one."""
+"""Least dexterity of an accepted pose, relative to the best one."""
 
 BELOW = 0.3
-"""How far the foot of a leg that stands is below its upper joints at least, to the leg's length.
-An arm's hand, which need not be, stays where it moves best."""
+"""Least distance of a standing leg's foot below its upper joints, relative to the leg's length.
+The hand of an arm need not be below them and stays in its most dexterous pose."""
 
 STILL_DEXTEROUS = 0.7
-"""Dexterity with the foot below the hip, relative to the best pose, that a leg stands with."""
+"""Least dexterity of a pose with the foot below the hip, relative to the best pose."""
 
 MOST_GRID_JOINTS = 3
-"""Joints up to which all poses of the grid are tried: 25 angles to this power."""
+"""Most joints for a search over the whole grid: 25 angles to this power."""
 
 
 def standing_pose(leg: Leg) -> Array:
     """A bent leg with its foot below the hip, z of the base frame pointing up.
 
-    The pose nearest to the middle of the limits in which the foot moves almost best, with the foot
-    then moved to below the joint before the last. Where that cannot be, as of an arm, it stays.
-    Where the leg has a pose to start near (``near``), it is that one.
+    Of the poses with nearly the best dexterity the one nearest to the middle of the limits, with
+    the foot then moved to below the joint before the last. Where that is impossible, as for an arm,
+    the pose stays. If the leg has ``near``, a pose to start from, this is returned.
 
     Args:
         leg: A leg of three joints at most.
@@ -67,9 +67,9 @@ def standing_pose(leg: Leg) -> Array:
 
 
 def _below_hip(leg: Leg, pose: Array, least: float) -> Array:
-    """The pose with the foot straight below the joint before the last, or as it is."""
+    """The pose with the foot straight below the joint before the last, or else unchanged."""
     candidate = pose
-    for _ in range(2):  # that joint moves with those above it
+    for _ in range(2):  # that joint moves with the joints above it
         points = leg.joint_positions(candidate[None])[0]
         hip, foot = points[max(len(pose) - 2, 0)], points[-1]
         if hip[2] - foot[2] < BELOW * leg.chain.size:
@@ -83,8 +83,8 @@ def _below_hip(leg: Leg, pose: Array, least: float) -> Array:
 
 
 def dexterity(chain: Chain, angles: Array) -> Array:
-    """How well the joints move the foot: Yoshikawa's manipulability, the product of the singular
-    values of the Jacobian, over the length of the leg to that power.
+    """Yoshikawa's manipulability, the product of the singular values of the Jacobian, over the
+    length of the leg to the power of their number.
 
     Args:
         chain: The leg.

@@ -1,16 +1,16 @@
-"""Everything that the leg raises on purpose.
+"""Exceptions of the package.
 
 ::
 
     KinematicsError
-    └── InvalidInput (also a ValueError)   what was given cannot be used; the message says why
-        ├── UnknownDescription             no such robot is shipped; carries those that are
+    └── InvalidInput (also a ValueError)   an argument is invalid; the message says why
+        ├── UnknownDescription             no such robot is shipped; carries the shipped ones
         ├── InvalidUrdf                    not a robot description; carries the path
-        ├── UnknownFrame                   no such frame in the robot; carries those that are
-        ├── UnsupportedLeg                 a fine robot, but no such leg between the two frames
+        ├── UnknownFrame                   no such frame in the robot; carries its frames
+        ├── UnsupportedLeg                 a valid robot, but no such leg between the two frames
         │   └── SingularLeg                some of its joints never move the foot
         ├── InvalidPath                    angles or foot positions with NaN or the wrong shape
-        └── UnreachableFoot                points out of the leg's reach; carries which and how far
+        └── UnreachableFoot                points out of the leg's reach; carries their distances
 """
 
 from __future__ import annotations
@@ -27,26 +27,26 @@ LONGEST = 1500
 
 
 class KinematicsError(Exception):
-    """The root of the tree; its message is one line, whatever the caller's names hold."""
+    """The root of the tree; its message is always one line."""
 
     def __str__(self) -> str:
         return printable(super().__str__())
 
 
 class InvalidInput(KinematicsError, ValueError):
-    """What was given cannot be used: the message says what, what was expected and what to do."""
+    """An argument is invalid; the message says what was expected and what to do."""
 
 
 class UnknownDescription(InvalidInput):
     """No robot description of that name is shipped.
 
     Attributes:
-        name: What was asked for.
-        shipped: What there is.
+        name: The requested name.
+        shipped: The shipped files.
     """
 
     def __init__(self, name: str, shipped: Sequence[str]) -> None:
-        """List what is shipped."""
+        """List the shipped files."""
         self.name = name
         self.shipped = tuple(shipped)
         super().__init__(
@@ -72,8 +72,8 @@ class UnknownFrame(InvalidInput):
     """The robot has no frame of that name.
 
     Attributes:
-        name: What was asked for.
-        frames: What there is.
+        name: The requested name.
+        frames: Names of the robot's frames.
     """
 
     def __init__(self, name: str, frames: Sequence[str], *, role: str) -> None:
@@ -86,7 +86,7 @@ class UnknownFrame(InvalidInput):
 
 
 class UnsupportedLeg(InvalidInput):
-    """No leg can be made of what lies between the two frames, or none with an inverse."""
+    """The joints between the two frames form no leg, or none with an inverse."""
 
 
 class SingularLeg(UnsupportedLeg):

@@ -31,7 +31,7 @@ TRIED = np.array([[0.3, -0.7, 1.1], [-1.3, 0.5, 0.8], [2.1, 1.7, -0.4], [0.9, -2
 
 
 class InverseSolution(NamedTuple):
-    """Joint angles for a path of the foot, and how well they do.
+    """Joint angles for a path of the foot, and their distances from it.
 
     Attributes:
         angles: Joint angles within the limits [rad], read-only, shape (n, k).
@@ -96,14 +96,14 @@ def solve_inverse(
 
 
 def check_joints(chain: Chain, names: Sequence[str]) -> None:
-    """Refuse a leg of three joints at most of which one does not move the foot in any pose.
+    """Raise an error where a joint of a leg of at most three never moves the foot.
 
     Args:
         chain: The leg.
         names: Names of the joints, for the message.
 
     Raises:
-        SingularLeg: The foot lies on the axis of a joint, whatever the others do.
+        SingularLeg: The foot lies on the axis of a joint in every pose.
     """
     moved = np.linalg.norm(chain.jacobians(TRIED[:, : len(chain.axes)]), axis=1).max(axis=0)
     unmoving = tuple(name for name, most in zip(names, moved, strict=True) if most <= UNMOVED)
@@ -116,7 +116,7 @@ def check_joints(chain: Chain, names: Sequence[str]) -> None:
 
 
 def _check(chain: Chain, closed_form: ClosedForm | None, unreachable: str) -> None:
-    """Refuse what has no inverse."""
+    """Raise an error for a leg or an option without an inverse."""
     if not isinstance(unreachable, str):
         raise InvalidInput(f"unreachable: got {type(unreachable).__name__}, expected a name")
     if unreachable not in get_args(Unreachable):

@@ -1,4 +1,4 @@
-"""A leg of a robot: where its foot is, how it moves, and which angles put it where it should be."""
+"""A leg of a robot: forward kinematics, Jacobians, inverse kinematics and load torques."""
 
 from __future__ import annotations
 
@@ -26,21 +26,21 @@ FARTHEST = 1e6
 
 @dataclass(frozen=True, eq=False)
 class Leg:
-    """The joints between two frames of a robot, taken from its URDF with :meth:`from_urdf`.
+    """The joints between two frames of a robot, read from its URDF with :meth:`from_urdf`.
 
-    Foot positions are those of the foot frame's origin in the base frame. Only the joints between
-    the two frames count; where the rest of the robot is makes no difference. All arrays that come
-    back are copies of their own.
+    A foot position is the origin of the foot frame in the base frame. Only the joints between the
+    two frames count; the pose of the rest of the robot has no effect. All returned arrays are
+    copies.
 
     Attributes:
-        base: Name of the frame that positions are given in.
+        base: Name of the frame of positions.
         foot: Name of the frame that is the foot.
         joint_names: Names of the joints, from the base to the foot.
         limits: Their limits.
         chain: Their constants, checked against Pinocchio.
         speeds: Their top speeds by the URDF [rad/s], NaN where it has none, shape (k,); or None.
         near: A pose [rad] near which paths start, shape (k,); None to start deep inside the limits.
-        masses: What the joints carry; None where the leg was not read from a URDF.
+        masses: Links that the joints carry; None where the leg was not read from a URDF.
     """
 
     base: str
@@ -65,22 +65,22 @@ class Leg:
         """The leg between two frames of the robot that a URDF describes.
 
         Args:
-            path: The URDF; :func:`kinematics.urdf_path` finds those that are shipped. Meshes are
-                not needed.
-            base: Frame (link or joint) on the way to the foot; positions are given in it.
+            path: The URDF; :func:`kinematics.urdf_path` finds the shipped ones. Meshes are not
+                needed.
+            base: Frame (link or joint) on the way to the foot; the frame of positions.
             foot: Frame whose origin is the foot.
-            locked: Joints that are held, and where [rad; m for one that slides], so
-                that three remain of a longer chain.
+            locked: Positions of locked joints [rad; m for a prismatic one], so that three remain
+                of a longer chain.
             near: Angles of joints [rad]: of several poses that bring the foot to the first point of
-                a path the one nearest to them is taken. Joints that are not named count as at 0, or
-                the end of their range that is nearer.
+                a path the nearest to them is chosen. Joints that are not named count as at 0, or at
+                the nearer end of their range.
 
         Raises:
             InvalidUrdf: The file cannot be read or does not describe a robot.
             UnknownFrame: The robot has no such frame.
-            UnsupportedLeg: The base is not above the foot, no joint lies between them, or one that
-                is neither revolute nor continuous, or one that mimics another.
-            InvalidInput: A joint cannot be held like that, or is not on the leg.
+            UnsupportedLeg: The base is not above the foot, no joint lies between them, or a joint
+                that is neither revolute nor continuous, or mimics another joint.
+            InvalidInput: A joint cannot be locked at its position, or is not on the leg.
         """
         chain, names, limits, speeds, masses = read_chain(path, base=base, foot=foot, locked=locked)
         pose = None if near is None else _pose(near, names, limits)
@@ -92,7 +92,7 @@ class Leg:
         return find_closed_form(self.chain)
 
     def foot_positions(self, angles: npt.ArrayLike) -> Array:
-        """Where the foot is along a path of the joints: forward kinematics.
+        """Foot positions along a path of the joints: forward kinematics.
 
         Args:
             angles: Joint angles [rad], shape (n, k); limits are not enforced.
@@ -107,7 +107,7 @@ class Leg:
         return read_only(np.ascontiguousarray(self.chain.foot(np.cos(turned), np.sin(turned)).T))
 
     def joint_positions(self, angles: npt.ArrayLike) -> Array:
-        """Where the joints and the foot are along a path: the leg as a line to draw.
+        """Positions of the joints and the foot along a path: the leg as a line to draw.
 
         Args:
             angles: Joint angles [rad], shape (n, k); limits are not enforced.
@@ -126,7 +126,7 @@ class Leg:
         return read_only(np.stack(columns, axis=1))
 
     def jacobians(self, angles: npt.ArrayLike) -> Array:
-        """How the foot moves when the joints do: derivatives of :meth:`foot_positions`.
+        """Derivatives of :meth:`foot_positions` by the joint angles.
 
         Args:
             angles: Joint angles [rad], shape (n, k); limits are not enforced.
@@ -148,17 +148,17 @@ class Leg:
         cyclic: bool = True,
         gravity: Sequence[float] = GRAVITY,
     ) -> Array:
-        """Torques that the robot's own links put on the joints: ``load`` of :mod:`planner`.
+        """Torques of the robot's own links on the joints: ``load`` of :mod:`planner`.
 
-        The torque tau on a joint acts in the direction of positive angles: it is minus what the
-        servo has to supply to hold the pose, or with ``dynamics`` to follow the path,
+        The torque tau on a joint acts in the direction of positive angles: it is minus the torque
+        that holds the pose, or with ``dynamics`` follows the path,
 
         ``tau = -(M(q) a + C(q, v) v + g(q))``,
 
         by Pinocchio's recursive Newton-Euler algorithm, with v and a by central differences along
-        the path. Everything counts that the joints carry, also links beyond the foot and beside the
-        leg. The robot's root link stands still, and joints that are not the leg's rest where they
-        are locked or else at 0.
+        the path. All links that the joints carry count, also links beyond the foot and beside the
+        leg. The robot's root link is at rest, and the joints outside the leg are at their locked
+        positions or else at 0.
 
         Args:
             angles: Joint angles q [rad], shape (n, k); limits are not enforced.
@@ -206,16 +206,16 @@ class Leg:
     def inverse(
         self, foot: npt.ArrayLike, *, unreachable: Unreachable = "raise"
     ) -> InverseSolution:
-        """Joint angles that put the foot at each point of a path, and how near they bring it.
+        """Joint angles that put the foot at each point of a path, and the remaining distances.
 
         Where two neighbouring axes of the leg intersect or are parallel the poses are enumerated in
         closed form (10,000 points take some 30 ms); otherwise they are searched for numerically
-        from 27 starts (1 ms a point). Each is judged by forward kinematics. Several poses may reach
-        a point: at the first point the one deepest inside the limits is taken, or nearest to
-        ``near``, unless the path jumps from there; at every later point the one closest to the pose
-        before it. A joint that can turn by a full turn or more starts within half a turn of 0, or
-        of ``near``, as far as its limits allow, and takes the short way round from point to point
-        (:func:`kinematics.branches.choose`). :meth:`jumps` tells where a path still does.
+        from 27 starts (1 ms a point). Each is judged by forward kinematics. If several poses reach
+        a point, the pose deepest inside the limits, or nearest to ``near``, is chosen at the first
+        point, unless the path jumps from there; at every later point the pose closest to the one
+        before. A joint that can turn by a full turn or more starts within half a turn of 0, or of
+        ``near``, as far as its limits allow, and takes the short way round from point to point
+        (:func:`kinematics.branches.choose`). :meth:`jumps` returns the remaining jumps.
 
         Args:
             foot: Points in the base frame [m], shape (n, 3).
@@ -225,7 +225,7 @@ class Leg:
                 brings the foot somewhere near.
 
         Returns:
-            Angles, which points they reach, and the distance that is left.
+            Angles, which points they reach, and the remaining distances.
 
         Raises:
             InvalidPath: ``foot`` is not a finite array of shape (n, 3).
@@ -245,7 +245,7 @@ class Leg:
         )
 
     def jumps(self, angles: npt.ArrayLike) -> Indices:
-        """Where a path of the joints goes over to another pose: :func:`kinematics.branches.jumps`.
+        """Where a path of the joints changes to another pose: :func:`kinematics.branches.jumps`.
 
         Args:
             angles: Joint angles [rad], shape (n, k).
@@ -263,7 +263,7 @@ class Leg:
 
 
 def _pose(near: Mapping[str, float], names: tuple[str, ...], limits: Limits) -> Array:
-    """The pose that some angles describe, the joints without one at rest."""
+    """The pose with these angles, and all other joints at rest."""
     if not isinstance(near, Mapping):
         raise InvalidInput(f"near: got {type(near).__name__}, expected joints and angles")
     pose = limits.clip(np.zeros(len(names)))
@@ -281,7 +281,7 @@ def _pose(near: Mapping[str, float], names: tuple[str, ...], limits: Limits) -> 
 
 
 def _as_path(values: npt.ArrayLike, *, name: str, columns: int, unit: str) -> Array:
-    """The values as a finite array (n, columns), or say why they cannot be a path."""
+    """The values as a finite array (n, columns), or InvalidPath."""
     try:
         array = np.asarray(values)
     except ValueError as error:  # rows of different lengths

@@ -1,4 +1,4 @@
-"""How far the joints of a leg may turn."""
+"""Joint limits of a leg."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ class Masses:
     """A robot's links with their masses, and the joints of a leg that carry them.
 
     Attributes:
-        robot: The robot; joints beside the leg stay where they rest.
+        robot: The robot; joints outside the leg stay at rest.
         joints: Pinocchio's numbers of the leg's joints, from the base to the foot.
     """
 
@@ -38,7 +38,7 @@ class Masses:
         *,
         gravity: Sequence[float] = GRAVITY,
     ) -> Array:
-        """Torques on the joints: minus those of the inverse dynamics (recursive Newton-Euler).
+        """Torques on the joints: minus the inverse dynamics (recursive Newton-Euler).
 
         ``tau = -(M(q) a + C(q, v) v + g(q))``
 
@@ -49,7 +49,7 @@ class Masses:
             gravity: Acceleration of falling bodies in the frame of the root link [m/s^2].
 
         Returns:
-            What the links put on each joint in the direction of positive angles [N m], (n, k).
+            Torques of the links on each joint in the direction of positive angles [N m], (n, k).
 
         Raises:
             UnsupportedLeg: No link that the joints move has a mass.
@@ -73,7 +73,7 @@ class Masses:
         return read_only(torques + 0.0)  # no negative zero
 
     def _check_masses(self, model: Any) -> None:
-        """Refuse a leg that carries nothing: its URDF has no masses."""
+        """Raise an error where no link that the leg carries has a mass."""
         carried = (int(joint) for joint in model.subtrees[self.joints[0]])
         if not any(model.inertias[joint].mass > 0.0 for joint in carried):
             raise UnsupportedLeg(
@@ -104,7 +104,7 @@ def central_differences(angles: Array, period: float, *, cyclic: bool) -> tuple[
 
 
 def checked_period(period: object) -> float:
-    """The time between samples [s], or InvalidInput where it is none."""
+    """The time between samples [s], or InvalidInput."""
     number = period if isinstance(period, int | float | np.number) else math.nan
     if not (math.isfinite(number) and number > 0.0):
         raise InvalidInput(

@@ -17,7 +17,7 @@ MOST_STEPS = 200
 """Newton steps after which a search is given up; a dozen are typical."""
 
 LONGEST = 0.5 * TURN
-"""Longest step of a joint [rad]: every direction is that near."""
+"""Longest step of a joint [rad]: no direction is further away."""
 
 SETTLED = 1e-13
 """A search ends when its step is below this [rad]."""
@@ -40,8 +40,8 @@ def nearest_poses(chain: Chain, limits: Limits, foot: Array) -> Array:
         foot: Points in the base frame [m], shape (n, 3).
 
     Returns:
-        Poses [rad], one from each region, not necessarily in it, shape (n, 3 ** k, k); joints that
-        can turn by a full turn within half a turn of the middle of their limits.
+        Poses [rad], one from each region, not necessarily in it, shape (n, 3 ** k, k); angles of
+        joints that can turn by a full turn are within half a turn of the middle of their limits.
     """
     beyond = np.where(limits.turning, np.inf, 0.0)
     endless = Limits(limits.lower - beyond, limits.upper + beyond)

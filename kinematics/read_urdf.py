@@ -19,21 +19,21 @@ AGREEMENT = 1e-12
 """The chain's foot must agree with Pinocchio's to this [m], relative to its size beyond 1 m."""
 
 UNLIMITED = 1e6
-"""Limits beyond this [rad] are a way of writing that there is none."""
+"""A limit beyond this [rad] means no limit."""
 
 FASTEST = 100.0
-"""Speeds beyond this [rad/s] are a way of writing that none is known."""
+"""A speed beyond this [rad/s] means an unknown speed."""
 
 
 class ChainInRobot(NamedTuple):
-    """A chain with what the robot says about its joints.
+    """A chain, with the URDF's data of its joints.
 
     Attributes:
         chain: The constants.
         joint_names: Names of the joints, from the base to the foot.
         limits: Their limits.
         speeds: Their top speeds [rad/s], NaN where the URDF has none, shape (k,).
-        masses: What the joints carry.
+        masses: Links that the joints carry.
     """
 
     chain: Chain
@@ -56,7 +56,7 @@ def read_chain(
         path: The URDF; meshes are not needed.
         base: Frame (link or joint) on the chain that leads to the foot.
         foot: Frame whose origin is the foot.
-        locked: Joints that are held, and where [rad; m for one that slides].
+        locked: Positions of locked joints [rad; m for a prismatic one].
 
     Returns:
         The chain, checked against Pinocchio's own forward kinematics at three poses.
@@ -64,9 +64,9 @@ def read_chain(
     Raises:
         InvalidUrdf: The file cannot be read or does not describe a robot.
         UnknownFrame: The robot has no such frame.
-        UnsupportedLeg: The base is not above the foot, no joint lies between them, or one that is
-            neither revolute nor continuous, or one that mimics another.
-        InvalidInput: A joint cannot be held like that.
+        UnsupportedLeg: The base is not above the foot, no joint lies between them, or a joint that
+            is neither revolute nor continuous, or mimics another joint.
+        InvalidInput: A joint cannot be locked at its position.
     """
     if not isinstance(path, str | os.PathLike) or "\0" in str(path):
         raise InvalidInput(f"path: got {type(path).__name__}, expected that of a URDF file")
@@ -102,7 +102,7 @@ def read_chain(
 
 
 def _placements(robot: Robot, between: list[int], start: Any, end: Any) -> list[Any]:
-    """Where the joints that are driven sit, each in the one before it, and the foot in the last."""
+    """Placements of the driven joints, each in the one before it, and of the foot in the last."""
     placements = []
     reached = start.placement.inverse()
     for joint in between:
@@ -161,7 +161,7 @@ def _read_limits(path: Path, model: Any, joints: list[int]) -> Limits:
 
 
 def _read_speeds(model: Any, joints: list[int]) -> Array:
-    """Top speeds [rad/s], read-only, shape (k,); NaN where the URDF has none that can be meant."""
+    """Top speeds [rad/s], read-only, shape (k,); NaN where the URDF has no plausible one."""
     speeds = np.array([model.velocityLimit[model.joints[joint].idx_v] for joint in joints])
     return read_only(np.where((speeds > 0.0) & (speeds <= FASTEST), speeds, np.nan))
 
@@ -169,7 +169,7 @@ def _read_speeds(model: Any, joints: list[int]) -> Array:
 def _check_against_pinocchio(
     robot: Robot, chain: Chain, start: Any, end: Any, joints: list[int]
 ) -> None:
-    """Refuse a chain whose foot is not where Pinocchio has it."""
+    """Raise an error where the chain's foot disagrees with Pinocchio's."""
     import pinocchio
 
     model = robot.model

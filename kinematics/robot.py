@@ -1,4 +1,4 @@
-"""A robot as Pinocchio has it: its model, its frames, the joints between two of them."""
+"""A robot in Pinocchio: its model, its frames, the joints between two of them."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from kinematics.chain import Array, read_only
 from kinematics.exceptions import InvalidInput, InvalidUrdf, UnknownFrame, UnsupportedLeg
 
 MOST_BYTES = 64 * 2**20
-"""Longest file that is read [bytes]; meshes are in files of their own."""
+"""Longest readable file [bytes]; meshes are in files of their own."""
 
 MOST_MOVING = 200
 """Most joints of a robot: Pinocchio's tables grow with their square."""
@@ -37,14 +37,14 @@ BESIDE = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Robot:
-    """A robot; :func:`read_robot` makes it.
+    """A robot, created by :func:`read_robot`.
 
     Attributes:
         model: Pinocchio's model of it.
-        mimics: Names of the joints that mimic others.
-        locked: Indices of the joints that are held.
-        rest: Pinocchio's coordinates with these where they are held and the others at rest: at 0,
-            or where 0 is out of its range at the end that is nearer.
+        mimics: Names of the joints that mimic another joint.
+        locked: Indices of the locked joints.
+        rest: Pinocchio's coordinates with these at their locked positions and all other joints at
+            rest: at 0, or where 0 is out of the range at its nearer end.
     """
 
     model: Any
@@ -53,7 +53,7 @@ class Robot:
     rest: Any
 
     def configuration(self, joints: Sequence[int], angles: Array) -> Any:
-        """Pinocchio's coordinates with these joints at these angles and the others as they rest."""
+        """Pinocchio's coordinates with these joints at these angles, all other joints at rest."""
         coordinates = self.rest.copy()
         for joint, angle in zip(joints, angles, strict=True):
             _set(self.model, coordinates, joint, float(angle))
@@ -65,11 +65,11 @@ def read_robot(path: Path, *, locked: Mapping[str, float] | None = None) -> Robo
 
     Args:
         path: The URDF.
-        locked: Joints that are held, and where [rad; m for one that slides].
+        locked: Positions of locked joints [rad; m for a prismatic one].
 
     Raises:
         InvalidUrdf: The file cannot be read or does not describe a robot.
-        InvalidInput: A joint cannot be held like that.
+        InvalidInput: A joint cannot be locked at its position.
     """
     import pinocchio
 
@@ -83,7 +83,7 @@ def read_robot(path: Path, *, locked: Mapping[str, float] | None = None) -> Robo
 
 
 def _read_model(path: Path) -> tuple[Any, set[str]]:
-    """Pinocchio's model, and the names of the joints that mimic others."""
+    """Pinocchio's model, and the names of the joints that mimic another joint."""
     import pinocchio
 
     try:
@@ -133,7 +133,7 @@ def named(joints: Sequence[str]) -> str:
 
 
 def _lock_joint(model: Any, coordinates: Any, name: str, position: float) -> int:
-    """Put a joint where it is held, and say which it is."""
+    """Set the position of a locked joint; its index."""
     names = [str(each) for each in model.names]
     if name not in names[1:]:  # the first is the world
         raise InvalidInput(
@@ -157,7 +157,7 @@ def _lock_joint(model: Any, coordinates: Any, name: str, position: float) -> int
 
 
 def _set(model: Any, coordinates: Any, joint: int, position: float) -> None:
-    """Put a joint somewhere; Pinocchio stores a continuous one as its cosine and sine."""
+    """Set a joint's position; Pinocchio stores a continuous one as its cosine and sine."""
     kind = model.joints[joint]
     both = [position] if kind.nq == 1 else [math.cos(position), math.sin(position)]
     coordinates[kind.idx_q :][: kind.nq] = both
@@ -165,7 +165,7 @@ def _set(model: Any, coordinates: Any, joint: int, position: float) -> None:
 
 @contextmanager
 def captured_stderr() -> Iterator[Any]:
-    """Catch what the C++ parser writes to standard error: the reason belongs into our exception.
+    """Capture the C++ parser's messages on standard error, for our exceptions.
 
     Yields:
         A function that returns the complaints so far, one string each.
@@ -195,7 +195,7 @@ def find_frame(model: Any, name: str, *, role: str) -> Any:
     """The frame of that name; where a link and a joint share it, their frames coincide."""
     if not isinstance(name, str):
         raise InvalidInput(f"{role}: got {type(name).__name__}, expected the name of a frame")
-    # getFrameId returns nframes for a name it does not know, and refuses shared names.
+    # getFrameId returns nframes for an unknown name, and rejects shared names.
     for frame in model.frames:
         if frame.name == name:
             return frame
@@ -204,7 +204,7 @@ def find_frame(model: Any, name: str, *, role: str) -> Any:
 
 
 def joints_between(model: Any, start: Any, end: Any) -> list[int]:
-    """The joints that move ``end`` in ``start``, from the base to the foot, those held included."""
+    """The joints that move ``end`` in ``start``, from base to foot, including locked ones."""
     above = [int(joint) for joint in model.supports[end.parentJoint]]
     if start.parentJoint not in above:
         raise UnsupportedLeg(

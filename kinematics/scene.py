@@ -1,4 +1,4 @@
-"""A robot to look at: the shapes of its URDF as Pinocchio has them, those of one leg apart."""
+"""A robot to draw: the shapes of its URDF in Pinocchio, with the shapes of one leg apart."""
 
 from __future__ import annotations
 
@@ -21,20 +21,20 @@ THICKNESS = 0.05
 """Radius of the bones of a leg without shapes, to its length."""
 
 MESHES = (".stl", ".obj", ".dae")
-"""Formats of meshes that are taken up."""
+"""Readable formats of meshes."""
 
 MOST_BYTES = 32 * 2**20
-"""Largest mesh that is taken up [bytes]."""
+"""Largest readable mesh [bytes]."""
 
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """The robot around a leg; :meth:`from_urdf` makes it.
+    """The robot around a leg, created by :meth:`from_urdf`.
 
     Attributes:
         joint_names: The joints of the leg, from the base to the foot.
         still: Pinocchio's geometry model of the shapes that the leg's joints do not move.
-        moving: That of the others.
+        moving: Geometry model of the shapes that they move.
         to_base: From Pinocchio's world to the base frame, shape (4, 4), read-only.
     """
 
@@ -56,11 +56,10 @@ class Scene:
     ) -> Self:
         """The scene of the leg between two frames of the robot that a URDF describes.
 
-        Where no link of the leg has a shape that can be drawn, bones from joint to joint stand for
-        them. Meshes that cannot be found or read are left out: they are sought below the folder
-        of the URDF and those above; ``package://a/b`` is ``a/b`` below one of them, or below a
-        folder where ROS keeps its packages. Takes what :meth:`kinematics.Leg.from_urdf` takes, and
-        raises what that raises.
+        If no link of the leg has a shape that can be drawn, bones from joint to joint replace
+        them. Missing or unreadable meshes are omitted: they are sought below the folder of the
+        URDF and its parents; ``package://a/b`` is ``a/b`` below one of them, or below a folder of
+        ROS packages. Arguments and errors are those of :meth:`kinematics.Leg.from_urdf`.
         """
         import pinocchio
 
@@ -98,7 +97,7 @@ class Scene:
         return [self._robot.configuration(self._joints, row) for row in angles]
 
     def places(self, angles: Array) -> Array:
-        """Where all shapes are in the base frame [m], those that move last.
+        """Positions of all shapes in the base frame [m], the moving ones last.
 
         Args:
             angles: Angles of the leg's joints [rad], shape (k,).
@@ -135,7 +134,7 @@ def _read_shapes(path: Path, model: Any) -> Any:
                 solid.set("filename", str(file))
             if not drawn:
                 link.remove(visual)
-    for colour in root.iter("color"):  # its parser leaves out shapes with others
+    for colour in root.iter("color"):  # the parser omits shapes with other values
         with suppress(ValueError):
             parts = np.array(colour.get("rgba", "").split(), dtype=float)
             colour.set("rgba", " ".join(map(str, np.clip(parts, 0.0, 1.0))))
@@ -150,7 +149,7 @@ def _read_shapes(path: Path, model: Any) -> Any:
 
 
 def _is_read(meshes: Any, file: Path) -> bool:
-    """Whether the library that Pinocchio has for meshes reads this one."""
+    """Whether Pinocchio's mesh library can read this file."""
     try:
         return bool(meshes.load(str(file), np.ones(3)).num_tris)
     except (ValueError, RuntimeError):
@@ -158,7 +157,7 @@ def _is_read(meshes: Any, file: Path) -> bool:
 
 
 def _find_mesh(path: Path, name: str) -> Path | None:
-    """The file of a mesh, where there is one of a format and size that can be taken up."""
+    """The file of a mesh, or None where none has a readable format and size."""
     package = name.startswith("package://")
     relative = name.removeprefix("package://").removeprefix("file://")
     folders = [*path.resolve().parents, *_package_folders()] if package else [path.resolve().parent]

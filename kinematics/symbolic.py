@@ -11,8 +11,8 @@ from kinematics.leg import Leg
 def foot_function(leg: Leg) -> Any:
     """The foot's position and its derivatives as a CasADi function.
 
-    The chain's constants come from Pinocchio (:mod:`kinematics.read_urdf`); CasADi writes the
-    derivatives itself, so they check those of :meth:`Leg.jacobians` and are checked by them.
+    The chain's constants come from Pinocchio (:mod:`kinematics.read_urdf`); CasADi computes the
+    derivatives itself, an independent check of :meth:`Leg.jacobians`.
 
     Args:
         leg: Any leg.

@@ -2,7 +2,7 @@
 
 Each stage minimises (10) of ``docs/math.md`` on the model with corners of one radius, and the next
 one carries on from its answer with sharper corners and less regularisation: a homotopy. The descent
-within a stage is compiled (``gauss_newton``); its answers are judged by simulating the exact models.
+within a stage is compiled (``gauss_newton``); simulations of the exact models judge its answers.
 Several joints that share an error, a foot's, are searched together, and so are several models that
 joints may have, under the same requests. At the end requests are made smoother for as much error as
 a robot would not show (section 6 and (12b) of ``docs/math.md``).
