@@ -1,1 +1,1 @@
-"""Section 3 of the paper: how a joint answers."""
+"""Section 3 of the paper: the response of a joint."""

@@ -1,4 +1,4 @@
-"""Models that the intervals of a model's parameters allow."""
+"""Models drawn from the intervals of a model's parameters."""
 
 from __future__ import annotations
 
@@ -20,24 +20,24 @@ QUANTILE = 1.96
 """Half the width of a 95 % interval [standard deviations]."""
 
 MOST_REJECTED = 100
-"""Draws that are tried for a model: with five parameters near 0 one in 32 has no negative one."""
+"""Most draws per model: with five parameters near 0 one draw in 32 has no negative parameter."""
 
 
 def drawn_models(model: JointModel, *, pairs: int = PAIRS, seed: int = 0) -> tuple[JointModel, ...]:
-    """The model, and others that its intervals allow.
+    """The model, and further models within its intervals.
 
     They are drawn from a normal distribution with the intervals' widths, either side by itself, and
     their correlations, but none outside of the intervals; in pairs on either side of the model,
-    always the same ones. An interval that ends at 0, where lags, times and dead bands end, is as
-    wide on that side as on the other, and what would be below 0 is not drawn: with 0 in its place
-    the others would no longer fit it. A parameter does not move towards an end that is not known.
-    But where logs give no upper bound on the top speed, the joint may have any: its reciprocal is
-    drawn, down to 0, and theta_0 keeps to the gain.
+    always the same ones. An interval that ends at 0, where lags, times and dead bands end, is taken
+    as wide on that side as on the other, and draws below 0 are rejected: with 0 in place of such a
+    parameter the other parameters would not fit. A parameter does not move towards an unknown end.
+    But where logs give no upper bound on the top speed, its reciprocal is drawn, down to 0, and
+    theta_0 follows from the gain.
 
     Args:
         model: The nominal model, with intervals as :attr:`planner.JointModel.evidence`.
         pairs: How many pairs.
-        seed: Which draw: another one gives other models.
+        seed: Seed of the draws.
 
     Raises:
         InvalidInput: The model has no interval with a known end.
@@ -72,7 +72,7 @@ def drawn_models(model: JointModel, *, pairs: int = PAIRS, seed: int = 0) -> tup
         draw, draws = root @ rng.standard_normal(len(names)), draws + 1
         for move in map(moves_of, (draw, -draw) if np.all(np.abs(draw) < QUANTILE) else ()):
             below = ends_at_zero & (values + move < 0.0)
-            if draws > MOST_REJECTED * count:  # hardly any that fit one another are above 0
+            if draws > MOST_REJECTED * count:  # hardly any draw is above 0
                 move = np.where(below, -values, move)
             elif np.any(below):
                 continue
@@ -81,7 +81,7 @@ def drawn_models(model: JointModel, *, pairs: int = PAIRS, seed: int = 0) -> tup
 
 
 def has_intervals(model: JointModel) -> bool:
-    """Whether other models can be drawn from what is known of this one."""
+    """Whether other models can be drawn from this model's intervals."""
     intervals = model.evidence.intervals if model.evidence else {}
     return any(math.isfinite(end) for ends in intervals.values() for end in ends)
 
@@ -92,7 +92,7 @@ def _value(model: JointModel, name: str) -> float:
 
 
 def _moved(model: JointModel, names: Sequence[str], move: Array) -> JointModel:
-    """The model with its parameters moved, or half as far where they would describe no joint."""
+    """The model with its parameters moved, half as far while they would be invalid."""
     moved = {name: _value(model, name) + by for name, by in zip(names, move.tolist(), strict=True)}
     gain = moved.pop(GAIN, None)
     if gain is not None and gain > 0.0:

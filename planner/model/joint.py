@@ -19,7 +19,7 @@ from planner.trajectory import Array
 from planner.validation import as_number, as_whole, shown
 
 WHOLE_TICKS = 1e-9
-"""Times this close to whole ticks [ticks] are taken as whole: 0.032 s / 0.008 s is 4."""
+"""Times this close to whole ticks [ticks] count as whole: 0.032 s / 0.008 s is 4."""
 
 LONGEST_WINDOW = 100_000
 """Most ticks that lag and acceleration time may span: beyond it the unit is surely mistaken."""
@@ -46,7 +46,7 @@ LEAST, MOST = 1e-15, 1e9
 
 
 class Window(NamedTuple):
-    """The requests that drive the joint at one tick, and how much each of them counts.
+    """The requests that drive the joint at one tick, and their weights.
 
     ``M(t) = M(t-1) + sum_j weights[j] * f(R(t - first - j) + sag - M(t-1))``
 
@@ -83,8 +83,8 @@ class JointModel:
         compliance: Sag by a torque on the joint [rad/(N m)], beside ``offset``.
         speed_per_torque: Change of its top speeds by that torque [rad/(s N m)], beside
             ``v_offset``.
-        time_constant: Time constant with which its speed follows the speed that is called for,
-            a motor's inertia [s]; 0 for the paper's joint.
+        time_constant: Time constant with which its speed follows the demanded speed, a motor's
+            inertia [s]; 0 for the paper's joint.
         max_acceleration: Largest change of its speed [rad/s^2]; infinite for the paper's joint.
         sag_sin: Sag by gravity where no torque is known [rad]: at the angle q the joint rests
             sag_sin sin(q) + sag_cos cos(q) beside its request, and by ``offset``.
@@ -112,14 +112,14 @@ class JointModel:
     sag_cos: float = field(default=0.0, metadata={"unit": "rad"})
 
     def __repr__(self) -> str:
-        """The call that makes it, parameters with their default left out, and their units."""
+        """The constructor call without default parameters, and the units."""
         parameters = [each for each in fields(self) if getattr(self, each.name) != each.default]
         call = ", ".join(f"{each.name}={getattr(self, each.name)!r}" for each in parameters)
         units = ", ".join(f"{each.metadata['unit']}" for each in parameters)
         return f"JointModel({call})  # {units}"
 
     def __post_init__(self) -> None:
-        """Check every parameter once; afterwards the model can be trusted."""
+        """Check every parameter once; afterwards the model is valid."""
         for parameter in fields(self):
             if parameter.name != "hold":
                 value = _number(parameter.name, getattr(self, parameter.name))
@@ -195,8 +195,8 @@ class JointModel:
         """The same joint, with a request every ``period`` [s].
 
         The tick becomes the longest one that divides the period and is no longer than it was. Where
-        it becomes shorter, lag, v_max / theta_0 and, with dry friction, max_acceleration become
-        those of a joint that answers the same: see ``with_ticks`` and ``slowed_by_friction``.
+        it becomes shorter, lag, v_max / theta_0 and, with dry friction, max_acceleration change so
+        that the response stays the same: see ``with_ticks`` and ``slowed_by_friction``.
 
         Raises:
             InvalidModel: The period is not a finite time above 0.
@@ -238,7 +238,7 @@ class JointModel:
 
     @property
     def evidence(self) -> Evidence | None:
-        """How far off the model was, its test, and its intervals; None where unknown.
+        """Test error of the model, the range of the test, and its intervals; None where unknown.
 
         It is no parameter: equal models may have different evidence, and a copy with other
         parameters (``dataclasses.replace``) has none.
@@ -250,7 +250,7 @@ class JointModel:
         """The same joint, with this evidence.
 
         Raises:
-            InvalidInput: It is none, or its correlations are no correlations of the parameters with
+            InvalidInput: It is no Evidence, or its correlations do not fit the parameters with
                 intervals.
         """
         if evidence is not None:
@@ -275,7 +275,7 @@ class JointModel:
                 named.
 
         Warns:
-            UserWarning: The file says that the model is not to be planned with: its ``verdict``.
+            UserWarning: The model is not to be planned with, by the ``verdict`` of the file.
 
         Example:
             >>> from pathlib import Path
@@ -307,7 +307,7 @@ class JointModel:
         write_model(path, self)
 
     def parameters(self) -> dict[str, Any]:
-        """The parameters by name, those of the inertia where there is one: what files hold."""
+        """The parameters by name, as in files: inertia and sag by the angle only if not 0."""
         every = {each.name: getattr(self, each.name) for each in fields(self)}
         return {
             name: value
@@ -322,9 +322,9 @@ class JointModel:
 
     @property
     def switching_time(self) -> float:
-        """How long before the angles the requests change from line to line: l + a/2 + T [s].
+        """Time by which requests change to the next line before the angles: l + a/2 + T [s].
 
-        A request that is held acts (hold - 1) / 2 ticks later on average than the line it is of.
+        A held request acts (hold - 1) / 2 ticks later on average than its line.
         """
         hold_delay = (self.hold - 1) / 2.0 * self.tick
         return self.lag + self.acceleration_time / 2.0 + self.time_constant + hold_delay
@@ -391,7 +391,7 @@ class JointModel:
         return self.compliance != 0.0 or self.speed_per_torque != 0.0
 
     def sag(self, load: npt.ArrayLike = 0.0) -> Array:
-        """Where the joint rests under a load beside its request [rad]: c + kappa tau of (2).
+        """Angle at rest under a load, less the request [rad]: c + kappa tau of (2).
 
         The sag by the angle is :meth:`pose_sag`.
 
@@ -415,7 +415,7 @@ class JointModel:
         return np.stack([low - band, -band, band, high + band])
 
     def speed(self, error: npt.ArrayLike, load: npt.ArrayLike = 0.0) -> Array:
-        """Speed [rad/s] that errors call for: f of Equation 2 and of (1a).
+        """Speed that errors demand [rad/s]: f of Equation 2 and of (1a).
 
         Args:
             error: Request plus :meth:`sag` and :meth:`pose_sag` minus angle [rad].
@@ -446,7 +446,7 @@ class JointModel:
         return self.time_constant > 0.0 or math.isfinite(self.max_acceleration)
 
     def faster_per_tick(self, load: npt.ArrayLike = 0.0) -> Array:
-        """How much faster it is in the positive direction under a load [rad/tick]."""
+        """Excess of the top speed in the positive direction under a load [rad/tick]."""
         torque = np.asarray(load, dtype=np.float64)
         return np.asarray((self.v_offset + self.speed_per_torque * torque) * self.tick)
 
@@ -503,7 +503,7 @@ def acting(ages: RequestAges, samples: int, *, cyclic: bool) -> npt.NDArray[np.i
 
 @lru_cache(maxsize=128)
 def weights_by_tick(model: JointModel) -> Array:
-    """How much each request that acts counts at each tick of a period: (hold, width)."""
+    """Weight of each acting request at each tick of a period: (hold, width)."""
     at = request_ages(model)
     weights = np.zeros((model.hold, at.width))
     for number, tick in enumerate(range(1 - model.hold, 1)):
@@ -514,7 +514,7 @@ def weights_by_tick(model: JointModel) -> Array:
 
 
 def weights_of_all(models: Sequence[JointModel]) -> Array:
-    """The same of several joints, for the requests that act on any: (joints, most ticks, width)."""
+    """:func:`weights_by_tick` of several joints, for all requests: (joints, ticks, width)."""
     ages = request_ages_of_all(models)
     weights = np.zeros((len(models), max(model.hold for model in models), ages.width))
     for own, model in zip(weights, models, strict=True):
@@ -526,11 +526,11 @@ def weights_of_all(models: Sequence[JointModel]) -> Array:
 def with_ticks(
     gain: float, lag: float, tick: float, other: float, *, inertia: bool
 ) -> tuple[float, float]:
-    """v_max / theta_0 [1/s] and lag [s] of a joint that answers the same with other ticks.
+    """v_max / theta_0 [1/s] and lag [s] for the same response with other ticks.
 
     The speed of a tick follows the error at its beginning: without inertia a tick's share of an
-    error is 1 - exp(-gain * tick), with it the gain stays. What is requested during a tick shows at
-    its end, so that slow motion is as late with any ticks only if the lag differs, too.
+    error is 1 - exp(-gain * tick), with inertia the gain stays. A request during a tick acts at its
+    end, so that the delay of slow motion is the same with any ticks only if the lag differs, too.
 
     Args:
         gain: v_max / theta_0 with ticks of ``tick`` [1/s].
@@ -546,21 +546,20 @@ def with_ticks(
 
 
 def slowed_by_friction(gain: float, dead_band: float, time_constant: float, tick: float) -> float:
-    """By how much dry friction slows a moving joint [rad/s^2]: k gain dead_band / tick.
+    """Deceleration of a moving joint by dry friction [rad/s^2]: k gain dead_band / tick.
 
-    Without a time constant k is 1, and the shorter the ticks, the more it is: an acceleration limit
-    has to be as much larger for the joint to start as fast.
+    Without a time constant k is 1, and the deceleration grows as ticks become shorter: the
+    acceleration limit has to grow with it for the joint to start as fast.
     """
     share = -math.expm1(-tick / time_constant) if time_constant > 0.0 else 1.0
     return share * gain * dead_band / tick
 
 
 def joint_of_top_speed(v_max: float) -> JointModel:
-    """The paper's joint with another top speed: a model to begin with where only that is known.
+    """The paper's joint with another top speed: a first model where only that is known.
 
-    Lag, acceleration time and tick are those of Table 1, and so is the time v_max takes to cover
-    theta_0. A URDF has none of them, and its effort limit says little about the controller of
-    a servo.
+    Lag, acceleration time and tick are from Table 1, and so is the ratio theta_0 / v_max. A URDF
+    has none of them, and its effort limit is no property of a servo's controller.
 
     Args:
         v_max: Top speed [rad/s].

@@ -1,4 +1,4 @@
-"""The numbers of a joint's law: all of a joint that compiled functions depend on."""
+"""The numbers of a joint's law, the only joint data that compiled functions use."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ class Law(NamedTuple):
         gain: gamma = v_max / theta_0 [1/tick].
         top: Limit of the drive, v_max + gamma delta [rad/tick].
         friction: gamma delta, delta the dead band [rad/tick].
-        share: Of the difference between the speed that is called for and the speed, what a motor
-            makes up for in a tick: k = 1 - exp(-tick / time constant) [-].
-        acceleration: Most by which the speed changes in a tick [rad/tick^2].
+        share: Share of the difference between demanded speed and speed by which a motor changes
+            its speed in a tick: k = 1 - exp(-tick / time constant) [-].
+        acceleration: Largest change of the speed in a tick [rad/tick^2].
         sag_sin: Sag by the sine of the angle [rad].
         sag_cos: Sag by its cosine [rad].
     """

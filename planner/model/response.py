@@ -1,4 +1,4 @@
-"""How joints answer requests, from rest and on a cycle, and where they rest under loads."""
+"""Responses of joints to requests, from rest and on a cycle, and angles at rest under loads."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Loads = Sequence[Array | None]
 """For each joint the torque on it at every sample [N m], shape (n,), or None."""
 
 MOST_CYCLES = 200
-"""Cycles after which a response that still drifts is given up; bisection ends well before."""
+"""Most cycles of a response that still drifts; bisection ends well before."""
 
 MOST_TICKS = 20_000_000
 """Longest simulation [ticks]: more than two days at 100 Hz."""
@@ -43,8 +43,7 @@ def simulate(
     method on the angle at which a cycle starts, with inertia by Newton's on angle and speed. With a
     dead band there may be many: the answer is one near where the first request holds the joint,
     without inertia the nearest, into which the motion from there settles (``docs/math.md``,
-    section 1). From rest, the requests before the first are taken to
-    have been the first.
+    section 1). From rest, the requests before the first equal the first.
 
     Args:
         model: The joint.
@@ -87,7 +86,7 @@ def simulate(
 
 
 class Motion(NamedTuple):
-    """What a joint does at the samples."""
+    """Angles and speeds of a joint at the samples."""
 
     angles: Array  # [rad], (n,)
     speeds: Array  # in the tick before each sample [rad/tick], (n,)
@@ -170,7 +169,7 @@ def simulate_joints(
 
 
 class PathSpeeds(NamedTuple):
-    """How fast a path is, and how fast the joint can be in the same direction.
+    """Speeds of a path, and the joint's top speeds in the same direction.
 
     Attributes:
         speeds: Speed from each sample to the next [rad/s], shape (m,), with the sign of the motion.
@@ -187,7 +186,7 @@ class PathSpeeds(NamedTuple):
 
     @property
     def too_fast(self) -> Mask:
-        """Where the path is faster than the joint can be, shape (m,)."""
+        """Where the path exceeds the joint's top speed, shape (m,)."""
         return np.asarray(self.shares > 1.0 + SAME)
 
     @property
@@ -200,7 +199,7 @@ class PathSpeeds(NamedTuple):
 def path_speeds(
     model: JointModel, desired: Array, *, cyclic: bool, load: Array | None = None
 ) -> PathSpeeds:
-    """The speeds of a path beside -v^- and v^+ of (1a), by which it is too fast or not.
+    """The speeds of a path, and -v^- or v^+ of (1a) as their limits.
 
     Args:
         model: The joint.
@@ -215,7 +214,7 @@ def path_speeds(
 
 
 def checked_start(start: float | None, *, cyclic: bool) -> float | None:
-    """The start as a float [rad]; raise InvalidInput where there can be none, or it is no angle."""
+    """The start as a float [rad]; raise InvalidInput for a cycle, or where it is no angle."""
     if as_flag("cyclic", cyclic) and start is not None:
         raise InvalidInput("start: a cycle has none; leave it out, or say cyclic=False")
     if start is None:
@@ -229,7 +228,7 @@ def checked_start(start: float | None, *, cyclic: bool) -> float | None:
 
 
 def sags(models: Sequence[JointModel], loads: Loads | None = None) -> Array:
-    """Angle at rest less request beside that by the pose, c + kappa tau of (2) [rad].
+    """Sags without the part by the angle, c + kappa tau of (2) [rad].
 
     Shape (joints,) or (n, joints).
     """
@@ -265,7 +264,7 @@ def load_columns(loads: Loads, samples: int) -> Array | None:
 
 
 def checked_load(load: npt.ArrayLike | None, model: JointModel, samples: int) -> Array | None:
-    """The load at every sample [N m], shape (samples,); None where it changes nothing.
+    """The load at every sample [N m], shape (samples,); None where it has no effect.
 
     Args:
         load: Torque on the joint in the direction of positive angles [N m], a number or one a

@@ -1,4 +1,4 @@
-"""How the angles change with the requests: by one recursion over the request periods."""
+"""Derivatives of the angles by the requests, by one recursion over the request periods."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from planner.trajectory import Array, as_trajectory
 from planner.validation import freeze
 
 LEAST_RADIUS = 1e-12
-"""Least radius of the corners [theta_0]: a square of it is still a number beside one."""
+"""Least radius of the corners [theta_0]: its square is not lost in rounding."""
 
 
 def sensitivities(
@@ -39,7 +39,7 @@ def sensitivities(
     Args:
         model: The joint.
         requests: Requests [rad], shape (n,).
-        cyclic: Whether the requests repeat for ever; then the derivatives are those of the cycle.
+        cyclic: Whether the requests repeat for ever; then the steady cycle is differentiated.
         start: From rest: see :func:`planner.simulate`. By default the start moves with the first
             request, which holds the joint there.
         load: Torque on the joint [N m]: see :func:`planner.simulate`.
@@ -129,7 +129,7 @@ def _slope(model: JointModel, error: float, load: float) -> float:
 
 
 def _recursion(kept: Array, driven: Array, before: Array) -> Array:
-    """Derivatives of a run's states, given those of the state before it, (samples, states, n)."""
+    """Derivatives of a run's states from those of the initial state, (samples, states, n)."""
     rows = driven.copy()
     for row, each in zip(rows, kept, strict=True):
         row += each @ before

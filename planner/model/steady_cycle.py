@@ -28,10 +28,10 @@ DIFFERENCE = 1e-7
 """Step of the difference quotients of a cycle's end by its start [rad, rad/tick]."""
 
 CLOSER = 0.01
-"""How much closer, beside the speeds, bisection brings the angles at a cycle's ends."""
+"""Tolerance of bisection on the angles at a cycle's ends, relative to the difference of speeds."""
 
 SINGULAR = 1e-6
-"""Share of its largest singular value below which one of the matrix of these counts as 0."""
+"""Singular values below this share of the largest one count as 0."""
 
 
 class Cycle(NamedTuple):
@@ -63,7 +63,7 @@ def run_steady_cycle(cycle: Cycle, near: float, most: int) -> float:
     Args:
         cycle: The joint and its requests; filled with its motion.
         near: Angle near which the ends of the cycle are sought [rad].
-        most: Runs after which a response that still drifts is given up.
+        most: Most runs of a response that still drifts.
 
     Returns:
         How far the ends of the cycle are apart [rad]; 0 where it is closed to
@@ -100,7 +100,7 @@ def extremes(values: Array) -> tuple[float, float]:
 
 @inner
 def ended(cycle: Cycle, angle: float, speed: float) -> tuple[float, float]:
-    """Angle [rad] and speed [rad/tick] at the end of a cycle that starts with these."""
+    """Angle [rad] and speed [rad/tick] at the end of a cycle, from those at its start."""
     law, weights, history, sags, faster, angles, speeds = cycle
     return run(law, weights, history, sags, faster, angle, speed, 0, angles, speeds)
 
@@ -117,8 +117,8 @@ def _closed_cycle(
     """Run the steady cycle of a joint without inertia and without a dead band.
 
     The angle at the end of a cycle is a continuous, piecewise linear function of the angle at its
-    start, of slope within [-1, 1]: the secant method finds where they agree, between two angles
-    that are known to be on either side of it.
+    start, of slope within [-1, 1]: the secant method finds the fixed point, between two angles on
+    either side of it.
     """
     earlier, ended_earlier, mismatch = np.nan, np.nan, np.inf
     for turn in range(most):
@@ -195,10 +195,9 @@ def _settled_motion(
     """Run the steady cycle of a joint with inertia, from rest near an angle.
 
     Newton's method on angle and speed, between two corners of the law exact. Where a step of it
-    does not halve how far the ends of a cycle are apart, bisection finds the angle at which a cycle
-    of a given speed closes, and that speed is the mean of those tried and where they led (Mann's
-    iteration). With a dead band the cycles that repeat themselves are not isolated: the step is the
-    shortest one.
+    does not halve the distance of a cycle's ends, bisection finds the angle at which a cycle of a
+    given speed closes; the speeds follow Mann's iteration, a mean of earlier speeds and their
+    images. With a dead band steady cycles are not isolated: the step is the shortest one.
     """
     angle, speed, bisected, mismatch = near, 0.0, 0, np.inf
     end, end_speed = ended(cycle, angle, speed)
@@ -266,7 +265,7 @@ def _closing_angle(
     close: float,
     most: int,
 ) -> float:
-    """Angle at which a cycle that starts with a speed closes, to ``close`` [rad], by bisection.
+    """Angle at which a cycle with a given initial speed closes, to ``close`` [rad], by bisection.
 
     Of several, the one nearest to ``near`` in the direction in which a cycle from there moves.
     """

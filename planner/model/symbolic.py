@@ -1,6 +1,6 @@
 """The law of a joint in CasADi symbols: one request period, for transcription and second opinions.
 
-The same law for numbers is in ``model/kernel.py``; tests hold the two together.
+The same law for numbers is in ``model/kernel.py``; tests compare the two.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from planner.model.law import Law
 
 
 class State(NamedTuple):
-    """What a joint takes along: its angle [rad], and with inertia its speed [rad/tick]."""
+    """State of a joint: its angle [rad], and with inertia its speed [rad/tick]."""
 
     angle: Any
     speed: Any
@@ -33,7 +33,7 @@ def period(
     Args:
         model: The joint.
         angle: Angle at the sample before [rad], a CasADi expression.
-        requests: Those of the ages :func:`planner.model.joint.request_ages`, youngest first
+        requests: Requests of the ages :func:`planner.model.joint.request_ages`, youngest first
             [rad], a CasADi expression of that many entries.
         speed: Speed at the sample before [rad/tick]; it counts where the joint has inertia.
         load: Torque on the joint in this period [N m], a number or a CasADi expression.
@@ -63,9 +63,9 @@ def period(
 def period_function(model: JointModel) -> Any:
     """:func:`period` as a CasADi function, the first argument and the answer being the state.
 
-    The state is the angle [rad], and of a joint with inertia the speed [rad/tick] below it. The
-    others are the requests that act, youngest first [rad], the load [N m] and the radius of the
-    corners [rad], 0 for the exact law.
+    The state is the angle [rad], and for a joint with inertia the speed [rad/tick] below it. The
+    further arguments are the acting requests, youngest first [rad], the load [N m] and the radius
+    of the corners [rad], 0 for the exact law.
     """
     import casadi
 
