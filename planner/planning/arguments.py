@@ -36,7 +36,7 @@ SOLVERS: tuple[Solver, ...] = ("gauss-newton", "ipopt")
 """Solvers of the optimised inversion: the package's own, and IPOPT through CasADi."""
 
 Robust = Literal["mean", "worst"]
-"""Which error over several models is made small."""
+"""The error over several models that is minimised."""
 
 Limits = tuple[float, float]
 """Smallest and largest request [rad]."""
@@ -45,12 +45,12 @@ ON_THE_LIMIT = 1e-9
 """How far beyond its limits a desired angle may lie [rad]: rounding of degrees, no more."""
 
 NEGLIGIBLE_SAG = 1e-3
-"""So much of a sag does not put a path out of reach [rad]: a fifth of a count of the ERS-210A's
-sensor, and as much as an identification makes of none."""
+"""A sag up to this does not put a path out of reach [rad]: a fifth of a count of the ERS-210A's
+sensor, and the error of an identified sag of 0."""
 
 
 ModelOrModels: TypeAlias = "JointModel | Sequence[JointModel] | Identification"
-"""A joint: its model, several that it may have, or an identification, whose intervals give them."""
+"""A joint: its model, candidate models, or an identification, whose intervals give candidates."""
 
 Models: TypeAlias = "ModelOrModels | Sequence[ModelOrModels] | Mapping[str, ModelOrModels]"
 """One model for all joints, one for each, or models by joint; the key "" holds the default one.
@@ -63,7 +63,7 @@ JointLimits = tuple[npt.ArrayLike, npt.ArrayLike] | Mapping[str, tuple[float, fl
 
 
 def checked_leg(leg: object) -> Leg:
-    """The leg, or InvalidInput where it is none."""
+    """The leg, or InvalidInput where it is no Leg."""
     from kinematics.leg import Leg  # with Pinocchio
 
     if not isinstance(leg, Leg):
@@ -104,15 +104,15 @@ def is_identification(model: object) -> TypeGuard[Identification]:
 def checked_models(
     model: ModelOrModels, robust: Robust | None = None, *, seed: int = 0
 ) -> tuple[JointModel, ...]:
-    """The models that a joint may have, the nominal one first.
+    """The candidate models of a joint, the nominal one first.
 
-    A model by itself is the only one, unless ``robust`` asks for those that its intervals allow. A
-    sequence has all of them: of one, the joint has that model in any case. Those of an
+    A single model is the only candidate, unless ``robust`` asks for models drawn from its
+    intervals. A sequence lists all candidates, even if it has one alone. The candidates of an
     identification are always drawn from its intervals.
 
     Raises:
-        InvalidInput: There is none, one is no JointModel, their request periods differ, or one by
-            itself has no intervals.
+        InvalidInput: There is none, one is no JointModel, their request periods differ, or a single
+            model has no intervals.
     """
     if is_identification(model):
         return drawn_models(model.model, seed=seed)
@@ -136,18 +136,18 @@ def models_of_joints(
     *,
     independent: bool = False,
 ) -> list[tuple[JointModel, ...]]:
-    """The models that each joint may have, the nominal one first, in the order of the joints.
+    """The candidate models of each joint, the nominal one first, in the order of the joints.
 
     Args:
         models: See :data:`Models`. For one joint a flat sequence of more than one has its models.
         names: The joints.
-        robust: Whether others are drawn for models by themselves.
+        robust: Whether candidates are drawn for single models.
         independent: Whether the models of different joints are drawn independently of one another.
-            Joints with the same model share what is not known of it.
+            Joints with the same model share the draws.
 
     Raises:
         InvalidInput: They do not fit the joints, see :func:`checked_models`, or ``robust`` is no
-            error over models, or is given where every joint has one model in any case.
+            error over models, or not None where every joint has a sequence of one model.
     """
     if robust is not None:
         check_choice("robust", robust, get_args(Robust))
@@ -163,7 +163,7 @@ def models_of_joints(
         entries = [models] * len(names)
     else:
         try:
-            entries = list(models)  # type: ignore[arg-type]  # what is none is refused below
+            entries = list(models)  # type: ignore[arg-type]  # other types are rejected below
         except TypeError:
             entries = []
         if len(names) == 1 and len(entries) > 1:
@@ -178,7 +178,7 @@ def models_of_joints(
                 "expected one JointModel, or one for each"
             )
     own = (each.model if is_identification(each) else each for each in entries)
-    sources = [(each, getattr(each, "evidence", None)) for each in own]  # what is drawn from
+    sources = [(each, getattr(each, "evidence", None)) for each in own]  # of the draws
     seeds = [sources.index(each) if independent else 0 for each in sources]
     pairs = zip(entries, seeds, strict=True)
     several = [checked_models(each, robust, seed=seed) for each, seed in pairs]
@@ -191,7 +191,7 @@ def models_of_joints(
 
 
 def check_periods(models: Sequence[JointModel]) -> None:
-    """Raise InvalidInput where joints are not requested at one rate."""
+    """Raise InvalidInput where the request periods of joints differ."""
     periods = sorted({model.period for model in models})
     if len(periods) > 1:
         raise InvalidInput(
@@ -228,8 +228,8 @@ def limits_of_each(limits: JointLimits | None, names: Sequence[str]) -> tuple[Ar
     """Smallest and largest request of every joint [rad], each of shape (k,), not yet compared.
 
     Raises:
-        InvalidInput: They are no pair of numbers, or of as many as there are joints, or of a joint
-            that is not planned.
+        InvalidInput: They are no pair of numbers or of one number for each joint, or are for a
+            joint that is not planned.
     """
     if limits is None:
         limits = {}
@@ -295,7 +295,7 @@ def of_each(
 
 
 def checked_weights(weights: npt.ArrayLike) -> Array:
-    """Weights of a foot's axes, shape (3,); raise InvalidInput where they are none."""
+    """Weights of a foot's axes, shape (3,); raise InvalidInput where they are invalid."""
     importance = _finite(weights)
     if importance.shape != (3,) or np.any(importance < 0.0) or not np.any(importance > 0.0):
         raise InvalidInput(

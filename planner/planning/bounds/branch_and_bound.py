@@ -35,20 +35,20 @@ from planner.planning.bounds.tightening import tighten
 from planner.trajectory import Array, error_norm
 
 TIME_LIMIT = 60.0
-"""About how long the search takes before it stops with what it has proved [s]."""
+"""Approximate time after which the search stops with the bound so far [s]."""
 
 WORK_PER_SECOND = 600_000
-"""Work that stands for a second, so that the bound does not depend on the clock; five problems of
-19 to 88 samples did 560,000 to 630,000 in one on an AMD EPYC."""
+"""Work that counts as a second, so that the bound does not depend on the clock; five problems of 19
+to 88 samples took 560,000 to 630,000 per second on an AMD EPYC."""
 
 INACTIVE = 1e-9
-"""A cut whose multiplier is smaller is dropped: what an interior-point method leaves of zero."""
+"""A cut with a smaller multiplier is dropped: an interior-point method's rounding of zero."""
 
 DIFFERENCE = 1e-6
 """Step of the difference quotients of a response [v_max ticks]."""
 
 POLISHING_STEPS = 30
-"""Steps of least squares at most that make an incumbent better [-]."""
+"""Most least-squares steps that improve an incumbent [-]."""
 
 REFINEMENTS = 3
 """Grids, each within the one before, on which the request nearest to a mixture is sought [-]: to
@@ -64,13 +64,13 @@ ABSOLUTE_GAP = 1.5e-5
 encoder, which no robot shows."""
 
 GAIN = 1e-2
-"""Relative gain of a round of tightening from which on another follows [-]; at 1e-3 the bounds of
-13 problems are 0.1 % lower in the mean, at 5e-2 the median gap doubles."""
+"""Relative gain of a round of tightening from which on another round follows [-]; at 1e-3 the
+bounds of 13 problems are 0.1 % lower in the mean, at 5e-2 the median gap doubles."""
 
 ROUNDS = 6
-"""Most rounds of cuts after one of tightening at the root [-]; another follows one that gains as
-much as ``GAP``. With one, a bound of eight is 6e-5 lower; with six at every node, three are 3e-4 to
-9e-4 lower."""
+"""Most rounds of cuts after a round of tightening at the root [-]; the next round follows a gain of
+at least ``GAP``. With one round, one bound of eight is 6e-5 lower; with six at every node, three
+are 3e-4 to 9e-4 lower."""
 
 MARGIN = 0.1
 """Least share of a request's interval on either side of the value at which it is branched [-];
@@ -79,12 +79,12 @@ larger."""
 
 
 class Node(NamedTuple):
-    """A part of all responses: the intervals of requests, and what is known about the responses.
+    """A part of all responses: intervals of requests, and ranges and bounds of the responses.
 
     Attributes:
-        bound: None has a smaller error [v_max ticks].
-        intervals: Where requests are, for those that were branched on.
-        ranges: Where angles and speeds are.
+        bound: Lower bound on their error [v_max ticks].
+        intervals: Intervals of the requests that were branched on.
+        ranges: Ranges of angles and speeds.
         cuts: The active cuts.
         solution: The nearest point of the node's relaxation.
     """
@@ -100,10 +100,10 @@ def exact_bound(problem: BoundProblem, incumbent: float, *, time_limit: float) -
     """A lower bound on the error of any requests, at most the incumbent's error [rad].
 
     Args:
-        problem: The joint, and what is desired of it.
-        incumbent: Any error, best that of a good plan [rad]; the answer is valid whatever it is, as
-            all conclusions are about responses that are better.
-        time_limit: When to stop [s]; what counts is the work that stands for it.
+        problem: The joint, and its desired angles.
+        incumbent: Any error, best the error of a good plan [rad]; the answer is valid for any
+            value, as all conclusions are about responses that are better.
+        time_limit: When to stop [s], counted as work.
     """
     scaled = ScaledProblem(problem, incumbent, most_work=time_limit * WORK_PER_SECOND)
     root = _root(scaled)
@@ -148,7 +148,7 @@ def _closed(problem: ScaledProblem, bound: float) -> bool:
 
 
 def cut_off(problem: ScaledProblem, node: Node, *, rounds: int = 1) -> Node:
-    """The node with the cuts that its nearest points violate, and the bound that they prove."""
+    """The node with the cuts that its nearest points violate, and the bound by these."""
     ranges, cuts = node.ranges, node.cuts
     solution = solve_relaxation(problem, ranges, cuts)
     bound = max(node.bound, solution.bound)
@@ -186,7 +186,7 @@ def branch(problem: ScaledProblem, node: Node) -> list[Node]:
 def branching_request(problem: ScaledProblem, node: Node) -> tuple[int, float]:
     """The request whose mixture of contributions weighs most, and a value near to the mixture.
 
-    While the bound is 0, cuts have no weights: then it is the request of the widest mixture.
+    While the bound is 0, cuts have no weights: then the request of the widest mixture.
     """
     weights = dict.fromkeys(problem.windows, 0.0 if node.bound > 0.0 else 1.0)
     owner = {id(window): request for request, window in problem.windows.items()}
@@ -209,10 +209,10 @@ def branching_request(problem: ScaledProblem, node: Node) -> tuple[int, float]:
 def response_error(problem: ScaledProblem, node: Node) -> float:
     """The error of a response near to the node's mixtures [v_max ticks]: an incumbent.
 
-    It begins at any angle, in motion, which a plan from rest cannot. Without it the search for a
-    bound that holds for every start would go on although its bound is attained. It begins with the
-    requests nearest to the mixtures, at the node's first angle; where it is better than the
-    incumbent, least squares make it better still.
+    It may begin at any angle, in motion, unlike a plan from rest. Without it the search for a bound
+    that holds for every start would continue although the bound is attained. The requests are the
+    nearest to the mixtures, from the node's first angle; a response better than the incumbent is
+    improved by least squares.
     """
     unknowns = np.zeros(max(problem.windows) + 2)  # the first angle, and the requests
     unknowns[0] = node.solution.angles[0]

@@ -1,9 +1,9 @@
 """Multipliers that prove how close a foot can come to its path (``docs/math.md``, (13a)).
 
 They maximise a concave dual function that is known by its values and subgradients alone. A proximal
-bundle method (Lemaréchal 1975, Kiwiel 1990) collects them and steps to the maximum of the model
-that they make, held near the best multipliers so far. Its many steps go to Clarabel directly; the
-few of the search before it are stated in CVXPY, which takes four times as long as the solver.
+bundle method (Lemaréchal 1975, Kiwiel 1990) collects these and steps to the maximum of the
+resulting model, near the best multipliers so far. Its many steps go to Clarabel directly; the few
+steps of the search before it are stated in CVXPY, which takes four times as long as the solver.
 """
 
 from __future__ import annotations
@@ -24,25 +24,25 @@ from planner.planning.bounds.reachable_set import ReachableSet
 from planner.trajectory import Array
 
 PROXIMAL = 0.02
-"""Weight of small steps of the Gauss-Newton search, relative to how much the foot sees of a joint's
-angle [-]."""
+"""Proximal weight of the Gauss-Newton search, relative to the mean square of the foot's Jacobian
+[-]."""
 
 TOLERANCE = 1e-3
 """Share of a plan's squared error that the search for minima may leave unproved."""
 
 RELUCTANCE = 3.0
-"""Proximal weight of the bundle method: what moving all linear terms by their own size costs,
+"""Proximal weight of the bundle method: cost of a change of all linear terms by their own size,
 relative to a plan's squared error [-]."""
 
 
 class LagrangianRelaxation(NamedTuple):
-    """The foot's distance and the sets in which the joints' angles lie.
+    """The foot's distance, and the reachable sets of the joints' angles.
 
     Attributes:
         distance: Scaled so that the error of a known plan is 1.
-        sets: What every response of each joint meets, k of them.
+        sets: Conditions that every response of a joint meets, one set for each of the k joints.
         norm: Root mean square or largest distance.
-        room: Angles between which each joint is at all ticks, those between samples too [rad], (k,)
+        room: Least and greatest angles of each joint at all ticks, also between samples [rad], (k,)
             and (k,).
     """
 
@@ -62,7 +62,7 @@ class LagrangianRelaxation(NamedTuple):
 
 
 class Multipliers(NamedTuple):
-    """What stands for the joints' conditions.
+    """Multipliers of the samples and of the joints' conditions.
 
     Attributes:
         weights: Weights of the samples, 0 or more and together 1, shape (n,).
@@ -83,7 +83,7 @@ class Column(NamedTuple):
 def dual_function(
     relaxation: LagrangianRelaxation, multipliers: Multipliers, guesses: Array
 ) -> tuple[float, Array]:
-    """The squared distance that multipliers prove, and the angles of least value, (n, k)."""
+    """The lower bound on the squared distance by multipliers, and its minimiser, (n, k)."""
     slopes, constant = _linear_terms(relaxation, multipliers.conditions)
     solution = minima(
         relaxation.distance,
@@ -98,14 +98,14 @@ def dual_function(
 def _linear_terms(
     relaxation: LagrangianRelaxation, conditions: Sequence[Array]
 ) -> tuple[Array, float]:
-    """Linear terms at the samples, (n, k), and what all that is not at samples adds at least."""
+    """Linear terms at the samples, (n, k), and the least sum of the terms between samples."""
     slopes, constant = [], 0.0
     for each, multipliers_of, low, high in zip(
         relaxation.sets, conditions, *relaxation.room, strict=True
     ):
         gradient = each.matrix.T @ multipliers_of
         slopes.append(gradient[each.sampled].copy())
-        gradient[each.sampled] = 0.0  # what is left acts between samples
+        gradient[each.sampled] = 0.0  # the rest acts between samples
         constant += float(
             np.sum(np.minimum(gradient * low, gradient * high)) - each.limits @ multipliers_of
         )
@@ -115,7 +115,7 @@ def _linear_terms(
 def stationary_point(relaxation: LagrangianRelaxation, angles: Array) -> tuple[Array, Multipliers]:
     """The stationary point near some angles, in the box, (n, k), and its multipliers.
 
-    Where the solver fails, those that it came to before, or none: they prove what they prove.
+    If the solver fails, the multipliers of the step before, or zero ones: any of them are valid.
     """
     multipliers = zero_multipliers(relaxation)
     for _ in range(12):
@@ -131,13 +131,13 @@ def stationary_point(relaxation: LagrangianRelaxation, angles: Array) -> tuple[A
 
 
 def zero_multipliers(relaxation: LagrangianRelaxation) -> Multipliers:
-    """Multipliers without the joints' conditions: how far any configuration is from the path."""
+    """Multipliers without the joints' conditions: the distance of any configuration."""
     none = [np.zeros(len(each.limits)) for each in relaxation.sets]
     return Multipliers(np.full(relaxation.samples, 1.0 / relaxation.samples), none)
 
 
 def _step(relaxation: LagrangianRelaxation, angles: Array) -> tuple[Array, Multipliers]:
-    """The best angles where the foot moves as its derivatives say, and their multipliers."""
+    """The best angles for a linearised foot, and their multipliers."""
     cvxpy = _modelling()
     positions, jacobians = relaxation.distance.errors(angles)
     errors = positions - relaxation.distance.desired * relaxation.distance.scale
@@ -181,14 +181,13 @@ def _normalised(proposed: Array) -> Array:
 def bundle_step(
     relaxation: LagrangianRelaxation, columns: Sequence[Column], centre: Multipliers, *, step: float
 ) -> tuple[Multipliers, float]:
-    """Multipliers that would prove most if all angles were among the columns, near the centre.
+    """Multipliers of the greatest bound if all angles were among the columns, near the centre.
 
     This is a step of a proximal bundle method, in which every sample has its own cuts: a quadratic
     program.
 
     Returns:
-        The multipliers, and what they would prove; the centre and 0 where the solver
-        fails.
+        The multipliers, and their predicted bound; the centre and 0 where the solver fails.
     """
     around, _ = _linear_terms(relaxation, centre.conditions)
     size = float(np.sum(around**2))
@@ -229,7 +228,7 @@ class _Bundle(NamedTuple):
 def _bundle_problem(
     relaxation: LagrangianRelaxation, columns: Sequence[Column], centre: Multipliers
 ) -> tuple[_Bundle, list[int]]:
-    """What multipliers would prove, negated, without the proximal term.
+    """The predicted bound by multipliers, negated, without the proximal term.
 
     Its unknowns are the multipliers of the conditions, their linear terms at the samples, joint by
     joint, the least value of those between samples, and the least value and weight of each sample.
@@ -282,7 +281,7 @@ def _solve(problem: Any) -> None:
     cvxpy = _modelling()
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of accuracy: any multipliers prove what they prove
+            warnings.simplefilter("ignore")  # of accuracy: any multipliers are valid
             problem.solve(solver=cvxpy.CLARABEL)
     except cvxpy.SolverError as error:
         raise SolverFailed("lower bound of the foot", str(error)) from error

@@ -33,11 +33,11 @@ class Certificate(NamedTuple):
     Attributes:
         bound: Lower bound on the error of any requests [rad].
         norm: Which error.
-        level: What was used of the joint: the level that was asked for, or the strongest below it
-            that holds for the joint.
-        solver_gap: Relative distance between the bound and the best that is known of the same
-            level, for "exact" the error of a plan; 0 where one set of multipliers proves the bound,
-            inf where nothing is known.
+        level: The conditions on the joint: the requested level, or the strongest below it that
+            holds for the joint.
+        solver_gap: Relative distance between the bound and the best known value of the same level,
+            for "exact" the error of a plan; 0 where one set of multipliers proves the bound, inf
+            where there is none.
         seconds: Time it took [s].
     """
 
@@ -93,11 +93,11 @@ def certify(
     """A lower bound on the error of any requests, and how it was obtained.
 
     ``slope`` uses that the joint never moves faster than v_max; ``envelope`` also that its speed
-    cannot change at once; ``exact`` follows every request through the window, and searches among
-    all of them for any that are better than a plan (``docs/math.md``, section 5). Each is at least
-    the one before, and costs more: one and a few milliseconds, and seconds to the time limit for a
-    hundred samples. All hold under a load, "exact" under one that does not change. Of a joint with
-    a dead band or inertia "envelope" is the strongest; the answer says which.
+    cannot change at once; ``exact`` follows every request through the window, and searches all
+    requests for any that are better than a plan (``docs/math.md``, section 5). Each bound is at
+    least the one before, and costs more: one and a few milliseconds, and seconds to the time limit
+    for a hundred samples. All hold under a load, "exact" under a constant one. For a joint with a
+    dead band or inertia "envelope" is the strongest; the answer has the level used.
 
     Args:
         model: The joint.
@@ -107,9 +107,8 @@ def certify(
         level: "slope", "envelope" or "exact".
         start: From rest: angle at which the joint rests until the plan begins [rad]. Without it the
             bound holds for every start.
-        time_limit: For "exact": when to stop with what is proved by then [s]. What is counted is
-            the work that takes about so long, so that the bound is the same on a slow or busy
-            machine.
+        time_limit: For "exact": when to stop with the bound so far [s]. It is counted as work that
+            takes about this time, so that the bound is the same on a slow or busy machine.
         load: Torque on the joint in the direction of positive angles [N m], a number or shape (n,);
             the bound is about plans under this load.
 
@@ -118,8 +117,8 @@ def certify(
 
     Raises:
         InvalidTrajectory: ``desired`` is not a finite array of shape (n,) with n >= 2.
-        InvalidInput: The norm or level has another name, a cycle is given a start, the load does
-            not fit the samples or the joint, or it changes and the level is "exact".
+        InvalidInput: The norm or level is unknown, a cycle has a start, the load does not fit
+            the samples or the joint, or it changes and the level is "exact".
         SolverFailed: The solver proposed no multipliers.
 
     Example:
@@ -157,7 +156,7 @@ def certified(
 
 
 def planned_error(problem: BoundProblem) -> float:
-    """The error of a plan [rad]; of a joint that does not move, where no plan is found."""
+    """The error of a plan [rad]; of a joint at rest, where no plan is found."""
     model, desired, cyclic, norm, start, load = problem
     try:
         task = Task.of(

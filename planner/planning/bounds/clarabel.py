@@ -12,12 +12,12 @@ from planner.trajectory import Array
 
 
 class Cones(NamedTuple):
-    """What the rows of ``limits - matrix @ unknowns`` are, in order.
+    """Numbers of rows of ``limits - matrix @ unknowns`` in each cone, in order.
 
     Attributes:
-        zero: So many vanish.
-        at_most: So many are at least zero.
-        ball: So many, if any, have their first at least the length of the others.
+        zero: Rows that vanish.
+        at_most: Rows that are at least zero.
+        ball: Rows of a second-order cone: the first is at least the length of the rest.
     """
 
     zero: int
@@ -26,13 +26,13 @@ class Cones(NamedTuple):
 
 
 class ConicSolution(NamedTuple):
-    """Where the solver stopped, and multipliers within the dual cones.
+    """The solver's last point, and multipliers within the dual cones.
 
     Attributes:
         unknowns: The solver's point, shape (unknowns,).
         multipliers: One for each row; all zero where the solver has none.
-        status: The solver's own word for how it ended.
-        has_multipliers: Whether they are finite: they then prove a bound, however it ended.
+        status: The solver's status.
+        has_multipliers: Whether they are finite: they then prove a bound at any status.
     """
 
     unknowns: Array
@@ -49,8 +49,8 @@ class ConicSolution(NamedTuple):
 class ConicSolver:
     """Minimises ``linear @ z + z @ (curvature * z) / 2`` over ``limits - matrix @ z`` in the cones.
 
-    Set-up takes several times as long as a small problem's solution: problems that differ in their
-    linear part alone share one.
+    Set-up takes several times as long as the solution of a small problem: problems that differ in
+    their linear part alone share a solver.
     """
 
     def __init__(
@@ -67,7 +67,7 @@ class ConicSolver:
         Args:
             matrix: Matrix of the conditions, shape (rows, unknowns).
             limits: Their right-hand sides, shape (rows,).
-            cones: What the rows of ``limits - matrix @ z`` are.
+            cones: Cones of the rows of ``limits - matrix @ z``.
             curvature: Shape (unknowns,), 0 or more; None for none.
             tolerance: Clarabel's absolute and relative gap, and its feasibility.
         """
@@ -92,8 +92,8 @@ class ConicSolver:
     def solve(self, linear: Array) -> ConicSolution:
         """The answer for a linear part, shape (unknowns,).
 
-        Multipliers outside the dual cones are moved into them; those that are not finite prove
-        nothing.
+        Multipliers outside the dual cones are projected on them; multipliers that are not finite
+        become zero.
         """
         self._solver.update(q=linear)
         solution, cones = self._solver.solve(), self._cones

@@ -1,7 +1,8 @@
 """Proved minima of a foot's squared distance plus a linear term in the angles, sample by sample.
 
 A branch and bound in the angles of a leg: a box of angles is cut into cells, and a cell is halved
-along every joint as long as it may hold less than the least value found (``docs/math.md``, (13b)).
+along every joint as long as it may contain less than the least value so far (``docs/math.md``,
+(13b)).
 All samples are searched at once, a block of them at a time.
 """
 
@@ -20,22 +21,22 @@ WIDEST_CELL = float(np.radians(15.0))
 """Width of the first cells [rad], wider by steps of half of it where there would be too many."""
 
 SAMPLES_AT_ONCE = 64
-"""Samples in a block: as many as a few thousand first cells each leave room for."""
+"""Samples in a block: each has up to a few thousand first cells."""
 
 MOST_CELLS = 400_000
-"""Cells that a block may be about to have open; beyond it their bounds stand as they are. So many
-are seen only where angles far apart are equally good, and take some 100 MB."""
+"""Most open cells of a block; beyond it the search stops with their bounds. So many occur only
+where angles far apart are equally good, and take some 100 MB."""
 
 
 class Distance(NamedTuple):
-    """The squared distance of a leg's foot from where it should be, every axis on a scale.
+    """The squared distance of a leg's foot from its desired position, with scaled axes.
 
     Attributes:
         chain: The leg.
         lower: Least angles at each sample [rad], shape (n, k).
         upper: Greatest angles [rad], shape (n, k).
-        desired: Where the foot should be [m], shape (n, 3).
-        scale: What a metre along each axis counts [1/m], shape (3,).
+        desired: Desired foot positions [m], shape (n, 3).
+        scale: Scale of each axis [1/m], shape (3,).
     """
 
     chain: Chain
@@ -67,7 +68,7 @@ class Minima(NamedTuple):
 
     Attributes:
         proved: Lower bounds, shape (n,).
-        angles: Where the least values were found [rad], shape (n, k).
+        angles: Angles of the least values [rad], shape (n, k).
     """
 
     proved: Array
@@ -80,11 +81,11 @@ def minima(
     """The least of ``weight * squared distance + slope @ angles`` over the box, for every sample.
 
     Args:
-        distance: The foot's, and the box of angles.
+        distance: The foot's distance, and the box of angles.
         weights: Weights of the samples, 0 or more, shape (n,).
         slopes: Linear terms [1/rad], shape (n, k).
         guesses: Angles in the box that may be good [rad], shape (n, k).
-        tolerance: How far below the least value found a bound may stay.
+        tolerance: Allowed distance of a bound below the least value.
 
     Returns:
         The bounds, valid however early the search has to stop.
@@ -145,7 +146,7 @@ def _block(
 
 
 def _first_cells(distance: Distance) -> tuple[npt.NDArray[np.intp], Array, Array]:
-    """Whose each cell is, (m,), half the width of each sample's [rad], (n, k), the centres, (m, k).
+    """Sample of each cell, (m,), half a cell's width by sample [rad], (n, k), centres, (m, k).
 
     The samples' boxes are cut alike.
     """
@@ -166,7 +167,7 @@ def _first_cells(distance: Distance) -> tuple[npt.NDArray[np.intp], Array, Array
 def _update_least(
     owner: npt.NDArray[np.intp], values: Array, centres: Array, least: Array, angles: Array
 ) -> None:
-    """Write down, for every sample that has cells, the least value if it is a new one."""
+    """Update the least value and its angles for every sample with cells, where one is less."""
     firsts = np.flatnonzero(np.diff(owner, prepend=-1))  # the cells of a sample stand together
     lowest = np.minimum.reduceat(values, firsts)
     better = lowest < least[owner[firsts]]
@@ -176,7 +177,7 @@ def _update_least(
 
 
 def _linearisation_error(distance: Distance, half: Array) -> Array:
-    """How far the foot can be, within a cell, from where its derivatives say, scaled: (n,)."""
+    """Largest error of the linearised foot within a cell, scaled: (n,)."""
     reach = _reach(distance)
     outer = np.minimum.outer(reach, reach)  # a pair's derivative turns about the outer one
     curved: Array = np.sum(half @ outer * half, axis=1) / 2.0 * np.max(distance.scale)
@@ -184,7 +185,7 @@ def _linearisation_error(distance: Distance, half: Array) -> Array:
 
 
 def _reach(distance: Distance) -> Array:
-    """How far the foot can be from each joint [m], shape (k,): it moves so far by a radian."""
+    """Largest distance of the foot from each joint [m], shape (k,): its move by a radian."""
     beyond = np.linalg.norm(
         np.vstack([distance.chain.translations[1:], distance.chain.tip]), axis=1
     )
@@ -217,9 +218,9 @@ class _Cells(NamedTuple):
     curved: Array
 
     def depths(self) -> Array:
-        """How far below the value at its centre a cell goes at most, shape (m,): (13b).
+        """Bound on how far a cell goes below the value at its centre, shape (m,): (13b).
 
-        What its slope makes of its width, and what the bend of the foot's path adds.
+        The slope times the width, and a term for the curvature of the foot's path.
         """
         projected_errors = np.stack([_dot(column, self.errors) for column in self.jacobians])
         gradients = 2.0 * self.weights * projected_errors + self.slopes

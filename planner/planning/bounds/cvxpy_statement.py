@@ -19,7 +19,7 @@ def stated_bound(problem: BoundProblem, level: Level) -> float:
     """Distance of the desired angles from the set of conditions 1 to 3 of docs/math.md [rad].
 
     Args:
-        problem: The joint, and what is desired of it.
+        problem: The joint, and its desired angles.
         level: "slope" for condition 1, otherwise conditions 1 to 3.
     """
     import cvxpy
@@ -37,7 +37,7 @@ def stated_bound(problem: BoundProblem, level: Level) -> float:
     w = cp.hstack([x[:1] - x[-1:], x[1:] - x[:-1]]) if cyclic else x[1:] - x[:-1]
     moving = np.arange(0 if cyclic else 1, ticks)
     lowest, highest = b - v, b + v
-    if model.has_inertia:  # it keeps the speed that it had under another load
+    if model.has_inertia:  # it keeps its speed from another load
         lowest, highest = np.full(ticks, np.min(lowest)), np.full(ticks, np.max(highest))
     conditions = [w <= highest[moving], w >= lowest[moving]]  # condition 1
     if level != "slope":
@@ -49,8 +49,8 @@ def stated_bound(problem: BoundProblem, level: Level) -> float:
         for speeds, *numbers in (ups, downs):
             conditions += _conditions_of_speed(problem, speeds, *numbers)
     if start is not None:
-        # Condition 3: at rest until the second request acts, then as far as new requests carry it,
-        # and all the time as far as a change of the sag does.
+        # Condition 3: at rest until the second request acts, then within reach of new requests,
+        # and at any time within reach of a change of the sag.
         new = np.zeros(min(hold + model.window.first, ticks))
         if level != "slope" and not model.has_inertia:
             new = np.append(new, np.minimum(np.cumsum(model.window.weights), 1.0))[:ticks]

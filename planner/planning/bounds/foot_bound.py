@@ -1,8 +1,8 @@
-"""How close to its path could a foot come? A lower bound for a whole leg (``docs/math.md``, (13a)).
+"""Lower bound on the distance of a leg's foot from its path (``docs/math.md``, (13a)).
 
 The foot's distance is not convex in the joints' angles. In a Lagrangian relaxation, multipliers
-take the place of the conditions that tie a joint's angles to one another, so that the samples come
-apart; a leg's few angles at one sample are few enough for a search with proof. The multipliers are
+replace the conditions that couple a joint's angles, so that the problem separates into samples; a
+leg's few angles at one sample allow a search with proof. The multipliers are
 improved by a bundle method and, where that leaves a gap, the responses are split by branch and
 bound.
 """
@@ -42,24 +42,23 @@ MOST_SAMPLES_BOUNDED = 1000
 """Longest path whose bound is computed for reports [samples]: it takes half a minute at most."""
 
 ATTAINED = 1e-5
-"""Error below which a foot is where it should be, and no bound is asked for [of a leg's length]."""
+"""Error below which no bound is computed [of a leg's length]."""
 
 
 EFFORT = 1000
-"""Samples searched, counted in every round, after which nothing is split any more [-]: some
-seconds. The multipliers of a round count as 20 more."""
+"""Most samples searched, summed over rounds, before splitting stops [-]: some seconds. The
+multipliers of a round count as 20 more."""
 
 GAP = 0.05
-"""Share of the squared error left unproved from which on nothing is split [-]: 2.5 % of the error.
-"""
+"""Unproved share of the squared error at which splitting stops [-]: 2.5 % of the error."""
 
 GAIN = 2e-3
-"""Predicted gain of a round below which there is none [of the plan's squared error]; half of it may
-be no more than what the search for minima leaves unproved."""
+"""Least predicted gain of a round [of the plan's squared error]; half of it may be no more than the
+tolerance of the search for minima."""
 
 NOTHING = 1e-3
-"""Squared error of relaxed responses near the plan below which nothing is proved [of the plan's]:
-no bound is above it."""
+"""Squared error of relaxed responses near the plan below which the bound is 0 [of the plan's]: it
+is an upper limit of the bound."""
 
 SPREAD = 0.05
 """Spread of the columns' angles below which the widest side is split instead [of that side];
@@ -69,10 +68,10 @@ without the rule three of seven bounds are 9 to 89 % lower."""
 def foot_bound(task: Task, angles: Array) -> float:
     """Lower bound on the error of a foot under any requests within the limits [m].
 
-    From rest it is about plans that start from the same pose.
+    From rest it holds for plans that start from the same pose.
 
     Args:
-        task: What is asked of the foot.
+        task: The task of the foot.
         angles: Angles of a plan, the better the sharper is the bound [rad], shape (n, k).
 
     Returns:
@@ -108,15 +107,15 @@ def foot_bound(task: Task, angles: Array) -> float:
 
 
 class Node(NamedTuple):
-    """The responses whose angles at the middle sample are in a box, and what is proved of them.
+    """The responses whose angles at the middle sample are in a box, and their lower bound.
 
     Attributes:
-        bound: No response of them has a smaller squared error.
+        bound: Lower bound on their squared error.
         lower: Least angles at the middle sample [rad], (k,).
         upper: Greatest angles there [rad], (k,).
-        multipliers: Those that prove it.
+        multipliers: Multipliers that prove it.
         columns: Angles that minimised (13a) under some multipliers.
-        effort: Samples that were searched, counted in every round, and what else rounds take.
+        effort: Samples searched, summed over rounds, and the effort of the rounds themselves.
     """
 
     bound: float
@@ -130,7 +129,7 @@ class Node(NamedTuple):
 def _branch_and_bound(
     relaxation: LagrangianRelaxation, away: Array, first: tuple[Array, Multipliers]
 ) -> float:
-    """The least bound of nodes that are all responses together."""
+    """The least bound of nodes that cover all responses."""
     middle = len(away) // 2
     angles, multipliers = first
     every = Node(
@@ -222,20 +221,20 @@ def attainable_angles(
     start: Array | None,
     loads: Loads | None = None,
 ) -> tuple[Array, Array]:
-    """Angles between which every joint stays under requests within limits [rad], (n, k) both.
+    """Least and greatest angles of every joint under requests within limits [rad], (n, k) both.
 
     A joint overshoots a request by v - theta_0 a tick at most, with a sag by its angle of at most s
     by v - theta_0 / (1 + s), by more in the direction of a higher
     top speed, and by nothing where that is negative; friction holds it within its dead band. With
     inertia it may overshoot by any amount. A turn
-    by 2 pi changes nothing for the foot, so that a cycle may be thought to have its least angle
-    within a turn of the lower limit, or of -pi; and it goes only so far.
+    by 2 pi changes nothing for the foot, so that the least angle of a cycle may be taken within a
+    turn of the lower limit, or of -pi; the speed then bounds the greatest angle.
 
     Args:
         models: The joints.
         limits: Smallest and largest requests [rad], two arrays (k,).
         samples: Number of samples n.
-        start: From rest: where the joints rest at the first sample [rad], (k,); None for a cycle.
+        start: From rest: angles of the joints at the first sample [rad], (k,); None for a cycle.
         loads: Torque on each joint at every sample [N m], (n,), or None.
     """
     loads = [None] * len(models) if loads is None else loads

@@ -1,13 +1,13 @@
-"""Cutting planes from the convex hull of what one request can contribute, (9a) of math.md.
+"""Cutting planes from the convex hull of the contributions of one request, (9a) of math.md.
 
 In units of v_max a tick, a request y (with the joint's offset) contributes u(t) = f(y - x(t)) to
 the speed at tick t, where x(t) is the angle before it: with equal speeds in both directions
 clip(gamma (y - x(t)), -1, 1) with gamma = v_max / theta_0. A cut
 ``nu @ u - xi @ x <= limit`` holds for every y, and for every x within ranges, if its limit is the
-support function of that set, which is known in closed form. Which cut to add is found as in
+support function of that set, which is known in closed form. The cut to add is found as in
 disjunctive programming (Balas 1979): the nearest point of the hull is sought by nonnegative least
-squares (Lawson and Hanson 1974), and the direction from there to the point that is to be cut off is
-the cut's normal.
+squares (Lawson and Hanson 1974), and the direction from it to the point to be cut off is the cut's
+normal.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ import numpy as np
 from planner.trajectory import Array
 
 UNBOUNDED = (-np.inf, np.inf)
-"""The interval of a request that may be anything."""
+"""The interval of an unrestricted request."""
 
 SUM_WEIGHT = 100.0
 """Weight of the equation that the shares of a mixture sum to one [-]; they are normalised after."""
@@ -28,26 +28,26 @@ CUT_ROUNDING = 1e-9
 """Added to a cut's limit: rounding of sums of a few terms of about one."""
 
 TRIED_REQUESTS = 300
-"""Requests, evenly spaced, of which the nearest is where a node branches [-]; any is valid."""
+"""Evenly spaced requests, of which the nearest is the branching value [-]; any value is valid."""
 
 
 TRIALS = 25
-"""Most support points tried for one cut [-]; half as many leave 0.2 % of the bound unproved in the
-mean of 13 problems, 3.7 % at worst; twice as many gain nothing."""
+"""Most support points for one cut [-]; half as many lower the bound by 0.2 % in the mean of 13
+problems, 3.7 % at worst; twice as many gain nothing."""
 
 VIOLATION = 1e-3
 """Least violation for which a cut is added [v_max a tick]."""
 
 
 class RequestSet(NamedTuple):
-    """Where the joint can be at the ticks at which one request acts, and what it can be.
+    """Range of one request, and ranges of the angles at the ticks at which it acts.
 
     Attributes:
         gain: gamma = v_max / theta_0 [1/tick].
         lower: Least angles before these ticks, shape (m,).
         upper: Greatest angles, shape (m,).
         interval: Least and greatest request.
-        excess: By how much the top speed is higher upwards, and lower downwards.
+        excess: Excess of the top speed upwards, which is missing downwards.
     """
 
     gain: float
@@ -115,7 +115,7 @@ def separate(
     angles: Array,
     requests: RequestSet,
 ) -> HullCut | None:
-    """A cut that the contributions violate at these angles, or None if none does by enough.
+    """A cut that the contributions violate at these angles, or None if none is violated enough.
 
     The nearest mixture of points of the set is sought, one support point after the other in the
     direction of the residual; that direction is the cut's normal, and its limit the support there.
@@ -152,7 +152,7 @@ def nearest_request(
 ) -> tuple[float, float]:
     """The request whose contributions at these angles are nearest, and their distance.
 
-    The request is moved to where this share of the interval is left on either side.
+    The request is moved so that at least ``margin`` of the interval is on either side of it.
     """
     ends = breakpoints(angles, requests)
     candidates = np.linspace(ends.min(), ends.max(), TRIED_REQUESTS)

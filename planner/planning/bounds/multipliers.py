@@ -26,29 +26,29 @@ from planner.planning.bounds.reachable_set import (
 from planner.trajectory import Array, Mask, error_norm
 
 BOUND_TOLERANCE = 1e-10
-"""Clarabel's gap and residuals, in units of the desired range or of a tick at top speed [-]. What
-is proved is valid at any; at 1e-8 a bound of 2e-3 of the range loses 1e-5 of itself, and below
-1e-10 nothing is gained."""
+"""Clarabel's gap and residuals, in units of the desired range or of a tick at top speed [-]. The
+bound is valid at any; at 1e-8 a bound of 2e-3 of the range loses 1e-5 of itself, and below 1e-10
+nothing is gained."""
 
 MARGINS = (8, 64, 0)
-"""So many samples around those that are out of reach are left free, in turn; at last all."""
+"""Samples around the unreachable ones that are unknowns, tried in turn; 0 for all samples."""
 
 MOST_FREE = 0.3
-"""Share of the samples from which on all are left free [-]."""
+"""Share of free samples from which on all are free [-]."""
 
 AGREED = 1e-6
-"""By what share the distance that is met may exceed the one that is proved [-]."""
+"""Allowed relative excess of the attained distance over the proved one [-]."""
 
 
 def linear_bound(problem: BoundProblem, level: Level) -> float:
     """The distance of the desired angles from the joint's reachable set [rad], proved by (9).
 
-    Where a smooth motion through the desired angles is within the set it stays as it is: long paths
-    are often out of reach here and there alone. What is left free grows until the distance that is
-    met is the one that is proved.
+    Where a smooth motion through the desired angles is within the set it stays fixed: long paths
+    are often out of reach at a few places alone. The free part grows until the attained distance is
+    the proved one.
 
     Args:
-        problem: The joint, and what is desired of it.
+        problem: The joint, and its desired angles.
         level: "slope" for condition 1, otherwise the "envelope" of conditions 1 to 3.
 
     Raises:
@@ -64,7 +64,7 @@ def linear_bound(problem: BoundProblem, level: Level) -> float:
     scaled = ReachableSet(matrix, limits, sampled)
     slack /= scale
     through = interpolated(centred, problem)
-    beyond = matrix[matrix @ through > limits].indices  # the unknowns of conditions that it breaks
+    beyond = matrix[matrix @ through > limits].indices  # the unknowns of violated conditions
     if not len(beyond):
         return 0.0
     proved = 0.0
@@ -99,7 +99,7 @@ def interpolated(desired: Array, problem: BoundProblem) -> Array:
 
 
 def near(samples: npt.NDArray[np.integer], margin: int, problem: BoundProblem) -> Mask:
-    """Which ticks are within so many samples of these, (ticks,): all where most would be."""
+    """Ticks within ``margin`` of these samples, (ticks,): all where most would be."""
     chosen = np.zeros(len(problem.desired))
     chosen[samples] = 1.0
     around = np.pad(chosen, margin, mode="wrap" if problem.cyclic else "constant")
@@ -113,12 +113,12 @@ def near(samples: npt.NDArray[np.integer], margin: int, problem: BoundProblem) -
 def nearest_where(
     free: Mask, reachable: ReachableSet, through: Array, desired: Array, *, norm: Norm
 ) -> ConicSolution:
-    """The nearest point of a set that is free at some ticks and has a given motion at the others.
+    """The nearest point of a set that has a given motion at all ticks but the free ones.
 
     Args:
-        free: At which ticks, shape (ticks,).
+        free: Which ticks are free, shape (ticks,).
         reachable: The set.
-        through: The motion [rad], which keeps the conditions that have none of these ticks.
+        through: The motion [rad]; it meets the conditions without free ticks.
         desired: Desired angles D, shape (n,).
         norm: Which distance.
 
@@ -193,7 +193,7 @@ def nearest_point(
 
 
 class DualValue(NamedTuple):
-    """What multipliers prove: ``gradient @ (reference - z) >= value`` for all z of a set."""
+    """The dual inequality ``gradient @ (reference - z) >= value`` for all z of a set."""
 
     value: float
     gradient: Array
@@ -209,8 +209,8 @@ def dual_value(
         limits: b, shape (rows,).
         multipliers: lambda, shape (rows,): at least 0 where a row is an inequality.
         reference: y, shape (unknowns,).
-        room: How far an unknown that is compared with nothing can be from y, shape (unknowns,); 0
-            where it is compared.
+        room: Largest distance from y of an unknown without a desired value, shape (unknowns,); 0
+            for unknowns with one.
     """
     gradient = matrix.T @ multipliers
     value = float(multipliers @ (matrix @ reference - limits) - np.abs(gradient) @ room)
@@ -234,10 +234,10 @@ def certified_error(
         reference: Any angles at the ticks between samples, shape (ticks,).
         multipliers: lambda >= 0, shape (rows,).
         norm: Which error.
-        slack: How far an angle between two samples can be from the sample before it.
+        slack: Largest distance of an angle between two samples from the sample before it.
 
     Returns:
-        A number >= 0 that no trajectory of the set can go below.
+        Lower bound on the error of every trajectory of the set, at least 0.
     """
     point = reference.copy()
     point[reachable.sampled] = desired

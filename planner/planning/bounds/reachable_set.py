@@ -121,7 +121,7 @@ def load_by_tick(problem: BoundProblem, ticks: int) -> Array:
 def speed_ranges(model: JointModel, load: Array) -> tuple[Array, Array]:
     """Least and largest speed in each tick [rad/tick]: condition 1.
 
-    A joint with inertia keeps the speed that it had under another load.
+    A joint with inertia keeps its speed from another load.
 
     Args:
         model: The joint.
@@ -189,7 +189,7 @@ class SpeedCondition(NamedTuple):
 
 
 def speed_conditions(model: JointModel, side: Side) -> list[SpeedCondition]:
-    """How much faster the joint can become in a tick: conditions 2 and, with inertia, 2a and 2b."""
+    """Bounds on the speed after a tick: conditions 2 or, with inertia, 2a and 2b."""
     slope, most = drive_change(model, side)
     if not model.has_inertia:
         return [SpeedCondition(1.0 - slope, 0.0, most)]
@@ -207,11 +207,11 @@ def speed_conditions(model: JointModel, side: Side) -> list[SpeedCondition]:
 
 
 def drive_change(model: JointModel, side: Side) -> tuple[Array, Array]:
-    """Slope s and constant p of ``p - s * w(t)``, which the drive gains in a tick at most.
+    """Slope s and constant p of ``p - s * w(t)``, an upper bound on the drive's gain in a tick.
 
-    It is the right-hand side of (7a), of which ``max(0, c - w + p |w|)``, with c the change of the
-    sag and p the largest slope of the sag by the angle, is replaced by its chord between the least
-    and the greatest speed.
+    It is the right-hand side of (7a), in which the chord between the least and the greatest speed
+    replaces ``max(0, c - w + p |w|)``, with c the change of the sag and p the largest slope of the
+    sag by the angle.
     """
     weights, gain, by_pose = model.window.weights, model.gain_per_tick, model.most_pose_sag
     replaced = float(np.abs(np.diff(weights, prepend=0.0, append=0.0)).sum())
@@ -274,7 +274,7 @@ def _speed_rows(
 
 
 def distance_from_rest(model: JointModel, load: Array, level: Level) -> Array:
-    """How far the first angles can be from the start [rad]: condition 3.
+    """Largest distances of the first angles from the start [rad]: condition 3.
 
     The joint rests until the second request acts; then only the weights of the requests that may
     differ from the first one can carry it away, and at any time a change of the sag. The level
@@ -292,7 +292,7 @@ def distance_from_rest(model: JointModel, load: Array, level: Level) -> Array:
     low, high = model.speed_limits(load[: len(new)])
     fastest = np.maximum(high, -low) * model.tick
     sagged = model.gain_per_tick * model.compliance * np.abs(load[: len(new)] - load[0])
-    if model.has_inertia and np.any(sagged):  # how it rings is not bounded here
+    if model.has_inertia and np.any(sagged):  # overshoot is not bounded here
         sagged = np.full_like(fastest, np.max(fastest))
     more = (fastest - model.v_max_per_tick) * new + (1.0 - new) * sagged
     return np.asarray(model.v_max_per_tick * np.cumsum(new) + np.cumsum(more))

@@ -24,11 +24,11 @@ from planner.planning.bounds.reachable_set import BoundProblem, distance_from_re
 from planner.trajectory import Array, Indices
 
 Intervals = dict[int, tuple[float, float]]
-"""Least and greatest value of the requests that are known to lie somewhere."""
+"""Least and greatest value of requests with a known range."""
 
 
 RELAXATION_WORK, NONZERO_WORK = 1500, 3
-"""What a relaxation counts, with the search for cuts after it, and each of its nonzeros."""
+"""Work of a relaxation with the search for cuts after it, and of each of its nonzeros."""
 
 
 class ActingPairs(NamedTuple):
@@ -48,7 +48,7 @@ class ActingPairs(NamedTuple):
 
 
 class RequestWindow(NamedTuple):
-    """Where one request acts: indices of its contributions, and of the angles they depend on."""
+    """Ticks of one request: indices of its contributions, and of the angles they depend on."""
 
     contributions: Indices
     angles: Indices
@@ -67,7 +67,7 @@ class Ranges(NamedTuple):
         return Ranges(*(each.copy() for each in self))
 
     def within(self, other: Ranges) -> Ranges:
-        """What these ranges and others have in common."""
+        """Intersection of two sets of ranges."""
         return Ranges(
             np.maximum(self.lower, other.lower),
             np.minimum(self.upper, other.upper),
@@ -77,28 +77,28 @@ class Ranges(NamedTuple):
 
 
 class ScaledProblem:
-    """A bound's problem in units of v_max a tick, with what its relaxations share.
+    """A bound's problem in units of v_max a tick, with the common data of its relaxations.
 
     The joint has neither a dead band nor inertia.
 
     Attributes:
         gain: gamma = v_max / theta_0 [1/tick].
-        excess: By how much the top speed is higher upwards, and lower downwards [v_max].
+        excess: Excess of the top speed upwards, which is missing downwards [v_max].
         desired: D [v_max ticks], shape (n,).
-        incumbent: Error of a known plan, which a better response stays below [v_max ticks].
+        incumbent: Error of a known plan, above that of any better response [v_max ticks].
         norm: Which error.
         ticks: Number of ticks.
         sampled: Ticks at which the desired angles are compared, shape (n,).
-        fixed: Requests that are known, as from rest with a given start the first.
+        fixed: Known requests, such as the first one from rest with a given start.
         windows: Where each request acts.
-        work: What has been done so far, in nonzeros of the cone programmes of tightening.
-        most_work: When the search stops.
+        work: Work so far, in nonzeros of the cone programmes of tightening.
+        most_work: Work at which the search stops.
     """
 
     def __init__(
         self, problem: BoundProblem, incumbent: float, *, most_work: float = math.inf
     ) -> None:
-        """Scale the problem: one is what the joint can move in a tick."""
+        """Scale the problem: the unit is the joint's largest move in a tick."""
         problem = without_load(problem)
         model, desired, cyclic, norm, start, _ = problem
         unit, middle = model.v_max_per_tick, float(np.mean(desired))
@@ -134,7 +134,7 @@ class ScaledProblem:
 
     @property
     def exhausted(self) -> bool:
-        """Whether all work that is allowed has been done."""
+        """Whether the allowed work is used up."""
         return self.work >= self.most_work
 
     @property
@@ -156,7 +156,7 @@ class ScaledProblem:
         return Ranges(lower, upper, slowest, np.full(self.ticks, self.excess + 1.0))
 
     def requests_at(self, lower: Array, upper: Array, interval: tuple[float, float]) -> RequestSet:
-        """What a request in an interval can contribute at angles within these ends."""
+        """The contributions of a request in an interval, at angles within these ends."""
         return RequestSet(self.gain, lower, upper, interval, self.excess)
 
     @cached_property
@@ -224,7 +224,7 @@ def acting_pairs(model: JointModel, ticks: int, *, cyclic: bool) -> ActingPairs:
     number = np.floor_divide((np.arange(ticks)[:, np.newaxis] - ages).ravel(), model.hold)
     if not cyclic:
         number = np.maximum(number, 0)
-    # In a short cycle a request may act twice at one tick, as sent in two cycles: it is the same.
+    # In a short cycle a request may act twice at one tick, as sent in two cycles: one entry.
     number = number % requests
     key = tick * requests + number
     unique, inverse = np.unique(key, return_inverse=True)
@@ -248,15 +248,15 @@ class Cut(NamedTuple):
 
 
 class RelaxedSolution(NamedTuple):
-    """The nearest point of a relaxation, and what its multipliers prove about all of the set.
+    """The nearest point of a relaxation, and the bound of its multipliers for the whole set.
 
     Attributes:
         angles: x, shape (ticks,).
         contributions: u, shape (pairs,).
-        bound: No point of the relaxation has a smaller error, by (9) [v_max ticks].
+        bound: Lower bound on the error of the relaxation, by (9) [v_max ticks].
         matrix: G, shape (rows, unknowns), the equations of motion first.
         limits: b, shape (rows,).
-        multipliers: lambda, shape (rows,), the last ones those of the cuts.
+        multipliers: lambda, shape (rows,), the multipliers of the cuts last.
         gradient: G' lambda at the samples, shape (n,).
         dual_value: The numerator of (9).
     """
@@ -323,7 +323,7 @@ def _cut_rows(problem: ScaledProblem, cuts: list[Cut]) -> sparse.csr_array:
 
 
 def solve_relaxation(problem: ScaledProblem, ranges: Ranges, cuts: list[Cut]) -> RelaxedSolution:
-    """The relaxation's nearest point, and its distance as the multipliers prove it by (9)."""
+    """The relaxation's nearest point, and the bound on its distance by (9)."""
     matrix, limits = conditions(problem, ranges, cuts)
     problem.work += RELAXATION_WORK + NONZERO_WORK * matrix.nnz
     answer = nearest_point(
@@ -338,7 +338,7 @@ def solve_relaxation(problem: ScaledProblem, ranges: Ranges, cuts: list[Cut]) ->
     reference = np.zeros(problem.size)
     reference[: problem.ticks] = np.clip(angles, ranges.lower, ranges.upper)
     reference[problem.ticks :] = problem.excess
-    # What is compared with nothing may be anywhere in its range; contributions in excess ± 1.
+    # Unknowns without a desired value are anywhere in their range; contributions in excess ± 1.
     room = np.ones(problem.size)
     room[: problem.ticks] = np.maximum(
         ranges.upper - reference[: problem.ticks], reference[: problem.ticks] - ranges.lower

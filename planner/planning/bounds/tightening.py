@@ -2,7 +2,7 @@
 
 The least and the greatest value of an angle or a speed over all responses better than the incumbent
 are bounded by small cone programmes (Gleixner et al. 2017), each on the conditions around one tick
-and on what (9b) of math.md adds: a response with a small error leaves little slack.
+and on (9b) of math.md: the conditions have little slack in a response with a small error.
 """
 
 from __future__ import annotations
@@ -22,21 +22,21 @@ from planner.planning.bounds.saturation_relaxation import (
 from planner.trajectory import Array, Indices
 
 NEIGHBOURHOOD = 11
-"""Ticks on either side whose conditions are taken [-]. With twice as many a round takes longer and,
-in the same time, 0.4 % less is proved in the mean of 13 problems."""
+"""Ticks on either side whose conditions are included [-]. With twice as many a round takes longer
+and, in the same time, the bound is 0.4 % lower in the mean of 13 problems."""
 
 TIGHTENING_TOLERANCE = 1e-5
-"""Clarabel's gap and residuals, in units of v_max a tick [-]; what is proved is valid at any."""
+"""Clarabel's gap and residuals, in units of v_max a tick [-]; the ranges are valid at any."""
 
 
 class LocalProblem(NamedTuple):
     """The conditions around one tick that every response better than the incumbent meets.
 
     Attributes:
-        place: Where each of the problem's unknowns is among the local ones; -1 where it is not.
+        place: Local index of each of the problem's unknowns; -1 where it has none.
         matrix: G, shape (rows, unknowns).
         limits: b, shape (rows,).
-        cones: What b - G z lies in.
+        cones: Cones of b - G z.
         middle: The centre of a box that contains z, shape (unknowns,).
         room: Half the box's widths, shape (unknowns,).
     """
@@ -52,7 +52,7 @@ class LocalProblem(NamedTuple):
 def tighten(
     problem: ScaledProblem, ranges: Ranges, solution: RelaxedSolution, ticks: Iterable[int]
 ) -> bool:
-    """Narrow the ranges in place, tick by tick; False where no such response is left."""
+    """Narrow the ranges in place, tick by tick; False where no such response remains."""
     columns = sparse.csc_array(solution.matrix)
     lengths = np.diff(solution.matrix.indptr)
     for tick in ticks:
@@ -105,8 +105,8 @@ def local_problem(
     """The relaxation's rows that concern the ticks around one alone, and (9b) restricted to them.
 
     Args:
-        problem: What is to be bounded.
-        ranges: What is known so far.
+        problem: The problem of the bound.
+        ranges: The ranges so far.
         solution: The nearest point of the present relaxation.
         columns: Its matrix, by columns.
         lengths: Entries in each of its rows.
@@ -129,7 +129,7 @@ def local_problem(
     equations = int(np.searchsorted(kept, problem.equations))
     multipliers = solution.multipliers[kept].copy()
     multipliers[:equations] = 0.0  # equations leave no slack
-    # lambda (b - G z) of the kept rows is at most the spare; weighted @ z + spare is what is left.
+    # lambda (b - G z) of the kept rows is at most the spare; weighted @ z + spare remains.
     weighted, spare = matrix.T @ multipliers, -float(multipliers @ limits)
     sampled = np.flatnonzero(near[problem.sampled])
     cones = Cones(equations, len(kept) - equations)
