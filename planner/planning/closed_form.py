@@ -30,13 +30,13 @@ from planner.trajectory import Array
 from planner.validation import as_flag
 
 MORE_SEGMENTS = 2
-"""Segments tried beyond those that the approximation needs by itself: a joint that rounds corners
-may track better along more lines. Over 40 random cycles of 30 to 110 samples, with 1 errors are
-3.5 % larger in the mean and 71 % at worst, with 4 they are 5.7 % smaller in the mean and 41 %
-larger at worst, with more lines to send; without, they are 20 % larger."""
+"""Further segments tried beyond the approximation's own: a joint that rounds corners may track
+better along more lines. Over 40 random cycles of 30 to 110 samples, with 1 errors are 3.5 % larger
+in the mean and 71 % at worst, with 4 they are 5.7 % smaller in the mean and 41 % larger at worst,
+with more lines to send; without, they are 20 % larger."""
 
 WORTH_MORE = 0.005
-"""Relative decrease of the tracking error from which on the larger number is taken [-]."""
+"""Least relative decrease of the tracking error for the larger number of segments [-]."""
 
 SAME_TIME = 1e-9
 """How much later than a request a line may begin and still count for it [samples]: rounding."""
@@ -56,20 +56,19 @@ def invert_closed_form(
 
     The desired trajectory is approximated by a piecewise linear one within ±v_max, each line is
     raised by its C_m (Section 4.2), and the requests change from one line to the next l + a/2
-    before the approximation does (Section 4.3), at the true time, be it between two requests.
+    before the approximation does (Section 4.3), at the exact time, also between two requests.
 
     From rest the joint rests at the first desired angle until the plan begins.
 
     C_m, :func:`planner.line_offset`, contains the dead band and the load when a request acts.
-    Rising lines keep the top speed upwards, falling ones that downwards, the smallest under the
-    load.
+    Slopes are limited by the top speed in their direction, the smallest under the load.
 
     Args:
         model: The joint.
         desired: Desired angles [rad], shape (n,), one every ``model.period``.
         cyclic: Whether the trajectory repeats for ever.
-        segments: Number of lines; where not given, chosen by :func:`planner.fit_pwl`, or two more
-            if the joint then comes closer by half a percent.
+        segments: Number of lines; by default chosen by :func:`planner.fit_pwl`, or two more if the
+            joint then comes closer by half a percent.
         rule: How to invert a line, see :func:`planner.line_offset`.
         refine: Whether to move the knots of the approximation until the joint itself, not only the
             approximation, comes as close to ``desired`` as it can with these lines; this never
@@ -82,15 +81,15 @@ def invert_closed_form(
 
     Raises:
         InvalidTrajectory: ``desired`` is not a finite array of shape (n,) that is long enough.
-        InvalidInput: The rule is unknown, ``segments`` is not a number that the samples allow, or
-            the load does not fit the samples or the joint.
+        InvalidInput: The rule is unknown, ``segments`` does not fit the number of samples, or the
+            load does not fit the samples or the joint.
         SolverFailed: The approximation was not found.
 
     Example:
         >>> import numpy as np
         >>> desired = 0.5 * np.sin(2 * np.pi * np.arange(88) / 88)  # [rad], every 8 ms
-        >>> made = invert_closed_form(JointModel.ers210a(), desired)
-        >>> made.requests.shape, f"{np.degrees(made.rms):.2f} deg rms"
+        >>> plan = invert_closed_form(JointModel.ers210a(), desired)
+        >>> plan.requests.shape, f"{np.degrees(plan.rms):.2f} deg rms"
         ((88,), '0.22 deg rms')
     """
     model = checked_model(model)
@@ -129,7 +128,7 @@ def closed_forms(
 
 
 def best_closed_form(problem: Problem) -> Array:
-    """The requests of :func:`invert_closed_form`, by whichever rule does better [rad], (n, 1).
+    """The requests of :func:`invert_closed_form` by the better rule [rad], (n, 1).
 
     They are planned without limits and then clipped to them.
     """
@@ -142,7 +141,7 @@ def best_closed_form(problem: Problem) -> Array:
 def approximations(
     problem: Problem, *, segments: int | None, refine: bool
 ) -> Sequence[PiecewiseLinear]:
-    """The approximation, and where neither count nor knots are fixed one of two more segments."""
+    """The approximation, and where neither count nor knots are fixed another with more segments."""
     (model,) = problem.models
     desired, cyclic = problem.desired[:, 0], problem.cyclic
     low, high = slope_limits(model, problem.loads[0])
@@ -170,7 +169,7 @@ def inverted(
 ) -> tuple[PiecewiseLinear, Array]:
     """The curve whose lines track best, and its admissible requests [rad], (n, 1).
 
-    Refined ones are tried, too. A curve of more lines must be better by half a percent.
+    Refined curves are tried, too. A curve of more lines must be better by half a percent.
     """
     (model,), (load,) = problem.models, problem.loads
     answers = []
@@ -201,7 +200,7 @@ def closed_form_requests(
     rule: Rule = "paper",
     load: npt.ArrayLike | None = None,
 ) -> Array:
-    """The paper's requests for curves that are known already, all in one pass over arrays.
+    """The paper's requests for given curves, all in one pass over arrays.
 
     This is :func:`planner.invert_closed_form` without the search for lines: each line is raised by
     its C_m and gives way to the next l + a/2 before the curve turns. Time and memory: O(m (n + s))

@@ -46,7 +46,7 @@ class TranscriptionOptions:
         radii: Radii of the rounded corners [theta_0], a programme each. Of the first three, half
             gives 0.06 % on average and 0.7 % at worst, twice 0.2 and 1.2 %. The fourth wins 0.01 %,
             and 0.3 % in the norm "max", for half as much time again.
-        weight: Weight alpha on the distance of the requests from those that rest at the desired
+        weight: Weight alpha on the distance of the requests from those that hold the desired
             angles. At half of it the average is 0.04 %, at twice 0.06 %; at a tenth and at ten
             times the worst is 0.7 and 1.4 %.
         iterations: Most iterations for each radius. At half of them the answers are the same, but
@@ -77,7 +77,7 @@ def transcribed_requests(problem: Problem, state: State) -> Array:
     import casadi
 
     if not problem.cyclic and len(problem.desired) <= problem.ages.youngest + 1:
-        return state.requests  # none of the requests that may be chosen acts before the end
+        return state.requests  # no free request acts before the end
     samples, unit = len(problem.desired), problem.models[0].theta_0
     programme = _transcribed(problem, state)
     settings = {"print_level": 0, "sb": "yes", "max_iter": OPTIONS.iterations}
@@ -101,7 +101,7 @@ def transcribed_requests(problem: Problem, state: State) -> Array:
         point, solved = unknowns, True
         requests = problem.resting.copy()
         requests[:samples, 0] = unit * unknowns[samples : 2 * samples]
-        if problem.spec.limited and not problem.cyclic:  # those that act after the end
+        if problem.spec.limited and not problem.cyclic:  # requests that act after the end
             requests[samples - 1 :] = requests[samples - 1]
         requests = problem.admissible(requests)
         error = problem.exact_error(requests)
@@ -124,7 +124,7 @@ class _Programme(NamedTuple):
 
 
 def _transcribed(problem: Problem, state: State) -> _Programme:
-    """The programme as it is written above, with theta_0 as the unit of angle."""
+    """The programme above, with theta_0 as the unit of angle."""
     import casadi
 
     (model,), (load,) = problem.models, problem.loads

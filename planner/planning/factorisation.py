@@ -1,10 +1,10 @@
 """The factorisation L D L' of a sparse quasi-definite matrix, compiled.
 
 Quasi-definite matrices, such as those of KKT systems with regularised conditions, have it under any
-symmetric permutation (R. J. Vanderbei, SIAM J. Optim. 5, 1995). Where the entries of L are is
-worked out once from those of the matrix, by its elimination tree; the numbers follow row by row, as
-in QDLDL (B. Stellato, G. Banjac, P. Goulart, A. Bemporad, S. Boyd, *OSQP: an operator splitting
-solver for quadratic programs*, Math. Prog. Comp. 12, 2020).
+symmetric permutation (R. J. Vanderbei, SIAM J. Optim. 5, 1995). The pattern of L is computed once
+from the pattern of the matrix, by its elimination tree; the numbers follow row by row, as in QDLDL
+(B. Stellato, G. Banjac, P. Goulart, A. Bemporad, S. Boyd, *OSQP: an operator splitting solver for
+quadratic programs*, Math. Prog. Comp. 12, 2020).
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from planner.trajectory import Array, Indices
 
 
 class Factor(NamedTuple):
-    """Where the entries of a matrix are stored, and those of its factor L.
+    """Storage of the entries of a matrix, and of its factor L.
 
     Attributes:
         position: Of each unknown in the order of elimination, (unknowns,).
@@ -43,7 +43,7 @@ class Factor(NamedTuple):
 
 @inner
 def stored(rows: Indices, columns: Indices, position: Indices) -> tuple[Indices, Indices, Indices]:
-    """Where entries are stored, in columns of the permuted upper triangle; equal places are one.
+    """Places of entries, in columns of the permuted upper triangle; equal places are one.
 
     Returns:
         The place of each entry, the first place of each column, and the row of each place.
@@ -77,7 +77,7 @@ def stored(rows: Indices, columns: Indices, position: Indices) -> tuple[Indices,
 
 @inner
 def pattern_of_factor(position: Indices, place: Indices, column: Indices, row: Indices) -> Factor:
-    """The pattern of the factor of a matrix that is stored like this: see :class:`Factor`."""
+    """The pattern of the factor of a matrix in this storage: see :class:`Factor`."""
     size = len(column) - 1
     parent, seen = np.zeros(size, np.int64), np.zeros(size, np.int64)  # 0 is no column's parent
     reach, below = np.zeros(size + 1, np.int64), np.zeros(size + 1, np.int64)

@@ -5,10 +5,10 @@ have closed them, the dynamics have defects (direct multiple shooting: J. T. Bet
 Methods for Optimal Control Using Nonlinear Programming*, 2010); an augmented Lagrangian judges the
 steps (J. Nocedal, S. J. Wright, *Numerical Optimization*, 2006, section 17.3).
 
-A *joint* has requests of its own. A *drive* is a model that answers to them: there is one for each
-joint in each scenario, scenario after scenario. The states are the angles of all drives and, where
-one has inertia, then the speeds of all, in the unit of an angle. In shapes n is the number of
-samples, J of joints, A of drives, S of states; s = S / A is 1 or 2.
+A *joint* has requests of its own. A *drive* is a model under them: there is one for each joint in
+each scenario, scenario after scenario. The states are the angles of all drives and, where one has
+inertia, then the speeds of all, in the unit of an angle. In shapes n is the number of samples, J of
+joints, A of drives, S of states; s = S / A is 1 or 2.
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ class Spec(NamedTuple):
         cyclic: Whether the path repeats for ever.
         youngest: Age of the youngest request that acts before a sample.
         parts: States of a drive, s: 2 with inertia.
-        together: Whether the errors of all scenarios count together: powers of them.
+        together: Whether the cost is a power of the errors of all scenarios together.
         bounded: Whether a request has a limit.
-        limited: Whether a change of requests has one.
+        limited: Whether a change of requests has a limit.
         centring: Weight of distances from ``resting`` beside second differences [-].
-        ridge: Curvature added to the goal's, where it does not see every angle.
+        ridge: Curvature added to that of the goal, which may not depend on every angle.
         drives: Of each drive the numbers of its law, then ticks of its request period, unit of the
             radius of the corners [rad], time in which a speed counts as an angle [ticks], and from
             rest the angle before the first sample [rad], (A, 11).
@@ -44,8 +44,8 @@ class Spec(NamedTuple):
             much faster the drive is in the positive direction [rad/tick], (2, A, n).
         bounds: First requests from rest, lower and upper limits, largest changes [rad], (4, J).
         resting: Requests that would hold the desired angles [rad], (n, J).
-        goal: Desired angle [rad], (n, 1); or desired position of the foot [m], and what is added to
-            each angle before the position is computed [rad], (n, 3 + J).
+        goal: Desired angle [rad], (n, 1); or desired position of the foot [m], and the disturbance
+            added to each angle before the position is computed [rad], (n, 3 + J).
         leg: Origin, axial, cosine and sine part of each link, then the foot in the last one and the
             errors for a metre along each axis [rad/m], (J + 1, 10, 3); for angles (0, 10, 3).
         shares: Weight of each scenario, together 1.
@@ -79,7 +79,7 @@ class Stage(NamedTuple):
         radius: Radius of the saturation's corners [theta_0].
         weight: Weight of the regularisation, alpha of (10), relative to that of the squared errors.
         power: The errors' exponent in the cost.
-        steps: Steps at most: the next stage carries on where this one stops.
+        steps: Most steps; the next stage starts where this one stops.
         smoothing: Whether the regularisation is the sum of the squared second differences of the
             requests, not the squared distance from the requests that hold the desired angles.
     """
@@ -111,10 +111,10 @@ class Search(NamedTuple):
 
 
 class Options(NamedTuple):
-    """What steers the descent.
+    """Options of the descent.
 
-    In brackets what half and twice the value do to the errors of 50 plans that saturate, half of
-    them outside Equation 13: mean and worst change in per cent.
+    In brackets the effect of half and twice the value on the errors of 50 plans that saturate, half
+    of them outside Equation 13: mean and worst change in per cent.
 
     Attributes:
         least_decrease: A stage ends when a step lowers its merit by less than this share (-0.002
@@ -122,13 +122,13 @@ class Options(NamedTuple):
         first_damping: Least weight of the Levenberg-Marquardt term in the first step of a stage,
             relative to that of the errors (0.01 and 1.0; 0.01 and 1.7).
         factor: By this the weight grows after a step that failed, or that gained less than 0.2 of
-            what was predicted, and falls after one that gained more than 0.6 of it.
-        short_factor: By this it grows after a step that had to be shortened; with 3 the errors are
-            the same, but requests for the largest error change up to 14 % more.
+            the predicted reduction, and falls after one that gained more than 0.6 of it.
+        short_factor: By this it grows after a shortened step; with 3 the errors are the same, but
+            requests for the largest error change up to 14 % more.
         defect_penalty: Weight on the squares of the defects in the merit, relative to the largest
             curvature of the cost (0.006 and 0.4; 0.000 and 0.02, and 2.5 where it does not
             saturate).
-        shortening: Share of a step that is tried after one that was too long (0.02 and 1.7; -0.01
+        shortening: Ratio of a step's length to the length that was too long (0.02 and 1.7; -0.01
             and 0.2, with requests that change 7 % more).
     """
 
@@ -142,29 +142,29 @@ class Options(NamedTuple):
 
 OPTIONS = Options()
 
-LENGTHS = 4  # of a step that are tried before it is computed anew
-ACTIVE_SETS = 8  # that are tried before the step is computed anew, with more damping
+LENGTHS = 4  # most lengths of a step before it is computed anew
+ACTIVE_SETS = 8  # most active sets before the step is computed anew, with more damping
 NEGLIGIBLE = 0.1  # a stage ends where less than this share of the least decrease was predicted
 LEAST_WEIGHT = 1e-6  # of an error where powers are summed: the curvature is definite
 LARGEST_SHARE = 1e4  # error in units from which on a cost counts as this large: a finite number
-SLACK = 1e-11  # taken from the diagonal of the conditions: those of a saturated cycle are singular
-SPEED_TERM = 1e-6  # Levenberg-Marquardt term of the speeds, which no error sees
+SLACK = 1e-11  # subtracted from the diagonal of conditions: a saturated cycle's are singular
+SPEED_TERM = 1e-6  # Levenberg-Marquardt term of the speeds, on which no error depends
 TOUCHING = 1e-9  # distance from a limit that counts as none [rad]
 
 
 class Point(NamedTuple):
-    """Requests and states, with what the smoothed models and the stage make of them.
+    """Requests and states, with derivatives by the smoothed models and the cost of the stage.
 
     Attributes:
         requests: R [rad], (n, J).
         states: X, (n, S).
-        defects: What the states before lead to, less the states, (n, S).
-        slopes: Derivatives of each drive's states by those before, by each request, and second
+        defects: Response to the states before, less the states, (n, S).
+        slopes: Derivatives of each drive's states by the states before, by each request, and second
             ones by each request's distance from the angle, (n, A, s, s + 2 width).
         quadratic: Curvature of the cost by the angles, in blocks of a scenario or of all, and in
             the last column half the gradient, (n, blocks, size, size + 1).
-        away: What S makes of the requests, less their centre [rad], (.., J).
-        costs: Cost of the errors, that with the regularisation, and the unit of the errors, (3,).
+        away: S applied to the requests, less their centre [rad], (.., J).
+        costs: Cost of the errors, cost with the regularisation, and the unit of the errors, (3,).
     """
 
     requests: Array
@@ -196,7 +196,7 @@ def foot_of(leg: Array, angles: Array, foot: Array, jacobian: Array) -> None:
     """Fill the foot's position [m], (3,), and its derivatives by the joints' angles, (J, 3).
 
     ``p -> origin + (A + cos C + sin S) p`` from the last joint to the first: see
-    :class:`kinematics.chain.Link`. ``leg`` is that of :class:`Spec`, angles are in rad, (J,).
+    :class:`kinematics.chain.Link`. ``leg`` is as in :class:`Spec`, angles are in rad, (J,).
     """
     joints = len(leg) - 1
     turned = np.empty((2, 3, 3))  # the link's rotation, and its derivative
@@ -210,7 +210,7 @@ def foot_of(leg: Array, angles: Array, foot: Array, jacobian: Array) -> None:
                 along, across = leg[joint, 4 + i, j], leg[joint, 7 + i, j]
                 turned[0, i, j] = leg[joint, 1 + i, j] + cosine * along + sine * across
                 turned[1, i, j] = cosine * across - sine * along
-        for moved in range(joint, joints + 1):  # the derivative by this angle, others, the foot
+        for moved in range(joint, joints + 1):  # derivatives by this angle and others, the foot
             own = moved == joint
             for i in range(3):
                 before[i] = foot[i] if own or moved == joints else jacobian[moved, i]
@@ -256,7 +256,7 @@ def set_cost(
 ) -> None:
     """The sum of ``unit^2 |error / unit|^power`` to second order in the angles: (13).
 
-    Gauss-Newton: the errors themselves are taken to be linear in the angles. With a unit of 0 it is
+    Gauss-Newton: the errors themselves count as linear in the angles. With a unit of 0 the unit is
     the largest error.
     """
     samples, scenarios, size = values.shape
@@ -317,10 +317,10 @@ def around(sample: int, samples: int, cyclic: bool) -> tuple[int, int, int]:
 def set_away(
     requests: Array, resting: Array, centring: float, cyclic: bool, smoothing: bool, away: Array
 ) -> None:
-    """Fill what S makes of the requests, less their centre: distances, or second differences.
+    """Fill S applied to the requests, less their centre: distances, or second differences.
 
-    The latter are one for every sample, from rest none for the last one; with a centring follow the
-    distances from the requests that rest.
+    There is a second difference for every sample, from rest none for the last one; with a centring
+    the distances from ``resting`` follow.
     """
     samples, joints = requests.shape
     rows = 0
@@ -402,20 +402,20 @@ def set_entries(
     pattern_columns: Indices,
     values: Array,
 ) -> int:
-    """Fill the entries of the KKT matrix, each of one triangle or on the diagonal; how many.
+    """Fill the entries of the KKT matrix, of one triangle and the diagonal; their number.
 
     Unknowns are the requests, the states, the multipliers of the dynamics and, where changes are
-    limited, those of the changes. The first entries are the diagonal of the requests.
+    limited, of the changes. The first entries are the diagonal of the requests.
 
     Args:
         spec: The problem.
         stage: Regularisation.
-        point: Where the search is.
+        point: The present point.
         terms: Levenberg-Marquardt terms of the requests, Delta, (n, J).
-        eased: Those of the angles, E, (n, A).
+        eased: Levenberg-Marquardt terms of the angles, E, (n, A).
         tight: Changes that are at their limits, (n, J).
-        pattern_rows: Filled with the number of one unknown of each entry.
-        pattern_columns: Filled with that of the other.
+        pattern_rows: Filled with the row of each entry.
+        pattern_columns: Filled with its column.
         values: Filled with the entries.
     """
     rows, columns = pattern_rows, pattern_columns
@@ -487,7 +487,7 @@ def set_entries(
 
 
 def allocated(spec: Spec, *, smoothing: bool) -> Point:
-    """A point with all its arrays, not filled."""
+    """A point with all its arrays, set to 0."""
     samples, joints = spec.resting.shape
     drives, _, width = spec.weights.shape
     states, parts, scenarios = drives * spec.parts, spec.parts, len(spec.shares)
@@ -504,17 +504,17 @@ def allocated(spec: Spec, *, smoothing: bool) -> Point:
 
 
 def rows_of_smoothing(spec: Spec) -> int:
-    """How many second differences there are, and distances from the middle of a dead band."""
+    """Number of second differences, and of distances from the middle of a dead band."""
     samples = len(spec.resting)
     return samples - (0 if spec.cyclic else 1) + (samples if spec.centring > 0.0 else 0)
 
 
 def pattern_of(spec: Spec, *, smoothing: bool) -> Pattern:
-    """Where the entries of the steps of a problem are: unknowns are eliminated in order of time.
+    """The pattern of the steps of a problem: unknowns are eliminated in order of time.
 
-    Without second differences and limits on changes requests are eliminated first, then states:
-    what is left is a Schur complement. With them each request follows the last condition on which
-    it acts; those that act across the boundary of a cycle come last where they are fewer than the
+    Without second differences and limits on changes requests are eliminated first, then states: a
+    Schur complement remains. With them each request follows the last condition on which it acts;
+    requests that act across the boundary of a cycle come last where they are fewer than the
     conditions with which they would be eliminated.
     """
     samples, joints = spec.resting.shape
@@ -586,14 +586,14 @@ def set_step(
     middle of the dead band; N takes first differences; E and Delta are Levenberg-Marquardt terms:
     an even weight, and the curvature of the Lagrangian at the corners where it is positive. Which
     limits are active is found by the primal-dual active set strategy (M. Hintermüller, K. Ito,
-    M. Kunisch, SIAM J. Optim. 13, 2002), from those of the step before. Where it does not end, the
-    search computes the step again with more damping, from the limits that it ended with.
+    M. Kunisch, SIAM J. Optim. 13, 2002), from the active set of the step before. Where it does not
+    end, the search computes the step again with more damping, from the last active set.
 
     Args:
         spec: The problem.
         stage: Regularisation.
         pattern: The KKT matrix.
-        point: Where the search is.
+        point: The present point.
         search: Multipliers, damping and active limits; these are changed.
         step: Filled, (unknowns,).
 
@@ -695,7 +695,7 @@ def solve_kkt(
         values: Entries of the matrix.
         right: Right-hand side.
         fixed: 1 for requests that have a fixed place, else 0.
-        place: These places; 0 for all others.
+        place: These places; 0 for all other unknowns.
         step: Filled.
     """
     matrix, target = np.zeros(len(pattern.factor.row)), right.copy()
@@ -729,7 +729,7 @@ def active_changed(
     at_limit: Indices,
     tight: Indices,
 ) -> bool:
-    """Hold the limits that a step would pass, let go those whose force turns inward; any changed?
+    """Activate limits that a step would pass, release those with an inward force; any changed?
 
     The force on a request is half the derivative of the Lagrangian by it: a residual of the system.
     """
@@ -782,7 +782,7 @@ def keep_step(requests: Array, max_step: Array, cyclic: bool) -> None:
 
     With s the largest step they are the middle between the largest requests below the given ones
     that keep it, ``min_j (R_j + s |j - k|)``, and the smallest above, ``max_j (R_j - s |j - k|)``;
-    in a cycle distances are those around it. Requests that keep it already stay as they are, and
+    in a cycle distances are measured around it. Requests that keep it already do not change, and
     none leaves the range of the given ones, so that limits still hold. Time: O(n).
 
     Args:
@@ -849,15 +849,15 @@ def go_through(
     trial: Point,
     ends: Array,
 ) -> None:
-    """Lower the cost of each stage by damped Gauss-Newton steps, from where the last one ended.
+    """Lower the cost of each stage by damped Gauss-Newton steps, from the end of the last one.
 
     Args:
         spec: The problem.
         pattern: Its KKT matrix.
-        search: Where it begins; at the end, where it stops.
+        search: The first iterate; replaced by the last one.
         stages: In the order of :class:`Stage`, all with the same regularisation, (m, 5).
-        point: To work on.
-        trial: Likewise.
+        point: Work space.
+        trial: Work space.
         ends: Filled with the requests with which each stage ends [rad], (m, n, J).
     """
     samples, joints = spec.resting.shape

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from kinematics.leg import Leg
 
 
-@np.errstate(under="ignore")  # too small to matter, whatever the caller has set
+@np.errstate(under="ignore")  # too small to matter, whatever the caller's setting
 def invert_optimal(
     model: ModelOrModels,
     desired: npt.ArrayLike,
@@ -53,23 +53,23 @@ def invert_optimal(
 
     Angles and requests are the unknowns. Damped Gauss-Newton steps, each at a cost in proportion to
     the length, lower the error on a saturation whose rounded corners are sharpened stage by stage,
-    from the best trajectory within ±v_max and its closed form onwards. The exact model, run, judges
-    the last stages, and the best requests are kept, so that they are never worse than that form
-    before they are smoothed. Where next to no sample can be reached below the top speeds, the
+    from the best trajectory within ±v_max and its closed form onwards. The exact model, simulated,
+    judges the last stages, and the best requests are kept, so that before smoothing they are never
+    worse than that closed form. Where next to no sample can be reached below the top speeds, the
     search also starts from the answers of :func:`planner.invert_closed_form`.
 
     At the end requests are smoothed: their sum of squared second differences is lowered as far as
     ``smoothness`` allows (``docs/math.md``, section 6). With 0 the error was at most that of
-    :func:`planner.invert_closed_form` on every joint that was tried; by default it may be above it
-    by what the smoothing allows.
+    :func:`planner.invert_closed_form` on every tested joint; by default it may exceed that by the
+    allowed rise.
 
     From rest the joint rests at ``start`` until the plan begins: the first request holds it there.
 
     Args:
-        model: The joint. Or several models that it may have, the nominal one first, or the answer
-            of :func:`planner.identify`, from whose intervals eight are drawn beside its own, always
-            the same ones: the requests are then good for all of them. With a sequence of one the
-            joint has that model in any case.
+        model: The joint. Or a sequence of candidate models, nominal first, or the answer of
+            :func:`planner.identify`, from whose intervals eight are drawn beside its own, always
+            the same ones: the requests are then good for all of them. A sequence of one is one
+            model, without draws.
         desired: Desired angles [rad], shape (n,), one every ``model.period``.
         cyclic: Whether the trajectory repeats for ever.
         limits: Smallest and largest request allowed [rad]; -inf and inf where there is none.
@@ -87,23 +87,23 @@ def invert_optimal(
             for none. It is the error that a robot would show, to which the error of the model adds
             in quadrature: that known of an identified one, and at least an encoder's step of 0.088
             degrees. With dry friction, and where requests would change direction more than eight
-            times a second more often than the path, an error up to that step is allowed anyway.
+            times a second more often than the path, an error up to that step is always allowed.
         robust: "mean" to minimise the root mean square of the errors of several models, the default
-            for them, "worst" for the largest of them. With a model by itself eight others are
-            drawn from the intervals that its file has.
+            for them, "worst" for the largest of them. For a single model eight others are drawn
+            from the intervals in its file.
 
     Returns:
-        The plan; its bound and gap say how much better any other could be. The bound ignores
+        The plan, with a lower bound on the error of any plan, and the gap. The bound ignores
         ``limits`` and ``max_step``; it stays valid, and part of the gap may be due to them.
         Error, bound and gap are those of the nominal model, ``errors_of_models`` has all errors,
         ``nominal`` the plan for the nominal model alone.
 
     Raises:
         InvalidTrajectory: ``desired`` is not a finite array of shape (n,) with n >= 3.
-        InvalidInput: The norm or the solver is unknown, the limits are not two numbers, a cycle is
-            given a ``start``, the load does not fit the samples or the joint, ``max_step`` is not
-            above 0, ``smoothness`` below it, or a model without intervals, or one in any
-            case, is to be planned for robustly.
+        InvalidInput: The norm or the solver is unknown, the limits are not two numbers, a cycle has
+            a ``start``, the load does not fit the samples or the joint, ``max_step`` is not above
+            0, ``smoothness`` is below 0, or ``robust`` has a model without intervals or a sequence
+            of one.
         Infeasible: The limits exclude each other, the start or a desired angle.
         SolverFailed: No requests were found that lead to a steady cycle, or IPOPT stopped without
             an answer.
@@ -112,8 +112,8 @@ def invert_optimal(
         >>> import numpy as np
         >>> from planner import JointModel
         >>> desired = 1.2 * np.sin(2 * np.pi * np.arange(88) / 88) ** 3  # [rad], every 8 ms
-        >>> made = invert_optimal(JointModel.ers210a(), desired, limits=(-1.5, 1.5))
-        >>> f"{np.degrees(made.rms):.1f} deg rms, {np.degrees(made.lower_bound):.1f} at best"
+        >>> plan = invert_optimal(JointModel.ers210a(), desired, limits=(-1.5, 1.5))
+        >>> f"{np.degrees(plan.rms):.1f} deg rms, {np.degrees(plan.lower_bound):.1f} at best"
         '10.4 deg rms, 10.2 at best'
     """
     task = Task.of(
@@ -133,7 +133,7 @@ def invert_optimal(
     return Inversion(planned(task, solver=solver))
 
 
-@np.errstate(under="ignore")  # too small to matter, whatever the caller has set
+@np.errstate(under="ignore")  # too small to matter, whatever the caller's setting
 def invert_foot(
     models: ModelOrModels | Sequence[ModelOrModels],
     leg: Leg,
@@ -152,15 +152,15 @@ def invert_foot(
 ) -> FootInversion:
     """Requests to all joints of a leg that keep its foot as close to a path as the search can.
 
-    The error of one joint can compensate for that of another. The search is that of
-    :func:`planner.invert_optimal` with the joints stacked, from their own plans on. From rest the
+    The error of one joint can compensate for that of another. The search is the one of
+    :func:`planner.invert_optimal` with the joints stacked, from their own plans. From rest the
     joints rest at the first point, or nearest to it.
 
     Args:
         models: One joint model for all joints of the leg, or one for each. Instead of one model:
             several candidates or an identification, as there. The requests are good for the first,
-            the second ... candidates of all joints together; those of different joints are drawn
-            independently, joints with the same model have the same ones.
+            the second ... candidates of all joints together; candidates of different joints are
+            drawn independently, joints with the same model have the same ones.
         leg: A leg of up to three joints.
         foot: Desired positions in the leg's base frame [m], shape (n, 3), one every model's period.
         cyclic: Whether the path repeats for ever.
@@ -176,8 +176,8 @@ def invert_foot(
             are taken to miss under other requests too: see :func:`planner.refine`.
         max_step: Largest change from one request of a joint to the next [rad], a number or shape
             (k,): see :func:`planner.invert_optimal`.
-        smoothness: Relative rise of the foot's error that smoother requests may cost, as there: an
-            error that a robot would show, those of the joints through the leg's Jacobian.
+        smoothness: Relative rise of the foot's error that smoother requests may cost, as there: the
+            error that a robot would show, from the joints' errors by the leg's Jacobian.
         robust: "mean" or "worst" of the foot's errors over several models, as there.
 
     Returns:
@@ -187,8 +187,8 @@ def invert_foot(
     Raises:
         InvalidInput: The models do not fit the leg or each other, or the weights are not three
             numbers, 0 or more and not all 0, or load or disturbance do not fit the points, or
-            ``max_step`` is not above 0 or ``smoothness`` below it, or a model without
-            intervals, or only models in any case, are to be planned for robustly.
+            ``max_step`` is not above 0 or ``smoothness`` is below 0, or ``robust`` has a model
+            without intervals or only sequences of one.
         Infeasible: The limits exclude each other, or no joint moves the foot where it counts.
         kinematics.KinematicsError: The path is not an array (n, 3), or the leg has no inverse.
         SolverFailed: No requests were found that lead to a steady cycle of every joint.
@@ -196,8 +196,8 @@ def invert_foot(
     Example:
         >>> from planner import JointModel, reference_walk
         >>> walk = reference_walk()
-        >>> made = invert_foot(JointModel.ers210a(), walk.leg, walk.desired_foot)
-        >>> f"{100 * made.rms:.2f} cm rms"
+        >>> plan = invert_foot(JointModel.ers210a(), walk.leg, walk.desired_foot)
+        >>> f"{100 * plan.rms:.2f} cm rms"
         '0.62 cm rms'
     """
     task = Task.of(
@@ -241,8 +241,8 @@ def plan(
 ) -> Plan:
     """Requests that make several joints follow desired angles, each joint planned by itself.
 
-    Where the position of a foot counts and not the angles, :func:`planner.invert_foot` plans for
-    all joints of a leg at once.
+    If the position of a foot counts and not the angles, :func:`planner.invert_foot` plans all
+    joints of a leg at once.
 
     Args:
         models: One model for all joints, one for each, or a dict by joint, as
@@ -297,10 +297,10 @@ def plan(
         >>> from planner import JointModel
         >>> phase = 2 * np.pi * np.arange(100) / 100
         >>> desired = np.column_stack([0.3 * np.sin(phase), 0.2 * np.cos(phase)])
-        >>> made = plan(JointModel.ers210a(), desired, names=["hip", "knee"], limits=(-0.6, 0.6))
-        >>> made.requests.shape
+        >>> result = plan(JointModel.ers210a(), desired, names=["hip", "knee"], limits=(-0.6, 0.6))
+        >>> result.requests.shape
         (100, 2)
-        >>> bool(np.max(np.degrees(made.rms)) < 0.01)
+        >>> bool(np.max(np.degrees(result.rms)) < 0.01)
         True
     """
     check_choice("method", method, METHODS)
@@ -353,17 +353,17 @@ def planned(
     """The plan for a task.
 
     Args:
-        task: What is asked.
-        load: A load of the pose, under which the plan is repeated until it settles; anything else
-            is the task's.
+        task: The task.
+        load: A load of the pose, under which the plan is repeated until it settles; any other load
+            is in the task.
         method: How joints are planned; a foot is optimised.
-        solver: What solves the problem of an optimised joint.
+        solver: Solver of an optimised joint.
         lines: Options of the closed form: segments, rule and refine.
         progress: Called with the name of each joint before it is planned.
 
     Raises:
-        InvalidInput: The solver or the rule has another name, or a joint has several models, of
-            which the closed form does not know.
+        InvalidInput: The solver or the rule is unknown, or a joint has several models and the
+            method is not "optimal".
         SolverFailed: No requests were found that lead to a steady cycle, or the load of the pose
             does not settle.
     """

@@ -39,12 +39,12 @@ def line_offset(
     rule: Rule = "exact",
     load: npt.ArrayLike | None = None,
 ) -> float | Array:
-    """What must be added to a line to get the requests that make the joint follow it: C_m.
+    """Offset of the requests from a line that the joint should follow: C_m.
 
     ``exact`` solves S(C) = m (Equation 6, with the model's own window), which is piecewise linear
     and monotone, so that the joint follows the line without a steady error; at its top speed, where
-    every C from some threshold on solves it, the threshold is taken. ``paper`` is Equations 10 to
-    12, which replace the sum in S by an integral; at v_max they give theta_0 + (l + a) v_max.
+    every C from some threshold on solves it, C is the threshold. ``paper`` is Equations 10 to 12,
+    which replace the sum in S by an integral; at v_max they give theta_0 + (l + a) v_max.
 
     A dead band adds its half width in the direction of the slope; a slope of 0 is held in its
     middle. With ``hold`` > 1 the requests are the line at the instants of the requests; with an
@@ -67,7 +67,7 @@ def line_offset(
             the slopes or the joint, or the rule has another name.
 
     Warns:
-        OutsideEquation13: The paper's rule is asked for a model for which it was not derived.
+        OutsideEquation13: The paper's rule was not derived for the model.
 
     Example:
         >>> import numpy as np
@@ -92,7 +92,7 @@ def line_offset(
 
 
 def check_slopes(model: JointModel, slopes: Array, load: npt.ArrayLike = 0.0) -> None:
-    """Raise InvalidInput where a slope [rad/s] is beyond what the joint can do under the load."""
+    """Raise InvalidInput where a slope [rad/s] is beyond the joint's speeds under the load."""
     low, high = model.speed_limits(load)
     rounding = model.v_max * AT_TOP_SPEED
     beyond = ~((slopes <= high + rounding) & (slopes >= low - rounding))
@@ -110,7 +110,7 @@ def check_slopes(model: JointModel, slopes: Array, load: npt.ArrayLike = 0.0) ->
 
 
 def _load_of(model: JointModel, load: npt.ArrayLike | None, slopes: Array) -> Array:
-    """The torque for every slope [N m], like ``slopes``, or 0 where it changes nothing."""
+    """The torque for every slope [N m], like ``slopes``, or 0 where it has no effect."""
     try:
         each = np.broadcast_to(np.asarray(0.0 if load is None else load), slopes.shape).ravel()
     except ValueError as error:
@@ -144,9 +144,9 @@ def interpolated_offset(
 ) -> Array:
     """:func:`line_offset` from a table, for searches: fast, and good to some 1e-5 of theta_0.
 
-    The table is that of the joint without a load. A load that changes the top speed v^+ by the
-    factor s changes where f saturates: f(delta + s x) becomes s f(delta + x), so that C_m - delta
-    of the slope m becomes s times that of m / s, as long as no error in the window is below delta.
+    The table is for the joint without a load. A load that changes the top speed v^+ by the factor s
+    changes where f saturates: f(delta + s x) becomes s f(delta + x), so that C_m - delta of the
+    slope m becomes s times its value at m / s, as long as no error in the window is below delta.
 
     Args:
         model: The joint.
@@ -168,7 +168,7 @@ def interpolated_offset(
 
 
 def slope_limits(model: JointModel, load: Array | None = None) -> tuple[float, float]:
-    """The slopes that the joint can follow whatever the sample: least and largest [rad/s]."""
+    """The slopes that the joint can follow at every sample: least and largest [rad/s]."""
     low, high = model.speed_limits(0.0 if load is None else load)
     return float(np.max(low)), float(np.min(high))
 
@@ -221,8 +221,8 @@ def _lead(model: JointModel, slopes: Array, rule: Rule, faster: Array) -> Array:
 def _paper(model: JointModel, slope: Array, excess: Array | float) -> Array:
     """Equations 10 to 12 for slopes m >= 0 [rad/tick], beyond the dead band.
 
-    v_max and theta_0 are those of the direction: v_max plus ``excess`` [rad/tick], and theta_0 as
-    much larger, so that v_max / theta_0 is the joint's own.
+    v_max and theta_0 depend on the direction: v_max plus ``excess`` [rad/tick], and theta_0 larger
+    by the same factor, so that v_max / theta_0 is the joint's own.
     """
     v_max = model.v_max_per_tick + excess
     theta_0 = model.theta_0 * (v_max / model.v_max_per_tick)
@@ -230,7 +230,7 @@ def _paper(model: JointModel, slope: Array, excess: Array | float) -> Array:
     proportional = slope * (theta_0 / v_max + acceleration / 2.0) < theta_0  # (10)
     below = slope * (theta_0 / v_max + lag + acceleration / 2.0)  # (11)
     root = np.sqrt(2.0 * theta_0 * slope * acceleration * (v_max - slope) / v_max)
-    above = theta_0 + slope * (lag + acceleration) - root  # (12), m taken under the root
+    above = theta_0 + slope * (lag + acceleration) - root  # (12), m moved under the root
     # A held request is older by (hold - 1) / 2 ticks on average.
     lead = np.where(proportional, below, above) + slope * (model.hold - 1) / 2.0
     return np.asarray(lead + model.dead_band)
@@ -246,7 +246,7 @@ def _exact(model: JointModel, slope: Array, excess: Array | float) -> Array:
 
     ages = model.window.first + np.arange(len(model.window.weights))
     ticks = np.arange(model.hold)  # the ticks between two requests
-    # Where the held line stands, at each tick and age, relative to the angle of the line there.
+    # The held line at each tick and age, relative to the angle of the line there.
     steps = np.floor_divide(ticks[:, np.newaxis] + 1 - ages, model.hold) * model.hold
     behind = float(np.max(ticks[:, np.newaxis] - steps))
     target = slope * model.hold

@@ -17,29 +17,29 @@ LoadOfPose = Callable[[Array], npt.ArrayLike]
 
 
 MOVED, MOVED_SHARE = 1e-4, 0.01
-"""A prediction may move so far [rad], or by this share of its largest distance from the desired
-angles, when the load of the angles before is replaced by that of its own: a fifteenth of a step of
-an encoder with 12 bits; where joints cannot follow, another round brings little."""
+"""Allowed change of a prediction [rad], or as a share of its largest distance from the desired
+angles, when the load at the angles before is replaced by the load at its own: a fifteenth of a step
+of an encoder with 12 bits; where joints cannot follow, another round brings little."""
 
 ROUNDS = 50
 """Most plans, and most simulations of one; two plans suffice where the joints can follow."""
 
 SLOW, LEAST_SHARE = 0.7, 0.125
-"""Where a simulation comes nearer by less than this factor, the next one moves half as far towards
-its answer, down to this share: on a fast path a pose that swings too far calls for a load that
-makes it swing too far the other way."""
+"""If a simulation converges by less than this factor, the next one moves half as far towards its
+answer, down to this share: on a fast path a pose that swings too far leads to a load that makes it
+swing too far the other way."""
 
 
 def settled(plan_under: Callable[[Array], Plan], load: LoadOfPose, desired: Array) -> Plan:
-    """A plan whose load is that of the angles which it predicts.
+    """A plan whose load is the load at its predicted angles.
 
-    With the load tau(q) of a pose the plan of round i is made under tau(q_{i-1}), q_0 = D, and its
-    requests are simulated under the load at the simulated angles,
+    With the load tau(q) of a pose, round i plans under tau(q_{i-1}), q_0 = D, and simulates the
+    requests under the load at the simulated angles,
 
     ``q_i = M(R_i, tau(q_i))``,
 
     by fixed-point iteration, which converges where a change of the angles changes the sag by less:
-    ``kappa |d tau / d q| < 1``. It ends when that simulation is where the plan expected it.
+    ``kappa |d tau / d q| < 1``. It ends when that simulation agrees with the plan's prediction.
 
     Args:
         plan_under: Makes a plan under torques [N m], shape (n, k).
@@ -81,7 +81,7 @@ def _at_simulated_angles(plan: Plan, load: LoadOfPose) -> tuple[Plan, Array]:
 
 
 def _torques(load: LoadOfPose, angles: Array) -> Array:
-    """What a load of the pose answers [N m], shape (n, k), checked."""
+    """The torques of a load of the pose [N m], shape (n, k), checked."""
     answer = load(angles)
     try:
         torques = np.broadcast_to(as_reals(answer), angles.shape)

@@ -37,10 +37,10 @@ from planner.trajectory import Array
 
 @dataclass(frozen=True, kw_only=True)
 class PatternSearchOptions:
-    """What steers the search.
+    """Options of the search.
 
-    In brackets what half and twice the value do to the tracking error of 22 closed forms of six
-    segments: mean and worst change in per cent. Not to search at all costs 8 and 35.
+    In brackets the effect of half and twice the value on the tracking error of 22 closed forms of
+    six segments: mean and worst change in per cent. Without a search: 8 and 35.
 
     Attributes:
         coarsest: First size of a move [samples]; values move by as much as the joint can in that
@@ -63,10 +63,10 @@ LOWER = 1.0 - 1e-4
 
 
 class Lines(NamedTuple):
-    """What lines are inverted by.
+    """Data for the inversion of lines.
 
     Attributes:
-        ahead: How long before a knot the requests change line [samples].
+        ahead: Time by which requests change line before a knot [samples].
         low: Least slope [rad/sample].
         high: Largest slope [rad/sample].
         sag: Sag without a load [rad].
@@ -91,14 +91,14 @@ def refined_curve(
     """Move the knots of ``curve`` until its inverse makes the joint track no better.
 
     A pattern search: every knot moves up and down and along the lines that meet there, every
-    segment up and down and to and fro; moves that lower the simulated error are kept, and when none
-    does they become smaller.
+    segment up and down and to and fro; moves that lower the simulated error are kept, and when no
+    move does they become smaller.
 
     Args:
-        problem: What to follow.
-        curve: Where to start.
+        problem: The problem.
+        curve: The first curve.
         rule: How lines are inverted.
-        ahead: How long before a knot the requests change line [samples].
+        ahead: Time by which requests change line before a knot [samples].
 
     Returns:
         A curve with as many segments, none shorter than a sample, within the joint's speeds.
@@ -148,14 +148,14 @@ def search(
     """The pattern search.
 
     Args:
-        spec: The problem: what the joint should follow, and its limits.
+        spec: The problem: desired angles and limits.
         joint: The joint; filled with its motion.
         lines: How lines are inverted.
         knots: Knots [samples], and
         values: values there [rad]; moved in place.
-        steps: Size of the first moves, that below which the search ends [samples], and by how much
-            values move for a size of one sample [rad].
-        most_work: Samples that are simulated at most, but for the last move.
+        steps: Size of the first moves, least size [samples], and the move of values for a size of
+            one sample [rad].
+        most_work: Most samples simulated, except for the last move.
 
     Returns:
         Sum of squared errors at the end [rad^2]; inf where no curve can be followed.
@@ -293,8 +293,8 @@ def set_move(
 ) -> None:
     """Set the move of this number, by knots [samples] and values [rad] for a size of one sample.
 
-    Four a knot (up, along, along the line that ends there, along that which begins), then two a
-    segment (up, along).
+    Four for each knot (up, along, along the line that ends there, along the one that begins), then
+    two for each segment (up, along).
     """
     size = len(knots)
     for k in range(size):

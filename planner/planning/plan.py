@@ -1,4 +1,4 @@
-"""A plan: requests for a task, and all that follows from the two."""
+"""A plan: requests for a task, and all figures that follow from the two."""
 
 from __future__ import annotations
 
@@ -77,22 +77,22 @@ def request_motion(
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Plan(Summarised):
-    """Requests for a task, and what the exact models make of them.
+    """Requests for a task, and the response of the exact models to them.
 
-    Every figure is computed from task and requests by simulation, whatever found them, and when it
-    is first asked for. What is judged are the k joints, each by itself, or the foot: ``rms``,
-    ``max_error``, ``error``, ``lower_bounds`` and the like have an entry for each of these m.
+    Every figure is computed from task and requests by simulation, for any method, on first access.
+    The k joints are judged, each by itself, or the foot: ``rms``, ``max_error``, ``error``,
+    ``lower_bounds`` and the like have an entry for each of these m.
 
     Attributes:
-        task: What was asked.
-        requests: What to send to the joints [rad], shape (n, k).
-        method: How they were found.
-        solver: What solved the problem of an optimised plan for joints; else None.
+        task: The task.
+        requests: Requests to the joints [rad], shape (n, k).
+        method: The planning method.
+        solver: Solver of an optimised plan for joints; else None.
         approximations: The piecewise linear trajectories behind a closed form, one a joint.
         leads: Of a time shift: how early each joint's desired angles are requested [s].
         nominal_requests: With several models: requests for the nominal ones alone [rad], (n, k).
-        learning: The executed cycles that the plan has learnt from, of each that is judged; () for
-            none.
+        learning: The executed cycles that the plan has learnt from, an entry for each judged joint
+            or foot; () for none.
     """
 
     task: Task
@@ -109,11 +109,11 @@ class Plan(Summarised):
         freeze(self.requests, self.nominal_requests)
 
     def __getstate__(self) -> dict[str, Any]:
-        """What is copied: nothing that can be computed again."""
+        """The fields, without cached figures."""
         return {name: getattr(self, name) for name in self.__dataclass_fields__}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Freeze what was copied or read from a pickle."""
+        """Freeze the copied or unpickled arrays."""
         self.__dict__.update(state)
         self.__post_init__()
 
@@ -158,7 +158,7 @@ class Plan(Summarised):
 
     @property
     def desired(self) -> Array:
-        """Desired angles [rad], shape (n, k); for a foot those that bring it nearest."""
+        """Desired angles [rad], shape (n, k); for a foot the angles that bring it nearest."""
         return self.task.desired
 
     @cached_property
@@ -169,7 +169,7 @@ class Plan(Summarised):
 
     @cached_property
     def of_foot(self) -> FootInversion | None:
-        """The plan as one for a foot; None of one for joints."""
+        """The plan as a plan for a foot; None of a plan for joints."""
         return FootInversion(self) if self.task.goal == "foot" else None
 
     @cached_property
@@ -186,7 +186,7 @@ class Plan(Summarised):
         return self._under_models(self.task.nominal)
 
     def _under_models(self, models: Sequence[JointModel]) -> Array:
-        """The same of other models of the joints."""
+        """The same angles with other models of the joints."""
         angles = self.task.response(self.requests, models)
         if self.task.disturbance is not None:
             angles += self.task.disturbance
@@ -207,23 +207,23 @@ class Plan(Summarised):
 
     @cached_property
     def foot(self) -> Array:
-        """Where the foot then is [m], shape (n, 3)."""
+        """Predicted position of the foot [m], shape (n, 3)."""
         return self.task.foot_at(self.predicted)
 
     @property
     def distances(self) -> Array:
-        """Distance of the foot from where it should be, all axes alike [m], shape (n,)."""
+        """Distance of the foot from its desired position, all axes alike [m], shape (n,)."""
         distances: Array = np.linalg.norm(self.foot - self.task.desired_foot, axis=1)
         return distances
 
     @cached_property
     def direct_foot(self) -> Array:
-        """Where the foot is when the desired angles are requested as they are [m], (n, 3)."""
+        """Position of the foot when the desired angles are requested as they are [m], (n, 3)."""
         return self.task.foot_at(self.direct)
 
     @property
     def direct_distances(self) -> Array:
-        """Distance of the foot then from where it should be [m], shape (n,)."""
+        """Distance of the foot then from its desired position [m], shape (n,)."""
         distances: Array = np.linalg.norm(self.direct_foot - self.task.desired_foot, axis=1)
         return distances
 
@@ -251,10 +251,10 @@ class Plan(Summarised):
 
     @cached_property
     def expected(self) -> tuple[Expectation, ...]:
-        """What to expect of each joint on the robot, and in what it is outside of what was tested.
+        """Expected error of each joint on the robot, and where its motion is outside the tests.
 
-        The error is NaN where nothing is known: see :attr:`planner.JointModel.evidence`. That is
-        about the model alone, so that it says nothing of a plan that has learnt from cycles.
+        The error is NaN where nothing is known: see :attr:`planner.JointModel.evidence`. It is
+        about the model alone, and so NaN for a plan that has learnt from cycles.
         """
         task, learnt = self.task, self.task.disturbance is not None
         columns = zip(task.nominal, task.desired.T, self.predicted.T, task.loads, strict=True)
@@ -274,8 +274,8 @@ class Plan(Summarised):
     def expected_rms(self) -> Array:
         """Errors to expect on the robot [rad], shape (k,); NaN where a model was not tested.
 
-        The plan's own error and that of the model, by what it was tested on. A joint whose
-        ``expected[j].untested`` is not empty moves in another way than that.
+        The errors of the plan and of the model, by the tests of the model. A joint whose
+        ``expected[j].untested`` is not empty moves outside their range.
         """
         return np.array([each.error for each in self.expected])
 
@@ -283,7 +283,7 @@ class Plan(Summarised):
     def expected_foot(self) -> float | None:
         """Root mean square distance of the foot to expect on the robot [m]; None where unknown.
 
-        The models' errors, as independent ones, move the foot from where the plan has it.
+        The models' errors, taken as independent, move the foot from its planned position.
         """
         leg = self.task.leg
         if leg is None or not all(math.isfinite(each.error) for each in self.expected):
@@ -299,7 +299,7 @@ class Plan(Summarised):
 
     @cached_property
     def errors_of_models(self) -> tuple[Array, ...]:
-        """The error with each model, the nominal one first, of each that is judged, (models,)."""
+        """Errors with every model of each judged joint or foot, nominal first, (models,)."""
         task = self.task
         other_errors = [task.errors_of(self._under_models(models)) for models in task.scenarios[1:]]
         errors = np.array([self.error, *other_errors])
@@ -318,10 +318,10 @@ class Plan(Summarised):
         """Lower bounds on the error of any requests, in the norm that counts: [rad], of a foot [m].
 
         Of a joint level "envelope". Limits of requests and steps are ignored; the bound stays
-        valid, and part of the gap may be due to them. That of a foot is about requests within the
-        limits, from rest of plans that begin at ``start``; it takes some 30 ms a sample, up to ten
-        seconds where a path is short. There is none, and it is 0, where the load depends on the
-        pose, or for a foot with a disturbance.
+        valid, and part of the gap may be due to them. The bound of a foot is about requests within
+        the limits, from rest about plans that begin at ``start``; it takes some 30 ms a sample, up
+        to ten seconds where a path is short. It is 0 where the load depends on the pose, and for a
+        foot with a disturbance.
         """
         task = self.task
         felt = [task.load_of_pose and model.feels_load for model in task.nominal]
@@ -366,7 +366,7 @@ class Plan(Summarised):
 
     @property
     def stopped(self) -> dict[str, str]:
-        """Why learning from executed cycles has ended, by joint: those for which it has."""
+        """Why learning from executed cycles has ended, by joint where it has."""
         pairs = zip(self.names, self.learning, strict=False)
         return {name: each.stopped for name, each in pairs if each.stopped}
 
@@ -392,7 +392,7 @@ class Plan(Summarised):
 
     @cached_property
     def speeds(self) -> tuple[PathSpeeds, ...]:
-        """Speeds of every joint on the desired path, and how fast it can be."""
+        """Speeds of every joint on the desired path, and its top speeds."""
         columns = zip(self.models, self.desired.T, self.task.loads, strict=True)
         return tuple(
             path_speeds(model, np.ascontiguousarray(desired), cyclic=self.cyclic, load=load)
@@ -401,7 +401,7 @@ class Plan(Summarised):
 
     @property
     def too_fast(self) -> Array:
-        """Share of the desired path that is faster than the joint can be, shape (k,)."""
+        """Share of the desired path above the joint's top speed, shape (k,)."""
         return np.array([float(np.mean(each.too_fast)) for each in self.speeds])
 
     def under(self, torques: Array) -> Self:

@@ -36,8 +36,8 @@ class Problem:
     joints, angles (n, A) with the joints of one scenario after the other.
 
     Attributes:
-        models: The joints of the nominal scenario, then those of the others, (A,).
-        desired: Desired angles, of a foot those that bring it nearest [rad], (n, J).
+        models: The joints of the nominal scenario, then of the further scenarios, (A,).
+        desired: Desired angles, for a foot the angles that bring it nearest [rad], (n, J).
         foot: The goal of a foot; None where the one joint should follow ``desired``.
         cyclic: Whether the trajectory repeats for ever.
         norm: The error that counts.
@@ -45,12 +45,12 @@ class Problem:
         max_step: Largest change from one request to the next [rad], shape (J,), inf for none.
         smoothness: Relative rise of the shown error that smoother requests may cost [-].
         start: From rest: angles at which the joints rest before the plan [rad], shape (J,).
-        first: From rest: the requests that hold them there [rad], shape (J,); by default those in
-            the middle of the dead bands of the nominal models.
+        first: From rest: the requests that hold them there [rad], shape (J,); by default in the
+            middle of the dead bands of the nominal models.
         loads: Torque on each model's joint in the period that ends in each sample [N m], (n,), or
             None, (A,).
         weights: Weight of each scenario, together 1.
-        robust: With several scenarios the error that counts: the "mean", or that of the "worst".
+        robust: With several scenarios the error that counts: the "mean" or the "worst".
     """
 
     models: tuple[JointModel, ...]
@@ -115,7 +115,7 @@ class Problem:
 
     @cached_property
     def spec(self) -> Spec:
-        """The problem as the compiled search takes it."""
+        """The problem as arrays, for the compiled search."""
         from planner.planning.gauss_newton import Spec, limit
 
         empty, periods = np.zeros(self.joints), np.empty((2, len(self.models), len(self.desired)))
@@ -165,7 +165,7 @@ class Problem:
         return nearest
 
     def roughness(self, requests: Array) -> float:
-        """What smoothing makes small: the sum of squared second differences [rad^2].
+        """Objective of the smoothing: the sum of squared second differences [rad^2].
 
         With dry friction also squared distances from the middle of the dead band: inside it any
         request holds the joint (``docs/math.md``, section 6).
@@ -208,7 +208,7 @@ class Problem:
         return np.asarray(np.sqrt(squares.sum(axis=0) / len(squares)))
 
     def error(self, angles: Array) -> float:
-        """The error that counts: over the scenarios root mean square, or that of the worst."""
+        """The error that counts: over the scenarios root mean square, or the worst."""
         errors = self.errors_of_models(angles)
         if self.robust == "worst":
             return float(errors.max())
@@ -224,7 +224,7 @@ class Problem:
         return math.inf if angles is None else self.error(angles)
 
     def exact_angles(self, requests: Array) -> Array | None:
-        """Angles of the exact models, run, (n, A); None where a joint has no steady cycle.
+        """Angles of the exact models, simulated, (n, A); None where a joint has no steady cycle.
 
         A cycle need not be unique: as in :func:`planner.simulate` it is the one near the angles at
         which the first requests hold the joints.
@@ -242,7 +242,7 @@ class Problem:
         return answer
 
     def states_of(self, angles: Array) -> Array:
-        """States near angles (n, A): with inertia the speeds are the mean ones since the last."""
+        """States near angles (n, A): with inertia speeds are means over the period before."""
         if not self.has_speeds or angles.shape[1] > len(self.models):
             return np.ascontiguousarray(angles)
         before = np.roll(angles, 1, axis=0)
@@ -252,7 +252,7 @@ class Problem:
         return np.hstack([angles, self.units * (angles - before) / holds])
 
     def pattern(self, *, smoothing: bool) -> Pattern:
-        """Where the entries of the search's steps are; worked out once."""
+        """Pattern of the search's steps; computed once."""
         if smoothing not in self._patterns:
             from planner.planning import gauss_newton
 
@@ -297,7 +297,7 @@ class FootGoal:
     """A foot that should follow a path; its errors count in radians of a typical joint's turn.
 
     Attributes:
-        rows: Desired positions, and what is added to the joints' angles, as in ``Spec``.
+        rows: Desired positions, and the disturbance of the joints' angles, as in ``Spec``.
         links: The constants of the leg, as there.
         ridge: Curvature added to that of the squared errors, where a joint that does not move the
             foot has none [-].
@@ -306,12 +306,12 @@ class FootGoal:
     def __init__(
         self, leg: Leg, desired: Array, scale: Array, added: Array, *, ridge: float
     ) -> None:
-        """Take what a foot should do.
+        """Set the goal of a foot.
 
         Args:
             leg: The leg.
             desired: Positions of the foot [m], (n, 3).
-            scale: What turns metres along each axis into errors [rad/m], (3,).
+            scale: Errors for a metre along each axis [rad/m], (3,).
             added: Added to the joints' angles before the position is computed [rad], (n, J).
             ridge: See above.
         """
@@ -361,7 +361,7 @@ RIDGE = 1e-4
 def _foot_goal(task: Task, nearest: Array, added: Array) -> FootGoal:
     """The goal of a foot, its errors scaled by how far a radian of a joint moves it.
 
-    Joints are taken to be at the models' ``nearest`` angles and what is ``added`` [rad], (n, k).
+    The Jacobian is at the models' ``nearest`` angles plus ``added`` [rad], (n, k).
     """
     assert task.leg is not None, "a foot belongs to a leg"
     leg, moved = task.leg, float(np.sqrt(np.mean(task.foot_jacobians(nearest + added) ** 2)))

@@ -1,6 +1,6 @@
-"""A plan as it is seen by those who plan for one joint, or for a foot.
+"""Views of a plan for one joint, or for a foot.
 
-The views have what follows from the requests; ``plan.task`` has all that was asked.
+The views have the figures that follow from the requests; ``plan.task`` has the arguments.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class ErrorsOfModels(NamedTuple):
     """Errors of a plan over the models that joints may have, in its norm: [rad], of a foot [m].
 
     Attributes:
-        nominal: That of the nominal model.
+        nominal: Error of the nominal model.
         mean: Root mean square over all models.
         worst: The largest.
     """
@@ -41,19 +41,19 @@ class ErrorsOfModels(NamedTuple):
 
     @classmethod
     def of(cls, errors: Array) -> ErrorsOfModels:
-        """Those of the errors of each model, the nominal one first, shape (models,)."""
+        """From the error of each model, the nominal one first, shape (models,)."""
         return cls(float(errors[0]), error_norm(errors, "rms"), float(np.max(errors)))
 
 
 @dataclass(frozen=True, eq=False, init=False, repr=False)
 class _View(Summarised):
-    """What is judged as one: a joint of a plan, or its foot; [unit] is rad, or m for a foot.
+    """A judged joint of a plan, or its foot; [unit] is rad, or m for a foot.
 
     ``dataclasses.replace`` takes ``requests`` and fields of the plan and of its task.
 
     Attributes:
         plan: The plan.
-        column: Which of what the plan judges.
+        column: Index of the joint; 0 for a foot.
     """
 
     plan: Plan
@@ -72,7 +72,7 @@ class _View(Summarised):
         object.__setattr__(self, "column", column)
 
     def __getstate__(self) -> dict[str, Any]:
-        """What is copied: nothing that can be computed again."""
+        """The fields, without cached figures."""
         return {"plan": self.plan, "column": self.column}
 
     def _summarised(self) -> Summary:
@@ -83,7 +83,7 @@ class _View(Summarised):
 
     @property
     def method(self) -> Method:
-        """How the requests were found."""
+        """The planning method."""
         return self.plan.method
 
     @property
@@ -151,7 +151,7 @@ class _View(Summarised):
 
 @dataclass(frozen=True, eq=False, init=False, repr=False)
 class Inversion(_View):
-    """Requests for a desired trajectory of one joint, with what the exact model makes of them.
+    """Requests for a desired trajectory of one joint, with the response of the exact model.
 
     A view of one joint of a :class:`planner.Plan`, which computes every figure.
     """
@@ -163,7 +163,7 @@ class Inversion(_View):
 
     @property
     def models(self) -> tuple[JointModel, ...]:
-        """All models that are judged, the nominal one first; () for that alone."""
+        """All judged models, the nominal one first; () for the nominal one alone."""
         models = self.plan.task.models[self.column]
         return models if len(models) > 1 else ()
 
@@ -179,7 +179,7 @@ class Inversion(_View):
 
     @cached_property
     def requests(self) -> Array:
-        """What to send to the joint [rad], shape (n,)."""
+        """Requests to the joint [rad], shape (n,)."""
         return self._column(self.plan.requests)
 
     @cached_property
@@ -194,7 +194,7 @@ class Inversion(_View):
 
     @property
     def solver(self) -> Solver | None:
-        """What solved the problem of an optimised plan; None for a closed form."""
+        """Solver of an optimised plan; None for a closed form."""
         return self.plan.solver
 
     @property
@@ -224,7 +224,7 @@ class Inversion(_View):
 
     @property
     def load_of_pose(self) -> bool:
-        """Whether that is the load of the predicted angles.
+        """Whether ``load`` is the load at the predicted angles.
 
         Other requests would meet another load, so that there is no lower bound on their error: it
         is 0, unless the nominal model feels no load.
@@ -233,7 +233,7 @@ class Inversion(_View):
 
     @cached_property
     def disturbance(self) -> Array | None:
-        """What executed cycles add to the model's angles [rad], (n,): see :func:`planner.refine`.
+        """Disturbance of the model's angles in executed cycles [rad], (n,): :func:`planner.refine`.
 
         None before any was measured.
         """
@@ -247,12 +247,12 @@ class Inversion(_View):
 
     @property
     def speeds(self) -> PathSpeeds:
-        """Speeds of the desired path, and how fast the joint can be."""
+        """Speeds of the desired path, and the joint's top speeds."""
         return self.plan.speeds[self.column]
 
     @property
     def within_tolerance(self) -> bool:
-        """Whether the plan keeps the tolerance that was asked for, if one was."""
+        """Whether the plan keeps the tolerance, if there is one."""
         return self.plan.task.tolerance is None or self.error <= self.plan.task.tolerance
 
     @property
@@ -273,7 +273,7 @@ class Inversion(_View):
 
 @dataclass(frozen=True, eq=False, init=False, repr=False)
 class FootInversion(_View):
-    """Requests for all joints of a leg, with what the exact models make of them.
+    """Requests for all joints of a leg, with the response of the exact models.
 
     A view of a :class:`planner.Plan` for a foot, which computes every figure.
     """
@@ -285,7 +285,7 @@ class FootInversion(_View):
 
     @property
     def robust(self) -> Robust | None:
-        """Whether the "mean" or the "worst" of the errors in them was minimised, or neither."""
+        """Whether the "mean" or the "worst" of the models' errors was minimised, or neither."""
         return self.plan.task.robust
 
     @property
@@ -312,7 +312,7 @@ class FootInversion(_View):
 
     @property
     def requests(self) -> Array:
-        """What to send to the joints [rad], shape (n, k)."""
+        """Requests to the joints [rad], shape (n, k)."""
         return self.plan.requests
 
     @property
@@ -337,7 +337,7 @@ class FootInversion(_View):
 
     @property
     def load_of_pose(self) -> bool:
-        """Whether that is the load of the predicted angles.
+        """Whether ``loads`` are the loads at the predicted angles.
 
         There is no lower bound then, unless the nominal models feel no load.
         """
@@ -345,7 +345,7 @@ class FootInversion(_View):
 
     @property
     def disturbance(self) -> Array | None:
-        """What executed cycles add to the models' angles [rad], (n, k): :func:`planner.refine`.
+        """Disturbance of the models' angles in executed cycles [rad], (n, k): see ``refine``.
 
         None before any was measured.
         """
@@ -353,16 +353,16 @@ class FootInversion(_View):
 
     @property
     def foot(self) -> Array:
-        """Where the foot then is [m], shape (n, 3)."""
+        """Predicted position of the foot [m], shape (n, 3)."""
         return self.plan.foot
 
     @property
     def distances(self) -> Array:
-        """Distance of the foot from where it should be, all axes alike [m], shape (n,)."""
+        """Distance of the foot from its desired position, all axes alike [m], shape (n,)."""
         return self.plan.distances
 
     def error_of(self, angles: Array) -> float:
-        """The error of other angles, as it was minimised [m]; ``angles`` [rad], shape (n, k)."""
+        """The error of other angles in the plan's norm [m]; ``angles`` [rad], shape (n, k)."""
         return float(self.plan.task.errors_of(angles)[0])
 
     @property

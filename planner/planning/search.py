@@ -47,9 +47,9 @@ WIDE = (
     Stage(0.02, 1e-5),
     Stage(0.008, 1e-8),
 )
-"""The stages of a search that leaves the place where it begins: under corners so wide every request
-counts. Hardly any regularisation is left at the end, which matters where next to no error is.
-Without this search plans lose up to 18 %."""
+"""The stages of a search far from its start: with corners so wide every request has an effect. The
+last regularisation is very weak, which matters where next to no error remains. Without this search
+plans lose up to 18 %."""
 
 LARGEST = tuple(
     Stage(radius, 1e-5, power, 8)
@@ -62,20 +62,20 @@ LARGEST = tuple(
         (0.006, 64.0),
     )
 )
-"""Where the largest error counts, the stages that follow those of wide corners: it is approached
-through sums of powers of the errors."""
+"""Where the largest error counts, the stages after the wide corners: it is approached through sums
+of powers of the errors."""
 
 FOOT = tuple(stage._replace(steps=16) for stage in (Stage(1.5, 1e-3), Stage(0.7, 1e-3), *NARROW))
-"""The stages for a foot. Wide corners first: the joints must leave the plans that were best for
-each alone. Over 38 feet, corners of 2 and 1 in front lose 0.35 % at worst, none 0.55 %. Where
-joints can compensate for one another, stages take many steps; 12 or 24 make no difference."""
+"""The stages for a foot. Wide corners first: the joints must leave the best plans for each alone.
+Over 38 feet, first corners of 2 and 1 lose 0.35 % at worst, no wide corners 0.55 %. Where joints
+can compensate for one another, stages take many steps; 12 or 24 make no difference."""
 
 SIMULATED = 0.1
 """Radius below which the answer of a stage is worth a simulation [theta_0]."""
 
 
 class State(NamedTuple):
-    """Where a search begins: requests (n, J) and angles (n, A) [rad], not always their own."""
+    """Start of a search: requests (n, J) and angles (n, A) [rad], not always their response."""
 
     requests: Array
     angles: Array
@@ -102,11 +102,11 @@ def _stages_gone_through(problem: Problem, search: Search, stages: Sequence[Stag
 def minimise(
     problem: Problem, state: State, stages: Sequence[Stage], *, through_rms: bool = False
 ) -> tuple[Array, float]:
-    """The best requests that the stages lead to, judged by the exact models, and their error.
+    """The best requests of the stages, judged by the exact models, and their error.
 
     Args:
         problem: The goal, and the limits.
-        state: Where to start; its requests within the limits.
+        state: Start of the search; its requests within the limits.
         stages: The stages to go through.
         through_rms: Where the largest error counts: whether the plan for the root mean square comes
             first, and the stages that turn to the largest error start from it.
@@ -157,7 +157,7 @@ def robust_requests(
     """Requests with a small error over all scenarios, from those of the nominal one on.
 
     With even weights the cost is the mean over the scenarios. For the worst one the weights follow
-    the errors: those of scenarios with larger errors grow until none stands out (C. L. Lawson's
+    the errors: they grow in scenarios with larger errors until the errors are even (C. L. Lawson's
     algorithm, as in J. R. Rice, K. H. Usow, *Mathematics of Computation* 22, 1968).
 
     Args:
@@ -204,11 +204,11 @@ def robust_requests(
 
 @dataclass(frozen=True, kw_only=True)
 class SmoothingOptions:
-    """What steers the smoothing.
+    """Options of the smoothing.
 
-    In brackets what other values do to the sum of squared second differences, in the mean, and to
-    the number of steps, over the smoothing of 86 plans: random joints, some with limits, from rest,
-    with dry friction or for the largest error.
+    In brackets the effect of other values on the sum of squared second differences, in the mean,
+    and on the number of steps, over the smoothing of 86 plans: random joints, some with limits,
+    from rest, with dry friction or for the largest error.
 
     Attributes:
         radii: Radius of the corners in each step [theta_0].
@@ -228,9 +228,9 @@ class SmoothingOptions:
             where an encoder would not show the error [-]: requests that are smooth already are not
             flattened.
         mean: Where the largest error counts: relative rise of the root mean square beside
-            ``smoothness`` [-]. Without a limit a joint that misses one sample in any case could
-            rest. With 1 the largest errors of the reference walk are followed by requests that are
-            two to four times as rough.
+            ``smoothness`` [-]. Without a limit a joint could rest if it must miss one sample
+            anyway. With 1 requests for the largest errors of the reference walk are two to four
+            times as rough.
     """
 
     radii: tuple[float, ...] = (*(0.04,) * 2, *(0.015,) * 16)
@@ -302,8 +302,9 @@ def smoothed(
 
 
 SHAKING = 8.0
-"""Changes of direction beyond those of the path from which on requests shake a joint [1/s]. Of 20
-smooth paths that joints can follow one has such requests, of four of legs with kinks all."""
+"""Least excess of changes of direction over the path's with which requests shake a joint [1/s]. Of
+20 smooth paths that joints can follow one has such requests, of four paths of legs with kinks all.
+"""
 
 
 def shakes(problem: Problem, requests: Array) -> bool:
@@ -339,7 +340,7 @@ class Judged(NamedTuple):
 def judged(problem: Problem, angles: Array) -> Judged:
     """The errors of a motion of the exact models [rad], (n, A)."""
     weights = np.asarray(problem.weights)
-    reach = np.ones((len(weights), problem.joints))  # mean square of what a radian of each makes
+    reach = np.ones((len(weights), problem.joints))  # mean squared error for a radian of each
     if problem.foot is not None:
         jacobians = problem.errors(angles)[1]
         reach = np.einsum("kcij,kcij->cj", jacobians, jacobians) / len(angles)
@@ -347,7 +348,7 @@ def judged(problem: Problem, angles: Array) -> Judged:
     def through(errors: Array) -> float:
         return math.sqrt(float(weights @ np.sum(reach * errors.reshape(reach.shape) ** 2, axis=1)))
 
-    models = problem.nominal * len(weights)  # those that were drawn were not tested
+    models = problem.nominal * len(weights)  # drawn models were not tested
     model_errors = known_errors(models, angles, cyclic=problem.cyclic)
     mean = math.sqrt(float(problem.squares(angles).sum(axis=0) @ weights) / len(angles))
     unseen = np.full(len(model_errors), ENCODER_STEP)
@@ -380,7 +381,7 @@ def allowed_beside(problem: Problem, best: Judged) -> Allowed:
     """
     if problem.smoothness == 0.0:
         return Allowed(0.0, best.error)
-    # where nearly the same motion follows from many requests, more is allowed
+    # where many requests lead to nearly the same motion, a larger error is allowed
     many = problem.foot is not None or any(model.dead_band for model in problem.models)
     return Allowed((1.0 + problem.smoothness) * best.shown, best.unseen if many else 0.0)
 

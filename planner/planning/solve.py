@@ -40,27 +40,27 @@ from planner.trajectory import Array, Mask, rms
 
 @dataclass(frozen=True, kw_only=True)
 class FurtherSearchOptions:
-    """When one search is not enough.
+    """Options for further searches.
 
     Measured over 109 joints, half of them outside Equation 13.
 
     Attributes:
-        far: Error over that of the ideal from which on further searches are worth their time. At
+        far: Ratio of the error to that of the ideal from which on further searches follow. At
             1.015 nothing is gained, at 1.06 up to 0.4 % lost.
-        gain: Relative gain from which on the answer of a wide search is taken, whose requests
+        gain: Least relative gain for the answer of a wide search to be chosen, as its requests
             change more. At half and twice no error changes by more than 0.01 %; without it Σ(ΔR)²
             is 3 % larger.
-        negligible: Error up to which further searches are not worth their time [theta_0]. Half and
-            twice matter only below 0.01 degrees.
+        negligible: Error up to which no further searches follow [theta_0]. Half and twice matter
+            only below 0.01 degrees.
         compared: Samples that the ideal reaches below the top speeds up to which the search also
-            starts from the closed forms, as what is left to choose is where lines change. Without
-            it 6 % of 400 joints on paths far beyond them, 4 to 69 samples long, are followed better
-            by a closed form, by 0.8 % at worst; with it none. It takes 0.05 to 0.3 s.
-        accelerating: Share of the time that the ideal, which knows no limit of the acceleration,
-            would spend accelerating at it, from which on the search starts from the closed forms
-            too [-], unless the plan is within an encoder's step of the ideal. Of 160 joints with
-            such a limit one in ten ends closer with that start, by 65 % at most; all are above
-            0.2. It takes 0.1 to 0.8 s.
+            starts from the closed forms, as only the times of changes between lines are free.
+            Without it a closed form is better for 6 % of 400 joints on much faster paths of 4 to
+            69 samples, by 0.8 % at worst; with it for none. It takes 0.05 to 0.3 s.
+        accelerating: Share of the time that the ideal, which ignores the acceleration limit, would
+            accelerate at that limit, from which on the search also starts from the closed forms
+            [-], unless the plan is within an encoder's step of the ideal. Of 160 joints with such
+            a limit one in ten ends closer with that start, by 65 % at most; all are above 0.2. It
+            takes 0.1 to 0.8 s.
     """
 
     far: float = 1.03
@@ -73,16 +73,16 @@ class FurtherSearchOptions:
 OPTIONS = FurtherSearchOptions()
 
 BEGINNING = 20.0
-"""Length of the beginning of a path beside the time in which a joint settles [-]: it forgets its
-first request after a few of these."""
+"""Length of the beginning of a path, relative to a joint's settling time [-]: the first request has
+no effect after a few of these."""
 
 BARELY_SLOWER = 1e-3
-"""By what share a speed may be below the top speed and count as it: the ideal is iterative."""
+"""Relative tolerance of a speed that counts as the top speed: the ideal is iterative."""
 
 SMOOTH = tuple(stage._replace(weight=1e-2, smoothing=True) for stage in NARROW)
-"""Stages from which smoothing starts as well where the acceleration is limited: against that limit
-requests hardly count, and those of least error chatter. Of a hobby servo's walk the squared second
-differences are 1/700 of theirs, for a twentieth more error."""
+"""Stages from which smoothing starts as well where the acceleration is limited: at that limit
+requests have little effect, and those of least error chatter. For a hobby servo's walk the squared
+second differences are 1/700 of theirs, with a twentieth more error."""
 
 STATIONARY = 1e-9
 """Range of the requests that hold a joint that does not move [rad]: rounding."""
@@ -203,7 +203,7 @@ def without_small_reversals(angles: Array, least: float, *, cyclic: bool) -> Arr
 
     Args:
         angles: The path [rad], shape (n,).
-        least: Depth up to which a reversal is left out [rad].
+        least: Depth up to which a reversal is removed [rad].
         cyclic: Whether the path repeats for ever.
 
     Returns:
@@ -238,7 +238,7 @@ class TurningPoint(NamedTuple):
 
 
 def turning_points(angles: Array, least: float) -> list[TurningPoint]:
-    """Where a path turns by more than ``least``: its extrema between which it goes so far."""
+    """Where a path turns by more than ``least``: extrema with so large moves between them."""
     points: list[TurningPoint] = []
     low = high = direction = 0
     for k, angle in enumerate(angles.tolist()):
@@ -318,7 +318,7 @@ def initial_guess(problem: Problem) -> State:
     """The ideal, the best trajectory within the top speeds (section 4), and its closed form.
 
     Every sample is a knot: request k is on the line from sample i = floor(k + l + a/2) on, raised
-    by its C_m (section 3). From rest the ideal is brought to where the joint can be by then.
+    by its C_m (section 3). From rest the ideal is clipped to the attainable range.
     """
     (model,), (load,) = problem.models, problem.loads
     desired, cyclic = problem.desired[:, 0], problem.cyclic
@@ -360,11 +360,11 @@ def nearest_within_speeds(
 
 
 def below_top_speed(problem: Problem, ideal: Array) -> int:
-    """How many samples the best trajectory within the top speeds reaches at less than these.
+    """Number of samples that the best trajectory within the top speeds reaches below these.
 
     Args:
         problem: One joint.
-        ideal: That trajectory [rad], shape (n, 1).
+        ideal: This trajectory [rad], shape (n, 1).
     """
     (model,), (load,) = problem.models, problem.loads
     limits = model.speed_limits(0.0 if load is None else load)
@@ -377,7 +377,7 @@ def below_top_speed(problem: Problem, ideal: Array) -> int:
 
 
 def time_accelerating(problem: Problem, ideal: Array) -> float:
-    """Share of the time for which a joint accelerates at its limit to change speed as the ideal.
+    """Share of the time that the ideal's changes of speed take at the acceleration limit.
 
     Args:
         problem: One joint.
@@ -392,7 +392,7 @@ def time_accelerating(problem: Problem, ideal: Array) -> float:
 def within_attainable_range(
     model: JointModel, angles: Array, start: float, load: Array | None = None
 ) -> Array:
-    """Angles, clipped to what a joint that rests at the start can attain by then [rad], (n,)."""
+    """Angles clipped to the attainable range of a joint at rest at the start [rad], (n,)."""
     resting = request_ages(model).youngest + 1  # samples before the second request acts
     moving = np.maximum(np.arange(len(angles)) - resting + 1.0, 0.0)
     if load is None:
@@ -413,7 +413,7 @@ def early_and_late(problem: Problem) -> list[Array]:
 
 
 def solve_foot(task: Task) -> Solved:
-    """The requests for all joints of a leg, (n, k), from those for its joints one by one."""
+    """The requests for all joints of a leg, (n, k), from the plans for its joints one by one."""
     problem = problem_of(task)
     singly = [solve_joint(_alone(task, problem, j)).requests for j in range(len(task.names))]
     problem, requests = foot_requests(problem, np.hstack(singly))
@@ -423,7 +423,7 @@ def solve_foot(task: Task) -> Solved:
 def _for_all_models(
     task: Task, problem: Problem, nominal: Array, search: Sequence[Stage]
 ) -> Solved:
-    """The requests for all models of a task, from those for the nominal ones on."""
+    """The requests for all models of a task, from the requests for the nominal ones."""
     if len(task.scenarios) == 1:
         return Solved(nominal, None)
     robust = robust_requests(
@@ -438,7 +438,7 @@ def _for_all_models(
 
 
 def _alone(task: Task, problem: Problem, j: int) -> Task:
-    """The task of one joint of a leg that should be where the problem of the foot has it."""
+    """The task of one joint of a leg that should follow its angles in the problem of the foot."""
     nearest = np.ascontiguousarray(problem.desired[:, j : j + 1])
     return replace(
         task.joint(j).unsmoothed,
@@ -474,13 +474,13 @@ def foot_requests(problem: Problem, singly: Array) -> tuple[Problem, Array]:
 def with_stationary_joints(
     problem: Problem, requests: Array, angles: Array
 ) -> tuple[Problem, Array]:
-    """The plan with the joints at rest that need not move, if a robot shows no difference.
+    """The plan with stationary joints at rest, if a robot shows no difference.
 
-    A joint that stays where it is all along the path can still compensate for a little of the
-    errors of the others. Where this gain is within what the smoothing allows, it should not move.
+    A joint that is stationary along the whole path can still compensate for a little of the errors
+    of the other joints. Where this gain is within what the smoothing allows, it should not move.
 
     Args:
-        problem: What the joints should do together.
+        problem: The problem of the joints together.
         requests: The requests of a good plan [rad], shape (n, k).
         angles: Its angles by the exact models [rad], shape (n, k).
 
@@ -503,7 +503,7 @@ def with_stationary_joints(
 
 
 def holding(problem: Problem, stationary: Mask) -> Problem:
-    """The same problem with some of the joints where they rest, from the first sample on."""
+    """The same problem with some of the joints held at rest."""
     place = problem.resting[0]
     lower, upper = (np.where(stationary, place, limit) for limit in (problem.lower, problem.upper))
     return replace(problem, lower=lower, upper=upper)

@@ -1,4 +1,4 @@
-"""What is asked of a plan: joints, goal, limits and what counts, checked once."""
+"""The task of a plan: joints, goal, limits and norm, checked once."""
 
 from __future__ import annotations
 
@@ -67,22 +67,21 @@ Scenarios = tuple[tuple[JointModel, ...], ...]
 each joint."""
 
 SMOOTHNESS = 0.005
-"""Relative rise of the error that smoother requests may cost where nothing else is asked for [-].
-"""
+"""Default relative rise of the error that smoother requests may cost [-]."""
 
 MOST_SMOOTHNESS = 1e6
-"""Largest rise that is taken [-]: requests that do not move at all are reached long before."""
+"""Largest allowed rise [-]: requests are constant long before."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Task:
-    """What is asked of a plan. Checked once, by :meth:`of`; arrays are read-only.
+    """The task of a plan. Checked once, by :meth:`of`; arrays are read-only.
 
     Attributes:
         names: The k joints; ``("",)`` for one that has no name.
         models: The models that each joint may have, the nominal one first.
-        desired: Desired angles [rad], shape (n, k); for a foot those that bring it nearest.
-        goal: Whether the error of each joint's angles counts, or that of the foot's position.
+        desired: Desired angles [rad], shape (n, k); for a foot the angles that bring it nearest.
+        goal: Whether the error of each joint's angles counts, or of the foot's position.
         leg: The leg whose joints these are, in its order; None where that is not known.
         foot: Desired positions of its foot [m], shape (n, 3); None for a path of joints.
         weights: How much each axis of the foot's position counts, shape (3,).
@@ -98,8 +97,8 @@ class Task:
         tolerance: Error that the plan should keep [rad], [m] for a foot; None for none.
         load: Torques in the period that ends in each sample [N m], shape (n, k), 0 for joints that
             feel none; None where no joint feels one.
-        load_of_pose: Whether that is the load of the predicted angles.
-        disturbance: What executed cycles add to the models' angles [rad], shape (n, k), or None.
+        load_of_pose: Whether ``load`` is the load at the predicted angles.
+        disturbance: Measured minus modelled angles in executed cycles [rad], (n, k), or None.
     """
 
     names: tuple[str, ...]
@@ -151,7 +150,7 @@ class Task:
         load of the pose is the caller's: see :func:`planner.planning.load_of_pose.settled`.
 
         Raises:
-            InvalidInput: An argument is none, or does not fit the others.
+            InvalidInput: An argument is invalid, or the arguments do not fit together.
             InvalidTrajectory: ``desired`` is not finite, or has fewer than three rows.
             Infeasible: The limits exclude each other, the start or a desired angle.
             kinematics.KinematicsError: The leg has no inverse.
@@ -237,7 +236,7 @@ class Task:
         freeze(*(each for each in vars(self).values() if isinstance(each, np.ndarray)))
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """The same of those that were copied or read from a pickle."""
+        """Freeze the copied or unpickled arrays."""
         self.__dict__.update(state)
         self.__post_init__()
 
@@ -267,7 +266,7 @@ class Task:
         )
 
     def loads_on(self, models: Sequence[JointModel]) -> tuple[Array | None, ...]:
-        """The same as one model of each joint feels it."""
+        """The loads for one model of each joint; None where the model feels no load."""
         pairs = zip(models, self.loads, strict=True)
         return tuple(load if model.feels_load else None for model, load in pairs)
 
@@ -284,11 +283,11 @@ class Task:
 
     @property
     def desired_foot(self) -> Array:
-        """Desired positions of the foot [m], (n, 3): of a path of joints those at its angles."""
+        """Desired positions of the foot [m], (n, 3): for a path of joints, at its angles."""
         return self.foot_at(self.desired) if self.foot is None else self.foot
 
     def foot_at(self, angles: Array) -> Array:
-        """Where the leg's foot is at angles (n, k) [m], (n, 3)."""
+        """Position of the leg's foot at angles (n, k) [m], (n, 3)."""
         assert self.leg is not None, "a foot belongs to a leg"
         return self.leg.foot_positions(angles)
 
@@ -326,7 +325,7 @@ class Task:
         return np.array([error_norm(each, self.norm) for each in errors])
 
     def error_made_by(self, deviations: Array, angles: Array) -> float:
-        """Error that deviations from angles (n, k) make, by those of each joint [rad], (k,), rms.
+        """Error by rms deviations of each joint [rad], (k,), from angles (n, k).
 
         In [rad], for a foot in [m].
         """
@@ -337,7 +336,7 @@ class Task:
 
     @property
     def unsmoothed(self) -> Task:
-        """The same task for requests as rough as they come."""
+        """The same task without smoothing."""
         return self if self.smoothness == 0.0 else replace(self, smoothness=0.0)
 
     def keeps(self, requests: Array, *, rounding: float) -> bool:
@@ -381,11 +380,11 @@ class Task:
     def under(
         self, load: npt.ArrayLike | Mapping[str, npt.ArrayLike] | None, *, of_pose: bool = False
     ) -> Task:
-        """The same task under another load [N m], which may be that of a pose, checked.
+        """The same task under another load [N m], also of a pose, checked.
 
         Raises:
-            InvalidInput: It is not of one of the shapes of :meth:`of`, or a joint cannot move
-                against it.
+            InvalidInput: Its shape is none of those of :meth:`of`, or a joint cannot move against
+                it.
             Infeasible: Under it the limits exclude the start or a desired angle.
         """
         shape = self.desired.shape
@@ -420,9 +419,9 @@ class Task:
         return [*columns]
 
     def _check_within(self, j: int) -> None:
-        """Raise Infeasible where the start or a desired angle is one that no request can hold.
+        """Raise Infeasible where no request can hold the start or a desired angle.
 
-        A negligible sag is left out of it: the joint then stays that little short of the limit. Dry
+        A negligible sag is ignored: the joint then stays that little short of the limit. Dry
         friction holds the joint wherever the request is within the dead band.
         """
         limits, model = self.limits[j], self.models[j][0]

@@ -1,4 +1,4 @@
-"""The best time shift: the desired angles themselves, sent early; what a plan has to beat."""
+"""The best time shift: the desired angles themselves, sent early; the baseline of every plan."""
 
 from __future__ import annotations
 
@@ -17,18 +17,17 @@ from planner.planning.task import Task
 from planner.trajectory import Array, rms
 
 LONGEST_LEAD = 1.0
-"""Longest time shift that is tried [s]. Servos lag by 20 to 400 ms."""
+"""Longest time shift [s]. Servos lag by 20 to 400 ms."""
 
 USUAL = 2.0
-"""Leads of up to this many delays of the joint are all tried. (With the first rise as the end, 5 of
+"""All leads of up to this many delays of the joint are tried. (With the first rise as the end, 5 of
 80 random joints miss the best lead, and 17 % of the error at worst.)"""
 
 WORSE_LEADS = 3
-"""Leads one period apart beyond these that may be worse than the best one before longer ones are
-given up."""
+"""Longer leads, one period apart, that may be worse than the best one before the search stops."""
 
 STEPS = (0.25, 0.05)
-"""Between leads that are tried about the best one, four to either side [periods]: the last is the
+"""Steps between leads about the best one, four to either side [periods]: the last step is the
 accuracy of the answer."""
 
 
@@ -41,7 +40,7 @@ def invert_shift(
     start: float | None = None,
     load: npt.ArrayLike | None = None,
 ) -> Inversion:
-    """The desired angles as requests, the best time early: what most robots do by hand.
+    """The desired angles as requests, the best time early: the usual manual remedy.
 
     Request k is the desired angle at sample k plus a lead, between samples on a straight line. The
     lead is the one under which the model comes closest. Every other plan should beat this one. From
@@ -63,14 +62,14 @@ def invert_shift(
 
     Raises:
         InvalidTrajectory: ``desired`` is not a finite array of shape (n,) with n >= 3.
-        InvalidInput: The norm is unknown, a cycle is given a ``start``, or the load does not fit
-            the samples or the joint.
+        InvalidInput: The norm is unknown, a cycle has a ``start``, or the load does not fit the
+            samples or the joint.
 
     Example:
         >>> import numpy as np
         >>> desired = 0.5 * np.sin(2 * np.pi * np.arange(88) / 88)  # [rad], every 8 ms
-        >>> made = invert_shift(JointModel.ers210a(), desired)
-        >>> f"{1e3 * made.lead:.0f} ms early: {np.degrees(made.rms):.1f} deg rms"
+        >>> plan = invert_shift(JointModel.ers210a(), desired)
+        >>> f"{1e3 * plan.lead:.0f} ms early: {np.degrees(plan.rms):.1f} deg rms"
         '78 ms early: 0.6 deg rms'
     """
     task = Task.of(
@@ -88,7 +87,7 @@ def invert_shift(
 def shifted(task: Task) -> Plan:
     """The plan in which the desired angles of each joint are requested the best time early.
 
-    Requests beyond the limits are those at them; steps are those of the desired path.
+    Requests beyond the limits are clipped; their steps are the desired path's.
     """
     each = [task.joint(j) for j in range(len(task.names))]
     leads = [best_lead(joint) for joint in each]
@@ -104,8 +103,8 @@ def shifted(task: Task) -> Plan:
 def shift_recommended(plan: Plan, shift: Plan) -> str:
     """Why the best time shift is recommended instead of a plan, in words; empty where it is not.
 
-    A model may be hardly better than a pure delay. Or it may miss such motion by more than the
-    shift, by the model, misses the path: what the plan would gain is then not known.
+    A model may be hardly better than a pure delay. Or its error in such motion may exceed the
+    shift's predicted error: the gain of the plan is then unknown.
 
     Args:
         plan: A plan by another method.

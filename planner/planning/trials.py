@@ -11,9 +11,9 @@ from planner.trajectory import Array
 from planner.validation import freeze
 
 UNFORESEEN = 0.2
-"""Share of a change of the angles by the model that a joint is expected not to make [-]. (Of 33
-first trials on servos from their physics the middle half missed 0.13 to 0.28 of it; by the model
-alone their errors were up to five times those predicted.)"""
+"""Expected error of a change of the angles by the model, as a share of the change [-]. (Of 33 first
+trials on servos from their physics the middle half missed 0.13 to 0.28 of it; by the model alone
+their errors were up to five times the predicted ones.)"""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -21,9 +21,9 @@ class Trial:
     """Requests as they were executed, in one cycle or in several.
 
     Attributes:
-        requests: What was sent to the joints [rad], shape (n, k).
-        measured: What their sensors said in each cycle [rad], shape (cycles, n, k), known delays
-            of the sensors taken off.
+        requests: Sent requests [rad], shape (n, k).
+        measured: Measured angles of each cycle [rad], shape (cycles, n, k), without known delays of
+            the sensors.
         error: Error of the mean cycle, in the norm of the plan: [rad], or [m] for a foot.
     """
 
@@ -49,12 +49,12 @@ class Trial:
 
 @dataclass(frozen=True, kw_only=True)
 class SensorDelay:
-    """What of the disturbance would be explained by sensors that are late.
+    """The part of the disturbance that late sensors would explain.
 
     Attributes:
         seconds: The delay of the measured angles behind the model that fits best [s].
         share: Share of the squared disturbance that it explains [-].
-        removed: Delay that was taken off the measured angles before anything was learnt [s].
+        removed: Delay removed from the measured angles before learning [s].
     """
 
     seconds: float
@@ -64,24 +64,24 @@ class SensorDelay:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Learning:
-    """The state of learning: with the plan it is all that the next cycle needs.
+    """The state of learning: all data, beside the plan, for the next cycle.
 
     Attributes:
-        trials: The executed requests, oldest first, as many as are kept.
+        trials: The executed trials, oldest first.
         noise: Standard deviation of one cycle about the mean of many, rms over samples [rad], (k,).
-        gain: Share of the disturbance last found that the requests compensate for, 0 to 1.
-        reidentified: The trials after which each joint's model was changed last, one a joint; 0
-            where it is that of the first plan.
-        delays: What a late sensor would explain, for each joint.
-        best: The trial from which the requests were made.
-        floor: What of the error of the best trial cannot be learnt: ``speed``, from the lower bound
-            of the model, and ``noise``, in the unit of the trials' errors; ``nan`` where unknown.
+        gain: Learning gain: share of the last disturbance that the requests compensate, 0 to 1.
+        reidentified: The trial after which each joint's model was changed last, one a joint; 0
+            for the model of the first plan.
+        delays: The effect of a late sensor, for each joint.
+        best: The trial from which the requests were computed.
+        floor: Error of the best trial that cannot be learnt: ``speed``, from the lower bound of the
+            model, and ``noise``, in the unit of the trials' errors; ``nan`` where unknown.
         next_error: Error to expect of one measured cycle of the next requests, in the unit of the
-            trials' errors: that of the models with the disturbance as it was measured in the best
-            trial, its noise and what was not learnt included, and a share of what the requests
-            change; ``nan`` where unknown.
-        stopped: Why there is nothing more to learn; empty while there is.
-        remarks: What was done with the measurements, in words.
+            trials' errors: from the models with the disturbance measured in the best trial, its
+            noise and unlearnt part included, and a share of the change by the new requests;
+            ``nan`` where unknown.
+        stopped: Why learning has ended; empty while it continues.
+        remarks: Remarks on the processing of the measurements.
     """
 
     trials: tuple[Trial, ...]

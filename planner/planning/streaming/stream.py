@@ -1,8 +1,8 @@
 """Requests while the robot moves: a receding horizon on the exact model.
 
-A stream checks what it is given and keeps what it has sent; what it does at a tick is ``tick``.
-What a joint at top speed should do now depends on the next half second of its path. Where the path
-repeats, what follows the known stretch is taken from the cycle before (``repeating_path``).
+A stream checks arguments and stores sent requests; the computation of a tick is ``tick``. The best
+request to a joint at top speed depends on the next half second of its path. Where the path repeats,
+the rows after the known stretch are taken from the cycle before (``repeating_path``).
 """
 
 from __future__ import annotations
@@ -34,49 +34,49 @@ SMOOTHING = 1e-3
 """Weight of the squared changes of the requests, relative to that of the errors."""
 
 CROSSING = 0.03
-"""What is added to it for each theta_0 of dead band: requests jump by two dead bands to turn back.
-With a fifth of it they travel ten times as far along a held angle with noise."""
+"""Added to it for each theta_0 of dead band: requests jump by two dead bands to turn back. With a
+fifth of it they travel ten times as far along a held angle with noise."""
 
 OBSERVER_TIME = 0.07
 """Time constant with which the predicted angle approaches the measured one [s]. On servos that are
 not the model a shorter one lowers the error, but at 0.02 the requests begin to oscillate."""
 
 HORIZON = 0.5
-"""Time ahead that is planned where the path repeats [s]. Over the benchmark's walks errors are
-1.4 % above those of whole plans, with half of it 4.1 %, with twice of it 2.2 %, and over those
+"""Planning horizon where the path repeats [s]. Over the benchmark's walks errors are
+1.4 % above those of whole plans, with half of it 4.1 %, with twice of it 2.2 %, and over walks
 whose speed changes 6.0, 12.0, 7.3 %. Ticks take longer, too."""
 
 STATUS: tuple[Status, ...] = ("planned", "held", "held", "unreachable", "planned")
-"""What is said of a joint with each of the faults of a tick."""
+"""Status of a joint with each of the faults of a tick."""
 
 MOST_PREVIEW = 1000
 """Longest preview [rows]: the time of a tick grows with it."""
 
 SAME_PERIOD = 1e-3
-"""Relative difference of two periods that are one: logs of one robot differ by so much."""
+"""Largest relative difference of two periods that count as equal: logs of one robot differ so."""
 
 
 class Stream:
-    """Plans while the robot moves: each tick takes the next stretch of the path, gives requests.
+    """Plans while the robot moves: each tick takes the next stretch of the path, returns requests.
 
     The joints are planned together, each by itself; they share one period. All memory is allocated
-    here, and the work of a tick is bounded. What cannot be used never stops the loop:
-    the joints concerned hold their last request, and :attr:`status` and :attr:`problem` say so.
+    here, and the work of a tick is bounded. Invalid arguments never stop the loop: the joints
+    concerned hold their last request, and :attr:`status` and :attr:`problem` report it.
 
     Args:
         models: One joint, one model for each, or models by joint, as
             :func:`planner.read_models` returns them.
-        preview: Rows of the desired path that are known at every tick: more than lag and
-            acceleration time take. 200 ms suffice for paths that the joints can follow.
+        preview: Rows of the desired path that are known at every tick: more than lag plus
+            acceleration time. 200 ms suffice for paths that the joints can follow.
         limits: Smallest and largest request [rad], each a number or one for each joint.
         max_step: Largest change from one request to the next [rad], a number or one for each joint.
         cycle: Rows after which the desired path about repeats, such as a walk; None where it does
-            not. What follows the preview is then expected to be what followed a cycle before:
-            joints that are kept at top speed need to know. It is expected until 500 ms from now,
-            but over three quarters of a cycle at most; a preview of 500 ms leaves nothing to
-            expect. The cycle may be up to a quarter shorter or longer, and change. The less of the
-            preview the cycle before explains, and the worse earlier expectations were, the less it
-            counts; before a whole cycle is known, it does not count.
+            not. The rows after the preview are then predicted from the cycle before, which joints
+            at top speed need. The prediction ends 500 ms from now, and after three quarters of a
+            cycle at most; with a preview of 500 ms there is none. The cycle may be up to a quarter
+            shorter or longer, and change. The less of the preview the cycle before explains, and
+            the worse earlier predictions were, the smaller is the weight of the prediction; before
+            a whole cycle is known it is 0.
         on_bad: "hold", or "raise" to raise an error instead, before anything changes; the next step
             then has ``missed=1``.
 
@@ -93,7 +93,7 @@ class Stream:
 
     Raises:
         InvalidInput: A model, ``preview``, ``limits``, ``max_step``, ``cycle`` or ``on_bad`` is
-            none, or the models have different periods.
+            invalid, or the models have different periods.
         Infeasible: A lower limit is above the upper one.
 
     Example:
@@ -135,11 +135,11 @@ class Stream:
         self._max_step = steps_of_each(max_step, self.names)
         self._lay_out()
         self.reset()
-        self._plan(0)  # loads, or compiles, what a tick calls: the first one takes no longer
+        self._plan(0)  # loads or compiles the functions of a tick, so that the first is as fast
         self.reset()
 
     def _lay_out(self) -> None:
-        """Allocate, and compute what every tick uses."""
+        """Allocate, and compute the constants of all ticks."""
         from planner.planning.streaming import tick
         from planner.planning.streaming.repeating_path import repeating_path
 
@@ -177,7 +177,7 @@ class Stream:
         self._all_planned: tuple[Status, ...] = tuple("planned" for _ in models)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Copy and pickle: what it was made from and what it has learnt, not compiled buffers."""
+        """Copy and pickle: arguments and memory, not compiled buffers."""
         options = {
             "preview": self.preview,
             "limits": self._limits,
@@ -189,17 +189,17 @@ class Stream:
         return _made_again, (models, options), (self._memory(), self._status, self._problem)
 
     def __setstate__(self, state: tuple[tuple[Any, ...], tuple[Status, ...], str]) -> None:
-        """Take a copy of another stream's state."""
+        """Copy another stream's state."""
         memory, self._status, self._problem = state
         for array, values in zip(self._memory(), memory, strict=True):
             array[:] = values
 
     def _memory(self) -> tuple[Any, ...]:
-        """What of a stream changes from tick to tick."""
+        """The arrays of a stream that change from tick to tick."""
         return self._data.states, self._data.sent, self._data.plan, *self._path[:4]
 
     def reset(self) -> None:
-        """Forget everything: the next step is a first one, with the joints at rest."""
+        """Return to the initial state: the next step is a first one, with the joints at rest."""
         from planner.planning.streaming.tick import LEAST_DAMPING
 
         states, path = self._data.states, self._path
@@ -224,10 +224,10 @@ class Stream:
 
     @property
     def problem(self) -> str:
-        """What was wrong at the last tick, on one line; empty where nothing was.
+        """The problem at the last tick, on one line; empty for none.
 
-        A measured angle that no joint can have reached is taken as missing, and said here; one that
-        is off by whole turns counts without them, as of an encoder that starts again.
+        A measured angle that no joint can have reached counts as missing, and is reported here; an
+        angle off by whole turns counts without them, as of an encoder that starts again.
         """
         return self._problem
 
@@ -253,12 +253,12 @@ class Stream:
 
         Args:
             desired: The next stretch of the desired path [rad], shape (preview, k), or (preview,)
-                for one joint. Row 0 is where the joints should be now, when the requests are sent;
-                row j, j periods later. Of a shorter stretch the last row is held; rows beyond the
+                for one joint. Row 0 is for now, when the requests are sent; row j, for j periods
+                later. Of a shorter stretch the last row is held; rows beyond the
                 preview have no effect.
-            measured: Measured angles [rad], shape (k,), NaN where there is none. Their time is that
-                of this tick: read right before the requests are sent, in the order of the log from
-                which the model was identified. Leave out those that are older than a period.
+            measured: Measured angles [rad], shape (k,), NaN where there is none, at the time of
+                this tick: read right before the requests are sent, in the order of the log from
+                which the model was identified. Omit angles older than a period.
             load: Torque on the joints [N m]: a number, shape (k,), or rows like those of
                 ``desired``; row j acts in the period that ends in row j.
             missed: Ticks without a step since the last one: the robot held its requests.
@@ -269,8 +269,8 @@ class Stream:
             neither measured nor desired angles to begin with.
 
         Raises:
-            InvalidInput, Infeasible: With ``on_bad="raise"``: what cannot be
-                used, or a desired angle is beyond what the limits allow.
+            InvalidInput, Infeasible: With ``on_bad="raise"``: an invalid argument, or a desired
+                angle beyond the limits.
         """
         problems = self._take(desired, measured, load)
         periods = as_whole(missed)
@@ -294,13 +294,13 @@ class Stream:
         return requests
 
     def _plan(self, missed: int) -> bool:
-        """Whether the tick has planned what is asked; it has not where something is wrong."""
+        """Whether the tick has planned; it has not where arguments are invalid."""
         from planner.planning.streaming.tick import tick
 
         return tick(self._data, self._path, min(missed, 10_000), self._raises)
 
     def _take(self, desired: Any, measured: Any, load: Any) -> list[str]:
-        """Lay the arguments of a step out for the tick; return what is wrong with them."""
+        """Lay the arguments of a step out for the tick; return their problems."""
         data, states, problems = self._data, self._data.states, list[str]()
         preview, joints = data.desired.shape
         if not _fill(data.desired, desired):
@@ -325,14 +325,14 @@ class Stream:
         return problems
 
     def _away(self) -> tuple[Array, Array]:
-        """Where the joints are, 0 where that is not known, and how far the desired angles are."""
+        """Angles of the joints, 0 where unknown, and distances of the desired angles from them."""
         states = self._data.states
         here = np.where(np.isnan(states["angle"]), states["measured"], states["angle"])
         here[np.isnan(here)] = 0.0
         return here, self._data.desired - here
 
     def _not_measured(self) -> list[str]:
-        """Take first measured angles that are degrees beside radians as missing, and say so."""
+        """Mark first measured angles that are in degrees as missing; return the problems."""
         states, begins = self._data.states, self._data.desired[0]
         here, problems = states["measured"], []
         far = np.isnan(states["angle"]) & (np.abs(here - begins) > MOST_TURNS * TURN)
@@ -345,10 +345,10 @@ class Stream:
         return problems
 
     def _not_radians(self) -> list[str]:
-        """Leave out the desired angles that are degrees, and say so."""
+        """Mark desired angles that are in degrees as missing; return the problems."""
         (here, away), rows, problems = self._away(), self._data.desired, []
         for j, name in enumerate(self.names):
-            way = np.append(0.0, away[:, j])  # the first move, too, is one that a joint makes
+            way = np.append(0.0, away[:, j])  # including the first move
             if np.all(np.abs(rows[:, j]) <= LARGEST) and not_radians(way):
                 k = int(np.argmax(np.abs(away[:, j])))
                 problems.append(
@@ -359,7 +359,7 @@ class Stream:
         return problems
 
     def _error(self, faults: Sequence[int]) -> InvalidInput:
-        """What is wrong with a joint's arguments; a desired angle comes before a measured one."""
+        """The problem of a joint's arguments; a desired angle comes before a measured one."""
         from planner.planning.streaming import tick
 
         fault = min(each for each in faults if each)
@@ -383,11 +383,11 @@ class Stream:
 
 
 def _fill(rows: Array, values: Any, *, constant: bool = False) -> bool:
-    """Lay values of every joint out over the preview, the last row held; NaN where they are none.
+    """Lay values of every joint out over the preview, the last row held; NaN where invalid.
 
     Args:
         rows: Filled, (preview, k).
-        values: What was given.
+        values: The argument of the step.
         constant: Whether a number, or one for each joint, does not change.
     """
     rows[:] = math.nan
@@ -453,7 +453,7 @@ def checked_preview(preview: object, period: float) -> int:
 
 
 def warn_of_short_preview(preview: int, names: Sequence[str], models: Sequence[JointModel]) -> None:
-    """Warn where a request acts on rows beyond the preview, so that it is planned for none."""
+    """Warn where a request acts after the preview alone, so that its effect is not planned."""
     times = [model.lag + model.acceleration_time for model in models]
     j = int(np.argmax(times))
     needed = times[j] / models[j].period
@@ -479,7 +479,7 @@ def checked_cycle(cycle: object) -> int | None:
 
 
 def _made_again(models: Mapping[str, JointModel], options: Mapping[str, Any]) -> Stream:
-    """The stream of a copy, without the warnings that the first one had."""
+    """The stream of a copy, without repeated warnings."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)
         return Stream(models, **options)

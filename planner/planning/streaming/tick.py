@@ -1,23 +1,23 @@
-"""One tick of a stream, compiled: what is asked, where the joints are, a better plan, requests.
+"""One tick of a stream, compiled: check arguments, update states, improve the plan, send requests.
 
 A plan R of one joint, with the angles M of the exact model under it, costs
 
     sum_k  w_k (M_k - D_k)^2 + sigma (R_k - R_{k-1})^2 + xi excess_k^2 + rho (R_k - R*_k)^2
 
-where excess_k is what the change R_k - R_{k-1} exceeds ``max_step`` by, and R* would hold the
+where excess_k is the excess of the change R_k - R_{k-1} over ``max_step``, and R* would hold the
 desired angles D. The plan of the tick before, shifted by one request, is improved by damped
-Gauss-Newton steps on the model with rounded corners; the exact model, run, judges steps of several
-lengths and the inverses of lines, so a plan never becomes worse by a step. Then the first request
-of the plan is sent (real-time iteration: M. Diehl, H. G. Bock, J. P. Schlöder, *A real-time
+Gauss-Newton steps on the model with rounded corners; the exact model, simulated, judges steps of
+several lengths and the inverses of lines, so a plan never becomes worse by a step. Then the first
+request of the plan is sent (real-time iteration: M. Diehl, H. G. Bock, J. P. Schlöder, *A real-time
 iteration scheme for nonlinear optimization in optimal feedback control*, SIAM J. Control Optim. 43,
 2005).
 
-Corners are rounded more the later a sample is: as time passes, each sample goes through what the
-offline search goes through in stages, from wide corners to sharp ones. On them, angle and speed
-after a period are to first order linear in those before it and in the requests that act, so that
-the step solves a linear-quadratic problem by one Riccati recursion, at a cost in proportion to the
-length (C. V. Rao, S. J. Wright, J. B. Rawlings, *Application of interior-point methods to model
-predictive control*, J. Optim. Theory Appl. 99, 1998).
+Corners are rounded more the later a sample is: as time passes, each sample goes through the stages
+of the offline search, from wide corners to sharp ones. To first order, angle and speed after a
+period are linear in the state before it and in the acting requests, so that the step solves a
+linear-quadratic problem by one Riccati recursion, at a cost in proportion to the length (C. V. Rao,
+S. J. Wright, J. B. Rawlings, *Application of interior-point methods to model predictive control*,
+J. Optim. Theory Appl. 99, 1998).
 
 The law of the joint is ``planner/model/kernel.py`` alone. Import this module where it is used,
 inside functions. Below, k joints have W requests that act between two samples of any of them, and n
@@ -38,16 +38,17 @@ from planner.planning.streaming.repeating_path import Repeating, continue_path
 from planner.trajectory import LARGEST, TURN, Array
 
 STEPS, FIRST_STEPS = 2, 10
-"""Gauss-Newton steps of a joint at a tick, at most, and at the first one, from requests that hold
-the desired angles. With one, errors on recordings of an SO-101 are up to four times as large."""
+"""Most Gauss-Newton steps of a joint at a tick, and at the first tick, from requests that hold the
+desired angles. With one, errors on recordings of an SO-101 are up to four times as large."""
 
 WORTH = 0.2
-"""Share of a joint's cost by which a step must lower it for another step to follow. Along walks it
-takes 1.2 steps a tick; with twice of it 1.15, and errors are up to a third further from the least.
+"""Least relative reduction of a joint's cost by a step for another step to follow. Along walks
+there are 1.2 steps a tick; with twice of it 1.15, and errors are up to a third further from the
+least.
 """
 
 SHARES = (1.0, 0.4, 0.15)
-"""Shares of a step that are tried."""
+"""Trial lengths of a step, as shares of it."""
 
 EXCEEDING = 10.0
 """Weight xi of the squares by which planned changes exceed ``max_step``, which is kept exactly."""
@@ -61,12 +62,12 @@ LEAST_DAMPING, MOST_DAMPING = 3e-4, 1.0
 times as large where no step is better."""
 
 MOST_MISSED = 1000
-"""Missed ticks that are simulated; after more of them the last request is taken to have acted."""
+"""Most missed ticks simulated; after more of them all acting requests equal the last one."""
 
 PLANNED, NOT_FINITE, BLOCKED, BEYOND, JUMPED = range(5)
-"""What is wrong with a joint's arguments: nothing, a desired angle that is not finite, a load that
-blocks it, a desired angle beyond its limits, a measured angle that it cannot have reached. In the
-first two cases it is held."""
+"""Faults of a joint's arguments: none, a desired angle that is not finite, a load that blocks it, a
+desired angle beyond its limits, a measured angle that it cannot have reached. The joint is held
+after the first two faults."""
 
 Record = Any
 """An entry of an array with named fields."""
@@ -88,39 +89,39 @@ JOINT = _fields(
     "observer",  # share of a measured error that counts at a tick
     "hold",  # ticks of a period
 )
-"""What of a joint never changes."""
+"""Constants of a joint."""
 
 STATE = _fields(
     "angle speed "  # now, predicted and corrected, NaN before the first tick [rad], [rad/tick]
     "damping "
     "read believed unread "  # the last measured angle, the one that counted, ticks since then
-    "measured "  # asked: the angle, NaN where there is none [rad]
+    "measured "  # argument: the angle, NaN where there is none [rad]
     "request amount",  # answer: to send now; how far an angle is beyond what is possible [rad]
     "fault",  # answer
 )
-"""What of a joint changes from tick to tick, with a tick's arguments and answer."""
+"""State of a joint, with a tick's arguments and answer."""
 
 SAMPLE = _fields("sag pose_sag faster goal count rounded", "")
-"""What one joint's plan is to do in a period: its sag, and beside that the sag by the desired angle
-[rad], how much faster it is [rad/tick], the desired angle D [rad], the weight w, and the squared
-radius of the corners [rad^2/tick^2]."""
+"""Data of one joint's plan in a period: its sag, and the further sag by the desired angle [rad],
+how much faster it is [rad/tick], the desired angle D [rad], the weight w, and the squared radius of
+the corners [rad^2/tick^2]."""
 
 
 class Data(NamedTuple):
-    """The arrays of a stream, which it keeps."""
+    """The arrays of a stream."""
 
     joints: Any  # JOINT, (k,)
     states: Any  # STATE, (k,)
     weights: Array  # of each request at each tick, youngest first, (k, most ticks of a period, W)
     radii: Array  # of the corners at each sample [theta_0], (n,)
-    sent: Array  # requests that still act or will, oldest first [rad], (k, youngest + W - 1)
+    sent: Array  # requests that act now or later, oldest first [rad], (k, youngest + W - 1)
     plan: Array  # [rad], (k, n)
-    desired: Array  # asked [rad], (preview, k)
-    load: Array  # asked [N m], (preview, k)
+    desired: Array  # argument [rad], (preview, k)
+    load: Array  # argument [N m], (preview, k)
 
 
 class Problem(NamedTuple):
-    """What one joint's plan is to do."""
+    """The problem of one joint's plan."""
 
     joint: Record
     law: Law
@@ -136,14 +137,14 @@ def tick(data: Data, path: Repeating, missed: int, strict: bool) -> bool:
     """Plan the requests of all joints for now.
 
     Args:
-        data: What is asked, the joints, taken on to now, and the answer.
-        path: What is known of a path that repeats; with no rows ahead where it does not.
+        data: The arguments, the joints' states, updated to now, and the answer.
+        path: Memory of a path that repeats; with no rows ahead where it does not.
         missed: Ticks without a step since the last one: the last requests were held.
-        strict: Whether to leave everything as it is where something cannot be used.
+        strict: Whether a fault prevents any change.
 
     Returns:
-        Whether something was planned. Nothing is with faults where ``strict``, or if the first
-        tick has no angle of a joint; the requests are then NaN.
+        Whether the tick has planned: not with faults where ``strict``, nor if the first tick has
+        no angle of a joint; the requests are then NaN.
     """
     joints, states, weights, radii, sent, plan, desired, load = data
     preview, count = desired.shape
@@ -182,7 +183,7 @@ def tick(data: Data, path: Repeating, missed: int, strict: bool) -> bool:
                 its_sent[i] = min(max(state.angle - sag, joint.lower), joint.upper)
         else:
             elapse(joint, state, law, own, its_sent, its_plan, load[0, j], missed)
-        # What happens before the first request acts is decided
+        # The motion before the first request of the plan acts is already determined
         angle, speed = state.angle, state.speed
         for row in range(1, youngest + samples):
             torque = load[min(row, preview - 1), j]
@@ -222,7 +223,7 @@ def law_of(joint: Record) -> Law:
 
 @inner
 def check(joint: Record, state: Record, desired: Array, load: Array, j: int) -> None:
-    """Find what cannot be used; a load that blocks the joint is taken for none."""
+    """Set the fault of a joint's arguments; a load that blocks the joint is replaced by 0."""
     finite, blocked, far = True, False, 0.0
     for row in range(len(desired)):
         faster = joint.faster + joint.faster_by_load * load[row, j]
@@ -261,9 +262,9 @@ def elapse(
 ) -> None:
     """Move on by the periods since the last step, and correct the angle by a measured one.
 
-    A measured angle counts on the turn of the predicted one. One that is farther from the last that
-    counted than twice the way of the model, and 0.1 rad, is missing, until a second in a row is
-    there: something has moved the joint.
+    A measured angle counts on the turn of the predicted one. If its distance from the last valid
+    one exceeds twice the largest move of the model plus 0.1 rad, it counts as missing, unless the
+    angle before confirms it: something has moved the joint.
     """
     sag, faster = joint.offset + joint.compliance * load, joint.faster + joint.faster_by_load * load
     angle, speed, periods = state.angle, state.speed, 1 + min(missed, MOST_MISSED)
@@ -292,7 +293,7 @@ def elapse(
 
 @inner
 def append(values: Array, last: float) -> None:
-    """Move values on by one, and put another at the end."""
+    """Shift values by one, and append a new one."""
     for i in range(len(values) - 1):
         values[i] = values[i + 1]
     values[-1] = last
@@ -310,12 +311,12 @@ def within(joint: Record, request: float, last: float) -> float:
 
 @inner
 def improve(problem: Problem, state: Record, sent: Array, plan: Array) -> None:
-    """Put the best of plan, shares of its Gauss-Newton steps and inverted lines in its place.
+    """Replace the plan by the best of itself, shares of its Gauss-Newton steps and inverted lines.
 
     Args:
-        problem: What the plan is to do.
-        state: Of the joint; its damping changes.
-        sent: Requests that still act or will, oldest first [rad].
+        problem: The problem of the plan.
+        state: State of the joint; its damping changes.
+        sent: Requests that act now or later, oldest first [rad].
         plan: The plan of the tick before, shifted [rad], (n,).
     """
     joint, samples, begins = problem.joint, problem.samples, problem.begins
@@ -364,7 +365,7 @@ def improve(problem: Problem, state: Record, sent: Array, plan: Array) -> None:
 def inverse_of_line(joint: Record, samples: Any, k: int) -> float:
     """A sample's line inverted: angle and slope when its request takes effect, raised by C_m.
 
-    C_m as from rest: the error that calls for the slope, and the dead band.
+    C_m as from rest: the error whose drive is the slope, and the dead band.
     """
     last = len(samples) - 1
     at = min(max(k + joint.effect, 0.0), float(last))
@@ -378,14 +379,14 @@ def inverse_of_line(joint: Record, samples: Any, k: int) -> float:
 
 @inner
 def cost_of_request(joint: Record, change: float, away: float) -> float:
-    """What a request costs beside the error [rad^2]."""
+    """The cost of a request without the error [rad^2]."""
     excess = change - min(max(change, -joint.max_step), joint.max_step)
     return float(joint.smoothing * change**2 + EXCEEDING * excess**2 + RESTING * away**2)
 
 
 @inner
 def cost(problem: Problem, requests: Array, enough: float) -> float:
-    """The cost of a plan by the exact model [rad^2]; beyond ``enough`` it does not matter."""
+    """The cost of a plan by the exact model [rad^2]; incomplete once beyond ``enough``."""
     joint, law, weights, samples, angle, speed, _ = problem
     past, first = len(requests) - len(samples), len(requests) - len(samples) + 1 - weights.shape[1]
     of_errors, of_requests = 0.0, 0.0
@@ -405,23 +406,23 @@ def cost(problem: Problem, requests: Array, enough: float) -> float:
 
 @inner
 def gauss_newton_step(problem: Problem, requests: Array, damping: float, step: Array) -> float:
-    """Fill ``step`` with minus the Gauss-Newton step of a plan; return what the plan costs [rad^2].
+    """Fill ``step`` with minus the Gauss-Newton step of a plan; return the plan's cost [rad^2].
 
     Requests on a limit that the gradient would move beyond it stay, and so does the first one where
     the stream begins.
 
     The recursion goes backward. With a = dM and b = dw, angle and speed before period k, and r the
-    changes dR of the requests before it, half the cost of what follows is, but for a constant,
+    changes dR of the requests before it, half the cost from there on is, up to a constant,
 
         p_aa a^2/2 + p_ab a b + p_bb b^2/2 + (c_a a + c_b b)'r + r'Qr/2 - p_a a - p_b b - q'r.
 
-    It is first written in those before period k and dR_k, then minimised over dR_k. A request keeps
-    its row of Q from the last period in which it acts to the one in which it is eliminated, so that
-    all but a band of Q is zero.
+    It is first written in the state before period k and dR_k, then minimised over dR_k. A request
+    keeps its row of Q from the last period in which it acts to the one in which it is eliminated,
+    so that all but a band of Q is zero.
 
     Args:
-        problem: What the plan is to do.
-        requests: Those before the plan that act, then the plan [rad].
+        problem: The problem of the plan.
+        requests: Acting requests before the plan, then the plan [rad].
         damping: Levenberg-Marquardt term.
         step: Filled, (n,).
     """
