@@ -130,7 +130,7 @@ class UnreachableFoot(InvalidInput):
 
 
 def printable(text: str) -> str:
-    """Text on one line and of bounded length, whatever a file or an argument put into it."""
+    """Text on one line and of bounded length, for any content of files and arguments."""
     text = _shortened(text)
     return _shortened("".join(c if c.isprintable() else repr(c)[1:-1] for c in text))
 

@@ -57,7 +57,7 @@ class EvidenceOptions:
 OPTIONS = EvidenceOptions()
 
 GAIN = "gain"
-"""v_max / theta_0 [1/s], of which logs tell more than of theta_0."""
+"""v_max / theta_0 [1/s], which logs determine better than theta_0."""
 
 WITHOUT_ANGLES = ("lag", "acceleration_time", "time_constant", GAIN)
 """Parameters that are the same in any unit of the angles."""
@@ -149,7 +149,7 @@ class Evidence(NamedTuple):
         """Error of the model to expect of a motion [rad], rms, by its acceleration.
 
         The model leaves out forces of a servo, which accelerate it: (19) of ``docs/math.md``.
-        Without ``by_acceleration`` it is ``error``, whatever the motion. After a log of steps the
+        Without ``by_acceleration`` it is ``error`` for any motion. After a log of steps the
         delay of requests that move is not tested, and its interval counts as well: (19a).
 
         Args:
@@ -432,7 +432,7 @@ class ErrorsOfMotion(NamedTuple):
 def errors_of_motion(runs: Sequence[Run], *, noise: float = 0.0) -> ErrorsOfMotion:
     """The pairs between which the error lies on a straight line, and the spread about it.
 
-    Each run is cut into parts, of which those count in which the joint moves; (19) of
+    Each run is cut into parts; parts in which the joint moves count; (19) of
     ``docs/math.md``, neither term below 0, is fitted to them by least squares of the relative
     deviations, reweighted. The error of a part is the geometric mean over the models. The noise of
     the sensor is no error of the joint: its square is subtracted from the squared error of each

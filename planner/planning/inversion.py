@@ -75,7 +75,7 @@ def invert_optimal(
         limits: Smallest and largest request allowed [rad]; -inf and inf where there is none.
         norm: "rms" to minimise the root mean square of the errors, "max" the largest one.
         start: From rest: where the joint rests before [rad]; by default at the first desired angle.
-        tolerance: Error that the plan should keep [rad]; the plan says whether it does.
+        tolerance: Error that the plan should keep [rad]: see ``within_tolerance`` of the plan.
         solver: "gauss-newton", the search above; "ipopt" for the same problem as a nonlinear
             programme, through CasADi (``docs/math.md``, section 6), judged as exactly.
         load: Torque on the joint in the direction of positive angles [N m], a number or shape (n,);

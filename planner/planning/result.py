@@ -307,7 +307,7 @@ class FootInversion(_View):
     @property
     def reachable(self) -> Mask:
         """Which of the desired positions the leg can reach, shape (n,)."""
-        assert self.plan.task.reachable is not None, "the leg's inverse says it"
+        assert self.plan.task.reachable is not None, "set with the leg's inverse"
         return self.plan.task.reachable
 
     @property

@@ -124,7 +124,7 @@ def minimise(
 
 
 def stages_for(problem: Problem, stages: Sequence[Stage]) -> Sequence[Stage]:
-    """The stages; where the largest error counts, those that approach it as well."""
+    """The stages; where the largest error counts, also the stages that approach it."""
     if problem.norm == "rms":
         return stages
     return [*(stage for stage in stages if stage.radius >= LARGEST[0].radius), *LARGEST]
@@ -154,7 +154,7 @@ def robust_requests(
     robust: Literal["mean", "worst"],
     search: Sequence[Stage] = NARROW,
 ) -> Array:
-    """Requests with a small error over all scenarios, from those of the nominal one on.
+    """Requests with a small error over all scenarios, from a plan for the nominal one.
 
     With even weights the cost is the mean over the scenarios. For the worst one the weights follow
     the errors: they grow in scenarios with larger errors until the errors are even (C. L. Lawson's
@@ -167,7 +167,7 @@ def robust_requests(
         requests: A plan for the nominal models [rad], shape (n, J). Without dead bands the answer's
             error over all scenarios is no larger than that of this plan.
         robust: Which error over the scenarios counts.
-        search: The stages, of which those with small corners are gone through.
+        search: The stages; only the ones with small corners are used.
 
     Raises:
         SolverFailed: Under no requests all models have a steady cycle.

@@ -281,7 +281,7 @@ def search(problem: Problem, state: State) -> Array:
     fitted lines better than anything that the search finds: it starts from these as well. Where
     next to no error need be left, high powers of it lead nowhere, and the plan for the root mean
     square leaves the smaller largest error. If the plan stays far from the ideal, a search with
-    wide corners follows. For short cycles and joints that overshoot, where derivatives say little,
+    wide corners follows. For short cycles and joints that overshoot, where derivatives help little,
     further ones start from the desired angles, as they are and as early as the joint is late.
     """
     (model,) = problem.models
@@ -345,8 +345,8 @@ def nearest_within_speeds(
 ) -> Array:
     """The trajectory within the joint's top speeds that is nearest in least squares [rad], (n,).
 
-    Either top speed is v_max away from their mean, -v^- / 2 + v^+ / 2. What exceeds the sum of the
-    means is bounded alike in both directions; a cycle is cut out of three in a row.
+    Either top speed is v_max away from their mean, -v^- / 2 + v^+ / 2. The trajectory less the sum
+    of the means has the same bound in both directions; a cycle is cut out of three in a row.
     """
     low, high = model.speed_limits(0.0 if load is None else load)
     mean = (low + high) / 2.0 * model.period

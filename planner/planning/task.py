@@ -383,8 +383,7 @@ class Task:
         """The same task under another load [N m], also of a pose, checked.
 
         Raises:
-            InvalidInput: Its shape is none of those of :meth:`of`, or a joint cannot move against
-                it.
+            InvalidInput: Its shape is not allowed in :meth:`of`, or a joint cannot move against it.
             Infeasible: Under it the limits exclude the start or a desired angle.
         """
         shape = self.desired.shape

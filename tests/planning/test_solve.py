@@ -329,9 +329,9 @@ def test_smoothing_starts_from_a_calmer_path_and_from_smooth_stages_too(monkeypa
         solvers.append(solver)
         return problem.desired + 1.0
 
-    def smooth(problem, requests, *, best, others):
+    def smooth(problem, requests, *, best, candidates):
         assert best is None
-        given.append((problem.smoothness, requests, list(others)))
+        given.append((problem.smoothness, requests, list(candidates)))
         return requests
 
     def stages(problem, _, used):
@@ -343,7 +343,7 @@ def test_smoothing_starts_from_a_calmer_path_and_from_smooth_stages_too(monkeypa
     monkeypatch.setattr(searches, "smoothed", smooth)
     task = Task.of([model], NOISY, names=("",), smoothness=0.02)
     made = searches.solve_joint(task, solver="ipopt")
-    ((smoothness, requests, others),) = given
+    ((smoothness, requests, candidates),) = given
     np.testing.assert_array_equal(requests, task.desired + 1.0)
     np.testing.assert_array_equal(made.requests, requests)
     assert (made.nominal, smoothness) == (None, 0.02)
@@ -351,9 +351,9 @@ def test_smoothing_starts_from_a_calmer_path_and_from_smooth_stages_too(monkeypa
     calm = searches.without_small_reversals(NOISY, 0.2 * 0.05, cyclic=True)
     assert np.max(np.abs(calm - NOISY)) > 1e-3
     expected = {"calm": calm[:, np.newaxis] + 1.0, "smooth": task.desired + 2.0}
-    assert len(others) == len(starts)
-    for other, start in zip(others, starts, strict=True):
-        np.testing.assert_array_equal(other, expected[start])
+    assert len(candidates) == len(starts)
+    for candidate, start in zip(candidates, starts, strict=True):
+        np.testing.assert_array_equal(candidate, expected[start])
 
 
 @pytest.mark.parametrize("count", [1, 2, 3])
