@@ -65,32 +65,32 @@ def document(prepared: Prepared, plan: Plan, missed: list[str]) -> dict[str, Any
         }
     foot = None
     if desired.foot is not None:
-        bound, together = plan.foot_bound, plan.of_foot
+        bound, foot_inversion = plan.foot_bound, plan.of_foot
         foot = {
             **_errors(100.0 * plan.distances, "cm"),
             "expected_rms_cm": plan.expected_foot and 100.0 * plan.expected_foot,
-            "norm": together and together.norm,
+            "norm": foot_inversion and foot_inversion.norm,
             "best_shift": {
                 "rms_cm": 100.0 * rms(shift.distances),
                 "expected_rms_cm": shift.expected_foot and 100.0 * shift.expected_foot,
             },
             "lower_bound_cm": None if bound is None else 100.0 * bound,
-            "gap": None if bound is None else together and together.gap,
-            "over_models": together and _over_models(together, "cm", 100.0),
+            "gap": None if bound is None else foot_inversion and foot_inversion.gap,
+            "over_models": foot_inversion and _over_models(foot_inversion, "cm", 100.0),
             "predicted_m": plan.foot.tolist(),
         }
     legs = {}
     for name, leg in desired.legs.items():
         part = plan.of_leg(leg)
-        early = shifted(part.task)
+        leg_shift = shifted(part.task)
         legs[name] = {
             **_errors(100.0 * part.distances, "cm"),
             "expected_rms_cm": part.expected_foot and 100.0 * part.expected_foot,
             "without_plan_rms_cm": 100.0 * rms(part.direct_distances),
-            "best_shift_rms_cm": 100.0 * rms(early.distances),
+            "best_shift_rms_cm": 100.0 * rms(leg_shift.distances),
         }
     step = float(np.min(task.max_step))
-    asked = run.tolerance.deg is not None or run.tolerance.cm is not None
+    has_tolerance = run.tolerance.deg is not None or run.tolerance.cm is not None
     return {
         "method": run.plan.method,
         "recommended_method": "shift" if shift_recommended(plan, shift) else run.plan.method,
@@ -103,14 +103,14 @@ def document(prepared: Prepared, plan: Plan, missed: list[str]) -> dict[str, Any
         "joints": joints,
         "foot": foot,
         **({"legs": legs} if legs else {}),
-        "within_tolerance": not missed if asked else None,
+        "within_tolerance": not missed if has_tolerance else None,
     }
 
 
 def summary(prepared: Prepared, plan: Plan) -> str:
     """The plan for people."""
     desired, rows = prepared.desired, []
-    known = any(np.isfinite(each.error) for each in plan.expected)
+    has_estimate = any(np.isfinite(each.error) for each in plan.expected)
     text = (
         f"{len(plan.requests)} requests, one every {1e3 * desired.period:g} ms; "
         f"{model_words(prepared.settings.model)}\n"
@@ -122,11 +122,11 @@ def summary(prepared: Prepared, plan: Plan) -> str:
         if plan.inversions and not plan.task.load_of_pose and not by_feet:
             inversion = plan.inversions[j]
             bounded = [f"{np.degrees(inversion.lower_bound):.3f}", percent(inversion.gap)]
-        robot = [expected_words(plan.expected[j])] * known
+        robot = [expected_words(plan.expected[j])] * has_estimate
         rows.append(
             [_label(desired, j), *(f"{error:.3f}" for error in errors.values()), *robot, *bounded]
         )
-    robot, formats = ["on the robot"] * known, (".2f", ".1f", ".1f", ".1f", ".2f")
+    robot, formats = ["on the robot"] * has_estimate, (".2f", ".1f", ".1f", ".1f", ".2f")
     text += text_table(["joint", "rms [deg]", "max [deg]", *robot, "lower bound", "gap"], rows)
     titles = ["requests", "largest step [deg]", "reversals/s", "length [deg]", "desired"]
     cells = [
@@ -150,7 +150,7 @@ def summary(prepared: Prepared, plan: Plan) -> str:
     else:
         leads = zip(desired.names, plan.leads, strict=True)
         text += f"\nearly by: {', '.join(f'{name} {1e3 * lead:.0f} ms' for name, lead in leads)}"
-    if known:
+    if has_estimate:
         text += "\non the robot: rms error to expect, by what the models were tested on"
         if any(np.isfinite(each.high) for each in plan.expected):
             text += ", and the range of 90 % of such motions"
@@ -214,10 +214,10 @@ def _label(desired: Desired, joint: int) -> str:
 
 
 def _over_models(
-    made: Inversion | FootInversion, unit: str, factor: float
+    inversion: Inversion | FootInversion, unit: str, factor: float
 ) -> dict[str, Any] | None:
     """Errors over the models that were drawn, for machines; None where none were."""
-    if made.nominal is None:
+    if inversion.nominal is None:
         return None
     return {
         name: {
@@ -227,7 +227,7 @@ def _over_models(
             },
             f"of_each_{unit}": (factor * plan.errors_of_models).tolist(),
         }
-        for name, plan in (("robust_plan", made), ("nominal_plan", made.nominal))
+        for name, plan in (("robust_plan", inversion), ("nominal_plan", inversion.nominal))
     }
 
 
@@ -239,17 +239,17 @@ def _over_models_table(desired: Desired, plan: Plan) -> str:
     }
     if plan.of_foot is not None:
         parts = {"foot": plan.of_foot}
-    rows, norm, drawn = [], "", 0
-    for name, made in parts.items():
-        if made.nominal is None:
+    rows, norm, count = [], "", 0
+    for name, result in parts.items():
+        if result.nominal is None:
             return ""
-        norm, drawn = made.norm, len(made.errors_of_models) - 1
-        for each, kind in ((made, made.robust), (made.nominal, "nominal model")):
+        norm, count = result.norm, len(result.errors_of_models) - 1
+        for each, kind in ((result, result.robust), (result.nominal, "nominal model")):
             errors = (f"{factor * error:.3f}" for error in each.over_models)
             rows.append([f"{name}, for the {kind}", *errors])
     header = ["plan", *(f"{which} [{unit}]" for which in ErrorsOfModels._fields)]
     return (
-        f"{norm} errors over the nominal model and {drawn} drawn from its intervals:\n"
+        f"{norm} errors over the nominal model and {count} drawn from its intervals:\n"
         f"{text_table(header, rows)}"
     )
 

@@ -32,8 +32,8 @@ Command = TypeVar("Command", bound=Callable[..., Any])
 def _bus(text: str) -> str:
     """A bus, perhaps with a kind of virtual servo or a robot of LeRobot."""
     kind, colon, which = text.partition(":")
-    known = {"virtual": which in KINDS if colon else True, "lerobot": bool(which)}
-    if kind not in BUSES or not known.get(kind, not colon):
+    valid = {"virtual": which in KINDS if colon else True, "lerobot": bool(which)}
+    if kind not in BUSES or not valid.get(kind, not colon):
         raise ValueError
     return text
 
@@ -77,7 +77,7 @@ def model_option(help_text: str) -> Callable[[Command], Command]:
 
 def _ids(text: str) -> dict[str, int]:
     """Identifiers by joint: 1-6, or pan=1,lift=2."""
-    found: dict[str, int] = {}
+    ids: dict[str, int] = {}
     for part in text.split(","):
         if equals := re.fullmatch(r"\s*([^=]+)=\s*(\d{1,3})\s*", part):
             named = {equals[1].strip(): int(equals[2])}
@@ -86,24 +86,24 @@ def _ids(text: str) -> dict[str, int]:
             named = {f"joint_{each}": each for each in range(first, last + 1)}
         else:
             raise ValueError
-        if not named or found.keys() & named.keys():
+        if not named or ids.keys() & named.keys():
             raise ValueError
-        found |= named
-    if max(found.values()) > 252 or len(set(found.values())) < len(found):
+        ids |= named
+    if max(ids.values()) > 252 or len(set(ids.values())) < len(ids):
         raise ValueError
-    return found
+    return ids
 
 
-def named(choices: Mapping[str, Any], ids: dict[str, int]) -> dict[str, int]:
+def ids_by_joint(choices: Mapping[str, Any], ids: dict[str, int]) -> dict[str, int]:
     """The servos by joint; those of a LeRobot robot have its names unless others are given."""
     kind, _, which = choices["bus"].partition(":")
     if kind != "lerobot":
         return ids
     from planner.robot.lerobot_bus import joints
 
-    known = joints(which)
+    joint_names = joints(which)
     return {
-        known.get(servo, name) if name == f"joint_{servo}" else name: servo
+        joint_names.get(servo, name) if name == f"joint_{servo}" else name: servo
         for name, servo in ids.items()
     }
 
@@ -130,9 +130,9 @@ def open_bus(choices: Mapping[str, Any], ids: Mapping[str, int]) -> Iterator[Bus
             raise click.UsageError("--port has no effect with --bus virtual; leave it out.")
         from planner.virtual import servo_bus
 
-        made = servo_bus.KINDS[which or KINDS[0]]
-        servos = servo_bus.VirtualServos(max(1, *ids.values()), made)
-        yield Bus(servo_bus.VirtualPort(servos), made.protocol)
+        servo_kind = servo_bus.KINDS[which or KINDS[0]]
+        servos = servo_bus.VirtualServos(max(1, *ids.values()), servo_kind)
+        yield Bus(servo_bus.VirtualPort(servos), servo_kind.protocol)
         return
     if path is None:
         raise click.UsageError(f"--bus {kind} needs --port, such as --port /dev/ttyACM0.")
@@ -163,19 +163,19 @@ def open_arm(choices: Mapping[str, Any], servos: Mapping[str, Servo], model: str
     from planner.robot.arm import Arm
 
     if choices["bus"] is None:
-        known = read_bus(model)
-        if "bus" not in known:
+        bus_settings = read_bus(model)
+        if "bus" not in bus_settings:
             raise click.UsageError(
                 f"{model} does not name the bus of its servos: name it with --bus, such as --bus "
                 "feetech --port /dev/ttyACM0."
             )
         try:
-            named_bus = _bus(known["bus"])
+            named_bus = _bus(bus_settings["bus"])
         except ValueError:
             raise InvalidFile(
-                model, f"bus: got '{known['bus']}', expected one of {', '.join(BUSES)}"
+                model, f"bus: got '{bus_settings['bus']}', expected one of {', '.join(BUSES)}"
             ) from None
-        places = {key: choices[key] or known.get(key) for key in ("port", "baud_rate")}
+        places = {key: choices[key] or bus_settings.get(key) for key in ("port", "baud_rate")}
         choices = {**choices, **places, "bus": named_bus}
 
     with open_bus(choices, {name: servo.id for name, servo in servos.items()}) as bus:

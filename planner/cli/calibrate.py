@@ -132,7 +132,7 @@ def calibrate(
     if choices["rate_hz"] < SLOWEST:
         got = f"{choices['rate_hz']:g}"
         raise click.UsageError(f"--rate-hz: got {got}, expected {SLOWEST:g} Hz or more.")
-    ids = buses.named(choices, ids)
+    ids = buses.ids_by_joint(choices, ids)
     by_joint = {"--zero-tick": dict(choices["zeros"]), "--reverse": choices["reversed_"]}
     for option, names in {"--joint": chosen, **by_joint}.items():
         for name in names:
@@ -140,7 +140,7 @@ def calibrate(
                 raise click.UsageError(f"{option}: got {name}, expected one of {', '.join(ids)}.")
     joints = chosen or tuple(ids)
     folder = Path(output).with_name(f"{Path(output).stem}_logs")
-    found: dict[str, Compared] = {}
+    results: dict[str, Compared] = {}
     with buses.open_bus(choices, ids) as bus:
         arm = Arm(bus, _servos(ids, choices, bus.protocol))
         with Progress() as progress:
@@ -171,17 +171,19 @@ def calibrate(
         with buses.stopping(advice), arm.powered():
             for joint in joints:
                 with Progress() as progress:
-                    found[joint] = _calibrated(
+                    results[joint] = _calibrate_joint(
                         arm, joint, period, choices["duration_s"], folder, resume, progress
                     )
-                _write(output, found, arm, checked.settings, choices)
+                _write(output, results, arm, checked.settings, choices)
     from planner.report.calibration import calibration_page, calibration_text
 
     if report is not None:
         from planner.files.text import write_text
 
-        write_text(report, calibration_page(found))
-    print_answer(_document(found, arm, checked), calibration_text(found, output), as_json=as_json)
+        write_text(report, calibration_page(results))
+    print_answer(
+        _document(results, arm, checked), calibration_text(results, output), as_json=as_json
+    )
 
 
 TESTS = 32.0
@@ -254,7 +256,7 @@ def _by_hand(arm: Arm) -> dict[str, Any]:
     return ranges_by_hand(arm, ended, 0.02)
 
 
-def _calibrated(
+def _calibrate_joint(
     arm: Arm,
     joint: str,
     period: float,
@@ -270,8 +272,8 @@ def _calibrated(
     def measured(way: str, requests: Any) -> Any:
         progress(f"{joint}: test motion, {WORDS[way]}")  # type: ignore[index]
         log = folder / f"{joint}_{way}.csv"
-        moved = move(arm, joint, requests, period=period, log=log, resume=resume)
-        return angles_of(moved, len(requests), period)
+        motion = move(arm, joint, requests, period=period, log=log, resume=resume)
+        return angles_of(motion, len(requests), period)
 
     with about(joint):
         progress(f"{joint}: excitation, {duration:g} s")
@@ -285,7 +287,7 @@ def _calibrated(
 
 def _write(
     output: str,
-    found: Mapping[str, Compared],
+    results: Mapping[str, Compared],
     arm: Arm,
     settings: Mapping[str, Mapping[str, int]],
     choices: Mapping[str, Any],
@@ -308,33 +310,33 @@ def _write(
             servos = read_servos(output)
         except InvalidFile:  # it has none
             servos = {}
-    models |= {name: each.model for name, each in found.items()}
-    servos |= {name: replace(arm.servos[name], settings=settings[name]) for name in found}
-    about = model_comments({name: each.identification for name, each in found.items()})
+    models |= {name: each.model for name, each in results.items()}
+    servos |= {name: replace(arm.servos[name], settings=settings[name]) for name in results}
+    about = model_comments({name: each.identification for name, each in results.items()})
     bus = {name: choices[name] for name in BUS if choices[name]}
     text = models_text(models, remarks=remarks(), about=about, servos=servos, bus=bus)
     write_text(output, text + legs)
 
 
-def _document(found: Mapping[str, Compared], arm: Arm, checked: Check) -> dict[str, Any]:
+def _document(results: Mapping[str, Compared], arm: Arm, checked: Check) -> dict[str, Any]:
     return {
         "tick_s": checked.tick_time,
         "joints": {
             name: {
                 "id": arm.servos[name].id,
-                "limits_deg": [math.degrees(each) for each in arm.servos[name].limits],
-                "recommended": each.recommended.way,
+                "limits_deg": [math.degrees(limit) for limit in arm.servos[name].limits],
+                "recommended": result.recommended.way,
                 "candidates": {
-                    one.way: {
-                        "rms_deg": math.degrees(one.error),
-                        "max_deg": math.degrees(one.max_error),
-                        "largest_step_deg": math.degrees(one.largest_step),
-                        "expected_rms_deg": math.degrees(one.expected),
+                    candidate.way: {
+                        "rms_deg": math.degrees(candidate.error),
+                        "max_deg": math.degrees(candidate.max_error),
+                        "largest_step_deg": math.degrees(candidate.largest_step),
+                        "expected_rms_deg": math.degrees(candidate.expected),
                     }
-                    for one in each.candidates
+                    for candidate in result.candidates
                 },
-                "identification": each.identification.to_dict(),
+                "identification": result.identification.to_dict(),
             }
-            for name, each in found.items()
+            for name, result in results.items()
         },
     }

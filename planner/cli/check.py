@@ -85,8 +85,10 @@ def check(
         if name not in servos:
             raise click.UsageError(f"--joint: got {name}, expected one of {', '.join(servos)}.")
     models = dict(zip(joints, read_model_file(model).for_joints(joints), strict=True))
-    befores = {name: _error_before(model, name, known) for name, known in models.items()}
-    document, lines, lost = {}, [], []
+    befores = {
+        name: _error_before(model, name, joint_model) for name, joint_model in models.items()
+    }
+    document, lines, outdated = {}, [], []
     with (
         buses.open_arm(choices, servos, model) as arm,
         TemporaryDirectory() as folder,
@@ -106,12 +108,16 @@ def check(
                 changes = _settings_changed(servos[name].settings, checked.settings[name])
                 if not holds:
                     progress(f"{name}: identifying")
-                    found = identify(log)
-                    unseen = found.rms if found.held_out_rms is None else found.held_out_rms
-                    holds = error <= WORSE * unseen  # the motion is hard for any model
+                    identification = identify(log)
+                    reference = (
+                        identification.rms
+                        if identification.held_out_rms is None
+                        else identification.held_out_rms
+                    )
+                    holds = error <= WORSE * reference  # the motion is hard for any model
                     if not holds:
-                        changes += _changes(models[name], found)
-                        lost.append(name)
+                        changes += _changes(models[name], identification)
+                        outdated.append(name)
                 verdict = "holds" if holds else "no longer holds"
                 document[name] = {
                     "holds": holds,
@@ -128,8 +134,8 @@ def check(
         print_json({"joints": document})
     else:
         summarise("\n".join(lines))
-    if lost:
-        raise click.ClickException(f"calibrate {', '.join(lost)} again")
+    if outdated:
+        raise click.ClickException(f"calibrate {', '.join(outdated)} again")
 
 
 def _error(model: JointModel, log: Log) -> float:
@@ -171,16 +177,16 @@ def _settings_changed(before: Any, now: Any) -> list[str]:
     ]
 
 
-def _changes(model: JointModel, found: Identification) -> list[str]:
+def _changes(model: JointModel, identification: Identification) -> list[str]:
     """Parameters of a new model that differ by more than both intervals allow."""
-    known = {} if model.evidence is None else model.evidence.intervals
+    intervals = {} if model.evidence is None else model.evidence.intervals
     changes = []
     for name in PHYSICAL:
-        if name not in found.intervals:
+        if name not in identification.intervals:
             continue
-        old, new = getattr(model, name), getattr(found.model, name)
-        low, high = known.get(name, (old - UNKNOWN * abs(old), old + UNKNOWN * abs(old)))
-        interval = found.intervals[name]
+        old, new = getattr(model, name), getattr(identification.model, name)
+        low, high = intervals.get(name, (old - UNKNOWN * abs(old), old + UNKNOWN * abs(old)))
+        interval = identification.intervals[name]
         if interval.lower > high or interval.upper < low:
             changes.append(f"{name} is {new:.3g}, and was {old:.3g}")
     return changes

@@ -141,7 +141,7 @@ def _write_folder(
             write_joint_path(file, names, requests, period=check.period)
         for ending in PICTURES:
             write_picture(folder / f"comparison{ending}", comparison_figure(check))
-        made = [(Path(name).stem, folder / name) for name in (*list_files(folder), MANIFEST)]
-        write_text(folder / PAGE, page(page=folder / PAGE, written=made))
-        written = {**document, "files": list_files(folder)}
-        write_text(folder / MANIFEST, to_json(written))
+        files = [(Path(name).stem, folder / name) for name in (*list_files(folder), MANIFEST)]
+        write_text(folder / PAGE, page(page=folder / PAGE, written=files))
+        manifest = {**document, "files": list_files(folder)}
+        write_text(folder / MANIFEST, to_json(manifest))

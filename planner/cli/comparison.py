@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 def steps_of(desired: Desired) -> list[str]:
     """The parts of a comparison, as its progress is shown."""
-    return [*desired.names, *([] if _ordered(desired)[1] is None else ["foot"])]
+    return [*desired.names, *([] if _in_leg_order(desired)[1] is None else ["foot"])]
 
 
 def comparison_of(
@@ -24,7 +24,7 @@ def comparison_of(
 ) -> CrossCheck:
     """The plans for what is desired, compared under its load."""
     run, torques = prepared.settings, prepared.load
-    desired, leg = _ordered(prepared.desired)
+    desired, leg = _in_leg_order(prepared.desired)
     if callable(torques):
         torques = torques(prepared.desired.angles)
     if torques is not None:
@@ -44,7 +44,7 @@ def comparison_of(
     )
 
 
-def _ordered(desired: Desired) -> tuple[Desired, Leg | None]:
+def _in_leg_order(desired: Desired) -> tuple[Desired, Leg | None]:
     """The joints in the order of the leg; no leg where some of its joints are not there."""
     leg = desired.leg
     if leg is None or set(desired.names) != set(leg.joint_names):

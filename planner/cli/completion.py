@@ -28,8 +28,8 @@ def completion(context: click.Context, *, shell: str) -> None:
 
     from planner.files.text import STANDARD_STREAM, write_text
 
-    made = get_completion_class(shell)
-    assert made is not None, "click knows these shells"
+    completion_class = get_completion_class(shell)
+    assert completion_class is not None, "click knows these shells"
     program = context.find_root().command
-    script = made(program, {}, "request-planner", VARIABLE).source()
+    script = completion_class(program, {}, "request-planner", VARIABLE).source()
     write_text(STANDARD_STREAM, f"{script.strip()}\n")

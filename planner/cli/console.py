@@ -52,8 +52,8 @@ def summarise(text: str) -> None:
     """Print a summary on standard error, out of the way of the data; the first line stands out."""
     if verbosity() == "quiet":
         return
-    shown = "".join(c if c.isprintable() or c == "\n" else repr(c)[1:-1] for c in text)
-    first, newline, rest = shown.partition("\n")
+    escaped = "".join(c if c.isprintable() or c == "\n" else repr(c)[1:-1] for c in text)
+    first, newline, rest = escaped.partition("\n")
     print_line(click.style(first, bold=True) + newline + rest)
 
 
@@ -127,8 +127,8 @@ def detail(message: str) -> None:
 
 def print_line(text: str) -> None:
     """A line on standard error, where no progress is shown meanwhile."""
-    if Progress.shown is not None:
-        Progress.shown.erase()
+    if Progress.current is not None:
+        Progress.current.erase()
     click.echo(text, sys.stderr, err=True, color=coloured())  # click's own would be UTF-8
 
 
@@ -148,8 +148,8 @@ def terminal_width(stream: TextIO | None) -> int | None:
 def verbosity() -> Verbosity:
     """How much is to be said beside the data."""
     context = click.get_current_context(silent=True)
-    asked: Verbosity = "normal" if context is None else context.meta.get(KEY, "normal")
-    return asked
+    level: Verbosity = "normal" if context is None else context.meta.get(KEY, "normal")
+    return level
 
 
 def coloured() -> bool | None:
@@ -186,13 +186,13 @@ def add_verbosity(command: click.Command) -> None:
 def _settle(context: click.Context, option: click.Parameter, value: Any) -> None:
     if not value:
         return
-    asked = option.name
-    if context.meta.get(KEY, asked) != asked:
+    level = option.name
+    if context.meta.get(KEY, level) != level:
         raise click.UsageError("--quiet and --verbose contradict each other: leave one out.")
-    context.meta[KEY] = asked
-    if asked == "verbose":
+    context.meta[KEY] = level
+    if level == "verbose":
         context.call_on_close(print_log())
-    if asked == "quiet":
+    if level == "quiet":
         compilation = logging.getLogger("planner.compilation")
         context.call_on_close(partial(compilation.setLevel, compilation.level))
         compilation.setLevel(logging.ERROR)
@@ -225,7 +225,7 @@ class Progress:
     A thread draws the line again during a long step; without a terminal there is none.
     """
 
-    shown: Progress | None = None
+    current: Progress | None = None
     """The one whose line is on the terminal: of work inside other work, the inner one's."""
 
     def __init__(
@@ -248,16 +248,16 @@ class Progress:
         self._expected = (
             dict(expected) if isinstance(expected, Mapping) else dict.fromkeys(expected, 1.0)
         )
-        watched = sys.stderr is not None and sys.stderr.isatty()
-        self._watched = watched and verbosity() != "quiet"
-        self._doing = ""
-        self._done: list[str] = []
+        on_terminal = sys.stderr is not None and sys.stderr.isatty()
+        self._visible = on_terminal and verbosity() != "quiet"
+        self._step = ""
+        self._finished_steps: list[str] = []
         self._count, self._counted = count, 0
         self._time = clock
         self._began = self._step_began = self._time()
         self._ended = threading.Event()
         self._thread: threading.Thread | None = None
-        self._around: Progress | None = None
+        self._outer: Progress | None = None
 
     def __enter__(self) -> Progress:
         if self._count:
@@ -268,7 +268,7 @@ class Progress:
     def __exit__(self, *_: object) -> None:
         self.done()
 
-    def __call__(self, doing: str) -> None:
+    def __call__(self, step: str) -> None:
         """Say what is being done; what was being done before is finished."""
         if self._count:
             self._counted += 1
@@ -276,12 +276,12 @@ class Progress:
                 return  # which draws the line
         else:
             self._finish_step()
-        self._doing = doing
-        if not self._watched:
+        self._step = step
+        if not self._visible:
             return
         if self._thread is None:
-            self._around = Progress.shown
-        Progress.shown = self
+            self._outer = Progress.current
+        Progress.current = self
         self._draw()
         if self._thread is None:
             self._thread = threading.Thread(target=self._keep_time, daemon=True)
@@ -294,8 +294,8 @@ class Progress:
         if self._thread is not None:
             self._thread.join()
             self._thread = None
-        if Progress.shown is self:
-            Progress.shown = self._around
+        if Progress.current is self:
+            Progress.current = self._outer
             self.erase()
 
     def erase(self) -> None:
@@ -313,32 +313,36 @@ class Progress:
                 f"  {_duration(spent * (self._count / finished - 1.0))} left" if estimated else ""
             )
             return f"{finished} of {self._count} …  {bar}{ending}"
-        if not self._expected or self._doing not in self._expected:
-            return f"{self._doing} …{_spent(now - self._began)}"
+        if not self._expected or self._step not in self._expected:
+            return f"{self._step} …{_spent(now - self._began)}"
         total = sum(self._expected.values())
-        done = sum(self._expected.get(name, 0.0) for name in self._done)
-        left = self._left(total, done, now)
-        share = done / total if left is None else (now - self._began) / (now - self._began + left)
+        done = sum(self._expected.get(name, 0.0) for name in self._finished_steps)
+        remaining = self._remaining(total, done, now)
+        share = (
+            done / total
+            if remaining is None
+            else (now - self._began) / (now - self._began + remaining)
+        )
         bar = ("█" * int(BAR * share)).ljust(BAR, "░")
-        if not left or now - self._began < BRIEF:
-            return f"{self._doing} …  {bar}{_spent(now - self._began)}"
-        return f"{self._doing} …  {bar}  {_duration(left)} left"
+        if not remaining or now - self._began < BRIEF:
+            return f"{self._step} …  {bar}{_spent(now - self._began)}"
+        return f"{self._step} …  {bar}  {_duration(remaining)} left"
 
-    def _left(self, total: float, done: float, now: float) -> float | None:
+    def _remaining(self, total: float, done: float, now: float) -> float | None:
         """How long it still takes at the pace of the steps that are done [s]; None without any."""
         spent = self._step_began - self._began
         if done <= 0.0 or spent <= 0.0:
             return None
         pace = spent / done
-        now_of_step = min((now - self._step_began) / pace, self._expected[self._doing])
+        now_of_step = min((now - self._step_began) / pace, self._expected[self._step])
         return (total - done - now_of_step) * pace
 
     def _finish_step(self) -> None:
         now = self._time()
-        if self._doing:
-            self._done.append(self._doing)
-            detail(f"{self._doing}: {now - self._step_began:.3g} s")
-        self._doing = ""
+        if self._step:
+            self._finished_steps.append(self._step)
+            detail(f"{self._step}: {now - self._step_began:.3g} s")
+        self._step = ""
         self._step_began = now
 
     def _draw(self) -> None:
@@ -348,7 +352,7 @@ class Progress:
 
     def _keep_time(self) -> None:
         while not self._ended.wait(REDRAWN):
-            if self._doing and Progress.shown is self:
+            if self._step and Progress.current is self:
                 self._draw()
 
 

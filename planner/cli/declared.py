@@ -219,7 +219,7 @@ class Settings:
         if missing:
             raise Unfit(place, f"no keys {', '.join(missing)}; add them")
         values = {
-            name: _taken(key.annotation, content[name], (*place, name), reading)
+            name: _checked_value(key.annotation, content[name], (*place, name), reading)
             for name, key in cls.keys.items()
             if name in content
         }
@@ -228,7 +228,7 @@ class Settings:
         return settings
 
 
-Understood = TypeVar("Understood", bound=Settings)
+AnySettings = TypeVar("AnySettings", bound=Settings)
 
 
 @dataclass(frozen=True)
@@ -266,7 +266,7 @@ class Unfit(ValueError):
         super().__init__(problem)
 
 
-def understand(file: Toml, cls: type[Understood]) -> Understood:
+def understand(file: Toml, cls: type[AnySettings]) -> AnySettings:
     """Hold a file against the declared tables.
 
     Raises:
@@ -354,8 +354,8 @@ def _expected(base: Any, notes: Sequence[Any]) -> str:
     if base is int:
         return f"a whole number from {ends.ge} to {ends.le}"
     texts = {"above": ends.gt, "of at least": ends.ge, "below": ends.lt}
-    found = [f"{text} {end:g}" for text, end in texts.items() if math.isfinite(end)]
-    number = " ".join(["a number", " and ".join(found)]).strip()
+    bounds = [f"{text} {end:g}" for text, end in texts.items() if math.isfinite(end)]
+    number = " ".join(["a number", " and ".join(bounds)]).strip()
     return f"{number}, or inf" if ends.infinite else number
 
 
@@ -363,7 +363,7 @@ def _is_table(annotation: Any) -> bool:
     return isinstance(annotation, type) and issubclass(annotation, Settings)
 
 
-def _taken(annotation: Any, value: Any, place: Place, reading: _Reading) -> Any:
+def _checked_value(annotation: Any, value: Any, place: Place, reading: _Reading) -> Any:
     """A value of a key, checked; tables become settings.
 
     Raises:
@@ -377,21 +377,21 @@ def _taken(annotation: Any, value: Any, place: Place, reading: _Reading) -> Any:
     if get_origin(base) is tuple and _is_table(inner[0]):
         if isinstance(value, list):
             return tuple(
-                _taken(inner[0], each, (*place, k), reading) for k, each in enumerate(value)
+                _checked_value(inner[0], each, (*place, k), reading) for k, each in enumerate(value)
             )
         expected = f"tables [[{key_name(place)}]]"
     elif get_origin(base) is dict and not any(isinstance(note, Expected) for note in notes):
         if isinstance(value, Mapping):
             return {
-                name: _taken(inner[1], each, (*place, name), reading)
+                name: _checked_value(inner[1], each, (*place, name), reading)
                 for name, each in value.items()
             }
         expected = f"a table [{key_name(place)}]"
     else:
         try:
-            taken = fitted(annotation, value)
-            if taken != "-" or reading.standard_input or SOURCE not in notes:
-                return taken
+            result = fitted(annotation, value)
+            if result != "-" or reading.standard_input or SOURCE not in notes:
+                return result
             hint = "; a run reads no standard input, so write it to a file first"
         except (ValueError, OverflowError) as error:
             hint = str(error) or _hint(value, expected)
@@ -456,8 +456,8 @@ def _described(value: Any) -> str:
         return "a table"
     if isinstance(value, int) and abs(value) >= 10**LONGEST:
         return "a very large number"
-    shown = repr(value) if isinstance(value, str | int | float | list) else str(value)
-    return shown if len(shown) <= LONGEST else f"{shown[: LONGEST - 1]}…"
+    text = repr(value) if isinstance(value, str | int | float | list) else str(value)
+    return text if len(text) <= LONGEST else f"{text[: LONGEST - 1]}…"
 
 
 @dataclass(frozen=True)
@@ -495,9 +495,9 @@ def tables(cls: type[Settings], place: tuple[str, ...] = ()) -> Iterator[Table]:
     for name, key in cls.keys.items():
         inner = get_args(key.type)
         if _is_table(key.type):
-            first, *others = tables(key.type, (*place, name))
+            first, *rest = tables(key.type, (*place, name))
             yield replace(first, active=key.default is not None or key.about.set_to is not None)
-            yield from others
+            yield from rest
         elif get_origin(key.type) is tuple and _is_table(inner[0]):
             yield _table(inner[0], (*place, name, ANY), repeated=True)
         elif get_origin(key.type) is dict and _is_table(inner[1]):
@@ -535,8 +535,8 @@ def template(cls: type[Settings], heading: Sequence[str]) -> str:
             default, about = None if key.required else key.default, key.about
             words = f" {key.expected.capitalize()}." * key.expected.startswith("one of")
             if in_words := _default_in_words(key):
-                shown = default is not None and about.set_to is None
-                words += "" if shown else f" Default: {in_words}."
+                visible = default is not None and about.set_to is None
+                words += "" if visible else f" Default: {in_words}."
             lines += _comment(about.help + words)
             value = default if about.set_to is None else about.set_to
             off = "" if table.active and value is not None else "# "
@@ -584,8 +584,8 @@ def toml_value(value: Any) -> str:
 
 
 def _default_in_words(key: Declared) -> str:
-    shown = "" if key.required or key.default is None else toml_value(key.default)
-    return key.about.otherwise or shown
+    text = "" if key.required or key.default is None else toml_value(key.default)
+    return key.about.otherwise or text
 
 
 def _comment(text: str) -> Iterator[str]:

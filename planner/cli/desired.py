@@ -192,12 +192,12 @@ def legs_among(joints: Sequence[str], model: settings.Model, folder: str = "") -
         named = tuple(f"{name.replace('-', '_')}_" for name in SHIPPED)
         if not any(joint.startswith(named) for joint in joints):
             return {}
-    found = {}
+    legs = {}
     for name, place in legs_of(model, folder).items():
         leg = load_leg(place)
         if leg is not None and set(leg.joint_names) <= set(joints):
-            found[name] = leg
-    return found
+            legs[name] = leg
+    return legs
 
 
 def servo_limits(
@@ -255,28 +255,28 @@ def _from_file(run: settings.Run, leg: Leg | None, folder: str) -> Desired:
                 Key("path.joints"), " chooses columns of a joint path; a foot moves all joints"
             )
         return _from_foot(foot_path(table, even=even), run, leg, folder)
-    given = joint_path(table, joints=path.joints, even=even)
-    models = models_of(run.model, given.names, leg, folder, rate_hz=path.rate_hz)
-    models = _models_in(given.units, run.model, models)
-    given, closed, remarks = _in_step(given, run, models[0].period)
-    legs = {} if leg is not None else legs_among(given.names, run.model, folder)
+    joints = joint_path(table, joints=path.joints, even=even)
+    models = models_of(run.model, joints.names, leg, folder, rate_hz=path.rate_hz)
+    models = _models_in(joints.units, run.model, models)
+    joints, closed, remarks = _in_step(joints, run, models[0].period)
+    legs = {} if leg is not None else legs_among(joints.names, run.model, folder)
     named = tuple(legs.values()) if leg is None else (leg,)
-    strange = [name for name in given.names if leg is not None and name not in leg.joint_names]
-    if leg is not None and strange:
+    foreign = [name for name in joints.names if leg is not None and name not in leg.joint_names]
+    if leg is not None and foreign:
         raise BadSetting(
-            f"joint '{strange[0]}' of {given.path} is not on the leg; its joints: "
+            f"joint '{foreign[0]}' of {joints.path} is not on the leg; its joints: "
             f"{', '.join(leg.joint_names)}"
         )
     return Desired(
-        given.names,
-        given.angles,
+        joints.names,
+        joints.angles,
         models,
-        _limits_of(given.names, named, run.model, folder),
+        _limits_of(joints.names, named, run.model, folder),
         leg,
-        units=given.units,
+        units=joints.units,
         cyclic=closed,
-        remarks=(*remarks, *refused_models(given.names, models)),
-        loads=given.loads,
+        remarks=(*remarks, *refused_models(joints.names, models)),
+        loads=joints.loads,
         legs=legs,
     )
 
@@ -290,17 +290,17 @@ def _in_step(
     if isinstance(path, JointPath):
         remarks += _small(path)
     resample = run.path.rate_hz is not None
-    made = path.in_step(period, resample=resample, cyclic=closed, speed=speed)
+    resampled = path.in_step(period, resample=resample, cyclic=closed, speed=speed)
     rows: Array = getattr(path, first)
-    left: Array = getattr(made, first)
-    if path.times is None or len(left) >= len(rows):
-        return made, closed, remarks
+    new_rows: Array = getattr(resampled, first)
+    if path.times is None or len(new_rows) >= len(rows):
+        return resampled, closed, remarks
     since, step = path.times - path.times[0], period * (speed or 1.0)
     if closed:  # stretched over a whole number of samples
-        step = since[-1] * len(rows) / (len(rows) - 1) / len(left)
-        left = np.vstack([left, left[:1]])
-    at = np.asarray(step * np.arange(len(left)), dtype=np.float64)
-    if lost := most_lost(since, rows, at, left):
+        step = since[-1] * len(rows) / (len(rows) - 1) / len(new_rows)
+        new_rows = np.vstack([new_rows, new_rows[:1]])
+    at = np.asarray(step * np.arange(len(new_rows)), dtype=np.float64)
+    if lost := most_lost(since, rows, at, new_rows):
         worst, share = lost
         names = path.names if isinstance(path, JointPath) else ("x", "y", "z")
         words = (
@@ -309,7 +309,7 @@ def _in_step(
             "the path that is left: plan with a higher rate (--rate-hz) to keep it"
         )
         remarks += (Remark(words),)
-    return made, closed, remarks
+    return resampled, closed, remarks
 
 
 def _small(path: JointPath) -> tuple[Remark, ...]:
@@ -336,27 +336,27 @@ def load_joints(file: str, run: settings.Run) -> Desired:
     table = path_table(file)
     if is_foot_path(table):
         raise InvalidFile(file, "a foot path, expected columns <joint>_deg or <joint>_rad")
-    given = joint_path(table, joints=run.path.joints)
-    models = models_of(run.model, given.names, rate_hz=run.path.rate_hz)
-    models = _models_in(given.units, run.model, models)
-    given.check_period(models[0].period)
-    closed, remarks = repeats(given.angles, run.plan.cyclic)
+    joints = joint_path(table, joints=run.path.joints)
+    models = models_of(run.model, joints.names, rate_hz=run.path.rate_hz)
+    models = _models_in(joints.units, run.model, models)
+    joints.check_period(models[0].period)
+    closed, remarks = repeats(joints.angles, run.plan.cyclic)
     return Desired(
-        given.names,
-        given.angles,
+        joints.names,
+        joints.angles,
         models,
         {},
-        units=given.units,
+        units=joints.units,
         cyclic=closed,
-        remarks=(*remarks, *refused_models(given.names, models)),
-        loads=given.loads,
+        remarks=(*remarks, *refused_models(joints.names, models)),
+        loads=joints.loads,
     )
 
 
 def refused_models(names: Sequence[str], models: Sequence[JointModel]) -> tuple[Remark, ...]:
     """A remark on joints whose models are not to be planned with."""
-    known = [model.evidence for model in models]
-    words = refusal(dict(zip(names, known, strict=True)))
+    evidence = [model.evidence for model in models]
+    words = refusal(dict(zip(names, evidence, strict=True)))
     return (Remark(words),) if words else ()
 
 
@@ -407,12 +407,12 @@ def limits_of(limits: settings.Limits, desired: Desired) -> Limits:
     """
     check_joints("limits.joints", limits.joints, desired.names)
     common = {} if limits.deg is None else dict.fromkeys(desired.names, limits.deg)
-    given = {
+    user_limits = {
         joint: (math.radians(low), math.radians(high))
         for joint, (low, high) in {**common, **limits.joints}.items()
     }
-    found = {**desired.limits, **given}
-    return {joint: found[joint] for joint in desired.names if joint in found}
+    by_joint = {**desired.limits, **user_limits}
+    return {joint: by_joint[joint] for joint in desired.names if joint in by_joint}
 
 
 def starts_of(start: settings.Start, joints: Sequence[str], *, cyclic: bool) -> Mapping[str, float]:
@@ -449,16 +449,16 @@ def _limits_of(
     return limits
 
 
-def _from_foot(given: FootPath, run: settings.Run, leg: Leg, folder: str) -> Desired:
+def _from_foot(points: FootPath, run: settings.Run, leg: Leg, folder: str) -> Desired:
     """What the joints of a leg should do for its foot to follow a path."""
     unreachable = run.leg.unreachable
     models = models_of(run.model, leg.joint_names, leg, folder, rate_hz=run.path.rate_hz)
-    given, closed, remarks = _in_step(given, run, models[0].period)
-    solution = leg.inverse(given.positions, unreachable=unreachable)
+    points, closed, remarks = _in_step(points, run, models[0].period)
+    solution = leg.inverse(points.positions, unreachable=unreachable)
     count = int((~solution.reachable).sum())
     clamped = unreachable == "clamp" and count > 0
-    foot = leg.foot_positions(solution.angles) if clamped else given.positions
-    before = given.positions if clamped else None
+    foot = leg.foot_positions(solution.angles) if clamped else points.positions
+    before = points.positions if clamped else None
     return Desired(
         leg.joint_names,
         solution.angles,
@@ -487,7 +487,7 @@ def repeats(rows: Array, cyclic: bool | None) -> tuple[bool, tuple[Remark, ...]]
     if np.all(gaps <= FAR * steps):
         return True, ()
     apart = np.max(gaps / np.maximum(steps, np.finfo(float).tiny))
-    said = Remark(
+    remark = Remark(
         f"the path does not close, its ends are {apart:.3g} times its largest step apart: it is "
         "taken as a motion from rest, as with ",
         Key("plan.cyclic", False),
@@ -495,7 +495,7 @@ def repeats(rows: Array, cyclic: bool | None) -> tuple[bool, tuple[Remark, ...]]
         Key("plan.cyclic", True),
         " lets it repeat",
     )
-    return False, (said,)
+    return False, (remark,)
 
 
 def _half_ellipse(
@@ -509,9 +509,9 @@ def _half_ellipse(
         half = Key("path.half_ellipse")
         raise BadSetting(half, ": a foot path needs a leg; set ", Key("leg.name"), ", or ", *keys)
     if walk.for_leg:
-        made = stride(leg, **walk.arguments(given_only=True))
-        positions = made.foot
-        leg = leg if run.leg.near else replace(leg, near=made.pose)
+        leg_stride = stride(leg, **walk.arguments(given_only=True))
+        positions = leg_stride.foot
+        leg = leg if run.leg.near else replace(leg, near=leg_stride.pose)
     else:
         positions = half_ellipse(**walk.arguments())
     return _from_foot(FootPath("path.half_ellipse", positions, None), run, leg, folder)

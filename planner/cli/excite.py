@@ -159,9 +159,9 @@ def excite(
 
     _check(choices)
     (model,) = models_of(run.model, [joint])
-    made = _make(choices, model)
+    excitation = _make(choices, model)
     expected = expect(
-        made,
+        excitation,
         model,
         noise=math.radians(choices["noise_deg"]),
         resolution=math.radians(choices["resolution_deg"]),
@@ -170,10 +170,10 @@ def excite(
     log = nullcontext() if expected_log is None else staged(expected_log, _log(joint, expected))
     with log:
         deliver(
-            _document(made, expected),
-            excitation_text(made, expected, model=run.model.file),
+            _document(excitation, expected),
+            excitation_text(excitation, expected, model=run.model.file),
             lambda file: write_joint_path(
-                file, [joint], made.requests[:, None], period=made.period
+                file, [joint], excitation.requests[:, None], period=excitation.period
             ),
             output=output,
             as_json=as_json,
@@ -234,21 +234,21 @@ def _make(choices: dict[str, Any], model: JointModel) -> Excitation:
     )
 
 
-def _document(made: Excitation, expected: Identification) -> dict[str, Any]:
+def _document(excitation: Excitation, expected: Identification) -> dict[str, Any]:
     import numpy as np
 
     answer = expected.to_dict()
     return {
-        "kind": made.kind,
-        "period_s": made.period,
-        "centre_deg": math.degrees(made.centre),
-        "amplitudes_deg": [math.degrees(height) for height in made.amplitudes],
-        "identifiable": made.meaning,
+        "kind": excitation.kind,
+        "period_s": excitation.period,
+        "centre_deg": math.degrees(excitation.centre),
+        "amplitudes_deg": [math.degrees(height) for height in excitation.amplitudes],
+        "identifiable": excitation.meaning,
         "parts": [
             {"name": name, "begin_s": begin, "end_s": end, "determines": determines}
-            for name, begin, end, determines in made.parts
+            for name, begin, end, determines in excitation.parts
         ],
         "expected": {key: answer[key] for key in ("model", "intervals", "gain_interval")},
         "warnings": list(expected.warnings),
-        "requests_deg": np.degrees(made.requests).tolist(),
+        "requests_deg": np.degrees(excitation.requests).tolist(),
     }

@@ -103,14 +103,16 @@ def _with_servos(export: Export, model: str, schedule: Schedule) -> Export:
             "--model sets zeros, directions and ticks: leave out --zero-tick, --reverse and "
             "--ticks-per-turn."
         )
-    known, names = read_servos(model), schedule.names
-    if missing := [name for name in names if name not in known]:
+    all_servos, names = read_servos(model), schedule.names
+    if missing := [name for name in names if name not in all_servos]:
         raise InvalidFile(
-            model, f"no servo of {', '.join(missing)}; servos are of {', '.join(known)}"
+            model, f"no servo of {', '.join(missing)}; servos are of {', '.join(all_servos)}"
         )
-    check_ranges({name: known[name] for name in names}, schedule.requests)
+    check_ranges({name: all_servos[name] for name in names}, schedule.requests)
     # that there are as many names as joints is checked with the rows
-    servos = dict(zip(export.joint_names or names, (known[name] for name in names), strict=False))
+    servos = dict(
+        zip(export.joint_names or names, (all_servos[name] for name in names), strict=False)
+    )
     turns = {servo.ticks_per_turn for servo in servos.values()}
     if len(turns) > 1:
         several = ", ".join(f"{each:g}" for each in sorted(turns))
@@ -132,15 +134,15 @@ def _read(requests: str, joints: tuple[str, ...], period: float | None) -> Sched
     from planner.files.paths import read_joint_path
     from planner.robot.schedule import Schedule, check_period
 
-    given = read_joint_path(requests, joints=joints)
-    check_angles(given.names, given.units)
+    path = read_joint_path(requests, joints=joints)
+    check_angles(path.names, path.units)
     if period is not None:
         check_period(period)
-        given.check_period(period)
-    elif given.times is None:
+        path.check_period(period)
+    elif path.times is None:
         raise InvalidFile(
             requests, "no column t_s, so no time between requests; add it, or --period-s"
         )
     else:
-        period = given.step
-    return Schedule(given.names, given.angles, period)
+        period = path.step
+    return Schedule(path.names, path.angles, period)

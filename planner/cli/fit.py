@@ -115,7 +115,7 @@ def fit(
         raise click.UsageError(
             f"--knots writes one joint, got {', '.join(path.names)}; choose one with --joint."
         )
-    question = {
+    arguments = {
         "cyclic": path.cyclic,
         "segments": run.plan.segments,
         "max_error": None if max_error is None else math.radians(max_error),
@@ -124,7 +124,7 @@ def fit(
         "required": {_samples(time, path.period): angle for time, angle in required_s},
         "exact": exact,
     }
-    fits = _fits(path, question)
+    fits = _fits(path, arguments)
     document = {
         "cyclic": path.cyclic,
         "period_s": path.period,
@@ -159,7 +159,7 @@ def _samples(time: float, period: float) -> float:
     return float(round(count)) if abs(count - round(count)) < 1e-6 else count
 
 
-def _fits(path: Desired, question: dict[str, Any]) -> dict[str, PiecewiseLinearFit]:
+def _fits(path: Desired, arguments: dict[str, Any]) -> dict[str, PiecewiseLinearFit]:
     from planner.approximation.fit import fit_pwl
 
     fits = {}
@@ -168,7 +168,7 @@ def _fits(path: Desired, question: dict[str, Any]) -> dict[str, PiecewiseLinearF
             progress(name)
             with about(name):
                 fits[name] = fit_pwl(
-                    path.angles[:, j], v_max=joint.v_max, tick=joint.period, **question
+                    path.angles[:, j], v_max=joint.v_max, tick=joint.period, **arguments
                 )
     return fits
 
@@ -179,15 +179,15 @@ def _write_extras(
     if knots_file is not None:
         from planner.files.paths import write_curve
 
-        (only,) = fits.values()
-        write_curve(knots_file, only)
+        (curve,) = fits.values()
+        write_curve(knots_file, curve)
     if figure is not None:
         from planner.approximation.fit import choices
         from planner.report.fit import fits_figure
         from planner.report.matplotlib_figure import write_picture
 
-        found = {name: choices(curve) for name, curve in fits.items()}
-        write_picture(figure, fits_figure(fits, found))
+        alternatives = {name: choices(curve) for name, curve in fits.items()}
+        write_picture(figure, fits_figure(fits, alternatives))
 
 
 def _document(curve: PiecewiseLinearFit) -> dict[str, Any]:

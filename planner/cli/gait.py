@@ -102,13 +102,13 @@ def gait(
     if leg is None:
         path = half_ellipse(**walk.arguments())
     else:
-        made = stride(leg, **walk.arguments(given_only=True))
-        path = made.foot
+        leg_stride = stride(leg, **walk.arguments(given_only=True))
+        path = leg_stride.foot
         stretched = 1.0
         if fastest:
             path, document["fastest"], words = _shortest(run, leg, path, period)
             stretched = len(path) / samples
-        document["stride"] = about(leg, made, stretched * period)
+        document["stride"] = about(leg, leg_stride, stretched * period)
         words += f"\n{in_words(document['stride'])}"
     document |= {f"{axis}_m": path[:, k].tolist() for k, axis in enumerate("xyz")}
     deliver(
@@ -142,23 +142,23 @@ def _whole_robot(
             f"{error}; describe each in a table [leg.front-left] with urdf, base and foot",
         ) from error
     legs = {name: leg for name, place in places.items() if (leg := load_leg(place)) is not None}
-    made = gait_of(legs, pattern, **walk.arguments(given_only=True))
+    gaits = gait_of(legs, pattern, **walk.arguments(given_only=True))
     document, rows = {}, []
-    for name, each in made.items():
-        about_it = about(legs[name], each.stride, period)
-        document[name] = {"phase": each.phase, **about_it}
-        fastest = max(about_it["speeds_deg_s"].values())
-        numbers = (each.phase, *about_it["centre_m"])
+    for name, each in gaits.items():
+        figures = about(legs[name], each.stride, period)
+        document[name] = {"phase": each.phase, **figures}
+        fastest = max(figures["speeds_deg_s"].values())
+        numbers = (each.phase, *figures["centre_m"])
         rows.append([name, *(f"{number:.4g}" for number in numbers), f"{fastest:.0f}"])
-    one = next(iter(made.values())).stride
+    stride = next(iter(gaits.values())).stride
     names = [joint for leg in legs.values() for joint in leg.joint_names]
-    angles = np.hstack([each.angles for each in made.values()])
+    angles = np.hstack([each.angles for each in gaits.values()])
     columns = ["leg", "phase", "x [m]", "y [m]", "z [m]", "fastest [deg/s]"]
     deliver(
         {"pattern": pattern, "period_s": period, "legs": document}
         | {f"{name}_deg": np.degrees(angles[:, j]).tolist() for j, name in enumerate(names)},
         f"{pattern}: a cycle of {walk.samples} samples, {walk.samples * period:g} s, of "
-        f"{len(names)} joints; half stroke {one.length:.4g} m, height {one.height:.4g} m\n"
+        f"{len(names)} joints; half stroke {stride.length:.4g} m, height {stride.height:.4g} m\n"
         + text_table(columns, rows),
         lambda file: write_joint_path(file, names, angles, period=period),
         output=output,
@@ -177,7 +177,7 @@ def _shortest(run: Run, leg: Leg, path: Array, period: float) -> tuple[Array, di
     models = models_of(run.model, leg.joint_names, leg, rate_hz=1.0 / period)
     options.warn_of(refused_models(leg.joint_names, models))
     with Progress() as progress:
-        found = shortest_cycle(
+        cycle = shortest_cycle(
             models,
             leg,
             lambda count: in_samples(path, count),
@@ -185,17 +185,17 @@ def _shortest(run: Run, leg: Leg, path: Array, period: float) -> tuple[Array, di
             samples=len(path),
             progress=progress,
         )
-    proof, count = found.too_short, found.samples
+    proof, count = cycle.too_short, cycle.samples
     fewer = in_samples(path, count)
-    seen = [model.evidence for model in models]
-    unknown = any(each and each.leaves_top_speed_open for each in seen)
-    columns = zip(seen, leg.joint_angles(fewer).T, found.plan.predicted.T, strict=True)
+    evidence = [model.evidence for model in models]
+    unknown = any(each and each.leaves_top_speed_open for each in evidence)
+    columns = zip(evidence, leg.joint_angles(fewer).T, cycle.plan.predicted.T, strict=True)
     expected = [expectation(*each, period=period, cyclic=True) for each in columns]
     document = {
         "tolerance_cm": run.tolerance.cm,
         "samples": count,
-        "cycle_s": found.period,
-        "max_cm": 100.0 * found.plan.max_error,
+        "cycle_s": cycle.period,
+        "max_cm": 100.0 * cycle.plan.max_error,
         "untested": {
             name: list(each.untested) for name, each in zip(leg.joint_names, expected, strict=True)
         },
@@ -227,17 +227,17 @@ def _shortest(run: Run, leg: Leg, path: Array, period: float) -> tuple[Array, di
     return fewer, document, words
 
 
-def about(leg: Leg, made: Stride, period: float) -> dict[str, Any]:
+def about(leg: Leg, stride: Stride, period: float) -> dict[str, Any]:
     """The walk of a leg for machines."""
     import numpy as np
 
-    closed = np.vstack([made.angles, made.angles[:1]])
+    closed = np.vstack([stride.angles, stride.angles[:1]])
     speeds = np.abs(np.diff(closed, axis=0)).max(axis=0) / period
     return {
-        "length_m": made.length,
-        "height_m": made.height,
-        "centre_m": made.centre.tolist(),
-        "pose_deg": dict(zip(leg.joint_names, np.degrees(made.pose).tolist(), strict=True)),
+        "length_m": stride.length,
+        "height_m": stride.height,
+        "centre_m": stride.centre.tolist(),
+        "pose_deg": dict(zip(leg.joint_names, np.degrees(stride.pose).tolist(), strict=True)),
         "speeds_deg_s": dict(zip(leg.joint_names, np.degrees(speeds).tolist(), strict=True)),
     }
 

@@ -128,9 +128,11 @@ def identify(
     if report == "-":
         raise click.UsageError("--report: standard output takes the model; name a file.")
     by_joint = _by_joint(logs, choices)
-    found = _identified(by_joint, choices)
+    identifications = _identify_joints(by_joint, choices)
     # One model stands above all tables, so that it serves whatever a path calls the joint.
-    tables = found if choices["joint"] == "all" else {"": next(iter(found.values()))}
+    tables = (
+        identifications if choices["joint"] == "all" else {"": next(iter(identifications.values()))}
+    )
     text = models_text(
         {joint: each.model for joint, each in tables.items()},
         remarks=remarks(),
@@ -142,16 +144,16 @@ def identify(
         from planner.report.page import linked_files
 
         files = linked_files(report, [*(("log", file) for file in logs), ("model", output)])
-        page = staged(report, identification_page(found, files=files).encode())
+        page = staged(report, identification_page(identifications, files=files).encode())
     with page:
         deliver(
-            _document(found, every=choices["joint"] == "all"),
-            identification_text(found, "joint.toml" if output == "-" else output),
+            _document(identifications, every=choices["joint"] == "all"),
+            identification_text(identifications, "joint.toml" if output == "-" else output),
             lambda file: write_text(file, text),
             output=output,
             as_json=as_json,
         )
-    _check(by_joint, found)
+    _check(by_joint, identifications)
 
 
 def to_log_options(choices: Mapping[str, Any]) -> LogOptions:
@@ -165,15 +167,17 @@ def to_log_options(choices: Mapping[str, Any]) -> LogOptions:
     return LogOptions(**{name: choices[name] for name in _OPTIONS})
 
 
-def _check(asked: Collection[str], found: Mapping[str, Identification]) -> None:
+def _check(joints: Collection[str], identifications: Mapping[str, Identification]) -> None:
     """Refuse joints without a model, and models not to plan with; everything is written by then."""
     from planner.model.evidence import with_reasons
 
-    left_out = [joint for joint in asked if joint not in found]
+    left_out = [joint for joint in joints if joint not in identifications]
     if left_out:
         raise click.ClickException(f"no model of {', '.join(left_out)}; the others are written")
     refused = {
-        joint or "the joint": each.reason for joint, each in found.items() if not each.accepted
+        joint or "the joint": each.reason
+        for joint, each in identifications.items()
+        if not each.accepted
     }
     if refused:
         which = "the model" if len(refused) == 1 else "the models"
@@ -214,7 +218,7 @@ def _echo_notes(logs: Sequence[Log]) -> None:
         remark(f"{names[0]}{more}: {note}")
 
 
-def _identified(
+def _identify_joints(
     logs: Mapping[str, Sequence[Log]], choices: Mapping[str, Any]
 ) -> dict[str, Identification]:
     """What is found of each joint; of several, those that cannot be identified are left out."""
@@ -239,24 +243,26 @@ def _identified(
                 progress(f"identifying {task.name}")
                 outcomes.append(outcome_of(task.argument))
     by_joint = dict(zip(logs, outcomes, strict=True))
-    found = {joint: each for joint, each in by_joint.items() if not isinstance(each, PlannerError)}
+    identifications = {
+        joint: each for joint, each in by_joint.items() if not isinstance(each, PlannerError)
+    }
     left_out = {joint: each for joint, each in by_joint.items() if isinstance(each, PlannerError)}
-    if not found:  # the only joint, or the first of as many as there are
+    if not identifications:  # the only joint, or the first of as many as there are
         raise next(iter(left_out.values()))
     for joint, reason in left_out.items():
         warn(f"{joint} is left out: {reason}")
-    return found
+    return identifications
 
 
-Question = tuple[str, Sequence["Log"], Mapping[str, Any]]
+Arguments = tuple[str, Sequence["Log"], Mapping[str, Any]]
 """A joint, its logs and the options of :func:`planner.identify`."""
 
 
-def outcome_of(question: Question) -> Identification | PlannerError:
+def outcome_of(arguments: Arguments) -> Identification | PlannerError:
     """What is found of a joint, or why nothing is."""
     from planner.identification.identify import identify as run
 
-    joint, logs, options = question
+    joint, logs, options = arguments
     try:
         with about(joint):
             return run(logs, **options)
@@ -264,28 +270,28 @@ def outcome_of(question: Question) -> Identification | PlannerError:
         return error
 
 
-def pickled_outcome(question: Question) -> bytes:
+def pickled_outcome(arguments: Arguments) -> bytes:
     """The outcome of a joint, for another process: a task of :mod:`planner.parallel`."""
-    return pickle.dumps(outcome_of(question))
+    return pickle.dumps(outcome_of(arguments))
 
 
 def _in_parallel(tasks: Sequence[Task]) -> list[Identification | PlannerError]:
     """The outcomes of the joints in their order, one process for each processor."""
     from planner.parallel import executor_of, outcomes
 
-    found: dict[str, Identification | PlannerError] = {}
+    by_name: dict[str, Identification | PlannerError] = {}
     with Progress(count=len(tasks)) as progress, executor_of() as executor:
         for task, outcome in outcomes(pickled_outcome, tasks, executor):
             if outcome.result is None:
-                found[task.name] = PlannerError(outcome.reason)
+                by_name[task.name] = PlannerError(outcome.reason)
             else:
-                found[task.name] = pickle.loads(outcome.result)  # of a process of our own
+                by_name[task.name] = pickle.loads(outcome.result)  # of a process of our own
             progress(task.name)
-    return [found[task.name] for task in tasks]
+    return [by_name[task.name] for task in tasks]
 
 
-def _document(found: Mapping[str, Identification], *, every: bool) -> dict[str, Any]:
+def _document(identifications: Mapping[str, Identification], *, every: bool) -> dict[str, Any]:
     if every:
-        return {"joints": {joint: each.to_dict() for joint, each in found.items()}}
-    ((joint, identification),) = found.items()
+        return {"joints": {joint: each.to_dict() for joint, each in identifications.items()}}
+    ((joint, identification),) = identifications.items()
     return {"joint": joint, **identification.to_dict()}

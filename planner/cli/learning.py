@@ -50,7 +50,7 @@ class Measured(NamedTuple):
 
     names: tuple[str, ...]
     angles: Array
-    left: int
+    unused: int
 
 
 @dataclass(frozen=True)
@@ -126,21 +126,21 @@ def read_executed(path: str, prepared: Prepared) -> Array:
         InvalidFile: They are not those of the desired path.
     """
     desired = prepared.desired
-    given = read_joint_path(path, joints=desired.names)
-    _check_rate(given, desired.period)
-    given.check_samples(len(desired.angles))
-    return given.angles
+    request_path = read_joint_path(path, joints=desired.names)
+    _check_rate(request_path, desired.period)
+    request_path.check_samples(len(desired.angles))
+    return request_path.angles
 
 
-def _check_rate(given: JointPath, period: float) -> None:
+def _check_rate(path: JointPath, period: float) -> None:
     """Raise InvalidFile if the rows of a file are not ``period`` [s] apart."""
     try:
-        given.check_period(period)
+        path.check_period(period)
     except InvalidFile as error:
         raise InvalidFile(
-            given.path,
-            f"one row every {given.step:.6g} s, expected one every {period:.6g} s, the time "
-            f"between requests; refine with --rate-hz {1.0 / given.step:.6g} if that is the rate "
+            path.path,
+            f"one row every {path.step:.6g} s, expected one every {period:.6g} s, the time "
+            f"between requests; refine with --rate-hz {1.0 / path.step:.6g} if that is the rate "
             "at which they were planned and sent, else record a row for each request",
         ) from error
 
@@ -156,7 +156,7 @@ def read_measured(paths: Sequence[str], prepared: Prepared, *, cycles: int | Non
     Raises:
         InvalidFile: Rows are missing, or at another rate, or no joint was measured.
     """
-    desired, found, left = prepared.desired, [], 0
+    desired, blocks, unused_rows = prepared.desired, [], 0
     samples, tables = len(desired.angles), [read_table(path) for path in paths]
     columns = [
         {parts[0] for each in table.names if (parts := split_unit(each, JOINT_UNITS))}
@@ -164,35 +164,35 @@ def read_measured(paths: Sequence[str], prepared: Prepared, *, cycles: int | Non
     ]
     names = tuple(name for name in desired.names if all(name in each for each in columns))
     for path, table in zip(paths, tables, strict=True):
-        given = joint_path(table, joints=names or desired.names)
-        _check_rate(given, desired.period)
-        for name, got in zip(given.names, given.units, strict=True):
+        log = joint_path(table, joints=names or desired.names)
+        _check_rate(log, desired.period)
+        for name, got in zip(log.names, log.units, strict=True):
             expected = got if desired.units is None else desired.units[desired.names.index(name)]
             if got != expected and {got, expected} - {"deg", "rad"}:
                 raise InvalidFile(
                     path, f"'{name}' is in {got}, expected {expected} as in the path", line=1
                 )
-        many, over = divmod(len(given.angles), samples)
+        many, over = divmod(len(log.angles), samples)
         if not many:
             raise InvalidFile(
                 path,
-                f"got {len(given.angles)} rows, expected {samples} a cycle, one for each request; "
+                f"got {len(log.angles)} rows, expected {samples} a cycle, one for each request; "
                 "record whole cycles, or cut the file where a cycle begins",
             )
         if over and (cycles is None or not desired.cyclic):
             raise InvalidFile(
                 path,
-                f"got {len(given.angles)} rows, {over} more than {many} cycles of {samples}: cut "
+                f"got {len(log.angles)} rows, {over} more than {many} cycles of {samples}: cut "
                 "the file where cycles begin and end, or say with --cycles how many to take",
             )
-        left += over
-        found.append(given.angles[: many * samples].reshape(many, samples, -1))
-    all_of_them = np.concatenate(found)
-    if cycles is not None and cycles > len(all_of_them):
+        unused_rows += over
+        blocks.append(log.angles[: many * samples].reshape(many, samples, -1))
+    angles = np.concatenate(blocks)
+    if cycles is not None and cycles > len(angles):
         raise InvalidFile(
-            paths[0], f"got {len(all_of_them)} of {samples} rows, expected {cycles} cycles"
+            paths[0], f"got {len(angles)} of {samples} rows, expected {cycles} cycles"
         )
-    return Measured(names or desired.names, all_of_them[: cycles or len(all_of_them)], left)
+    return Measured(names or desired.names, angles[: cycles or len(angles)], unused_rows)
 
 
 def executed_plans(
@@ -206,16 +206,16 @@ def executed_plans(
         by_joint: Whether joints of a plan for the foot are to follow their angles in that plan,
             each by itself.
     """
-    given, desired, load = prepared.settings.plan, prepared.desired, prepared.load
-    of_foot = given.method == "foot-optimal"
+    plan_settings, desired, load = prepared.settings.plan, prepared.desired, prepared.load
+    of_foot = plan_settings.method == "foot-optimal"
     if of_foot and (desired.leg is None or desired.foot is None):
         raise BadSetting(Key("plan.method", "foot-optimal"), " plans for a foot path of a leg")
-    asked = replace(prepared, load=load(desired.angles) if callable(load) else load)
+    setup = replace(prepared, load=load(desired.angles) if callable(load) else load)
     single = by_joint or not of_foot
     if single:
-        given = replace(given, method="optimal")
-        asked = replace(asked, settings=replace(prepared.settings, plan=given), limits={})
-    task = task_of(asked)
+        plan_settings = replace(plan_settings, method="optimal")
+        setup = replace(setup, settings=replace(prepared.settings, plan=plan_settings), limits={})
+    task = task_of(setup)
     task = replace(task, load_of_pose=callable(load) and task.load is not None)
     if not single:
         return {FOOT: Plan(task=task, requests=requests, method="foot_optimal")}
@@ -224,7 +224,7 @@ def executed_plans(
     if of_foot:
         angles = plan_of(prepared, bounded=False).predicted  # whatever was executed since
     task = replace(task, lower=lower, upper=upper, desired=angles)
-    plan = Plan(task=task, requests=requests, solver=given.solver or "gauss-newton")
+    plan = Plan(task=task, requests=requests, solver=plan_settings.solver or "gauss-newton")
     return {name: plan.joint(j) for j, name in enumerate(desired.names)}
 
 
@@ -253,8 +253,8 @@ def refined(
     plans = executed_plans(prepared, executed, by_joint=measured.names != names)
     states: dict[str, LearningState] = {}
     if history is not None and Path(history).is_file():
-        known = (FOOT, *names) if prepared.settings.plan.method == "foot-optimal" else names
-        states = read_history(history, known, prepared.desired.angles)
+        plan_names = (FOOT, *names) if prepared.settings.plan.method == "foot-optimal" else names
+        states = read_history(history, plan_names, prepared.desired.angles)
         plans = {
             name: _resumed(plan, states.pop(name)) if name in states else plan
             for name, plan in plans.items()
@@ -356,7 +356,7 @@ def summary(answer: Refined) -> str:
 
 def progress_of(answer: Refined) -> list[Progress]:
     """The errors of each joint, or of the foot, in the user's units."""
-    desired, found = answer.prepared.desired, []
+    desired, rows = answer.prepared.desired, []
     for name, plan in answer.learnt.items():
         learning = _learning_of(plan)
         foot = plan.task.goal == "foot"
@@ -367,7 +367,7 @@ def progress_of(answer: Refined) -> list[Progress]:
         remarks = [as_options(text, desired.names) for text in learning.remarks]
         if not any("identified anew" in text for text in remarks):
             remarks += _other_models(plan, name, desired)
-        found.append(
+        rows.append(
             Progress(
                 name=name,
                 unit=unit,
@@ -382,15 +382,17 @@ def progress_of(answer: Refined) -> list[Progress]:
                 remarks=tuple(remarks),
             )
         )
-    return found
+    return rows
 
 
 def _other_models(plan: Plan, name: str, desired: Desired) -> list[str]:
     """Which models are no longer those of the model file: they were identified anew before."""
     names = desired.names if name == FOOT else (name,)
-    given = dict(zip(desired.names, desired.models, strict=True))
+    file_models = dict(zip(desired.names, desired.models, strict=True))
     changed = [
-        joint for joint, model in zip(names, plan.models, strict=True) if model != given[joint]
+        joint
+        for joint, model in zip(names, plan.models, strict=True)
+        if model != file_models[joint]
     ]
     if not changed:
         return []
@@ -402,10 +404,10 @@ def as_options(text: str, names: Sequence[str]) -> str:
     """A remark of the library, with options for arguments and names for numbers of joints."""
     text = re.sub(
         r"sensor_delay=([-+.\de]+\d|\d)",
-        lambda found: f"--sensor-delay-ms {1e3 * float(found[1]):g}",
+        lambda match: f"--sensor-delay-ms {1e3 * float(match[1]):g}",
         text,
     )
-    return re.sub(r"\bjoint (\d+)\b", lambda found: names[int(found[1]) - 1], text)
+    return re.sub(r"\bjoint (\d+)\b", lambda match: names[int(match[1]) - 1], text)
 
 
 def learning_report(

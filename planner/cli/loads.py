@@ -23,7 +23,7 @@ Load = Array | Callable[[Array], Array]
 """Torques [N m], shape (n, k), or those in poses [rad], shape (n, k)."""
 
 
-def load_of(given: settings.Plan, desired: Desired) -> Load | None:
+def load_of(plan: settings.Plan, desired: Desired) -> Load | None:
     """What the joints of a path carry; None where the settings ask for no load.
 
     Of ``urdf-dynamics`` inertia counts along the desired path and gravity in the predicted pose:
@@ -33,11 +33,11 @@ def load_of(given: settings.Plan, desired: Desired) -> Load | None:
         BadSetting: The path or the leg does not have the load, or no joint feels it.
         KinematicsError: The URDF has no masses.
     """
-    if given.load is None:
+    if plan.load is None:
         return None
-    key = Key("plan.load", given.load)
+    key = Key("plan.load", plan.load)
     _check_felt(key, desired.models)
-    if given.load == "column":
+    if plan.load == "column":
         if desired.loads is None:
             raise BadSetting(key, ": the path has no columns <joint>_load_Nm")
         return desired.loads
@@ -48,11 +48,11 @@ def load_of(given: settings.Plan, desired: Desired) -> Load | None:
         )
     poses = desired.angles[:, [desired.names.index(name) for name in leg.joint_names]]
     return _load_of_masses(
-        given.load, leg, desired.names, poses, period=desired.period, cyclic=desired.cyclic
+        plan.load, leg, desired.names, poses, period=desired.period, cyclic=desired.cyclic
     )
 
 
-def with_load(given: settings.Plan, path: RecordedPath, leg: Leg | None) -> RecordedPath:
+def with_load(plan: settings.Plan, path: RecordedPath, leg: Leg | None) -> RecordedPath:
     """A recording with the load that the settings ask for; without one it is that of its logs.
 
     The leg's joints that are not planned are where they were recorded.
@@ -60,11 +60,11 @@ def with_load(given: settings.Plan, path: RecordedPath, leg: Leg | None) -> Reco
     Raises:
         BadSetting: The recording or the leg does not have the load, or no joint feels it.
     """
-    if given.load is None:
+    if plan.load is None:
         return path
-    key, planned = Key("plan.load", given.load), path.planned
+    key, planned = Key("plan.load", plan.load), path.planned
     _check_felt(key, [each.model for each in planned if each.model])
-    if given.load == "column":
+    if plan.load == "column":
         if not any(each.load is not None for each in planned):
             raise BadSetting(key, ": the recording has no torque of a joint that feels it")
         return path
@@ -73,9 +73,9 @@ def with_load(given: settings.Plan, path: RecordedPath, leg: Leg | None) -> Reco
     by_name = {each.name: each for each in path.joints}
     for name in leg.joint_names:
         if name not in by_name:
-            known = ", ".join(by_name)
+            joints = ", ".join(by_name)
             raise BadSetting(
-                key, f": the recording has no joint '{name}', which the leg has; joints: {known}; "
+                key, f": the recording has no joint '{name}', which the leg has; joints: {joints}; "
                 "name it with ", Key("replay.urdf_joints")
             )  # fmt: skip
         if by_name[name].unit != "rad":
@@ -83,7 +83,7 @@ def with_load(given: settings.Plan, path: RecordedPath, leg: Leg | None) -> Reco
                 key, f": {name} is in shares of its range, and a pose needs angles; choose its "
                 "unit with --unit"
             )  # fmt: skip
-    form, names = given.load, [each.name for each in planned]
+    form, names = plan.load, [each.name for each in planned]
 
     def load_at(moments: Array) -> LoadOfPose:
         poses = [
@@ -134,17 +134,17 @@ def _load_of_masses(
         inertia = leg.load_torques(poses, dynamics=True, period=period, cyclic=cyclic) - in_rest
 
     def torques(angles: Array) -> Array:
-        pose, found = poses.copy(), np.zeros(angles.shape)
+        pose, loads = poses.copy(), np.zeros(angles.shape)
         pose[:, places] = angles[:, inside]
-        found[:, inside] = (leg.load_torques(pose) + inertia)[:, places]
-        return found
+        loads[:, inside] = (leg.load_torques(pose) + inertia)[:, places]
+        return loads
 
     return torques
 
 
-def unused(given: settings.Plan, desired: Desired) -> tuple[Remark, ...]:
+def unused(plan: settings.Plan, desired: Desired) -> tuple[Remark, ...]:
     """What to say of a path whose load is not asked for."""
-    if desired.loads is None or given.load is not None:
+    if desired.loads is None or plan.load is not None:
         return ()
-    asked = Key("plan.load", "column")
-    return (Remark("the load in the path's columns is not used: ask for it with ", asked),)
+    key = Key("plan.load", "column")
+    return (Remark("the load in the path's columns is not used: ask for it with ", key),)

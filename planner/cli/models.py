@@ -41,8 +41,8 @@ def models_of(
     """
     check_joints("model.joints", model.joints, joints)
     own = model.joints
-    others = [joint for joint in joints if joint not in own or own[joint].file is None]
-    common = _models_of_all(model, others, leg, folder)
+    without_file = [joint for joint in joints if joint not in own or own[joint].file is None]
+    common = _models_of_all(model, without_file, leg, folder)
     models = tuple(
         _model_of_joint(own[joint], joint, common, folder) if joint in own else common[joint]
         for joint in joints
@@ -84,13 +84,13 @@ def beside(folder: str, name: str) -> str:
     return str(Path(folder) / name) if folder else name
 
 
-def check_joints(key: str, given: Mapping[str, object], joints: Sequence[str]) -> None:
+def check_joints(key: str, by_joint: Mapping[str, object], joints: Sequence[str]) -> None:
     """Make sure that settings of single joints are about joints of the path.
 
     Raises:
         BadSetting: One is not.
     """
-    for joint in given:
+    for joint in by_joint:
         if joint not in joints:
             raise BadSetting(
                 Key(key, joint=joint),

@@ -91,11 +91,11 @@ def settings(*keys: str, **helps: str) -> Callable[[Command], Command]:
 
     def decorate(command: Command) -> Command:
         @wraps(command)
-        def with_settings(**given: Any) -> Any:
-            values = {key: given.pop(_parameter(key)) for key in keys}
+        def with_settings(**arguments: Any) -> Any:
+            values = {key: arguments.pop(_parameter(key)) for key in keys}
             content: dict[str, Any] = {}
-            if given.get("path") is not None:
-                content["path"] = {"file": given["path"]}
+            if arguments.get("path") is not None:
+                content["path"] = {"file": arguments["path"]}
             for key, value in values.items():
                 if value not in (None, ()):
                     _put(content, key, value)
@@ -106,8 +106,8 @@ def settings(*keys: str, **helps: str) -> Callable[[Command], Command]:
                 run = Run.of(content, standard_input=True)
             if any(key.startswith(REPLAY) for key in keys):
                 with _as_options(REPLAY):
-                    given["replay"] = Replay.of(replay)
-            return command(run=run, **given)
+                    arguments["replay"] = Replay.of(replay)
+            return command(run=run, **arguments)
 
         decorated: Command = with_settings
         for key in reversed(keys):
@@ -137,15 +137,15 @@ def _option(key: str, declared: Declared, of_command: str) -> Callable[[Command]
     attributes = dict(about.click)
     own = attributes.pop("option_help", "")
     default = None if declared.required else declared.default
-    shown = about.otherwise.strip('"') or ("" if default in (None, ()) else str(default))
+    default_text = about.otherwise.strip('"') or ("" if default in (None, ()) else str(default))
     first, slash, second = about.option.partition("/")
     if isinstance(default, bool):
-        shown = (first if default else second).strip("-") if slash else ""
+        default_text = (first if default else second).strip("-") if slash else ""
     text = of_command or own
     if not text:
-        text = f"{about.help}  [default: {shown}]" if shown else about.help
-    elif not own and shown:
-        text += f"  [default: {shown}]"
+        text = f"{about.help}  [default: {default_text}]" if default_text else about.help
+    elif not own and default_text:
+        text += f"  [default: {default_text}]"
     if declared.type is bool:
         attributes |= {"is_flag": True, "default": None}
     elif get_origin(declared.type) is Literal:

@@ -72,19 +72,19 @@ def plan(*, run: Run, path: str, output: str, report: str | None, as_json: bool)
     desired = prepared.desired
     options.warn_of(desired.remarks)
     with Progress(desired.names) as progress:
-        made = plan_of(prepared, progress)
-    options.warn_of(beyond_limits(made, desired))
-    missed = misses(run, desired, made)
+        result = plan_of(prepared, progress)
+    options.warn_of(beyond_limits(result, desired))
+    missed = misses(run, desired, result)
     if report is not None:
         from planner.cli.answer import plan_report
 
         files = [("requests", output)]
-        page = plan_report(prepared, made, missed=missed, page=report, written=files)
+        page = plan_report(prepared, result, missed=missed, page=report, written=files)
         write_text(report, page)
     deliver(
-        document(prepared, made, missed),
-        summary(prepared, made),
-        lambda file: desired.write_requests(file, made.requests, made.task.load),
+        document(prepared, result, missed),
+        summary(prepared, result),
+        lambda file: desired.write_requests(file, result.requests, result.task.load),
         output=output,
         as_json=as_json,
     )

@@ -100,14 +100,14 @@ def check_settings(run: settings.Run, desired: Desired) -> None:
     Raises:
         BadSetting: The message says which.
     """
-    given, method = run.plan, Key("plan.method", run.plan.method)
-    ignored = [f"plan.{name}" for name in given.without_effect(given.method)]
+    plan_settings, method = run.plan, Key("plan.method", run.plan.method)
+    ignored = [f"plan.{name}" for name in plan_settings.without_effect(plan_settings.method)]
     started = run.start.deg is not None or run.start.joints
-    if started and given.method in ("closed-form", "foot-optimal"):
+    if started and plan_settings.method in ("closed-form", "foot-optimal"):
         ignored.append("start.deg")
     for name in ignored:
         raise BadSetting(Key(name), " has no effect with ", method)
-    if given.method == "foot-optimal" and desired.foot is None:
+    if plan_settings.method == "foot-optimal" and desired.foot is None:
         moved = {joint for leg in desired.legs.values() for joint in leg.joint_names}
         if moved != set(desired.names):
             raise BadSetting(
@@ -115,15 +115,15 @@ def check_settings(run: settings.Run, desired: Desired) -> None:
             )
     pairs = zip(desired.names, desired.models, strict=True)
     without = [name for name, model in pairs if not has_intervals(model)]
-    if given.robust is not None and without:
+    if plan_settings.robust is not None and without:
         raise BadSetting(
-            Key("plan.robust", given.robust),
+            Key("plan.robust", plan_settings.robust),
             f" draws models from intervals, and the model of {', '.join(without)} has none "
             f"({model_words(run.model)}); identify the joint, which writes them, or add to its "
             "model file what you know, such as v_max_interval = [5.2, 5.7] beside v_max",
         )
     degrees, centimetres = Key("tolerance.deg"), Key("tolerance.cm")
-    of_foot = given.method == "foot-optimal" and desired.foot is not None
+    of_foot = plan_settings.method == "foot-optimal" and desired.foot is not None
     if run.tolerance.deg is not None and of_foot:
         raise BadSetting(
             degrees, " is for joints, and ", method, " plans for the foot: use ", centimetres
@@ -154,37 +154,37 @@ def plan_of(
         PlannerError: There is none.
     """
     run, desired, limits = prepared.settings, prepared.desired, prepared.limits
-    given = run.plan
-    whole_robot = given.method == "foot-optimal" and desired.foot is None
-    if given.method == "foot-optimal" and not whole_robot:
+    plan_settings = run.plan
+    whole_robot = plan_settings.method == "foot-optimal" and desired.foot is None
+    if plan_settings.method == "foot-optimal" and not whole_robot:
         progress("the foot")
     with desired.units_in_messages():
         if whole_robot:
-            made = _by_feet(prepared, progress)
+            plan = _by_feet(prepared, progress)
         else:
-            made = planned(
+            plan = planned(
                 task_of(prepared),
                 load=prepared.load,
-                method=CORE_METHODS[given.method],
-                solver=given.solver or "gauss-newton",
-                lines={"segments": given.segments, "rule": given.rule or "paper"},
+                method=CORE_METHODS[plan_settings.method],
+                solver=plan_settings.solver or "gauss-newton",
+                lines={"segments": plan_settings.segments, "rule": plan_settings.rule or "paper"},
                 progress=progress,
             )
-    if made.task.goal == "angles":
+    if plan.task.goal == "angles":
         lower, upper = limits_of_each(limits, desired.names)
         whole = desired.leg is not None and desired.leg.joint_names == desired.names
         leg, foot = (desired.leg, desired.foot) if whole else (None, None)
-        made = replace(made, task=replace(made.task, lower=lower, upper=upper, leg=leg, foot=foot))
-    for each in made.inversions:
+        plan = replace(plan, task=replace(plan.task, lower=lower, upper=upper, leg=leg, foot=foot))
+    for each in plan.inversions:
         _check_bound(each, desired)
     chosen = run.limits.deg is not None or run.limits.joints
-    beyond = beyond_limits(made, desired)
-    if beyond and (chosen or given.method != "closed-form"):  # which knows no limits
+    beyond = beyond_limits(plan, desired)
+    if beyond and (chosen or plan_settings.method != "closed-form"):  # which knows no limits
         raise beyond[0]
-    if bounded and made.task.goal == "foot":
+    if bounded and plan.task.goal == "foot":
         progress("the lower bound")
-        _ = made.foot_bound  # takes seconds, and is kept
-    return made
+        _ = plan.foot_bound  # takes seconds, and is kept
+    return plan
 
 
 def _by_feet(prepared: Prepared, progress: Callable[[str], None]) -> Plan:
@@ -204,20 +204,20 @@ def _by_feet(prepared: Prepared, progress: Callable[[str], None]) -> Plan:
             foot=leg.foot_positions(angles),
         )
         carried = None if load is None else np.asarray(load)[:, columns]
-        made = planned(task_of(replace(prepared, desired=part, load=carried)), method="optimal")
-        requests[:, columns] = made.requests
+        plan = planned(task_of(replace(prepared, desired=part, load=carried)), method="optimal")
+        requests[:, columns] = plan.requests
     return Plan(task=task_of(prepared), requests=requests)
 
 
 def beyond_limits(plan: Plan, desired: Desired) -> list[FailedCheck]:
     """What is to be said of requests beyond the limits of their joints [rad]."""
-    found = []
+    failures = []
     columns = zip(plan.requests.T, plan.task.lower, plan.task.upper, strict=True)
     for j, (requests, lower, upper) in enumerate(columns):
         excess = np.maximum(lower - requests, requests - upper)
         worst = index_of_largest(excess)
         if excess[worst] > ROUNDING:
-            found.append(
+            failures.append(
                 FailedCheck(
                     f"{desired.names[j]}: request {worst} is {np.degrees(requests[worst]):.2f} "
                     f"{desired.unit(j)}, beyond the limits {np.degrees(lower):.2f} to "
@@ -226,29 +226,29 @@ def beyond_limits(plan: Plan, desired: Desired) -> list[FailedCheck]:
                     " keeps to them",
                 )
             )
-    return found
+    return failures
 
 
 def misses(run: settings.Run, desired: Desired, plan: Plan) -> list[str]:
     """Which tolerances the plan misses, in its norm, and by how much; none where it keeps all."""
     norm, tolerance = plan.task.norm, run.tolerance
-    found = []
+    messages = []
     if tolerance.deg is not None:
         for j, inversion in enumerate(plan.inversions):
             error, least = np.degrees([inversion.error, inversion.lower_bound])
             if error > tolerance.deg:
                 bound = f"; the lower bound for any requests is {least:.4g}"
-                found.append(
+                messages.append(
                     f"{desired.names[j]} is off by {error:.4g} {desired.unit(j)} ({norm}), "
                     f"expected at most {tolerance.deg:g}{'' if plan.task.load_of_pose else bound}"
                 )
     if tolerance.cm is not None:
         error = error_norm(100.0 * plan.distances, norm)
         if error > tolerance.cm:
-            found.append(
+            messages.append(
                 f"the foot is off by {error:.4g} cm ({norm}), expected at most {tolerance.cm:g}"
             )
-    return found
+    return messages
 
 
 def task_of(prepared: Prepared) -> Task:
@@ -257,17 +257,17 @@ def task_of(prepared: Prepared) -> Task:
     Raises:
         PlannerError: They do not fit together.
     """
-    given, desired, limits = prepared.settings.plan, prepared.desired, prepared.limits
-    options = given.options(desired.period)
+    plan_settings, desired, limits = prepared.settings.plan, prepared.desired, prepared.limits
+    options = plan_settings.options(desired.period)
     options |= {
         "cyclic": desired.cyclic,
         "load": None if callable(prepared.load) else prepared.load,
     }
-    if given.method == "foot-optimal" and desired.foot is not None:
+    if plan_settings.method == "foot-optimal" and desired.foot is not None:
         lower, upper = zip(*(limits[name] for name in desired.names), strict=True)
-        options |= {"weights": given.weights or (1.0, 1.0, 1.0), "limits": (lower, upper)}
+        options |= {"weights": plan_settings.weights or (1.0, 1.0, 1.0), "limits": (lower, upper)}
         return Task.of(desired.models, desired.foot, leg=checked_leg(desired.leg), **options)
-    if given.method != "closed-form":  # which knows no limits
+    if plan_settings.method != "closed-form":  # which knows no limits
         options |= {"limits": limits, "start": prepared.starts}
     return Task.of(desired.models, desired.angles, names=desired.names, **options)
 

@@ -80,15 +80,15 @@ def play(
     if path.times is None:
         raise InvalidFile(requests, "no column t_s, so no time between requests; add it")
     period = path.step
-    known = read_servos(model)
-    if missing := [name for name in path.names if name not in known]:
+    all_servos = read_servos(model)
+    if missing := [name for name in path.names if name not in all_servos]:
         raise InvalidFile(
             model,
-            f"no servo of {', '.join(missing)}; servos are of {', '.join(known)}: calibrate it, or "
-            "name the columns alike",
+            f"no servo of {', '.join(missing)}; servos are of {', '.join(all_servos)}: calibrate "
+            "it, or name the columns alike",
         )
     rows: list[tuple[float, Array]] = []
-    servos = {name: known[name] for name in path.names}
+    servos = {name: all_servos[name] for name in path.names}
     with buses.open_arm(choices, servos, model) as arm, GrowingLog(output, path.names) as log:
 
         def keep(time: float, row: Array, angles: Array) -> None:

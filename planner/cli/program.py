@@ -142,8 +142,8 @@ class Commands(click.Group):
             ctx.fail(f"No such command '{name}'.{hint}")
         from planner.cli.types import today
 
-        found, command, rest = super().resolve_command(ctx, args)
-        return found, command, rest if command is None else today(command, rest)
+        command_name, command, rest = super().resolve_command(ctx, args)
+        return command_name, command, rest if command is None else today(command, rest)
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run the command; a reader that has gone away is no error, only the end."""

@@ -79,7 +79,7 @@ def record(
             for servo in servos.values():
                 arm.bus.write(servo.id, "torque", 0)
         port, begin, row = arm.bus.port, arm.bus.port.now(), 0
-        heard = np.full(len(servos), begin)
+        last_read = np.full(len(servos), begin)
         with suppress(KeyboardInterrupt):  # the end, where no duration is set
             while duration_s is None or row / rate_hz < duration_s:
                 wait = begin + row / rate_hz - port.now()
@@ -89,8 +89,8 @@ def record(
                 columns = [measured.angles] if by_hand else [arm.goals(), measured.angles]
                 if not (by_hand and np.isnan(measured.angles).any()):
                     log.keep(measured.time - begin, *columns)
-                heard[np.isfinite(measured.angles)] = measured.time
-                arm.check_heard(heard, measured.time)
+                last_read[np.isfinite(measured.angles)] = measured.time
+                arm.check_heard(last_read, measured.time)
                 row = max(row + 1, int((port.now() - begin) * rate_hz))
         log.finish()
     lost = arm.bus.lost / max(1, arm.bus.asked)

@@ -115,8 +115,8 @@ def refine(
         )
     executed = read_executed(requests, prepared)
     angles = read_measured(measured, prepared, cycles=cycles)
-    if angles.left:
-        warn(f"{angles.left} measured rows after the last whole cycle are not used")
+    if angles.unused:
+        warn(f"{angles.unused} measured rows after the last whole cycle are not used")
     with Progress([*desired.names]) as progress:
         answer = refined(
             prepared,

@@ -164,8 +164,10 @@ def on_virtual_robot(folder: Path, progress: Callable[[str], None]) -> Answer:
     failures = [
         f"{joint.name}: the model that was identified does not describe the joint; see its "
         "warnings in results.json"
-        for joint, found in zip(outcome.planned.joints, outcome.identifications, strict=True)
-        if not found.accepted
+        for joint, identification in zip(
+            outcome.planned.joints, outcome.identifications, strict=True
+        )
+        if not identification.accepted
     ]
     return document, virtual_text(document), failures
 
@@ -193,9 +195,9 @@ def _write_records(folder: Path, outcome: VirtualOutcome) -> None:
 
     period = outcome.constants.request_period
     walk = outcome.planned.walk
-    for name, found in zip(walk.joint_names, outcome.identifications, strict=True):
-        write_model(folder / f"{name}.toml", found.model)
-        for fit in found.fits:
+    for name, identification in zip(walk.joint_names, outcome.identifications, strict=True):
+        write_model(folder / f"{name}.toml", identification.model)
+        for fit in identification.fits:
             log = fit.log
             height = np.degrees(np.ptp(log.requests))
             write_table(

@@ -55,10 +55,10 @@ def run(*, file: str | None, out: str | None, check: bool, template: bool, as_js
         raise click.UsageError("name a run file, or begin one with --template.")
     from planner.cli.run_file import read_run
 
-    ready = read_run(file)
-    desired = ready.prepared.desired
+    run_file = read_run(file)
+    desired = run_file.prepared.desired
     if check:
-        samples, method = len(desired.angles), ready.settings.plan.method
+        samples, method = len(desired.angles), run_file.settings.plan.method
         checked = {"holds": True, "samples": samples, "period_s": desired.period}
         print_answer(
             {**checked, "joints": list(desired.names), "method": method},
@@ -67,10 +67,10 @@ def run(*, file: str | None, out: str | None, check: bool, template: bool, as_js
             as_json=as_json,
         )
         return
-    carry_out_run(ready, _folder(file, out, ready), as_json=as_json)
+    carry_out_run(run_file, _folder(file, out, run_file), as_json=as_json)
 
 
-def _folder(file: str, out: str | None, ready: RunFile) -> str:
+def _folder(file: str, out: str | None, run_file: RunFile) -> str:
     """Where the results go.
 
     Raises:
@@ -78,37 +78,37 @@ def _folder(file: str, out: str | None, ready: RunFile) -> str:
     """
     if out is not None:
         return out
-    if ready.settings.out is not None:
-        return str(Path(file).parent / ready.settings.out)
+    if run_file.settings.out is not None:
+        return str(Path(file).parent / run_file.settings.out)
     if file == "-" or not Path(file).suffix:
         raise click.UsageError("name a folder for the results with --out.")
     return str(Path(file).with_suffix(""))
 
 
-def carry_out_run(ready: RunFile, out: str, *, as_json: bool) -> None:
+def carry_out_run(run_file: RunFile, out: str, *, as_json: bool) -> None:
     """Plan, and write the folder of the results."""
     from planner.cli.answer import summary
     from planner.cli.planning import beyond_limits, plan_of
     from planner.cli.run_file import speaking_of, write_run
     from planner.files.staging import output_folder
 
-    settings, names = ready.settings, ready.prepared.desired.names
+    settings, names = run_file.settings, run_file.prepared.desired.names
     steps = ["the foot"] if settings.plan.method == "foot-optimal" else list(names)
     steps += ["the comparison"] if settings.output.comparison else []
     with (
         Progress([*steps, "the files"]) as progress,
-        speaking_of(ready.file),
+        speaking_of(run_file.file),
         output_folder(out) as folder,
     ):
-        plan = plan_of(ready.prepared, progress)
-        results, exports, failures = write_run(folder, ready, plan, progress=progress)
-    desired = ready.prepared.desired
+        plan = plan_of(run_file.prepared, progress)
+        results, exports, failures = write_run(folder, run_file, plan, progress=progress)
+    desired = run_file.prepared.desired
     for remark in (*desired.remarks, *beyond_limits(plan, desired)):
         warn(str(remark))
     if as_json:
         print_json(results)
     else:
         files = f"{len(results['files']) + 1} files in {out}"
-        summarise(f"{summary(ready.prepared, plan)}{exports}\n{files}")
+        summarise(f"{summary(run_file.prepared, plan)}{exports}\n{files}")
     if failures:
         raise click.ClickException(f"{'; '.join(failures)}; the files are written all the same")

@@ -133,21 +133,21 @@ def _in_export(number: int) -> Iterator[None]:
 
 def _check_names(run: settings.Run) -> None:
     """Make sure that no two files of the folder have one name, or one inside the other."""
-    taken = {PurePosixPath(MANIFEST): MANIFEST}
+    owners = {PurePosixPath(MANIFEST): MANIFEST}
     if run.output.comparison:
-        taken |= {PurePosixPath(name): "output.comparison" for name in COMPARISON}
+        owners |= {PurePosixPath(name): "output.comparison" for name in COMPARISON}
     named = {f"output.{key}": getattr(run.output, key) for key in WRITTEN}
     named |= {f"export[{number}].file": each.file for number, each in enumerate(run.export)}
     for key, name in named.items():
         if not name:
             continue
         path = PurePosixPath(name.casefold())
-        for other, owner in taken.items():
+        for other, owner in owners.items():
             if path == other or path in other.parents or other in path.parents:
                 raise BadSetting(
                     Key(key), f": got '{name}', which {owner} takes; choose another name"
                 )
-        taken[path] = key
+        owners[path] = key
 
 
 def _check_outputs(prepared: Prepared) -> None:
@@ -165,10 +165,10 @@ def _check_outputs(prepared: Prepared) -> None:
         import_meshcat()
     if run.export or run.output.comparison:
         check_angles(desired.names, desired.units)
-    like_them = Schedule(desired.names, desired.angles, desired.period)
+    draft = Schedule(desired.names, desired.angles, desired.period)
     for number, export in enumerate(run.export):
         with _in_export(number):
-            rows, _ = rows_of(export, like_them)
+            rows, _ = rows_of(export, draft)
             check_rows(export, rows)
 
 
@@ -283,10 +283,12 @@ def _scene(run: RunFile, plan: Plan) -> str:
     place, desired, cyclic = run.prepared.place, run.prepared.desired, plan.cyclic
     assert place is not None, "a scene without a leg is refused"
     assert desired.leg is not None, "a scene without a leg is refused"
-    shown = shown_motions(desired.leg, desired, plan.predicted, cyclic=cyclic, loads=plan.task.load)
+    leg_motions = shown_motions(
+        desired.leg, desired, plan.predicted, cyclic=cyclic, loads=plan.task.load
+    )
     scene = Scene.from_urdf(place.urdf, base=place.base, foot=place.foot, locked=place.locked)
     title = f"request-planner: {run.settings.leg.name or place.foot}"
-    return scene_page(scene, shown, period=desired.period, cyclic=cyclic, title=title)
+    return scene_page(scene, leg_motions, period=desired.period, cyclic=cyclic, title=title)
 
 
 def _place(folder: Path, run: RunFile, key: str) -> Path | None:

@@ -58,78 +58,78 @@ def simulate(
     from planner.model.response import simulate as simulate_joint
     from planner.trajectory import angle_distance
 
-    given = load_joints(requests, run)
-    path = None if desired is None else _desired(desired, given)
-    cyclic, remarks = given.cyclic, given.remarks
+    inputs = load_joints(requests, run)
+    path = None if desired is None else _desired(desired, inputs)
+    cyclic, remarks = inputs.cyclic, inputs.remarks
     if path is not None:  # whose ends say more than those of its requests
         cyclic, closing = repeats(path.angles, run.plan.cyclic)
-        remarks = (*closing, *refused_models(given.names, given.models))
+        remarks = (*closing, *refused_models(inputs.names, inputs.models))
     options.warn_of(remarks)
-    rest = starts_of(run.start, given.names, cyclic=cyclic)
-    loads = None if load is None else given.loads
+    rest = starts_of(run.start, inputs.names, cyclic=cyclic)
+    loads = None if load is None else inputs.loads
     if load is not None and loads is None:
         raise InvalidFile(requests, "no columns <joint>_load_Nm, which --load column takes", line=1)
-    if load is None and given.loads is not None:
+    if load is None and inputs.loads is not None:
         warn("the load in the columns is not used: ask for it with --load column")
     columns = []
-    for j, (name, joint) in enumerate(zip(given.names, given.models, strict=True)):
+    for j, (name, joint) in enumerate(zip(inputs.names, inputs.models, strict=True)):
         with about(name):
             column = None if loads is None else loads[:, j]
             columns.append(
                 simulate_joint(
-                    joint, given.angles[:, j], cyclic=cyclic, start=rest.get(name), load=column
+                    joint, inputs.angles[:, j], cyclic=cyclic, start=rest.get(name), load=column
                 )
             )
     angles = np.column_stack(columns)
     joints: dict[str, dict[str, Any]] = {}
     expected = list[Expectation]()
-    summary = f"{len(angles)} requests of {', '.join(given.names)}; {model_words(run.model)}"
-    for j, (name, model) in enumerate(zip(given.names, given.models, strict=True)):
-        unit, joints[name] = given.unit(j), {}
+    summary = f"{len(angles)} requests of {', '.join(inputs.names)}; {model_words(run.model)}"
+    for j, (name, model) in enumerate(zip(inputs.names, inputs.models, strict=True)):
+        unit, joints[name] = inputs.unit(j), {}
         if path is not None:
-            wanted, reached = path.angles[:, j], angles[:, j]
+            target, predicted = path.angles[:, j], angles[:, j]
             column = None if loads is None else loads[:, j]
             each = expectation(
-                model.evidence, wanted, reached, period=given.period, cyclic=cyclic, load=column
+                model.evidence, target, predicted, period=inputs.period, cyclic=cyclic, load=column
             )
             expected.append(each)
-            rms, largest, robot = np.degrees([*angle_distance(reached, wanted), each.error])
-            known = np.isfinite(robot)
+            rms, largest, robot = np.degrees([*angle_distance(predicted, target), each.error])
+            has_estimate = np.isfinite(robot)
             joints[name] = {
                 f"rms_{unit}": float(rms),
                 f"max_{unit}": float(largest),
-                f"expected_rms_{unit}": float(robot) if known else None,
+                f"expected_rms_{unit}": float(robot) if has_estimate else None,
                 "untested": list(each.untested),
             }
             summary += f"\n{name}: {rms:.3f} {unit} rms from the desired angles"
             summary += f", {largest:.3f} {unit} at most"
-            if known:
+            if has_estimate:
                 summary += f"; on the robot expect about {robot:.3f} {unit} rms"
         joints[name] |= verdict_document(model)
         joints[name][f"angles_{unit}"] = np.degrees(angles[:, j]).tolist()
-    if expected and (words := untested_words(given.names, expected)):
+    if expected and (words := untested_words(inputs.names, expected)):
         summary += f"\n{words}"
-    document = {"cyclic": cyclic, "period_s": given.period, "joints": joints}
+    document = {"cyclic": cyclic, "period_s": inputs.period, "joints": joints}
     deliver(
         document,
         summary,
         lambda file: write_joint_path(
-            file, given.names, angles, period=given.period, units=given.units
+            file, inputs.names, angles, period=inputs.period, units=inputs.units
         ),
         output=output,
         as_json=as_json,
     )
 
 
-def _desired(file: str, given: Desired) -> JointPath:
+def _desired(file: str, inputs: Desired) -> JointPath:
     """The path that the requests were planned for."""
     from planner.files.paths import read_joint_path
 
-    path = read_joint_path(file, joints=given.names)
-    if len(path.angles) != len(given.angles):
+    path = read_joint_path(file, joints=inputs.names)
+    if len(path.angles) != len(inputs.angles):
         raise InvalidFile(
             file,
-            f"got {len(path.angles)} samples, expected {len(given.angles)}, one per request; "
+            f"got {len(path.angles)} samples, expected {len(inputs.angles)}, one per request; "
             "compare with the path that the requests were planned for",
         )
     return path

@@ -125,10 +125,10 @@ class Place(click.ParamType):  # type: ignore[type-arg]  # generic from click 8.
         self.check(value)
         text = str(value)
         if self.use is not None and param is not None and ctx is not None:
-            self._check_others(text, param, ctx)
+            self._check_uses(text, param, ctx)
         return text
 
-    def _check_others(self, text: str, param: click.Parameter, ctx: click.Context) -> None:
+    def _check_uses(self, text: str, param: click.Parameter, ctx: click.Context) -> None:
         """Refuse a place that is written and has another use in this command."""
         from planner.files.staging import cannot_write
 
@@ -138,10 +138,10 @@ class Place(click.ParamType):  # type: ignore[type-arg]  # generic from click 8.
             place, text = Path(text), "standard output"
         elif text == "-" or is_device:
             return
-        others = ctx.meta.setdefault(f"{__name__}.places", {}).setdefault(place, {})
-        others[param.name] = self.use
-        if len(others) > 1 and "written" in others.values():
-            reason = "an input too" if "read" in others.values() else "another output too"
+        uses = ctx.meta.setdefault(f"{__name__}.places", {}).setdefault(place, {})
+        uses[param.name] = self.use
+        if len(uses) > 1 and "written" in uses.values():
+            reason = "an input too" if "read" in uses.values() else "another output too"
             raise cannot_write(text, ValueError(f"it is {reason}"))
 
     def shell_complete(
@@ -157,9 +157,9 @@ class Place(click.ParamType):  # type: ignore[type-arg]  # generic from click 8.
 class Renamed(click.Option):
     """An option that earlier releases called otherwise; :func:`today` replaces those names."""
 
-    def __init__(self, names: list[str], *, earlier: tuple[str, ...], **given: Any) -> None:
+    def __init__(self, names: list[str], *, earlier: tuple[str, ...], **attributes: Any) -> None:
         """Take its names, and those that it had earlier."""
-        super().__init__(names, **given)
+        super().__init__(names, **attributes)
         self.earlier = earlier
 
 
@@ -171,13 +171,13 @@ def today(command: click.Command, arguments: list[str]) -> list[str]:
         if isinstance(option, Renamed)
         for name in option.earlier
     }
-    found = []
+    new_arguments = []
     for argument in arguments:
         name, equals, value = argument.partition("=")
         if name in renamed:
             warn(f"{name} is called {renamed[name]} now; the next release no longer takes {name}")
-        found.append(f"{renamed.get(name, name)}{equals}{value}")
-    return found
+        new_arguments.append(f"{renamed.get(name, name)}{equals}{value}")
+    return new_arguments
 
 
 def above_0(unit: str = "") -> Parsed:

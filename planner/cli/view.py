@@ -84,7 +84,7 @@ def view(
         planned, loads = plan.predicted, plan.task.load
     else:
         planned, loads = _angles_under(requests, desired, cyclic=cyclic)
-    shown = shown_motions(desired.leg, desired, planned, cyclic=cyclic, loads=loads)
+    leg_motions = shown_motions(desired.leg, desired, planned, cyclic=cyclic, loads=loads)
     scene = Scene.from_urdf(place.urdf, base=place.base, foot=place.foot, locked=place.locked)
     settings: dict[str, Any] = {"period": desired.period, "cyclic": cyclic}
     if html is not None:
@@ -92,10 +92,10 @@ def view(
         from planner.report.scene import scene_page
 
         title = f"request-planner: {leg_title(run.leg)}"
-        write_text(html, scene_page(scene, shown, **settings, title=title))
+        write_text(html, scene_page(scene, leg_motions, **settings, title=title))
         summarise(f"{html}: {len(desired.angles)} samples; {model_words(run.model)}")
     else:
-        _serve(scene, shown, settings, browse=browse)
+        _serve(scene, leg_motions, settings, browse=browse)
 
 
 def _angles_under(requests: str, desired: Desired, *, cyclic: bool) -> tuple[Array, Array | None]:
@@ -103,22 +103,22 @@ def _angles_under(requests: str, desired: Desired, *, cyclic: bool) -> tuple[Arr
     from planner.files.paths import read_joint_path
     from planner.model.response import simulate_joints
 
-    given = read_joint_path(requests, joints=desired.names)
-    given.check_period(desired.period)
-    given.check_samples(len(desired.angles))
-    angles = simulate_joints(desired.models, given.angles, cyclic=cyclic, loads=given.loads)
-    return angles, given.loads
+    path = read_joint_path(requests, joints=desired.names)
+    path.check_period(desired.period)
+    path.check_samples(len(desired.angles))
+    angles = simulate_joints(desired.models, path.angles, cyclic=cyclic, loads=path.loads)
+    return angles, path.loads
 
 
 def _serve(
-    scene: Scene, shown: tuple[Motion, ...], settings: dict[str, Any], *, browse: bool
+    scene: Scene, leg_motions: tuple[Motion, ...], settings: dict[str, Any], *, browse: bool
 ) -> None:
     """Show the scene in a browser until Ctrl-C."""
     from planner.report.scene import draw_scene, import_meshcat
 
     with redirect_stdout(sys.stderr):  # Meshcat says where it is on standard output
         viewer = import_meshcat().Visualizer()
-    draw_scene(viewer, scene, shown, **settings)
+    draw_scene(viewer, scene, leg_motions, **settings)
     if browse:
         viewer.open()
     summarise("Ctrl-C ends the view")

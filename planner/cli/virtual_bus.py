@@ -90,26 +90,28 @@ def virtual_bus(
     from planner.virtual import servo_bus
     from planner.virtual.servo_bus import Faults, VirtualServos, serve, terminal
 
-    spoken = {name: each.protocol.name for name, each in servo_bus.KINDS.items()}
+    protocols = {name: each.protocol.name for name, each in servo_bus.KINDS.items()}
     if kind is None:
-        kind = next(name for name, each in spoken.items() if each == (protocol or each))
-    elif protocol not in (None, spoken[kind]):
-        raise click.UsageError(f"--protocol: got {protocol}, but --kind {kind} is {spoken[kind]}.")
-    wrong: dict[str, Any] = {kind: {} for kind in TIMED}
+        kind = next(name for name, each in protocols.items() if each == (protocol or each))
+    elif protocol not in (None, protocols[kind]):
+        raise click.UsageError(
+            f"--protocol: got {protocol}, but --kind {kind} is {protocols[kind]}."
+        )
+    fault_settings: dict[str, Any] = {kind: {} for kind in TIMED}
     for fault, servo, value in faults:
         if fault not in TIMED:
-            wrong[fault.replace("-", "_")] = value
+            fault_settings[fault.replace("-", "_")] = value
         elif servo in range(1, servos + 1):
-            wrong[fault][servo] = value
+            fault_settings[fault][servo] = value
         else:
             raise click.UsageError(f"--fault: got servo {servo}, expected 1 to {servos}.")
-    moving = VirtualServos(
+    virtual_servos = VirtualServos(
         servos,
         servo_bus.KINDS[kind],
-        faults=Faults(**wrong),
+        faults=Faults(**fault_settings),
         step=None if step_ms is None else 1e-3 * step_ms,
     )
-    moving.run(0.01)  # compiles what is to be compiled before a program waits for answers
+    virtual_servos.run(0.01)  # compiles what is to be compiled before a program waits for answers
     with terminal() as (end, path):
         click.echo(path)
-        serve(moving, end)
+        serve(virtual_servos, end)

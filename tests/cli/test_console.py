@@ -179,7 +179,7 @@ def test_work_inside_other_work_has_the_line_and_gives_it_back(clock, monkeypatc
         outer("outer")
         with at(clock, ["inner"]) as inner:
             inner("inner")
-            assert Progress.shown is inner
+            assert Progress.current is inner
             assert capsys.readouterr().err.endswith(inner.line())
             for progress, drawn in ((outer, ""), (inner, f"{ERASE}{inner.line()}")):
                 ends = iter([False, True])
@@ -187,8 +187,8 @@ def test_work_inside_other_work_has_the_line_and_gives_it_back(clock, monkeypatc
                     patch.setattr(progress._ended, "wait", lambda _, ends=ends: next(ends))
                     progress._keep_time()
                 assert capsys.readouterr().err == drawn
-        assert Progress.shown is outer
-    assert Progress.shown is None
+        assert Progress.current is outer
+    assert Progress.current is None
 
 
 LONG = (

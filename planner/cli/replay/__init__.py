@@ -108,7 +108,7 @@ def replay(
     if len(recordings) > 1 and resume:
         before = replayed_before(output, run, replay, recordings)
     if before is not None:
-        _say_all(before, logs, output=output, report=report, as_json=as_json)
+        _print_all(before, logs, output=output, report=report, as_json=as_json)
         return
     with Progress() as progress:
         tasks = tasks_of(run, replay, recordings, progress)
@@ -118,8 +118,8 @@ def replay(
         _replay_one(tasks[0], output=output, report=report, as_json=as_json)
     else:
         with executor_of(workers, scheduler) as executor:
-            made = _replay_all(tasks, executor, output=output, resume=resume)
-        _say_all(made, logs, output=output, report=report, as_json=as_json)
+            results = _replay_all(tasks, executor, output=output, resume=resume)
+        _print_all(results, logs, output=output, report=report, as_json=as_json)
 
 
 def _replay_one(task: ReplayTask, *, output: str, report: str | None, as_json: bool) -> None:
@@ -128,27 +128,27 @@ def _replay_one(task: ReplayTask, *, output: str, report: str | None, as_json: b
     from planner.cli.replay.task import document, fastest_document, missed, replay_report, summary
     from planner.files.staging import staged
 
-    found = None
+    fastest = None
     with Progress() as progress:
         if task.replay.fastest:
-            found = task.fastest(progress)
-        made = task.run(progress) if found is None else found.replay
+            fastest = task.fastest(progress)
+        result = task.run(progress) if fastest is None else fastest.replay
         progress("the errors of other requests")
-        said, words = document(made, task.models), summary(made, task.models, found)
-        misses = missed(task, made)
+        content, words = document(result, task.models), summary(result, task.models, fastest)
+        misses = missed(task, result)
         page: AbstractContextManager[None] = nullcontext()
         if report is not None:
             progress("the page")
-            page = staged(report, replay_report(task, made, found, report, output).encode())
-    if found is not None:
-        said |= {"fastest": fastest_document(found)}
-    for each in made.path.remarks:
-        remark(f"{made.path.name}: {each}")
+            page = staged(report, replay_report(task, result, fastest, report, output).encode())
+    if fastest is not None:
+        content |= {"fastest": fastest_document(fastest)}
+    for each in result.path.remarks:
+        remark(f"{result.path.name}: {each}")
     with page:
         deliver(
-            said,
+            content,
             words,
-            lambda file: write_replay(file, task.recording, made, task.replay.write_as),
+            lambda file: write_replay(file, task.recording, result, task.replay.write_as),
             output=output,
             as_json=as_json,
         )
@@ -164,46 +164,46 @@ def _replay_all(
     from planner.cli.replay.files import left_out
 
     with Progress(count=len(tasks)) as progress:
-        made = replay_many(
+        results = replay_many(
             tasks, output, executor, resume=resume, progress=lambda task: progress(task.name)
         )
     for words in filter(None, dict.fromkeys(left_out(each.recording) for each in tasks)):
         remark(words)
-    return made
+    return results
 
 
-def _say_all(
-    made: Replayed, logs: Sequence[str], *, output: str, report: str | None, as_json: bool
+def _print_all(
+    results: Replayed, logs: Sequence[str], *, output: str, report: str | None, as_json: bool
 ) -> None:
     """Say which errors the plans of many recordings have, and list those that are left out last."""
     from planner.cli.replay.dataset import episodes_line, episodes_text
     from planner.files.staging import staged
     from planner.report.episodes import episodes_page
 
-    said = made.document
-    if made.nothing_missing:
-        count = len(said["recordings"])
+    document = results.document
+    if results.nothing_missing:
+        count = len(document["recordings"])
         remark(f"nothing is missing: {output} holds all {count} recordings, planned like this")
     if report is not None:
         with Progress() as progress:
             progress("the page")
             page = episodes_page(
-                said,
+                document,
                 title=", ".join(dict.fromkeys(PurePath(name).name for name in logs)),
-                words=episodes_line(said),
-                origins=[*(("recordings", name) for name in logs), ("track", said["track"])],
+                words=episodes_line(document),
+                origins=[*(("recordings", name) for name in logs), ("track", document["track"])],
             )
             with staged(report, page.encode()):
                 pass
-    print_answer(said, episodes_text(said), as_json=as_json)
-    failed = said["left_out"]
+    print_answer(document, episodes_text(document), as_json=as_json)
+    failed = document["left_out"]
     for name, reason in failed.items():
         warn(f"{name} is left out: {reason}")
     if failed:
-        count = len(said["recordings"]) + len(failed)
+        count = len(document["recordings"]) + len(failed)
         raise click.ClickException(
             f"{len(failed)} of {count} recordings left out; the others are written, and kept in "
-            f"{made.kept} for --resume"
+            f"{results.kept} for --resume"
         )
 
 

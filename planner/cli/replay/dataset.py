@@ -17,7 +17,7 @@ import numpy as np
 from planner.cli import settings
 from planner.cli.desired import find_leg
 from planner.cli.replay.files import lerobot_episode
-from planner.cli.replay.task import RESENT, UNITS, ReplayTask, known
+from planner.cli.replay.task import RESENT, UNITS, ReplayTask, or_none
 from planner.exceptions import PlannerError
 from planner.files.exports.lerobot import Layout, lerobot_dataset
 from planner.files.logs.lerobot import ACTION
@@ -132,7 +132,9 @@ def replay_many(
         document = episodes_document(figures, failed, first_task)
         if not failed:
             every = [each.recording for each in recordings]
-            document |= made_from(_origin(first_task.given, first_task.replay, every), document)
+            document |= made_from(
+                _origin(first_task.run_settings, first_task.replay, every), document
+            )
         about[ABOUT] = to_json(document)
     if failed:
         return Replayed(document, kept=results.folder)
@@ -146,9 +148,9 @@ def replay_episode(task: ReplayTask) -> Episode:
     Raises:
         PlannerError: The recording cannot be read, or there is no plan.
     """
-    made = task.run()
-    layout, rows, words = lerobot_episode(task.recording, made)
-    return Episode(rows=rows, task=words, layout=layout, figures=episode_figures(made))
+    replay = task.run()
+    layout, rows, words = lerobot_episode(task.recording, replay)
+    return Episode(rows=rows, task=words, layout=layout, figures=episode_figures(replay))
 
 
 def replayed(task: ReplayTask) -> bytes:
@@ -189,8 +191,8 @@ def episode_figures(replay: Replay) -> dict[str, Any]:
         "worst_joint": worst.name,
         "unit": unit,
         **{f"{kind}_rms": factor * error_norm(each, "rms") for kind, each in worst.errors.items()},
-        "expected_on_robot_rms": known(factor * worst.expected),
-        "lower_bound": known(factor * worst.lower_bound),
+        "expected_on_robot_rms": or_none(factor * worst.expected),
+        "lower_bound": or_none(factor * worst.lower_bound),
         "recorded_requests_may_serve": worst in replay.resent_may_serve,
         "remarks": list(replay.path.remarks),
     }
@@ -260,7 +262,7 @@ def _resent_words(rows: Sequence[Mapping[str, Any]]) -> list[str]:
 def _settings(task: ReplayTask) -> dict[str, Any]:
     """What every episode depends on, beside its recording."""
     models = {name: repr((each, each.evidence)) for name, each in task.models.by_joint.items()}
-    return {"models": models, "rate": task.rate, **_chosen(task.given, task.replay)}
+    return {"models": models, "rate": task.rate, **_chosen(task.run_settings, task.replay)}
 
 
 def _origin(

@@ -84,16 +84,16 @@ def lerobot_episode(recording: Recording, replay: Replay) -> tuple[Layout, dict[
         state = [as_written(joint, joint.recorded_angles) for joint in replay.joints]
         return layout, {ACTION: np.column_stack(action), STATE: np.column_stack(state)}, TASK
     dataset, rows = find_dataset(recording.place.file), read_episode(recording.place)
-    given = {ACTION: rows.action, STATE: rows.state}
-    numbers = {key: tuple(map(str, range(each.shape[1]))) for key, each in given.items()}
-    features = {key: dataset.written[key] or numbers[key] for key in given}
+    arrays = {ACTION: rows.action, STATE: rows.state}
+    numbers = {key: tuple(map(str, range(each.shape[1]))) for key, each in arrays.items()}
+    features = {key: dataset.written[key] or numbers[key] for key in arrays}
     layout = Layout(features=features, rate=rate, robot_type=dataset.robot_type)
     whole = ~np.isnan(np.column_stack([rows.times, rows.action, rows.state])).any(axis=1)
     times = rows.times[whole]
     moments = replay.moments + times[0]
     values = {
         key: np.column_stack([np.interp(moments, times, column) for column in each[whole].T])
-        for key, each in given.items()
+        for key, each in arrays.items()
     }
     names = dataset.names[ACTION] or numbers[ACTION]
     if len(names) != len(numbers[ACTION]):

@@ -69,7 +69,7 @@ def joint_models(
         words = f"model: {settings.SHIPPED_MODEL}, a joint of the Sony Aibo"
         return JointModels(by_joint={"": JointModel.ers210a()}, words=words)
     if model.file == settings.FROM_LOG:
-        return _identified(replay, recordings, progress)
+        return _models_from_recordings(replay, recordings, progress)
     return _of_file(read_model_file(model.file), replay, recordings)
 
 
@@ -96,7 +96,7 @@ def first_logs(recordings: Sequence[Recording]) -> Sequence[Log]:
     return []
 
 
-def _identified(
+def _models_from_recordings(
     replay: settings.Replay, recordings: Sequence[Recording], progress: Callable[[str], None]
 ) -> JointModels:
     """Models of the joints from the recordings that are to be replayed."""
@@ -111,28 +111,28 @@ def _identified(
                 f": no joint '{name}'{nearest(name, list(by_joint))}; joints: "
                 + ", ".join(by_joint),
             )
-    wanted = [name for name in by_joint if not is_gripper(name)] or list(by_joint)
+    joints = [name for name in by_joint if not is_gripper(name)] or list(by_joint)
     models: dict[str, JointModel] = {}
     remarks: list[str] = []
     refused: dict[str, str] = {}
     failure: PlannerError = InvalidInput("no recording could be read")
-    for name in replay.joints or wanted:
+    for name in replay.joints or joints:
         if name not in by_joint:
             continue
         progress(f"identifying {name}")
         try:
-            found = identify(by_joint[name])
+            identification = identify(by_joint[name])
         except PlannerError as error:
             remarks.append(f"{name}: no model: {error}")
             failure = error
             continue
-        if not found.accepted:
-            refused[name] = found.reason
+        if not identification.accepted:
+            refused[name] = identification.reason
             failure = InvalidInput(
                 "no model of any joint fits the recording; identify the joints from better logs"
             )
             continue
-        models[name] = found.model
+        models[name] = identification.model
     if not models:
         raise failure
     if refused:

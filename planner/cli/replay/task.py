@@ -64,7 +64,7 @@ class ReplayTask:
     recording: Recording
     models: JointModels
     replay: settings.Replay
-    given: settings.Run = field(default_factory=settings.Run)
+    run_settings: settings.Run = field(default_factory=settings.Run)
     rate: float | None = None
 
     def path(self) -> RecordedPath:
@@ -83,7 +83,7 @@ class ReplayTask:
             begin=chosen.begin_s,
             end=chosen.end_s,
             rate=chosen.rate_hz or self.rate,
-            limits=_limits(self.given.limits, logs),
+            limits=_limits(self.run_settings.limits, logs),
         )
         return replace(path, name=self.recording.name)
 
@@ -98,7 +98,7 @@ class ReplayTask:
         """
         if self.replay.fastest:
             return self.fastest(progress).replay
-        path, speed = with_load(self.given.plan, self.path(), self.arm()), self.replay.speed
+        path, speed = with_load(self.run_settings.plan, self.path(), self.arm()), self.replay.speed
         return replay_at(
             path, path.moments(speed), speed=speed, progress=progress, **self.options(path)
         )
@@ -109,10 +109,10 @@ class ReplayTask:
         Raises:
             PlannerError: It cannot be read, or the tolerance is missed at any speed.
         """
-        arm, given = self.arm(), self.given.tolerance
-        path = with_load(self.given.plan, self.path(), arm)
-        joints = None if given.deg is None else math.radians(given.deg)
-        foot = None if given.cm is None else 0.01 * given.cm
+        arm, tolerance = self.arm(), self.run_settings.tolerance
+        path = with_load(self.run_settings.plan, self.path(), arm)
+        joints = None if tolerance.deg is None else math.radians(tolerance.deg)
+        foot = None if tolerance.cm is None else 0.01 * tolerance.cm
         measure = Measure.of(path, joints, foot, arm)
         retime = self.replay.retime
         return fastest_at(path, measure, retime=retime, progress=progress, **self.options(path))
@@ -123,18 +123,19 @@ class ReplayTask:
         Raises:
             KinematicsError: It cannot be made.
         """
-        leg = load_leg(find_leg(self.given.leg, self.recording.folder))
+        leg = load_leg(find_leg(self.run_settings.leg, self.recording.folder))
         if leg is None:
             return None
-        called = {name: joint for joint, name in self.replay.urdf_joints.items()}
-        names = tuple(called.get(name, name) for name in leg.joint_names)
+        recorded_names = {name: joint for joint, name in self.replay.urdf_joints.items()}
+        names = tuple(recorded_names.get(name, name) for name in leg.joint_names)
         return replace(leg, joint_names=names)
 
     def options(self, path: RecordedPath) -> dict[str, Any]:
         """What :func:`planner.plan` takes beside models, path and limits."""
-        given, units = self.given.plan, {each.name: UNITS[each.unit][1] for each in path.planned}
-        solver = {"solver": given.solver or "gauss-newton"}
-        return given.options(path.period, units=units) | solver
+        plan = self.run_settings.plan
+        units = {each.name: UNITS[each.unit][1] for each in path.planned}
+        solver = {"solver": plan.solver or "gauss-newton"}
+        return plan.options(path.period, units=units) | solver
 
 
 def tasks_of(
@@ -172,7 +173,7 @@ def tasks_of(
             recording=replace(each, folder=folder),
             models=models,
             replay=replay,
-            given=run,
+            run_settings=run,
             rate=rate,
         )
         for each in recordings
@@ -191,28 +192,28 @@ def first_line(replay: Replay, models: JointModels) -> str:
     )
 
 
-def summary(replay: Replay, models: JointModels, found: Fastest | None = None) -> str:
+def summary(replay: Replay, models: JointModels, fastest: Fastest | None = None) -> str:
     """A replay for people: what each joint's errors are, rms."""
     rows = []
     for joint in replay.joints:
         unit, factor = UNITS[joint.path.unit]
-        shown = joint.name if unit == "deg" else f"{joint.name} [% of its range]"
+        label = joint.name if unit == "deg" else f"{joint.name} [% of its range]"
         recorded = f"{factor * error_norm(joint.recorded_errors, 'rms'):.3f}"
         if joint.inversion is None:
-            rows.append([shown, recorded, *[NOTHING] * 6, f"{joint.path.reason}: {PASSED_ON}"])
+            rows.append([label, recorded, *[NOTHING] * 6, f"{joint.path.reason}: {PASSED_ON}"])
             continue
         errors = {kind: f"{factor * error_norm(e, 'rms'):.3f}" for kind, e in joint.errors.items()}
         expected = joint.expected
         rows.append(
             [
-                shown,
+                label,
                 recorded,
                 errors["resent"],
                 errors["direct"],
                 f"{errors['shifted']} ({1e3 * joint.lead:.0f} ms)",
                 errors["planned"],
-                number(known(factor * expected), 3),
-                number(known(factor * joint.lower_bound), 3),
+                number(or_none(factor * expected), 3),
+                number(or_none(factor * joint.lower_bound), 3),
                 fast_words(joint),
             ]
         )
@@ -224,8 +225,8 @@ def summary(replay: Replay, models: JointModels, found: Fastest | None = None) -
         *("plan", "on the robot", "lower bound", "faster than the joint"),
     ]
     lines = [first_line(replay, models)]
-    if found is not None:
-        lines.append(fastest_text(found))
+    if fastest is not None:
+        lines.append(fastest_text(fastest))
     lines.append(text_table(header, rows))
     fast = {each.name for each in replay.planned if each.too_fast}
     if unknown := sorted(replay.path.open_top_speeds & fast):
@@ -266,7 +267,7 @@ def refuted_joints(replay: Replay) -> list[str]:
     return names
 
 
-def known(value: float) -> float | None:
+def or_none(value: float) -> float | None:
     """A figure for machines; None where it is not known."""
     return value if math.isfinite(value) else None
 
@@ -288,7 +289,7 @@ def document(replay: Replay, models: JointModels) -> dict[str, Any]:
     for joint in replay.joints:
         unit, factor = UNITS[joint.path.unit]
         plan = joint.inversion
-        found: dict[str, Any] = {
+        entry: dict[str, Any] = {
             "planned": plan is not None,
             "reason": joint.path.reason or None,
             "unit": unit,
@@ -297,12 +298,12 @@ def document(replay: Replay, models: JointModels) -> dict[str, Any]:
         }
         if plan is not None:
             assert joint.predicted is not None, "a planned joint is simulated"
-            found |= {
+            entry |= {
                 **{kind: _errors(each, unit, factor) for kind, each in joint.errors.items()},
                 "best_shift_s": joint.lead,
-                f"expected_on_robot_rms_{unit}": known(factor * joint.expected),
+                f"expected_on_robot_rms_{unit}": or_none(factor * joint.expected),
                 "norm": plan.norm,
-                f"lower_bound_{unit}": known(factor * joint.lower_bound),
+                f"lower_bound_{unit}": or_none(factor * joint.lower_bound),
                 f"largest_step_{unit}": factor * plan.largest_step,
                 "recorded_requests_may_serve": joint in replay.resent_may_serve,
                 "untested": list(joint.untested),
@@ -311,7 +312,7 @@ def document(replay: Replay, models: JointModels) -> dict[str, Any]:
                 f"desired_{unit}": (factor * joint.desired).tolist(),
                 f"predicted_{unit}": (factor * joint.predicted).tolist(),
             }
-        joints[joint.name] = found
+        joints[joint.name] = entry
     return {
         "recording": replay.path.name,
         "track": replay.path.track,
@@ -326,42 +327,44 @@ def document(replay: Replay, models: JointModels) -> dict[str, Any]:
     }
 
 
-def fastest_text(found: Fastest) -> str:
+def fastest_text(fastest: Fastest) -> str:
     """How fast the recording can be, and the proof that it cannot be much faster."""
-    size = _allowed(found)
-    speed = f"{found.speed:.3g} times the speed"
-    if found.retime == "varying":
-        low, high = float(np.min(found.factors)), float(np.max(found.factors))
-        speed += f" in all, {low:.3g} to {high:.3g} along it ({found.constant:.3g} constant)"
+    size = _allowed(fastest)
+    speed = f"{fastest.speed:.3g} times the speed"
+    if fastest.retime == "varying":
+        low, high = float(np.min(fastest.factors)), float(np.max(fastest.factors))
+        speed += f" in all, {low:.3g} to {high:.3g} along it ({fastest.constant:.3g} constant)"
     words = f"within {size} at {speed}"
-    if found.contradicted:
-        names = ", ".join(found.contradicted)
-        plural = "models" if len(found.contradicted) > 1 else "model"
+    if fastest.contradicted:
+        names = ", ".join(fastest.contradicted)
+        plural = "models" if len(fastest.contradicted) > 1 else "model"
         return (
             f"{words}; the recording contradicts the {plural} of {names}: at its own speed, from "
             f"rest, no requests would keep {names} within {size}, but the robot did it: no "
             "limit on the speed is known; identify from this recording too, or begin where it rests"
         )
-    if found.impossible is None:
-        none = "there is no lower bound for a foot" if found.foot else "no speed is proved too high"
-        return f"{words}; {none}"
-    none = f"at {found.impossible.speed:.3g} times the speed no requests keep "
-    none += f"{found.impossible.joint} within {size}"
-    if found.impossible.of_model_only:
-        none += f", which holds for its model only: {OPEN_TOP_SPEED}"
-    return f"{words}; {none}"
+    if fastest.impossible is None:
+        proof = (
+            "there is no lower bound for a foot" if fastest.foot else "no speed is proved too high"
+        )
+        return f"{words}; {proof}"
+    proof = f"at {fastest.impossible.speed:.3g} times the speed no requests keep "
+    proof += f"{fastest.impossible.joint} within {size}"
+    if fastest.impossible.of_model_only:
+        proof += f", which holds for its model only: {OPEN_TOP_SPEED}"
+    return f"{words}; {proof}"
 
 
-def fastest_document(found: Fastest) -> dict[str, Any]:
+def fastest_document(fastest: Fastest) -> dict[str, Any]:
     """The fastest replay for machines; errors over speed are the largest, times the tolerance."""
-    factor = 100.0 if found.foot else math.degrees(1.0)
-    unit = "cm" if found.foot else "deg"
-    allowed = factor * found.tolerance
-    impossible = found.impossible and {
-        "speed": found.impossible.speed,
-        "joint": found.impossible.joint,
-        f"lower_bound_{unit}": allowed * found.impossible.bound,
-        "of_model_only": found.impossible.of_model_only,
+    factor = 100.0 if fastest.foot else math.degrees(1.0)
+    unit = "cm" if fastest.foot else "deg"
+    allowed = factor * fastest.tolerance
+    impossible = fastest.impossible and {
+        "speed": fastest.impossible.speed,
+        "joint": fastest.impossible.joint,
+        f"lower_bound_{unit}": allowed * fastest.impossible.bound,
+        "of_model_only": fastest.impossible.of_model_only,
     }
     curve = [
         {
@@ -371,73 +374,73 @@ def fastest_document(found: Fastest) -> dict[str, Any]:
                 for kind, ratio in zip(each._fields[1:], each[1:], strict=True)
             },
         }
-        for each in found.curve
+        for each in fastest.curve
     ]
     return {
         f"tolerance_{unit}": allowed,
-        "retime": found.retime,
-        "speed": found.speed,
-        "constant_speed": found.constant,
-        "least_factor": float(np.min(found.factors)),
-        "largest_factor": float(np.max(found.factors)),
+        "retime": fastest.retime,
+        "speed": fastest.speed,
+        "constant_speed": fastest.constant,
+        "least_factor": float(np.min(fastest.factors)),
+        "largest_factor": float(np.max(fastest.factors)),
         "impossible": impossible,
-        "contradicted": list(found.contradicted),
+        "contradicted": list(fastest.contradicted),
         "errors_by_speed": curve,
     }
 
 
 def missed(task: ReplayTask, replay: Replay) -> list[str]:
     """Which tolerances a replay misses, in the plan's norm, and by how much."""
-    given, found = task.given.tolerance, []
-    norm = "max" if task.replay.fastest else task.given.plan.norm or "rms"
-    if given.deg is not None:
+    tolerance, messages = task.run_settings.tolerance, []
+    norm = "max" if task.replay.fastest else task.run_settings.plan.norm or "rms"
+    if tolerance.deg is not None:
         for joint in replay.planned:
             unit, factor = UNITS[joint.path.unit]
             error = factor * error_norm(joint.errors["planned"], norm)
-            if error > given.deg * (1.0 + ROUNDING):
-                found.append(
+            if error > tolerance.deg * (1.0 + ROUNDING):
+                messages.append(
                     f"{joint.name} is off by {error:.4g} {unit} ({norm}), expected at most "
-                    f"{given.deg:g}"
+                    f"{tolerance.deg:g}"
                 )
-    if given.cm is not None:
-        measure = Measure.of(replay.path, None, 0.01 * given.cm, task.arm())
+    if tolerance.cm is not None:
+        measure = Measure.of(replay.path, None, 0.01 * tolerance.cm, task.arm())
         ratio = error_norm(measure.errors(replay, "planned"), norm)
         if ratio > 1.0 + ROUNDING:
-            found.append(
-                f"the foot is off by {ratio * given.cm:.4g} cm ({norm}), expected at most "
-                f"{given.cm:g}"
+            messages.append(
+                f"the foot is off by {ratio * tolerance.cm:.4g} cm ({norm}), expected at most "
+                f"{tolerance.cm:g}"
             )
-    return found
+    return messages
 
 
-def _allowed(found: Fastest) -> str:
-    if found.foot:
-        return f"{100.0 * found.tolerance:.3g} cm"
-    size = f"{math.degrees(found.tolerance):.3g}"
+def _allowed(fastest: Fastest) -> str:
+    if fastest.foot:
+        return f"{100.0 * fastest.tolerance:.3g} cm"
+    size = f"{math.degrees(fastest.tolerance):.3g}"
     return f"{size} degree{'s' * (size != '1')}"
 
 
 def replay_report(
-    task: ReplayTask, made: Replay, found: Fastest | None, page: str, output: str
+    task: ReplayTask, replay: Replay, fastest: Fastest | None, page: str, output: str
 ) -> str:
     """The page about a replay, which will stand at ``page`` and links to its files."""
     from planner.report.page import linked_files, sentence
     from planner.report.replay import replay_page
 
     arm = task.arm()
-    if arm is not None and not set(arm.joint_names) <= set(made.names):
+    if arm is not None and not set(arm.joint_names) <= set(replay.names):
         arm = None
     named = [("recording", task.recording.path), ("requests", output)]
     return replay_page(
-        made,
+        replay,
         title=PurePath(task.recording.name).name,
-        words=first_line(made, task.models),
-        found=found,
-        verdict="" if found is None else fastest_text(found),
+        words=first_line(replay, task.models),
+        found=fastest,
+        verdict="" if fastest is None else fastest_text(fastest),
         arm=arm,
-        missed=missed(task, made),
-        remarks=[*map(sentence, filter(None, [resent_words(made)])), *task.models.remarks],
-        origins=[("recording", task.recording.name), ("track", made.path.track)],
+        missed=missed(task, replay),
+        remarks=[*map(sentence, filter(None, [resent_words(replay)])), *task.models.remarks],
+        origins=[("recording", task.recording.name), ("track", replay.path.track)],
         files=linked_files(page, named),
     )
 
@@ -476,13 +479,13 @@ def _rate(recordings: Sequence[Recording]) -> float | None:
 
 def _limits(limits: settings.Limits, logs: Sequence[Log]) -> dict[str, tuple[float, float]] | None:
     """Limits by joint in the units of the logs: degrees, or percent of a range."""
-    found = {}
+    by_joint = {}
     for log in logs:
         span = limits.joints.get(log.joint, limits.deg)
         if span is not None:
             _, factor = UNITS[log.unit]
-            found[log.joint or "joint"] = (span[0] / factor, span[1] / factor)
+            by_joint[log.joint or "joint"] = (span[0] / factor, span[1] / factor)
     for name in limits.joints:
         if name not in {log.joint for log in logs}:
-            found[name] = (0.0, 0.0)  # refused with the joints that there are
-    return found or None
+            by_joint[name] = (0.0, 0.0)  # refused with the joints that there are
+    return by_joint or None

@@ -110,7 +110,7 @@ def _carry_out(
     if resume and (before := finished(out, MANIFEST, origin(space))):
         count = len(before["points"])
         remark(f"nothing is missing: {out} holds all {count} points, planned like this")
-        _say(before, before["verdict"], as_json=as_json)
+        _print_summary(before, before["verdict"], as_json=as_json)
         return
     results = Results(out, identity(space), resume=resume)
     if results.removed:
@@ -123,12 +123,12 @@ def _carry_out(
     with output_folder(out) as folder:
         document = write_sweep(folder, space, swept)
     results.remove()
-    _say(
+    _print_summary(
         document, f"{summary(swept)}\n{len(document['files']) + 1} files in {out}", as_json=as_json
     )
 
 
-def _say(document: Mapping[str, Any], words: str, *, as_json: bool) -> None:
+def _print_summary(document: Mapping[str, Any], words: str, *, as_json: bool) -> None:
     """Say what was found, and fail where no point is what was required."""
     print_answer(document, words, as_json=as_json)
     if document["missed"]:

@@ -38,16 +38,16 @@ def columns(swept: Swept) -> list[str]:
 def rows(swept: Swept) -> list[list[Any]]:
     """A row for every point; what a point without a plan does not have is None."""
     front = {each.point for each in swept.front}
-    found = []
+    table = []
     for number, each in enumerate(swept.outcomes, 1):
         values = [each.speed, each.error, each.largest, each.direct, 100.0 * each.too_fast]
-        found.append(
+        table.append(
             [
                 number, *each.point, *(value if math.isfinite(value) else None for value in values),
                 each.slowest or None, each.unreachable, each.point in front, each.reason or None,
             ]
         )  # fmt: skip
-    return found
+    return table
 
 
 def write_sweep(folder: Path, space: Space, swept: Swept) -> dict[str, Any]:
@@ -116,9 +116,9 @@ def summary(swept: Swept) -> str:
     for each in swept.outcomes:
         if not each.planned:
             reasons.setdefault(each.reason, []).append(each)
-    for reason, those in list(reasons.items())[:MOST_SHOWN]:
-        number = swept.number(those[0])
-        more = f" and {len(those) - 1} more" if len(those) > 1 else ""
+    for reason, outcomes in list(reasons.items())[:MOST_SHOWN]:
+        number = swept.number(outcomes[0])
+        more = f" and {len(outcomes) - 1} more" if len(outcomes) > 1 else ""
         lines.append(f"point {number}{more}: {reason}")
     if len(reasons) > MOST_SHOWN:
         lines.append(f"{len(reasons) - MOST_SHOWN} more reasons in points.csv")

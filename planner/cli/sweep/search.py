@@ -57,10 +57,10 @@ def sweep(
         executor: What the plans are made on.
         progress: Called with each point that is planned.
     """
-    known: dict[Point, Outcome] = {}
+    by_point: dict[Point, Outcome] = {}
 
     def outcomes_at(points: Sequence[Point]) -> list[Outcome]:
-        new = [point for point in dict.fromkeys(points) if point not in known]
+        new = [point for point in dict.fromkeys(points) if point not in by_point]
         tasks = [
             Task(repr(point), (space.content(point), str(Path(space.folder).resolve())))
             for point in new
@@ -68,9 +68,9 @@ def sweep(
         failures = carry_out(evaluate, tasks, results, executor, progress=progress)
         for point, task in zip(new, tasks, strict=True):
             reason, result = failures.get(task.name), results.read(task)
-            said = {"reason": reason} if result is None else json.loads(result)
-            known[point] = _held_against(space.requirement, Outcome(point, **said))
-        return [known[point] for point in points]
+            fields = {"reason": reason} if result is None else json.loads(result)
+            by_point[point] = _with_requirement(space.requirement, Outcome(point, **fields))
+        return [by_point[point] for point in points]
 
     if space.settings.sweep.method == "grid":
         outcomes_at([space.canonical(values) for values in product(*space.values.values())])
@@ -79,7 +79,7 @@ def sweep(
     return Swept(
         file=space.file.path,
         names=space.names,
-        outcomes=tuple(known.values()),
+        outcomes=tuple(by_point.values()),
         speed_unit="cm/s" if space.gait else "times",
         error_unit=space.error_unit,
         requirement=space.requirement,
@@ -95,18 +95,18 @@ def evaluate(argument: tuple[dict[str, Any], str]) -> bytes:
     content, folder = argument
     try:
         prepared = prepare(Run.of(content), folder)
-        said = _measured(prepared, plan_of(prepared, bounded=False))
+        fields = _figures(prepared, plan_of(prepared, bounded=False))
     except UnreachableFoot as error:
-        said = {
+        fields = {
             "reason": f"foot out of reach at {len(error.indices)} samples, by up to "
             f"{100.0 * float(error.distances.max()):.2g} cm"
         }
     except (PlannerError, KinematicsError) as error:
-        said = {"reason": ": ".join([*getattr(error, "__notes__", ()), str(error)])}
-    return json.dumps(said).encode()
+        fields = {"reason": ": ".join([*getattr(error, "__notes__", ()), str(error)])}
+    return json.dumps(fields).encode()
 
 
-def _measured(prepared: Prepared, plan: Plan) -> dict[str, Any]:
+def _figures(prepared: Prepared, plan: Plan) -> dict[str, Any]:
     """Speed and errors of a plan."""
     run, desired, norm = prepared.settings, prepared.desired, plan.task.norm
     if desired.foot is not None:
@@ -148,7 +148,7 @@ def walking_speed(foot: Array, walk: HalfEllipse, period: float) -> float:
     return float(along[0] - along[last]) / (last * period)
 
 
-def _held_against(required: Requirement | None, outcome: Outcome) -> Outcome:
+def _with_requirement(required: Requirement | None, outcome: Outcome) -> Outcome:
     """The outcome, with what it misses of a requirement."""
     if required is None or not outcome.planned:
         return outcome

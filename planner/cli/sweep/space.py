@@ -37,30 +37,28 @@ from planner.files.toml import Toml, read_toml
 from planner.report.sweep import Point, Requirement
 
 
-def _tried(about: str, *values: float, shown: bool = False) -> Any:
+def _grid(about: str, *values: float, active: bool = False) -> Any:
     """A parameter, with values to try as an example, which a template may set."""
-    return setting(about, default=None, example=list(values), set_to=values if shown else None)
+    return setting(about, default=None, example=list(values), set_to=values if active else None)
 
 
 class Parameters(Settings):
     """Values of the parameters to try, rising; cma tries any from the first to the last."""
 
-    length: Values | None = _tried("Gait: half of the stroke [m].", 0.03, 0.04, 0.05, shown=True)
-    height: Values | None = _tried("Gait: how high the foot swings [m].", 0.02, 0.04)
-    forward: Values | None = _tried("Gait: middle before the hip [m].", 0.03, 0.05)
-    sideways: Values | None = _tried("Gait: outward of the hip [m].", 0.02, 0.03)
-    hip_height: Values | None = _tried("Gait: hip above ground [m].", 0.07, 0.09)
-    ground_fraction: Values | None = _tried(
-        "Gait: part of the cycle on the ground.", 0.5, 0.6, 0.75
+    length: Values | None = _grid("Gait: half of the stroke [m].", 0.03, 0.04, 0.05, active=True)
+    height: Values | None = _grid("Gait: how high the foot swings [m].", 0.02, 0.04)
+    forward: Values | None = _grid("Gait: middle before the hip [m].", 0.03, 0.05)
+    sideways: Values | None = _grid("Gait: outward of the hip [m].", 0.02, 0.03)
+    hip_height: Values | None = _grid("Gait: hip above ground [m].", 0.07, 0.09)
+    ground_fraction: Values | None = _grid("Gait: part of the cycle on the ground.", 0.5, 0.6, 0.75)
+    heading_deg: Values | None = _grid("Gait: direction, from x towards y [deg].", 0.0, 90.0)
+    period_s: Values | None = _grid(
+        "Gait: duration of a cycle [s], rounded to whole requests.", 0.5, 0.6, 0.7, 0.8, active=True
     )
-    heading_deg: Values | None = _tried("Gait: direction, from x towards y [deg].", 0.0, 90.0)
-    period_s: Values | None = _tried(
-        "Gait: duration of a cycle [s], rounded to whole requests.", 0.5, 0.6, 0.7, 0.8, shown=True
-    )
-    speed: Values | None = _tried(
+    speed: Values | None = _grid(
         "A path of a file: how many times as fast to follow it.", 1.0, 1.5, 2.0
     )
-    smoothness: Values | None = _tried("Any path: `smoothness` of [plan].", 0.0, 0.01, 0.1)
+    smoothness: Values | None = _grid("Any path: `smoothness` of [plan].", 0.0, 0.01, 0.1)
 
 
 class Search(Settings):
@@ -202,21 +200,21 @@ def read_sweep(path: str) -> Space:
 
 def _values(search: Search) -> dict[str, tuple[float, ...]]:
     """The values of each parameter."""
-    given = {
+    by_name = {
         name: values
         for name in Parameters.keys
         if (values := getattr(search.parameters, name)) is not None
     }
-    if not given:
+    if not by_name:
         raise BadSetting(
             Key("sweep.parameters"),
             f": is empty, expected values of one or more of {', '.join(Parameters.keys)}",
         )
     if search.steps is None:
-        return given
+        return by_name
     return {
         name: tuple(np.linspace(values[0], values[-1], search.steps).tolist())
-        for name, values in given.items()
+        for name, values in by_name.items()
     }
 
 
@@ -298,13 +296,13 @@ def _check_values(space: Space, name: str, values: tuple[float, ...]) -> None:
             ) from error
 
 
-def point_of(space: Space, given: Sequence[tuple[str, float]]) -> Point:
+def point_of(space: Space, pairs: Sequence[tuple[str, float]]) -> Point:
     """A point from values by name.
 
     Raises:
         BadSetting: A parameter is missing or unknown.
     """
-    values = dict(given)
+    values = dict(pairs)
     if values.keys() != space.values.keys():
         raise BadSetting(
             f"--at: got {', '.join(values) or 'nothing'}, expected a value for each of "
