@@ -1,4 +1,4 @@
-"""What commands say of a plan: JSON for machines, text and pages for people."""
+"""The answers about a plan: JSON for machines, text and pages for people."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ if TYPE_CHECKING:
 
 
 MOST_LISTED = 6
-"""Joints of whose best time shifts each is listed."""
+"""Largest number of joints whose best time shifts are listed one by one."""
 
 
 def document(prepared: Prepared, plan: Plan, missed: list[str]) -> dict[str, Any]:
-    """The plan for machines; what a plan for the foot does not have is null."""
+    """The plan for machines; fields that a plan for the foot does not have are null."""
     run, desired, task = prepared.settings, prepared.desired, plan.task
     joints, shift = {}, shifted(task)
     for j, name in enumerate(desired.names):
@@ -168,13 +168,13 @@ def summary(prepared: Prepared, plan: Plan) -> str:
 
 
 def _range_in_degrees(expected: Expectation) -> list[float] | None:
-    """Least and largest error to expect [deg], None where it is not known."""
+    """Smallest and largest expected error [deg]; None if unknown."""
     ends = np.degrees([expected.low, expected.high])
     return ends.tolist() if np.isfinite(ends).all() else None
 
 
 def _best_shift(desired: Desired, plan: Plan) -> str:
-    """What the desired angles, sent the best time early, come to: what a plan has to beat."""
+    """Errors of the desired angles sent early by the best time: the baseline of a plan."""
     shift, each = shifted(plan.task), []
     for j, lead in enumerate(shift.leads):
         expected = np.degrees(shift.expected[j].error)
@@ -199,7 +199,7 @@ def _best_shift(desired: Desired, plan: Plan) -> str:
 
 
 def _unknown_top_speeds(plan: Plan) -> list[str]:
-    """Joints whose path is faster than a top speed that is only known to be at least so large."""
+    """Joints whose path is faster than a top speed that is only a lower bound."""
     return [
         name
         for name, model, speeds in zip(plan.names, plan.models, plan.speeds, strict=True)
@@ -208,7 +208,7 @@ def _unknown_top_speeds(plan: Plan) -> list[str]:
 
 
 def _label(desired: Desired, joint: int) -> str:
-    """The joint's name, with the unit where its errors are no angles."""
+    """The joint's name, with the unit if its errors are not angles."""
     name = desired.names[joint]
     return name if desired.unit(joint) == "deg" else f"{name} [% of its range]"
 
@@ -216,7 +216,7 @@ def _label(desired: Desired, joint: int) -> str:
 def _over_models(
     inversion: Inversion | FootInversion, unit: str, factor: float
 ) -> dict[str, Any] | None:
-    """Errors over the models that were drawn, for machines; None where none were."""
+    """Errors over the drawn models, for machines; None without drawn models."""
     if inversion.nominal is None:
         return None
     return {
@@ -232,7 +232,7 @@ def _over_models(
 
 
 def _over_models_table(desired: Desired, plan: Plan) -> str:
-    """The same for people; empty where no models were drawn."""
+    """The same for people; empty without drawn models."""
     unit, factor = ("deg", math.degrees(1.0)) if plan.of_foot is None else ("cm", 100.0)
     parts: dict[str, Inversion | FootInversion] = {
         _label(desired, j): inversion for j, inversion in enumerate(plan.inversions)
@@ -255,7 +255,7 @@ def _over_models_table(desired: Desired, plan: Plan) -> str:
 
 
 def _bounded_foot(plan: Plan) -> str:
-    """What is proved about the foot, if anything is."""
+    """The lower bound for the foot, in words; empty without one."""
     if plan.of_foot is None or not plan.foot_bound:
         return ""
     weighted = "" if len(set(plan.of_foot.weights)) == 1 else " as weighted"
@@ -301,11 +301,11 @@ def plan_report(
     """The page about a plan, as HTML.
 
     Args:
-        prepared: What was planned.
+        prepared: The settings and the desired path.
         plan: The plan.
         missed: Tolerances that the plan misses.
-        page: Where the page will stand.
-        written: Other files to link to: what each is, and where.
+        page: The file of the page.
+        written: Other files to link to: title and path of each.
     """
     from planner.report.page import linked_files
     from planner.report.plan import plan_page
@@ -349,7 +349,7 @@ def comparison_report(
 
 
 def _notes(prepared: Prepared) -> list[str]:
-    """What else should be known first."""
+    """Notes at the top of the page."""
     desired = prepared.desired
     shares = [name for j, name in enumerate(desired.names) if desired.unit(j) != "deg"]
     notes = [ASSUMED] if prepared.settings.model.file == FROM_URDF else []
@@ -359,7 +359,7 @@ def _notes(prepared: Prepared) -> list[str]:
 
 
 def _origins(prepared: Prepared, leg: Leg | None) -> list[tuple[str, str]]:
-    """Where the plans come from: pairs of what it is and which."""
+    """Inputs and settings of the plans: pairs of name and value."""
     run = prepared.settings
     origins = [("path", run.path.file or "a half ellipse")]
     if leg is not None:
@@ -384,7 +384,7 @@ def _positions(by_joint: Mapping[str, float] | None, unit: str = "") -> list[str
 
 
 def _inputs(prepared: Prepared) -> list[tuple[str, str]]:
-    """The files that the settings name: what each is, and where."""
+    """The files that the settings name: role and path of each."""
     run = prepared.settings
     named = [("path", run.path.file), ("model", run.model.file), ("robot", run.leg.urdf)]
     places = [(role, beside(prepared.folder, name)) for role, name in named if name]

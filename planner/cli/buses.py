@@ -42,7 +42,7 @@ def bus_options(*, required: bool = False) -> Callable[[Command], Command]:
     """Give a command the options that :func:`open_bus` takes.
 
     Args:
-        required: Whether no model file can say which bus it is.
+        required: Whether ``--bus`` is required, as no model file names the bus.
     """
     bus_type = types.Parsed(
         _bus,
@@ -95,7 +95,7 @@ def _ids(text: str) -> dict[str, int]:
 
 
 def ids_by_joint(choices: Mapping[str, Any], ids: dict[str, int]) -> dict[str, int]:
-    """The servos by joint; those of a LeRobot robot have its names unless others are given."""
+    """Identifiers by joint; servos of a LeRobot robot take its joint names by default."""
     kind, _, which = choices["bus"].partition(":")
     if kind != "lerobot":
         return ids
@@ -184,7 +184,7 @@ def open_arm(choices: Mapping[str, Any], servos: Mapping[str, Servo], model: str
 
 @contextmanager
 def stopping(advice: str) -> Iterator[None]:
-    """Say in one line what Ctrl-C or a fault in the block leaves; the bus has been seen to."""
+    """Report Ctrl-C or a bus fault in the block in one line; the bus is already stopped."""
     from planner.exceptions import BusError
 
     try:

@@ -207,20 +207,20 @@ def _servos(
     }
 
 
-def _checked_text(arm: Arm, checked: Check, period: float) -> str:
+def _checked_text(arm: Arm, check: Check, period: float) -> str:
     from planner.robot.arm import SETTINGS
 
     lines = [
-        f"{len(arm.names)} servos answer; a tick takes {1e3 * checked.tick_time:.2g} ms of "
-        f"{1e3 * period:g} ms, {checked.lost:.1%} of the answers are lost"
+        f"{len(arm.names)} servos answer; a tick takes {1e3 * check.tick_time:.2g} ms of "
+        f"{1e3 * period:g} ms, {check.lost:.1%} of the answers are lost"
     ]
-    for name, angle in checked.angles.items():
+    for name, angle in check.angles.items():
         settings = ", ".join(
-            f"{SETTINGS[key]} {value}" for key, value in checked.settings[name].items()
+            f"{SETTINGS[key]} {value}" for key, value in check.settings[name].items()
         )
-        noise = math.degrees(checked.noise[name])
+        noise = math.degrees(check.noise[name])
         lines.append(f"  {name}: at {math.degrees(angle):.1f} deg, noise {noise:.2f}; {settings}")
-        if checked.noise[name] > NOISY:
+        if check.noise[name] > NOISY:
             warn(f"{name}: its angle varies by {noise:.2f} deg at rest; is something moving it?")
     return "\n".join(lines)
 
@@ -292,7 +292,7 @@ def _write(
     settings: Mapping[str, Mapping[str, int]],
     choices: Mapping[str, Any],
 ) -> None:
-    """Write bus, models and servos of the joints that are done, beside what is there."""
+    """Write bus, models and servos of the calibrated joints; keep other joints of the file."""
     from dataclasses import replace
     from pathlib import Path
 
@@ -308,7 +308,7 @@ def _write(
         models = ({} if file.common is None else {"": file.common}) | dict(file.by_joint)
         try:
             servos = read_servos(output)
-        except InvalidFile:  # it has none
+        except InvalidFile:  # no servos
             servos = {}
     models |= {name: each.model for name, each in results.items()}
     servos |= {name: replace(arm.servos[name], settings=settings[name]) for name in results}

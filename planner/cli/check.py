@@ -151,10 +151,10 @@ def _error(model: JointModel, log: Log) -> float:
 
 
 def _error_before(path: str, name: str, model: JointModel) -> float:
-    """The error that the file of a model has of its test, rms [rad].
+    """The test error in a model file, rms [rad].
 
     Raises:
-        InvalidFile: It has none.
+        InvalidFile: The file has no error of a test.
     """
     from planner.exceptions import InvalidFile
 
@@ -167,7 +167,7 @@ def _error_before(path: str, name: str, model: JointModel) -> float:
 
 
 def _settings_changed(before: Any, now: Any) -> list[str]:
-    """Registers that differ from those of the calibration."""
+    """Registers that have changed since the calibration."""
     from planner.robot.arm import SETTINGS
 
     return [

@@ -15,14 +15,14 @@ if TYPE_CHECKING:
 
 
 def steps_of(desired: Desired) -> list[str]:
-    """The parts of a comparison, as its progress is shown."""
+    """The steps of a comparison, for the progress line."""
     return [*desired.names, *([] if _in_leg_order(desired)[1] is None else ["foot"])]
 
 
 def comparison_of(
     prepared: Prepared, progress: Callable[[str], None] = lambda _: None
 ) -> CrossCheck:
-    """The plans for what is desired, compared under its load."""
+    """The plans for the desired path, compared under its load."""
     run, torques = prepared.settings, prepared.load
     desired, leg = _in_leg_order(prepared.desired)
     if callable(torques):
@@ -45,7 +45,7 @@ def comparison_of(
 
 
 def _in_leg_order(desired: Desired) -> tuple[Desired, Leg | None]:
-    """The joints in the order of the leg; no leg where some of its joints are not there."""
+    """The joints in the order of the leg; no leg if some of its joints are missing."""
     leg = desired.leg
     if leg is None or set(desired.names) != set(leg.joint_names):
         return desired, None
@@ -58,7 +58,7 @@ def _in_leg_order(desired: Desired) -> tuple[Desired, Leg | None]:
 def _by_column(
     limits: Limits, names: tuple[str, ...]
 ) -> tuple[tuple[float, ...], tuple[float, ...]] | None:
-    """Limits of all joints [rad]; infinite for those that have none."""
+    """Limits of all joints [rad]; infinite for joints without limits."""
     if not limits:
         return None
     free = (float("-inf"), float("inf"))

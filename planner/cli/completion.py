@@ -1,4 +1,4 @@
-"""``request-planner completion``: what a shell needs to complete commands, options and files."""
+"""``request-planner completion``: shell completion of commands, options and files."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the command line says, and how much: results on standard output, the rest on standard error.
+"""Output of the command line: results on standard output, messages on standard error.
 
 ``--quiet``, ``--verbose``, NO_COLOR and FORCE_COLOR set how much, and the colours; on a terminal a
 line shows the progress of long work.
@@ -26,7 +26,7 @@ from planner.files.text import STANDARD_STREAM, to_json, write_text
 Verbosity = Literal["quiet", "normal", "verbose"]
 
 KEY = "planner.cli.verbosity"
-"""Where the command's context keeps it."""
+"""Key of the verbosity in the command's context."""
 
 BAR = 24
 """Characters of the bar."""
@@ -35,10 +35,10 @@ REDRAWN = 0.5
 """Time after which the line is drawn again [s]."""
 
 BRIEF = 2.0
-"""Work that has taken less time than this [s] has no estimate."""
+"""Shortest running time for which an estimate is shown [s]."""
 
 WIDTH = 80
-"""Characters of a line of a terminal that does not say it."""
+"""Characters of a line of a terminal of unknown width."""
 
 _ERASE = "\r\x1b[K"
 
@@ -58,23 +58,23 @@ def summarise(text: str) -> None:
 
 
 def complain(message: str) -> None:
-    """Say in one line on standard error why there is no answer, or none to be trusted."""
+    """Print an error in one line on standard error."""
     _print_notice(message, fg="red", bold=True)
 
 
 def warn(message: str) -> None:
-    """Say in one line on standard error what to beware of."""
+    """Print a warning in one line on standard error."""
     _print_notice(message, "warning:", fg="yellow")
 
 
 def remark(message: str) -> None:
-    """Say in one line on standard error what is good to know."""
+    """Print a remark in one line on standard error."""
     if verbosity() != "quiet":
         _print_notice(message)
 
 
 def _print_notice(message: str, label: str = "", **style: Any) -> None:
-    """A message in one line, which a terminal shows in lines that break between words."""
+    """Print a message in one line; on a terminal it is wrapped between words."""
     opening = f"request-planner: {label}".strip()
     text = f"{opening} {printable(' '.join(message.split()))}"
     if sys.stderr is not None and sys.stderr.isatty():
@@ -97,14 +97,14 @@ def deliver(
     output: str,
     as_json: bool,
 ) -> None:
-    """Hand over a command's answer.
+    """Write and print a command's answer.
 
     Args:
         document: The answer for machines.
         summary: The answer in a few words for people, for standard error.
-        write: Writes the CSV to the file that it is given.
+        write: Writes the CSV to a file.
         output: That file; ``-`` is standard output, which JSON takes for itself.
-        as_json: Whether a machine is asking.
+        as_json: Whether to print JSON.
     """
     if not as_json or output != "-":
         write(output)
@@ -120,13 +120,13 @@ def print_answer(document: Mapping[str, Any], summary: str, *, as_json: bool) ->
 
 
 def detail(message: str) -> None:
-    """Say on standard error what only ``--verbose`` asks for."""
+    """Print a message of ``--verbose`` on standard error."""
     if verbosity() == "verbose":
         print_line(click.style(f"request-planner: {printable(message)}", dim=True))
 
 
 def print_line(text: str) -> None:
-    """A line on standard error, where no progress is shown meanwhile."""
+    """Print a line on standard error; the progress line is erased first."""
     if Progress.current is not None:
         Progress.current.erase()
     click.echo(text, sys.stderr, err=True, color=coloured())  # click's own would be UTF-8
@@ -146,14 +146,14 @@ def terminal_width(stream: TextIO | None) -> int | None:
 
 
 def verbosity() -> Verbosity:
-    """How much is to be said beside the data."""
+    """How much to print beside the data."""
     context = click.get_current_context(silent=True)
     level: Verbosity = "normal" if context is None else context.meta.get(KEY, "normal")
     return level
 
 
 def coloured() -> bool | None:
-    """Whether to use colours; None is where they go to a terminal.
+    """Whether to use colours; None leaves it to click, which uses them on a terminal.
 
     https://no-color.org and https://force-color.org, of which the first overrules the second.
     """
@@ -165,7 +165,7 @@ def coloured() -> bool | None:
 
 
 def add_verbosity(command: click.Command) -> None:
-    """Let a command take ``--quiet`` and ``--verbose``, wherever they are given."""
+    """Add ``--quiet`` and ``--verbose`` to a command; both work before and after its name."""
     if any(parameter.name == "quiet" for parameter in command.params):
         return
     for option, about in (
@@ -199,7 +199,7 @@ def _settle(context: click.Context, option: click.Parameter, value: Any) -> None
 
 
 def print_log() -> Callable[[], None]:
-    """Begin to print what the library logs, the solvers' reports; the answer ends it."""
+    """Print the library's log, such as solvers' reports, until the returned function is called."""
     log = logging.getLogger("planner")
     before, handler = log.level, _Printing()
     log.addHandler(handler)
@@ -226,7 +226,7 @@ class Progress:
     """
 
     current: Progress | None = None
-    """The one whose line is on the terminal: of work inside other work, the inner one's."""
+    """The progress whose line is on the terminal: the innermost of nested ones."""
 
     def __init__(
         self,
@@ -238,12 +238,11 @@ class Progress:
         """Find out whether standard error is a terminal.
 
         Args:
-            expected: The steps that are to come, in order, and how long each takes in proportion to
-                the others; all take equally long where that is not said. Without steps there is no
-                bar, and no time left.
-            count: In place of these the number of steps, where there are many in parallel: each is
-                reported once it is done, and drawn twice a second.
-            clock: Tells the time [s].
+            expected: The steps, in order, with relative durations; by default all take equally
+                long. Without steps there is no bar and no remaining time.
+            count: Instead, the number of steps, for many steps in parallel: each is reported
+                when it is finished, and the line is drawn twice a second.
+            clock: Returns the time [s].
         """
         self._expected = (
             dict(expected) if isinstance(expected, Mapping) else dict.fromkeys(expected, 1.0)
@@ -262,18 +261,18 @@ class Progress:
     def __enter__(self) -> Progress:
         if self._count:
             self._counted = -1
-            self("the first")  # which none has been finished before
+            self("the first")  # no step is finished yet
         return self
 
     def __exit__(self, *_: object) -> None:
         self.done()
 
     def __call__(self, step: str) -> None:
-        """Say what is being done; what was being done before is finished."""
+        """Begin a step; the step before it is finished."""
         if self._count:
             self._counted += 1
             if self._thread is not None:
-                return  # which draws the line
+                return  # the thread draws the line
         else:
             self._finish_step()
         self._step = step
@@ -299,11 +298,11 @@ class Progress:
             self.erase()
 
     def erase(self) -> None:
-        """Make room for a line of another kind; this one is drawn again later."""
+        """Erase the line, for other output; it is drawn again later."""
         click.echo(_ERASE, sys.stderr, nl=False, err=True, color=True)
 
     def line(self) -> str:
-        """What the line says now."""
+        """The text of the line now."""
         now = self._time()
         if self._count:
             spent, finished = now - self._began, self._counted
@@ -329,7 +328,7 @@ class Progress:
         return f"{self._step} …  {bar}  {_duration(remaining)} left"
 
     def _remaining(self, total: float, done: float, now: float) -> float | None:
-        """How long it still takes at the pace of the steps that are done [s]; None without any."""
+        """Estimated remaining time by the pace of the finished steps [s]; None before the first."""
         spent = self._step_began - self._began
         if done <= 0.0 or spent <= 0.0:
             return None

@@ -43,10 +43,10 @@ WIDTH = 100
 """Characters of a line of a template."""
 
 ANY = "NAME"
-"""In the place of a table: any name, or any number."""
+"""Part of a table's place: any name, or any number."""
 
 JOINT = "knee"
-"""A joint, to show tables that are named after one."""
+"""Name of a joint in examples of tables by joint."""
 
 
 @dataclass(frozen=True)
@@ -69,12 +69,12 @@ class Range:
 
 @dataclass(frozen=True)
 class Expected:
-    """What a value should be, where its type does not say so.
+    """The expected value of a key, where its type is not enough.
 
     Attributes:
         words: For messages and the reference: "the name of a file".
-        check: The value to take, or ValueError with what follows these words; None takes every
-            value of the type.
+        check: Returns the checked value, or raises ValueError with an addition to these words; None
+            accepts every value of the type.
     """
 
     words: str
@@ -83,18 +83,18 @@ class Expected:
 
 @dataclass(frozen=True, eq=False)
 class About:
-    """What is declared of a key beside its type and its default.
+    """Attributes of a key beside its type and its default.
 
     Attributes:
-        help: What it is for, in a sentence.
-        otherwise: What holds where it is not set, in words, where the default does not say.
-        example: A value to show, where there is no default.
-        set_to: The value that a template sets it to, where that is not the default.
+        help: Its purpose, in a sentence.
+        otherwise: The effect of leaving it unset, in words, if the default does not show it.
+        example: An example value, if there is no default.
+        set_to: Its value in a template, if that is not the default.
         option: Its option on the command line, such as ``--cyclic/--no-cyclic``; "" for none.
         earlier: Names that the option had in earlier releases.
         by_joint: The key of the same table that takes values of the option for single joints.
         only: The methods, or formats, of its table on which it has an effect; () for all.
-        click: What click takes, where it does not follow from the above.
+        click: Arguments for click that do not follow from the above.
     """
 
     help: str = ""
@@ -122,7 +122,7 @@ def setting(
     only: tuple[str, ...] = (),
     **click: Any,
 ) -> Any:
-    """Declare a key of a table; see :class:`About`. Other arguments are those of its option."""
+    """Declare a key of a table; see :class:`About`. Other arguments go to its option."""
     about = About(
         help=help, otherwise=otherwise, example=example, set_to=set_to,
         option=option, earlier=earlier, by_joint=by_joint, only=only, click=click,
@@ -138,8 +138,8 @@ class Declared:
         annotation: Its annotation, whole.
         default: Its default; MISSING where it has to be set.
         type: Its type without None and annotations, such as float, or a Literal of its choices.
-        about: What is said of it.
-        expected: What a value should be, in words.
+        about: Its description.
+        expected: The expected value, in words.
         free: Whether it is a table of values by any name, such as ``limits.joints``.
     """
 
@@ -170,7 +170,7 @@ class Settings:
         """Make a dataclass of the annotations, and keep what they declare.
 
         Args:
-            optional: Another table; its keys follow those of this one, and none has to be set.
+            optional: Another table, whose keys are added at the end; all are optional.
         """
         for name, key in () if optional is None else optional.keys.items():
             cls.__annotations__[name] = key.annotation | None
@@ -179,7 +179,7 @@ class Settings:
         cls.keys = _declared(cls)
 
     def without_effect(self, choice: str) -> dict[str, tuple[str, ...]]:
-        """The keys that are set and have no effect, and the choices with which they have one."""
+        """The keys that are set without effect, and the choices with which they have an effect."""
         return {
             name: key.about.only
             for name, key in self.keys.items()
@@ -193,7 +193,7 @@ class Settings:
 
     @classmethod
     def of(cls, content: Mapping[str, Any], *, standard_input: bool = False) -> Self:
-        """Settings from what a file or a command line sets.
+        """Settings from the values in a file or on a command line.
 
         Args:
             content: Values by key and table.
@@ -233,13 +233,13 @@ AnySettings = TypeVar("AnySettings", bound=Settings)
 
 @dataclass(frozen=True)
 class _Reading:
-    """What is read: all of a file, and whether ``-`` may name a file in it."""
+    """Context of reading: the table of the whole file, and whether ``-`` may name a file."""
 
     whole: type[Settings]
     standard_input: bool
 
     def unknown(self, place: Place, cls: type[Settings]) -> str:
-        """What to say of a key that a table does not have."""
+        """The message about an unknown key of a table."""
         name, names = str(place[-1]), list(cls.keys)
         hint = nearest(name, names)
         elsewhere = [(*table.place, name) for table in tables(self.whole) if name in table.keys]
@@ -253,13 +253,13 @@ class Unfit(ValueError):
     """Invalid settings.
 
     Attributes:
-        place: Where something is wrong.
-        named: Whether the message has to name that place.
-        problem: What is wrong.
+        place: The invalid key.
+        named: Whether the message has to name the key.
+        problem: The error message.
     """
 
     def __init__(self, place: Place, problem: str, *, named: bool = True) -> None:
-        """Keep what is wrong for those who know how the user writes a place."""
+        """Keep place and problem; the caller adds the user's spelling of the place."""
         self.place = place
         self.named = named
         self.problem = problem
@@ -267,7 +267,7 @@ class Unfit(ValueError):
 
 
 def understand(file: Toml, cls: type[AnySettings]) -> AnySettings:
-    """Hold a file against the declared tables.
+    """Check a file against the declared tables.
 
     Raises:
         InvalidFile: An unknown or missing key, or a value that is not of its kind.
@@ -300,7 +300,7 @@ def flat(settings: Settings) -> dict[str, Any]:
 def _flat(
     cls: type[Settings], values: Mapping[str, Any] | None, place: tuple[str, ...]
 ) -> Iterator[tuple[str, Any]]:
-    """The keys of a table; None where it is not there."""
+    """The keys of a table with their values, all None for a table that is missing."""
     for name, key in cls.keys.items():
         value = None if values is None else values[name]
         if _is_table(key.type):
@@ -329,7 +329,7 @@ def _declared(cls: type[Settings]) -> dict[str, Declared]:
 
 
 def _unwrapped(annotation: Any) -> tuple[Any, tuple[Any, ...]]:
-    """The type that is annotated, without None, and its annotations, from inside out."""
+    """The annotated type without None, and its annotations, innermost first."""
     notes: tuple[Any, ...] = ()
     while True:
         if get_origin(annotation) is Annotated:
@@ -342,7 +342,7 @@ def _unwrapped(annotation: Any) -> tuple[Any, tuple[Any, ...]]:
 
 
 def _expected(base: Any, notes: Sequence[Any]) -> str:
-    """What a value should be, in words, from its type and its annotations."""
+    """The expected value, in words, from its type and its annotations."""
     words = [note.words for note in notes if isinstance(note, Expected)]
     if words:
         return words[-1]
@@ -367,7 +367,7 @@ def _checked_value(annotation: Any, value: Any, place: Place, reading: _Reading)
     """A value of a key, checked; tables become settings.
 
     Raises:
-        Unfit: It is not what was declared.
+        Unfit: It is not as declared.
     """
     base, notes = _unwrapped(annotation)
     inner = get_args(base)
@@ -402,7 +402,7 @@ def fitted(annotation: Any, value: Any) -> Any:
     """A value of a type and with its annotations.
 
     Raises:
-        ValueError: It does not fit; with what may help.
+        ValueError: It does not fit; the message may hold a hint.
     """
     base, notes = _unwrapped(annotation)
     origin, inner = get_origin(base), get_args(base)
@@ -435,7 +435,7 @@ def fitted(annotation: Any, value: Any) -> Any:
 
 
 def _hint(value: Any, words: str) -> str:
-    """What may help with a value that does not fit."""
+    """A hint for a value that does not fit."""
     if not isinstance(value, str):
         return ""
     if words.startswith("one of "):
@@ -465,11 +465,11 @@ class Table:
     """A table of a file.
 
     Attributes:
-        place: The keys that lead to it, NAME where it may be any; none for the top of the file.
-        about: What it is for.
+        place: The keys that lead to it, NAME for any name; () for the top of the file.
+        about: Its purpose.
         keys: Its keys.
         repeated: Whether it may stand there several times.
-        free: What values of keys with any name should be, in words; "" where there are none.
+        free: The expected values of keys with any name, in words; "" if there are no such keys.
         example: A value to show for a key with any name.
         active: Whether a template has it, or only shows it in comments.
     """
@@ -490,7 +490,7 @@ class Table:
 
 
 def tables(cls: type[Settings], place: tuple[str, ...] = ()) -> Iterator[Table]:
-    """The table that a class describes and those inside it, in the order of the fields."""
+    """The table that a class describes and its inner tables, in the order of the fields."""
     yield _table(cls, place)
     for name, key in cls.keys.items():
         inner = get_args(key.type)
@@ -518,12 +518,12 @@ def _table(cls: type[Settings], place: tuple[str, ...], **more: Any) -> Table:
 
 
 def template(cls: type[Settings], heading: Sequence[str]) -> str:
-    """A file that sets every key to its default, or says so where it sets something else.
+    """A file that sets every key to its default, or to another value with the default in a comment.
 
-    What has no default, or would contradict the rest, stands there as a comment.
+    Keys without a default, or that would contradict the rest, are comments.
 
     Args:
-        cls: What the file may set.
+        cls: The settings.
         heading: Lines of comment at the top.
     """
     lines = [f"# {line}" for line in heading]
@@ -614,7 +614,7 @@ def _rises(value: tuple[float, ...]) -> tuple[float, ...]:
 
 
 MOST_CHARACTERS = 1000
-"""Longest text that is taken: beyond any name."""
+"""Longest accepted text: beyond any name."""
 
 SOURCE = Expected("the name of a file")
 

@@ -59,28 +59,28 @@ sample of a cycle is about one step before the first."""
 
 
 FEW = 10
-"""Samples below which a path shows no motion by which to doubt its unit."""
+"""Fewest samples of a path whose span is checked for a wrong unit."""
 
 
 @dataclass(frozen=True)
 class Desired:
-    """What every joint should do.
+    """The desired motion of all joints.
 
     Attributes:
         names: The joints.
         angles: Their desired angles [rad], shape (n, k).
         models: Their models.
         limits: Smallest and largest angle of each joint [rad], where a leg has them.
-        leg: The leg, where one was named.
+        leg: The leg, if the settings name one.
         legs: The legs of a whole robot, by name, whose joints are all among these.
         foot: Desired positions of the foot [m], shape (n, 3), for a foot path; with "clamp", the
             positions at the clamped angles.
-        foot_given: With "clamp", the positions before; None where the leg reaches all of them.
+        foot_given: With "clamp", the positions before clamping; None if the leg reaches them all.
         unreachable: Samples whose position the leg cannot reach.
-        units: The joints' units in the file; None where they all are angles.
+        units: The joints' units in the file; None if all are angles.
         cyclic: Whether the path repeats for ever.
         remarks: What the user should know about the path.
-        loads: Torques on the joints in the file [N m], shape (n, k); None where it has none.
+        loads: Torques on the joints in the file [N m], shape (n, k); None if it has no torques.
     """
 
     names: tuple[str, ...]
@@ -124,7 +124,7 @@ class Desired:
 
 
 def find_leg(leg: settings.Leg, folder: str = "") -> LegPlace | None:
-    """Where the leg is described; None where the settings name none.
+    """The description of the leg; None if the settings name no leg.
 
     Args:
         leg: The settings.
@@ -135,9 +135,9 @@ def find_leg(leg: settings.Leg, folder: str = "") -> LegPlace | None:
     """
     near = None if leg.near is None else _radians(leg.near)
     urdf, base, foot, lock = (Key(f"leg.{key}") for key in ("urdf", "base", "foot", "lock"))
-    described = leg.base or leg.foot or leg.lock or leg.lock_m
+    is_described = leg.base or leg.foot or leg.lock or leg.lock_m
     if leg.name is not None:
-        if leg.urdf or described:
+        if leg.urdf or is_described:
             name = Key("leg.name")
             raise BadSetting(
                 name, " is a shipped leg: leave out ", urdf, ", ", base, ", ", foot, " and ", lock
@@ -147,7 +147,7 @@ def find_leg(leg: settings.Leg, folder: str = "") -> LegPlace | None:
         shipped = SHIPPED[leg.name]
         return shipped._replace(urdf=str(urdf_path(shipped.urdf)), near=near)
     if leg.urdf is None:
-        if described or near:
+        if is_described or near:
             keys = (base, ", ", foot, ", ", lock, " and ", Key("leg.near"))
             raise BadSetting(*keys, " are of a leg: name it with ", Key("leg.name"), " or ", urdf)
         return None
@@ -158,10 +158,10 @@ def find_leg(leg: settings.Leg, folder: str = "") -> LegPlace | None:
 
 
 def load_leg(place: LegPlace | None) -> Leg | None:
-    """The leg that is described there.
+    """The leg of a description.
 
     Raises:
-        KinematicsError: The leg cannot be made.
+        KinematicsError: The URDF has no such leg.
     """
     if place is None:
         return None
@@ -173,7 +173,7 @@ def load_leg(place: LegPlace | None) -> Leg | None:
 
 
 def legs_of(model: settings.Model, folder: str = "") -> dict[str, LegPlace]:
-    """The legs of the robot that the model file describes; those of the ERS-210A for its model."""
+    """The legs of the robot in the model file; the ERS-210A's legs for its own model."""
     if model.file == settings.SHIPPED_MODEL and model.parameters is None:
         from kinematics import urdf_path
 
@@ -187,8 +187,8 @@ def legs_of(model: settings.Model, folder: str = "") -> dict[str, LegPlace]:
 
 
 def legs_among(joints: Sequence[str], model: settings.Model, folder: str = "") -> dict[str, Leg]:
-    """The legs of the robot all of whose joints are among these, by name."""
-    if model.file == settings.SHIPPED_MODEL:  # which is read for no other joints
+    """The legs of the robot whose joints are all among these, by name."""
+    if model.file == settings.SHIPPED_MODEL:  # the URDF is read for its own joints only
         named = tuple(f"{name.replace('-', '_')}_" for name in SHIPPED)
         if not any(joint.startswith(named) for joint in joints):
             return {}
@@ -210,7 +210,7 @@ def servo_limits(
 
 
 def _robot_file(model: settings.Model, folder: str) -> str | None:
-    """The model file, where it may say more of the robot: one that can be read again."""
+    """The model file, if it can be read again for legs and servos; else None."""
     if model.parameters is not None:
         return None
     if model.file in (settings.SHIPPED_MODEL, settings.FROM_URDF, STANDARD_STREAM):
@@ -219,12 +219,12 @@ def _robot_file(model: settings.Model, folder: str) -> str | None:
 
 
 def leg_title(leg: settings.Leg) -> str:
-    """The name of the leg on pages; empty where the settings name none."""
+    """The name of the leg on pages; empty if the settings name no leg."""
     return leg.name or (f"{Path(leg.urdf).name} · {leg.foot}" if leg.urdf else "")
 
 
 def desired_of(run: settings.Run, leg: Leg | None, folder: str = "") -> Desired:
-    """What the joints should do: the joints of a file as they are, a foot path through the leg.
+    """The desired motion: joint angles of a file, or a foot path by inverse kinematics.
 
     Raises:
         BadSetting: No path, two paths, or a foot path without a leg.
@@ -244,7 +244,7 @@ def desired_of(run: settings.Run, leg: Leg | None, folder: str = "") -> Desired:
 
 
 def _from_file(run: settings.Run, leg: Leg | None, folder: str) -> Desired:
-    """What a file asks for: a joint path, or a foot path where a leg can turn it into one."""
+    """The desired motion of a file: a joint path, or a foot path by inverse kinematics."""
     path, file = run.path, beside(folder, str(run.path.file))
     table, even = path_table(file), path.rate_hz is None and path.speed is None
     if is_foot_path(table):
@@ -295,12 +295,12 @@ def _in_step(
     new_rows: Array = getattr(resampled, first)
     if path.times is None or len(new_rows) >= len(rows):
         return resampled, closed, remarks
-    since, step = path.times - path.times[0], period * (speed or 1.0)
+    times, step = path.times - path.times[0], period * (speed or 1.0)
     if closed:  # stretched over a whole number of samples
-        step = since[-1] * len(rows) / (len(rows) - 1) / len(new_rows)
+        step = times[-1] * len(rows) / (len(rows) - 1) / len(new_rows)
         new_rows = np.vstack([new_rows, new_rows[:1]])
-    at = np.asarray(step * np.arange(len(new_rows)), dtype=np.float64)
-    if lost := most_lost(since, rows, at, new_rows):
+    new_times = np.asarray(step * np.arange(len(new_rows)), dtype=np.float64)
+    if lost := most_lost(times, rows, new_times, new_rows):
         worst, share = lost
         names = path.names if isinstance(path, JointPath) else ("x", "y", "z")
         words = (
@@ -361,7 +361,7 @@ def refused_models(names: Sequence[str], models: Sequence[JointModel]) -> tuple[
 
 
 def check_angles(names: Sequence[str], units: Sequence[str] | None) -> None:
-    """Refuse joints in shares of their range where only angles can be meant.
+    """Refuse joints in shares of their range where angles are needed.
 
     Raises:
         BadSetting: The message names the first.
@@ -378,7 +378,7 @@ def check_angles(names: Sequence[str], units: Sequence[str] | None) -> None:
 def _models_in(
     units: Sequence[str], model: settings.Model, models: tuple[JointModel, ...]
 ) -> tuple[JointModel, ...]:
-    """The models, those of joints in shares of their range as if a percent were a degree."""
+    """The models; for joints in shares of their range, scaled so that a percent is a degree."""
     if set(units) & set(SHARES) and model.file == settings.SHIPPED_MODEL and not model.joints:
         raise BadSetting(
             "the path has joints in shares of their range, of which the ERS-210A's model says "
@@ -400,7 +400,7 @@ def _model_of_shares(model: JointModel) -> JointModel:
 
 
 def limits_of(limits: settings.Limits, desired: Desired) -> Limits:
-    """Limits of the requests by joint [rad]: those of the leg, unless the settings say otherwise.
+    """Limits of the requests by joint [rad]: the settings' limits, else the leg's.
 
     Raises:
         BadSetting: They name a joint that is not planned.
@@ -416,7 +416,7 @@ def limits_of(limits: settings.Limits, desired: Desired) -> Limits:
 
 
 def starts_of(start: settings.Start, joints: Sequence[str], *, cyclic: bool) -> Mapping[str, float]:
-    """Where joints rest before a path that does not repeat, by joint [rad].
+    """Rest angles of joints before a path that does not repeat, by joint [rad].
 
     Raises:
         BadSetting: The path repeats, or a joint is not in it.
@@ -437,7 +437,7 @@ def _radians(degrees: Mapping[str, float]) -> dict[str, float]:
 def _limits_of(
     names: Sequence[str], legs: Sequence[Leg], model: settings.Model, folder: str
 ) -> dict[str, tuple[float, float]]:
-    """Ranges of joints, those of their servos within those of the legs [rad]."""
+    """Ranges of joints [rad]: the intersection of the servos' ranges and the legs'."""
     limits = dict[str, tuple[float, float]]()
     for leg in legs:
         limits |= zip(
@@ -450,7 +450,7 @@ def _limits_of(
 
 
 def _from_foot(points: FootPath, run: settings.Run, leg: Leg, folder: str) -> Desired:
-    """What the joints of a leg should do for its foot to follow a path."""
+    """The desired motion of a leg's joints for its foot to follow a path."""
     unreachable = run.leg.unreachable
     models = models_of(run.model, leg.joint_names, leg, folder, rate_hz=run.path.rate_hz)
     points, closed, remarks = _in_step(points, run, models[0].period)
@@ -474,11 +474,11 @@ def _from_foot(points: FootPath, run: settings.Run, leg: Leg, folder: str) -> De
 
 
 def repeats(rows: Array, cyclic: bool | None) -> tuple[bool, tuple[Remark, ...]]:
-    """Whether a path repeats, and what to say where that has been decided by its ends.
+    """Whether a path repeats, and a remark if its ends have decided that.
 
     Args:
         rows: Angles or positions, shape (n, k).
-        cyclic: What the settings say; None where they say nothing.
+        cyclic: The setting; None if it is not set.
     """
     if cyclic is not None:
         return cyclic, ()

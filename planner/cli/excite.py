@@ -1,4 +1,4 @@
-"""``request-planner excite``: test signals that make a joint show what it is."""
+"""``request-planner excite``: test signals from which a joint can be identified."""
 
 from __future__ import annotations
 
@@ -181,7 +181,7 @@ def excite(
 
 
 def _log(joint: str, expected: Identification) -> bytes:
-    """What the expected joint was identified from, as CSV."""
+    """The simulated log from which the expected joint was identified, as CSV."""
     import numpy as np
 
     from planner.files.table import table_text
@@ -194,7 +194,7 @@ def _log(joint: str, expected: Identification) -> bytes:
 
 
 def _check(choices: dict[str, Any]) -> None:
-    """Refuse options that the kind ignores, and numbers that are none."""
+    """Refuse options that the kind ignores, and invalid numbers."""
     kind = choices["kind"]
     for name, kinds in (
         ("amplitude_deg", ("combined", "steps")),

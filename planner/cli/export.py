@@ -86,7 +86,7 @@ def _with_servos(export: Export, model: str, schedule: Schedule) -> Export:
     """The settings with the servos of a model file.
 
     Raises:
-        click.UsageError: The rows are not in ticks, or other options say the same.
+        click.UsageError: The rows are not in ticks, or other options contradict the file.
         InvalidFile: The file has no servo of a joint, or servos of different ticks.
         InvalidInput: A request is beyond the range of its servo.
     """
@@ -128,7 +128,7 @@ def _with_servos(export: Export, model: str, schedule: Schedule) -> Export:
 
 
 def _read(requests: str, joints: tuple[str, ...], period: float | None) -> Schedule:
-    """The requests of the file, at the times that it or the options say."""
+    """The requests of the file, at the period of the file or the options."""
     from planner.cli.desired import check_angles
     from planner.exceptions import InvalidFile
     from planner.files.paths import read_joint_path

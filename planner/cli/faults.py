@@ -1,4 +1,4 @@
-"""What is wrong with settings, said of keys of a run file or of options, as the user wrote them."""
+"""Errors in settings, with keys of a run file or options as the user wrote them."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from planner.exceptions import InvalidInput, PlannerError
 
 @dataclass(frozen=True)
 class Key:
-    """A setting that a message speaks of.
+    """A setting in a message.
 
     Attributes:
         name: The key, such as ``plan.method`` or ``export[0].file``.
-        value: The value that the message means; None where it means any.
-        joint: The joint, of a setting by joint.
+        value: The value in the message; None for any value.
+        joint: The joint, for a setting by joint.
     """
 
     name: str
@@ -44,14 +44,14 @@ def as_key(key: Key) -> str:
 
 
 class _Fault(PlannerError):
-    """A message in which settings stand as such, so that they can be spelt for the user.
+    """A message with settings as objects, so that they can be spelt as keys or as options.
 
     Attributes:
         parts: Words and settings, in their order.
     """
 
     def __init__(self, *parts: str | Key) -> None:
-        """Spell the settings as keys, until somebody knows better."""
+        """Spell the settings as keys by default."""
         self.parts = parts
         super().__init__(self.spelt(as_key))
 
@@ -61,12 +61,12 @@ class _Fault(PlannerError):
 
 
 class BadSetting(_Fault, InvalidInput):
-    """Settings that do not go together, or not with the files that they name."""
+    """Settings that contradict each other, or the files that they name."""
 
 
 class Remark(_Fault):
-    """What the user should know about an answer that is handed over; it is not raised."""
+    """A remark on a valid answer; it is not raised."""
 
 
 class FailedCheck(_Fault):
-    """A plan that does not keep to what it should."""
+    """A plan that fails a check."""

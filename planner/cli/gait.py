@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from planner.trajectory import Array
 
 PATTERNS = ("walk", "trot", "pace", "bound")
-"""Those of ``planner.gait.pattern``, which takes longer to import."""
+"""The patterns of ``planner.gait.pattern``, which takes longer to import."""
 
 SHORTEST, LONGEST = 1e-6, 1e3
 """Range of the time between samples [s]: beyond it the unit is surely mistaken."""

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from planner.identification.result import Identification
 
 FEW_ROWS = 20_000
-"""Up to so many rows the joints of a log are identified before other processes would have begun."""
+"""Most rows for which joints are identified in this process: others would start more slowly."""
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
@@ -129,7 +129,7 @@ def identify(
         raise click.UsageError("--report: standard output takes the model; name a file.")
     by_joint = _by_joint(logs, choices)
     identifications = _identify_joints(by_joint, choices)
-    # One model stands above all tables, so that it serves whatever a path calls the joint.
+    # A single model is written above all tables: it then holds for a joint of any name.
     tables = (
         identifications if choices["joint"] == "all" else {"": next(iter(identifications.values()))}
     )
@@ -157,10 +157,10 @@ def identify(
 
 
 def to_log_options(choices: Mapping[str, Any]) -> LogOptions:
-    """What a command's options say about its logs; options of other kinds are left alone.
+    """The options about logs among a command's options.
 
     Raises:
-        InvalidInput: An option holds what no log can be read by.
+        InvalidInput: An option has an invalid value.
     """
     from planner.files.logs.options import LogOptions
 
@@ -168,7 +168,7 @@ def to_log_options(choices: Mapping[str, Any]) -> LogOptions:
 
 
 def _check(joints: Collection[str], identifications: Mapping[str, Identification]) -> None:
-    """Refuse joints without a model, and models not to plan with; everything is written by then."""
+    """Refuse joints without a model, and rejected models; all files are already written."""
     from planner.model.evidence import with_reasons
 
     left_out = [joint for joint in joints if joint not in identifications]
@@ -187,7 +187,7 @@ def _check(joints: Collection[str], identifications: Mapping[str, Identification
 
 
 def _by_joint(paths: Sequence[str], choices: Mapping[str, Any]) -> dict[str, list[Log]]:
-    """The logs, by joint where every joint is asked for; what was guessed goes to stderr."""
+    """The logs by joint; assumptions of the reader are printed on standard error."""
     from planner.files.logs.read import read_logs
 
     logs = read_logs(paths, options=to_log_options(choices))
@@ -206,7 +206,7 @@ def _by_joint(paths: Sequence[str], choices: Mapping[str, Any]) -> dict[str, lis
 
 
 def _echo_notes(logs: Sequence[Log]) -> None:
-    """Say what was guessed, each guess once, however many logs it is about."""
+    """Print the reader's assumptions, each once for all logs."""
     about: dict[str, list[str]] = {}
     for log in logs:
         for note in log.notes:
@@ -221,7 +221,7 @@ def _echo_notes(logs: Sequence[Log]) -> None:
 def _identify_joints(
     logs: Mapping[str, Sequence[Log]], choices: Mapping[str, Any]
 ) -> dict[str, Identification]:
-    """What is found of each joint; of several, those that cannot be identified are left out."""
+    """The identification of each joint; of several joints, failed ones are left out."""
     from planner.files.results import Task
 
     tick_ms = choices["tick_ms"]
@@ -259,7 +259,7 @@ Arguments = tuple[str, Sequence["Log"], Mapping[str, Any]]
 
 
 def outcome_of(arguments: Arguments) -> Identification | PlannerError:
-    """What is found of a joint, or why nothing is."""
+    """The identification of a joint, or the error."""
     from planner.identification.identify import identify as run
 
     joint, logs, options = arguments

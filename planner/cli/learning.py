@@ -36,7 +36,7 @@ Plans = Mapping[str, Plan]
 """The plan of each joint, or of the foot under the name "foot"."""
 
 FOOT = "foot"
-"""What the plan of a foot is called."""
+"""Name of the plan of a foot."""
 
 
 class Measured(NamedTuple):
@@ -45,7 +45,7 @@ class Measured(NamedTuple):
     Attributes:
         names: The joints that were measured, in the order of the path.
         angles: Their angles [rad], (cycles, n, joints).
-        left: Rows after the last whole cycle, which are not used.
+        unused: Rows after the last whole cycle.
     """
 
     names: tuple[str, ...]
@@ -55,15 +55,15 @@ class Measured(NamedTuple):
 
 @dataclass(frozen=True)
 class Refined:
-    """The next plans, with what they were made from.
+    """The next plans, with their inputs.
 
     Attributes:
-        prepared: What the joints or the foot should do.
+        prepared: The desired path of the joints or the foot.
         executed: The requests that were executed [rad], (n, k).
-        measured: What was measured of them.
-        plans: The next plans; those of joints that were not measured are the executed ones.
-        states: What the history says of other plans: of the foot where joints were learnt one by
-            one, or the reverse.
+        measured: The angles measured meanwhile.
+        plans: The next plans; the executed plans for joints that were not measured.
+        states: Learning states of other plans in the history: of the foot if joints were learnt
+            one by one, or the reverse.
     """
 
     prepared: Prepared
@@ -74,7 +74,7 @@ class Refined:
 
     @property
     def learnt(self) -> Plans:
-        """The plans that something was measured for."""
+        """The plans of the measured joints."""
         return {name: self.plans[name] for name in self.plans if name not in self.not_measured}
 
     @property
@@ -85,7 +85,7 @@ class Refined:
 
     @property
     def about_not_measured(self) -> str:
-        """What became of the joints that were not measured, in words; empty where all were."""
+        """A remark on the joints that were not measured; empty if all were measured."""
         if not self.not_measured:
             return ""
         words = f"no measured angles of {', '.join(self.not_measured)}: requests kept as they are"
@@ -103,12 +103,12 @@ class Refined:
 
     @property
     def predicted(self) -> Array:
-        """What the joints will do, as far as it was learnt [rad], shape (n, k)."""
+        """The predicted angles, with the learnt disturbance [rad], shape (n, k)."""
         return np.hstack([plan.predicted for plan in self.plans.values()])
 
     @property
     def disturbance(self) -> Array:
-        """What was learnt [rad], shape (n, measured joints)."""
+        """The learnt disturbance [rad], shape (n, measured joints)."""
         learnt = [plan.task.disturbance for plan in self.learnt.values()]
         return np.hstack([each for each in learnt if each is not None])
 
@@ -123,7 +123,7 @@ def read_executed(path: str, prepared: Prepared) -> Array:
     """The requests that were executed [rad], (n, k): a file that ``plan`` or ``refine`` wrote.
 
     Raises:
-        InvalidFile: They are not those of the desired path.
+        InvalidFile: They do not match the desired path.
     """
     desired = prepared.desired
     request_path = read_joint_path(path, joints=desired.names)
@@ -146,12 +146,12 @@ def _check_rate(path: JointPath, period: float) -> None:
 
 
 def read_measured(paths: Sequence[str], prepared: Prepared, *, cycles: int | None) -> Measured:
-    """Measured angles of the joints that every one of the files has, one file or several.
+    """Measured angles of the joints that are in all files.
 
     Args:
-        paths: Joint paths; each begins where a cycle does.
-        prepared: What the joints should do.
-        cycles: Cycles in all files together; None for as many as there are.
+        paths: Joint paths; each begins at the beginning of a cycle.
+        prepared: The desired path.
+        cycles: Cycles to use of all files together; None for all.
 
     Raises:
         InvalidFile: Rows are missing, or at another rate, or no joint was measured.
@@ -172,21 +172,21 @@ def read_measured(paths: Sequence[str], prepared: Prepared, *, cycles: int | Non
                 raise InvalidFile(
                     path, f"'{name}' is in {got}, expected {expected} as in the path", line=1
                 )
-        many, over = divmod(len(log.angles), samples)
-        if not many:
+        count, extra = divmod(len(log.angles), samples)
+        if not count:
             raise InvalidFile(
                 path,
                 f"got {len(log.angles)} rows, expected {samples} a cycle, one for each request; "
                 "record whole cycles, or cut the file where a cycle begins",
             )
-        if over and (cycles is None or not desired.cyclic):
+        if extra and (cycles is None or not desired.cyclic):
             raise InvalidFile(
                 path,
-                f"got {len(log.angles)} rows, {over} more than {many} cycles of {samples}: cut "
+                f"got {len(log.angles)} rows, {extra} more than {count} cycles of {samples}: cut "
                 "the file where cycles begin and end, or say with --cycles how many to take",
             )
-        unused_rows += over
-        blocks.append(log.angles[: many * samples].reshape(many, samples, -1))
+        unused_rows += extra
+        blocks.append(log.angles[: count * samples].reshape(count, samples, -1))
     angles = np.concatenate(blocks)
     if cycles is not None and cycles > len(angles):
         raise InvalidFile(
@@ -198,13 +198,13 @@ def read_measured(paths: Sequence[str], prepared: Prepared, *, cycles: int | Non
 def executed_plans(
     prepared: Prepared, requests: Array, *, by_joint: bool = False
 ) -> dict[str, Plan]:
-    """The plans whose requests were executed, by whichever method they were planned.
+    """The plans whose requests were executed, planned by any method.
 
     Args:
-        prepared: What the joints or the foot should do.
-        requests: What was executed [rad], (n, k).
-        by_joint: Whether joints of a plan for the foot are to follow their angles in that plan,
-            each by itself.
+        prepared: The desired path of the joints or the foot.
+        requests: The executed requests [rad], (n, k).
+        by_joint: Whether each joint of a plan for the foot is to follow its predicted angles in
+            that plan.
     """
     plan_settings, desired, load = prepared.settings.plan, prepared.desired, prepared.load
     of_foot = plan_settings.method == "foot-optimal"
@@ -222,7 +222,7 @@ def executed_plans(
     lower, upper = limits_of_each(prepared.limits, desired.names)
     angles = desired.angles
     if of_foot:
-        angles = plan_of(prepared, bounded=False).predicted  # whatever was executed since
+        angles = plan_of(prepared, bounded=False).predicted  # not the executed requests
     task = replace(task, lower=lower, upper=upper, desired=angles)
     plan = Plan(task=task, requests=requests, solver=plan_settings.solver or "gauss-newton")
     return {name: plan.joint(j) for j, name in enumerate(desired.names)}
@@ -241,11 +241,11 @@ def refined(
     """The next requests.
 
     Args:
-        prepared: What the joints or the foot should do.
+        prepared: The desired path of the joints or the foot.
         executed: Requests [rad], (n, k).
-        measured: What was measured of them; the plans of other joints stay as they are.
-        history: The file with the earlier trials; None for none, and it need not exist.
-        sensor_delay: How late the sensors are [s]; None to look for it.
+        measured: The angles measured meanwhile; the plans of other joints stay as they are.
+        history: The file with the earlier trials, which need not exist; None for no history.
+        sensor_delay: Delay of the sensors [s]; None to estimate it.
         reidentify: Whether models may be identified anew.
         progress: Called with the name of each joint.
     """
@@ -386,7 +386,7 @@ def progress_of(answer: Refined) -> list[Progress]:
 
 
 def _other_models(plan: Plan, name: str, desired: Desired) -> list[str]:
-    """Which models are no longer those of the model file: they were identified anew before."""
+    """A remark on models that earlier trials identified anew, so that they differ from the file."""
     names = desired.names if name == FOOT else (name,)
     file_models = dict(zip(desired.names, desired.models, strict=True))
     changed = [
@@ -413,7 +413,7 @@ def as_options(text: str, names: Sequence[str]) -> str:
 def learning_report(
     answer: Refined, *, page: Path | str, written: Sequence[tuple[str, Path | str | None]] = ()
 ) -> str:
-    """The page about what was learnt, as HTML."""
+    """The page about the learning, as HTML."""
     prepared = answer.prepared
     desired, run = prepared.desired, prepared.settings
     columns = [desired.names.index(name) for name in answer.measured.names]

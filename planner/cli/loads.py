@@ -20,11 +20,11 @@ if TYPE_CHECKING:
     from planner.recording.recorded_path import RecordedPath
 
 Load = Array | Callable[[Array], Array]
-"""Torques [N m], shape (n, k), or those in poses [rad], shape (n, k)."""
+"""Torques [N m], shape (n, k), or a function of poses [rad], shape (n, k), that returns them."""
 
 
 def load_of(plan: settings.Plan, desired: Desired) -> Load | None:
-    """What the joints of a path carry; None where the settings ask for no load.
+    """The torques on the joints of a path; None if the settings have no load.
 
     Of ``urdf-dynamics`` inertia counts along the desired path and gravity in the predicted pose:
     differences of a prediction would not settle.
@@ -53,7 +53,7 @@ def load_of(plan: settings.Plan, desired: Desired) -> Load | None:
 
 
 def with_load(plan: settings.Plan, path: RecordedPath, leg: Leg | None) -> RecordedPath:
-    """A recording with the load that the settings ask for; without one it is that of its logs.
+    """A recording with the load of the settings, or by default the load in its logs.
 
     The leg's joints that are not planned are where they were recorded.
 
@@ -116,22 +116,22 @@ def _load_of_masses(
     period: float,
     cyclic: bool,
 ) -> Callable[[Array], Array]:
-    """Torques on joints by their angles; the leg's other joints are where its desired poses are.
+    """Torques on joints by their angles; the leg's other joints follow the desired poses.
 
     Args:
         form: Gravity alone, or inertia along the desired path, too.
         leg: The leg, whose masses count.
-        names: The joints; those that are not of the leg carry nothing.
+        names: The joints; joints outside the leg carry no load.
         poses: Desired angles of the leg's joints [rad], shape (n, m).
         period: Time between poses [s].
         cyclic: Whether they repeat.
     """
     inside = [j for j, name in enumerate(names) if name in leg.joint_names]
     places = [leg.joint_names.index(names[j]) for j in inside]
-    in_rest = leg.load_torques(poses)
-    inertia = np.zeros_like(in_rest)
+    gravity = leg.load_torques(poses)
+    inertia = np.zeros_like(gravity)
     if form == "urdf-dynamics":
-        inertia = leg.load_torques(poses, dynamics=True, period=period, cyclic=cyclic) - in_rest
+        inertia = leg.load_torques(poses, dynamics=True, period=period, cyclic=cyclic) - gravity
 
     def torques(angles: Array) -> Array:
         pose, loads = poses.copy(), np.zeros(angles.shape)
@@ -143,7 +143,7 @@ def _load_of_masses(
 
 
 def unused(plan: settings.Plan, desired: Desired) -> tuple[Remark, ...]:
-    """What to say of a path whose load is not asked for."""
+    """A remark on a path whose load the settings do not use."""
     if desired.loads is None or plan.load is not None:
         return ()
     key = Key("plan.load", "column")

@@ -31,9 +31,9 @@ def models_of(
     Args:
         model: The settings.
         joints: The joints.
-        leg: The leg that they are on, whose description may have their top speeds.
+        leg: Their leg, whose description may have their top speeds.
         folder: The folder from which files are named.
-        rate_hz: Requests per second; by default what the models say.
+        rate_hz: Requests per second; by default the models' rate.
 
     Raises:
         BadSetting: The settings contradict each other, or describe no joint.
@@ -60,15 +60,15 @@ def models_of(
 
 
 def verdict_document(model: JointModel) -> dict[str, str]:
-    """Whether a model may be planned with, and why, for machines; nothing where it is not known."""
-    seen = model.evidence
-    if seen is None or seen.verdict is None:
+    """The verdict on a model and its reason, for machines; empty if unknown."""
+    evidence = model.evidence
+    if evidence is None or evidence.verdict is None:
         return {}
-    return {"verdict": seen.verdict, "verdict_reason": seen.reason}
+    return {"verdict": evidence.verdict, "verdict_reason": evidence.reason}
 
 
 def model_words(model: settings.Model) -> str:
-    """Which model of the joints an answer is for, in words."""
+    """The joint model of an answer, in words."""
     words = {
         settings.SHIPPED_MODEL: f"{settings.SHIPPED_MODEL}, a joint of the Sony Aibo",
         settings.FROM_URDF: "a joint of the Sony Aibo, with the top speeds of the URDF",
@@ -80,7 +80,7 @@ def model_words(model: settings.Model) -> str:
 
 
 def beside(folder: str, name: str) -> str:
-    """Where a file is that the settings name, from the folder in which they stand."""
+    """The path of a file that the settings name relative to their own folder."""
     return str(Path(folder) / name) if folder else name
 
 
@@ -88,7 +88,7 @@ def check_joints(key: str, by_joint: Mapping[str, object], joints: Sequence[str]
     """Make sure that settings of single joints are about joints of the path.
 
     Raises:
-        BadSetting: One is not.
+        BadSetting: A joint is not in the path.
     """
     for joint in by_joint:
         if joint not in joints:
@@ -101,7 +101,7 @@ def check_joints(key: str, by_joint: Mapping[str, object], joints: Sequence[str]
 def _models_of_all(
     model: settings.Model, joints: Sequence[str], leg: Leg | None, folder: str
 ) -> Mapping[str, JointModel]:
-    """The models of joints that have no file of their own."""
+    """The models of joints without a file of their own."""
     parameters = Key("model.parameters")
     if model.parameters is not None:
         if "file" in model.keys_set:

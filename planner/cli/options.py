@@ -1,4 +1,4 @@
-"""Options of several commands: those that are settings, made from their declaration, and others."""
+"""Options of several commands: settings, built from their declarations, and other options."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ PARALLEL = (
 as_json = click.option("--json", "as_json", is_flag=True, help="Print JSON for machines.")
 
 REPLAY = "replay."
-"""Before the settings that only `replay` has."""
+"""Prefix of the settings of `replay` alone."""
 
 SETTINGS = {
     ".".join(part for part in (*table.place, name) if part != ANY): key
@@ -70,7 +70,7 @@ BY_JOINT = {
     for key, each in SETTINGS.items()
     if each.about.by_joint
 }
-"""For the keys that take values of single joints: the setting with the option."""
+"""By key for values of single joints: the setting with the option."""
 
 LEG = tuple(f"leg.{key}" for key in ("name", "urdf", "base", "foot", "lock", "near"))
 HALF_ELLIPSE = tuple(key for key in SETTINGS if key.startswith("path.half_ellipse."))
@@ -121,18 +121,18 @@ def settings(*keys: str, **helps: str) -> Callable[[Command], Command]:
 
 
 def _parameter(key: str) -> str:
-    """What a setting is called as an argument of a function."""
+    """The name of a setting as an argument of a function."""
     return key.replace(".", "_")
 
 
 def _of_any_method(about: About) -> str:
-    """The help of a setting without the methods that it is of, for a command without a choice."""
+    """The help of a setting without its methods, for a command without a choice of method."""
     words = about.help.partition(": ")[2] if about.only else about.help
     return words[:1].upper() + words[1:]
 
 
 def _option(key: str, declared: Declared, of_command: str) -> Callable[[Command], Command]:
-    """A setting as click takes it, with the help that a command has in place of its own."""
+    """A setting as an option of click, with the command's own help text if it has one."""
     about = declared.about
     attributes = dict(about.click)
     own = attributes.pop("option_help", "")
@@ -159,7 +159,7 @@ def _option(key: str, declared: Declared, of_command: str) -> Callable[[Command]
 
 
 def parallel(command: Command) -> Command:
-    """Give a command the options that say where its tasks run: workers, scheduler and resume."""
+    """Give a command the options of parallel tasks: workers, scheduler and resume."""
     for option in reversed(PARALLEL):
         command = option(command)
     return command
@@ -172,7 +172,7 @@ def check_parallel(workers: int | None, scheduler: str | None) -> None:
 
 
 def warn_of(remarks: Sequence[Remark | FailedCheck]) -> None:
-    """Say what the user should know about a path or an answer, with settings as options."""
+    """Print remarks on a path or an answer, with settings as options."""
     for remark in remarks:
         warn(remark.spelt(as_option))
 
@@ -192,7 +192,7 @@ def as_option(key: Key) -> str:
 
 
 def by_argument() -> dict[str, str]:
-    """The options of settings by the arguments of the library that they set, in its messages."""
+    """The options of settings, by the library's argument names in messages."""
     names = {}
     for key, declared in SETTINGS.items():
         if key in HALF_ELLIPSE:  # "samples" are those of any path
@@ -205,7 +205,7 @@ def by_argument() -> dict[str, str]:
 
 @contextmanager
 def _as_options(table: str = "") -> Iterator[None]:
-    """Say as options what is wrong with settings inside the block."""
+    """Let errors in settings inside the block name options."""
     try:
         yield
     except Unfit as error:
@@ -214,7 +214,7 @@ def _as_options(table: str = "") -> Iterator[None]:
 
 
 def _put(content: dict[str, Any], key: str, value: Any) -> None:
-    """Put the value of an option where a run file has it."""
+    """Put the value of an option at its place in the content of a run file."""
     if key == "leg.name" and value not in types.SHIPPED:
         key = "leg.urdf"
     if key == "leg.urdf" and "urdf" in content.get("leg", {}):

@@ -41,7 +41,7 @@ CORE_METHODS: Mapping[settings.Method, Method] = {
     "optimal": "optimal",
     "foot-optimal": "optimal",
 }
-"""How the core calls the methods: a foot is optimised."""
+"""Names of the methods in the core, where a foot is optimised too."""
 
 
 @dataclass(frozen=True)
@@ -49,12 +49,12 @@ class Prepared:
     """A plan, ready to be computed.
 
     Attributes:
-        settings: What the user has set, and defaults.
-        place: Where the leg is described; None where there is none.
-        desired: What every joint should do.
+        settings: The user's settings, and defaults.
+        place: The description of the leg; None without a leg.
+        desired: The desired motion of all joints.
         limits: Limits of the requests [rad].
-        starts: Where joints rest before [rad].
-        load: What the joints carry, where that is asked for.
+        starts: Rest angles of the joints before the path [rad].
+        load: The load on the joints, if the settings have one.
         folder: The folder from which files are named; "" is the working directory.
     """
 
@@ -68,7 +68,7 @@ class Prepared:
 
 
 def prepare(run: settings.Run, folder: str = "") -> Prepared:
-    """Load what the settings name, and check that the method can plan for it.
+    """Load the inputs that the settings name, and check that the method can plan for them.
 
     Args:
         run: The settings.
@@ -76,8 +76,8 @@ def prepare(run: settings.Run, folder: str = "") -> Prepared:
 
     Raises:
         BadSetting: Settings contradict each other or do not suffice.
-        InvalidFile: A file is not what it should be.
-        KinematicsError: The leg cannot be made, or cannot reach the path.
+        InvalidFile: A file is invalid.
+        KinematicsError: The URDF has no such leg, or the leg cannot reach the path.
     """
     prepared = load(run, folder)
     check_settings(run, prepared.desired)
@@ -85,7 +85,7 @@ def prepare(run: settings.Run, folder: str = "") -> Prepared:
 
 
 def load(run: settings.Run, folder: str = "") -> Prepared:
-    """Load what the settings name, whatever the method; see :func:`prepare`."""
+    """Load the inputs that the settings name, for any method; see :func:`prepare`."""
     place = find_leg(run.leg, folder)
     desired = desired_of(run, load_leg(place), folder)
     desired = replace(desired, remarks=(*desired.remarks, *unused(run.plan, desired)))
@@ -141,17 +141,17 @@ def plan_of(
     """Plan by the chosen method, and check the plan before it is handed over.
 
     Args:
-        prepared: The settings, and what they name.
+        prepared: The settings and their inputs.
         progress: Called with the name of each part before it is planned.
         bounded: Whether to compute the lower bound of a plan for the foot, too, which takes longer.
 
     Returns:
-        The plan; its task has leg and foot of a path of a leg's joints, too, and the limits of a
-        closed form, which does not know of them.
+        The plan; its task also has leg and foot, for a path of a leg's joints, and the limits of a
+        closed form, which ignores them.
 
     Raises:
         FailedCheck: The plan failed a check.
-        PlannerError: There is none.
+        PlannerError: There is no plan.
     """
     run, desired, limits = prepared.settings, prepared.desired, prepared.limits
     plan_settings = run.plan
@@ -179,16 +179,16 @@ def plan_of(
         _check_bound(each, desired)
     chosen = run.limits.deg is not None or run.limits.joints
     beyond = beyond_limits(plan, desired)
-    if beyond and (chosen or plan_settings.method != "closed-form"):  # which knows no limits
+    if beyond and (chosen or plan_settings.method != "closed-form"):  # which ignores limits
         raise beyond[0]
     if bounded and plan.task.goal == "foot":
         progress("the lower bound")
-        _ = plan.foot_bound  # takes seconds, and is kept
+        _ = plan.foot_bound  # takes seconds, and is cached
     return plan
 
 
 def _by_feet(prepared: Prepared, progress: Callable[[str], None]) -> Plan:
-    """A plan for the joints of a robot with the requests of plans for the feet of its legs."""
+    """A plan for the joints of a robot, from one plan for the foot of each leg."""
     desired, load = prepared.desired, prepared.load
     requests = np.empty_like(desired.angles)
     for name, leg in desired.legs.items():
@@ -210,7 +210,7 @@ def _by_feet(prepared: Prepared, progress: Callable[[str], None]) -> Plan:
 
 
 def beyond_limits(plan: Plan, desired: Desired) -> list[FailedCheck]:
-    """What is to be said of requests beyond the limits of their joints [rad]."""
+    """Failures of requests beyond the limits of their joints, one for each joint."""
     failures = []
     columns = zip(plan.requests.T, plan.task.lower, plan.task.upper, strict=True)
     for j, (requests, lower, upper) in enumerate(columns):
@@ -230,7 +230,7 @@ def beyond_limits(plan: Plan, desired: Desired) -> list[FailedCheck]:
 
 
 def misses(run: settings.Run, desired: Desired, plan: Plan) -> list[str]:
-    """Which tolerances the plan misses, in its norm, and by how much; none where it keeps all."""
+    """Messages about the tolerances that the plan misses, in its norm; empty if it keeps all."""
     norm, tolerance = plan.task.norm, run.tolerance
     messages = []
     if tolerance.deg is not None:
@@ -252,10 +252,10 @@ def misses(run: settings.Run, desired: Desired, plan: Plan) -> list[str]:
 
 
 def task_of(prepared: Prepared) -> Task:
-    """What the settings ask of a plan; the torques of a load of the pose are not in it.
+    """The task of the settings; without the torques of a load that depends on the pose.
 
     Raises:
-        PlannerError: They do not fit together.
+        PlannerError: The settings contradict each other.
     """
     plan_settings, desired, limits = prepared.settings.plan, prepared.desired, prepared.limits
     options = plan_settings.options(desired.period)
@@ -267,7 +267,7 @@ def task_of(prepared: Prepared) -> Task:
         lower, upper = zip(*(limits[name] for name in desired.names), strict=True)
         options |= {"weights": plan_settings.weights or (1.0, 1.0, 1.0), "limits": (lower, upper)}
         return Task.of(desired.models, desired.foot, leg=checked_leg(desired.leg), **options)
-    if plan_settings.method != "closed-form":  # which knows no limits
+    if plan_settings.method != "closed-form":  # which ignores limits
         options |= {"limits": limits, "start": prepared.starts}
     return Task.of(desired.models, desired.angles, names=desired.names, **options)
 

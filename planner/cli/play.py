@@ -96,8 +96,8 @@ def play(
             rows.append((time, angles))
 
         with buses.stopping(f"the log until then is {log.unfinished}"), arm.powered():
-            played = arm.perform(path.angles, period=period, cycles=cycles, keep=keep)
-            if played.interrupted:
+            performance = arm.perform(path.angles, period=period, cycles=cycles, keep=keep)
+            if performance.interrupted:
                 raise KeyboardInterrupt
         log.finish()
     count = cycles * len(path.angles)
@@ -107,29 +107,29 @@ def play(
             measured, path.names, _a_row_each(times, angles, count, period), period=period
         )
     lost = int(np.isnan(angles).sum())
-    if played.skipped or lost:
+    if performance.skipped or lost:
         warn(
-            f"{played.skipped} of {count} requests were not sent in time and {lost} of "
+            f"{performance.skipped} of {count} requests were not sent in time and {lost} of "
             f"{angles.size} angles were not read; a longer period, or a better cable, helps"
         )
     print_answer(
         {
             "rows": len(rows),
             "requests": count,
-            "skipped": played.skipped,
-            "overruns": played.overruns,
-            "latest_s": played.latest,
+            "skipped": performance.skipped,
+            "overruns": performance.overruns,
+            "latest_s": performance.latest,
             "angles_lost": lost,
             "answers_asked": arm.bus.asked,
             "answers_lost": arm.bus.lost,
         },
-        f"{len(rows)} rows of {', '.join(path.names)} in {output}\nplayed: {played}",
+        f"{len(rows)} rows of {', '.join(path.names)} in {output}\nplayed: {performance}",
         as_json=as_json,
     )
 
 
 def _a_row_each(times: Array, angles: Array, count: int, period: float) -> Array:
-    """Angles at the time of every request; those that were not read lie between their neighbours.
+    """Angles at the time of every request; missing readings are interpolated.
 
     Raises:
         BusError: A joint was never read.

@@ -1,4 +1,4 @@
-"""``request-planner``: the commands, and what becomes of what they raise."""
+"""``request-planner``: the commands, and the handling of their exceptions."""
 
 from __future__ import annotations
 
@@ -38,8 +38,8 @@ from planner.exceptions import (
 from planner.report.table import fitted_to
 
 ALLOCATIONS = 200_000
-"""Objects that are made before the garbage collector looks at them: with Python's 700 a tenth of a
-short command's time is spent looking at what packages define, which is no garbage."""
+"""New objects before a garbage collection: with Python's default of 700 a tenth of a short
+command's time is spent on the definitions of packages, which are no garbage."""
 
 COMMANDS = {
     "calibrate": "Move servos, identify their joints, recommend how to plan.",
@@ -63,13 +63,13 @@ COMMANDS = {
     "view": "Show the robot moving, in the browser.",
     "virtual-bus": "Put virtual servos behind a pseudo-terminal.",
 }
-"""Each is the function of this name, with _ for -, in the module of this name; what it does."""
+"""The commands and their help: each is the function, with _ for -, in the module of this name."""
 
 FAILED = 1
 """Exit status of an answer that failed its own check."""
 
 BAD_INPUT = 2
-"""Exit status of input that cannot be used; one line on standard error says what to do."""
+"""Exit status of input that cannot be used; one line on standard error tells the remedy."""
 
 INTERRUPTED = 130
 """Exit status after Ctrl-C, as shells have it: 128 + SIGINT."""
@@ -104,11 +104,11 @@ ARGUMENTS = {
     "required": "--required-s",
     "resolution": "--resolution-deg",
 }
-"""Arguments at the head of a message of the library, as options; those of settings are theirs."""
+"""Arguments at the head of a message of the library, as options; settings have their own."""
 
 
 class Commands(click.Group):
-    """The commands, each imported when it is called for, and one exit for all that they raise."""
+    """The commands, each imported on demand, and one exit for all their exceptions."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002
         """Names of the commands, sorted."""
@@ -146,7 +146,7 @@ class Commands(click.Group):
         return command_name, command, rest if command is None else today(command, rest)
 
     def invoke(self, ctx: click.Context) -> Any:
-        """Run the command; a reader that has gone away is no error, only the end."""
+        """Run the command; a closed pipe ends it without an error message."""
         began = time.monotonic()
         try:
             answer = super().invoke(ctx)
@@ -180,12 +180,12 @@ class Commands(click.Group):
         unit = ANGLE_UNIT.set("deg")
         try:
             with warnings.catch_warnings(), fitted_to(terminal_width(sys.stderr)):
-                warn_once = cache(warn)  # wherever and however often it is given
+                warn_once = cache(warn)  # for the same warning from several places
                 warnings.showwarning = lambda message, *_where: warn_once(str(message))
                 warnings.simplefilter("default", OutsideEquation13)
                 status = self._status(args, prog_name or "request-planner", complete_var, **extra)
                 _flush(sys.stdout)
-        finally:  # also where an error that nobody expected goes on to the caller
+        finally:  # also if an unexpected error goes on to the caller
             ANGLE_UNIT.reset(unit)
         sys.exit(status)
 
@@ -249,8 +249,8 @@ def main() -> NoReturn:
     """Run the command line on the process's own arguments."""
     gc.set_threshold(ALLOCATIONS, 10, 10)
     signal.signal(signal.SIGTERM, _terminate)
-    os.environ["MPLBACKEND"] = "agg"  # no window is opened; what is set may not be there
-    for library in ("OMP", "OPENBLAS", "MKL"):  # products of vectors do not wait for other threads
+    os.environ["MPLBACKEND"] = "agg"  # no window is opened; a backend that is set may be missing
+    for library in ("OMP", "OPENBLAS", "MKL"):  # products of vectors are too short for threads
         os.environ.setdefault(f"{library}_NUM_THREADS", "1")
     for stream in (sys.stdout, sys.stderr):
         _encode(stream)
@@ -259,14 +259,14 @@ def main() -> NoReturn:
 
 
 def _terminate(*_: object) -> NoReturn:
-    """End as an exception does, so that what is half made is cleared away."""
+    """Exit by an exception, so that incomplete files are removed."""
     sys.exit(TERMINATED)
 
 
 def _encode(stream: TextIO | None) -> None:
-    """Have a stream take any text: a pipe or a file as UTF-8, as outputs are written.
+    """Let a stream accept any text: a pipe or a file as UTF-8, like output files.
 
-    A terminal keeps its encoding, and gets the characters that it has not as escapes.
+    A terminal keeps its encoding; characters outside it are escaped.
     """
     if isinstance(stream, TextIOWrapper):
         encoding = stream.encoding if stream.isatty() else "utf-8"
@@ -277,7 +277,7 @@ add_verbosity(cli)
 
 
 def _in_options(error: Exception) -> str:
-    """The message of an error, with options where it speaks of arguments of the library."""
+    """The message of an error, with options in place of the library's arguments."""
     message = str(error)
     head, colon, rest = message.partition(": ")
     if colon and not isinstance(error, InvalidFile):
@@ -297,7 +297,7 @@ def _complain(message: str, status: int) -> int:
 
 
 def _flush(stream: TextIO | None) -> None:
-    """Write what is left, or give it up, as the failure to write it has been reported before."""
+    """Flush a stream; discard the rest if that fails, as the failure is already reported."""
     try:
         if stream is not None:
             stream.flush()
@@ -306,7 +306,7 @@ def _flush(stream: TextIO | None) -> None:
 
 
 def _discard(stream: TextIO) -> None:
-    """Let the interpreter flush what is left into nothing, so that it does not complain at exit."""
+    """Redirect a stream to the null device, so that flushing it at exit raises no error."""
     try:
         os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
     except (OSError, ValueError):

@@ -49,7 +49,7 @@ def check_export(export: Export) -> None:
 
 
 def rows_of(export: Export, schedule: Schedule) -> tuple[Schedule, int]:
-    """The rows to write, and how many requests are not among them."""
+    """The rows to write, and the number of requests that are not among them."""
     if export.joint_names is not None:
         schedule = schedule.renamed(export.joint_names)
     schedule = repeated(schedule, export.cycles)
@@ -60,7 +60,7 @@ def rows_of(export: Export, schedule: Schedule) -> tuple[Schedule, int]:
 
 
 def check_rows(export: Export, rows: Schedule) -> None:
-    """Refuse what the format cannot hold, as far as that does not depend on the angles.
+    """Refuse rows that the format cannot hold, as far as that does not depend on the angles.
 
     Raises:
         InvalidInput: The message says why, or which extra is missing.
@@ -75,7 +75,7 @@ def check_rows(export: Export, rows: Schedule) -> None:
 
 
 def rows_document(export: Export, rows: Schedule, skipped: int) -> dict[str, Any]:
-    """What is written, for machines."""
+    """The written rows, for machines."""
     return {
         "format": export.format,
         "joints": list(rows.names),
@@ -87,7 +87,7 @@ def rows_document(export: Export, rows: Schedule, skipped: int) -> dict[str, Any
 
 
 def rows_summary(rows: Schedule, skipped: int) -> str:
-    """What is written, for people."""
+    """The written rows, for people."""
     summary = (
         f"{len(rows.requests)} rows of {', '.join(rows.names)} at "
         f"{1.0 / rows.period:.6g} Hz, {rows.duration:.6g} s"
@@ -117,7 +117,7 @@ def write_rows(file: str, export: Export, rows: Schedule) -> None:
 
 
 def _ticks(export: Export) -> Ticks | None:
-    """How the servos count; None where the rows are not in ticks."""
+    """Ticks of the servos; None if the rows are not in ticks."""
     if export.unit not in COUNTED:
         return None
     zero, per_turn = COUNTED[export.unit]

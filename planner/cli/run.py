@@ -19,7 +19,7 @@ HEADING = (
     "read are named from the place of this file, files that are written from the folder of the",
     "results. Angles are in degrees where the key says so.",
 )
-"""What a template begins with."""
+"""Comments at the top of a template."""
 
 
 @click.command()
@@ -59,9 +59,9 @@ def run(*, file: str | None, out: str | None, check: bool, template: bool, as_js
     desired = run_file.prepared.desired
     if check:
         samples, method = len(desired.angles), run_file.settings.plan.method
-        checked = {"holds": True, "samples": samples, "period_s": desired.period}
+        content = {"holds": True, "samples": samples, "period_s": desired.period}
         print_answer(
-            {**checked, "joints": list(desired.names), "method": method},
+            {**content, "joints": list(desired.names), "method": method},
             f"{file}: holds; {samples} samples, {desired.period:g} s apart, of "
             f"{', '.join(desired.names)}; method {method}",
             as_json=as_json,
@@ -71,10 +71,10 @@ def run(*, file: str | None, out: str | None, check: bool, template: bool, as_js
 
 
 def _folder(file: str, out: str | None, run_file: RunFile) -> str:
-    """Where the results go.
+    """The folder of the results.
 
     Raises:
-        click.UsageError: Nobody has said.
+        click.UsageError: No folder is named.
     """
     if out is not None:
         return out

@@ -50,16 +50,16 @@ ARGUMENTS = {
     "unreachable='nearest'": as_key(Key("leg.unreachable", "nearest")),
     "cyclic=False": as_key(Key("plan.cyclic", False)),
 }
-"""Arguments that messages of the library advise, as they are called in a run file."""
+"""Arguments that messages of the library advise, as keys of a run file."""
 
 
 @dataclass(frozen=True)
 class RunFile:
-    """A run file, understood and with all that it names.
+    """A checked run file with its inputs.
 
     Attributes:
         file: The file.
-        prepared: The plan that it asks for.
+        prepared: Its settings and their inputs.
     """
 
     file: Toml
@@ -67,16 +67,16 @@ class RunFile:
 
     @property
     def settings(self) -> settings.Run:
-        """What the file sets, and defaults."""
+        """The settings in the file, and defaults."""
         return self.prepared.settings
 
 
 def read_run(path: str) -> RunFile:
-    """Read a run file, or standard input for ``-``, and whatever it names.
+    """Read a run file, or standard input for ``-``, and the files that it names.
 
     Raises:
-        InvalidFile: Something is wrong with it; the message says where.
-        KinematicsError: The leg cannot be made, or cannot reach the path.
+        InvalidFile: It is invalid; the message names the place.
+        KinematicsError: The URDF has no such leg, or the leg cannot reach the path.
     """
     file = read_toml(path, example='method = "optimal"')
     run = understand(file, settings.Run)
@@ -92,10 +92,10 @@ def read_run(path: str) -> RunFile:
 
 @contextmanager
 def speaking_of(file: Toml) -> Iterator[None]:
-    """Say of keys of a file, with their line, what is wrong with settings inside the block.
+    """Let errors in settings inside the block name keys and lines of a file.
 
     Raises:
-        InvalidFile: Settings do not go together.
+        InvalidFile: Settings contradict each other.
     """
     try:
         yield
@@ -115,7 +115,7 @@ def speaking_of(file: Toml) -> Iterator[None]:
 
 @contextmanager
 def _in_export(number: int) -> Iterator[None]:
-    """Say of which export it is what is wrong with one inside the block."""
+    """Let errors in an export inside the block name its number."""
     place = f"export[{number}]"
     try:
         yield
@@ -136,9 +136,9 @@ def _check_names(run: settings.Run) -> None:
     owners = {PurePosixPath(MANIFEST): MANIFEST}
     if run.output.comparison:
         owners |= {PurePosixPath(name): "output.comparison" for name in COMPARISON}
-    named = {f"output.{key}": getattr(run.output, key) for key in WRITTEN}
-    named |= {f"export[{number}].file": each.file for number, each in enumerate(run.export)}
-    for key, name in named.items():
+    names = {f"output.{key}": getattr(run.output, key) for key in WRITTEN}
+    names |= {f"export[{number}].file": each.file for number, each in enumerate(run.export)}
+    for key, name in names.items():
         if not name:
             continue
         path = PurePosixPath(name.casefold())
@@ -151,7 +151,7 @@ def _check_names(run: settings.Run) -> None:
 
 
 def _check_outputs(prepared: Prepared) -> None:
-    """Refuse outputs that this path has not, and miss packages before anything is computed."""
+    """Refuse outputs that this path or the installed packages cannot give, before computing."""
     run, desired = prepared.settings, prepared.desired
     if run.output.level is not None and not run.output.comparison:
         raise BadSetting(
@@ -175,10 +175,10 @@ def _check_outputs(prepared: Prepared) -> None:
 def write_run(
     folder: Path, run: RunFile, plan: Plan, *, progress: Callable[[str], None]
 ) -> tuple[dict[str, Any], str, list[str]]:
-    """Write all that a run file asks for.
+    """Write all outputs of a run file.
 
     Returns:
-        ``results.json``, the exports in words, and what the plan or the comparison fails.
+        ``results.json``, the exports in words, and the failed checks of plan and comparison.
     """
     failures = missed = misses(run.settings, run.prepared.desired, plan)
     progress("the files")
@@ -221,10 +221,10 @@ def shown_motions(
 
     Args:
         leg: The leg.
-        desired: What its joints should do.
-        planned: What they do as planned [rad], shape (n, k), in the order of ``desired``.
+        desired: The desired motion of its joints.
+        planned: Their planned angles [rad], shape (n, k), in the order of ``desired``.
         cyclic: Whether the path repeats for ever.
-        loads: Torques on them for which the requests are planned [N m], like ``planned``.
+        loads: Torques for which the requests are planned [N m], like ``planned``.
     """
     order = [desired.names.index(name) for name in leg.joint_names]
     direct = simulate_joints(desired.models, desired.angles, cyclic=cyclic, loads=loads)
@@ -272,7 +272,7 @@ def _write_exports(folder: Path, run: RunFile, plan: Plan) -> tuple[list[dict[st
 
 
 def _written(folder: Path, run: RunFile) -> list[tuple[str, Path]]:
-    """What stands in the folder, and what will be written last."""
+    """The files in the folder, and the files that are written last."""
     scene = run.settings.output.scene
     names = [*list_files(folder), MANIFEST, *([scene] if scene else [])]
     return [(Path(name).stem, folder / name) for name in names]
@@ -292,7 +292,7 @@ def _scene(run: RunFile, plan: Plan) -> str:
 
 
 def _place(folder: Path, run: RunFile, key: str) -> Path | None:
-    """Where an output goes; None where the run leaves it out."""
+    """The path of an output; None if the run leaves it out."""
     name = getattr(run.settings.output, key)
     if not name:
         return None

@@ -1,4 +1,4 @@
-"""Every setting of a plan and its outputs: type, unit, range, default and meaning, in one place."""
+"""All settings of a plan and its outputs: type, unit, range, default and meaning."""
 
 import math
 from collections.abc import Mapping
@@ -27,7 +27,7 @@ SHIPPED_MODEL = "ers210a"
 """The model that needs no file: Table 1 of the paper."""
 
 FROM_URDF = "urdf"
-"""The models of servos of which no more than the top speed is known, from the leg's description."""
+"""Models with the top speeds of the leg's description, and assumed other parameters."""
 
 Frame = Annotated[Text, Expected("the name of a frame")]
 Angles = Annotated[dict[str, float], Expected("a table of angles by joint")]
@@ -378,12 +378,12 @@ class Plan(Settings):
     )
 
     def options(self, period: float, *, units: Mapping[str, float] | None = None) -> dict[str, Any]:
-        """What the settings say of the search, as :func:`planner.plan` takes it.
+        """The settings of the search, as arguments of :func:`planner.plan`.
 
         Args:
             period: Time between requests [s].
-            units: By joint what is a degree in the settings, in parts of the joint's unit; without
-                it all are angles [rad].
+            units: By joint, the number of the settings' degrees in one of the joint's unit; by
+                default all are angles [rad].
         """
         steps = [math.inf if self.max_step_deg is None else self.max_step_deg]
         if self.max_request_speed_deg_s is not None:

@@ -61,7 +61,7 @@ def simulate(
     inputs = load_joints(requests, run)
     path = None if desired is None else _desired(desired, inputs)
     cyclic, remarks = inputs.cyclic, inputs.remarks
-    if path is not None:  # whose ends say more than those of its requests
+    if path is not None:  # its ends are better evidence than the ends of its requests
         cyclic, closing = repeats(path.angles, run.plan.cyclic)
         remarks = (*closing, *refused_models(inputs.names, inputs.models))
     options.warn_of(remarks)

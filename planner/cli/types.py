@@ -1,4 +1,4 @@
-"""Types of options: each parses a value once, refuses what it is not, and completes it in a shell.
+"""Types of options: each parses a value once, refuses invalid ones, and completes it in a shell.
 
 NAME=VALUE of a joint, numbers above 0, a leg or a URDF, and names of files and folders. A file or a
 folder that is to be written is checked here, before anything is computed; so is that no output
@@ -26,16 +26,16 @@ SHIPPED = get_args(ShippedLeg)
 
 
 class Parsed(click.ParamType):  # type: ignore[type-arg]  # generic from click 8.5 on
-    """What a function parses."""
+    """A value that a function parses."""
 
     name = "value"
 
     def __init__(self, parse: Callable[[str], Any], expected: str) -> None:
-        """Take a function and what it parses.
+        """Keep a function and a description of its values.
 
         Args:
-            parse: The value of a text; raises ValueError where it has none.
-            expected: What a user should write, in words, with an example.
+            parse: The value of a text; raises ValueError for an invalid text.
+            expected: The expected text, in words, with an example.
         """
         self.parse = parse
         self.expected = expected
@@ -51,7 +51,7 @@ class Parsed(click.ParamType):  # type: ignore[type-arg]  # generic from click 8
 
 
 class ByJoint(Parsed):
-    """A value of one joint, NAME=VALUE, or of all joints, VALUE: the joint, "" for all, and it."""
+    """A pair of joint and value: NAME=VALUE for one joint, VALUE for all joints, named ""."""
 
     def __init__(
         self, parse: Callable[[str], Any], expected: str, *, all_joints: bool = True
@@ -59,9 +59,9 @@ class ByJoint(Parsed):
         """Take a function that parses the value; see :class:`Parsed`.
 
         Args:
-            parse: The value of a text; raises ValueError where it has none.
-            expected: What a user should write, in words, with an example.
-            all_joints: Whether a value without a name is that of all joints.
+            parse: The value of a text; raises ValueError for an invalid text.
+            expected: The expected text, in words, with an example.
+            all_joints: Whether a value without a name is for all joints.
         """
 
         def parse_named(text: str) -> tuple[str, Any]:
@@ -79,7 +79,7 @@ class LegName(click.ParamType):  # type: ignore[type-arg]  # generic from click 
     name = "leg"
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
-        """The same text, if it is either."""
+        """The same text, if it is a shipped leg or a URDF."""
         text = str(value)
         is_file = text.lower().endswith((".urdf", ".xml")) or os.sep in text
         if text not in SHIPPED and not is_file:
@@ -93,7 +93,7 @@ class LegName(click.ParamType):  # type: ignore[type-arg]  # generic from click 
         param: click.Parameter,  # noqa: ARG002
         incomplete: str,
     ) -> list[CompletionItem]:
-        """The names that begin like this, or files where none does."""
+        """The names that begin like this, or files if no name does."""
         names = [CompletionItem(name) for name in SHIPPED if name.startswith(incomplete)]
         return names or [CompletionItem(incomplete, type="file")]
 
@@ -112,9 +112,9 @@ class Place(click.ParamType):  # type: ignore[type-arg]  # generic from click 8.
 
         Args:
             kind: ``file`` or ``dir``.
-            check: Raises where the name cannot be what it has to be.
-            use: No place that is written may be another one of the same command; None where a file
-                is meant to be replaced by what becomes of it.
+            check: Raises for an invalid name.
+            use: A written place must not have another use in the same command; None for a file that
+                may be both input and output.
         """
         self.name = self.kind = kind
         self.check = check
@@ -150,21 +150,21 @@ class Place(click.ParamType):  # type: ignore[type-arg]  # generic from click 8.
         param: click.Parameter,  # noqa: ARG002
         incomplete: str,
     ) -> list[CompletionItem]:
-        """Leave it to the shell, which knows what is there."""
+        """Leave it to the shell, which lists files and folders."""
         return [CompletionItem(incomplete, type=self.kind)]
 
 
 class Renamed(click.Option):
-    """An option that earlier releases called otherwise; :func:`today` replaces those names."""
+    """An option with other names in earlier releases; :func:`today` replaces these names."""
 
     def __init__(self, names: list[str], *, earlier: tuple[str, ...], **attributes: Any) -> None:
-        """Take its names, and those that it had earlier."""
+        """Keep its names, and its earlier names."""
         super().__init__(names, **attributes)
         self.earlier = earlier
 
 
 def today(command: click.Command, arguments: list[str]) -> list[str]:
-    """Arguments of a command with the names that its options have today; others are told."""
+    """Arguments of a command with today's names of its options; warns of earlier names."""
     renamed = {
         name: option.opts[0]
         for option in command.params

@@ -99,7 +99,7 @@ def view(
 
 
 def _angles_under(requests: str, desired: Desired, *, cyclic: bool) -> tuple[Array, Array | None]:
-    """What the joints do under the requests of a file [rad], and the load that it has, (n, k)."""
+    """The simulated angles under the requests of a file [rad], and the file's load, (n, k)."""
     from planner.files.paths import read_joint_path
     from planner.model.response import simulate_joints
 
@@ -116,7 +116,7 @@ def _serve(
     """Show the scene in a browser until Ctrl-C."""
     from planner.report.scene import draw_scene, import_meshcat
 
-    with redirect_stdout(sys.stderr):  # Meshcat says where it is on standard output
+    with redirect_stdout(sys.stderr):  # Meshcat prints its address on standard output
         viewer = import_meshcat().Visualizer()
     draw_scene(viewer, scene, leg_motions, **settings)
     if browse:

@@ -11,7 +11,7 @@ from planner.cli import types
 from planner.cli.buses import KINDS
 
 TIMED = ("stall", "overheat", "saturate")
-"""Faults of one servo, from some time on."""
+"""Faults of a single servo, from a given time on."""
 
 
 def _fault(text: str) -> tuple[str, int, float]:
@@ -111,7 +111,7 @@ def virtual_bus(
         faults=Faults(**fault_settings),
         step=None if step_ms is None else 1e-3 * step_ms,
     )
-    virtual_servos.run(0.01)  # compiles what is to be compiled before a program waits for answers
+    virtual_servos.run(0.01)  # compiles its functions before a program waits for answers
     with terminal() as (end, path):
         click.echo(path)
         serve(virtual_servos, end)

@@ -422,7 +422,7 @@ def fake_calibration(monkeypatch):
             raise BusError("broken: does not follow")
         return found.setdefault(joint, made_up("optimal" if len(found) else "closed_form"))
 
-    monkeypatch.setattr(CALIBRATE, "_calibrated", one)
+    monkeypatch.setattr(CALIBRATE, "_calibrate_joint", one)
     return found
 
 

@@ -159,7 +159,7 @@ def _replay_one(task: ReplayTask, *, output: str, report: str | None, as_json: b
 def _replay_all(
     tasks: Sequence[ReplayTask], executor: Executor, *, output: str, resume: bool
 ) -> Replayed:
-    """Plan every recording into one dataset; those that fail are left out."""
+    """Plan every recording into one dataset; failed recordings are left out."""
     from planner.cli.replay.dataset import replay_many
     from planner.cli.replay.files import left_out
 
@@ -175,7 +175,7 @@ def _replay_all(
 def _print_all(
     results: Replayed, logs: Sequence[str], *, output: str, report: str | None, as_json: bool
 ) -> None:
-    """Say which errors the plans of many recordings have, and list those that are left out last."""
+    """Print the errors of the plans of many recordings, and list the failed recordings last."""
     from planner.cli.replay.dataset import episodes_line, episodes_text
     from planner.files.staging import staged
     from planner.report.episodes import episodes_page

@@ -34,7 +34,7 @@ HEAD = "head"
 """The array of an encoded episode that holds all but its rows, as JSON."""
 
 ABOUT = "replay.json"
-"""The file of a planned dataset that says how it was planned, and with which errors."""
+"""The file of a planned dataset with its settings and errors."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -43,9 +43,9 @@ class Episode:
 
     Attributes:
         rows: Its rows by feature, shape (n, k) each, in the numbers of the recording.
-        task: What it shows, in words.
+        task: The task that it shows, in words.
         layout: The features and the rate of the dataset that takes it.
-        figures: What a table of many recordings has of it: :func:`episode_figures`.
+        figures: Its row in a table of many recordings: :func:`episode_figures`.
     """
 
     rows: Mapping[str, Array]
@@ -56,12 +56,12 @@ class Episode:
 
 @dataclass(frozen=True)
 class Replayed:
-    """What became of many recordings.
+    """The result of replaying many recordings.
 
     Attributes:
-        document: What is said of them, as JSON takes it: :func:`episodes_document`.
-        kept: The folder with the results of the written ones, where others failed.
-        nothing_missing: Whether the dataset was there already, with all of them.
+        document: The answer for machines: :func:`episodes_document`.
+        kept: The folder with the results of the written recordings, if some failed.
+        nothing_missing: Whether the dataset was already complete.
     """
 
     document: Mapping[str, Any]
@@ -87,14 +87,14 @@ def replay_many(
 ) -> Replayed:
     """Replay recordings, and write those that have a plan as one LeRobot dataset.
 
-    The planned episodes wait in a hidden folder beside the dataset, ``.NAME.results``, which is
-    removed once the dataset is written, unless a recording failed. What is kept in memory does not
-    grow with the number of recordings, but for their figures.
+    The planned episodes are kept in a hidden folder beside the dataset, ``.NAME.results``, which is
+    removed once the dataset is written, unless a recording failed. Memory does not grow with the
+    number of recordings, but for their figures.
 
     Args:
         recordings: The recordings, and how to replay them.
         output: The folder of the dataset.
-        executor: What they are replayed on.
+        executor: The executor for the replays.
         resume: Use the results of an earlier call that was killed, or in which some failed.
         progress: Called with each recording that is finished or has failed.
 
@@ -177,7 +177,7 @@ def decoded(content: bytes) -> Episode:
 
 
 def episode_figures(replay: Replay) -> dict[str, Any]:
-    """What a table of many recordings has of one: the joint whose plan is farthest off."""
+    """The row of a recording in a table of many: the joint with the largest error of its plan."""
     worst = max(
         replay.planned,
         key=lambda each: UNITS[each.path.unit][1] * error_norm(each.errors["planned"], "rms"),
@@ -214,7 +214,7 @@ def episodes_document(
 
 
 def episodes_line(document: Mapping[str, Any]) -> str:
-    """What is followed and why, of how many recordings, at which speed, and by which models."""
+    """One line about the replay: track, number of recordings, speed and models."""
     rows, speed = document["recordings"], document["speed"]
     requests = sum(row["requests"] for row in rows)
     how = "as fast as the tolerance allows" if speed is None else f"at {speed:.4g} times the speed"
@@ -225,7 +225,7 @@ def episodes_line(document: Mapping[str, Any]) -> str:
 
 
 def episodes_text(document: Mapping[str, Any]) -> str:
-    """Many recordings for people, a line each, of the joint whose plan is farthest off."""
+    """Many recordings for people: a line each, about the joint with the largest planned error."""
     fastest = document["speed"] is None
     header = [
         *("recording", "requests", *(["speed"] if fastest else []), "worst joint"),
@@ -249,7 +249,7 @@ def episodes_text(document: Mapping[str, Any]) -> str:
 
 
 def _resent_words(rows: Sequence[Mapping[str, Any]]) -> list[str]:
-    """In how many recordings the recorded requests may serve better, and the errors of one."""
+    """The number of recordings whose own requests may be better, with the errors of one example."""
     of = [row for row in rows if row["recorded_requests_may_serve"]]
     if not of:
         return []
@@ -260,7 +260,7 @@ def _resent_words(rows: Sequence[Mapping[str, Any]]) -> list[str]:
 
 
 def _settings(task: ReplayTask) -> dict[str, Any]:
-    """What every episode depends on, beside its recording."""
+    """The inputs of every episode beside its recording."""
     models = {name: repr((each, each.evidence)) for name, each in task.models.by_joint.items()}
     return {"models": models, "rate": task.rate, **_chosen(task.run_settings, task.replay)}
 
@@ -268,7 +268,7 @@ def _settings(task: ReplayTask) -> dict[str, Any]:
 def _origin(
     run: settings.Run, replay: settings.Replay, recordings: Sequence[Recording]
 ) -> dict[str, Any]:
-    """What a dataset depends on, known before any recording is read or identified."""
+    """The inputs of a dataset, before any recording is read or identified."""
     return {
         "model": _digest_of(run.model.file),
         **_chosen(run, replay),
@@ -287,13 +287,13 @@ def _chosen(run: settings.Run, replay: settings.Replay) -> dict[str, Any]:
 
 
 def _digest_of(file: str) -> str:
-    """What identifies the content of a file; its name where there is none."""
+    """The digest of a file's content; its name if there is no such file."""
     path = Path(file)
     return sha256(path.read_bytes()).hexdigest() if path.is_file() else file
 
 
 def _inputs(recording: Recording) -> str:
-    """What identifies the content of a recording: of each of its files the size and the time."""
+    """An identifier of a recording's content: size and time of each of its files."""
     path = Path(recording.path)
     files = sorted(path.rglob("*")) if path.is_dir() else [path]
     states = [

@@ -1,4 +1,4 @@
-"""What a replay writes: CSV as the recording has it, a path, messages of ROS, a LeRobot dataset."""
+"""Output files of a replay: CSV like the recording, a path, ROS messages, a LeRobot dataset."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 
 def check_writing(form: ReplayFormat, recordings: Sequence[Recording], output: str) -> None:
-    """Refuse what cannot be written, before anything is computed.
+    """Refuse outputs that cannot be written, before anything is computed.
 
     Raises:
         BadSetting: The format does not go with the output, or holds one recording only.
@@ -70,12 +70,12 @@ def write_replay(file: str, recording: Recording, replay: Replay, form: ReplayFo
 
 
 def lerobot_episode(recording: Recording, replay: Replay) -> tuple[Layout, dict[str, Array], str]:
-    """The layout of a planned dataset, that of the one that was read; an episode's rows and task.
+    """Layout of a planned dataset, as in the dataset that was read; rows and task of an episode.
 
     Actions are planned, observations re-timed.
 
     Raises:
-        InvalidInput: The episode does not hold what the dataset's others hold.
+        InvalidInput: The episode has other columns than the rest of the dataset.
     """
     rate = frame_rate(replay.period)
     if not recording.dataset:
@@ -106,7 +106,7 @@ def lerobot_episode(recording: Recording, replay: Replay) -> tuple[Layout, dict[
 
 
 def left_out(recording: Recording) -> str:
-    """What a planned dataset does not have of the one that was read, in words; "" for nothing."""
+    """The parts of the read dataset that the planned one leaves out, in words; "" if complete."""
     if not recording.dataset:
         return ""
     dataset = find_dataset(recording.place.file)
@@ -127,7 +127,7 @@ def as_written(joint: JointReplay, values: Array) -> Array:
 
 
 def column_of(joint: JointReplay) -> str:
-    """The column of a joint's requests in CSV: that of the recording, or its name and unit."""
+    """The column of a joint's requests in CSV: the recording's, or its name and unit."""
     log = joint.path.log
     if log.written is not None and log.written.column:
         return log.written.column

@@ -1,4 +1,4 @@
-"""The models of a replay: those of a file, or identified from the recordings themselves."""
+"""The models of a replay: from a file, or identified from the recordings themselves."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from planner.model.joint import JointModel
 from planner.recording.recorded_path import is_gripper
 
 MOST_IDENTIFIED = 10
-"""Recordings from which models are identified with ``--model from-log``: further ones of the same
-robot add little to what these determine, and time grows with each."""
+"""Most recordings from which models are identified with ``--model from-log``: further ones of the
+same robot add little information, and time grows with each."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,8 +28,8 @@ class JointModels:
 
     Attributes:
         by_joint: The models; the key "" holds the default model.
-        words: Where they come from.
-        remarks: What the user should know about them.
+        words: Their origin.
+        remarks: Remarks for the user.
     """
 
     by_joint: Mapping[str, JointModel]
@@ -43,13 +43,13 @@ def joint_models(
     recordings: Sequence[Recording],
     progress: Callable[[str], None],
 ) -> JointModels:
-    """The models that the settings name, or those of the recordings themselves.
+    """The models that the settings name, or models identified from the recordings.
 
     Args:
         model: The settings.
         replay: How to replay.
         recordings: Where the recordings are.
-        progress: Called with what is being identified.
+        progress: Called with each joint that is being identified.
 
     Raises:
         BadSetting: No model is named, or a joint that is not there.
@@ -76,7 +76,7 @@ def joint_models(
 def _of_file(
     file: ModelFile, replay: settings.Replay, recordings: Sequence[Recording]
 ) -> JointModels:
-    """The models of a file, and which of those that are used are not to be planned with."""
+    """The models of a file, with a remark on rejected models among the used ones."""
     common = {} if file.common is None else {"": file.common}
     models = {**common, **file.by_joint}
     recorded = [log.joint for log in first_logs(recordings)]
@@ -152,9 +152,9 @@ def _models_from_recordings(
 
 
 def _readable(recordings: Sequence[Recording]) -> Iterator[Log]:
-    """The logs of the recordings that can be read; the others are reported when they are planned.
+    """The logs of the readable recordings; errors of unreadable ones are reported in planning.
 
-    A recording alone is reported here.
+    The error of a single recording is raised here.
     """
     for recording in recordings:
         try:

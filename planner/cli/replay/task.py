@@ -1,4 +1,4 @@
-"""From settings and a recording to its replay, and what is said of it."""
+"""From settings and a recording to its replay, and the answers about it."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from kinematics import Leg
 
 UNITS = {"rad": ("deg", math.degrees(1.0)), "1": ("percent", 100.0)}
-"""By a log's unit: what people read, and how many of it one is."""
+"""By a log's unit: the unit for people, and the factor to it."""
 
 FASTER = 1.05
 """A joint that was faster than its model by this factor contradicts it: loads push it, too."""
@@ -43,10 +43,10 @@ RESENT = (
     "path: the error to expect of the plan is not clearly smaller than that of the requests as "
     "recorded"
 )
-"""What a replay at the recorded speed may come to."""
+"""A remark on replays at the recorded speed."""
 
 PASSED_ON = "recorded requests, re-timed"
-"""What a joint gets that is not planned."""
+"""The requests of a joint that is not planned, in words."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,8 +57,8 @@ class ReplayTask:
         recording: Where it is.
         models: The models of its joints.
         replay: How to replay it.
-        given: Limits, method, tolerance and leg.
-        rate: Requests per second; None for those of the recording.
+        run_settings: Limits, method, tolerance and leg.
+        rate: Requests per second; None for the recording's rate.
     """
 
     recording: Recording
@@ -71,7 +71,7 @@ class ReplayTask:
         """Read the recording.
 
         Raises:
-            InvalidInput: It cannot be read, or is not what the settings ask for.
+            InvalidInput: It cannot be read, or does not fit the settings.
         """
         logs = self.recording.read()
         chosen = self.replay
@@ -91,7 +91,7 @@ class ReplayTask:
         """Read the recording and plan its replay.
 
         Args:
-            progress: Called with the name of each joint, or of what is tried.
+            progress: Called with the name of each joint, or with each speed that is tried.
 
         Raises:
             PlannerError: It cannot be read, or there is no plan.
@@ -118,10 +118,10 @@ class ReplayTask:
         return fastest_at(path, measure, retime=retime, progress=progress, **self.options(path))
 
     def arm(self) -> Leg | None:
-        """The leg or arm that is named, its joints called as in the recording.
+        """The leg or arm of the settings, with the recording's joint names.
 
         Raises:
-            KinematicsError: It cannot be made.
+            KinematicsError: The URDF has no such leg.
         """
         leg = load_leg(find_leg(self.run_settings.leg, self.recording.folder))
         if leg is None:
@@ -131,7 +131,7 @@ class ReplayTask:
         return replace(leg, joint_names=names)
 
     def options(self, path: RecordedPath) -> dict[str, Any]:
-        """What :func:`planner.plan` takes beside models, path and limits."""
+        """Arguments of :func:`planner.plan` beside models, path and limits."""
         plan = self.run_settings.plan
         units = {each.name: UNITS[each.unit][1] for each in path.planned}
         solver = {"solver": plan.solver or "gauss-newton"}
@@ -150,7 +150,7 @@ def tasks_of(
         run: Models, limits and method.
         replay: How to replay.
         recordings: Where the recordings are.
-        progress: Called with what is being identified, with ``--model from-log``.
+        progress: With ``--model from-log``, called with each joint that is being identified.
 
     Raises:
         BadSetting: No model is named.
@@ -158,7 +158,7 @@ def tasks_of(
     """
     _check_tolerance(run, replay)
     rate = _rate(recordings)
-    if len(recordings) == 1:  # of several, those that are too short or too long are left out
+    if len(recordings) == 1:  # of several, recordings of unsuitable length are left out
         check_length(
             recordings[0].read(),
             speed=replay.speed,
@@ -167,7 +167,7 @@ def tasks_of(
             rate=replay.rate_hz or rate,
         )
     models = joint_models(run.model, replay, recordings, progress)
-    folder = str(Path.cwd()) if len(recordings) > 1 else ""  # workers of a cluster have another
+    folder = str(Path.cwd()) if len(recordings) > 1 else ""  # workers have another folder
     return tuple(
         ReplayTask(
             recording=replace(each, folder=folder),
@@ -181,7 +181,7 @@ def tasks_of(
 
 
 def first_line(replay: Replay, models: JointModels) -> str:
-    """What is followed and why, at which speed, and by which models."""
+    """One line about the replay: track, requests, speed and models."""
     path = replay.path
     count, seconds = len(replay.moments), (len(replay.moments) - 1) * replay.period
     load = "; loaded by the masses of the URDF" if path.load_at else ""
@@ -193,7 +193,7 @@ def first_line(replay: Replay, models: JointModels) -> str:
 
 
 def summary(replay: Replay, models: JointModels, fastest: Fastest | None = None) -> str:
-    """A replay for people: what each joint's errors are, rms."""
+    """A replay for people: each joint's errors, rms."""
     rows = []
     for joint in replay.joints:
         unit, factor = UNITS[joint.path.unit]
@@ -244,7 +244,7 @@ def summary(replay: Replay, models: JointModels, fastest: Fastest | None = None)
 
 
 def resent_words(replay: Replay) -> str:
-    """Which joints the recorded requests may move better than the plan, and why; "" for none."""
+    """A remark on joints whose recorded requests may be better than the plan; "" if none."""
     errors = []
     for each in replay.resent_may_serve:
         unit, factor = UNITS[each.path.unit]
@@ -268,12 +268,12 @@ def refuted_joints(replay: Replay) -> list[str]:
 
 
 def or_none(value: float) -> float | None:
-    """A figure for machines; None where it is not known."""
+    """A number for machines; None if it is not finite."""
     return value if math.isfinite(value) else None
 
 
 def fast_words(joint: JointReplay) -> str:
-    """Which parts of the path are faster than the joint can be, in few words."""
+    """The parts of the path that are faster than the joint's top speed, in a few words."""
     spans = joint.too_fast
     if not spans:
         return "nowhere"
@@ -284,7 +284,7 @@ def fast_words(joint: JointReplay) -> str:
 
 
 def document(replay: Replay, models: JointModels) -> dict[str, Any]:
-    """A replay for machines, in degrees or percent; what a joint does not have is null."""
+    """A replay for machines, in degrees or percent; missing values are null."""
     joints = {}
     for joint in replay.joints:
         unit, factor = UNITS[joint.path.unit]
@@ -328,7 +328,7 @@ def document(replay: Replay, models: JointModels) -> dict[str, Any]:
 
 
 def fastest_text(fastest: Fastest) -> str:
-    """How fast the recording can be, and the proof that it cannot be much faster."""
+    """The largest speed of the recording, and the proof that no much larger one is possible."""
     size = _allowed(fastest)
     speed = f"{fastest.speed:.3g} times the speed"
     if fastest.retime == "varying":
@@ -390,7 +390,7 @@ def fastest_document(fastest: Fastest) -> dict[str, Any]:
 
 
 def missed(task: ReplayTask, replay: Replay) -> list[str]:
-    """Which tolerances a replay misses, in the plan's norm, and by how much."""
+    """Messages about the tolerances that a replay misses, in the plan's norm."""
     tolerance, messages = task.run_settings.tolerance, []
     norm = "max" if task.replay.fastest else task.run_settings.plan.norm or "rms"
     if tolerance.deg is not None:
@@ -423,7 +423,7 @@ def _allowed(fastest: Fastest) -> str:
 def replay_report(
     task: ReplayTask, replay: Replay, fastest: Fastest | None, page: str, output: str
 ) -> str:
-    """The page about a replay, which will stand at ``page`` and links to its files."""
+    """The page about a replay, to be written to ``page``, with links to its files."""
     from planner.report.page import linked_files, sentence
     from planner.report.replay import replay_page
 
@@ -470,7 +470,7 @@ def _check_tolerance(run: settings.Run, replay: settings.Replay) -> None:
 
 
 def _rate(recordings: Sequence[Recording]) -> float | None:
-    """Requests per second that a dataset says, or else that the first of several recordings has."""
+    """Requests per second of a dataset, or of the first of several recordings."""
     if recordings[0].dataset:
         return find_dataset(recordings[0].place.file).rate
     logs = first_logs(recordings) if len(recordings) > 1 else ()

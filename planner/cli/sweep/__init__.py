@@ -19,7 +19,7 @@ HEADING = (
     "All tables but [sweep] are those of a run file, in which each point sets its parameters.",
     "Every key is here, set to its default or, in comments, shown by an example.",
 )
-"""What a template begins with."""
+"""Comments at the top of a template."""
 
 
 @click.command()
@@ -129,7 +129,7 @@ def _carry_out(
 
 
 def _print_summary(document: Mapping[str, Any], words: str, *, as_json: bool) -> None:
-    """Say what was found, and fail where no point is what was required."""
+    """Print the answer, and fail if no point meets the requirement."""
     print_answer(document, words, as_json=as_json)
     if document["missed"]:
         raise click.ClickException(f"{document['missed']}; the files are written all the same")

@@ -1,4 +1,4 @@
-"""What a sweep writes and says: a table of its points, a page, the best of them."""
+"""Outputs of a sweep: a table of its points, a page, a summary."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def columns(swept: Swept) -> list[str]:
 
 
 def rows(swept: Swept) -> list[list[Any]]:
-    """A row for every point; what a point without a plan does not have is None."""
+    """A row for every point; values that a point without a plan lacks are None."""
     front = {each.point for each in swept.front}
     table = []
     for number, each in enumerate(swept.outcomes, 1):
@@ -106,7 +106,7 @@ def _write_parquet(file: Path, names: list[str], table: list[list[Any]]) -> None
 
 
 def summary(swept: Swept) -> str:
-    """The sweep for people: what is best, and the front."""
+    """The sweep for people: the verdict, and the front."""
     planned = sum(each.planned for each in swept.outcomes)
     lines = [verdict(swept), f"{planned} of {len(swept.outcomes)} points have a plan; the front:"]
     if swept.front:

@@ -2,8 +2,8 @@
 
 A point is a value for each parameter. It is planned like a run file with these values in it, and
 judged by its speed and by the error of the plan. Points that are not worse than another in both are
-the Pareto front. They are those of a grid, or sought by CMA-ES (Hansen and Ostermeier, 2001), which
-needs far fewer plans where there are more than two parameters.
+the Pareto front. The points are a grid, or are chosen by CMA-ES (Hansen and Ostermeier, 2001),
+which needs far fewer plans for more than two parameters.
 """
 
 from __future__ import annotations
@@ -49,12 +49,12 @@ UNPLANNED = 1e3
 def sweep(
     space: Space, results: Results, executor: Executor, *, progress: Callable[[Task], None]
 ) -> Swept:
-    """Plan the points of a grid, or those that a search asks for.
+    """Plan the points of a grid or of a search.
 
     Args:
-        space: What to search.
-        results: Where the outcomes are kept.
-        executor: What the plans are made on.
+        space: The parameters and their values.
+        results: The store of the outcomes.
+        executor: The executor for the plans.
         progress: Called with each point that is planned.
     """
     by_point: dict[Point, Outcome] = {}
@@ -149,7 +149,7 @@ def walking_speed(foot: Array, walk: HalfEllipse, period: float) -> float:
 
 
 def _with_requirement(required: Requirement | None, outcome: Outcome) -> Outcome:
-    """The outcome, with what it misses of a requirement."""
+    """The outcome, with the reason if it misses a requirement."""
     if required is None or not outcome.planned:
         return outcome
     if required.of == "error" and outcome.error > required.value:
@@ -191,7 +191,7 @@ def _search(space: Space, outcomes_at: Callable[[Sequence[Point]], list[Outcome]
         options = {
             "bounds": [0.0, 1.0],
             "randn": lambda *shape: rng.standard_normal(shape),
-            "seed": math.nan,  # the global one is left alone
+            "seed": math.nan,  # cma does not seed the global generator
             "verbose": -9,
         }
         searches.append((cost, cma.CMAEvolutionStrategy(start, SPREAD, options)))
@@ -208,7 +208,7 @@ def _search(space: Space, outcomes_at: Callable[[Sequence[Point]], list[Outcome]
 
 
 def _costs(space: Space, first: Sequence[Outcome]) -> list[Callable[[Outcome], float]]:
-    """What to minimise, for each trade-off."""
+    """The cost function of each trade-off."""
     planned = [each for each in first if each.planned]
     speeds = np.array([each.speed for each in planned] or [0.0])
     errors = np.log(np.maximum([each.error for each in planned] or [1.0], 1e-9))

@@ -38,7 +38,7 @@ from planner.report.sweep import Point, Requirement
 
 
 def _grid(about: str, *values: float, active: bool = False) -> Any:
-    """A parameter, with values to try as an example, which a template may set."""
+    """A parameter, with example values, which a template sets if ``active``."""
     return setting(about, default=None, example=list(values), set_to=values if active else None)
 
 
@@ -105,13 +105,13 @@ class Sweep(Run):
 
 @dataclass(frozen=True)
 class Space:
-    """A sweep file, understood and with all that it names.
+    """A checked sweep file with its inputs.
 
     Attributes:
         file: The file.
-        settings: What it sets, and defaults.
+        settings: The settings in the file, and defaults.
         folder: The folder from which files are named.
-        values: The values of each parameter by name, at least one of each.
+        values: The values of each parameter by name, at least one for each.
         period: Time between requests [s], where a parameter is the period of a gait.
         error_unit: Of errors: "cm" of a foot, "deg" of joints.
     """
@@ -135,7 +135,7 @@ class Space:
 
     @property
     def requirement(self) -> Requirement | None:
-        """What is required of a point."""
+        """The requirement on a point, if there is one."""
         search = self.settings.sweep
         error, speed = search.at_error_cm or search.at_error_deg, search.at_speed_cm_s
         speed = speed or search.at_speed
@@ -177,7 +177,7 @@ class Space:
             return RunFile(self.file, prepare(run, self.folder))
 
     def refused_models(self) -> tuple[Remark, ...]:
-        """A remark on joints whose models, those of every point, are not to be planned with."""
+        """A remark on joints with rejected models; the models are the same for all points."""
         for values in product(*self.values.values()):
             with suppress(PlannerError, KinematicsError):  # such as a point out of reach
                 desired = self.run_file(self.canonical(values)).prepared.desired
@@ -186,11 +186,11 @@ class Space:
 
 
 def read_sweep(path: str) -> Space:
-    """Read a sweep file and what it names, as far as that is the same for all points.
+    """Read a sweep file and its inputs, as far as they are the same for all points.
 
     Raises:
-        InvalidFile: Something is wrong with it; the message says where.
-        KinematicsError: The leg cannot be made.
+        InvalidFile: It is invalid; the message names the place.
+        KinematicsError: The URDF has no such leg.
     """
     file = read_toml(path, example="length = [0.03, 0.04]")
     settings = understand(file, Sweep)
@@ -281,7 +281,7 @@ def _checked(space: Space) -> Space:
 
 
 def _check_values(space: Space, name: str, values: tuple[float, ...]) -> None:
-    """Make sure that each value of a parameter is one that a run file may have."""
+    """Make sure that each value of a parameter is valid in a run file."""
     first = {other: each[0] for other, each in space.values.items()}
     for value in values:
         point = space.canonical({**first, name: value}.values())
@@ -312,7 +312,7 @@ def point_of(space: Space, pairs: Sequence[tuple[str, float]]) -> Point:
 
 
 def identity(space: Space) -> dict[str, Any]:
-    """What the outcomes of points depend on, beside the point."""
+    """The inputs of all outcomes, beside the point."""
     content = {key: value for key, value in space.file.content.items() if key != "sweep"}
     run = space.settings
     files = [run.model.file, run.path.file, run.leg.urdf]
@@ -325,7 +325,7 @@ def identity(space: Space) -> dict[str, Any]:
 
 
 def origin(space: Space) -> dict[str, Any]:
-    """What a sweep depends on: that of its points, and which of them are tried."""
+    """The inputs of a sweep: those of its points, and the search."""
     return {**identity(space), "sweep": space.settings.sweep.values()}
 
 
