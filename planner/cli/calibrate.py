@@ -180,7 +180,7 @@ def calibrate(
     if report is not None:
         from planner.files.text import write_text
 
-        write_text(report, calibration_page(results))
+        write_text(report, calibration_page(results, output))
     print_answer(
         _document(results, arm, checked), calibration_text(results, output), as_json=as_json
     )

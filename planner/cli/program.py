@@ -298,11 +298,12 @@ def _complain(message: str, status: int) -> int:
 
 def _flush(stream: TextIO | None) -> None:
     """Flush a stream; discard the rest if that fails, as the failure is already reported."""
+    if stream is None:
+        return
     try:
-        if stream is not None:
-            stream.flush()
+        stream.flush()
     except OSError:
-        _discard(sys.stdout)
+        _discard(stream)
 
 
 def _discard(stream: TextIO) -> None:

@@ -49,7 +49,7 @@ def calibration_text(comparisons: Mapping[str, Compared], output: str) -> str:
     return "\n".join([*lines, candidates_table(comparisons).text(), step])
 
 
-def calibration_page(comparisons: Mapping[str, Compared]) -> str:
+def calibration_page(comparisons: Mapping[str, Compared], output: str) -> str:
     """The same as a page, with every joint's model beside its measurements."""
     joints = list(comparisons.items())
     gains = [each.named("shift").error / each.recommended.error for _, each in joints]
@@ -59,9 +59,7 @@ def calibration_page(comparisons: Mapping[str, Compared]) -> str:
     for k, (joint, each) in enumerate(joints, 1):
         figure = cloud_figure(each.identification, f"joint{k}_")
         figures.append(replace(figure, title=f"{joint}: {figure.title}"))
-    step = next_step(
-        {joint: each.identification for joint, each in comparisons.items()}, "arm.toml"
-    )
+    step = next_step({joint: each.identification for joint, each in joints}, output)
     return Page(
         heading=heading(joints[0][0] if len(joints) == 1 else f"{len(joints)} joints")
         + ", calibrated",

@@ -72,7 +72,7 @@ def replay_page(
     *,
     title: str,
     words: str,
-    found: Fastest | None = None,
+    fastest: Fastest | None = None,
     verdict: str = "",
     arm: Leg | None = None,
     missed: Sequence[str] = (),
@@ -86,7 +86,7 @@ def replay_page(
         replay: The replay.
         title: The recording, in a few words.
         words: The path, its purpose and the models, in words.
-        found: The search for the fastest replay, where there was one.
+        fastest: The search for the fastest replay, where there was one.
         verdict: Result of that search, in words.
         arm: The leg or arm whose joints these are; None for none.
         missed: Tolerances that the plan misses, in words.
@@ -112,11 +112,11 @@ def replay_page(
             ),
         ),
     ]
-    if found is not None:
-        curves = [speeds_figure(found)]
-        if found.retime == "varying":
-            curves.append(factors_figure(found))
-        whose = "of the foot" if found.foot else "of the joint that is farthest off"
+    if fastest is not None:
+        curves = [speeds_figure(fastest)]
+        if fastest.retime == "varying":
+            curves.append(factors_figure(fastest))
+        whose = "of the foot" if fastest.foot else "of the joint that is farthest off"
         curve = {"curves": curves, "whose": whose, "unknown": _listed(replay.path.open_top_speeds)}
         curve["open"] = OPEN_TOP_SPEED
         sections.insert(0, Section("How fast it can be", SPEEDS, curve))
@@ -131,7 +131,7 @@ def replay_page(
         good=not missed,
         remarks=[
             *(sentence(each) for each in (verdict, *missed, *replay.path.remarks) if each),
-            *_remarks(replay, found),
+            *_remarks(replay, fastest),
             *remarks,
         ],
         cards=cards(replay),

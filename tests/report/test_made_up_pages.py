@@ -52,11 +52,11 @@ def calibrated(best, *, accepted=True):
 def calibration():
     ways = ("direct", "shift", "optimal")
     found = {f"to_{best}": calibrated(best, accepted=best != "shift") for best in ways}
-    return f"{calibration_text(found, 'arm.toml')}\n{calibration_page(found)}"
+    return f"{calibration_text(found, 'arm.toml')}\n{calibration_page(found, 'my_arm.toml')}"
 
 
 def one_calibration():
-    return calibration_page({"knee": calibrated("closed_form")})
+    return calibration_page({"knee": calibrated("closed_form")}, "arm.toml")
 
 
 def identification():
@@ -144,7 +144,9 @@ def fastest_replay():
     found = found_fastest(made, *curve)
     about = {"title": "demo.csv", "words": "follows the state", "verdict": "v_max is 1"}
     missed, remarks = ["elbow: 3 deg off"], ["The gripper is new."]
-    return replay_page(made, found=found, missed=missed, remarks=remarks, origins=ORIGINS, **about)
+    return replay_page(
+        made, fastest=found, missed=missed, remarks=remarks, origins=ORIGINS, **about
+    )
 
 
 def episodes():

@@ -435,7 +435,7 @@ def replay_report(
         replay,
         title=PurePath(task.recording.name).name,
         words=first_line(replay, task.models),
-        found=fastest,
+        fastest=fastest,
         verdict="" if fastest is None else fastest_text(fastest),
         arm=arm,
         missed=missed(task, replay),
