@@ -10,7 +10,17 @@ from typing import NamedTuple
 import numpy as np
 
 from planner.exceptions import InvalidInput
-from planner.identification.grid import Grid, Place, Timing, evenly_timed, resampled, unequal
+from planner.identification.grid import (
+    ON_A_TICK,
+    Grid,
+    Place,
+    Timing,
+    evenly_timed,
+    resampled,
+    resampled_like,
+    thinned,
+    unequal,
+)
 from planner.identification.least_squares import (
     QUICK,
     SEARCH,
@@ -48,7 +58,7 @@ FIRST_ORDER = only("gain", "lag", "offset")
 
 
 def fit_joint(logs: Sequence[Log], timing: Timing, *, choose_tick: bool = False) -> tuple[Fit, ...]:
-    """Fit the joint, without the terms of ``terms.py``, to all logs.
+    """Fit the joint, without the terms of ``terms.py``, to logs: to some stretches of long ones.
 
     Args:
         logs: The logs.
@@ -61,6 +71,7 @@ def fit_joint(logs: Sequence[Log], timing: Timing, *, choose_tick: bool = False)
     Raises:
         InvalidInput: There is no motion to fit.
     """
+    every, logs = logs, thinned(logs)
     delay = best_delay(moving(resampled(logs, tick=timing.tick, reach=timing.reach, burn_in=0.0)))
     burn_in = min(2.0 * delay + 2.0 * timing.period, timing.reach)
     stride = timing.period * max(1, int(0.004 / timing.period * (1.0 + 1e-9)))
@@ -69,7 +80,7 @@ def fit_joint(logs: Sequence[Log], timing: Timing, *, choose_tick: bool = False)
     fine = resampled(logs, tick=timing.tick, reach=timing.reach, burn_in=burn_in)
     best = least_squares(fine, found.parameters, scale=found.scale, effort=SEARCH)
     window = best.parameters.lag + best.parameters.acceleration_time
-    settled = settled_pieces(logs, best)
+    settled = settled_pieces(every, best)
     if settled or window > burn_in:
         burn_in = min(max(burn_in, 1.2 * window), timing.reach)
         final = resampled(
@@ -91,14 +102,23 @@ def fit_joint(logs: Sequence[Log], timing: Timing, *, choose_tick: bool = False)
 
 
 def at_ticks(logs: Sequence[Log], fit: Fit, tick: float) -> Fit:
-    """The fit to the same rows with other ticks [s], begun at the joint that answers the same."""
-    grid, at = fit.grid, fit.parameters
-    if tick == grid.tick:
+    """The fit to logs with these ticks [s], begun at the joint that answers the same."""
+    before, at = fit.grid, fit.parameters
+    grid = resampled_like(before, logs, tick)
+    if tick == before.tick and len(grid.angles) == len(before.angles):
         return fit
-    gain, lag = with_ticks(at.gain, at.lag, grid.tick, tick, inertia=at.time_constant > 0.0)
-    finer = resampled(logs, tick=tick, reach=grid.reach, burn_in=grid.burn_in, settled=grid.settled)
-    begin = at._replace(gain=gain, lag=lag)
-    return least_squares(finer, begin, free=fit.free, starts=fit.starts)
+    if tick != before.tick:
+        inertia = at.time_constant > 0.0
+        gain, lag = with_ticks(at.gain, at.lag, before.tick, tick, inertia=inertia)
+        at = at._replace(gain=gain, lag=lag)
+    return least_squares(grid, at, free=fit.free, starts=starts_of(grid, fit))
+
+
+def starts_of(grid: Grid, fit: Fit) -> Array:
+    """Where the runs start: as fitted where the fit has seen it, else as measured."""
+    fitted_starts = dict(zip(fit.grid.firsts, fit.starts, strict=True))
+    pairs = zip(grid.firsts, grid.measured_starts, strict=True)
+    return np.array([fitted_starts.get(first, angle) for first, angle in pairs])
 
 
 def _initial_fit(grid: Grid) -> Fit:
@@ -174,9 +194,10 @@ def settled_pieces(logs: Sequence[Log], fit: Fit) -> set[Place]:
     bound = max(SETTLED_ERRORS * fit.scale, ROUNDED * float(np.std(grid.angles)))
     found = set()
     for number, log in enumerate(logs):
-        new = every.places[number] & ~grid.places[number]
         for piece in pieces_of(log):
-            of_piece = errors[number][piece][new[piece]]
+            unknown = log.times[piece.start] + grid.burn_in * (1.0 - ON_A_TICK)
+            new = every.places[number][piece] & (log.times[piece] < unknown)
+            of_piece = errors[number][piece][new]
             if len(of_piece) and rms(of_piece) <= bound:
                 found.add((number, piece.start))
     return found

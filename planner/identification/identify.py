@@ -18,16 +18,18 @@ from planner.identification.fit import (
     moving,
     peak_command,
     simple_fits,
+    starts_of,
     with_even_rows,
     with_observed_speed,
     with_speed_of,
 )
 from planner.identification.grid import (
-    Grid,
     Timing,
     fine_hold,
     measured_speed,
     resampled,
+    resampled_like,
+    thinned,
     timing_of,
 )
 from planner.identification.intervals import (
@@ -143,16 +145,16 @@ def identify(
     logs, jumps = zip(*map(unwrapped, logs), strict=True)
     logs, timing, candidates, evenly_timed = _fitted(logs, tick=tick, hold=hold)
     joints, every = _with_terms(candidates), logs
-    logs, held_rows = _without_contact(logs, joints[0].fit)
+    logs, held_rows = _without_contact(logs, _on_all(logs, joints[0].fit))
     if held_rows:
         choose_tick = tick is None and hold is None
         joints = _with_terms(fit_joint(logs, timing, choose_tick=choose_tick))
-    plain, full = _with_motor(joints)
+    plain, full = _with_motor(logs, joints)
     timing = timing.ticking(full.fit.grid.tick)
     logs, stopped = _without_stops(logs, full.fit)
     if stopped:
         held_rows += stopped
-        plain, full = _with_motor(_with_terms(fit_joint(logs, timing)))
+        plain, full = _with_motor(logs, _with_terms(fit_joint(logs, timing)))
     motor = full.fit is not plain.fit
     if motor and hold_out:
         bare, more = (
@@ -191,9 +193,11 @@ def identify(
     held = (
         held_out(logs, coarse, fit, faster=refuted is not None, motor=motor) if hold_out else None
     )
-    simple = simple_fits(rows)
+    some = thinned(logs)
+    simple = simple_fits(resampled_like(rows, some, rows.tick))
     errors = {other.name: rms(errors_of(other, rows, fit.starts)) for other in simple}
     signal, noise = _signal(fit), noise_of(fit)
+    alike = resampled_like(fit.grid, some, fit.grid.tick)
     model = fit.parameters.model(tick=timing.tick, hold=timing.hold)
     fits = _log_fits(every, fit, held)
     intervals = all_intervals(fit, bounds, uncertainty)
@@ -206,8 +210,8 @@ def identify(
         uncertainty,
         held,
         errors,
-        against=opposite_sign(fit.grid),
-        exchanged=exchanged_columns(fit.grid),
+        against=opposite_sign(alike),
+        exchanged=exchanged_columns(alike),
         signal=signal,
         tested=held is not None or not hold_out,
         friction=friction,
@@ -332,11 +336,18 @@ def _with_terms(fits: Sequence[Fit]) -> list[_Fitted]:
     return [_Fitted(*with_terms(fit)) for fit in fits]
 
 
-def _with_motor(plain: Sequence[_Fitted]) -> tuple[_Fitted, _Fitted]:
-    """The fit with the better ticks, without and with the terms of a motor."""
+def _with_motor(logs: Sequence[Log], plain: Sequence[_Fitted]) -> tuple[_Fitted, _Fitted]:
+    """The fit to all rows with the better ticks, without and with the terms of a motor."""
     full = [_Fitted(*with_motor(*each)) for each in plain]
     k = 1 if len(full) > 1 and better(full[0].fit, full[1].fit) else 0
-    return plain[k], full[k]
+    bare = plain[k]._replace(fit=_on_all(logs, plain[k].fit))
+    motor = full[k].fit is not plain[k].fit
+    return bare, full[k]._replace(fit=_on_all(logs, full[k].fit) if motor else bare.fit)
+
+
+def _on_all(logs: Sequence[Log], fit: Fit) -> Fit:
+    """The fit to all rows of the logs, begun at one to some of them."""
+    return at_ticks(logs, fit, fit.grid.tick)
 
 
 def _without_contact(logs: Sequence[Log], fit: Fit) -> tuple[Sequence[Log], list[Finding]]:
@@ -358,10 +369,7 @@ def _without_contact(logs: Sequence[Log], fit: Fit) -> tuple[Sequence[Log], list
             touched.setdefault(k, []).append(contact)
         if not found:
             break
-        finer = resampled(
-            free, tick=grid.tick, reach=grid.reach, burn_in=grid.burn_in, settled=grid.settled
-        )
-        fit = least_squares(finer, fit.parameters, free=fit.free)
+        fit = least_squares(resampled_like(grid, free, grid.tick), fit.parameters, free=fit.free)
     notes = [joined(touched[k]).finding(logs[k], LEFT_OUT) for k in sorted(touched)]
     return tuple(free), notes
 
@@ -443,6 +451,8 @@ def held_out(
 ) -> HeldOut | None:
     """Fit every second part of each log, predict the others; None where they hold nothing to fit.
 
+    Of long parts some stretches are fitted; all rows of the others are predicted.
+
     A top speed that the parts do not bound, and the others may exceed, cannot be predicted from
     them: there that of the fit to all rows is taken, and the others test the other parameters.
 
@@ -456,7 +466,9 @@ def held_out(
     """
     grid = whole.grid
     out = [_every_second(log, parts) for log in logs]
-    known = [replace(log, torque_on=log.torque_on & ~o) for log, o in zip(logs, out, strict=True)]
+    known = thinned(
+        [replace(log, torque_on=log.torque_on & ~o) for log, o in zip(logs, out, strict=True)]
+    )
     try:
         fit, terms = with_terms(*fit_joint(known, timing))
         fit, _ = with_motor(fit, terms) if motor else (fit, terms)
@@ -468,7 +480,7 @@ def held_out(
         return None
     shown = peak_command(fit)
     fit = with_observed_speed(fit)
-    at, starts = fit.parameters, _starts(grid, fit)
+    at, starts = fit.parameters, starts_of(grid, fit)
     response = respond(grid, at, starts)
     called = commanded_speed(at, response)
     beyond = called > 1.1 * shown and not speed_bounded(fit)
@@ -479,9 +491,7 @@ def held_out(
     simple = simple_fits(
         moving(resampled(known, tick=timing.tick, reach=timing.reach, burn_in=0.0))
     )
-    every = resampled(
-        logs, tick=timing.tick, reach=grid.reach, burn_in=grid.burn_in, settled=grid.settled
-    )
+    every = resampled_like(grid, logs, timing.tick)
     first = every.measured_starts
     others = {other.name: rms(errors_of(other, every, first)[rows]) for other in simple}
     errors = (predicted - grid.angles)[rows]
@@ -500,10 +510,3 @@ def _every_second(log: Log, parts: int) -> Mask:
     before: Array = np.cumsum(log.torque_on) - log.torque_on
     part = before * parts // max(1, int(np.sum(log.torque_on)))
     return np.asarray(part % 2 == 1)
-
-
-def _starts(grid: Grid, fit: Fit) -> Array:
-    """Where the runs start: as fitted where the fit has seen it, else as measured."""
-    fitted_starts = dict(zip(fit.grid.firsts, fit.starts, strict=True))
-    pairs = zip(grid.firsts, grid.measured_starts, strict=True)
-    return np.array([fitted_starts.get(first, angle) for first, angle in pairs])

@@ -448,6 +448,7 @@ def along(
     law, edges, requests, states = servo.law, track.edges, track.requests, track.states
     before, share = track.before, track.share
     count, last, half = len(columns), len(edges) - 1, servo.play / 2.0
+    by_pose = bool(np.any((columns == SAG_SIN) | (columns == SAG_COS)))
     window, by_window = servo.window / track.tick, 1.0 / servo.window
     drives, kinks = np.zeros(START + 1), np.zeros(START + 1)
     past, now, motion, fast = (
@@ -518,8 +519,9 @@ def along(
             drives[BAND] = law.gain * limited
             drives[FASTER] = saturated
             drives[SAG_LOAD] = drives[SAG] * track.loads[t]
-            drives[SAG_SIN] = drives[SAG] * np.sin(angle)
-            drives[SAG_COS] = drives[SAG] * np.cos(angle)
+            if by_pose:
+                drives[SAG_SIN] = drives[SAG] * np.sin(angle)
+                drives[SAG_COS] = drives[SAG] * np.cos(angle)
             drives[FASTER_LOAD] = saturated * track.loads[t]
             # By the demanded speed, and by the speed before
             accelerated = 1.0

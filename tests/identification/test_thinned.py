@@ -1,0 +1,85 @@
+"""Long logs: some stretches choose ticks and terms, all rows are fitted."""
+
+from dataclasses import replace
+
+import numpy as np
+
+import planner
+from planner.identification import grid
+from planner.identification.grid import MOST_ROWS, resampled, thinned
+from planner.identification.least_squares import respond
+from planner.identification.parameters import Parameters
+from planner.trajectory import rms
+from tests.identification.made import AIBO, NOISE, QUANTUM, changed, measured, rich_log
+
+ROWS = 2 * MOST_ROWS + 1
+"""The fewest rows of which some are chosen, and one."""
+
+
+def burst_log(model=AIBO, *, rows=ROWS, at=28_000):
+    """Steps too small to saturate the joint, and 400 rows of large ones."""
+    requests = 0.1 * rich_log(rows=rows).requests
+    requests[at : at + 400] = np.repeat([0.8, -0.8, 0.8, -0.8], 100)
+    angles = planner.simulate(model, requests, cyclic=False)
+    angles = measured(angles, np.random.default_rng(1), noise=NOISE, quantum=QUANTUM)
+    return planner.Log(times=model.period * np.arange(rows), requests=requests, angles=angles)
+
+
+def test_logs_of_less_than_twice_the_rows_stay_as_they_are():
+    log = rich_log(rows=ROWS - 2)
+    assert thinned([log]) == (log,)
+
+
+def test_some_rows_of_several_long_logs_are_kept_in_each():
+    logs = [rich_log(rows=5 * MOST_ROWS // 4, seed=seed) for seed in range(4)]
+    kept = [np.sum(log.torque_on) for log in thinned(logs)]
+    assert 0.7 * MOST_ROWS <= sum(kept) <= 1.1 * MOST_ROWS
+    assert min(kept) >= MOST_ROWS // 10
+
+
+def test_the_largest_steps_are_kept():
+    log = burst_log()
+    (some,) = thinned([log])
+    assert some.torque_on[28_000:28_400].all()
+    assert np.sum(some.torque_on) <= 1.1 * MOST_ROWS
+
+
+def test_the_largest_loads_are_kept():
+    load = np.zeros(ROWS)
+    load[28_000:28_400] = 1.0
+    (some,) = thinned([replace(rich_log(rows=ROWS), load=load)])
+    assert some.torque_on[28_000:28_400].all()
+
+
+def test_of_motion_that_repeats_itself_all_parts_are_kept():
+    cycle = 2000  # rows: as many as a group of stretches
+    log = rich_log(rows=10 * MOST_ROWS)
+    (some,) = thinned([changed(log, requests=np.resize(log.requests[:cycle], len(log.times)))])
+    assert set(np.flatnonzero(some.torque_on) % cycle) == set(range(cycle))
+
+
+def test_a_joint_with_inertia_moves_in_a_stretch_as_in_the_whole_log():
+    model = replace(AIBO, time_constant=0.04)
+    (some,) = thinned([rich_log(model, rows=ROWS)])
+    errors = []
+    for each in (some, replace(some, measured=None)):
+        rows = resampled([each], tick=model.tick, reach=0.75, burn_in=0.0)
+        predicted = respond(rows, Parameters.of(model), rows.measured_starts).predicted
+        errors.append(rms(predicted - rows.angles))
+        assert len(rows.starts) >= 10
+    assert errors[0] <= 0.5 * NOISE
+    assert errors[1] >= 2.0 * NOISE  # with the rows in which the speed at its start matters
+
+
+def test_a_long_log_has_the_model_of_all_its_rows(monkeypatch):
+    log = burst_log(rows=12_000, at=9_100)
+    whole = planner.identify(log)
+    monkeypatch.setattr(grid, "MOST_ROWS", 3_000)
+    found = planner.identify(log)
+    assert found.fits[0].used.all()
+    assert found.verdict == whole.verdict
+    assert [term.kept for term in found.terms] == [term.kept for term in whole.terms]
+    assert found.intervals["v_max"].bounded
+    for name, (low, high) in whole.intervals.items():
+        change = getattr(found.model, name) - getattr(whole.model, name)
+        assert abs(change) <= 0.05 * (high - low), name
