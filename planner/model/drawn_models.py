@@ -19,6 +19,9 @@ PAIRS = 4
 QUANTILE = 1.96
 """Half the width of a 95 % interval [standard deviations]."""
 
+DELAYS = {"lag": 1.0, "acceleration_time": 0.5, "time_constant": 1.0}
+"""Share of each part of the switching time, l + a/2 + T."""
+
 MOST_REJECTED = 100
 """Most draws per model: with five parameters near 0 one draw in 32 has no negative parameter."""
 
@@ -32,7 +35,11 @@ def drawn_models(model: JointModel, *, pairs: int = PAIRS, seed: int = 0) -> tup
     as wide on that side as on the other, and draws below 0 are rejected: with 0 in place of such a
     parameter the other parameters would not fit. A parameter does not move towards an unknown end.
     But where logs give no upper bound on the top speed, its reciprocal is drawn, down to 0, and
-    theta_0 follows from the gain.
+    theta_0 follows from the gain. A time constant of 0 stays 0: the log did not call for one.
+
+    Logs with moving requests determine the switching time far better than its parts. Correlations
+    do not show this for an interval that ends at 0: in models drawn from an identified one the lag
+    makes up for such a part, but for ``delay_error`` of its evidence.
 
     Args:
         model: The nominal model, with intervals as :attr:`planner.JointModel.evidence`.
@@ -50,9 +57,9 @@ def drawn_models(model: JointModel, *, pairs: int = PAIRS, seed: int = 0) -> tup
         )
     evidence = model.evidence
     assert evidence is not None, "a model without intervals was refused"
-    names = list(evidence.intervals)
+    names = [name for name in evidence.intervals if name != "time_constant" or model.time_constant]
     values = np.array([_value(model, name) for name in names])
-    ends = np.array(list(evidence.intervals.values()))
+    ends = np.array([evidence.intervals[name] for name in names])
     down, up = np.where(np.isfinite(ends), np.abs(ends - values[:, np.newaxis]), 0.0).T / QUANTILE
     ends_at_zero = (ends[:, 0] == 0.0) & (values >= 0.0)
     down = np.where(ends_at_zero, np.maximum(down, up), down)
@@ -63,7 +70,12 @@ def drawn_models(model: JointModel, *, pairs: int = PAIRS, seed: int = 0) -> tup
         linear = np.where(z < 0.0, down, up) * z
         return np.where(open_above & (z > 0.0), values * z / (QUANTILE - z), linear)
 
-    matrix = np.array(evidence.correlations) if evidence.correlations else np.eye(len(names))
+    matrix, shares, delay_error = np.eye(len(names)), np.zeros(len(names)), 0.0
+    if evidence.correlations:
+        rows = [[*evidence.intervals].index(name) for name in names]
+        matrix = np.array(evidence.correlations)[np.ix_(rows, rows)]
+        shares = np.where(ends_at_zero, [DELAYS.get(name, 0.0) for name in names], 0.0)
+        delay_error = evidence.delay_error
     eigenvalues, vectors = np.linalg.eigh(matrix)
     root = vectors * np.sqrt(np.maximum(eigenvalues, 0.0)) @ vectors.T  # unique: symmetric
     rng, moves, draws = np.random.default_rng(seed), list[Array](), 0
@@ -76,7 +88,7 @@ def drawn_models(model: JointModel, *, pairs: int = PAIRS, seed: int = 0) -> tup
                 move = np.where(below, -values, move)
             elif np.any(below):
                 continue
-            moves.append(move)
+            moves.append(_delay_kept(names, values, move, shares, delay_error))
     return (model, *(_moved(model, names, move) for move in moves[:count]))
 
 
@@ -89,6 +101,33 @@ def has_intervals(model: JointModel) -> bool:
 def _value(model: JointModel, name: str) -> float:
     """A parameter of the model, or v_max / theta_0."""
     return model.v_max / model.theta_0 if name == GAIN else float(getattr(model, name))
+
+
+def _delay_kept(
+    names: Sequence[str], values: Array, move: Array, shares: Array, delay_error: float
+) -> Array:
+    """The move with a delay that changes by at most an error [s].
+
+    The lag is earlier or later; the parts of the delay move less where it would be below 0.
+
+    Args:
+        names: Names of the parameters.
+        values: Their values, shape (p,).
+        move: Their changes, shape (p,).
+        shares: Their shares in the delay, shape (p,); 0 for parameters that are no part of it.
+        delay_error: Largest change of the delay [s].
+    """
+    if "lag" not in names or not np.any(shares):
+        return move
+    lag, kept = names.index("lag"), move.copy()
+    shares = np.where(np.arange(len(names)) == lag, 1.0, shares)
+    change = float(shares @ move)
+    excess = change - min(max(change, -delay_error), delay_error)
+    for part in (lag, *np.flatnonzero(shares)):
+        less = min(excess / shares[part], values[part] + kept[part])
+        kept[part] -= less
+        excess -= shares[part] * less
+    return kept
 
 
 def _moved(model: JointModel, names: Sequence[str], move: Array) -> JointModel:

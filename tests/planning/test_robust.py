@@ -207,6 +207,31 @@ def test_what_cannot_be_below_0_leaves_the_others_drawn_as_their_correlations_sa
     assert np.max(np.abs(delays - delays[0])) < 6e-4
 
 
+def test_a_window_that_may_end_at_0_moves_models_no_later_than_their_lag_allows():
+    """Its correlation with the lag, 1, says nothing: a log with moving requests knows the sum."""
+    servo = replace(ERS210A, lag=0.009, acceleration_time=0.008, time_constant=0.0)
+    intervals = {
+        "lag": (0.007, 0.011),
+        "acceleration_time": (0.0, 0.032),
+        "time_constant": (0.0, 0.02),
+    }
+    for delay_error in (0.0, 0.002):
+        evidence = Evidence(
+            intervals=intervals,
+            correlations=((1.0, 1.0, 0.0), (1.0, 1.0, 0.0), (0.0, 0.0, 1.0)),
+            delay_error=delay_error,
+        )
+        models = drawn_models(servo.with_evidence(evidence), pairs=40)
+        delays = np.array([each.lag + each.acceleration_time / 2.0 for each in models])
+        assert np.ptp([each.acceleration_time for each in models]) > 0.02
+        assert np.min([each.lag for each in models]) >= 0.0
+        assert np.max(np.abs(delays - delays[0])) == pytest.approx(delay_error, abs=1e-12)
+        assert {each.time_constant for each in models} == {0.0}  # no log called for one
+    by_hand = servo.with_evidence(Evidence(intervals=intervals))
+    delays = [each.lag + each.acceleration_time / 2.0 for each in drawn_models(by_hand, pairs=40)]
+    assert np.max(delays) > delays[0] + 0.005
+
+
 def open_above(**others):
     """A joint of which a log tells that it is no slower than 4.2 rad/s, and how it begins."""
     return ERS210A.with_evidence(Evidence(intervals={"v_max": (4.2, np.inf), **others}))
