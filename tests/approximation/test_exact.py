@@ -150,6 +150,12 @@ def test_too_many_samples_for_a_proof_are_refused():
         fit_pwl(np.sin(np.arange(401.0)), v_max=1.0, tick=1.0, segments=3, exact=True)
 
 
+def test_at_given_knots_any_number_of_samples_has_its_optimum():
+    desired, knots = np.sin(0.05 * np.arange(401.0)), np.arange(0, 401, 20)
+    asked = {"v_max": 1.0, "tick": 1.0, "cyclic": False, "knots": knots}
+    assert fit_pwl(desired, **asked, exact=True).rms == fit_pwl(desired, **asked).rms
+
+
 def test_a_start_that_is_best_already_is_proved_so():
     problem = Problem(desired=np.array([0.0, 1.0, 0.0, -1.0] * 3), step=5.0, cyclic=False)
     knots = np.array([0.0, 5.0, 11.0])

@@ -240,6 +240,13 @@ def test_choices_never_rise_and_go_up_to_the_number_of_the_fit():
     assert choices(cycle, most=3).floor == pytest.approx(found.floor, rel=SAME)
 
 
+def test_the_floor_of_a_paths_choices_does_not_lead_back_to_its_beginning():
+    fit = fit_pwl(0.1 * np.arange(40), **PATH)
+    found = choices(fit, most=2)
+    assert found.floor == pytest.approx(0.0, abs=1e-9)
+    assert found.rms == pytest.approx(0.0, abs=1e-9)
+
+
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("share", [0.05, 0.1, 0.15, 0.2, 0.3])
 def test_with_max_error_no_error_exceeds_it(kind, share):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -92,6 +94,22 @@ def test_what_is_given_holds_for_all_legs(legs):
         assert np.ptp(foot[:, 2]) == pytest.approx(0.01, rel=0.02)  # its top is between samples
         assert np.min(foot[:, 2]) == pytest.approx(-0.1, abs=TRACED)
         assert not each.angles.flags.writeable
+
+
+def test_legs_with_a_base_each_stand_at_the_height_of_their_own(legs):
+    def from_its_hip(name, leg):
+        steps = leg.chain.translations.copy()
+        steps[0] = 0.0
+        return replace(leg, base=f"{name} hip", chain=replace(leg.chain, translations=steps))
+
+    apart = {name: from_its_hip(name, leg) for name, leg in legs.items()}
+    stood = {
+        name: float(leg.foot_positions(standing_pose(leg)[None])[0, 2])
+        for name, leg in apart.items()
+    }
+    assert min(stood.values()) < max(stood.values()) - 1e-3
+    made = gait(apart, "trot", samples=SAMPLES)
+    assert {name: float(each.stride.centre[2]) for name, each in made.items()} == stood
 
 
 def test_other_legs_or_gaits_are_refused(legs):

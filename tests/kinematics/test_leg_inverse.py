@@ -172,6 +172,13 @@ def test_each_later_pose_is_the_nearest_to_the_one_before():
     np.testing.assert_array_equal(chosen[:, 0], [0.0, 0.3, 0.4, 0.5])
 
 
+def test_a_joint_that_cannot_turn_about_has_the_long_way_to_its_other_end():
+    poses = np.array([[[2.9], [2.9]], [[-2.9], [1.0]]])
+    limits = Limits(np.array([-3.0]), np.array([3.0]))
+    chosen = choose(poses, np.ones((2, 2), bool), limits)
+    np.testing.assert_array_equal(chosen[:, 0], [2.9, 1.0])
+
+
 def test_of_later_poses_equally_near_the_one_deeper_inside_is_taken():
     poses = np.array([[[0.0], [0.0]], [[-0.2], [0.2 + 1e-12]]])  # as around the stretched leg
     limits = Limits(np.array([-1.0]), np.array([2.0]))

@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 import planner
+from kinematics import Leg, urdf_path
 from planner.model.evidence import Evidence
 from planner.model.joint import JointModel
 from planner.model.response import simulate
-from planner.planning.plan import joined
+from planner.planning.plan import Plan, joined
 from planner.planning.task import Task
 from planner.planning.time_shift import (
     LONGEST_LEAD,
@@ -165,6 +166,16 @@ def test_a_shift_is_recommended_where_the_model_is_known_less_well_than_it_follo
         why = shift_recommended(plan, shifted(plan.task))
         assert why == ("" if not recommended else WHY)
     plan = planner.invert_optimal(ERS210A, PATH).plan  # of which nothing is known
+    assert not shift_recommended(plan, shifted(plan.task))
+
+
+def test_a_plan_for_a_foot_is_not_held_against_a_shift_of_its_joints():
+    known = ERS210A.with_evidence(Evidence(error=1.0, over_delay=0.1))
+    leg = Leg.from_urdf(urdf_path("reference_leg.urdf"), base="hip", foot="foot")
+    angles = [0.2, 0.1, 0.9] + 0.1 * np.sin(2.0 * np.pi * np.arange(12) / 12)[:, np.newaxis]
+    task = Task.of(known, leg.foot_positions(angles), leg=leg)
+    plan = Plan(task=task, requests=task.desired)
+    assert min(each.error for each in plan.expected) >= 1.0
     assert not shift_recommended(plan, shifted(plan.task))
 
 

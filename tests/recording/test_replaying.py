@@ -212,6 +212,16 @@ def test_recorded_requests_may_serve_by_half_of_their_error_where_the_torque_was
     assert made.resent_may_serve == (made.joints if serve else ())
 
 
+@pytest.mark.parametrize(
+    ("changed", "serve"),
+    [({}, True), ({"speed": 1.25}, False), ({"track": "action"}, False)],
+)
+def test_recorded_requests_may_serve_only_along_the_recorded_angles_at_their_speed(changed, serve):
+    made = replay(recorded(), SERVO.with_evidence(Evidence(0.5)), **changed)
+    assert made.joints[0].resent_may_serve
+    assert made.resent_may_serve == (made.joints if serve else ())
+
+
 def test_a_replay_can_be_sent_to_another_process():
     made = replay([recorded("elbow"), recorded("gripper")], SERVO)
     again = pickle.loads(pickle.dumps(made))

@@ -773,6 +773,15 @@ def test_a_copy_of_a_stream_knows_the_speed_and_the_last_measured_angle(copied):
     assert again.problem.endswith("taken as missing")
 
 
+def test_a_copy_of_a_stream_keeps_the_largest_step_of_each_joint_that_has_one():
+    joint, path = planner.JointModel.ers210a(), np.array([[0.0, 0.0], [0.5, 0.5]])
+    steps = np.array([0.01, np.inf])
+    again = copy.copy(planner.Stream([joint, joint], preview=PREVIEW, max_step=steps))
+    first, second = again.step(path[:1]), again.step(path[1:])
+    assert abs(second[0] - first[0]) == pytest.approx(0.01)
+    assert abs(second[1] - first[1]) > 0.1
+
+
 def test_predicted_angles_are_exact_where_a_load_decides_the_top_speeds():
     """Steps that saturate the joint both ways, under torques that change from tick to tick."""
     model = replace(
