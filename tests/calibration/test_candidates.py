@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from planner import JointModel
+from planner import JointModel, invert_optimal
 from planner.calibration import candidates
 from planner.files.joint_model import read_model_file
 from planner.model.evidence import Evidence
@@ -64,10 +64,14 @@ def test_the_model_of_any_recommended_way_can_be_kept_and_read_again(best, tmp_p
         assert kept.evidence.reason.endswith(f"its calibration '{WORDS[best]}' was closer")
 
 
-def test_candidates_have_the_figures_of_what_was_played_after_the_run_in():
+def test_candidates_have_the_figures_of_what_was_played_after_the_run_in(monkeypatch):
     desired = candidates.test_motion(MODEL, LIMITS)
     skipped = round(0.5 / MODEL.period)
-    played = {}
+    played, plans = {}, []
+
+    def inverted(*given, **options):
+        plans.append(invert_optimal(*given, **options))
+        return plans[-1]
 
     def measured(way, requests):
         played[way] = requests
@@ -77,7 +81,9 @@ def test_candidates_have_the_figures_of_what_was_played_after_the_run_in():
         error[-2] = np.nan  # not read
         return desired + error
 
+    monkeypatch.setattr(candidates, "invert_optimal", inverted)
     found = candidates.compare(SimpleNamespace(model=MODEL), LIMITS, measured)
+    assert [each.limits for each in plans] == [LIMITS, LIMITS]
     count = len(desired) - skipped - 1
     for each in found.candidates:
         assert each.error == pytest.approx(np.sqrt((0.02**2 * (count - 1) + 0.06**2) / count))

@@ -100,6 +100,10 @@ def test_simulate_answers_each_joint_in_its_own_unit(run, tmp_path):
     joints = json.loads(asked.stdout)["joints"]
     wrist, jaw = joints["wrist"]["angles_deg"], joints["jaw"]["angles_percent"]
     assert 20.0 < np.mean(wrist) < 30.0 < np.mean(jaw) < 45.0
+    run("simulate", path, "--model", tmp_path / "joint.toml", "-o", tmp_path / "angles.csv")
+    written = read_joint_path(tmp_path / "angles.csv")
+    assert written.units == ("deg", "range")
+    assert np.degrees(written.angles) == pytest.approx(np.column_stack([wrist, jaw]))
 
 
 def test_simulate_from_rest_begins_at_the_start_given(run, desired):

@@ -8,9 +8,12 @@ import numpy as np
 import pytest
 
 import planner
-from kinematics import Leg
+from kinematics import Leg, urdf_path
+from planner.cli.loads import with_load
+from planner.cli.settings import Run
 from planner.files.paths import read_joint_path, write_joint_path
 from planner.model.evidence import Evidence
+from planner.recording.recorded_path import recorded_path
 from planner.virtual.pendulum import Pendulum
 
 SOFT = planner.JointModel(
@@ -291,6 +294,21 @@ def test_the_fastest_replay_under_gravity_proves_no_speed_too_high(run, swing): 
     assert found["speed"] > 1.0
     assert found["impossible"] is None
     assert {each["bound_max_deg"] for each in found["errors_by_speed"]} == {None}
+
+
+def test_a_joint_that_is_not_planned_weighs_where_it_was_recorded():
+    leg = Leg.from_urdf(urdf_path("ers210a.urdf"), base="body", foot="front_left_ball")
+    angles = np.linspace([0.2, 0.1, 0.5], [0.4, 0.3, 0.9], 20)
+    logs = [
+        planner.Log(
+            times=SOFT.period * np.arange(20), requests=column + 0.3, angles=column, joint=name
+        )
+        for name, column in zip(leg.joint_names, angles.T, strict=True)
+    ]
+    path = recorded_path(logs, dict.fromkeys(leg.joint_names[:2], SOFT), track="action")
+    given = Run.of({"path": {"file": "path.csv"}, "plan": {"load": "urdf"}}).plan
+    torques = with_load(given, path, leg).load_at(path.moments(1.0))(angles[:, :2])
+    np.testing.assert_allclose(torques, leg.load_torques(angles)[:, :2], atol=1e-12)
 
 
 @pytest.mark.parametrize(

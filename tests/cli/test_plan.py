@@ -426,14 +426,18 @@ def test_joints_in_shares_of_their_range_are_answered_in_percent(run, tmp_path):
     assert "'jaw' is in shares of its range, expected an angle" in refused.stderr
 
 
-@pytest.mark.parametrize(("most", "said"), [("inf", True), ("1.2", False)])
-def test_bounds_at_an_unknown_top_speed_are_of_the_model_only(run, tmp_path, most, said):
+@pytest.mark.parametrize(
+    ("most", "size", "said"), [("inf", 40.0, True), ("1.2", 40.0, False), ("inf", 5.0, False)]
+)
+def test_bounds_of_a_path_above_an_unknown_top_speed_are_of_the_model_only(
+    run, tmp_path, most, size, said
+):
     model, page = tmp_path / "joint.toml", tmp_path / "page.html"
     model.write_text(
         "v_max = 1.0\ntheta_0 = 0.1\nlag = 0.02\nacceleration_time = 0.05\ntick = 0.02\n"
         f"expected_error = 0.002\nv_max_interval = [1.0, {most}]\n"
     )
-    desired = 40.0 * np.sin(2.0 * np.pi * np.arange(50) / 50.0)
+    desired = size * np.sin(2.0 * np.pi * np.arange(50) / 50.0)
     path = "elbow_deg\n" + "".join(f"{angle}\n" for angle in desired)
     output = ("-o", tmp_path / "r.csv", "--report", page)
     done = run("plan", "-", "--model", model, *output, stdin=path)

@@ -352,6 +352,10 @@ def test_a_replay_that_is_complete_is_not_computed_again(run, dataset, model, ne
         with pytest.raises(AssertionError, match="planned again"):
             run(*words, "--resume", catch_exceptions=False)
         file.write_text(content)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("planner.files.results.__version__", "0.0.1")
+        with pytest.raises(AssertionError, match="planned again"):
+            run(*words, "--resume", catch_exceptions=False)
 
 
 @pytest.mark.usefixtures("in_this_process")

@@ -156,7 +156,8 @@ def test_contact_is_where_a_joint_rests_beside_its_model_in_a_few_of_many_places
 
 
 @pytest.mark.parametrize(
-    ("change", "rough", "said"), [(0.02, 0.001, 1), (0.004, 0.0005, 0), (0.02, 0.05, 0)]
+    ("change", "rough", "said"),
+    [(0.02, 0.001, 1), (-0.02, 0.001, 1), (0.004, 0.0005, 0), (0.02, 0.05, 0)],
 )
 def test_a_drift_is_more_than_the_noise_and_explains_a_part_of_the_residuals(change, rough, said):
     rows = np.arange(200)

@@ -253,3 +253,12 @@ def test_the_search_leaves_a_curve_that_the_joint_cannot_follow():
 def test_bad_input_is_named(desired, options, error, message):
     with pytest.raises(error, match=message):
         invert_closed_form(ERS210A, desired, **options)
+
+
+def test_lines_are_as_steep_each_way_as_the_joint_is_fast():
+    model = replace(ERS210A, v_offset=1.5)
+    rise = 0.9 * (model.v_max + 1.5) * model.period  # faster than it falls
+    desired = np.interp(np.arange(40), [0, 10, 40], [0.0, 10.0 * rise, 0.0])
+    lines = invert_closed_form(model, desired, segments=2, refine=False).approximation
+    assert rise / model.period > model.v_max - 1.5
+    np.testing.assert_allclose(lines.angles, desired, rtol=0.0, atol=1e-9)

@@ -60,6 +60,7 @@ def test_shares_of_a_range_are_not_reported_as_angles():
         ("v_max", Interval(0.0, 10.9), "only ± 100 %"),
         ("v_max", Interval(0.0, 11.0), "hardly at all"),
         ("lag", Interval(0.031, 0.033), "± 1 ms"),
+        ("lag", Interval(0.025, 0.039), "± 7 ms"),
         ("lag", Interval(0.0, 0.328), "only ± 164 ms"),
         ("v_max", Interval(0.5, math.inf), "only bounded from below"),
         ("v_max", Interval(-math.inf, 2.0), "only bounded from above"),
