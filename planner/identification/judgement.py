@@ -260,6 +260,11 @@ def _undetermined(
     return found + undetermined_delays(fit, bounds, uncertainty)
 
 
+REST, STEPS = 0.2, 6
+"""Rest before and after a sudden step [s], and number of such steps from which on more of them
+would show no more of the delays. The signal that `excite` proposes has 12."""
+
+
 def is_loose(tick: float, width: float, value: float) -> bool:
     """Whether an interval of a delay is so wide that the log does not determine it [s]."""
     return width > max(2.0 * tick, OPTIONS.loose * value)
@@ -287,7 +292,7 @@ def undetermined_delays(
             f"{_ends(ends['acceleration_time'])} ms, are not known{both}: record more rows a "
             "second to tell them apart"
         )
-        return [Finding("delays", words)]
+        return [Finding("log", words)]  # another recording at this rate would show no more
     return [
         Finding(
             "delays",
@@ -305,10 +310,13 @@ def _ends(of: Interval) -> str:
 
 
 def _sudden(grid: Grid) -> bool:
-    """Whether most of the way that requests go is in sudden steps."""
+    """Whether most of the way that requests go is in sudden steps, or several lie between rests."""
     steps = np.abs(np.diff(grid.requests))
     sudden = steps >= 0.1 * grid.span
-    return float(np.sum(steps[sudden])) > 0.5 * float(np.sum(steps))
+    rests = np.diff(grid.edges) >= REST
+    alone = sudden[:-1] & rests[:-1] & rests[1:]
+    most = np.sum(steps[sudden]) > 0.5 * np.sum(steps)
+    return bool(most or np.sum(alone) >= STEPS)
 
 
 def notes_on(logs: Sequence[Log], timing: Timing, jumps: Sequence[int]) -> list[Finding]:
@@ -383,8 +391,15 @@ def _other_scale(grid: Grid, unit: str) -> str:
     requested, actual = float(np.ptp(grid.requests)), float(np.ptp(grid.angles))
     if min(requested, actual) <= 0.0 or 0.5 <= actual / requested <= 1.4:
         return ""
-    if np.max(_likeness(grid, np.linspace(0.0, grid.reach, 200))) < OPTIONS.scaled:
+    delays = np.linspace(0.0, grid.reach, 200)
+    likeness = _likeness(grid, delays)
+    if np.max(likeness) < OPTIONS.scaled:
         return ""
+    if actual > requested:  # unless it is for a moment only: the joint may overshoot
+        requests = delayed_errors(grid, float(delays[np.argmax(likeness)])) + grid.angles
+        usual = [np.diff(np.quantile(each, (0.1, 0.9)))[0] for each in (requests, grid.angles)]
+        if usual[1] <= 1.4 * usual[0]:
+            return ""
     return (
         f"the angles are like the requests but span {angle_in(unit, actual)} beside "
         f"{angle_in(unit, requested)}: is the scale of a column wrong? expected actual angles "

@@ -118,6 +118,7 @@ def test_of_delays_that_are_exchanged_for_one_another_one_line_says_what_is_know
     wide = {"lag": Interval(0.0, 0.04), "acceleration_time": Interval(0.0, 0.09)}
     notes = undetermined_delays(fit, wide, uncertainty_of(fit))
     said = [each.words for each in notes]
+    assert {each.topic for each in notes} == {"log" if sudden else "delays"}  # no more steps
     if sudden:
         middle = fit.parameters.lag + fit.parameters.acceleration_time / 2.0
         assert len(said) == 1
@@ -127,6 +128,35 @@ def test_of_delays_that_are_exchanged_for_one_another_one_line_says_what_is_know
         assert [line.split(": ")[1][:20] for line in said] == 2 * ["record sudden steps "]
     narrow = dict.fromkeys(wide, Interval(0.02, 0.021))
     assert not undetermined_delays(fit, narrow, uncertainty_of(fit))
+
+
+@pytest.mark.parametrize(("steps", "topic"), [(5, "delays"), (6, "log")])
+def test_of_a_log_with_a_few_steps_between_rests_no_more_steps_are_asked_for(steps, topic):
+    """Even where most of the way is slow, as in the signal that excite proposes."""
+    log = rich_log(JOINT, rows=2000)
+    requests = 0.3 * np.sin(2.0 * np.pi * 0.5 * log.times)
+    rows = round(0.5 / log.period)
+    for k in range(steps + 1):
+        requests[k * rows : (k + 1) * rows] = 0.25 if k % 2 else -0.25
+    angles = planner.simulate(JOINT, requests, cyclic=False)
+    log = changed(log, requests=requests, angles=angles)
+    (fit,) = fit_joint([log], timing_of([log], tick=None, hold=None))
+    wide = {"lag": Interval(0.0, 0.04), "acceleration_time": Interval(0.0, 0.09)}
+    assert {each.topic for each in undetermined_delays(fit, wide, uncertainty_of(fit))} == {topic}
+
+
+def test_a_joint_that_overshoots_for_a_moment_has_no_column_in_another_scale():
+    requests = np.repeat([-0.7, 0.7] * 2, 100)
+    times = 0.02 * np.arange(len(requests))
+    since = np.arange(len(requests)) % 100 - 4.0
+    swing = 0.8 * np.exp(-since / 6.0) * np.cos(since / 3.0)
+    angles = requests * (1.0 + np.where(since >= 0.0, swing, -1.0))
+    log = changed(rich_log(JOINT, rows=len(requests)), times=times, requests=requests)
+    scaled = planner.identify(changed(log, angles=1.6 * requests)).findings
+    overshooting = planner.identify(changed(log, angles=angles)).findings
+    assert np.ptp(angles) > 1.4 * np.ptp(requests)
+    assert any("scale of a column" in each.words for each in scaled)
+    assert not any("scale of a column" in each.words for each in overshooting)
 
 
 def test_how_well_the_middle_of_a_window_is_known_counts_what_its_length_does():
