@@ -87,7 +87,9 @@ class JointModel:
             inertia [s]; 0 for the paper's joint.
         max_acceleration: Largest change of its speed [rad/s^2]; infinite for the paper's joint.
         sag_sin: Sag by gravity where no torque is known [rad]: at the angle q the joint rests
-            sag_sin sin(q) + sag_cos cos(q) beside its request, and by ``offset``.
+            sag_sin sin(q) + sag_cos cos(q) beside its request, and by ``offset``. Both its top
+            speeds increase by v_max / theta_0 times this sag: it is faster downhill. A sag of
+            theta_0 or more exceeds the joint's torque: there no request holds it.
         sag_cos: The same by the cosine [rad].
 
     Raises:
@@ -372,7 +374,10 @@ class JointModel:
         return np.asarray(self.sag_sin * np.sin(angle) + self.sag_cos * np.cos(angle))
 
     def rest(self, request: npt.ArrayLike, load: npt.ArrayLike = 0.0) -> Array:
-        """Angle q at which a request holds the joint [rad]: q = R + c + kappa tau + g(q)."""
+        """Angle q at which a request holds the joint [rad]: q = R + c + kappa tau + g(q).
+
+        It holds it where the sag by the pose is less than theta_0.
+        """
         level = np.asarray(np.asarray(request, dtype=np.float64) + self.sag(load))
         if self.most_pose_sag == 0.0:
             return level
@@ -400,30 +405,47 @@ class JointModel:
         """
         return np.asarray(self.offset + self.compliance * np.asarray(load, dtype=np.float64))
 
-    def speed_limits(self, load: npt.ArrayLike = 0.0) -> tuple[Array, Array]:
-        """Least and largest speed under a load [rad/s]: -v^- and v^+ of (1a)."""
+    def speed_limits(
+        self, load: npt.ArrayLike = 0.0, angle: npt.ArrayLike | None = None
+    ) -> tuple[Array, Array]:
+        """Least and largest speed under a load [rad/s]: -v^- and v^+ of (1a).
+
+        Args:
+            load: Torque on the joint in the direction of positive angles [N m].
+            angle: Angle at which gravity acts, by :meth:`pose_sag` [rad]; None for no gravity.
+        """
         faster = self.v_offset + self.speed_per_torque * np.asarray(load, dtype=np.float64)
+        if angle is not None and self.most_pose_sag > 0.0:
+            faster = faster + self.v_max / self.theta_0 * self.pose_sag(angle)
         return np.asarray(-(self.v_max - faster)), np.asarray(self.v_max + faster)
 
-    def corners(self, load: npt.ArrayLike = 0.0) -> Array:
+    def corners(self, load: npt.ArrayLike = 0.0, angle: npt.ArrayLike | None = None) -> Array:
         """Errors at which the slope of f changes, increasing [rad], shape (4, ...).
 
         Between the first two and the last two f has the slope v_max / theta_0, elsewhere 0.
+        Arguments are those of :meth:`speed_limits`.
         """
-        low, high = (self.theta_0 * (limit / self.v_max) for limit in self.speed_limits(load))
+        limits = self.speed_limits(load, angle)
+        low, high = (self.theta_0 * (limit / self.v_max) for limit in limits)
         band = np.broadcast_to(self.dead_band, low.shape)
         return np.stack([low - band, -band, band, high + band])
 
-    def speed(self, error: npt.ArrayLike, load: npt.ArrayLike = 0.0) -> Array:
+    def speed(
+        self,
+        error: npt.ArrayLike,
+        load: npt.ArrayLike = 0.0,
+        angle: npt.ArrayLike | None = None,
+    ) -> Array:
         """Speed that errors demand [rad/s]: f of Equation 2 and of (1a).
 
         Args:
             error: Request plus :meth:`sag` and :meth:`pose_sag` minus angle [rad].
             load: Torque on the joint in the direction of positive angles [N m].
+            angle: Angle at which gravity acts, by :meth:`pose_sag` [rad]; None for no gravity.
         """
         beyond = np.asarray(error, dtype=np.float64)
         beyond = beyond - np.clip(beyond, -self.dead_band, self.dead_band)
-        low, high = self.speed_limits(load)
+        low, high = self.speed_limits(load, angle)
         return np.asarray(np.minimum(np.maximum(self.v_max / self.theta_0 * beyond, low), high))
 
     @cached_property
@@ -446,7 +468,10 @@ class JointModel:
         return self.time_constant > 0.0 or math.isfinite(self.max_acceleration)
 
     def faster_per_tick(self, load: npt.ArrayLike = 0.0) -> Array:
-        """Excess of the top speed in the positive direction under a load [rad/tick]."""
+        """Excess of the top speed in the positive direction under a load [rad/tick].
+
+        Without that by the pose, which the law adds: see :meth:`speed_limits`.
+        """
         torque = np.asarray(load, dtype=np.float64)
         return np.asarray((self.v_offset + self.speed_per_torque * torque) * self.tick)
 

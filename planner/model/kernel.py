@@ -23,9 +23,11 @@ from planner.trajectory import Array, Indices
 def drive(law: Law, error: float, faster: float) -> tuple[float, float]:
     """Equation 2 under a load: the speed that an error demands, without friction.
 
+    A sag by the pose is added to it, ``gain * pose_sag``: it shifts the limits by as much.
+
     Args:
         law: The joint.
-        error: Request plus sag minus angle [rad].
+        error: Request plus sag minus angle, without the sag by the pose [rad].
         faster: How much faster it is in the positive direction, b [rad/tick].
 
     Returns:
@@ -107,11 +109,12 @@ def run_period(
     hold, width = weights.shape
     youngest = first + width - 1
     for tick in range(skipped, hold):
-        demand, here = 0.0, sag + pose_sag(law, angle)
+        demand = 0.0
         for j in range(width):
             weight = weights[tick, j]
             if weight != 0.0:
-                demand += weight * drive(law, history[youngest - j] + here - angle, faster)[0]
+                demand += weight * drive(law, history[youngest - j] + sag - angle, faster)[0]
+        demand += law.gain * pose_sag(law, angle)
         speed = moved(law, demand, speed)
         angle += speed
     return angle, speed
@@ -272,10 +275,9 @@ def period(
     low, high = faster - law.top, faster + law.top
     values, own, bent = np.empty(width), np.empty(width), np.empty(width)
     for tick in range(hold):
-        here, kept = sag + pose_sag(law, angle), 1.0 - pose_sag_slope(law, angle)
         for j in range(width):  # a loop without sums, which processors do several turns of at once
             value, slope, bend = rounded_clip(
-                law.gain * (window[j] + here - angle), low, high, rounded
+                law.gain * (window[j] + sag - angle), low, high, rounded
             )
             values[j] = weights[tick, j] * value
             own[j] = weights[tick, j] * law.gain * slope
@@ -284,16 +286,18 @@ def period(
         for j in range(width):
             demand += values[j]
             total += own[j]
+        demand += law.gain * pose_sag(law, angle)
+        restoring = total - law.gain * pose_sag_slope(law, angle)
         speed, by_demand, by_speed, bend = rounded_moved(law, demand, speed, rounded)
         angle += speed
-        by_angle = -by_demand * total * kept
+        by_angle = -by_demand * restoring
         for c in range(2 + width):
             slopes[1, c] = by_speed * slopes[1, c] + by_angle * slopes[0, c]
         for j in range(width):
             slopes[1, 2 + j] += by_demand * own[j]
         for j in range(bends.shape[1]):
             bends[1, j] = by_speed * bends[1, j] + by_angle * bends[0, j]
-            bends[1, j] += by_demand * bent[j] + bend * own[j] * total * kept
+            bends[1, j] += by_demand * bent[j] + bend * own[j] * restoring
             bends[0, j] += bends[1, j]
         for c in range(2 + width):
             slopes[0, c] += slopes[1, c]
@@ -437,7 +441,8 @@ def along(
             derivatives by lag and acceleration time [s].
         angles: Angle in each state [rad], (s,): given where a run starts, filled elsewhere.
         errors: Filled with the least and the largest request that acts at each tick, plus sag,
-            less the angle before it [rad], (t, 2).
+            less the angle before it [rad], (t, 2); without the sag by the pose, which moves the
+            corners of the drive by as much.
         predicted: Filled with the angle at each row [rad], (rows,).
         slopes: Filled with the derivatives of these by gain [1/tick], v_max [rad/tick], lag and
             acceleration time [ticks], sag [rad], dead band [rad], ``faster`` [rad/tick], both by
@@ -448,7 +453,7 @@ def along(
     law, edges, requests, states = servo.law, track.edges, track.requests, track.states
     before, share = track.before, track.share
     count, last, half = len(columns), len(edges) - 1, servo.play / 2.0
-    by_pose = bool(np.any((columns == SAG_SIN) | (columns == SAG_COS)))
+    has_sag_columns = bool(np.any((columns == SAG_SIN) | (columns == SAG_COS)))
     window, by_window = servo.window / track.tick, 1.0 / servo.window
     drives, kinks = np.zeros(START + 1), np.zeros(START + 1)
     past, now, motion, fast = (
@@ -466,7 +471,8 @@ def along(
             for p in range(count):
                 fast[p] = 0.0
                 now[p] = motion[p] = 1.0 if columns[p] == START else 0.0
-        sag = servo.sag + servo.sag_by_load * track.loads[t] + pose_sag(law, angle)
+        sag = servo.sag + servo.sag_by_load * track.loads[t]
+        by_pose = pose_sag(law, angle)
         faster = servo.faster + servo.faster_by_load * track.loads[t]
         young = track.ticks[t] - servo.lag
         old = young - servo.window
@@ -491,6 +497,8 @@ def along(
             begin = end
             number += 1
         errors[t, 0], errors[t, 1] = least, most
+        driven = demand
+        demand += law.gain * by_pose
         slid, free = speed, demand
         if law.share < 1.0 or law.acceleration < np.inf:
             change = law.share * (demand - speed)
@@ -511,17 +519,18 @@ def along(
                 at = number_in_force(edges, old + sign * apart, first)
                 side_old += drive(law, requests[at] + sag - angle, faster)[0] / 2.0
             # By the drive g(t)
-            drives[GAIN] = mean + band * limited  # the limits are v_max + gain * dead band
+            # The limits are v_max + gain * dead band, and shifted by gain * the sag by the pose.
+            drives[GAIN] = mean + by_pose + band * limited
             drives[V_MAX] = limited
             drives[LAG] = (side_old - side_young) / window
-            drives[WINDOW] = (side_old - demand) / window
+            drives[WINDOW] = (side_old - driven) / window
             drives[SAG] = law.gain * inside
             drives[BAND] = law.gain * limited
             drives[FASTER] = saturated
             drives[SAG_LOAD] = drives[SAG] * track.loads[t]
-            if by_pose:
-                drives[SAG_SIN] = drives[SAG] * np.sin(angle)
-                drives[SAG_COS] = drives[SAG] * np.cos(angle)
+            if has_sag_columns:
+                drives[SAG_SIN] = law.gain * np.sin(angle)
+                drives[SAG_COS] = law.gain * np.cos(angle)
             drives[FASTER_LOAD] = saturated * track.loads[t]
             # By the demanded speed, and by the speed before
             accelerated = 1.0
@@ -536,7 +545,7 @@ def along(
             kinks[BAND] = -way * law.share * law.gain
             kinks[SHARE] = accelerated * (demand - slid) - way * law.friction
             by_demand = law.share * accelerated
-            by_angle = law.gain * inside * (1.0 - pose_sag_slope(law, angle))
+            by_angle = law.gain * (inside - pose_sag_slope(law, angle))
             for p in range(count):
                 column = columns[p]
                 past[p] = now[p]

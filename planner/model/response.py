@@ -173,7 +173,8 @@ class PathSpeeds(NamedTuple):
 
     Attributes:
         speeds: Speed from each sample to the next [rad/s], shape (m,), with the sign of the motion.
-        limits: The joint's top speed in that direction, under its load [rad/s], shape (m,).
+        limits: The joint's top speed in that direction, under its load and, with a sag by the pose,
+            at the angle of the sample [rad/s], shape (m,).
     """
 
     speeds: Array
@@ -209,7 +210,10 @@ def path_speeds(
     """
     speeds = steps(desired, cyclic=cyclic) / model.period
     torques = 0.0 if load is None else np.roll(load, -1)[: len(speeds)]
-    low, high = model.speed_limits(torques)
+    low, high = model.speed_limits(torques, desired[: len(speeds)])
+    if model.most_pose_sag > 0.0:  # where gravity overcomes the joint, any speed is too high
+        least = SAME * model.v_max
+        low, high = np.minimum(low, -least), np.maximum(high, least)
     return PathSpeeds(speeds, np.where(speeds < 0.0, low, high))
 
 

@@ -102,8 +102,7 @@ def sensitivities(
         first[0, 0] = 1.0 / (1.0 - sag)
         if start is not None:
             torque = 0.0 if torques is None else float(torques[0])
-            error = requests[0] + model.pose_sag(start) - start
-            first[:, 0] = _slope(model, error, torque)
+            first[:, 0] = _slope(model, requests[0], start, torque)
         later = _recursion(kept[1:], driven[1:], first)[:, 0]
         rows = np.vstack([first[:1], later])
     rows = np.ascontiguousarray(rows)
@@ -111,19 +110,20 @@ def sensitivities(
     return rows
 
 
-def _slope(model: JointModel, error: float, load: float) -> float:
+def _slope(model: JointModel, request: float, start: float, load: float) -> float:
     """Derivative of the first speed from rest by the request; at a corner the mean of both sides.
 
     Args:
         model: The joint.
-        error: First request and the sag by the pose minus angle [rad].
+        request: First request [rad].
+        start: Angle at which the joint rests before it [rad].
         load: Torque on the joint [N m].
     """
-    error = float(error + model.sag(load))
-    sides = np.sign(error - model.corners(load))
+    error = float(request + model.pose_sag(start) - start + model.sag(load))
+    sides = np.sign(error - model.corners(load, start))
     slope = float(model.gain_per_tick * (sides[0] - sides[1] + sides[2] - sides[3]) / 2.0)
     most = model.law.acceleration / model.law.share
-    drive = abs(float(model.speed(error, load)) * model.tick) + model.law.friction
+    drive = abs(float(model.speed(error, load, start)) * model.tick) + model.law.friction
     beyond = float(np.sign(drive - most))
     return model.law.share * slope * (1.0 - beyond) / 2.0
 

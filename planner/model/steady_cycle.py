@@ -72,13 +72,16 @@ def run_steady_cycle(cycle: Cycle, near: float, most: int) -> float:
     law = cycle.law
     v_max = law.top - law.friction
     slower, faster = extremes(cycle.faster)
-    top = v_max + max(-slower, faster)
+    by_pose = np.hypot(law.sag_sin, law.sag_cos)
+    top = v_max + max(-slower, faster) + law.gain * by_pose
     # The joint overshoots a request by at most the difference of v_max and theta_0, and coasts.
     beyond = max(1.0 - 1.0 / law.gain, 0.0) * top
     inert = law.share < 1.0 or law.acceleration < np.inf
     if inert:
         beyond += 2.0 * top / law.share + top**2 / law.acceleration
-    beyond += np.hypot(law.sag_sin, law.sag_cos)
+    beyond += by_pose
+    if law.gain * by_pose >= v_max - max(-slower, faster):
+        beyond += 2.0 * np.pi  # no request holds it at some angles: it falls to others
     (low, high), (least, most_sag) = extremes(cycle.history), extremes(cycle.sags)
     low, high = low + least - beyond, high + most_sag + beyond
     tolerance = CYCLE_TOLERANCE * max(1.0, abs(low), abs(high))
@@ -118,7 +121,8 @@ def _closed_cycle(
 
     The angle at the end of a cycle is a continuous, piecewise linear function of the angle at its
     start, of slope within [-1, 1]: the secant method finds the fixed point, between two angles on
-    either side of it.
+    either side of it. With a sag by the pose the function is curved and may be steeper; of several
+    fixed points the method finds one.
     """
     earlier, ended_earlier, mismatch = np.nan, np.nan, np.inf
     for turn in range(most):
@@ -161,7 +165,7 @@ def _nearest_cycle(
     How much further a cycle ends than it starts does not increase with the angle where it starts.
     So the steady cycles start in one range, on the side of ``start`` to which a cycle from there
     moves. Where v_max <= theta_0 a tick the fixed-point iteration cannot pass the near end of that
-    range; it is bisected.
+    range; it is bisected. With a sag by the pose there may be several ranges: one of them is found.
     """
     end = ended(cycle, start, 0.0)[0]
     if abs(end - start) <= tolerance:

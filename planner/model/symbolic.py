@@ -46,11 +46,10 @@ def period(
     faster = (model.v_offset + model.speed_per_torque * load) * model.tick
     corner = None if radius is None else law.gain * radius
     for weights in weights_by_tick(model).tolist():
-        sag = level + _pose_sag(law, angle)
-        demand = sum(
+        demand = law.gain * _pose_sag(law, angle) + sum(
             weight
             * _clip(
-                law.gain * (requests[j] + sag - angle), faster - law.top, faster + law.top, corner
+                law.gain * (requests[j] + level - angle), faster - law.top, faster + law.top, corner
             )
             for j, weight in enumerate(weights)
             if weight

@@ -36,7 +36,8 @@ def stated_bound(problem: BoundProblem, level: Level) -> float:
     x = cp.Variable(ticks)
     w = cp.hstack([x[:1] - x[-1:], x[1:] - x[:-1]]) if cyclic else x[1:] - x[:-1]
     moving = np.arange(0 if cyclic else 1, ticks)
-    lowest, highest = b - v, b + v
+    by_pose = ratio * math.hypot(model.sag_sin, model.sag_cos)
+    lowest, highest = b - v - by_pose, b + v + by_pose
     if model.has_inertia:  # it keeps its speed from another load
         lowest, highest = np.full(ticks, np.min(lowest)), np.full(ticks, np.max(highest))
     conditions = [w <= highest[moving], w >= lowest[moving]]  # condition 1
@@ -44,8 +45,8 @@ def stated_bound(problem: BoundProblem, level: Level) -> float:
         at = moving if cyclic else moving[:-1]
         next_at = (at + 1) % ticks
         db, ds = b[next_at] - b[at], sag[next_at] - sag[at]
-        ups = (w, lowest[at], highest[at], db, ds, b[next_at])
-        downs = (-w, -highest[at], -lowest[at], -db, -ds, -b[next_at])
+        ups = (w, lowest[at], highest[at], db, ds, b[next_at] + by_pose)
+        downs = (-w, -highest[at], -lowest[at], -db, -ds, by_pose - b[next_at])
         for speeds, *numbers in (ups, downs):
             conditions += _conditions_of_speed(problem, speeds, *numbers)
     if start is not None:
@@ -56,7 +57,9 @@ def stated_bound(problem: BoundProblem, level: Level) -> float:
             new = np.append(new, np.minimum(np.cumsum(model.window.weights), 1.0))[:ticks]
         sags = ratio * np.abs(sag - sag[0])[: len(new)]
         excess = np.abs(model.v_offset + model.speed_per_torque * torque)[: len(new)]
-        fastest = v + excess * model.tick
+        fastest = v + excess * model.tick + by_pose
+        if by_pose > 0.0 and np.any(by_pose >= v - excess * model.tick):  # gravity moves it
+            new = np.ones(len(new))
         if model.has_inertia and np.any(sags):  # it may swing on
             sags = np.full(len(new), np.max(fastest))
         farthest = np.cumsum(new * fastest + (1.0 - new) * sags)
@@ -101,11 +104,12 @@ def _conditions_of_speed(
         return at_lowest + cp.multiply(at_highest - at_lowest, share)
 
     def drive_change(speed: Any) -> Any:  # condition 2, with the chord of its maximum
-        ends = (np.maximum(ds - end + pose * np.abs(end), 0.0) for end in (lowest, highest))
+        ends = (np.maximum(ds - end, 0.0) for end in (lowest, highest))
+        turned = (pose * np.abs(end) for end in (lowest, highest))
         replaced = np.sum(np.abs(np.diff(weights, prepend=0.0, append=0.0)))
         common = np.sum(np.minimum(weights[1:], weights[:-1]))
         changed = replaced * (v + friction + db / 2.0) + common * np.maximum(db, 0.0)
-        return changed + common * ratio * line(speed, *ends)
+        return changed + common * ratio * line(speed, *ends) + ratio * line(speed, *turned)
 
     if not model.has_inertia:
         return [later - now <= drive_change(now)]

@@ -91,14 +91,15 @@ def foot_bound(task: Task, angles: Array) -> float:
         angles = angles - turn * np.floor((np.min(angles, axis=0) - lower[0]) / turn)
     scales = task.axis_scales / plan_error
     distance = Distance(leg.chain, lower, upper, task.desired_foot, scales)
-    joints = zip(models, angles.T, task.starts, task.loads, strict=True)
+    room = np.min(lower, axis=0), np.max(upper, axis=0)
+    joints = zip(models, angles.T, task.starts, task.loads, *room, strict=True)
     sets = [
-        reachable_set(BoundProblem(model, column, task.cyclic, norm, start, load), "envelope")
-        for model, column, start, load in joints
+        reachable_set(
+            BoundProblem(model, column, task.cyclic, norm, start, load), "envelope", (low, high)
+        )
+        for model, column, start, load, low, high in joints
     ]
-    relaxation = LagrangianRelaxation(
-        distance, sets, norm, (np.min(lower, axis=0), np.max(upper, axis=0))
-    )
+    relaxation = LagrangianRelaxation(distance, sets, norm, room)
     away = largest_distances(models, len(angles), cyclic=task.cyclic, loads=task.loads)
     squared = _branch_and_bound(
         relaxation, away, stationary_point(relaxation, np.clip(angles, lower, upper))
@@ -225,8 +226,8 @@ def attainable_angles(
 
     A joint overshoots a request by v - theta_0 a tick at most, with a sag by its angle of at most s
     by v - theta_0 / (1 + s), by more in the direction of a higher
-    top speed, and by nothing where that is negative; friction holds it within its dead band. With
-    inertia it may overshoot by any amount. A turn
+    top speed, and by nothing where that is negative; friction holds it within its dead band, over
+    1 - s. With inertia, or where gravity may overcome it, it may overshoot by any amount. A turn
     by 2 pi changes nothing for the foot, so that the least angle of a cycle may be taken within a
     turn of the lower limit, or of -pi; the speed then bounds the greatest angle.
 
@@ -243,8 +244,13 @@ def attainable_angles(
     beyond = np.array([model.v_max_per_tick for model in models])
     beyond = np.maximum(beyond - thresholds, 0.0)
     beyond *= farthest / np.array([model.v_max_per_period for model in models])
-    beyond = np.maximum(beyond, [model.dead_band for model in models])
-    beyond[[model.has_inertia for model in models]] = math.inf
+    bands = [model.dead_band / (1.0 - model.most_pose_sag) for model in models]
+    beyond = np.maximum(beyond, bands)
+    free = [
+        model.has_inertia or overcome(model, load)
+        for model, load in zip(models, loads, strict=True)
+    ]
+    beyond[free] = math.inf
     lowest, highest = (np.atleast_2d(rest_angles(models, end, loads)) for end in limits)
     lower, upper = np.min(lowest, axis=0) - beyond, np.max(highest, axis=0) + beyond
     if start is not None:
@@ -257,6 +263,13 @@ def attainable_angles(
     lower = np.where(np.isinf(lower), upper - span, lower)
     upper = np.minimum(upper, lower + span)
     return np.tile(lower, (samples, 1)), np.tile(upper, (samples, 1))
+
+
+def overcome(model: JointModel, load: Array | None) -> bool:
+    """Whether gravity by the pose may exceed the joint's torque at some angle."""
+    low, high = model.speed_limits(0.0 if load is None else load)
+    by_pose = model.v_max / model.theta_0 * model.most_pose_sag
+    return by_pose > 0.0 and by_pose >= float(min(np.min(high), np.min(-low)))
 
 
 def _farthest(models: Sequence[JointModel], loads: Loads) -> Array:

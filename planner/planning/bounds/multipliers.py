@@ -20,6 +20,7 @@ from planner.planning.bounds.reachable_set import (
     Level,
     ReachableSet,
     farthest_per_period,
+    linearised_set,
     reachable_set,
     ticks_of,
 )
@@ -54,11 +55,18 @@ def linear_bound(problem: BoundProblem, level: Level) -> float:
     Raises:
         SolverFailed: The solver proposed no multipliers.
     """
+    bound = _bound_of(reachable_set(problem, level), problem)
+    if problem.model.most_pose_sag == 0.0:
+        return bound
+    return max(bound, _bound_of(linearised_set(problem, level), problem))
+
+
+def _bound_of(reachable: ReachableSet, problem: BoundProblem) -> float:
+    """The distance of the desired angles from a reachable set [rad], proved by (9) or (9b)."""
     desired, norm = problem.desired, problem.norm
     middle, slack = float(np.mean(desired)), farthest_per_period(problem.model, problem.load)
     scale = max(float(np.ptp(desired)), slack)
-    reachable = reachable_set(problem, level)
-    matrix, sampled = reachable.matrix, reachable.sampled
+    matrix, sampled, curvature = reachable.matrix, reachable.sampled, reachable.curvature
     limits = (reachable.limits - matrix @ np.full(matrix.shape[1], middle)) / scale
     centred = (desired - middle) / scale
     scaled = ReachableSet(matrix, limits, sampled)
@@ -80,6 +88,11 @@ def linear_bound(problem: BoundProblem, level: Level) -> float:
             break
     if not answer.has_multipliers:
         raise SolverFailed("lower bound", answer.status)
+    if curvature is not None:
+        scaled = scaled._replace(curvature=curvature.scaled(scale))
+        proved = certified_error(
+            scaled, centred, answer.unknowns, answer.multipliers, norm=norm, slack=slack
+        )
     return scale * proved
 
 
@@ -125,7 +138,7 @@ def nearest_where(
     Returns:
         The motion at all ticks, and multipliers for all rows.
     """
-    matrix, limits, sampled = reachable
+    matrix, limits, sampled, _ = reachable
     inner = sparse.csr_array(matrix[:, free])
     rows = np.diff(inner.indptr) > 0
     right = limits[rows] - matrix[rows] @ np.where(free, 0.0, through)
@@ -226,7 +239,7 @@ def certified_error(
     norm: Norm,
     slack: float,
 ) -> float:
-    """The lower bound that any multipliers prove by (9).
+    """The lower bound that any multipliers prove by (9), or with linearised conditions by (9b).
 
     Args:
         reachable: The set.
@@ -248,8 +261,22 @@ def certified_error(
     room = np.where(between, np.abs(point - before) + slack, 0.0)
     value, gradient = dual_value(reachable.matrix, reachable.limits, multipliers, point, room)
     at_samples, rest = gradient[reachable.sampled], float(np.sum(np.abs(gradient[between])))
+    of_error, quadratic = np.zeros(len(desired)), 0.0
+    if reachable.curvature is not None:
+        rows, factors, samples, between_samples = reachable.curvature
+        weights = multipliers[rows] * factors
+        value -= float(weights @ between_samples**2)
+        of_error = np.bincount(samples, 2.0 * weights * between_samples, len(desired))
+        of_square = np.bincount(samples, weights, len(desired))
+        quadratic = float(len(desired) * np.max(of_square) if norm == "rms" else of_square.sum())
     if norm == "rms":
         size = np.sqrt(len(desired)) * (np.linalg.norm(at_samples) + rest)
+        size += np.sqrt(len(desired)) * np.linalg.norm(of_error)
     else:
-        size = np.abs(at_samples).sum() + rest
-    return max(value / float(size), 0.0) if size > 0.0 else 0.0
+        size = np.abs(at_samples).sum() + rest + of_error.sum()
+    if value <= 0.0 or size + quadratic <= 0.0:
+        return 0.0
+    if quadratic == 0.0:
+        return float(value / float(size))
+    # value <= size * error + quadratic * error^2
+    return 2.0 * value / float(size + np.sqrt(size**2 + 4.0 * quadratic * value))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -37,6 +38,28 @@ class BoundProblem(NamedTuple):
     load: Array | None = None
 
 
+class Curvature(NamedTuple):
+    """By how much trajectories with an error may exceed linearised conditions, (9b).
+
+    Such a condition holds up to ``factor * (|error of the sample| + between)**2``.
+
+    Attributes:
+        rows: Which conditions, (r,).
+        factors: Half of the largest second derivative [1/rad], (r,).
+        samples: Sample whose error counts, (r,).
+        between: Largest distance of the angle from the one at that sample [rad], (r,).
+    """
+
+    rows: npt.NDArray[np.int_]
+    factors: Array
+    samples: npt.NDArray[np.int_]
+    between: Array
+
+    def scaled(self, scale: float) -> Curvature:
+        """The same with angles, and the limits of the rows, divided by ``scale`` [rad]."""
+        return self._replace(factors=self.factors * scale, between=self.between / scale)
+
+
 class ReachableSet(NamedTuple):
     """A set that contains every trajectory the joint can make: ``matrix @ angles <= limits``.
 
@@ -44,19 +67,25 @@ class ReachableSet(NamedTuple):
         matrix: G, shape (rows, ticks).
         limits: b [rad], shape (rows,).
         sampled: Indices of the angles that are compared with the desired ones, shape (n,).
+        curvature: Rows that are linearised at the desired angles; None where all hold exactly.
     """
 
     matrix: sparse.csr_array
     limits: Array
     sampled: npt.NDArray[np.int_]
+    curvature: Curvature | None = None
 
 
-def reachable_set(problem: BoundProblem, level: Level) -> ReachableSet:
+def reachable_set(
+    problem: BoundProblem, level: Level, angles: tuple[float, float] | None = None
+) -> ReachableSet:
     """Linear conditions that every response of the joint meets, tick by tick.
 
     Args:
         problem: The joint, its load and the number of samples; the desired angles do not count.
         level: "slope" for condition 1, otherwise conditions 1 and 2, and from a given start 3.
+        angles: Least and greatest angle that the joint attains, for the sag by the pose [rad]; None
+            for any angles.
 
     Returns:
         The conditions, on the angles at every tick.
@@ -67,10 +96,11 @@ def reachable_set(problem: BoundProblem, level: Level) -> ReachableSet:
     load = load_by_tick(problem, ticks)
     steps = _differences(ticks, cyclic=problem.cyclic)  # speeds [rad/tick] from angles
     moved = np.arange(0 if problem.cyclic else 1, ticks)
-    low, high = speed_ranges(model, load)
+    pose = pose_sags(model, angles)
+    low, high = speed_ranges(model, load, pose)
     rows, limits = [steps, -steps], [high[moved], -low[moved]]
     if level != "slope":
-        for side in sides(model, load[moved], cyclic=problem.cyclic):
+        for side in sides(model, load[moved], pose, cyclic=problem.cyclic):
             for condition in speed_conditions(model, side):
                 changes, at = _speed_rows(steps, condition, cyclic=problem.cyclic)
                 rows.append(side.sign * changes)
@@ -85,6 +115,59 @@ def reachable_set(problem: BoundProblem, level: Level) -> ReachableSet:
         np.concatenate(limits),
         np.arange(0, ticks, model.hold),
     )
+
+
+def linearised_set(problem: BoundProblem, level: Level) -> ReachableSet:
+    """The reachable set, with condition 1 also linearised at the desired angles: (7b) and (9b).
+
+    The further conditions are those of a joint that sags by its pose and has no inertia.
+    """
+    reachable, model = reachable_set(problem, level), problem.model
+    if model.most_pose_sag == 0.0 or model.has_inertia:
+        return reachable
+    ticks, gain, hold = ticks_of(problem), model.gain_per_tick, model.hold
+    moved = np.arange(0 if problem.cyclic else 1, ticks)
+    low, high = (limit * model.tick for limit in model.speed_limits(load_by_tick(problem, ticks)))
+    before = (moved - 1) % ticks  # the tick whose angle gravity depends on
+    at = problem.desired[before // hold]
+    sag = gain * model.pose_sag(at)
+    slope = gain * (model.sag_sin * np.cos(at) - model.sag_cos * np.sin(at))
+    shape = (len(moved), ticks)
+    by_angle = sparse.csr_array((slope, (np.arange(len(moved)), before)), shape=shape)
+    rows = sparse.csr_array(_differences(ticks, cyclic=problem.cyclic) - by_angle)
+    shift = sag - slope * at
+    count = len(reachable.limits)
+    farthest = farthest_per_period(model, problem.load) / hold
+    curvature = Curvature(
+        count + np.arange(2 * len(moved)),
+        np.full(2 * len(moved), gain * model.most_pose_sag / 2.0),
+        np.tile(before // hold, 2),
+        np.tile(before % hold * farthest, 2),
+    )
+    return ReachableSet(
+        sparse.csr_array(sparse.vstack([reachable.matrix, rows, -rows])),
+        np.concatenate([reachable.limits, high[moved] + shift, -low[moved] - shift]),
+        reachable.sampled,
+        curvature,
+    )
+
+
+def pose_sags(
+    model: JointModel, angles: tuple[float, float] | None = None
+) -> tuple[float, float]:
+    """Least and largest sag by the pose over a range of angles, or over all [rad]."""
+    most = model.most_pose_sag
+    if most == 0.0 or angles is None or not np.all(np.isfinite(angles)):
+        return -most, most
+    low, high = angles
+    ends = model.pose_sag(np.array([low, high]))
+    turn, top = 2.0 * math.pi, math.atan2(model.sag_sin, model.sag_cos)  # its largest value
+    least, largest = float(np.min(ends)), float(np.max(ends))
+    if math.ceil((low - top) / turn) <= math.floor((high - top) / turn):
+        largest = most
+    if math.ceil((low - top - math.pi) / turn) <= math.floor((high - top - math.pi) / turn):
+        least = -most
+    return least, largest
 
 
 def proved_level(model: JointModel, level: Level) -> Level:
@@ -106,7 +189,8 @@ def ticks_of(problem: BoundProblem) -> int:
 def farthest_per_period(model: JointModel, load: Array | None = None) -> float:
     """Farthest that the joint moves between two requests, in either direction [rad]."""
     low, high = model.speed_limits(0.0 if load is None else load)
-    return float(max(np.max(high), np.max(-low))) * model.period
+    by_pose = model.gain_per_tick * model.most_pose_sag * model.hold
+    return float(max(np.max(high), np.max(-low))) * model.period + by_pose
 
 
 def load_by_tick(problem: BoundProblem, ticks: int) -> Array:
@@ -118,7 +202,14 @@ def load_by_tick(problem: BoundProblem, ticks: int) -> Array:
     return by_tick
 
 
-def speed_ranges(model: JointModel, load: Array) -> tuple[Array, Array]:
+LEAST_SPEED = 1e-3
+"""Least limit of a speed by condition 1 in either direction, where gravity overcomes the joint
+[v_max]: the condition is then weaker."""
+
+
+def speed_ranges(
+    model: JointModel, load: Array, pose: tuple[float, float]
+) -> tuple[Array, Array]:
     """Least and largest speed in each tick [rad/tick]: condition 1.
 
     A joint with inertia keeps its speed from another load.
@@ -126,11 +217,24 @@ def speed_ranges(model: JointModel, load: Array) -> tuple[Array, Array]:
     Args:
         model: The joint.
         load: Torque in each tick [N m], shape (m,).
+        pose: Least and largest sag by the pose [rad].
     """
-    low, high = (limit * model.tick for limit in model.speed_limits(load))
+    low, high = _speed_limits(model, load, pose)
     if model.has_inertia:
         return np.full_like(low, np.min(low)), np.full_like(high, np.max(high))
     return low, high
+
+
+def _speed_limits(
+    model: JointModel, load: Array, pose: tuple[float, float]
+) -> tuple[Array, Array]:
+    """Least and largest speed under the load in each tick [rad/tick]."""
+    low, high = (limit * model.tick for limit in model.speed_limits(load))
+    if model.most_pose_sag == 0.0:
+        return low, high
+    least = LEAST_SPEED * model.v_max_per_tick
+    low = np.minimum(low + model.gain_per_tick * pose[0], -least)
+    return low, np.maximum(high + model.gain_per_tick * pose[1], least)
 
 
 class Side(NamedTuple):
@@ -153,18 +257,21 @@ class Side(NamedTuple):
     drive: Array
 
 
-def sides(model: JointModel, load: Array, *, cyclic: bool) -> tuple[Side, Side]:
+def sides(
+    model: JointModel, load: Array, pose: tuple[float, float], *, cyclic: bool
+) -> tuple[Side, Side]:
     """Both directions of a joint.
 
     Args:
         model: The joint.
         load: Torque in the ticks whose speeds are known [N m], shape (m,).
+        pose: Least and largest sag by the pose [rad].
         cyclic: Whether the first of them follows the last; if not, there is one pair less.
     """
     first = slice(None if cyclic else -1)
     next_load = np.roll(load, -1)
-    low, high = (limit[first] for limit in speed_ranges(model, load))
-    next_low, next_high = (limit[first] * model.tick for limit in model.speed_limits(next_load))
+    low, high = (limit[first] for limit in speed_ranges(model, load, pose))
+    next_low, next_high = (limit[first] for limit in _speed_limits(model, next_load, pose))
     faster = model.speed_per_torque * model.tick * (next_load - load)[first]
     sagged = model.compliance * (next_load - load)[first]
     friction = model.law.friction
@@ -210,18 +317,23 @@ def drive_change(model: JointModel, side: Side) -> tuple[Array, Array]:
     """Slope s and constant p of ``p - s * w(t)``, an upper bound on the drive's gain in a tick.
 
     It is the right-hand side of (7a), in which the chord between the least and the greatest speed
-    replaces ``max(0, c - w + p |w|)``, with c the change of the sag and p the largest slope of the
-    sag by the angle.
+    replaces ``max(0, c - w)``, with c the change of the sag under the load, and ``p |w|``, the
+    largest change of the sag by the pose, p being its largest slope.
     """
     weights, gain, by_pose = model.window.weights, model.gain_per_tick, model.most_pose_sag
     replaced = float(np.abs(np.diff(weights, prepend=0.0, append=0.0)).sum())
     common = float(np.minimum(weights[1:], weights[:-1]).sum())
     slowest, fastest = side.slowest, side.fastest
-    most = np.maximum(side.sagged - slowest + by_pose * np.abs(slowest), 0.0)
-    least = np.maximum(side.sagged - fastest + by_pose * np.abs(fastest), 0.0)
+    most = np.maximum(side.sagged - slowest, 0.0)
+    least = np.maximum(side.sagged - fastest, 0.0)
     slope = gain * common * (most - least) / (fastest - slowest)
     changed = common * np.maximum(side.faster, 0.0) + replaced * side.faster / 2.0
-    return slope, replaced * model.law.top + gain * common * most + slope * slowest + changed
+    constant = replaced * model.law.top + gain * common * most + slope * slowest + changed
+    if by_pose > 0.0:
+        turned = gain * by_pose * (np.abs(slowest) - np.abs(fastest)) / (fastest - slowest)
+        slope = slope + turned
+        constant = constant + gain * by_pose * np.abs(slowest) + turned * slowest
+    return slope, constant
 
 
 def _motor_conditions(model: JointModel, side: Side) -> list[SpeedCondition]:
@@ -291,6 +403,11 @@ def distance_from_rest(model: JointModel, load: Array, level: Level) -> Array:
     new = np.concatenate([resting, changed if follows else []])[: len(load)]
     low, high = model.speed_limits(load[: len(new)])
     fastest = np.maximum(high, -low) * model.tick
+    by_pose = model.gain_per_tick * model.most_pose_sag
+    if by_pose > 0.0:
+        fastest = fastest + by_pose
+        if np.any(by_pose >= model.tick * np.minimum(high, -low)):  # no request surely holds it
+            new = np.ones_like(new)
     sagged = model.gain_per_tick * model.compliance * np.abs(load[: len(new)] - load[0])
     if model.has_inertia and np.any(sagged):  # overshoot is not bounded here
         sagged = np.full_like(fastest, np.max(fastest))
