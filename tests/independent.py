@@ -9,7 +9,7 @@ import numpy as np
 
 def equation_2(x, *, v_max, theta_0, dead_band=0.0, v_offset=0.0):
     """F of Equation 2, case by case; v_max and v_offset in rad/tick."""
-    if abs(x) <= dead_band:
+    if 0.0 < abs(x) <= dead_band:
         return 0.0
     speed = (x - math.copysign(dead_band, x)) * v_max / theta_0
     if speed >= v_max + v_offset:
@@ -65,14 +65,16 @@ def windowed(model, request_at, ticks, before, load_at=lambda _: 0.0, speed=0.0)
     for t in range(ticks):
         total = 0.0
         for i, length in window:
-            sag = model.offset + model.compliance * load_at(t)
-            sag += model.sag_sin * math.sin(before) + model.sag_cos * math.cos(before)
+            by_pose = model.sag_sin * math.sin(before) + model.sag_cos * math.cos(before)
+            sag = model.offset + model.compliance * load_at(t) + by_pose
             error = request_at(t - i) + sag - before
+            faster = model.v_offset + model.speed_per_torque * load_at(t)
+            faster += model.v_max / model.theta_0 * by_pose
             total += length * equation_2(
                 error,
                 v_max=top,
                 theta_0=top / (model.v_max * model.tick) * model.theta_0,
-                v_offset=(model.v_offset + model.speed_per_torque * load_at(t)) * model.tick,
+                v_offset=faster * model.tick,
             )
         change = share * (total / acceleration - speed)
         speed += max(min(change, most), -most)

@@ -32,10 +32,13 @@ def models(
     overshoots=True,
     inertia=False,
     poses=False,
+    overcome=False,
 ):
     """Joints of every kind: Equation 13 kept or broken, corners of the parameters included.
 
-    Those with friction can move against any load within ±1 N m; with poses they sag by their angle.
+    Those with friction can move against any load within ±1 N m; with poses they sag by their angle,
+    and by less than what would hinder them from moving against that, too, unless gravity may
+    overcome them.
     """
     lag = draw(whole_ticks if whole else ticks(0.0, 7.0))
     acceleration = draw(st.integers(1, 9).map(float) if whole else ticks(0.25, 9.0))
@@ -62,6 +65,9 @@ def models(
         dry["max_acceleration"] = draw(st.one_of(st.just(np.inf), limit))
     if poses:
         phase = draw(st.floats(-np.pi, np.pi))
+        slowed = abs(dry.get("v_offset", 0.0)) + dry.get("speed_per_torque", 0.0)
+        if not overcome:
+            sag = min(sag, 0.9 * theta_0 * (1.0 - slowed / v_max))
         dry |= {"sag_sin": sag * np.cos(phase), "sag_cos": sag * np.sin(phase)}
     return JointModel(
         v_max=v_max,

@@ -296,7 +296,8 @@ def _refuted(logs: Sequence[Log], fit: Fit, upper: float) -> tuple[float, Findin
         return None
     model = fit.parameters.model(tick=fit.grid.tick, hold=1)
     limits = model.speed_limits(fit.grid.heaviest * np.array([-1.0, 0.0, 1.0]))
-    most = float(np.max(np.abs(limits))) * upper / fit.parameters.v_max
+    most = float(np.max(np.abs(limits))) + model.v_max / model.theta_0 * model.most_pose_sag
+    most *= upper / fit.parameters.v_max
     speeds = [measured_speed(log, ~used) for log, used in zip(logs, fit.grid.places, strict=True)]
     log, speed = max(zip(logs, speeds, strict=True), key=lambda each: each[1])
     if speed - SPEED_NOISE * noise_of(fit) <= most:

@@ -281,7 +281,10 @@ def requests_of(
     per_sample = slopes * stack.tick
     knots, values = stack.knots[:, : slopes.shape[1]], stack.values[:, : slopes.shape[1]]
     first = np.ceil(knots - ahead - SAME_TIME)  # request from which on a line counts, any cycle
-    raised = values if load is not None else values + offsets_of(model, slopes, rule=rule)
+    by_pose = model.most_pose_sag > 0.0
+    raised = values
+    if load is None and not by_pose:
+        raised = values + offsets_of(model, slopes, rule=rule)
     at_first = raised + per_sample * (first - knots)
     line = lines_in_force(first.astype(np.intp), stack.samples, cyclic=stack.cyclic)
     since = np.arange(stack.samples) - np.take_along_axis(first, line, axis=1)
@@ -289,13 +292,16 @@ def requests_of(
         since = np.mod(since, stack.samples)
     requests = np.take_along_axis(per_sample, line, axis=1) * since
     requests += np.take_along_axis(at_first, line, axis=1)
-    if load is not None:
-        torques = advanced_load(load, ahead, cyclic=stack.cyclic)
-        each = np.broadcast_to(torques, line.shape)
-        in_force = np.take_along_axis(slopes, line, axis=1)
-        requests += offsets_of(model, in_force, rule=rule, load=each)
-    if model.most_pose_sag > 0.0:
+    acting = None
+    if by_pose:
         acting = np.take_along_axis(values + per_sample * (first - knots), line, axis=1)
         acting += np.take_along_axis(per_sample, line, axis=1) * (since + ahead)
         requests -= model.pose_sag(acting)
+    if load is not None or by_pose:
+        torques = np.zeros(stack.samples)
+        if load is not None:
+            torques = advanced_load(load, ahead, cyclic=stack.cyclic)
+        each = np.broadcast_to(torques, line.shape)
+        in_force = np.take_along_axis(slopes, line, axis=1)
+        requests += offsets_of(model, in_force, rule=rule, load=each, angle=acting)
     return np.asarray(requests)

@@ -28,6 +28,10 @@ SPEED_TOLERANCE = 1e-15
 TABLE = 513
 """Slopes from 0 to v_max at which C_m is tabulated."""
 
+LEAST_SCALE = 0.05
+"""Least factor by which gravity lowers a top speed for an inverse [-]: beyond it the joint hardly
+moves in that direction, and no request makes it follow the line."""
+
 CREEPING = 1e-9
 """Slope from which on the table counts a joint with a dead band as moving [of its top speed]."""
 
@@ -121,7 +125,14 @@ def _load_of(model: JointModel, load: npt.ArrayLike | None, slopes: Array) -> Ar
     return np.zeros(()) if torques is None else torques.reshape(slopes.shape)
 
 
-def offsets_of(model: JointModel, slopes: Array, *, rule: Rule, load: npt.ArrayLike = 0.0) -> Array:
+def offsets_of(
+    model: JointModel,
+    slopes: Array,
+    *,
+    rule: Rule,
+    load: npt.ArrayLike = 0.0,
+    angle: Array | None = None,
+) -> Array:
     """:func:`line_offset` of slopes within the joint's speeds [rad/s], without a warning.
 
     Args:
@@ -129,18 +140,29 @@ def offsets_of(model: JointModel, slopes: Array, *, rule: Rule, load: npt.ArrayL
         slopes: Slopes m [rad/s].
         rule: "exact" or "paper".
         load: Torque on the joint [N m], a number or like ``slopes``.
+        angle: Angles at which gravity changes the top speeds [rad], like ``slopes``; None to leave
+            it out. Its sag is not part of the offsets.
 
     Returns:
         Offsets [rad], like ``slopes``.
     """
     sign = np.sign(slopes)
     upwards = model.v_offset + model.speed_per_torque * np.asarray(load, dtype=np.float64)
+    if angle is not None and model.most_pose_sag > 0.0:
+        most = (1.0 - LEAST_SCALE) * model.v_max
+        upwards = upwards + model.v_max / model.theta_0 * model.pose_sag(angle)
+        upwards = np.clip(upwards, -most, most)
     lead = _lead(model, np.abs(slopes), rule, sign * upwards)
     return np.asarray(sign * lead - model.sag(load))
 
 
 def interpolated_offset(
-    model: JointModel, slope: Array, *, rule: Rule, load: npt.ArrayLike = 0.0
+    model: JointModel,
+    slope: Array,
+    *,
+    rule: Rule,
+    load: npt.ArrayLike = 0.0,
+    angle: Array | None = None,
 ) -> Array:
     """:func:`line_offset` from a table, for searches: fast, and good to some 1e-5 of theta_0.
 
@@ -153,16 +175,22 @@ def interpolated_offset(
         slope: Slopes m [rad/s], of any shape.
         rule: "exact" or "paper".
         load: Torque on the joint [N m], a number or like ``slope``.
+        angle: Angles at which gravity changes the top speeds [rad], like ``slope``, as for
+            :func:`offsets_of`.
 
     Returns:
         Offsets [rad], like ``slope``.
     """
     table = offset_table(model, rule)
-    if model.speed_per_torque == 0.0:
+    by_pose = angle is not None and model.most_pose_sag > 0.0
+    if model.speed_per_torque == 0.0 and not by_pose:
         return np.asarray(np.interp(slope, *table) - model.compliance * np.asarray(load))
-    limits = zip(model.speed_limits(load), model.speed_limits(), strict=True)
+    limits = zip(model.speed_limits(load, angle), model.speed_limits(), strict=True)
     down, up = (under / without for under, without in limits)
-    scale, band = np.where(slope < 0.0, down, up), np.sign(slope) * model.dead_band
+    scale = np.where(slope < 0.0, down, up)
+    if by_pose:
+        scale = np.maximum(scale, LEAST_SCALE)
+    band = np.sign(slope) * model.dead_band
     beyond = np.interp(slope / scale, *table) + model.offset - band
     return np.asarray(band + scale * beyond - model.sag(load))
 

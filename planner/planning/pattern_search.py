@@ -26,6 +26,7 @@ from planner.model.steady_cycle import Cycle, run_steady_cycle
 from planner.planning.gauss_newton import Spec, limit
 from planner.planning.line_inverse import (
     AT_TOP_SPEED,
+    LEAST_SCALE,
     Rule,
     advanced_load,
     offset_table,
@@ -72,6 +73,7 @@ class Lines(NamedTuple):
         sag: Sag without a load [rad].
         dead_band: Of the joint [rad].
         table: Slopes, rising [rad/sample], and their offsets without a load [rad], (2, m).
+        by_pose: Change of the top speeds by the sag by the pose, gamma h [1/sample].
         by_load: Factors by which the load changes the top speeds down and up [-], and the sag under
             it [rad], (3, n); (3, 0) without a load.
     """
@@ -82,6 +84,7 @@ class Lines(NamedTuple):
     sag: float
     dead_band: float
     table: Array
+    by_pose: float
     by_load: Array
 
 
@@ -128,6 +131,7 @@ def tracked(
         model.offset,
         model.dead_band,
         np.array([slopes * curve.tick, offsets]),
+        model.gain_per_tick * model.hold,
         by_load,
     )
     history, motion = np.empty(count + weights.shape[1] - 1), (np.empty(count), np.empty(count))
@@ -239,15 +243,21 @@ def set_requests(
             s -= 1
         slope = slope_of(knots, values, s, count)
         past = since - (knots[s] - knots[0]) - lines.ahead
-        if lines.by_load.shape[1] == 0:
+        acting = values[s] + slope * (past + lines.ahead)
+        by_pose = pose_sag(law, acting)
+        if lines.by_load.shape[1] == 0 and by_pose == 0.0:
             offset = interpolated(slope, lines.table)
         else:
-            scale, sag = lines.by_load[0 if slope < 0.0 else 1, k], lines.by_load[2, k]
+            scale, sag = 1.0, lines.sag
+            if lines.by_load.shape[1] > 0:
+                scale, sag = lines.by_load[0 if slope < 0.0 else 1, k], lines.by_load[2, k]
+            if by_pose != 0.0:
+                scale += lines.by_pose * by_pose / lines.table[0, 0 if slope < 0.0 else -1]
+                scale = max(scale, LEAST_SCALE)
             band = 0.0 if slope == 0.0 else math.copysign(lines.dead_band, slope)
             offset = interpolated(slope / scale, lines.table) + lines.sag - band
             offset = band + scale * offset - sag
-        acting = values[s] + slope * (past + lines.ahead)
-        requests[k, 0] = values[s] + slope * past + offset - pose_sag(law, acting)
+        requests[k, 0] = values[s] + slope * past + offset - by_pose
     return True
 
 

@@ -327,7 +327,7 @@ def initial_guess(problem: Problem) -> State:
     if problem.start is not None:
         ideal = within_attainable_range(model, ideal, float(problem.start[0]), load)
     torques = np.zeros(count) if load is None else np.roll(load, -1)  # on the way to the next
-    low, high = (limit * model.period for limit in model.speed_limits(torques))
+    low, high = (limit * model.period for limit in model.speed_limits(torques, ideal))
     steps = np.diff(ideal, append=ideal[:1] if cyclic else ideal[-1:])
     steps = np.clip(steps, low, high)
     samples = np.arange(count)
@@ -335,7 +335,9 @@ def initial_guess(problem: Problem) -> State:
     knots = knots if cyclic else np.minimum(knots, count - 2)
     at = knots % count
     slopes = steps[at] / model.period
-    offsets = interpolated_offset(model, slopes, rule="exact", load=torques[at])
+    offsets = interpolated_offset(
+        model, slopes, rule="exact", load=torques[at], angle=ideal[at]
+    )
     requests = ideal[at] + steps[at] * (samples - knots) + offsets - model.pose_sag(ideal[at])
     return State(problem.admissible(requests[:, np.newaxis]), ideal[:, np.newaxis])
 
@@ -346,9 +348,10 @@ def nearest_within_speeds(
     """The trajectory within the joint's top speeds that is nearest in least squares [rad], (n,).
 
     Either top speed is v_max away from their mean, -v^- / 2 + v^+ / 2. The trajectory less the sum
-    of the means has the same bound in both directions; a cycle is cut out of three in a row.
+    of the means has the same bound in both directions; a cycle is cut out of three in a row. A sag
+    by the pose counts as at the desired angles.
     """
-    low, high = model.speed_limits(0.0 if load is None else load)
+    low, high = model.speed_limits(0.0 if load is None else load, desired)
     mean = (low + high) / 2.0 * model.period
     if not np.any(mean):
         return slope_bounded(desired, model.v_max_per_period, cyclic=cyclic)
@@ -367,7 +370,7 @@ def below_top_speed(problem: Problem, ideal: Array) -> int:
         ideal: This trajectory [rad], shape (n, 1).
     """
     (model,), (load,) = problem.models, problem.loads
-    limits = model.speed_limits(0.0 if load is None else load)
+    limits = model.speed_limits(0.0 if load is None else load, ideal[:, 0])
     low, high = ((1.0 - BARELY_SLOWER) * limit * model.period for limit in limits)
     before = ideal[-1:] if problem.cyclic else ideal[:1]
     steps = np.diff(ideal[:, 0], prepend=before[:, 0])
@@ -395,11 +398,12 @@ def within_attainable_range(
     """Angles clipped to the attainable range of a joint at rest at the start [rad], (n,)."""
     resting = request_ages(model).youngest + 1  # samples before the second request acts
     moving = np.maximum(np.arange(len(angles)) - resting + 1.0, 0.0)
-    if load is None:
+    if load is None and model.most_pose_sag == 0.0:
         low, high = (limit * model.period * moving for limit in model.speed_limits())
     else:
         steps = np.diff(moving, prepend=0.0)  # 1 once it moves
-        low, high = (np.cumsum(limit * model.period * steps) for limit in model.speed_limits(load))
+        limits = model.speed_limits(0.0 if load is None else load, angles)
+        low, high = (np.cumsum(limit * model.period * steps) for limit in limits)
     return np.clip(angles, start + low, start + high)
 
 

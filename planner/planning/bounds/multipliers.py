@@ -55,13 +55,14 @@ def linear_bound(problem: BoundProblem, level: Level) -> float:
     Raises:
         SolverFailed: The solver proposed no multipliers.
     """
-    bound = _bound_of(reachable_set(problem, level), problem)
-    if problem.model.most_pose_sag == 0.0:
+    bound = bound_of(reachable_set(problem, level), problem)
+    if problem.model.most_pose_sag == 0.0 or problem.model.has_inertia:
         return bound
-    return max(bound, _bound_of(linearised_set(problem, level), problem))
+    levels: tuple[Level, ...] = ("slope",) if level == "slope" else ("slope", "envelope")
+    return max(bound, *(bound_of(linearised_set(problem, each), problem) for each in levels))
 
 
-def _bound_of(reachable: ReachableSet, problem: BoundProblem) -> float:
+def bound_of(reachable: ReachableSet, problem: BoundProblem) -> float:
     """The distance of the desired angles from a reachable set [rad], proved by (9) or (9b)."""
     desired, norm = problem.desired, problem.norm
     middle, slack = float(np.mean(desired)), farthest_per_period(problem.model, problem.load)

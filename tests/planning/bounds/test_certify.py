@@ -19,11 +19,14 @@ from planner.model.response import simulate
 from planner.planning.arguments import NORMS
 from planner.planning.bounds.certify import certify, lower_bound
 from planner.planning.bounds.cvxpy_statement import stated_bound
-from planner.planning.bounds.multipliers import certified_error
+from planner.planning.bounds.multipliers import bound_of, certified_error
 from planner.planning.bounds.reachable_set import (
     BoundProblem,
     ReachableSet,
     distance_from_rest,
+    farthest_per_period,
+    linearised_set,
+    pose_sags,
     reachable_set,
     sides,
     speed_conditions,
@@ -45,6 +48,8 @@ ANY_MODEL = st.one_of(
     models(friction=True),
     models(friction=True, inertia=True),
     models(friction=True, poses=True),
+    models(friction=True, inertia=True, poses=True),
+    models(friction=True, poses=True, overcome=True),
 )
 """Joints without and with every term."""
 
@@ -59,7 +64,10 @@ def set_of(model, samples, *, cyclic, level, start=None, load=None):
 
 def envelope_of(model):
     """The numbers of condition 2 without a load, the same for every tick and direction."""
-    found = [speed_conditions(model, side) for side in sides(model, np.zeros(3), cyclic=True)]
+    found = [
+        speed_conditions(model, side)
+        for side in sides(model, np.zeros(3), pose_sags(model), cyclic=True)
+    ]
     ((up,), (down,)) = found
     assert np.ptp([up.now, down.now]) == np.ptp([up.most, down.most]) == 0.0
     return up.now[0], up.most[0]
@@ -269,6 +277,56 @@ def test_any_multipliers_prove_a_bound_that_no_response_goes_below(
 
 
 @pytest.mark.parametrize("norm", NORMS)
+@pytest.mark.parametrize("level", LINEAR_LEVELS)
+@pytest.mark.parametrize("cyclic", [True, False])
+@settings(max_examples=30)
+@given(
+    model=models(friction=True, poses=True, overcome=True),
+    requests=trajectories(least=4, most=12),
+    seed=st.integers(0, 2**32 - 1),
+)
+def test_any_multipliers_of_linearised_conditions_prove_a_bound(
+    norm, level, cyclic, model, requests, seed
+):
+    rng = np.random.default_rng(seed)
+    n = len(requests)
+    load = loads_of(model, n, seed)
+    angles = simulate(model, requests, cyclic=cyclic, load=load)
+    desired = angles * rng.uniform(1.0, 1.5) + rng.normal(size=n) * 10.0 ** rng.uniform(-3, 0)
+    problem = BoundProblem(model, desired, cyclic, norm, None, load)
+    reachable = linearised_set(problem, level)
+    rows, ticks = reachable.matrix.shape
+    for sparsity in (1.0, 0.2, 1.0 / rows):
+        multipliers = rng.exponential(size=rows) * (rng.random(rows) < sparsity)
+        if reachable.curvature is not None and rng.random() < 0.5:
+            multipliers[: reachable.curvature.rows[0]] = 0.0
+        proved = certified_error(
+            reachable,
+            desired,
+            rng.normal(size=ticks),
+            multipliers,
+            norm=norm,
+            slack=farthest_per_period(model, load),
+        )
+        assert 0.0 <= proved <= error(angles, desired, norm) + ROUNDING
+
+
+@pytest.mark.parametrize("hold", [1, 3])
+@pytest.mark.parametrize("norm", NORMS)
+@pytest.mark.parametrize("seed", range(4))
+def test_the_best_plan_of_a_joint_that_sags_by_its_pose_is_above_its_bound(seed, norm, hold):
+    rng = np.random.default_rng(seed)
+    phase, share = rng.uniform(-math.pi, math.pi), rng.uniform(0.2, 0.8)
+    sags = share * ERS210A.theta_0 * np.array([math.cos(phase), math.sin(phase)])
+    model = replace(ERS210A, hold=hold, sag_sin=float(sags[0]), sag_cos=float(sags[1]))
+    desired = rng.uniform(0.6, 1.0) * np.sin(2.0 * np.pi * np.arange(60) / 60) ** 3
+    for cyclic in (True, False):
+        plan = planner.invert_optimal(model, desired, cyclic=cyclic, norm=norm, smoothness=0.0)
+        bound = lower_bound(model, desired, cyclic=cyclic, norm=norm)
+        assert (0.7 if hold == 1 else 0.0) * plan.error <= bound <= plan.error
+
+
+@pytest.mark.parametrize("norm", NORMS)
 def test_multipliers_that_pull_between_samples_prove_less_but_never_too_much(norm):
     model = replace(ERS210A, hold=3)
     reachable = set_of(model, 8, cyclic=True, level="envelope")
@@ -416,11 +474,14 @@ def test_the_bound_is_the_optimum_of_the_statement_in_cvxpy(loaded, level, inert
         v_max = model.v_max
         model = replace(model, v_offset=0.3 * v_max, speed_per_torque=0.5 * v_max, compliance=0.02)
         model = replace(model, sag_sin=0.1, sag_cos=-0.2)
-    stated = stated_bound(BoundProblem(model, desired, kind == "cyclic", norm, start, load), level)
+    problem = BoundProblem(model, desired, kind == "cyclic", norm, start, load)
+    stated = stated_bound(problem, level)
+    of_set = bound_of(reachable_set(problem, level), problem)
+    assert of_set == pytest.approx(stated, abs=OPTIMAL * np.ptp(desired))
     bound = lower_bound(
         model, desired, cyclic=kind == "cyclic", norm=norm, level=level, start=start, load=load
     )
-    assert bound == pytest.approx(stated, abs=OPTIMAL * np.ptp(desired))
+    assert bound == of_set if not loaded or model.has_inertia else bound >= of_set
 
 
 @pytest.mark.parametrize("norm", NORMS)
