@@ -70,6 +70,7 @@ from planner.identification.result import (
 )
 from planner.identification.terms import (
     backlash_of,
+    has_large_sag,
     pays,
     with_calm_friction,
     with_motor,
@@ -155,6 +156,13 @@ def identify(
     if stopped:
         held_rows += stopped
         plain, full = _with_motor(logs, _with_terms(fit_joint(logs, timing)))
+    elif has_large_sag(full.fit):  # it may imitate a stop: the joint that misses less is kept
+        moving, stopped = _without_stops(logs, plain.fit)
+        rivals = plain, full
+        if stopped:
+            rivals = _with_motor(moving, _with_terms(fit_joint(moving, timing)))
+        if _missed(rivals[1].fit) < _missed(full.fit):
+            logs, held_rows, (plain, full) = moving, held_rows + stopped, rivals
     motor = full.fit is not plain.fit
     if motor and hold_out:
         bare, more = (
@@ -401,6 +409,11 @@ def _check_alike(logs: Sequence[Log]) -> None:
                 f"logs: got {name}s {', '.join(map(repr, found))}, expected logs of one joint in "
                 "one unit: identify each joint by itself"
             )
+
+
+def _missed(fit: Fit) -> float:
+    """Share of the motion that a fit misses [-]."""
+    return fit.rms / _signal(fit)
 
 
 def _signal(fit: Fit) -> float:

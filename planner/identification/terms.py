@@ -133,7 +133,7 @@ def with_terms(fit: Fit) -> tuple[Fit, tuple[Term, ...]]:
             fit, tried = _with_term(name, fit)
             terms |= tried
     fit = least_squares(fit.grid, fit.parameters, free=fit.free, starts=fit.starts)
-    if fit.free[only(*SAG)].any() and _sag(fit) >= LARGE_SAG:  # it grew after it was kept
+    if fit.free[only(*SAG)].any() and has_large_sag(fit):  # it grew after it was kept
         fit = _without_sag(fit)
         terms |= {name: replace(terms[name], kept=False) for name in SAG}
     return fit, tuple(terms.values())
@@ -151,7 +151,8 @@ def _with_term(name: str, fit: Fit, known: Fit | None = None) -> tuple[Fit, dict
     kept, uncertainty = pays(fit, trial), uncertainty_of(trial)
     if name == "sag_sin":
         kept = kept and _sag_is_determined(trial, uncertainty)
-        kept = kept and (known is not None or _sag(trial) < LARGE_SAG)
+        if known is None:
+            kept = kept and not has_large_sag(trial) and _pays_beside_asymmetry(fit, trial)
     terms = {}
     for each in (name, *PARTNERS.get(name, ())):
         interval = model_interval(trial, uncertainty, each)
@@ -327,9 +328,36 @@ def _without_sag(fit: Fit, **how: Any) -> Fit:
     return least_squares(fit.grid, at, free=free, starts=fit.starts, **how)
 
 
-def _sag(fit: Fit) -> float:
-    """Largest sag by the angle [rad]."""
-    return math.hypot(fit.parameters.sag_sin, fit.parameters.sag_cos)
+def has_large_sag(fit: Fit) -> bool:
+    """Whether a sag by the angle is believed of an overloaded joint only.
+
+    A sag of theta_0 exceeds the torque of the joint, which then stops as at a mechanical stop.
+    """
+    at = fit.parameters
+    return math.hypot(at.sag_sin, at.sag_cos) >= min(LARGE_SAG, at.v_max / at.gain)
+
+
+def _pays_beside_asymmetry(fit: Fit, trial: Fit) -> bool:
+    """Whether a sag by the angle also pays if the top speeds differ by direction anyway.
+
+    Near one pose a sag by the angle, with an offset against it, is as good as an asymmetry.
+    """
+    if not _shows("asymmetry", fit):
+        return True
+    rival = _fitted_with("asymmetry", fit)
+    at = trial.parameters._replace(asymmetry=rival.parameters.asymmetry)
+    both = [
+        least_squares(
+            fit.grid,
+            begin,
+            free=trial.free | rival.free,
+            starts=each.starts,
+            scale=fit.scale,
+            effort=TERM,
+        )
+        for begin, each in ((rival.parameters, rival), (at, trial), (trial.parameters, trial))
+    ]
+    return pays(rival, min(both, key=lambda each: each.cost))
 
 
 def _any_dead_band_does(fit: Fit, trial: Fit, uncertainty: Uncertainty) -> bool:
