@@ -19,6 +19,7 @@ from planner.planning.line_inverse import (
     Rule,
     advanced_load,
     check_rule,
+    least_limits,
     offsets_of,
     slope_limits,
 )
@@ -141,13 +142,16 @@ def best_closed_form(problem: Problem) -> Array:
 def approximations(
     problem: Problem, *, segments: int | None, refine: bool
 ) -> Sequence[PiecewiseLinear]:
-    """The approximation, and where neither count nor knots are fixed another with more segments."""
+    """The approximation, and where neither count nor knots are fixed another with more segments.
+
+    For a joint that gravity slows down further ones follow, within its least top speeds on the path.
+    """
     (model,) = problem.models
     desired, cyclic = problem.desired[:, 0], problem.cyclic
     low, high = slope_limits(model, problem.loads[0])
     least, most = low * (1.0 + AT_TOP_SPEED), high * (1.0 + AT_TOP_SPEED)
 
-    def fitted(segments: int | None) -> PiecewiseLinear:
+    def fitted(segments: int | None, low: float, high: float) -> PiecewiseLinear:
         # The fit keeps one limit both ways: the larger, unless a line is then too steep one way.
         for v_max in sorted({-low, high}, reverse=True):
             curve = fit_pwl(
@@ -157,10 +161,16 @@ def approximations(
                 break
         return curve
 
-    curves = [fitted(segments)]
-    more = curves[0].segments + MORE_SEGMENTS
-    if refine and segments is None and more <= desired.size - (not cyclic):
-        curves.append(fitted(more))
+    limits = [(low, high)]
+    if model.most_pose_sag > 0.0:
+        slower = least_limits(model, desired, problem.loads[0])
+        limits += [(max(low, slower[0]), min(high, slower[1]))]
+    curves = []
+    for pair in limits:
+        curves.append(fitted(segments, *pair))
+        more = curves[-1].segments + MORE_SEGMENTS
+        if refine and segments is None and more <= desired.size - (not cyclic):
+            curves.append(fitted(more, *pair))
     return curves
 
 

@@ -28,9 +28,9 @@ SPEED_TOLERANCE = 1e-15
 TABLE = 513
 """Slopes from 0 to v_max at which C_m is tabulated."""
 
-LEAST_SCALE = 0.05
-"""Least factor by which gravity lowers a top speed for an inverse [-]: beyond it the joint hardly
-moves in that direction, and no request makes it follow the line."""
+LEAST_SHARE = 0.05
+"""Least top speed with gravity for an inverse [v_max]: below it the joint hardly moves in that
+direction, and no request makes it follow the line."""
 
 CREEPING = 1e-9
 """Slope from which on the table counts a joint with a dead band as moving [of its top speed]."""
@@ -149,9 +149,7 @@ def offsets_of(
     sign = np.sign(slopes)
     upwards = model.v_offset + model.speed_per_torque * np.asarray(load, dtype=np.float64)
     if angle is not None and model.most_pose_sag > 0.0:
-        most = (1.0 - LEAST_SCALE) * model.v_max
-        upwards = upwards + model.v_max / model.theta_0 * model.pose_sag(angle)
-        upwards = np.clip(upwards, -most, most)
+        upwards = _limits_at(model, load, angle)[1] - model.v_max
     lead = _lead(model, np.abs(slopes), rule, sign * upwards)
     return np.asarray(sign * lead - model.sag(load))
 
@@ -185,19 +183,39 @@ def interpolated_offset(
     by_pose = angle is not None and model.most_pose_sag > 0.0
     if model.speed_per_torque == 0.0 and not by_pose:
         return np.asarray(np.interp(slope, *table) - model.compliance * np.asarray(load))
-    limits = zip(model.speed_limits(load, angle), model.speed_limits(), strict=True)
-    down, up = (under / without for under, without in limits)
-    scale = np.where(slope < 0.0, down, up)
-    if by_pose:
-        scale = np.maximum(scale, LEAST_SCALE)
-    band = np.sign(slope) * model.dead_band
+    limits = model.speed_limits(load) if angle is None else _limits_at(model, load, angle)
+    pairs = zip(limits, model.speed_limits(), strict=True)
+    down, up = (under / without for under, without in pairs)
+    scale, band = np.where(slope < 0.0, down, up), np.sign(slope) * model.dead_band
     beyond = np.interp(slope / scale, *table) + model.offset - band
     return np.asarray(band + scale * beyond - model.sag(load))
+
+
+def _limits_at(model: JointModel, load: npt.ArrayLike, angle: Array) -> tuple[Array, Array]:
+    """Least and largest speed under a load and gravity [rad/s], either at least a share of v_max.
+
+    Gravity may overcome the joint.
+    """
+    low, high = model.speed_limits(load, angle)
+    if model.most_pose_sag == 0.0:
+        return low, high
+    least = LEAST_SHARE * model.v_max
+    most = 2.0 * model.v_max - least
+    return np.clip(low, -most, -least), np.clip(high, least, most)
 
 
 def slope_limits(model: JointModel, load: Array | None = None) -> tuple[float, float]:
     """The slopes that the joint can follow at every sample: least and largest [rad/s]."""
     low, high = model.speed_limits(0.0 if load is None else load)
+    return float(np.max(low)), float(np.min(high))
+
+
+def least_limits(model: JointModel, angles: Array, load: Array | None) -> tuple[float, float]:
+    """The top speeds in both directions that the joint has at all of some angles [rad/s].
+
+    Where gravity overcomes it, a share of v_max.
+    """
+    low, high = _limits_at(model, 0.0 if load is None else load, angles)
     return float(np.max(low)), float(np.min(high))
 
 

@@ -26,7 +26,7 @@ from planner.model.steady_cycle import Cycle, run_steady_cycle
 from planner.planning.gauss_newton import Spec, limit
 from planner.planning.line_inverse import (
     AT_TOP_SPEED,
-    LEAST_SCALE,
+    LEAST_SHARE,
     Rule,
     advanced_load,
     offset_table,
@@ -74,6 +74,8 @@ class Lines(NamedTuple):
         dead_band: Of the joint [rad].
         table: Slopes, rising [rad/sample], and their offsets without a load [rad], (2, m).
         by_pose: Change of the top speeds by the sag by the pose, gamma h [1/sample].
+        least: Least top speed with gravity [rad/sample].
+        most: Largest top speed with gravity [rad/sample].
         by_load: Factors by which the load changes the top speeds down and up [-], and the sag under
             it [rad], (3, n); (3, 0) without a load.
     """
@@ -85,6 +87,8 @@ class Lines(NamedTuple):
     dead_band: float
     table: Array
     by_pose: float
+    least: float
+    most: float
     by_load: Array
 
 
@@ -132,6 +136,8 @@ def tracked(
         model.dead_band,
         np.array([slopes * curve.tick, offsets]),
         model.gain_per_tick * model.hold,
+        LEAST_SHARE * model.v_max * curve.tick,
+        (2.0 - LEAST_SHARE) * model.v_max * curve.tick,
         by_load,
     )
     history, motion = np.empty(count + weights.shape[1] - 1), (np.empty(count), np.empty(count))
@@ -252,8 +258,9 @@ def set_requests(
             if lines.by_load.shape[1] > 0:
                 scale, sag = lines.by_load[0 if slope < 0.0 else 1, k], lines.by_load[2, k]
             if by_pose != 0.0:
-                scale += lines.by_pose * by_pose / lines.table[0, 0 if slope < 0.0 else -1]
-                scale = max(scale, LEAST_SCALE)
+                end = lines.table[0, 0 if slope < 0.0 else -1]
+                top = scale * abs(end) + math.copysign(lines.by_pose, end) * by_pose
+                scale = min(max(top, lines.least), lines.most) / abs(end)
             band = 0.0 if slope == 0.0 else math.copysign(lines.dead_band, slope)
             offset = interpolated(slope / scale, lines.table) + lines.sag - band
             offset = band + scale * offset - sag
