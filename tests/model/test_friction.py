@@ -271,6 +271,7 @@ def test_rounded_periods_and_derivatives_are_those_that_casadi_writes(smoothing,
     for model, load_ in (
         (random_dry_model(rng, whole=False, hold=hold, offset=True), loads(samples)),
         (plain, None),
+        (replace(plain, sag_sin=0.3 * plain.theta_0, sag_cos=-0.4 * plain.theta_0), None),
     ):
         model = with_inertia(rng, model) if inert else model
         own = request_ages(model)

@@ -48,7 +48,8 @@ def test_a_time_constant_far_below_a_tick_and_an_endless_acceleration_change_not
     ("field", "added"),
     [(field, {}) for field in Parameters._fields[:-2]]
     + [(field, {"acceleration": 40.0}) for field in Parameters._fields[:-1]]
-    + [(field, {"play": 0.02}) for field in Parameters._fields if field != "acceleration"],
+    + [(field, {"play": 0.02}) for field in Parameters._fields if field != "acceleration"]
+    + [(field, {"sag_sin": -0.1, "sag_cos": 0.05}) for field in Parameters._fields[:-2]],
 )
 def test_derivatives_by_parameters_along_a_log_are_slopes_with_inertia(field, added):
     at = Parameters.of(INERT)._replace(**added)

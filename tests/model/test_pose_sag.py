@@ -14,7 +14,13 @@ import planner
 from planner.evaluation.checks import AGREEMENT
 from planner.exceptions import InvalidModel
 from planner.model.joint import MOST_POSE_SAG, JointModel
-from planner.model.response import load_columns, rest_angles, rest_requests, simulate
+from planner.model.response import (
+    load_columns,
+    path_speeds,
+    rest_angles,
+    rest_requests,
+    simulate,
+)
 from planner.model.sensitivity import sensitivities
 from planner.planning.line_inverse import line_offset
 from planner.trajectory import rms
@@ -74,6 +80,46 @@ def test_joints_rest_each_by_its_own_angle_and_load():
     np.testing.assert_allclose(rest_angles(models, held, loads), angles, rtol=0.0, atol=1e-12)
     np.testing.assert_array_equal(load_columns(loads, 2), [[0.0, 1.0], [0.0, -2.0]])
     assert load_columns([None, None], 2) is None
+
+
+@pytest.mark.parametrize("angle", [-1.1, 0.3, 1.4])
+@pytest.mark.parametrize("changes", [{}, {"dead_band": 0.02, "v_offset": 0.5}])
+def test_a_joint_is_faster_downhill_than_uphill_by_twice_what_its_sag_would_move(changes, angle):
+    model = replace(HANGING, **changes)
+    steps = np.array([angle - 2.0, angle + 2.0])
+    down, up = (
+        simulate(model, np.append(request, np.full(20, request)), cyclic=False, start=angle)[-2:]
+        for request in steps
+    )
+    here = (down[0], up[0])
+    speeds = [(each[1] - each[0]) / model.tick for each in (down, up)]
+    gravity = model.v_max / model.theta_0 * model.pose_sag(np.array(here))
+    limits = model.v_offset + gravity + np.array([-model.v_max, model.v_max])
+    np.testing.assert_allclose(speeds, limits, rtol=1e-9)
+    for limit, at, speed in zip((0, 1), here, speeds, strict=True):
+        assert model.speed_limits(angle=at)[limit] == pytest.approx(speed, rel=1e-9)
+        assert model.speed(4.0 * limit - 2.0, angle=at) == pytest.approx(speed, rel=1e-9)
+
+
+def test_a_path_is_too_fast_where_gravity_slows_the_joint_down():
+    path = 0.5 * math.pi + 0.97 * PAPER.v_max_per_period * np.arange(-10.0, 11.0)
+    hanging = replace(PAPER, sag_sin=-0.1 * PAPER.theta_0)
+    assert not path_speeds(PAPER, path, cyclic=False).too_fast.any()
+    assert path_speeds(hanging, path, cyclic=False).too_fast.all()
+    assert not path_speeds(hanging, path[::-1], cyclic=False).too_fast.any()
+    assert not path_speeds(hanging, 1.1 * path[::-1], cyclic=False).too_fast.any()
+
+
+def test_a_joint_that_gravity_overcomes_falls_and_no_speed_lifts_it():
+    model = replace(PAPER, sag_sin=-1.5 * PAPER.theta_0)
+    angles = simulate(model, np.full(400, 1.5), cyclic=False, start=1.5)
+    assert np.all(np.diff(angles[1:]) <= 0.0)
+    held = float(angles[-1])  # where all its torque holds it
+    assert abs(model.pose_sag(held)) == pytest.approx(model.theta_0, rel=1e-6)
+    rising = path_speeds(model, 1.5 + 1e-3 * np.arange(9.0), cyclic=False)
+    assert rising.too_fast.all()
+    assert planner.invert_optimal(model, 1.4 + 0.1 * PATH).rms > 0.1
+    assert planner.certify(model, 1.4 + 0.1 * PATH).bound > 0.1
 
 
 def test_unlimited_requests_have_unlimited_angles_at_rest():
