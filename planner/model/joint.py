@@ -87,9 +87,9 @@ class JointModel:
             inertia [s]; 0 for the paper's joint.
         max_acceleration: Largest change of its speed [rad/s^2]; infinite for the paper's joint.
         sag_sin: Sag by gravity where no torque is known [rad]: at the angle q the joint rests
-            sag_sin sin(q) + sag_cos cos(q) beside its request, and by ``offset``. Both its top
-            speeds increase by v_max / theta_0 times this sag: it is faster downhill. A sag of
-            theta_0 or more exceeds the joint's torque: there no request holds it.
+            sag_sin sin(q) + sag_cos cos(q) beside its request, and by ``offset``. Its
+            least and largest speed increase by v_max / theta_0 times this sag: it is faster
+            downhill. A sag of theta_0 or more exceeds its torque: there no request holds it.
         sag_cos: The same by the cosine [rad].
 
     Raises:

@@ -335,9 +335,7 @@ def initial_guess(problem: Problem) -> State:
     knots = knots if cyclic else np.minimum(knots, count - 2)
     at = knots % count
     slopes = steps[at] / model.period
-    offsets = interpolated_offset(
-        model, slopes, rule="exact", load=torques[at], angle=ideal[at]
-    )
+    offsets = interpolated_offset(model, slopes, rule="exact", load=torques[at], angle=ideal[at])
     requests = ideal[at] + steps[at] * (samples - knots) + offsets - model.pose_sag(ideal[at])
     return State(problem.admissible(requests[:, np.newaxis]), ideal[:, np.newaxis])
 

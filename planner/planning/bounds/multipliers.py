@@ -63,7 +63,7 @@ def linear_bound(problem: BoundProblem, level: Level) -> float:
 
 
 def bound_of(reachable: ReachableSet, problem: BoundProblem) -> float:
-    """The distance of the desired angles from a reachable set [rad], proved by (9) or (9b)."""
+    """The distance of the desired angles from a reachable set [rad], proved by (9) or (9c)."""
     desired, norm = problem.desired, problem.norm
     middle, slack = float(np.mean(desired)), farthest_per_period(problem.model, problem.load)
     scale = max(float(np.ptp(desired)), slack)
@@ -240,7 +240,7 @@ def certified_error(
     norm: Norm,
     slack: float,
 ) -> float:
-    """The lower bound that any multipliers prove by (9), or with linearised conditions by (9b).
+    """The lower bound that any multipliers prove by (9), or with linearised conditions by (9c).
 
     Args:
         reachable: The set.

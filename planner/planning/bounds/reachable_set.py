@@ -39,7 +39,7 @@ class BoundProblem(NamedTuple):
 
 
 class Curvature(NamedTuple):
-    """By how much trajectories with an error may exceed linearised conditions, (9b).
+    """By how much trajectories with an error may exceed linearised conditions, (9c).
 
     Such a condition holds up to ``factor * (|error of the sample| + between)**2``.
 
@@ -118,7 +118,7 @@ def reachable_set(
 
 
 def linearised_set(problem: BoundProblem, level: Level) -> ReachableSet:
-    """The reachable set, with condition 1 also linearised at the desired angles: (7b) and (9b).
+    """The reachable set, with condition 1 also linearised at the desired angles: (7c) and (9c).
 
     The further conditions are those of a joint that sags by its pose and has no inertia.
     """
@@ -152,9 +152,7 @@ def linearised_set(problem: BoundProblem, level: Level) -> ReachableSet:
     )
 
 
-def pose_sags(
-    model: JointModel, angles: tuple[float, float] | None = None
-) -> tuple[float, float]:
+def pose_sags(model: JointModel, angles: tuple[float, float] | None = None) -> tuple[float, float]:
     """Least and largest sag by the pose over a range of angles, or over all [rad]."""
     most = model.most_pose_sag
     if most == 0.0 or angles is None or not np.all(np.isfinite(angles)):
@@ -207,9 +205,7 @@ LEAST_SPEED = 1e-3
 [v_max]: the condition is then weaker."""
 
 
-def speed_ranges(
-    model: JointModel, load: Array, pose: tuple[float, float]
-) -> tuple[Array, Array]:
+def speed_ranges(model: JointModel, load: Array, pose: tuple[float, float]) -> tuple[Array, Array]:
     """Least and largest speed in each tick [rad/tick]: condition 1.
 
     A joint with inertia keeps its speed from another load.
@@ -225,9 +221,7 @@ def speed_ranges(
     return low, high
 
 
-def _speed_limits(
-    model: JointModel, load: Array, pose: tuple[float, float]
-) -> tuple[Array, Array]:
+def _speed_limits(model: JointModel, load: Array, pose: tuple[float, float]) -> tuple[Array, Array]:
     """Least and largest speed under the load in each tick [rad/tick]."""
     low, high = (limit * model.tick for limit in model.speed_limits(load))
     if model.most_pose_sag == 0.0:

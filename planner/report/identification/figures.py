@@ -122,7 +122,7 @@ def speed_against_error(model: JointModel, fit: LogFit) -> SpeedPoints:
     )
     balance = here - model.offset - model.pose_sag(here)
     errors, low, high = (values - balance for values in (mean, least, most))
-    down, *band, up = model.corners().tolist()
+    down, *band, up = model.corners(angle=here)
     saturated = (low >= up) | (high <= down)
     edges = [down, *(band if model.dead_band else ()), up]
     one_piece = np.zeros(len(errors), dtype=bool)
@@ -196,8 +196,13 @@ def cloud_figure(identification: Identification, prefix: str = "") -> Figure:
     if not identification.saturates and corners[-1] <= reach:
         end_note = " Its level ends are a guess: no data is there."
     note = ""
-    if (finite & points.apart).any():
+    if model.most_pose_sag > 0.0:
         note = (
+            " The level ends of f are those without gravity, which shifts both by v_max/θ₀ times "
+            "the sag by the angle."
+        )
+    if (finite & points.apart).any():
+        note += (
             " Dots of a window that lies on both sides of a corner of f are pale: they may lie off "
             "the line."
         )
