@@ -144,7 +144,8 @@ def approximations(
 ) -> Sequence[PiecewiseLinear]:
     """The approximation, and where neither count nor knots are fixed another with more segments.
 
-    For a joint that gravity slows down further ones follow, within its least top speeds on the path.
+    For a joint that gravity slows down further ones follow, within its least top speeds on the
+    path.
     """
     (model,) = problem.models
     desired, cyclic = problem.desired[:, 0], problem.cyclic

@@ -262,12 +262,13 @@ def certified_error(
     room = np.where(between, np.abs(point - before) + slack, 0.0)
     value, gradient = dual_value(reachable.matrix, reachable.limits, multipliers, point, room)
     at_samples, rest = gradient[reachable.sampled], float(np.sum(np.abs(gradient[between])))
-    of_error, quadratic = np.zeros(len(desired)), 0.0
+    of_error: Array = np.zeros(len(desired))
+    quadratic = 0.0
     if reachable.curvature is not None:
         rows, factors, samples, between_samples = reachable.curvature
         weights = multipliers[rows] * factors
         value -= float(weights @ between_samples**2)
-        of_error = np.bincount(samples, 2.0 * weights * between_samples, len(desired))
+        of_error += np.bincount(samples, 2.0 * weights * between_samples, len(desired))
         of_square = np.bincount(samples, weights, len(desired))
         quadratic = float(len(desired) * np.max(of_square) if norm == "rms" else of_square.sum())
     if norm == "rms":
