@@ -89,7 +89,8 @@ class JointModel:
         sag_sin: Sag by gravity where no torque is known [rad]: at the angle q the joint rests
             sag_sin sin(q) + sag_cos cos(q) beside its request, and by ``offset``. Its
             least and largest speed increase by v_max / theta_0 times this sag: it is faster
-            downhill. A sag of theta_0 or more exceeds its torque: there no request holds it.
+            downhill. A sag of theta_0 + 2 dead_band or more exceeds its torque and its friction:
+            there no request holds it.
         sag_cos: The same by the cosine [rad].
 
     Raises:
@@ -376,7 +377,7 @@ class JointModel:
     def rest(self, request: npt.ArrayLike, load: npt.ArrayLike = 0.0) -> Array:
         """Angle q at which a request holds the joint [rad]: q = R + c + kappa tau + g(q).
 
-        It holds it where the sag by the pose is less than theta_0.
+        It is held there where the sag by the pose is at most theta_0 + dead_band, without v_offset.
         """
         level = np.asarray(np.asarray(request, dtype=np.float64) + self.sag(load))
         if self.most_pose_sag == 0.0:

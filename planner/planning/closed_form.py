@@ -62,7 +62,9 @@ def invert_closed_form(
     From rest the joint rests at the first desired angle until the plan begins.
 
     C_m, :func:`planner.line_offset`, contains the dead band and the load when a request acts.
-    Slopes are limited by the top speed in their direction, the smallest under the load.
+    Slopes are limited by the top speed in their direction, the smallest under the load. For a joint
+    that sags by its pose they are limited by that without the sag, or by the smallest on the path,
+    whichever lines the joint follows better.
 
     Args:
         model: The joint.

@@ -262,7 +262,8 @@ def refuted_joints(replay: Replay) -> list[str]:
         assert each.path.model is not None, "planned joints have models"
         inside = (each.path.times >= replay.path.first) & (each.path.times <= replay.path.last)
         part = replace(each.path.log, torque_on=each.path.log.torque_on & inside)
-        if measured_speed(part) > FASTER * max(np.abs(each.path.model.speed_limits(0.0))):
+        limits = each.path.model.speed_limits(0.0, part.angles)
+        if measured_speed(part) > FASTER * max(np.max(np.abs(limit)) for limit in limits):
             names.append(each.name)
     return names
 
