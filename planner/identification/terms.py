@@ -340,7 +340,8 @@ def has_large_sag(fit: Fit) -> bool:
 def _pays_beside_asymmetry(fit: Fit, trial: Fit) -> bool:
     """Whether a sag by the angle also pays if the top speeds differ by direction anyway.
 
-    Near one pose a sag by the angle, with an offset against it, is as good as an asymmetry.
+    Near one pose a sag by the angle, with an offset against it, is nearly as good as an asymmetry,
+    and where an integral term hides the sag at rest gravity shows in the top speeds alone.
     """
     if not _shows("asymmetry", fit):
         return True
@@ -357,7 +358,8 @@ def _pays_beside_asymmetry(fit: Fit, trial: Fit) -> bool:
         )
         for begin, each in ((rival.parameters, rival), (at, trial), (trial.parameters, trial))
     ]
-    return pays(rival, min(both, key=lambda each: each.cost))
+    best = min(both, key=lambda each: each.cost)
+    return pays(rival, best) and _saving(rival, best) >= SAVING
 
 
 def _any_dead_band_does(fit: Fit, trial: Fit, uncertainty: Uncertainty) -> bool:
