@@ -314,7 +314,9 @@ def uncertainty_of(fit: Fit) -> Uncertainty:
         influence = (active[:, np.newaxis] * by_parameter[:, acting]) @ inverse
         outer = by_parameter[:, acting]
         white = variance * inverse @ (outer.T @ outer) @ inverse
-        uneven = np.maximum(1.0, np.sum(influence**2, axis=0) / np.diag(white))
+        squares, even = np.sum(influence**2, axis=0), np.diag(white)
+        shares = np.divide(squares, even, out=np.ones_like(squares), where=even > 0.0)
+        uneven = np.maximum(1.0, shares)
         together = correlation_time(active)
         alike = [max(correlation_time(column), together) for column in influence.T]
         inflation[acting] = uneven * alike
