@@ -393,6 +393,8 @@ def _sag_is_determined(fit: Fit, uncertainty: Uncertainty) -> bool:
     covariance = uncertainty.covariance[np.ix_(pair, pair)]
     if any(at_edge(fit, index) for index in pair.tolist()) or not np.isfinite(covariance).all():
         return False
+    if np.linalg.matrix_rank(covariance) < len(pair):  # no noise, or no information
+        return False
     far = float(sag @ np.linalg.solve(covariance, sag))
     return far > (SAG_DISTANCE * uncertainty.quantile) ** 2
 
