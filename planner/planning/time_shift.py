@@ -103,8 +103,9 @@ def shifted(task: Task) -> Plan:
 def shift_recommended(plan: Plan, shift: Plan) -> str:
     """Why the best time shift is recommended instead of a plan, in words; empty where it is not.
 
-    A model may be hardly better than a pure delay. Or its error in such motion may exceed the
-    shift's predicted error: the gain of the plan is then unknown.
+    A model may be hardly better than a pure delay. A joint may accelerate more than in its logs,
+    though these do not determine its largest acceleration. Or the model's error in such motion may
+    exceed the shift's predicted error: the gain of the plan is then unknown.
 
     Args:
         plan: A plan by another method.
@@ -113,6 +114,12 @@ def shift_recommended(plan: Plan, shift: Plan) -> str:
     evidence = [model.evidence for model in plan.models]
     if why := unproven_gains(plan.names, evidence):
         return why
+    for name, model, expected in zip(plan.names, plan.models, plan.expected, strict=True):
+        intervals = model.evidence.intervals if model.evidence else {}
+        least, _ = intervals.get("max_acceleration", (math.inf, math.inf))
+        if "acceleration" in expected.untested and least <= 0.0:
+            joint = f"{name} accelerates" if name else "the joint accelerates"
+            return f"{joint} more than in its logs, which do not determine its largest acceleration"
     own = np.mean(plan.errors**2, axis=0)
     squares = np.mean([each.error**2 for each in plan.expected] - own)
     missed, of_shift = math.sqrt(max(float(squares), 0.0)), rms(shift.errors)

@@ -169,6 +169,21 @@ def test_a_shift_is_recommended_where_the_model_is_known_less_well_than_it_follo
     assert not shift_recommended(plan, shifted(plan.task))
 
 
+def test_a_shift_is_recommended_beyond_tested_accelerations_where_the_largest_is_unknown():
+    servo = replace(ERS210A, max_acceleration=150.0)
+    for tested, least, recommended in ((1.0, 0.0, True), (1.0, 20.0, False), (100.0, 0.0, False)):
+        evidence = Evidence(
+            error=1e-4,
+            over_delay=0.1,
+            by_acceleration=((0.0, 1e-4), (tested, 1e-4)),
+            intervals={"max_acceleration": (least, 300.0)},
+        )
+        plan = planner.invert_optimal(servo.with_evidence(evidence), PATH).plan
+        why = shift_recommended(plan, shifted(plan.task))
+        assert why.startswith("the joint accelerates more than in its logs" if recommended else "")
+        assert bool(why) == recommended
+
+
 def test_a_plan_for_a_foot_is_not_held_against_a_shift_of_its_joints():
     known = ERS210A.with_evidence(Evidence(error=1.0, over_delay=0.1))
     leg = Leg.from_urdf(urdf_path("reference_leg.urdf"), base="hip", foot="foot")
