@@ -33,9 +33,10 @@ def drawn_models(model: JointModel, *, pairs: int = PAIRS, seed: int = 0) -> tup
     their correlations, but none outside of the intervals; in pairs on either side of the model,
     always the same ones. An interval that ends at 0, where lags, times and dead bands end, is taken
     as wide on that side as on the other, and draws below 0 are rejected: with 0 in place of such a
-    parameter the other parameters would not fit. A parameter does not move towards an unknown end.
-    But where logs give no upper bound on the top speed, its reciprocal is drawn, down to 0, and
-    theta_0 follows from the gain. A time constant of 0 stays 0: the log did not call for one.
+    parameter the other parameters would not fit. A parameter does not move towards an unknown end,
+    which for the largest acceleration is 0 as well. But where logs give no upper bound on the top
+    speed, its reciprocal is drawn, down to 0, and theta_0 follows from the gain. A time constant of
+    0 stays 0: the log did not call for one.
 
     Logs with moving requests determine the switching time far better than its parts. Correlations
     do not show this for an interval that ends at 0: in models drawn from an identified one the lag
@@ -60,6 +61,8 @@ def drawn_models(model: JointModel, *, pairs: int = PAIRS, seed: int = 0) -> tup
     names = [name for name in evidence.intervals if name != "time_constant" or model.time_constant]
     values = np.array([_value(model, name) for name in names])
     ends = np.array([evidence.intervals[name] for name in names])
+    unknown = np.array([name == "max_acceleration" for name in names]) & (ends[:, 0] <= 0.0)
+    ends[unknown, 0] = -math.inf  # a joint that hardly accelerates explains no log
     down, up = np.where(np.isfinite(ends), np.abs(ends - values[:, np.newaxis]), 0.0).T / QUANTILE
     ends_at_zero = (ends[:, 0] == 0.0) & (values >= 0.0)
     down = np.where(ends_at_zero, np.maximum(down, up), down)

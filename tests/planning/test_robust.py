@@ -232,6 +232,15 @@ def test_a_window_that_may_end_at_0_moves_models_no_later_than_their_lag_allows(
     assert np.max(delays) > delays[0] + 0.005
 
 
+def test_no_model_is_drawn_that_hardly_accelerates():
+    for least, slower in ((0.0, False), (60.0, True)):
+        evidence = Evidence(intervals={"max_acceleration": (least, 335.0)})
+        servo = replace(ERS210A, max_acceleration=156.0).with_evidence(evidence)
+        accelerations = [each.max_acceleration for each in drawn_models(servo, pairs=20)]
+        assert (min(accelerations) < 156.0) == slower
+        assert 250.0 < max(accelerations) <= 335.0
+
+
 def open_above(**others):
     """A joint of which a log tells that it is no slower than 4.2 rad/s, and how it begins."""
     return ERS210A.with_evidence(Evidence(intervals={"v_max": (4.2, np.inf), **others}))
