@@ -362,8 +362,8 @@ def thinned(logs: Sequence[Log]) -> tuple[Log, ...]:
     for log, on in zip(logs, np.split(torque & kept.ravel()[stretches], ends), strict=True):
         rows = np.arange(len(on))
         cut = on & np.append(False, log.torque_on[:-1] & ~on[:-1])
-        since = rows - np.maximum.accumulate(np.where(cut, rows, -len(rows)))
-        settling = (since > 0) & (since < SETTLING / log.period)
+        last = np.maximum.accumulate(np.where(cut, rows, -1))
+        settling = (last >= 0) & (rows > last) & (rows - last < SETTLING / log.period)
         found.append(replace(log, torque_on=on, measured=sound_rows(log) & ~settling))
     return tuple(found)
 

@@ -157,12 +157,12 @@ def identify(
         held_rows += stopped
         plain, full = _with_motor(logs, _with_terms(fit_joint(logs, timing)))
     elif has_large_sag(full.fit):  # it may imitate a stop: the joint that misses less is kept
-        moving, stopped = _without_stops(logs, plain.fit)
+        free_logs, stopped = _without_stops(logs, plain.fit)
         rivals = plain, full
         if stopped:
-            rivals = _with_motor(moving, _with_terms(fit_joint(moving, timing)))
+            rivals = _with_motor(free_logs, _with_terms(fit_joint(free_logs, timing)))
         if _missed(rivals[1].fit) < _missed(full.fit):
-            logs, held_rows, (plain, full) = moving, held_rows + stopped, rivals
+            logs, held_rows, (plain, full) = free_logs, held_rows + stopped, rivals
     motor = full.fit is not plain.fit
     if motor and hold_out:
         bare, more = (
@@ -388,17 +388,17 @@ def _without_stops(logs: Sequence[Log], fit: Fit) -> tuple[Sequence[Log], list[F
 
     Where most rows of a log would go they stay: then something else holds the joint.
     """
-    moving, notes = [], []
+    free_logs, notes = [], []
     for each in _log_fits(logs, fit, None):
         log, found = each.log, stops(each, noise_of(fit))
         free = log.torque_on.copy()
         for stop in found:
             free[stop.rows] = False
         few = np.sum(free) >= MOSTLY_FREE * np.sum(log.torque_on)
-        moving.append(replace(log, torque_on=free) if found and few else log)
+        free_logs.append(replace(log, torque_on=free) if found and few else log)
         fate = LEFT_OUT if few else "too many rows to leave out"
         notes += [stop.finding(log, fate) for stop in found]
-    return tuple(moving), notes
+    return tuple(free_logs), notes
 
 
 def _check_alike(logs: Sequence[Log]) -> None:

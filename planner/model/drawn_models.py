@@ -30,13 +30,13 @@ def drawn_models(model: JointModel, *, pairs: int = PAIRS, seed: int = 0) -> tup
     """The model, and further models within its intervals.
 
     They are drawn from a normal distribution with the intervals' widths, either side by itself, and
-    their correlations, but none outside of the intervals; in pairs on either side of the model,
-    always the same ones. An interval that ends at 0, where lags, times and dead bands end, is taken
-    as wide on that side as on the other, and draws below 0 are rejected: with 0 in place of such a
-    parameter the other parameters would not fit. A parameter does not move towards an unknown end,
-    which for the largest acceleration is 0 as well. But where logs give no upper bound on the top
-    speed, its reciprocal is drawn, down to 0, and theta_0 follows from the gain. A time constant of
-    0 stays 0: the log did not call for one.
+    their correlations, but none outside of the intervals, except for the lag (below); in pairs on
+    either side of the model, always the same ones. An interval that ends at 0, where lags, times
+    and dead bands end, is taken as wide on that side as on the other, and draws below 0 are
+    rejected: with 0 in place of such a parameter the other parameters would not fit. A parameter
+    does not move towards an unknown end, which for the largest acceleration is 0 as well. But where
+    logs give no upper bound on the top speed, its reciprocal is drawn, down to 0, and theta_0
+    follows from the gain. A time constant of 0 stays 0: the log did not call for one.
 
     Logs with moving requests determine the switching time far better than its parts. Correlations
     do not show this for an interval that ends at 0: in models drawn from an identified one the lag
@@ -58,11 +58,9 @@ def drawn_models(model: JointModel, *, pairs: int = PAIRS, seed: int = 0) -> tup
         )
     evidence = model.evidence
     assert evidence is not None, "a model without intervals was refused"
-    names = [name for name in evidence.intervals if name != "time_constant" or model.time_constant]
+    intervals = _drawn_from(model)
+    names, ends = list(intervals), np.array(list(intervals.values()))
     values = np.array([_value(model, name) for name in names])
-    ends = np.array([evidence.intervals[name] for name in names])
-    unknown = np.array([name == "max_acceleration" for name in names]) & (ends[:, 0] <= 0.0)
-    ends[unknown, 0] = -math.inf  # a joint that hardly accelerates explains no log
     down, up = np.where(np.isfinite(ends), np.abs(ends - values[:, np.newaxis]), 0.0).T / QUANTILE
     ends_at_zero = (ends[:, 0] == 0.0) & (values >= 0.0)
     down = np.where(ends_at_zero, np.maximum(down, up), down)
@@ -97,8 +95,18 @@ def drawn_models(model: JointModel, *, pairs: int = PAIRS, seed: int = 0) -> tup
 
 def has_intervals(model: JointModel) -> bool:
     """Whether other models can be drawn from this model's intervals."""
-    intervals = model.evidence.intervals if model.evidence else {}
-    return any(math.isfinite(end) for ends in intervals.values() for end in ends)
+    return any(math.isfinite(end) for ends in _drawn_from(model).values() for end in ends)
+
+
+def _drawn_from(model: JointModel) -> dict[str, tuple[float, float]]:
+    """The intervals from which parameters are drawn, with -inf or inf at unknown ends."""
+    intervals = dict(model.evidence.intervals) if model.evidence else {}
+    if model.time_constant == 0.0:
+        intervals.pop("time_constant", None)
+    least, most = intervals.get("max_acceleration", (math.inf, math.inf))
+    if least <= 0.0:  # a joint that hardly accelerates explains no log
+        intervals["max_acceleration"] = -math.inf, most
+    return intervals
 
 
 def _value(model: JointModel, name: str) -> float:

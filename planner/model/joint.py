@@ -377,7 +377,7 @@ class JointModel:
     def rest(self, request: npt.ArrayLike, load: npt.ArrayLike = 0.0) -> Array:
         """Angle q at which a request holds the joint [rad]: q = R + c + kappa tau + g(q).
 
-        It is held there where the sag by the pose is at most theta_0 + dead_band, without v_offset.
+        It is held there where the sag by the pose is below theta_0 + 2 dead_band, without v_offset.
         """
         level = np.asarray(np.asarray(request, dtype=np.float64) + self.sag(load))
         if self.most_pose_sag == 0.0:

@@ -2,8 +2,9 @@
 
 One tick is ``drive`` and ``moved``; everything else here is a loop over ticks around them:
 a run, the derivatives of request periods with rounded corners, and a run along a log with its
-derivatives by the parameters. The same law in CasADi symbols is in ``model/symbolic.py``; a change
-of the law concerns these two files alone. Units: radians and ticks.
+derivatives by the parameters. The same law in CasADi symbols is in ``model/symbolic.py``. Speeds
+that follow from it are in ``model/joint.py``, its bounds in ``planning/bounds/reachable_set.py``.
+Units: radians and ticks.
 
 Import this module where it is used, inside functions: Numba takes a quarter of a second.
 """

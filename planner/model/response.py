@@ -200,7 +200,7 @@ class PathSpeeds(NamedTuple):
 def path_speeds(
     model: JointModel, desired: Array, *, cyclic: bool, load: Array | None = None
 ) -> PathSpeeds:
-    """The speeds of a path, and -v^- or v^+ of (1a) as their limits.
+    """The speeds of a path; their limits are -v^- or v^+ of (1a), gravity of the pose included.
 
     Args:
         model: The joint.

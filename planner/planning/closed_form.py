@@ -152,9 +152,9 @@ def approximations(
     (model,) = problem.models
     desired, cyclic = problem.desired[:, 0], problem.cyclic
     low, high = slope_limits(model, problem.loads[0])
-    least, most = low * (1.0 + AT_TOP_SPEED), high * (1.0 + AT_TOP_SPEED)
 
     def fitted(segments: int | None, low: float, high: float) -> PiecewiseLinear:
+        least, most = low * (1.0 + AT_TOP_SPEED), high * (1.0 + AT_TOP_SPEED)
         # The fit keeps one limit both ways: the larger, unless a line is then too steep one way.
         for v_max in sorted({-low, high}, reverse=True):
             curve = fit_pwl(
@@ -167,7 +167,8 @@ def approximations(
     limits = [(low, high)]
     if model.most_pose_sag > 0.0:
         slower = least_limits(model, desired, problem.loads[0])
-        limits += [(max(low, slower[0]), min(high, slower[1]))]
+        slower = max(low, slower[0]), min(high, slower[1])
+        limits += [slower] if slower != limits[0] else []
     curves = []
     for pair in limits:
         curves.append(fitted(segments, *pair))

@@ -260,6 +260,8 @@ def smoothed(
 ) -> Array:
     """Smoother requests whose shown error is within the limits of :func:`allowed_beside`.
 
+    Where requests would shake a joint, an error up to an encoder's step is allowed as well.
+
     Args:
         problem: The goal, and the limits.
         requests: A good plan [rad], shape (n, J).

@@ -37,6 +37,13 @@ def test_some_rows_of_several_long_logs_are_kept_in_each():
     assert min(kept) >= MOST_ROWS // 10
 
 
+def test_the_beginning_of_a_log_that_is_not_divided_is_kept():
+    logs = [rich_log(rows=40, seed=seed) for seed in range(2 * ROWS // 40)]
+    for log, some in zip(logs, thinned(logs), strict=True):
+        if np.all(some.torque_on):
+            assert np.array_equal(some.measured, grid.sound_rows(log))
+
+
 def test_the_largest_steps_are_kept():
     log = burst_log()
     (some,) = thinned([log])

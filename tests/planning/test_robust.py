@@ -232,6 +232,14 @@ def test_a_window_that_may_end_at_0_moves_models_no_later_than_their_lag_allows(
     assert np.max(delays) > delays[0] + 0.005
 
 
+@pytest.mark.parametrize("name", ["time_constant", "max_acceleration"])
+def test_nothing_is_drawn_from_an_interval_that_tells_nothing(name):
+    intervals = {name: (0.0, 0.01) if name == "time_constant" else (0.0, np.inf)}
+    model = ERS210A.with_evidence(Evidence(intervals=intervals))
+    with pytest.raises(InvalidInput, match="without intervals of its parameters"):
+        drawn_models(model)
+
+
 def test_no_model_is_drawn_that_hardly_accelerates():
     for least, slower in ((0.0, False), (60.0, True)):
         evidence = Evidence(intervals={"max_acceleration": (least, 335.0)})

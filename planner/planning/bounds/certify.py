@@ -92,12 +92,13 @@ def certify(
 ) -> Certificate:
     """A lower bound on the error of any requests, and how it was obtained.
 
-    ``slope`` uses that the joint never moves faster than v_max; ``envelope`` also that its speed
-    cannot change at once; ``exact`` follows every request through the window, and searches all
+    ``slope`` uses the joint's top speeds, gravity included; ``envelope`` also that its speed cannot
+    change at once; ``exact`` follows every request through the window, and searches all
     requests for any that are better than a plan (``docs/math.md``, section 5). Each bound is at
     least the one before, and costs more: one and a few milliseconds, and seconds to the time limit
     for a hundred samples. All hold under a load, "exact" under a constant one. For a joint with a
-    dead band or inertia "envelope" is the strongest; the answer has the level used.
+    dead band, inertia or a sag by the pose "envelope" is the strongest; the answer has the level
+    used.
 
     Args:
         model: The joint.

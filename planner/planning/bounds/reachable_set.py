@@ -120,7 +120,8 @@ def reachable_set(
 def linearised_set(problem: BoundProblem, level: Level) -> ReachableSet:
     """The reachable set, with condition 1 also linearised at the desired angles: (7c) and (9c).
 
-    The further conditions are those of a joint that sags by its pose and has no inertia.
+    The further conditions are those of a joint that sags by its pose and has no inertia. Where
+    gravity overcomes the joint, friction holds or slows it, so that it is faster than its limit.
     """
     reachable, model = reachable_set(problem, level), problem.model
     if model.most_pose_sag == 0.0 or model.has_inertia:
@@ -136,6 +137,9 @@ def linearised_set(problem: BoundProblem, level: Level) -> ReachableSet:
     by_angle = sparse.csr_array((slope, (np.arange(len(moved)), before)), shape=shape)
     rows = sparse.csr_array(_differences(ticks, cyclic=problem.cyclic) - by_angle)
     shift = sag - slope * at
+    most, friction = gain * model.most_pose_sag, model.law.friction
+    upper, lower = (limit[moved] for limit in (high, -low))
+    upper, lower = (each + np.clip(most - each, 0.0, 2.0 * friction) for each in (upper, lower))
     count = len(reachable.limits)
     farthest = farthest_per_period(model, problem.load) / hold
     curvature = Curvature(
@@ -146,7 +150,7 @@ def linearised_set(problem: BoundProblem, level: Level) -> ReachableSet:
     )
     return ReachableSet(
         sparse.csr_array(sparse.vstack([reachable.matrix, rows, -rows])),
-        np.concatenate([reachable.limits, high[moved] + shift, -low[moved] - shift]),
+        np.concatenate([reachable.limits, upper + shift, lower - shift]),
         reachable.sampled,
         curvature,
     )

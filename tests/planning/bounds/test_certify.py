@@ -311,6 +311,30 @@ def test_any_multipliers_of_linearised_conditions_prove_a_bound(
         assert 0.0 <= proved <= error(angles, desired, norm) + ROUNDING
 
 
+@pytest.mark.parametrize(("sag", "band"), [(0.15, 0.05), (0.12, 0.03), (0.12, 0.06), (0.3, 0.01)])
+def test_a_joint_that_gravity_overcomes_is_held_by_its_friction_above_its_bound(sag, band):
+    """Friction holds it, or slows it, where its top speed alone would not."""
+    model = JointModel(
+        v_max=5.0,
+        theta_0=0.1,
+        lag=0.016,
+        acceleration_time=0.032,
+        tick=0.008,
+        dead_band=band,
+        sag_cos=-sag,
+    )
+    rng = np.random.default_rng(0)
+    for request in (0.0, 0.1, 0.2):
+        requests = request + 0.01 * rng.normal(size=20)
+        for cyclic in (True, False):
+            angles = simulate(model, requests, cyclic=cyclic)
+            for desired in (np.full(20, np.mean(angles)), angles):
+                start = None if cyclic else float(model.rest(requests[0]))
+                for level in ("slope", "envelope"):
+                    bound = lower_bound(model, desired, cyclic=cyclic, level=level, start=start)
+                    assert bound <= error(angles, desired, "rms") + ROUNDING
+
+
 @pytest.mark.parametrize("hold", [1, 3])
 @pytest.mark.parametrize("norm", NORMS)
 @pytest.mark.parametrize("seed", range(4))
