@@ -176,14 +176,14 @@ CASES = {
         "urdf --limits-deg knee=70:115 --no-reidentify -o n.csv",
     ],
     "refine-trials": [
-        "plan path.csv --model joint.toml -o r0.csv -q",
+        "plan path.csv --model joint.toml --smoothness 0 -o r0.csv -q",
         *(
             line
             for k, joints in enumerate(("--joint hip --joint knee",) * 2 + ("--joint knee",))
             for line in (
                 f"simulate r{k}.csv --model motor.toml {joints} -o m{k}.csv -q",
-                f"refine r{k}.csv m{k}.csv --desired path.csv --model joint.toml --no-reidentify "
-                f"--history trials -o r{k + 1}.csv --report page.html",
+                f"refine r{k}.csv m{k}.csv --desired path.csv --model joint.toml --smoothness 0 "
+                f"--no-reidentify --history trials -o r{k + 1}.csv --report page.html",
             )
         ),
     ],
