@@ -25,6 +25,9 @@ EXACT = 1e-6
 """Without noise parameters are found to this, relative to their size; an offset relative to 1 rad,
 a lag to a tick at least."""
 
+ROUNDING = 1e-14
+"""Of a parameter that is 0."""
+
 SAME_FIT = 2e-3
 """Two fits of the same rows, scaled or shifted, stop at the same parameters to this share."""
 
@@ -41,7 +44,7 @@ def assert_close(model, expected, share):
     for name, true in expected.parameters().items():
         found = getattr(model, name)
         size = {"offset": 1.0, "lag": max(true, expected.tick)}.get(name, true)
-        assert abs(found - true) <= share * size, name
+        assert abs(found - true) <= share * size + ROUNDING, name
 
 
 def assert_found(model, expected):
