@@ -184,24 +184,18 @@ def steps(values: Array, *, cyclic: bool) -> Array:
     return np.asarray(np.diff(values, axis=0, append=values[: 1 if cyclic else 0]))
 
 
-def reversals(values: Array, *, cyclic: bool) -> Array:
-    """How often values change direction along the first axis, where staying changes nothing.
+def reversals(values: Array, *, cyclic: bool) -> int:
+    """How often values [rad], shape (n,), change direction, where staying changes nothing.
 
     Args:
-        values: Samples [rad or m], shape (n, ...).
+        values: Samples.
         cyclic: Whether the first sample follows the last.
-
-    Returns:
-        The numbers of changes, shape (...), whole.
     """
-    count = np.zeros(values.shape[1:])
-    for column in np.ndindex(count.shape):
-        changes = steps(values[(slice(None), *column)], cyclic=cyclic)
-        directions = np.sign(changes[np.abs(changes) > 1e-9])  # less is rounding
-        if cyclic:
-            directions = np.append(directions, directions[:1])
-        count[column] = np.count_nonzero(np.diff(directions))
-    return count
+    changes = steps(values, cyclic=cyclic)
+    directions = np.sign(changes[np.abs(changes) > 1e-9])  # less is rounding
+    if cyclic:
+        directions = np.append(directions, directions[:1])
+    return int(np.count_nonzero(np.diff(directions)))
 
 
 def rms(values: Array) -> float:

@@ -68,7 +68,7 @@ def request_motion(
     beyond = max(desired.min() - requests.min(), requests.max() - desired.max(), 0.0)
     return RequestMotion(
         largest_step=float(np.max(np.abs(changes), initial=0.0)),
-        reversals_per_s=float(reversals(requests, cyclic=cyclic)) / (len(requests) * period),
+        reversals_per_s=reversals(requests, cyclic=cyclic) / (len(requests) * period),
         path_length=float(np.sum(np.abs(changes))),
         desired_length=float(np.sum(np.abs(desired_changes))),
         beyond=float(beyond),

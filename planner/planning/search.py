@@ -310,12 +310,11 @@ SHAKING = 8.0
 
 
 def shakes(problem: Problem, requests: Array) -> bool:
-    """Whether requests of a joint, (n, J), change direction much more often than its path does."""
-    request_turns, path_turns = (
-        reversals(each, cyclic=problem.cyclic) for each in (requests, problem.desired)
+    """Whether requests of a joint, (n, 1), change direction much more often than its path does."""
+    turns, of_path = (
+        reversals(each[:, 0], cyclic=problem.cyclic) for each in (requests, problem.desired)
     )
-    seconds = len(requests) * problem.models[0].period
-    return bool(np.any(request_turns - path_turns > SHAKING * seconds))
+    return turns - of_path > SHAKING * len(requests) * problem.models[0].period
 
 
 class Judged(NamedTuple):
