@@ -102,6 +102,11 @@ it a log of an SO-101 that hardly moves (0.3) gives its wrist a dead band 1.3 to
 and motions that were not fitted are missed by 4.1 and 3.9 mrad, not by 3.8 and 3.1; twice as much
 changes nothing there."""
 
+SHARES = ((0.3, 0.1, 0.1, 1.0), (0.7, 0.1, 0.1, 1.0), (0.5, 0.2, 0.1, 0.6))
+"""Time constant, acceleration time and lag as shares of a motor's delay, and its gain times that of
+the motor, from which the search begins again. (Of 160 made motors the gain is off by 9 % rms
+without, 1.4 % with them, in the same time.)"""
+
 MOST_TICKS = 6000
 """Of longer logs only so many ticks are compared, in the chunks that the model misses most."""
 
@@ -254,6 +259,7 @@ def _motor(fit: Fit, begins: Sequence[Parameters], free: Free, starts: Array) ->
     search = partial(least_squares, fit.grid, starts=starts, scale=fit.scale, effort=TERM)
     trial = min((search(begin, free=free) for begin in begins), key=lambda each: each.cost)
     trial = search(trial.parameters, starts=trial.starts, free=free, effort=ENOUGH)
+    trial = _redivided(trial, partial(search, free=free))
     if not pays(fit, trial):
         return fit
     for name in MOTOR:
@@ -261,6 +267,31 @@ def _motor(fit: Fit, begins: Sequence[Parameters], free: Free, starts: Array) ->
         without = search(bare, free=trial.free & ~only(name))
         trial = trial if pays(without, trial) else without
     return trial if _saving(fit, trial) >= SAVING else fit
+
+
+def _redivided(fit: Fit, search: Callable[..., Fit]) -> Fit:
+    """The fit, or a better one that begins at the same delay with another share of inertia.
+
+    Lag, window, inertia and gain can replace one another, so that the search by derivatives may end
+    in a local optimum in which one takes the place of another.
+    """
+    while True:
+        at = fit.parameters
+        begins = [
+            at._replace(
+                time_constant=constant * at.whole_delay,
+                acceleration_time=max(window * at.whole_delay, fit.grid.tick),
+                lag=lag * at.whole_delay,
+                gain=gain * at.gain,
+            )
+            for constant, window, lag, gain in SHARES
+        ]
+        trials = [search(begin, starts=fit.starts, effort=TRIAL) for begin in begins]
+        best = min(trials, key=lambda each: each.cost)
+        best = search(best.parameters, starts=best.starts, effort=ENOUGH)
+        if best.cost >= 0.99 * fit.cost:
+            return fit
+        fit = best
 
 
 def _motor_anywhere(fit: Fit, free: Free) -> tuple[Fit, Fit | None]:

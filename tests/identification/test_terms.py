@@ -266,6 +266,35 @@ def test_friction_that_nearly_holds_a_motor_leaves_one_that_moves_on_its_own_tic
     assert found.model.dead_band == pytest.approx(truth.dead_band, rel=0.05)
 
 
+@pytest.mark.parametrize(
+    ("seed", "speed", "theta_0", "lag", "window", "constant", "limit", "dead_band"),
+    [
+        (37, 5.4645, 0.34282, 0.006725, 0.02168, 0.03233, 35.254, 0.06863),
+        (49, 4.270, 0.2824, 0.0148, 0.01946, 0.0559, 15.61, 0.05615),
+    ],
+)
+def test_the_delay_of_a_motor_is_divided_into_lag_and_inertia_as_it_is(
+    seed, speed, theta_0, lag, window, constant, limit, dead_band
+):
+    """Lag and window in place of the inertia once were local optima, two to five times worse."""
+    truth = planner.JointModel(
+        v_max=speed,
+        theta_0=theta_0,
+        lag=lag,
+        acceleration_time=window,
+        tick=0.0005,
+        time_constant=constant,
+        max_acceleration=limit,
+        dead_band=dead_band,
+    )
+    log = logged(truth, period=0.02, rows=1500, seed=seed)
+    found = planner.identify(log, hold_out=False)
+    assert found.rms <= 1.2 * found.noise
+    assert found.model.time_constant == pytest.approx(constant, rel=0.1)
+    gain = found.model.v_max / found.model.theta_0
+    assert gain == pytest.approx(speed / theta_0, rel=0.1)
+
+
 def test_an_acceleration_limit_is_kept_in_the_file_with_its_interval(tmp_path):
     truth = replace(AIBO, tick=0.005, hold=4, max_acceleration=30.0, theta_0=0.4, v_max=5.0)
     found = planner.identify(motor_logs(truth, seed=2), hold_out=False)
