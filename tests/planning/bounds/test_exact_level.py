@@ -14,7 +14,8 @@ from planner.model.joint import JointModel
 from planner.model.response import simulate
 from planner.planning.arguments import NORMS
 from planner.planning.bounds.certify import certify, lower_bound
-from planner.planning.bounds.saturation_relaxation import acting_pairs
+from planner.planning.bounds.reachable_set import BoundProblem
+from planner.planning.bounds.saturation_relaxation import acting_pairs, without_load
 from tests.instances import random_model, saturating
 from tests.mixed_integer import SOLVER_TOLERANCE, mixed_integer_bound
 from tests.strategies import models, trajectories
@@ -102,6 +103,19 @@ def test_no_plan_of_a_joint_with_friction_goes_below_the_levels(cyclic, norm):
     assert bounds[0] <= bounds[1] * (1.0 + 1e-7) + 1e-12
     assert bounds[1] <= bounds[2] <= plan.error
     assert bounds[2] > 0.0
+
+
+@given(models(friction=True), trajectories(most=12), st.floats(-1.0, 1.0), st.booleans())
+def test_a_constant_load_is_part_of_the_offsets(model, requests, torque, cyclic):
+    loaded = BoundProblem(model, requests, cyclic, "rms", None, np.full(len(requests), torque))
+    same = without_load(loaded)
+    assert same.load is None
+    np.testing.assert_allclose(
+        simulate(same.model, requests, cyclic=cyclic),
+        simulate(model, requests, cyclic=cyclic, load=torque),
+        rtol=0.0,
+        atol=ROUNDING,
+    )
 
 
 @pytest.mark.parametrize("samples", [10, 12])
