@@ -41,6 +41,14 @@ def test_requests_that_start_again_too_go_on_as_well():
     assert np.max(np.abs(read.angles - read.requests - log.angles + log.requests)) <= SAME
 
 
+def test_angles_that_go_on_take_the_turn_of_their_requests():
+    log = rich_log(noise=NOISE)
+    below = log.angles - log.angles[0] - 0.1
+    read, jumps = unwrapped(changed(log, angles=below % TURN))
+    assert jumps > 0
+    assert np.max(np.abs(read.angles - below)) <= SAME
+
+
 def test_a_request_for_a_whole_turn_stays_one():
     requests = np.repeat([0.0, TURN, 0.0, TURN, 0.0], 150)
     angles = planner.simulate(replace(AIBO, v_max=12.0, theta_0=0.27), requests, cyclic=False)
