@@ -186,7 +186,9 @@ def test_an_axis_that_does_not_count_lowers_the_bound():
     assert some.lower_bound <= error_of(some, every.requests)
 
 
-def test_no_plan_that_is_planted_is_below_it():
+@pytest.mark.parametrize("weights", [(1.0, 1.0, 1.0), (4.0, 1.0, 0.0)], ids=["equal", "weighted"])
+def test_no_plan_that_is_planted_is_below_it(weights):
+    shares = np.array(weights) / max(weights)
     rng = np.random.default_rng(6)
     leg = ers210a_leg("hind_right")
     holds = [(1, 0.008), (2, 0.004), (4, 0.002)]
@@ -203,11 +205,12 @@ def test_no_plan_that_is_planted_is_below_it():
         )
         noise = rng.normal(0.0, 0.002, (14, 3))
         limits = np.min(requests, axis=0), np.max(requests, axis=0)
-        foot = leg.foot_positions(angles) + noise
-        task = Task.of(models, foot, leg=leg, cyclic=cyclic, limits=limits)
+        far = 0.1 * (shares == 0.0)  # [m], along an axis that does not count
+        foot = leg.foot_positions(angles) + noise + far
+        task = Task.of(models, foot, leg=leg, cyclic=cyclic, limits=limits, weights=weights)
         plan = np.tile(middle, (14, 1)) if cyclic else angles + 0.3 * (angles - angles[0])
         bound = foot_bound(replace(task, start=start), plan)
-        assert bound <= np.sqrt(np.mean(np.sum(noise**2, axis=1)))
+        assert bound <= np.sqrt(np.mean(noise**2 @ shares))
 
 
 def test_limits_that_are_far_apart_take_no_more_cells_than_there_may_be():
