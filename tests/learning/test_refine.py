@@ -378,6 +378,9 @@ def test_a_second_trial_identifies_the_model_anew_where_that_predicts_it_better(
     assert second.learning.reidentified == (1,)
     measured = joint.play(first.requests, 3)[1]
     assert planner.refine(first, measured, reidentify=False).model == KNOWN
+    for anew in (True, False):
+        joints = planner.refine(first.plan, measured[:, :, np.newaxis], reidentify=anew)
+        assert (joints.models[0] == KNOWN) != anew
 
 
 def test_cycles_of_the_same_requests_identify_no_model(two_trials) -> None:
@@ -435,6 +438,7 @@ def test_joints_of_a_plan_learn_each_by_themselves_and_keep_their_names() -> Non
 
 def test_a_foot_is_learnt_with_all_joints_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("planner.planning.plan.Plan.foot_bound", None)  # not while learning goes on
+    monkeypatch.setattr(refining, "reidentified", None)  # not where it shall not be
     walk = planner.reference_walk()
     true = replace(KNOWN, v_max=0.95 * KNOWN.v_max, lag=1.2 * KNOWN.lag, v_offset=0.1)
     plan = planner.invert_foot(KNOWN, walk.leg, walk.desired_foot)
@@ -453,8 +457,9 @@ def test_a_foot_is_learnt_with_all_joints_at_once(monkeypatch: pytest.MonkeyPatc
         refining, "_estimated", lambda *given: since.append(given[2]) or estimated(*given)
     )
     known = replace(plan, learning=(replace(plan.learning, reidentified=(0, 2, 1)),))
-    planner.refine(known, angles, reidentify=False)
-    assert since == [2]  # the trial after which the last of the joints' models was changed
+    for each in (known, known.plan):
+        planner.refine(each, angles, reidentify=False)
+    assert since == [2, 2]  # the trial after which the last of the joints' models was changed
 
 
 @pytest.mark.parametrize(
