@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TypeVar
 
 import numpy as np
@@ -171,27 +172,24 @@ def refine(
             f"sensor_delay: got {shown(sensor_delay)}, expected a time of at most "
             f"{LONGEST_DELAY:g} s either way"
         )
+    if not isinstance(plan, Inversion | FootInversion | Plan):
+        raise InvalidInput(
+            f"plan: got {shown(plan)}, expected what planner.plan, invert_optimal, invert_foot or "
+            "refine returned"
+        )
+    refined = partial(_refined, sensor_delay=sensor_delay, reidentify=reidentify)
+    cycles = checked_cycles(measured, plan.requests.shape)
     if isinstance(plan, Inversion):
-        cycles = checked_cycles(measured, (len(plan.requests),))[:, :, np.newaxis]
-        joint = plan.plan.joint(plan.column)
-        return Inversion(_refined(joint, cycles, sensor_delay, reidentify))
-    if isinstance(plan, FootInversion | Plan):
-        cycles = checked_cycles(measured, plan.requests.shape)
-        if isinstance(plan, FootInversion):
-            return FootInversion(_refined(plan.plan, cycles, sensor_delay, reidentify))
-        if plan.task.goal == "foot":
-            return _refined(plan, cycles, sensor_delay, reidentify)
-        plans = []
-        for j, name in enumerate(plan.names):
-            with about(name):
-                plans.append(
-                    _refined(plan.joint(j), cycles[:, :, j : j + 1], sensor_delay, reidentify)
-                )
-        return joined(plans)
-    raise InvalidInput(
-        f"plan: got {shown(plan)}, expected what planner.plan, invert_optimal, invert_foot or "
-        "refine returned"
-    )
+        return Inversion(refined(plan.plan.joint(plan.column), cycles[:, :, np.newaxis]))
+    if isinstance(plan, FootInversion):
+        return FootInversion(refined(plan.plan, cycles))
+    if plan.task.goal == "foot":
+        return refined(plan, cycles)
+    plans = []
+    for j, name in enumerate(plan.names):
+        with about(name):
+            plans.append(refined(plan.joint(j), cycles[:, :, j : j + 1]))
+    return joined(plans)
 
 
 def checked_cycles(measured: npt.ArrayLike, shape: tuple[int, ...]) -> Array:
