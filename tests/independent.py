@@ -76,9 +76,12 @@ def windowed(model, request_at, ticks, before, load_at=lambda _: 0.0, speed=0.0)
                 theta_0=top / (model.v_max * model.tick) * model.theta_0,
                 v_offset=faster * model.tick,
             )
-        change = share * (total / acceleration - speed)
-        speed += max(min(change, most), -most)
-        speed = math.copysign(max(abs(speed) - share * friction, 0.0), speed)
+        drive = total / acceleration
+        if share == 1.0:
+            drive = math.copysign(max(abs(drive) - friction, 0.0), drive)
+        speed += max(min(share * (drive - speed), most), -most)
+        if share < 1.0:
+            speed = math.copysign(max(abs(speed) - share * friction, 0.0), speed)
         before = before + speed
         angles.append(before)
     return np.array(angles)

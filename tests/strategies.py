@@ -59,7 +59,7 @@ def models(
     if inertia:
         constant = draw(st.one_of(st.just(0.0), st.floats(0.1, 8.0)))
         share = -np.expm1(-1.0 / constant) if constant else 1.0
-        slowed = share * ratio * dry.get("dead_band", 0.0) / TICK**2  # in a tick, by dry friction
+        slowed = share * ratio * dry.get("dead_band", 0.0) / TICK**2 if constant else 0.0
         limit = st.floats(0.05, 2.0).map(lambda a: slowed + a * v_max / TICK)
         dry["time_constant"] = constant * TICK
         dry["max_acceleration"] = draw(st.one_of(st.just(np.inf), limit))

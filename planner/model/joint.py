@@ -77,7 +77,8 @@ class JointModel:
         hold: Number of ticks for which one request is held.
         offset: Static sag: the joint comes to rest at request + offset [rad].
         dead_band: Dry friction: error between request and angle that does not move it [rad].
-            Friction slows the joint, too, but not below v_max.
+            Friction slows the joint, too, but not below v_max. Without a time_constant it is a dead
+            zone of the servo's electronics, before max_acceleration.
         v_offset: How much faster it is in the positive direction than v_max, and slower in the
             other [rad/s].
         compliance: Sag by a torque on the joint [rad/(N m)], beside ``offset``.
@@ -166,7 +167,7 @@ class JointModel:
                 f"max_acceleration: got {self.max_acceleration:g} rad/s^2, expected more than "
                 f"{slowed:g} rad/s^2, by which the dry friction of the dead_band "
                 f"{self.dead_band:g} rad slows it in a tick of {self.tick:g} s; such a joint would "
-                "never move: check the units, or give it a time_constant"
+                "never move: check the units, or leave out the time_constant"
             )
         window = math.ceil(self.acceleration_ticks)
         if window * self.hold > MOST_TERMS:
@@ -198,8 +199,8 @@ class JointModel:
         """The same joint, with a request every ``period`` [s].
 
         The tick becomes the longest one that divides the period and is no longer than it was. Where
-        it becomes shorter, lag, v_max / theta_0 and, with dry friction, max_acceleration change so
-        that the response stays the same: see ``with_ticks`` and ``slowed_by_friction``.
+        it becomes shorter, lag, v_max / theta_0 and, with inertia and friction, max_acceleration
+        change so that the response stays the same: see ``with_ticks`` and ``slowed_by_friction``.
 
         Raises:
             InvalidModel: The period is not a finite time above 0.
@@ -574,11 +575,10 @@ def with_ticks(
 def slowed_by_friction(gain: float, dead_band: float, time_constant: float, tick: float) -> float:
     """Deceleration of a moving joint by dry friction [rad/s^2]: k gain dead_band / tick.
 
-    Without a time constant k is 1, and the deceleration grows as ticks become shorter: the
-    acceleration limit has to grow with it for the joint to start as fast.
+    Without a time constant it is 0: there friction is a dead zone of the drive.
     """
     share = -math.expm1(-tick / time_constant) if time_constant > 0.0 else 1.0
-    return share * gain * dead_band / tick
+    return share * gain * dead_band / tick if share < 1.0 else 0.0
 
 
 def joint_of_top_speed(v_max: float) -> JointModel:

@@ -46,6 +46,8 @@ def drive(law: Law, error: float, faster: float) -> tuple[float, float]:
 def moved(law: Law, demand: float, speed: float) -> float:
     """The speed after a tick: a motor's inertia, then Coulomb friction, implicit.
 
+    Without inertia friction is a dead zone of the drive, before the acceleration limit.
+
     Args:
         law: The joint.
         demand: Demanded speed, the drive g(t) [rad/tick].
@@ -54,13 +56,21 @@ def moved(law: Law, demand: float, speed: float) -> float:
     Returns:
         w(t) [rad/tick].
     """
+    friction = law.share * law.friction
+    if law.share == 1.0:
+        demand, friction = shrunk(demand, friction), 0.0
     if law.share < 1.0 or law.acceleration < np.inf:
         change = law.share * (demand - speed)
         demand = speed + min(max(change, -law.acceleration), law.acceleration)
-    friction = law.share * law.friction
+    return shrunk(demand, friction)
+
+
+@inner
+def shrunk(speed: float, friction: float) -> float:
+    """A speed less what friction takes of it; 0 where that is more."""
     if friction == 0.0:
-        return demand
-    return float(np.sign(demand)) * max(abs(demand) - friction, 0.0)
+        return speed
+    return float(np.sign(speed)) * max(abs(speed) - friction, 0.0)
 
 
 @inner
@@ -186,8 +196,7 @@ def moved_along_lines(
             for j in range(len(weights)):
                 error = offsets[i] + slopes[i] * steps[tick, j] - angle
                 demand += weights[j] * drive(law, error, faster[i])[0]
-            friction = law.friction
-            angle += float(np.sign(demand)) * max(abs(demand) - friction, 0.0)
+            angle += shrunk(demand, law.friction)
         distances[i] = angle
     return distances
 
@@ -219,14 +228,17 @@ def rounded_moved(
     """
     now, by_demand, by_speed, bend = demand, 1.0, 0.0, 0.0
     rounded = rounded * law.share * law.share
-    if law.share < 1.0 or law.acceleration < np.inf:
-        change, slope = law.share * (demand - speed), 1.0
-        if law.acceleration < np.inf:
-            change, slope, bend = rounded_clip(change, -law.acceleration, law.acceleration, rounded)
-        now = speed + change
-        by_demand, by_speed = law.share * slope, 1.0 - law.share * slope
-        bend *= law.share * law.share
     friction = law.share * law.friction
+    if law.share == 1.0 and friction > 0.0:
+        kept, slope, bent = rounded_clip(now, -friction, friction, rounded)
+        now, by_demand, bend, friction = now - kept, 1.0 - slope, -bent, 0.0
+    if law.share < 1.0 or law.acceleration < np.inf:
+        change, slope, bent = law.share * (now - speed), 1.0, 0.0
+        if law.acceleration < np.inf:
+            change, slope, bent = rounded_clip(change, -law.acceleration, law.acceleration, rounded)
+        now = speed + change
+        bend = law.share * (slope * bend + law.share * bent * by_demand * by_demand)
+        by_demand, by_speed = law.share * slope * by_demand, 1.0 - law.share * slope
     if friction > 0.0:
         kept, slope, bent = rounded_clip(now, -friction, friction, rounded)
         now -= kept
@@ -500,8 +512,11 @@ def along(
         errors[t, 0], errors[t, 1] = least, most
         driven = demand
         demand += law.gain * by_pose
-        slid, free = speed, demand
-        if law.share < 1.0 or law.acceleration < np.inf:
+        # ``free`` is what friction acts on, ``aim`` what the speed follows
+        slid, free, aim = speed, demand, demand
+        if law.share == 1.0:
+            aim = shrunk(demand, law.friction)
+        else:
             change = law.share * (demand - speed)
             free = speed + min(max(change, -law.acceleration), law.acceleration)
         speed = moved(law, demand, speed)
@@ -536,9 +551,9 @@ def along(
             # By the demanded speed, and by the speed before
             accelerated = 1.0
             kinks[ACCELERATION] = 0.0
-            if abs(law.share * (demand - slid)) > law.acceleration:
+            if abs(law.share * (aim - slid)) > law.acceleration:
                 accelerated = 0.0
-                kinks[ACCELERATION] = np.sign(demand - slid)
+                kinks[ACCELERATION] = np.sign(aim - slid)
             if way == 0.0 or abs(free) > ROUNDING * law.share * law.gain * abs(angle):
                 way = np.sign(free)  # at rest: the direction in which it came to rest
             sliding = 1.0 if law.friction == 0.0 or abs(free) > law.share * law.friction else 0.0
@@ -550,8 +565,14 @@ def along(
             for p in range(count):
                 column = columns[p]
                 past[p] = now[p]
-                pushed = drives[column] - by_angle * now[p] - fast[p]
-                fast[p] = sliding * (fast[p] + by_demand * pushed + kinks[column])
+                pushed = drives[column] - by_angle * now[p]
+                if law.share < 1.0:
+                    pushed = by_demand * (pushed - fast[p])
+                    fast[p] = sliding * (fast[p] + pushed + kinks[column])
+                elif accelerated == 1.0:
+                    fast[p] = sliding * (pushed + kinks[column])
+                elif column == ACCELERATION:
+                    fast[p] += kinks[column]
                 motion[p] += fast[p]
                 if follows:
                     now[p] = motion[p]

@@ -123,7 +123,8 @@ def _slope(model: JointModel, request: float, start: float, load: float) -> floa
     sides = np.sign(error - model.corners(load, start))
     slope = float(model.gain_per_tick * (sides[0] - sides[1] + sides[2] - sides[3]) / 2.0)
     most = model.law.acceleration / model.law.share
-    drive = abs(float(model.speed(error, load, start)) * model.tick) + model.law.friction
+    drive = abs(float(model.speed(error, load, start)) * model.tick)
+    drive += model.law.friction if model.law.share < 1.0 else 0.0
     beyond = float(np.sign(drive - most))
     return model.law.share * slope * (1.0 - beyond) / 2.0
 

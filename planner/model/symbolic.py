@@ -94,14 +94,16 @@ def _pose_sag(law: Law, angle: Any) -> Any:
 
 
 def _moved(law: Law, demand: Any, speed: Any, corner: Any) -> Any:
-    """The speed after a tick [rad/tick]: inertia, then friction."""
+    """The speed after a tick [rad/tick]: inertia, then friction; without inertia friction first."""
     corner = None if corner is None else law.share * corner
+    friction = law.share * law.friction
+    if law.share == 1.0 and friction:
+        demand, friction = demand - _clip(demand, -friction, friction, corner), 0.0
     if law.share < 1.0 or math.isfinite(law.acceleration):
         change = law.share * (demand - speed)
         if math.isfinite(law.acceleration):
             change = _clip(change, -law.acceleration, law.acceleration, corner)
         demand = speed + change
-    friction = law.share * law.friction
     return demand - _clip(demand, -friction, friction, corner) if friction else demand
 
 

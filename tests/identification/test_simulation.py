@@ -81,6 +81,14 @@ def test_the_derivatives_are_slopes_with_dry_friction_and_a_load(field):
     slopes_agree(STICKY, field)
 
 
+@pytest.mark.parametrize("field", [*FIELDS, "acceleration"])
+@pytest.mark.parametrize("constant", [0.0, 0.03])
+def test_the_derivatives_are_slopes_with_an_acceleration_limit(field, constant):
+    slow = replace(STICKY, time_constant=constant, max_acceleration=120.0, theta_0=0.4)
+    if constant or field != "time_constant":
+        slopes_agree(slow, field)
+
+
 def test_what_friction_takes_of_the_acceleration_is_added_in_the_model():
     motor = replace(STICKY, time_constant=0.03, max_acceleration=40.0)
     at = Parameters.of(motor)

@@ -213,6 +213,29 @@ def test_inertia_an_acceleration_limit_and_friction_are_found_together(constant,
     assert found.rms <= 1.1 * math.hypot(NOISE, QUANTUM / math.sqrt(12.0))
 
 
+@pytest.mark.parametrize(("gain", "degrees", "limit"), [(10.0, 1.5, 30.0), (12.0, 1.0, 40.0)])
+def test_a_hobby_servo_is_found_with_its_dead_band_slow_start_and_unequal_speeds(
+    gain, degrees, limit
+):
+    """Its dead band is before the acceleration limit, which is below what the band would take."""
+    truth = planner.JointModel(
+        v_max=5.0,
+        theta_0=5.0 / gain,
+        lag=0.015,
+        acceleration_time=0.004,
+        tick=0.002,
+        hold=10,
+        dead_band=math.radians(degrees),
+        v_offset=0.5,
+        max_acceleration=limit,
+    )
+    found = planner.identify(motor_logs(truth, seed=1), hold_out=False)
+    assert found.model.time_constant == 0.0
+    for name in ("dead_band", "max_acceleration", "v_offset", "v_max", "theta_0"):
+        assert getattr(found.model, name) == pytest.approx(getattr(truth, name), rel=0.05), name
+    assert found.rms <= 1.05 * found.noise
+
+
 def test_a_servo_that_its_load_overcomes_is_found_from_nothing():
     """Without inertia, friction and sag together a fit misses a quarter of the motion."""
     truth = planner.JointModel(

@@ -448,6 +448,7 @@ def test_with_ticks_of_another_length_the_intervals_hold_the_parameters_of_the_s
         lag=0.02,
         acceleration_time=0.02,
         dead_band=0.01,
+        time_constant=0.01,
         max_acceleration=500.0,
     )
     intervals = {"theta_0": (0.098, 0.102), "max_acceleration": (480.0, np.inf)}

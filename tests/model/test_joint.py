@@ -166,12 +166,14 @@ def test_an_acceleration_may_be_endless_and_nothing_else():
 
 
 def test_a_motor_that_dry_friction_stops_in_every_tick_is_refused():
-    sticky = {"dead_band": 0.02, "tick": 0.008}
+    sticky = {"dead_band": 0.02, "tick": 0.008, "time_constant": 0.01}
     with pytest.raises(InvalidModel, match=r"^max_acceleration: got .*would never move") as refused:
         _model(max_acceleration=1e-3, **sticky)
     least = float(re.search(r"more than (\S+) rad", str(refused.value))[1])
     moves = _model(max_acceleration=1.01 * least, **sticky)
     assert simulate(moves, np.r_[0.0, np.ones(400)], cyclic=False)[-1] > 0.9
+    slow = replace(moves, time_constant=0.0, max_acceleration=1.0)  # of the drive, not of the joint
+    assert simulate(slow, np.r_[0.0, np.ones(400)], cyclic=False)[-1] > 0.9
 
 
 @pytest.mark.parametrize("v_offset", [5.0, -5.0, 6.0])

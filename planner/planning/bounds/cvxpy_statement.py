@@ -114,8 +114,10 @@ def _conditions_of_speed(
     if not model.has_inertia:
         return [later - now <= drive_change(now)]
     k = -math.expm1(-model.tick / model.time_constant) if model.time_constant > 0.0 else 1.0
-    a, s = model.max_acceleration * model.tick**2, k * friction
-    drive = np.maximum(v + next_b + friction, highest - a / k)
+    a, s, drive = model.max_acceleration * model.tick**2, k * friction, v + next_b + friction
+    if k == 1.0:  # friction is a dead zone of the drive
+        s, drive = 0.0, drive - friction
+    drive = np.maximum(drive, highest - a / k)
 
     def free(speed: Any) -> Any:  # the largest speed that follows without friction
         demand = (1.0 - k) * speed + k * drive
