@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from planner.identification.grid import Grid
 from planner.model.joint import JointModel, slowed_by_friction
+from planner.model.law import motor_share
 from planner.trajectory import Array
 
 Free = npt.NDArray[np.bool_]
@@ -297,7 +298,7 @@ def model_derivatives(grid: Grid, parameters: Parameters) -> Array:
 
 def by_friction(at: Parameters, tick: float) -> dict[str, float]:
     """Derivatives of what dry friction takes of the acceleration, by the parameters in it."""
-    share = -math.expm1(-tick / at.time_constant) if at.time_constant > 0.0 else 1.0
+    share = motor_share(at.time_constant, tick)
     share = share if share < 1.0 else 0.0  # it takes nothing without inertia
     return {
         "gain": share * at.dead_band / tick,

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from planner.exceptions import InvalidInput, InvalidModel
 from planner.model.evidence import GAIN, Evidence, check_correlations, warn_of_refused
-from planner.model.law import Law
+from planner.model.law import Law, motor_share
 from planner.trajectory import Array
 from planner.validation import as_number, as_whole, shown
 
@@ -577,7 +577,7 @@ def slowed_by_friction(gain: float, dead_band: float, time_constant: float, tick
 
     Without a time constant it is 0: there friction is a dead zone of the drive.
     """
-    share = -math.expm1(-tick / time_constant) if time_constant > 0.0 else 1.0
+    share = motor_share(time_constant, tick)
     return share * gain * dead_band / tick if share < 1.0 else 0.0
 
 

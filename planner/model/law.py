@@ -6,6 +6,11 @@ import math
 from typing import NamedTuple, Self
 
 
+def motor_share(time_constant: float, tick: float) -> float:
+    """Share of a difference of speeds that a motor makes up in a tick, k; 1 without inertia [-]."""
+    return -math.expm1(-tick / time_constant) if time_constant > 0.0 else 1.0
+
+
 class Law(NamedTuple):
     """The numbers of a joint's law, (1a) of ``docs/math.md``, by ticks: for ``model/kernel.py``.
 
@@ -43,12 +48,11 @@ class Law(NamedTuple):
     ) -> Self:
         """The law for ticks of this time, from numbers in SI."""
         friction = gain * dead_band
-        share = -math.expm1(-tick / time_constant) if time_constant > 0.0 else 1.0
         return cls(
             gain * tick,
             (v_max + friction) * tick,
             friction * tick,
-            share,
+            motor_share(time_constant, tick),
             max_acceleration * tick**2,
             sag_sin,
             sag_cos,
