@@ -19,7 +19,7 @@ from planner.files.toml import Toml, read_toml
 from planner.model.evidence import ACCEPTED, GAIN, Evidence, Verdict, warn_of_refused
 from planner.model.joint import JointModel
 from planner.robot.arm import SETTINGS, Servo
-from planner.trajectory import Array
+from planner.trajectory import LARGEST, Array
 from planner.validation import as_reals, is_one_of, shown
 
 UNITS = {each.name: each.metadata.get("unit", "-") for each in fields(JointModel)}
@@ -72,8 +72,8 @@ FASTEST = 60.0
 ROUNDING = 1e-9
 """A parameter may be outside its interval by this share of its size."""
 
-KINDS = ("a number, 0 or more", "two numbers", "pairs of numbers, 0 or more")
-"""Expected values in words, by number of axes."""
+KINDS = ("a number from 0 to 1e9", "two numbers up to 1e9", "pairs of numbers from 0 to 1e9")
+"""Expected values in words, by number of axes: 1e9 is ``LARGEST``."""
 
 REQUIRED = tuple(each.name for each in fields(JointModel) if each.default is MISSING)
 
@@ -401,7 +401,8 @@ def _tested(keys: Mapping[str, Any]) -> dict[str, Any]:
             continue
         values = _reals(keys[key])
         fits = values.ndim == len(shape) and values.shape[-1:] == shape[-1:]
-        if not fits or np.isnan(values).any() or (key != "tested_angles" and np.any(values < 0.0)):
+        least = -LARGEST if key == "tested_angles" else 0.0
+        if not fits or not np.all((least <= values) & (values <= LARGEST)):
             raise InvalidInput(f"{key}: got {keys[key]!r}, expected {KINDS[len(shape)]}: {words}")
         evidence[name] = _as_tuples(values.tolist())
     return evidence

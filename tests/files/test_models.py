@@ -104,6 +104,9 @@ def test_a_file_of_a_robot_is_read_written_and_read_again(tmp_path, file, snapsh
 
 BAD = {
     "a negative error": ("expected_error = 0.01", "expected_error = -0.01"),
+    "an error too large": ("expected_error = 0.01", "expected_error = 1e300"),
+    "a delay too large": ("delay_error = 0.004", "delay_error = 1e300"),
+    "a spread too large": ("[0.5, 1.5]", "[1e300, 1e300]"),
     "a negative error of motion": ("[20.0, 0.03]", "[20.0, -0.03]"),
     "an error that is none": ("tested_speed = 3.0", "tested_speed = nan"),
     "an error that is a list": ("delay_error = 0.004", "delay_error = [0.004]"),
