@@ -88,6 +88,15 @@ def freeze(*arrays: npt.NDArray[Any] | None) -> None:
             array.setflags(write=False)
 
 
+class ReadOnly:
+    """A value whose arrays stay read-only when it is copied or unpickled."""
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Freeze the copied arrays: NumPy copies are writeable."""
+        vars(self).update(state)
+        freeze(*(each for each in state.values() if isinstance(each, np.ndarray)))
+
+
 def as_flag(name: str, value: object) -> bool:
     """The value as a bool.
 

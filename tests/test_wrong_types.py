@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
+
 import numpy as np
 import pytest
 
@@ -56,3 +59,23 @@ def test_a_value_of_another_kind_is_named(call, message):
 def test_arrays_that_come_back_cannot_be_written_to():
     for array in (planner.line_offset(JOINT, [0.0, 1.0]), planner.step_test(1.0)):
         assert not array.flags.writeable
+
+
+CURVE = planner.PiecewiseLinear(knots=[0, 5], values=[0.0, 1.0], samples=9, tick=0.01, cyclic=True)
+VALUES = (
+    planner.Log(times=np.arange(30.0), requests=ANGLES, angles=ANGLES),
+    CURVE,
+    planner.CurveStack.of([CURVE]),
+    planner.fit_pwl(ANGLES, v_max=9.0, tick=0.1, segments=4),
+    planner.Trial(
+        requests=ANGLES[:, np.newaxis], measured=ANGLES[np.newaxis, :, np.newaxis], error=0.0
+    ),
+)
+
+
+@pytest.mark.parametrize("value", VALUES, ids=lambda value: type(value).__name__)
+@pytest.mark.parametrize("copied", [copy.deepcopy, lambda value: pickle.loads(pickle.dumps(value))])
+def test_copies_of_values_cannot_be_written_to(value, copied):
+    arrays = [each for each in vars(copied(value)).values() if isinstance(each, np.ndarray)]
+    assert arrays
+    assert not any(array.flags.writeable for array in arrays)

@@ -12,13 +12,13 @@ import numpy.typing as npt
 
 from planner.exceptions import InvalidInput
 from planner.trajectory import LARGEST, MOST_SAMPLES, Array
-from planner.validation import as_flag, as_positive, as_reals, as_whole, shown
+from planner.validation import ReadOnly, as_flag, as_positive, as_reals, as_whole, shown
 
 Kind = TypeVar("Kind", bound=np.generic)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class PiecewiseLinear:
+class PiecewiseLinear(ReadOnly):
     """Straight lines joined at knots, over time counted in samples.
 
     A cyclic curve with K knots has K segments, the last of which leads from the last knot to the
@@ -134,7 +134,7 @@ class PiecewiseLinear:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class CurveStack:
+class CurveStack(ReadOnly):
     """Curves with the same number of knots, one a row: m times :class:`PiecewiseLinear`.
 
     Attributes:

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from planner.exceptions import InvalidInput, InvalidTrajectory
 from planner.summary import Summarised, Summary
 from planner.trajectory import LARGEST, TURN, Array, as_trajectory
-from planner.validation import is_one_of, shown
+from planner.validation import ReadOnly, is_one_of, shown
 
 GAP = 10.0
 """Pause between rows, in median periods, after which nothing is assumed of what was requested."""
@@ -56,7 +56,7 @@ class Written(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Log(Summarised):
+class Log(ReadOnly, Summarised):
     """Requested against actual angles of one joint; the arrays are read-only copies.
 
     Attributes:

@@ -26,7 +26,7 @@ from planner.model.evidence import (
 from planner.model.joint import JointModel
 from planner.summary import Summarised, Summary
 from planner.trajectory import Array
-from planner.validation import freeze
+from planner.validation import ReadOnly, freeze
 
 
 class Interval(NamedTuple):
@@ -130,7 +130,7 @@ class Term:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class LogFit:
+class LogFit(ReadOnly):
     """What the identified model makes of one log; every array has one entry per row.
 
     Attributes:
@@ -202,7 +202,7 @@ class HeldOut(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Identification(Summarised):
+class Identification(ReadOnly, Summarised):
     """A joint model found from logs, and how far it can be trusted.
 
     Attributes:

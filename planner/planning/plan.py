@@ -21,7 +21,7 @@ from planner.planning.task import Task
 from planner.planning.trials import Learning
 from planner.summary import Summarised, Summary
 from planner.trajectory import Array, error_norm, relative_gap, reversals, steps
-from planner.validation import freeze
+from planner.validation import ReadOnly, freeze
 
 if TYPE_CHECKING:
     from kinematics.leg import Leg
@@ -76,7 +76,7 @@ def request_motion(
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Plan(Summarised):
+class Plan(ReadOnly, Summarised):
     """Requests for a task, and the response of the exact models to them.
 
     Every figure is computed from task and requests by simulation, for any method, on first access.
@@ -111,11 +111,6 @@ class Plan(Summarised):
     def __getstate__(self) -> dict[str, Any]:
         """The fields, without cached figures."""
         return {name: getattr(self, name) for name in self.__dataclass_fields__}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        """Freeze the copied or unpickled arrays."""
-        self.__dict__.update(state)
-        self.__post_init__()
 
     def _summarised(self) -> Summary:
         """Requests and errors; the lower bound where it has been computed already."""

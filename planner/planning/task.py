@@ -57,7 +57,15 @@ from planner.trajectory import (
     steps,
     turns_words,
 )
-from planner.validation import as_flag, as_number, as_positive, check_choice, freeze, shown
+from planner.validation import (
+    ReadOnly,
+    as_flag,
+    as_number,
+    as_positive,
+    check_choice,
+    freeze,
+    shown,
+)
 
 if TYPE_CHECKING:
     from kinematics.leg import Leg
@@ -74,7 +82,7 @@ MOST_SMOOTHNESS = 1e6
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Task:
+class Task(ReadOnly):
     """The task of a plan. Checked once, by :meth:`of`; arrays are read-only.
 
     Attributes:
@@ -235,11 +243,6 @@ class Task:
         """Make the arrays read-only."""
         freeze(*(each for each in vars(self).values() if isinstance(each, np.ndarray)))
 
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        """Freeze the copied or unpickled arrays."""
-        self.__dict__.update(state)
-        self.__post_init__()
-
     @property
     def nominal(self) -> tuple[JointModel, ...]:
         """The nominal model of each joint."""
@@ -287,8 +290,13 @@ class Task:
         return self.foot_at(self.desired) if self.foot is None else self.foot
 
     def foot_at(self, angles: Array) -> Array:
-        """Position of the leg's foot at angles (n, k) [m], (n, 3)."""
-        assert self.leg is not None, "a foot belongs to a leg"
+        """Position of the leg's foot at angles (n, k) [m], (n, 3).
+
+        Raises:
+            AttributeError: There is no leg, so that ``hasattr(plan, "foot")`` is False.
+        """
+        if self.leg is None:
+            raise AttributeError("a plan without a leg has no foot; see planner.invert_foot")
         return self.leg.foot_positions(angles)
 
     @property

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from planner.trajectory import Array
-from planner.validation import freeze
+from planner.validation import ReadOnly, freeze
 
 UNFORESEEN = 0.2
 """Expected error of a change of the angles by the model, as a share of the change [-]. (Of 33 first
@@ -17,7 +17,7 @@ their errors were up to five times the predicted ones.)"""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Trial:
+class Trial(ReadOnly):
     """Requests as they were executed, in one cycle or in several.
 
     Attributes:
@@ -63,7 +63,7 @@ class SensorDelay:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Learning:
+class Learning(ReadOnly):
     """The state of learning: all data, beside the plan, for the next cycle.
 
     Attributes:

@@ -26,7 +26,7 @@ from planner.recording.recorded_path import (
 )
 from planner.summary import Summarised, Summary
 from planner.trajectory import Array, error_norm, most_lost
-from planner.validation import as_positive, freeze
+from planner.validation import ReadOnly, as_positive, freeze
 
 Kind = Literal["resent", "direct", "shifted", "planned"]
 """Requests of a joint: as recorded, the path as it is, that with the best time shift, a plan."""
@@ -350,7 +350,7 @@ class JointReplay:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Replay(Summarised):
+class Replay(ReadOnly, Summarised):
     """Requests that repeat a recording, with the errors that the models predict.
 
     Attributes:

@@ -104,6 +104,11 @@ def test_what_comes_back_cannot_be_written_to(plan):
         assert not array.flags.writeable
 
 
+@pytest.mark.parametrize("name", ["foot", "distances", "direct_foot", "direct_distances"])
+def test_a_plan_without_a_leg_has_no_foot(plan, name):
+    assert not hasattr(plan, name)
+
+
 @pytest.mark.parametrize(
     ("models", "options", "message"),
     [
