@@ -33,7 +33,6 @@ if TYPE_CHECKING:
     from kinematics.leg import Leg
 
 
-@np.errstate(under="ignore")  # too small to matter, whatever the caller's setting
 def invert_optimal(
     model: ModelOrModels,
     desired: npt.ArrayLike,
@@ -133,7 +132,6 @@ def invert_optimal(
     return Inversion(planned(task, solver=solver))
 
 
-@np.errstate(under="ignore")  # too small to matter, whatever the caller's setting
 def invert_foot(
     models: ModelOrModels | Sequence[ModelOrModels],
     leg: Leg,
@@ -341,6 +339,7 @@ METHODS: tuple[Method, ...] = ("optimal", "closed_form", "shift")
 """How joints are planned."""
 
 
+@np.errstate(under="ignore")  # too small to matter, whatever the caller's setting
 def planned(
     task: Task,
     *,

@@ -38,6 +38,13 @@ def test_each_joint_is_planned_as_by_itself(plan):
     assert (plan.names, plan.models) == (("hip", "knee"), (AIBO, SLOW))
 
 
+def test_a_caller_who_makes_underflow_an_error_gets_the_plan_all_the_same():
+    fast = 1.2 * np.sin(2.0 * np.pi * np.arange(88) / 88)
+    expected = planner.plan(AIBO, fast, norm="max").requests
+    with np.errstate(all="raise"):
+        np.testing.assert_array_equal(planner.plan(AIBO, fast, norm="max").requests, expected)
+
+
 @pytest.mark.parametrize(
     "models", [(AIBO, SLOW), {"knee": SLOW, "": AIBO, "elbow": SLOW}, {"knee": SLOW, "hip": AIBO}]
 )
