@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 import re
+import textwrap
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
-from itertools import groupby
+from itertools import groupby, zip_longest
 from operator import attrgetter
 
 NOTHING = "–"
@@ -153,26 +154,40 @@ def text_table(header: Sequence[str], rows: Sequence[Sequence[str]], *, about: i
     """Columns as wide as their widest cell, two blanks apart, under a header line.
 
     Where the terminal is not wide enough (:func:`fitted_to`), columns that do not fit follow right
-    below, under a header of theirs that begins with the same first columns. A blank line belongs
-    between two tables.
+    below, under a header of theirs that begins with the same first columns. Cells of a column that
+    does not fit even alone are broken between words. A blank line belongs between two tables.
 
     Args:
         header: The columns' names; the first is on the left, the rest on the right.
         rows: Their cells, as many per row as names.
         about: Number of columns that identify a row.
     """
-    cells = [list(header), *(list(row) for row in rows)]
-    widths = [max(len(row[j]) for row in cells) for j in range(len(header))]
+    stub = sum(max(len(row[j]) + 2 for row in (header, *rows)) for j in range(about))
+    cells = [
+        [[cell] if j < about else _broken(cell, stub) for j, cell in enumerate(row)]
+        for row in (header, *rows)
+    ]
+    widths = [max(len(line) for row in cells for line in row[j]) for j in range(len(header))]
     blocks = []
     for columns in _blocks(widths, about):
         lines = [
             "  ".join(
-                row[j].ljust(widths[j]) if j == 0 else row[j].rjust(widths[j]) for j in columns
+                line.ljust(widths[j]) if j == 0 else line.rjust(widths[j])
+                for j, line in zip(columns, parts, strict=True)
             ).rstrip()
             for row in cells
+            for parts in zip_longest(*(row[j] for j in columns), fillvalue="")
         ]
         blocks.append("\n".join(lines))
     return "\n".join(blocks)
+
+
+def _broken(cell: str, stub: int) -> list[str]:
+    """Lines of a cell that fit beside the columns that identify a row, as far as words do."""
+    most = _WIDTH.get()
+    if not cell or most is None or stub + len(cell) <= most:
+        return [cell]
+    return textwrap.wrap(cell, max(most - stub, 1), break_long_words=False, break_on_hyphens=False)
 
 
 def _blocks(widths: Sequence[int], about: int) -> list[list[int]]:

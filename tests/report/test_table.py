@@ -100,3 +100,17 @@ def test_a_column_that_no_terminal_is_wide_enough_for_stands_alone():
     with fitted_to(20):
         blocks = parts_of(text_table(["a", "b", "c"], [["x", 30 * "y", "z"]]), 2)
     assert [block[1] for block in blocks] == [f"x  {30 * 'y'}", "x  z"]
+
+
+def test_a_column_that_does_not_fit_even_alone_is_broken_between_words():
+    rows = [["sines", "1", "lag and time constant"], ["steps", "2", "lag"]]
+    with fitted_to(16):
+        told = text_table(["part", "n", "determines"], rows).splitlines()
+    assert told[:3] == ["part   n", "sines  1", "steps  2"]
+    assert [line.split() for line in told[3:]] == [
+        ["part", "determines"],
+        ["sines", "lag", "and"],
+        ["time"],
+        ["constant"],
+        ["steps", "lag"],
+    ]
