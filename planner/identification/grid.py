@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.exceptions import InvalidInput
-from planner.identification.log import Log, pieces_of
+from planner.identification.log import IMPOSSIBLE, Log, pieces_of
 from planner.model.joint import MOST_HOLD, MOST_TERMS
 from planner.trajectory import Array, Indices, Mask
 from planner.validation import as_number, as_whole, shown
@@ -329,10 +329,40 @@ def glitches(angles: Array) -> Mask:
     return np.asarray(off > allowed)
 
 
+def excursions(times: Array, angles: Array) -> Mask:
+    """Runs of rows, of any length, to which no joint can have jumped and from which it returns.
+
+    Such as failed readings. A run is shorter than those before and after it. A log with many fast
+    steps is of a joint that is as fast.
+    """
+    found = np.zeros(len(angles), dtype=bool)
+    if len(angles) < 5:
+        return found
+    pauses, steps = np.diff(times), np.abs(np.diff(angles))
+    speed = max(IMPOSSIBLE, 2.0 * float(np.quantile(steps / pauses, 0.95)))
+    noise = 1.5 * float(np.quantile(np.abs(np.diff(angles, 2)), 0.9))  # six standard deviations
+    jumps = np.flatnonzero(steps > speed * pauses + noise) + 1
+    rows_after = np.diff(np.append(jumps, len(angles)))
+    since = 0
+    for k, first in enumerate(jumps[:-1].tolist()):
+        if first <= since:  # in a run that was found
+            continue
+        back = jumps[k + 1 :]
+        away = np.abs(angles[back] - angles[first - 1])
+        near = away <= speed * (times[back] - times[first - 1]) + noise
+        short = back - first < np.minimum(first - since, rows_after[k + 1 :])
+        since = first
+        if (returns := back[near & short]).size:
+            since = int(returns[0])
+            found[first:since] = True
+    return found
+
+
 def sound_rows(log: Log) -> Mask:
-    """Rows whose angle was measured, and is no glitch."""
+    """Rows whose angle was measured, and is one that the joint can have had."""
     sound = np.array(log.measured)
-    sound[log.measured] = ~glitches(log.angles[log.measured])
+    sound[sound] = ~excursions(log.times[sound], log.angles[sound])
+    sound[sound] = ~glitches(log.angles[sound])
     return sound
 
 

@@ -347,7 +347,7 @@ def notes_on(logs: Sequence[Log], timing: Timing, jumps: Sequence[int]) -> list[
         if count := int(np.sum(log.measured & ~sound_rows(log))):
             words.append(
                 f"{log.name}: left out are {count} measured angles that no joint takes: they jump "
-                "away and back within two rows"
+                "away and back"
             )
     return [Finding("log", each) for each in words]
 

@@ -20,7 +20,10 @@ GAP = 10.0
 
 SUDDEN = 0.75 * TURN
 """A step between two rows beyond this [rad] is an encoder's that starts its next turn, where it is
-too fast for a joint."""
+too fast for a joint and about a whole turn."""
+
+IMPOSSIBLE = 25.0
+"""No joint is as fast as this [rad/s]: servos reach 20."""
 
 UNITS = ("rad", "1")
 """What angles are in: radians, or shares of the joint's range where it is no angle."""
@@ -268,11 +271,13 @@ def unwrapped(log: Log) -> tuple[Log, int]:
 def _turns(times: Array, angles: Array) -> Array:
     """Turns to add to measured angles; none for glitches, which jump away and back in two rows.
 
-    No joint moves at 25 rad/s for three quarters of a turn from row to row: servos reach 20.
+    What is left of a step without its turns is motion of the joint, or noise.
     """
-    steps = np.diff(angles)
-    fast = np.abs(steps) > np.maximum(SUDDEN, 25.0 * np.diff(times))
-    turns: Array = np.concatenate([[0.0], -np.cumsum(np.where(fast, np.round(steps / TURN), 0.0))])
+    steps, most = np.diff(angles), IMPOSSIBLE * np.diff(times)
+    whole = np.round(steps / TURN)
+    turned = np.abs(steps) > np.maximum(SUDDEN, most)
+    turned &= np.abs(steps - TURN * whole) <= np.maximum(0.1 * TURN, most)
+    turns: Array = np.concatenate([[0.0], -np.cumsum(np.where(turned, whole, 0.0))])
     padded = np.pad(turns, 2, mode="edge")
     lasting = np.median(np.lib.stride_tricks.sliding_window_view(padded, 5), axis=1)
     return turns if np.ptp(lasting) > 0.0 else np.zeros_like(turns)

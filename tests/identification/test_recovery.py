@@ -193,6 +193,18 @@ def test_single_glitches_do_not_move_the_answer():
     assert found.accepted
 
 
+@pytest.mark.parametrize("reading", np.radians([-180.0, -999.0, 1000.0]))
+@pytest.mark.parametrize("count", [3, 30])
+def test_failed_readings_in_a_row_are_left_out_however_many(reading, count):
+    log = rich_log()
+    failed = (np.arange(400) >= 200) & (np.arange(400) < 200 + count)
+    found = planner.identify(changed(log, angles=np.where(failed, reading, log.angles)))
+    assert not found.fits[0].used[failed].any()
+    assert any(f"left out are {count} measured angles" in text for text in found.warnings)
+    assert not any("whole turn" in text for text in found.warnings)
+    assert_close(found.model, AIBO, EXACT)
+
+
 @pytest.mark.parametrize("rows", [[0, 399], [1, 398]])
 def test_glitches_at_the_ends_of_a_log_are_left_out(rows):
     log = rich_log()
