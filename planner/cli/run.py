@@ -58,6 +58,8 @@ def run(*, file: str | None, out: str | None, check: bool, template: bool, as_js
     run_file = read_run(file)
     desired = run_file.prepared.desired
     if check:
+        for remark in desired.remarks:
+            warn(str(remark))
         samples, method = len(desired.angles), run_file.settings.plan.method
         content = {"holds": True, "samples": samples, "period_s": desired.period}
         print_answer(

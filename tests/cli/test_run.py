@@ -15,6 +15,7 @@ from planner.cli.models import model_words
 from planner.cli.run_file import read_run
 from planner.exceptions import MissingExtra, NoSteadyCycle
 from planner.files.paths import read_joint_path
+from planner.model.evidence import Evidence
 from planner.model.joint import JointModel
 
 SAME = 1e-10
@@ -76,6 +77,15 @@ def test_the_template_runs_as_it_is_and_plans_what_plan_does(run, write, templat
     angles = read_joint_path(folder / "angles.csv").angles
     for j, joint in enumerate(document["joints"].values()):
         assert np.degrees(angles[:, j]) == pytest.approx(joint["predicted_deg"], abs=1e-9)
+
+
+def test_check_warns_of_a_model_that_is_not_to_be_planned_with(run, write, desired):
+    refused = JointModel.ers210a().with_evidence(Evidence(verdict="refused", reason="it is odd"))
+    refused.to_toml("refused.toml")
+    file = write(f'[path]\nfile = "{desired.name}"\n[model]\nfile = "refused.toml"\n')
+    result = run("run", file, "--check")
+    assert result.exit_code == 0, result.stderr
+    assert "do not plan with the model" in result.stderr
 
 
 def test_the_same_file_makes_the_same_bytes(run, write, desired, tmp_path):
