@@ -304,9 +304,9 @@ def _in_step(
         worst, share = lost
         names = path.names if isinstance(path, JointPath) else ("x", "y", "z")
         words = (
-            f"{path.path}: a request every {1e3 * period:.3g} ms loses {100.0 * share:.0f} % of "
-            f"the motion of {names[worst]} (rms of what it moves), and the errors are those from "
-            "the path that is left: plan with a higher rate (--rate-hz) to keep it"
+            f"{path.path}: with a request every {1e3 * period:.3g} ms the path of {names[worst]} "
+            f"is missed by {100.0 * share:.0f} % of its motion (rms), and the errors are those "
+            "from the path that is left: plan with a higher rate (--rate-hz) to keep it"
         )
         remarks += (Remark(words),)
     return resampled, closed, remarks

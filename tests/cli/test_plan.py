@@ -455,7 +455,7 @@ def test_a_motion_that_a_low_rate_loses_is_said(run, tmp_path, rate, lost):
     (tmp_path / "fast.csv").write_text("\n".join(["time_s,knee_deg", *rows]) + "\n")
     result = run("plan", tmp_path / "fast.csv", "--rate-hz", rate, "-o", tmp_path / "r.csv")
     assert result.exit_code == 0
-    said = re.search(r"loses (\d+) % of the motion of knee", result.stderr)
+    said = re.search(r"path of knee is missed by (\d+) % of its motion", result.stderr)
     assert ("errors are those from the path that is left" in result.stderr) == (said is not None)
     assert (said is not None and int(said[1]) >= 99) == lost
 
