@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import operator
+import textwrap
 from collections.abc import Sequence
 from reprlib import Repr
 from typing import Any
@@ -17,6 +18,9 @@ from planner.trajectory import Array
 _SHORT = Repr()  # its own constructor takes no sizes before Python 3.12
 _SHORT.maxlevel, _SHORT.maxstring, _SHORT.maxother, _SHORT.maxlong = 3, 60, 60, 40
 
+LONGEST = 100
+"""Characters of a value in a message."""
+
 
 def shown(value: object) -> str:
     """A value in a message: on one line, and short whatever it is."""
@@ -24,7 +28,7 @@ def shown(value: object) -> str:
         return f"an array of {value.dtype!s:.40}, shape {value.shape}"
     if isinstance(value, int) and not isinstance(value, bool) and abs(value) >= 10**40:
         return "a very large number"  # which Python may refuse to write
-    return " ".join(_SHORT.repr(value).split())
+    return textwrap.shorten(_SHORT.repr(value), LONGEST, placeholder=" ...")
 
 
 def as_number(value: object, *, infinite: bool = False) -> float:

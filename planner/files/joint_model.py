@@ -403,7 +403,8 @@ def _tested(keys: Mapping[str, Any]) -> dict[str, Any]:
         fits = values.ndim == len(shape) and values.shape[-1:] == shape[-1:]
         least = -LARGEST if key == "tested_angles" else 0.0
         if not fits or not np.all((least <= values) & (values <= LARGEST)):
-            raise InvalidInput(f"{key}: got {keys[key]!r}, expected {KINDS[len(shape)]}: {words}")
+            expected = f"{KINDS[len(shape)]}: {words}"
+            raise InvalidInput(f"{key}: got {shown(keys[key])}, expected {expected}")
         evidence[name] = _as_tuples(values.tolist())
     return evidence
 
@@ -423,7 +424,7 @@ def _intervals(keys: Mapping[str, Any], model: JointModel) -> dict[str, Any]:
         ends, rounding = _reals(keys[key]), ROUNDING * abs(value)
         if ends.shape != (2,) or not ends[0] - rounding <= value <= ends[1] + rounding:
             raise InvalidInput(
-                f"{key}: got {keys[key]!r}, expected least and largest value [{unit}], with "
+                f"{key}: got {shown(keys[key])}, expected least and largest value [{unit}], with "
                 f"{value:g}, that of the model, between them; inf or -inf where there is none"
             )
         intervals[name] = (float(ends[0]), float(ends[1]))

@@ -303,6 +303,14 @@ def test_correlations_that_are_none_are_refused_of_a_caller_and_in_a_file(wrong,
         JointModel.from_toml(tmp_path / "joint.toml")
 
 
+def test_a_large_matrix_of_correlations_is_shown_in_a_short_line():
+    intervals = dict.fromkeys(("v_max", "lag", "acceleration_time", "offset"), (0.0, 1.0))
+    wrong = tuple(tuple(0.123456789 * (i + 5) for i in range(4)) for _ in range(4))
+    with pytest.raises(InvalidInput, match=r"^correlations: got .{,100}, expected") as refused:
+        JointModel.ers210a().with_evidence(Evidence(intervals=intervals, correlations=wrong))
+    assert len(str(refused.value)) < 300
+
+
 def test_intervals_in_another_unit_are_scaled_but_for_times_and_the_gain():
     intervals = {
         "v_max": (1.0, np.inf),
