@@ -299,7 +299,7 @@ def model_derivatives(grid: Grid, parameters: Parameters) -> Array:
 def by_friction(at: Parameters, tick: float) -> dict[str, float]:
     """Derivatives of what dry friction takes of the acceleration, by the parameters in it."""
     share = motor_share(at.time_constant, tick)
-    share = share if share < 1.0 else 0.0  # it takes nothing without inertia
+    share = share if share < 1.0 else 0.0  # a dead zone takes nothing
     return {
         "gain": share * at.dead_band / tick,
         "dead_band": share * at.gain / tick,

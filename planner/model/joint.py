@@ -77,8 +77,8 @@ class JointModel:
         hold: Number of ticks for which one request is held.
         offset: Static sag: the joint comes to rest at request + offset [rad].
         dead_band: Dry friction: error between request and angle that does not move it [rad].
-            Friction slows the joint, too, but not below v_max. Without a time_constant it is a dead
-            zone of the servo's electronics, before max_acceleration.
+            Friction slows the joint, too, but not below v_max. With a max_acceleration and no
+            time_constant it is a dead zone of the drive, before that limit.
         v_offset: How much faster it is in the positive direction than v_max, and slower in the
             other [rad/s].
         compliance: Sag by a torque on the joint [rad/(N m)], beside ``offset``.

@@ -46,7 +46,7 @@ def drive(law: Law, error: float, faster: float) -> tuple[float, float]:
 def moved(law: Law, demand: float, speed: float) -> float:
     """The speed after a tick: a motor's inertia, then Coulomb friction, implicit.
 
-    Without inertia friction is a dead zone of the drive, before the acceleration limit.
+    Without a time constant friction is a dead zone of the drive, before the acceleration limit.
 
     Args:
         law: The joint.

@@ -7,12 +7,12 @@ from typing import NamedTuple, Self
 
 
 def motor_share(time_constant: float, tick: float) -> float:
-    """Share of a difference of speeds that a motor makes up in a tick, k; 1 without inertia [-]."""
+    """Share of a difference of speeds that a motor makes up in a tick, k [-]; 1 without one."""
     return -math.expm1(-tick / time_constant) if time_constant > 0.0 else 1.0
 
 
 class Law(NamedTuple):
-    """The numbers of a joint's law, (1a) of ``docs/math.md``, by ticks: for ``model/kernel.py``.
+    """The numbers of a joint's law, (1a) or (1b) of ``docs/math.md``, by ticks: for the kernel.
 
     Attributes:
         gain: gamma = v_max / theta_0 [1/tick].

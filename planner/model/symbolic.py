@@ -94,7 +94,7 @@ def _pose_sag(law: Law, angle: Any) -> Any:
 
 
 def _moved(law: Law, demand: Any, speed: Any, corner: Any) -> Any:
-    """The speed after a tick [rad/tick]: inertia, then friction; without inertia friction first."""
+    """The speed after a tick [rad/tick]: inertia and friction, as in ``kernel.moved``."""
     corner = None if corner is None else law.share * corner
     friction = law.share * law.friction
     if law.share == 1.0 and friction:

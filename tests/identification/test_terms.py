@@ -236,6 +236,16 @@ def test_a_hobby_servo_is_found_with_its_dead_band_slow_start_and_unequal_speeds
     assert found.rms <= 1.05 * found.noise
 
 
+def test_a_slow_start_without_dead_band_leaves_no_room_for_one():
+    truth = replace(AIBO, tick=0.004, hold=5, max_acceleration=30.0, theta_0=0.4, v_max=5.0)
+    found = planner.identify(motor_logs(truth, seed=1), hold_out=False)
+    terms = {term.name: term for term in found.terms}
+    assert terms["max_acceleration"].kept
+    assert not terms["dead_band"].kept
+    assert terms["dead_band"].interval.upper <= math.radians(0.2)
+    assert terms["v_offset"].interval.lower < 0.0 < terms["v_offset"].interval.upper < 0.2
+
+
 def test_a_servo_that_its_load_overcomes_is_found_from_nothing():
     """Without inertia, friction and sag together a fit misses a quarter of the motion."""
     truth = planner.JointModel(
