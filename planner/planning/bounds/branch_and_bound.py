@@ -18,6 +18,7 @@ from scipy.optimize import least_squares
 from planner.planning.bounds.hull_cuts import (
     TRIED_REQUESTS,
     UNBOUNDED,
+    VIOLATION,
     breakpoints,
     nearest_request,
 )
@@ -110,15 +111,19 @@ def exact_bound(problem: BoundProblem, incumbent: float, *, time_limit: float) -
     order = count()
     nodes = [(root.bound, next(order), root)]
     while not _closed(scaled, nodes[0][0]) and not scaled.exhausted:
-        _, _, node = heapq.heappop(nodes)
+        node = nodes[0][2]
         if scaled.start is None and not scaled.cyclic:
             scaled.incumbent = min(scaled.incumbent, response_error(scaled, node))
             node = node._replace(ranges=node.ranges.within(scaled.initial_ranges()))
-        for child in branch(scaled, node):
+        children = branch(scaled, node)
+        if not children:
+            break
+        heapq.heappop(nodes)
+        for child in children:
             heapq.heappush(nodes, (child.bound, next(order), child))
     logging.getLogger(__name__).debug(
         "exact bound: %s at %.4g of the incumbent's error, %d nodes open",
-        "closed" if _closed(scaled, nodes[0][0]) else "out of work",
+        "closed" if _closed(scaled, nodes[0][0]) else "stopped",
         nodes[0][0] / scaled.incumbent if scaled.incumbent else 1.0,
         len(nodes),
     )
@@ -166,8 +171,15 @@ def cut_off(problem: ScaledProblem, node: Node, *, rounds: int = 1) -> Node:
 
 
 def branch(problem: ScaledProblem, node: Node) -> list[Node]:
-    """The node split in two: a request below a value, and the same request above it."""
-    request, value = branching_request(problem, node)
+    """The node split in two: a request below a value, and the same request above it.
+
+    Empty where every mixture is nearer to a request than cuts can tell: the child with these
+    requests would have the same nearest point, and the same bound, however often it is split.
+    """
+    branching = branching_request(problem, node)
+    if branching is None:
+        return []
+    request, value = branching
     lower, upper = node.intervals.get(request, UNBOUNDED)
     acting = problem.windows[request].angles
     children = []
@@ -183,16 +195,17 @@ def branch(problem: ScaledProblem, node: Node) -> list[Node]:
     return children
 
 
-def branching_request(problem: ScaledProblem, node: Node) -> tuple[int, float]:
+def branching_request(problem: ScaledProblem, node: Node) -> tuple[int, float] | None:
     """The request whose mixture of contributions weighs most, and a value near to the mixture.
 
-    While the bound is 0, cuts have no weights: then the request of the widest mixture.
+    Of mixtures without a weight, which all have while the bound is 0, the widest. Mixtures that are
+    nearer to a request than the least violation of a cut do not count.
     """
     weights = dict.fromkeys(problem.windows, 0.0 if node.bound > 0.0 else 1.0)
     owner = {id(window): request for request, window in problem.windows.items()}
     for cut, weight in _weighted(node.cuts, node.solution):
         weights[owner[id(cut.window)]] += float(weight * np.linalg.norm(cut.hull.nu))
-    best = (-1.0, 0, 0.0)
+    wide: list[tuple[float, float, int, float]] = []
     for request, window in problem.windows.items():
         angles = node.solution.angles[window.angles]
         requests = problem.requests_at(angles, angles, node.intervals.get(request, UNBOUNDED))
@@ -202,8 +215,9 @@ def branching_request(problem: ScaledProblem, node: Node) -> tuple[int, float]:
             requests,
             margin=MARGIN,
         )
-        best = max(best, (weights[request] * distance, request, value))
-    return best[1], best[2]
+        if distance >= VIOLATION:
+            wide.append((weights[request] * distance, distance, request, value))
+    return max(wide)[2:] if wide else None
 
 
 def response_error(problem: ScaledProblem, node: Node) -> float:

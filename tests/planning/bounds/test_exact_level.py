@@ -137,3 +137,10 @@ def test_a_solver_that_runs_out_of_time_reports_its_gap_and_still_bounds():
     certificate = certify(model, desired, level="exact", time_limit=0.3)
     assert certificate.solver_gap > 0.0
     assert certificate.bound >= lower_bound(model, desired)
+
+
+def test_a_mixture_of_requests_without_a_weight_is_branched_on():
+    model = JointModel(v_max=3.0, theta_0=0.1, lag=0.03, acceleration_time=0.01, tick=0.02)
+    desired = [0.0, 0.01, -0.01, 0.02, 0.0]
+    bound = lower_bound(model, desired, cyclic=False, level="exact", time_limit=1.0)
+    assert 6.0e-3 < bound < 6.08e-3  # [rad]; 5.42e-3 without cuts, and a response has 6.08e-3
