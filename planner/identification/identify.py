@@ -185,13 +185,15 @@ def identify(
     fit = with_observed_speed(with_calm_friction(logs, fit))
     uncertainty = uncertainty_of(fit)
     bounds = intervals_of(fit, uncertainty)
-    seen = max(map(measured_speed, every))
-    faster = bounds["v_max"].upper == math.inf and seen > fit.parameters.v_max
+    outside = [measured_speed(log, ~used) for log, used in zip(every, fit.grid.places, strict=True)]
+    seen = max(outside)
+    faster = bounds["v_max"].upper == math.inf and seen > bounds["v_max"].lower
     refuted = _refuted(every, fit, bounds["v_max"].upper)
     if refuted:
         faster, (seen, _) = True, refuted
     if faster:  # in rows that are not fitted
-        fit = with_speed_of(fit, seen)
+        if seen > fit.parameters.v_max:
+            fit = with_speed_of(fit, seen)
         bounds["v_max"] = Interval(max(seen, bounds["v_max"].lower), math.inf)
     # By how much the dead band may be larger than that of the model [rad].
     frictions = [term.interval.upper for term in terms if term.name == "dead_band"]
@@ -232,9 +234,9 @@ def identify(
         if refuted:
             notes.append(refuted[1])
         elif faster:  # in logs whose rows are not all fitted
-            for each in fits:
+            for each, speed in zip(fits, outside, strict=True):
                 left_out = ", ".join(f"{count} {why}" for why, count in each.left_out.items())
-                if measured_speed(each.log) == seen and left_out:
+                if speed == seen:
                     words = (
                         f"{each.log.name}: the joint moves at up to {angle_in(unit, seen, '/s')}, "
                         f"its least top speed, also in rows that are not fitted: {left_out}"

@@ -85,6 +85,26 @@ def test_a_joint_was_as_fast_as_in_rows_that_are_not_fitted():
     assert words in warning  # and nothing of the other log
 
 
+def test_the_least_top_speed_is_the_measured_one_where_the_fit_has_a_higher_one():
+    """A motor that overshoots after a large step whose rows are not fitted, and is slow then."""
+    v_max, theta_0, friction, step = 6.5, 0.15, 0.03, 0.0005
+    times = np.arange(420) / 30.0
+    fine = step * np.arange(int(times[-1] / step) + 2)
+    before = np.clip(np.searchsorted(times, fine - 0.04, side="right") - 1, 0, None)
+    requests = 0.35 * np.sin(0.5 * np.pi * times) + 0.2 * np.sin(1.2 * np.pi * times + 1.0)
+    angle, speed, path = requests[0] + np.radians(80.0), 0.0, []
+    for request in requests[before]:
+        error = np.sign(request - angle) * max(abs(request - angle) - friction, 0.0)
+        speed += (np.clip(v_max / theta_0 * error, -v_max, v_max) - speed) * step / 0.03
+        angle += speed * step
+        path.append(angle)
+    encoder = 2.0 * np.pi / 4096
+    angles = encoder * np.round(np.interp(times, fine, path) / encoder)
+    found = identify(Log(times=times, requests=requests, angles=angles))
+    assert found.intervals["v_max"].lower >= np.max(np.abs(angles[3:] - angles[:-3])) / 0.101 > 6.0
+    assert any("7 on which requests before the log act" in text for text in found.warnings)
+
+
 def test_the_error_to_expect_is_the_larger_one_of_all_rows_and_of_those_held_out():
     found = identified_rich()
     for held_out, expected in ((2.0 * found.rms, 2.0), (0.5 * found.rms, 1.0), (None, 1.0)):
