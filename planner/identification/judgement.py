@@ -325,7 +325,7 @@ def notes_on(logs: Sequence[Log], timing: Timing, jumps: Sequence[int]) -> list[
     Args:
         logs: The logs.
         timing: Their ticks.
-        jumps: For each log, how often its angles started again after a turn.
+        jumps: For each log, how often its angles, or else its requests, started again after a turn.
     """
     words = []
     periods = [1e3 * log.period for log in logs]
@@ -337,7 +337,7 @@ def notes_on(logs: Sequence[Log], timing: Timing, jumps: Sequence[int]) -> list[
     for log, often in zip(logs, jumps, strict=True):
         if often:
             words.append(
-                f"{log.name}: the actual angle jumps by a whole turn "
+                f"{log.name}: the actual or requested angle jumps by a whole turn "
                 f"{'once' if often == 1 else f'{often} times'}, as encoders do that start again; "
                 "it is taken to go on"
             )

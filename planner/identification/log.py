@@ -245,17 +245,15 @@ def pieces_of(log: Log) -> list[slice]:
 def unwrapped(log: Log) -> tuple[Log, int]:
     """The log with angles that go on where the encoder started again, and how often it did.
 
-    Requests may start again as well. They are made continuous too if that brings them nearer to the
-    angles; the angles then take the turn in which they are nearest to the requests. A log that
-    comes no nearer to its requests so, or that is a share of a range, stays as it is.
+    Requests may start again as well, or alone. They are made continuous too if that brings them
+    nearer to the angles; the angles then take the turn in which they are nearest to the requests. A
+    log that comes no nearer to its requests so, or that is a share of a range, stays as it is.
     """
     if log.unit != "rad":
         return log, 0
     rows = log.measured
     turns = _turns(log.times[rows], log.angles[rows])
     jumps = int(np.count_nonzero(np.diff(turns)))
-    if not jumps:
-        return log, 0
     angles = log.angles.copy()
     angles[rows] += TURN * turns
     requests = min(
@@ -264,6 +262,14 @@ def unwrapped(log: Log) -> tuple[Log, int]:
     )
     if np.std((requests - angles)[rows]) >= np.std((log.requests - log.angles)[rows]):
         return log, 0
+    if not jumps:  # of a joint that is stuck the requests are far away, whichever turn they take
+        new, old, way = (
+            each[rows] - np.mean(each[rows]) for each in (requests, log.requests, angles)
+        )
+        likeness, before = float(way @ new), max(float(way @ old), 0.0)
+        if likeness * np.std(old) <= before * np.std(new):  # correlated no better
+            return log, 0
+        jumps = int(np.count_nonzero(np.round(np.diff(requests - log.requests) / TURN)))
     angles = angles + TURN * np.round(np.median((requests - angles)[rows]) / TURN)
     return replace(log, requests=requests, angles=angles), jumps
 

@@ -340,7 +340,9 @@ def _path(
     """A joint's signals over the time since the recording began."""
     log, jumps = unwrapped(log)
     if jumps:
-        remarks.append(f"{name}: the encoder started again {jumps} times; its angles go on")
+        remarks.append(
+            f"{name}: its encoder, or its requests, started again {jumps} times; the angles go on"
+        )
     times, angles = log.times - origin, log.angles
     sound = sound_rows(log)
     if not sound.all() and sound.any():

@@ -41,6 +41,18 @@ def test_requests_that_start_again_too_go_on_as_well():
     assert np.max(np.abs(read.angles - read.requests - log.angles + log.requests)) <= SAME
 
 
+def test_requests_that_start_again_alone_go_on_unless_the_joint_is_stuck():
+    log = rich_log(noise=NOISE)
+    below = changed(log, requests=log.requests - log.requests[0] - 0.1)
+    read, jumps = unwrapped(changed(below, requests=below.requests % TURN))
+    assert jumps > 0
+    moved = read.requests - read.angles - below.requests + log.angles
+    assert np.max(np.abs(moved - TURN * np.round(moved[0] / TURN))) <= SAME
+    far = np.repeat([0.0, 5.0, 0.0, 5.0], 100)  # nearer to this joint if they turned
+    stuck = changed(log, requests=far, angles=0.1 * far)
+    assert unwrapped(stuck) == (stuck, 0)
+
+
 def test_angles_that_go_on_take_the_turn_of_their_requests():
     log = rich_log(noise=NOISE)
     below = log.angles - log.angles[0] - 0.1

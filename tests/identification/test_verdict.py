@@ -500,7 +500,7 @@ def test_turns_are_counted_in_the_note_of_their_log(jumps, often):
     logs = [replace(rich_log(rows=50), name=name) for name in ("hip", "knee")]
     timing = timing_of(logs, tick=None, hold=None)
     (said,) = notes_on(logs, timing, [0, jumps])
-    words = f"knee: the actual angle jumps by a whole turn {often}, as encoders do"
+    words = f"knee: the actual or requested angle jumps by a whole turn {often}, as encoders do"
     assert said.words.startswith(words)
 
 
