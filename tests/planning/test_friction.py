@@ -307,3 +307,13 @@ def test_from_rest_beyond_the_limits_the_first_request_still_holds_the_joint():
         assert 0.39 <= first <= 0.4  # a dead band from the start, 0.44, and within the limits
         held = simulate(joint, np.full(30, made.requests[0]), cyclic=False, start=made.start)
         assert np.array_equal(held, np.full(30, made.start))
+
+
+@pytest.mark.parametrize("dead_band", [0.06, 0.124])
+def test_without_smoothing_no_plan_of_a_joint_at_rest_is_worse_than_its_closed_form(dead_band):
+    model = JointModel(
+        v_max=5.0, theta_0=0.15, lag=0.03, acceleration_time=0.03, dead_band=dead_band
+    )
+    noise = 5e-4 * np.random.default_rng(0).normal(size=60)
+    plan = invert_optimal(model, 0.3 + noise, smoothness=0.0)
+    assert plan.rms <= invert_closed_form(model, 0.3 + noise).rms
