@@ -100,6 +100,8 @@ def test_a_response_better_than_what_is_known_stays_in_some_part(kind, norm, mod
         assert node.bound * problem.unit <= error(angles, desired, norm) + ROUNDING
     for _ in range(3):  # follow it down the tree
         parts = branch(problem, node)
+        if not parts:
+            break  # no cut is left
         misses = [violation(problem, part, point, scaled) for part in parts]
         assert min(misses) <= ROUNDING
         node = parts[int(np.argmin(misses))]
