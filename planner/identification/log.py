@@ -262,12 +262,8 @@ def unwrapped(log: Log) -> tuple[Log, int]:
     )
     if np.std((requests - angles)[rows]) >= np.std((log.requests - log.angles)[rows]):
         return log, 0
-    if not jumps:  # of a joint that is stuck the requests are far away, whichever turn they take
-        new, old, way = (
-            each[rows] - np.mean(each[rows]) for each in (requests, log.requests, angles)
-        )
-        likeness, before = float(way @ new), max(float(way @ old), 0.0)
-        if likeness * np.std(old) <= before * np.std(new):  # correlated no better
+    if not jumps:  # the requests have to explain the motion then: a slow joint is far from them
+        if np.std((requests - angles)[rows]) >= np.std(angles[rows]):
             return log, 0
         jumps = int(np.count_nonzero(np.round(np.diff(requests - log.requests) / TURN)))
     angles = angles + TURN * np.round(np.median((requests - angles)[rows]) / TURN)

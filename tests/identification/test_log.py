@@ -42,8 +42,10 @@ def test_requests_that_start_again_too_go_on_as_well():
 
 
 def test_requests_that_start_again_alone_go_on_unless_the_joint_is_stuck():
-    log = rich_log(noise=NOISE)
-    below = changed(log, requests=log.requests - log.requests[0] - 0.1)
+    wave = np.sin(AIBO.period * np.arange(400.0))
+    angles = planner.simulate(AIBO, wave, cyclic=False)
+    log = changed(rich_log(), requests=wave, angles=angles)
+    below = changed(log, requests=wave - 0.1)
     read, jumps = unwrapped(changed(below, requests=below.requests % TURN))
     assert jumps > 0
     moved = read.requests - read.angles - below.requests + log.angles
