@@ -180,6 +180,7 @@ def verdict_on(
     misses = f"it misses {missed:.0%} of the motion{where}"
     doubts = {
         misses: missed > OPTIONS.suspect,
+        "one column may be in another scale": any(note.topic == "columns" for note in notes),
         f"{SIMPLER[name]} predicts better": beaten,
         "a pure delay predicts nearly as well": (
             PROVEN * others["delay"] < ours <= others["delay"]

@@ -201,14 +201,13 @@ def with_motor(fit: Fit, terms: tuple[Term, ...]) -> tuple[Fit, tuple[Term, ...]
         return fit, terms
     motor = least_squares(motor.grid, motor.parameters, free=motor.free, starts=motor.starts)
     for name in MOTOR:
-        if motor.free[only(name)].any():
+        kept = bool(motor.free[only(name)].any())
+        interval = Interval(-math.inf if name == "asymmetry" else 0.0, math.inf)
+        if kept:
             interval = model_interval(motor, uncertainty_of(motor), name)
-            known[TERMS[name]] = _term(name, True, fit, motor, interval)
-        elif name == "acceleration":
-            known[TERMS[name]] = _term(name, False, fit, motor, Interval(0.0, math.inf))
-        elif _shows(name, motor):
-            _, tried = _with_term(name, motor)
-            known |= {each: replace(term, kept=False) for each, term in tried.items()}
+        elif name != "acceleration" and _shows(name, motor):
+            interval = _with_term(name, motor)[1][TERMS[name]].interval
+        known[TERMS[name]] = _term(name, kept, fit, motor, interval)
     return motor, tuple(known.values())
 
 
