@@ -18,9 +18,6 @@ from planner.trajectory import Array
 _SHORT = Repr()  # its own constructor takes no sizes before Python 3.12
 _SHORT.maxlevel, _SHORT.maxstring, _SHORT.maxother, _SHORT.maxlong = 3, 60, 60, 40
 
-LONGEST = 100
-"""Characters of a value in a message."""
-
 
 def shown(value: object) -> str:
     """A value in a message: on one line, and short whatever it is."""
@@ -28,7 +25,7 @@ def shown(value: object) -> str:
         return f"an array of {value.dtype!s:.40}, shape {value.shape}"
     if isinstance(value, int) and not isinstance(value, bool) and abs(value) >= 10**40:
         return "a very large number"  # which Python may refuse to write
-    return textwrap.shorten(_SHORT.repr(value), LONGEST, placeholder=" ...")
+    return textwrap.shorten(_SHORT.repr(value), 100, placeholder=" ...")
 
 
 def as_number(value: object, *, infinite: bool = False) -> float:

@@ -188,7 +188,7 @@ def identify(
     outside = [measured_speed(log, ~used) for log, used in zip(every, fit.grid.places, strict=True)]
     seen = max(outside)
     faster = bounds["v_max"].upper == math.inf and seen > bounds["v_max"].lower
-    refuted = _refuted(every, fit, bounds["v_max"].upper)
+    refuted = _refuted(every, outside, fit, bounds["v_max"].upper)
     if refuted:
         faster, (seen, _) = True, refuted
     if faster:  # in rows that are not fitted
@@ -294,11 +294,14 @@ def _by_rows(whole: Fit, fine: Fit) -> bool:
     return pays(fine, whole)
 
 
-def _refuted(logs: Sequence[Log], fit: Fit, upper: float) -> tuple[float, Finding] | None:
+def _refuted(
+    logs: Sequence[Log], speeds: Sequence[float], fit: Fit, upper: float
+) -> tuple[float, Finding] | None:
     """The speed of rows that are not fitted [rad/s], where those that are fitted exclude it.
 
     Args:
         logs: The logs.
+        speeds: The highest speed of each in rows that are not fitted [rad/s].
         fit: The fit.
         upper: Upper end of the interval of the top speed by the rows that are fitted [rad/s].
     """
@@ -308,7 +311,6 @@ def _refuted(logs: Sequence[Log], fit: Fit, upper: float) -> tuple[float, Findin
     limits = model.speed_limits(fit.grid.heaviest * np.array([-1.0, 0.0, 1.0]))
     most = float(np.max(np.abs(limits))) + model.v_max / model.theta_0 * model.most_pose_sag
     most *= upper / fit.parameters.v_max
-    speeds = [measured_speed(log, ~used) for log, used in zip(logs, fit.grid.places, strict=True)]
     log, speed = max(zip(logs, speeds, strict=True), key=lambda each: each[1])
     if speed - SPEED_NOISE * noise_of(fit) <= most:
         return None

@@ -200,11 +200,12 @@ def with_motor(fit: Fit, terms: tuple[Term, ...]) -> tuple[Fit, tuple[Term, ...]
     if motor is fit:
         return fit, terms
     motor = least_squares(motor.grid, motor.parameters, free=motor.free, starts=motor.starts)
+    uncertainty = uncertainty_of(motor)
     for name in MOTOR:
         kept = bool(motor.free[only(name)].any())
         interval = Interval(-math.inf if name == "asymmetry" else 0.0, math.inf)
         if kept:
-            interval = model_interval(motor, uncertainty_of(motor), name)
+            interval = model_interval(motor, uncertainty, name)
         elif name != "acceleration" and _shows(name, motor):
             interval = _with_term(name, motor)[1][TERMS[name]].interval
         known[TERMS[name]] = _term(name, kept, fit, motor, interval)
