@@ -33,6 +33,11 @@ class Law(NamedTuple):
     sag_sin: float = 0.0
     sag_cos: float = 0.0
 
+    @property
+    def braking(self) -> float:
+        """What friction takes of the speed in a tick [rad/tick]; nothing in (1b)."""
+        return self.share * self.friction if self.share < 1.0 else 0.0
+
     @classmethod
     def of(
         cls,

@@ -300,7 +300,7 @@ def speed_conditions(model: JointModel, side: Side) -> list[SpeedCondition]:
         return [SpeedCondition(1.0 - slope, 0.0, most)]
     conditions = _motor_conditions(model, side)
     law = model.law
-    friction = law.share * law.friction if law.share < 1.0 else 0.0  # after the acceleration limit
+    friction = law.braking
     # Condition 2b is derived where the acceleration limit is below what the window allows.
     least = np.min(most - slope * side.fastest)
     if law.acceleration + friction <= least or np.isinf(law.acceleration):
@@ -337,9 +337,8 @@ def drive_change(model: JointModel, side: Side) -> tuple[Array, Array]:
 def _motor_conditions(model: JointModel, side: Side) -> list[SpeedCondition]:
     """Condition 2a: the speed after a tick at the largest drive and the acceleration limit."""
     law = model.law
-    friction, drive = law.share * law.friction, side.drive
-    if law.share == 1.0:  # a dead zone of the drive
-        friction, drive = 0.0, drive - friction
+    friction = law.braking
+    drive = side.drive if law.share < 1.0 else side.drive - law.friction  # less the dead zone
     drive = np.maximum(drive, side.fastest - law.acceleration / law.share)
     lines = [(1.0 - law.share, law.share * drive)]
     if np.isfinite(law.acceleration):
