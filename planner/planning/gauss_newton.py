@@ -42,7 +42,7 @@ class Spec(NamedTuple):
         weights: Weight of each request at each tick of a period, youngest first, (A, ticks, width).
         periods: In each period angle at rest less request, beside that by the angle [rad], and how
             much faster the drive is in the positive direction [rad/tick], (2, A, n).
-        bounds: First requests from rest, lower and upper limits, largest changes [rad], (4, J).
+        bounds: First requests from rest, lower and upper limits, largest changes [rad], (4, n, J).
         resting: Requests that would hold the desired angles [rad], (n, J).
         goal: Desired angle [rad], (n, 1); or desired position of the foot [m], and the disturbance
             added to each angle before the position is computed [rad], (n, 3 + J).
@@ -653,12 +653,12 @@ def set_step(
             k, j = number // joints, number % joints
             bound = FIRST if k == 0 and not cyclic else LOWER if at_limit[k, j] < 0 else UPPER
             fixed[number] = 1 if bound == FIRST or at_limit[k, j] != 0 else 0
-            place[number] = bounds[bound, j] - requests[k, j] if fixed[number] else 0.0
+            place[number] = bounds[bound, k, j] - requests[k, j] if fixed[number] else 0.0
             if limited:
                 room = 0.0
                 if tight[k, j]:
                     moved = requests[(k + 1) % samples, j] - requests[k, j]
-                    room = tight[k, j] * bounds[LARGEST_CHANGE, j] - moved
+                    room = tight[k, j] * bounds[LARGEST_CHANGE, k, j] - moved
                 right[change + number] = room
         if not solve_kkt(pattern, values, right, fixed, place, step):
             return False, 0.0
@@ -748,7 +748,7 @@ def active_changed(
     for k in range(first, samples):
         for j in range(joints):
             number, before = k * joints + j, at_limit[k, j]
-            low, high = bounds[LOWER, j], bounds[UPPER, j]
+            low, high = bounds[LOWER, k, j], bounds[UPPER, k, j]
             request = requests[k, j] + step[number]
             if low == high:
                 continue
@@ -762,7 +762,7 @@ def active_changed(
     for k in range(samples - first if spec.limited else 0):
         for j in range(joints):
             number, following, before = k * joints + j, (k + 1) % samples, tight[k, j]
-            largest, after = bounds[LARGEST_CHANGE, j], following * joints + j
+            largest, after = bounds[LARGEST_CHANGE, k, j], following * joints + j
             moved = requests[following, j] + step[after] - requests[k, j] - step[number]
             too_far = abs(moved) > largest + TOUCHING
             if at_limit[following, j] != 0 and (at_limit[k, j] != 0 or k < first):
@@ -817,13 +817,13 @@ def limit(spec: Spec, requests: Array) -> None:
     """Bring requests (n, J) within the limits [rad]; from rest the first is held."""
     bounds = spec.bounds
     for j in range(requests.shape[1] if not spec.cyclic else 0):
-        requests[0, j] = bounds[FIRST, j]
+        requests[0, j] = bounds[FIRST, 0, j]
     for turn in range(2 if spec.limited else 1):
         if turn:  # and afterwards once more within the limits: rounding
-            keep_step(requests, bounds[LARGEST_CHANGE], spec.cyclic)
+            keep_step(requests, bounds[LARGEST_CHANGE, 0], spec.cyclic)
         for k in range(len(requests)):
             for j in range(requests.shape[1]):
-                low, high = bounds[LOWER, j], bounds[UPPER, j]
+                low, high = bounds[LOWER, k, j], bounds[UPPER, k, j]
                 requests[k, j] = min(max(requests[k, j], low), high)
 
 

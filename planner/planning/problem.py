@@ -41,7 +41,7 @@ class Problem:
         foot: The goal of a foot; None where the one joint should follow ``desired``.
         cyclic: Whether the trajectory repeats for ever.
         norm: The error that counts.
-        lower, upper: Limits on the requests [rad], shape (J,).
+        lower, upper: Limits on the requests [rad], shape (J,) or (n, J).
         max_step: Largest change from one request to the next [rad], shape (J,), inf for none.
         smoothness: Relative rise of the shown error that smoother requests may cost [-].
         start: From rest: angles at which the joints rest before the plan [rad], shape (J,).
@@ -130,7 +130,9 @@ class Problem:
             unit = self.units[number] if self.has_speeds else 1.0
             drives.append((*model.law, model.hold, model.theta_0, unit, start))
         first = self.first_requests
-        first = empty if first is None else np.clip(first, self.lower, self.upper)
+        limits = [empty if first is None else first, self.lower, self.upper, self.max_step]
+        bounds = np.array([np.broadcast_to(each, self.desired.shape) for each in limits])
+        bounds[0] = np.clip(bounds[0], bounds[1], bounds[2])
         spec = Spec(
             self.cyclic,
             self.ages.youngest,
@@ -143,7 +145,7 @@ class Problem:
             np.array(drives, dtype=np.float64),
             weights_of_all(self.models),
             periods,
-            np.array([first, self.lower, self.upper, self.max_step], dtype=np.float64),
+            bounds,
             np.array(rest_requests(self.nominal, self.desired, self.loads[: self.joints])),
             np.array(self.desired) if self.foot is None else self.foot.rows,
             np.empty((0, 10, 3)) if self.foot is None else self.foot.links,

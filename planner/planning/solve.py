@@ -25,6 +25,7 @@ from planner.planning.search import (
     FOOT,
     NARROW,
     SIMULATED,
+    STATIONARY,
     WIDE,
     State,
     allowed_beside,
@@ -83,9 +84,6 @@ SMOOTH = tuple(stage._replace(weight=1e-2, smoothing=True) for stage in NARROW)
 """Stages from which smoothing starts as well where the acceleration is limited: at that limit
 requests have little effect, and those of least error chatter. For a hobby servo's walk the squared
 second differences are 1/700 of theirs, with a twentieth more error."""
-
-STATIONARY = 1e-9
-"""Range of the requests that hold a joint that does not move [rad]: rounding."""
 
 
 class Solved(NamedTuple):

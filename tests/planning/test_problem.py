@@ -263,7 +263,7 @@ def test_a_first_request_beyond_the_limits_is_the_nearest_within_them():
     assert problem.first_requests[0] == pytest.approx(0.28)
     assert problem.admissible(np.zeros((4, 1)))[0, 0] == 0.25
     evaluated = problem.spec.bounds
-    np.testing.assert_array_equal(evaluated[:, 0], [0.25, -1.0, 0.25, np.inf])
+    np.testing.assert_array_equal(evaluated[:, 0, 0], [0.25, -1.0, 0.25, np.inf])
 
 
 def test_limits_and_largest_steps_of_one_joint_are_kept_beside_joints_without():

@@ -26,6 +26,7 @@ from planner.planning.search import (
     robust_requests,
     smoothed,
     stages_for,
+    without_effect_on_motion,
 )
 from planner.planning.solve import holding
 from planner.planning.task import Task
@@ -274,3 +275,25 @@ def test_smoothing_keeps_the_share_of_the_best_plan_where_that_is_another():
     more = smoothed(replace(problem, smoothness=0.05), late, best=best)
     assert problem.exact_error(more) <= 1.05 * problem.error(best)
     assert problem.roughness(more) < problem.roughness(late)
+
+
+def test_requests_act_on_rest_alone_if_no_angle_within_their_ages_moves():
+    """A request acts 4 and 5 samples later; the path moves into samples 6 and 7, of twelve."""
+    model = JointModel(v_max=5.0, theta_0=0.05, lag=0.024, acceleration_time=0.016)
+    desired = np.array([0.0] * 6 + [0.1] + [0.2] * 5)
+    from_rest = track(model, desired, cyclic=False)
+    assert (from_rest.ages.youngest, from_rest.ages.oldest) == (4, 5)
+
+    def resting(problem, margin):
+        return np.flatnonzero(without_effect_on_motion(problem, margin)).tolist()
+
+    assert resting(from_rest, 0) == [0, *range(4, 12)]
+    assert resting(from_rest, 1) == [*range(5, 12)]
+    assert resting(from_rest, 9) == []
+    # A joint that does not begin on the path moves into the first sample, a cycle back to it.
+    beside = replace(from_rest, start=np.array([0.01]))
+    assert resting(beside, 0) == [0, *range(4, 12)]
+    assert resting(beside, 4) == [8, 9, 10, 11]
+    cyclic = track(model, desired, cyclic=True)
+    assert resting(cyclic, 0) == [0, 4, 5, 6, 9, 10, 11]
+    assert resting(cyclic, 1) == [5, 10, 11]

@@ -303,3 +303,40 @@ def test_a_path_that_is_followed_to_rounding_is_planned_for_the_largest_error_to
     joint = JointModel(v_max=5.0, theta_0=0.3, lag=0.02, acceleration_time=0.05, tick=0.02)
     desired = np.radians(1.0) * np.sin(2.0 * np.pi * np.arange(50) / 50)
     assert invert_optimal(joint, desired, norm="max").error <= ENCODER_STEP
+
+
+RAMP = np.interp(np.arange(200), [20, 35, 110, 125], [0.0, 0.3, 0.3, 0.0])
+"""To an angle and back, with rests before, between and after [rad]."""
+
+
+@CYCLIC
+@pytest.mark.parametrize(
+    ("model", "limits"),
+    [
+        (replace(ERS210A, theta_0=0.1, offset=0.03), {}),
+        (replace(ERS210A, lag=0.045, acceleration_time=0.05, tick=0.01), {}),
+        (
+            replace(ERS210A, lag=0.02, acceleration_time=0.05, tick=0.01),
+            {"max_step": 0.05, "limits": (-0.01, 0.31)},
+        ),
+    ],
+)
+def test_where_the_path_rests_requests_rest(model, limits, cyclic):
+    """To cancel the window of the acceleration exactly they would go to and fro for ever."""
+    plan = invert_optimal(model, RAMP, cyclic=cyclic, **limits)
+    least = invert_optimal(model, RAMP, cyclic=cyclic, smoothness=0.0, **limits)
+    assert plan.error <= allowed_where_requests_shake(least.error, 0.005) + ROUNDING
+    for rest, angle in ((slice(60, 85), 0.3), (slice(150, 180), 0.0)):
+        np.testing.assert_allclose(plan.requests[rest], angle - model.offset, atol=2e-4)
+        assert np.ptp(plan.requests[rest]) <= 2e-5
+    assert rough(plan) <= rough(least)
+    steps = np.diff(plan.requests)
+    assert np.max(np.abs(steps)) <= limits.get("max_step", np.radians(3.0))
+
+
+def test_requests_at_rest_are_not_bought_with_steps_of_the_others():
+    """Near the motion a joint of a long window needs room: the rests are shorter, not the steps."""
+    model = replace(ERS210A, theta_0=0.12, lag=0.045, acceleration_time=0.05, tick=0.01)
+    plan = invert_optimal(model, RAMP)
+    assert np.max(np.abs(np.diff(plan.requests))) <= np.radians(2.0)
+    assert np.ptp(plan.requests[150:180]) <= 2e-5
