@@ -276,17 +276,14 @@ def smoothed(
     smoothness = problem.smoothness
     if smoothness == 0.0:
         return requests
-    angles = problem.exact_angles(requests)
-    if angles is None:
+    given = reached_by(problem, requests)
+    if given is None:
         return requests
-    errors = judged(problem, angles)
+    _, errors = given
     closest = errors if best is None else judged(problem, best)
     allowed = allowed_beside(problem, closest)
-    starts = [(State(requests, angles), errors)]
-    for candidate in candidates:
-        reached = problem.exact_angles(candidate)
-        if reached is not None and allowed.by(also := judged(problem, reached)):
-            starts.append((State(candidate, reached), also))
+    others = (reached_by(problem, candidate) for candidate in candidates)
+    starts = [given, *(other for other in others if other is not None and allowed.by(other[1]))]
     mean = math.inf
     if problem.norm == "max":
         share = 1.0 + OPTIONS.mean * smoothness
@@ -319,16 +316,11 @@ def _at_rests(problem: Problem, requests: Array, error: float, bounds: Sequence[
         bounds: The limits of the smoothing, of which one must be kept.
     """
     sharp = [stage for stage in NARROW if stage.radius < SIMULATED]
-    angles, margin = problem.exact_angles(requests), settling_time(problem)
+    margin, most = settling_time(problem), ROUGHER * problem.roughness(requests)
+    angles = problem.exact_angles(requests)
     while angles is not None and margin <= len(requests):
         resting = without_effect_on_motion(problem, margin)
-        (rows,), period = np.nonzero(resting), problem.models[0].period
-        rests = np.split(requests[rows], np.flatnonzero(np.diff(rows) > 1) + 1)
-        turns = [
-            sum(reversals(rest[:, j], cyclic=False) for rest in rests)
-            for j in range(problem.joints)
-        ]
-        if not max(turns) - 1 > SHAKING * len(rows) * period:
+        if not shakes_within(problem, requests, resting):
             break
         lower, upper = (
             np.where(resting[:, np.newaxis], problem.resting, limit)
@@ -336,15 +328,14 @@ def _at_rests(problem: Problem, requests: Array, error: float, bounds: Sequence[
         )
         held = replace(problem, lower=lower, upper=upper)
         best = minimise(held, State(held.admissible(requests), angles), sharp)[0]
-        reached, allowed = problem.exact_angles(best), []
-        assert reached is not None
+        start, allowed = reached_by(problem, best), []
         for bound in bounds:
-            answer = _smoothest(held, State(best, reached), judged(problem, reached), error, bound)
-            answer = problem.admissible(answer)
-            after = problem.exact_angles(answer)
-            smooth = problem.roughness(answer) <= ROUGHER * problem.roughness(requests)
-            if smooth and after is not None and bound.used(judged(problem, after), error) <= 1.0:
-                allowed.append(answer)
+            if start is not None and bound.used(start[1], error) <= 1.0:
+                answer = problem.admissible(_smoothest(held, *start, error, bound))
+                reached = reached_by(problem, answer)
+                kept = reached is not None and bound.used(reached[1], error) <= 1.0
+                if kept and problem.roughness(answer) <= most:
+                    allowed.append(answer)
         if allowed:
             calm = (each for each in allowed if not shakes(problem, each))
             return next(calm, min(allowed, key=problem.roughness))
@@ -354,7 +345,7 @@ def _at_rests(problem: Problem, requests: Array, error: float, bounds: Sequence[
 
 ROUGHER = 2.0
 """How much larger the sum of squared second differences may be with requests held at rests [-]. Of
-155 paths with rests, 1.2 leaves requests of 27 shaking and 2 those of 21; without a limit they step
+155 paths with rests, 1.2 leaves requests of 32 shaking and 2 those of 23; without a limit they step
 up to three times as far beside some rests."""
 
 
@@ -403,6 +394,14 @@ def shakes(problem: Problem, requests: Array) -> bool:
     return turns - of_path > SHAKING * len(requests) * problem.models[0].period
 
 
+def shakes_within(problem: Problem, requests: Array, resting: Mask) -> bool:
+    """Whether requests, (n, J), change direction much where a mask, (n,), says that they rest."""
+    rows = np.flatnonzero(resting)
+    rests = np.split(requests[rows], np.flatnonzero(np.diff(rows) > 1) + 1)
+    turns = [[reversals(column, cyclic=False) for column in each.T] for each in rests]
+    return int(np.max(np.sum(turns, axis=0))) - 1 > SHAKING * len(rows) * problem.models[0].period
+
+
 class Judged(NamedTuple):
     """The errors of a motion, in the unit of the problem's error.
 
@@ -440,6 +439,12 @@ def judged(problem: Problem, angles: Array) -> Judged:
     mean = math.sqrt(float(problem.squares(angles).sum(axis=0) @ weights) / len(angles))
     unseen = np.full(len(model_errors), ENCODER_STEP)
     return Judged(problem.error(angles), mean, through(model_errors), through(unseen))
+
+
+def reached_by(problem: Problem, requests: Array) -> tuple[State, Judged] | None:
+    """The motion of the exact models, and its errors; None where a joint has no steady cycle."""
+    angles = problem.exact_angles(requests)
+    return None if angles is None else (State(requests, angles), judged(problem, angles))
 
 
 class Allowed(NamedTuple):
