@@ -69,19 +69,19 @@ def run(*, file: str | None, out: str | None, check: bool, template: bool, as_js
             as_json=as_json,
         )
         return
-    carry_out_run(run_file, _folder(file, out, run_file), as_json=as_json)
+    carry_out_run(run_file, folder_of(file, out, run_file.settings.out), as_json=as_json)
 
 
-def _folder(file: str, out: str | None, run_file: RunFile) -> str:
-    """The folder of the results.
+def folder_of(file: str, out: str | None, in_file: str | None) -> str:
+    """The folder of the results: that of --out, else that of the file, else one of its name.
 
     Raises:
         click.UsageError: No folder is named.
     """
     if out is not None:
         return out
-    if run_file.settings.out is not None:
-        return str(Path(file).parent / run_file.settings.out)
+    if in_file is not None:
+        return str(Path(file).parent / in_file)
     if file == "-" or not Path(file).suffix:
         raise click.UsageError("name a folder for the results with --out.")
     return str(Path(file).with_suffix(""))
