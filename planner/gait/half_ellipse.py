@@ -85,6 +85,26 @@ def half_ellipse(
     return path
 
 
+def walking_speed(
+    foot: Array, period: float, *, ground_fraction: float = 0.5, heading: float = 0.0
+) -> float:
+    """Mean speed at which the ground passes under the body [m/s].
+
+    That of the foot along the heading, backward, while it is on the ground. For a half ellipse
+    it is twice the length in that time.
+
+    Args:
+        foot: A cycle of positions [m], shape (n, 3), that begins on the ground.
+        period: Time between them [s].
+        ground_fraction: Fraction of the cycle that the foot is on the ground, between 0 and 1.
+        heading: Where the walk goes, from x towards y [rad].
+    """
+    along = foot[:, 0] * math.cos(heading) + foot[:, 1] * math.sin(heading)
+    grounded = math.ceil(ground_fraction * len(foot) - 1e-9)
+    last = min(max(grounded - 1, 1), len(foot) - 1)
+    return float(along[0] - along[last]) / (last * period)
+
+
 @dataclass(frozen=True, eq=False)
 class ReferenceWalk:
     """The walk behind the paper's trajectories, for one front leg over one cycle.
