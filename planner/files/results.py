@@ -164,6 +164,12 @@ def finished(output: Path | str, name: str, settings: Mapping[str, Any]) -> dict
     return manifest
 
 
+def digest_of(file: Path | str) -> str:
+    """The digest of a file's content; its name where there is no such file."""
+    path = Path(file)
+    return sha256(path.read_bytes()).hexdigest() if path.is_file() else str(file)
+
+
 def _digest(content: Any) -> str:
     return sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:32]
 

@@ -8,7 +8,6 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass
-from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +21,7 @@ from planner.exceptions import PlannerError
 from planner.files.exports.lerobot import Layout, lerobot_dataset
 from planner.files.logs.lerobot import ACTION
 from planner.files.logs.recordings import Recording
-from planner.files.results import Results, Task, finished, made_from
+from planner.files.results import Results, Task, digest_of, finished, made_from
 from planner.files.text import to_json
 from planner.parallel import carry_out
 from planner.recording.recorded_path import WHY
@@ -270,7 +269,7 @@ def _origin(
 ) -> dict[str, Any]:
     """The inputs of a dataset, before any recording is read or identified."""
     return {
-        "model": _digest_of(run.model.file),
+        "model": digest_of(run.model.file),
         **_chosen(run, replay),
         "recordings": [[each.name, _inputs(each)] for each in recordings],
     }
@@ -282,14 +281,8 @@ def _chosen(run: settings.Run, replay: settings.Replay) -> dict[str, Any]:
     return {
         "replay": replay.values(),
         **{name: getattr(run, name).values() for name in ("limits", "plan", "tolerance", "leg")},
-        "urdf": None if leg is None else _digest_of(leg.urdf),
+        "urdf": None if leg is None else digest_of(leg.urdf),
     }
-
-
-def _digest_of(file: str) -> str:
-    """The digest of a file's content; its name if there is no such file."""
-    path = Path(file)
-    return sha256(path.read_bytes()).hexdigest() if path.is_file() else file
 
 
 def _inputs(recording: Recording) -> str:
