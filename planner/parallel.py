@@ -130,7 +130,7 @@ def outcomes(
                 "the rest"
             ) from error
         except Exception as error:
-            outcome = Outcome(None, _reason(error))
+            outcome = Outcome(None, reason_of(error))
         for message, category in dict.fromkeys(outcome.warnings):
             warnings.warn(message, category, stacklevel=2)
         yield running.pop(future), outcome
@@ -291,13 +291,13 @@ def _attempt(function: Function, unit: Any, argument: Any) -> Outcome:
         try:
             result, reason = function(argument), ""
         except (Exception, SystemExit) as error:
-            result, reason = None, _reason(error)
+            result, reason = None, reason_of(error)
         finally:
             ANGLE_UNIT.reset(before)
     return Outcome(result, reason, tuple((str(each.message), each.category) for each in caught))
 
 
-def _reason(error: BaseException) -> str:
+def reason_of(error: BaseException) -> str:
     """Why a task failed, in a line: our own errors by their message, others with their kind."""
     message = ": ".join([*getattr(error, "__notes__", ()), str(error)])
     if isinstance(error, PlannerError | KinematicsError):

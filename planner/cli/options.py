@@ -98,7 +98,7 @@ def settings(*keys: str, **helps: str) -> Callable[[Command], Command]:
                 content["path"] = {"file": arguments["path"]}
             for key, value in values.items():
                 if value not in (None, ()):
-                    _put(content, key, value)
+                    put(content, key, value)
             replay = content.pop("replay", {})
             if "export" in content:
                 content["export"] = [{"file": "rows", **content["export"]}]
@@ -213,7 +213,7 @@ def _as_options(table: str = "") -> Iterator[None]:
         raise BadSetting(Key(table + place), f": {error.problem}") from error
 
 
-def _put(content: dict[str, Any], key: str, value: Any) -> None:
+def put(content: dict[str, Any], key: str, value: Any) -> None:
     """Put the value of an option at its place in the content of a run file."""
     if key == "leg.name" and value not in types.SHIPPED:
         key = "leg.urdf"

@@ -1,4 +1,4 @@
-"""All settings of a plan and its outputs: type, unit, range, default and meaning."""
+"""All settings of a plan, its outputs and a sweep: type, unit, range, default and meaning."""
 
 import math
 from collections.abc import Mapping
@@ -15,6 +15,7 @@ from planner.cli.declared import (
     Source,
     Span,
     Text,
+    Values,
     Written,
     WrittenOrNone,
     setting,
@@ -735,3 +736,71 @@ class Run(Settings):
     tolerance: Tolerance = Tolerance()
     output: Output = Output()
     export: tuple[Export, ...] = ()
+
+
+def _tried(about: str, *values: float, active: bool = False) -> Any:
+    """A parameter, with example values, which a template sets if ``active``."""
+    return setting(about, default=None, example=list(values), set_to=values if active else None)
+
+
+class SweptParameters(Settings):
+    """Values of the parameters to try, rising; cma tries any from the first to the last."""
+
+    length: Values | None = _tried("Gait: half of the stroke [m].", 0.03, 0.04, 0.05, active=True)
+    height: Values | None = _tried("Gait: how high the foot swings [m].", 0.02, 0.04)
+    forward: Values | None = _tried("Gait: middle before the hip [m].", 0.03, 0.05)
+    sideways: Values | None = _tried("Gait: outward of the hip [m].", 0.02, 0.03)
+    hip_height: Values | None = _tried("Gait: hip above ground [m].", 0.07, 0.09)
+    ground_fraction: Values | None = _tried(
+        "Gait: part of the cycle on the ground.", 0.5, 0.6, 0.75
+    )
+    heading_deg: Values | None = _tried("Gait: direction, from x towards y [deg].", 0.0, 90.0)
+    period_s: Values | None = _tried(
+        "Gait: duration of a cycle [s], rounded to whole requests.", 0.5, 0.6, 0.7, 0.8, active=True
+    )
+    speed: Values | None = _tried(
+        "A path of a file: how many times as fast to follow it.", 1.0, 1.5, 2.0
+    )
+    smoothness: Values | None = _tried("Any path: `smoothness` of [plan].", 0.0, 0.01, 0.1)
+
+
+class Search(Settings):
+    """What is sought, and how: without a required error or speed, all of the Pareto front."""
+
+    method: Literal["grid", "cma"] = setting(
+        "All combinations of the values, or a search by CMA-ES (extra 'sweep') for two parameters "
+        "or more.",
+        default="grid",
+    )
+    steps: Count | None = setting(
+        "Method grid: so many values of each parameter, evenly from its first to its last.",
+        default=None,
+        only=("grid",),
+        otherwise="the values as they are",
+        example=5,
+    )
+    evaluations: Annotated[int, Range(ge=20, le=10**6)] | None = setting(
+        "Method cma: how many plans.", default=None, only=("cma",), otherwise="200", example=200
+    )
+    seed: Annotated[int, Range(ge=0, le=10**9)] | None = setting(
+        "Method cma: of its random numbers.", default=None, only=("cma",), otherwise="0", example=0
+    )
+    at_error_cm: Positive | None = setting(
+        "Seek the fastest with at most this error of the foot [cm].", default=None, example=1.0
+    )
+    at_error_deg: Positive | None = setting(
+        "The same for a path of joints: error of the worst joint [deg].", default=None, example=2.0
+    )
+    at_speed_cm_s: Positive | None = setting(
+        "Seek the least error of a gait of at least this speed [cm/s].", default=None, example=20.0
+    )
+    at_speed: Positive | None = setting(
+        "The same for the path of a file: times its own speed.", default=None, example=1.5
+    )
+    parameters: SweptParameters = SweptParameters()
+
+
+class Sweep(Run):
+    """Where the results go. All tables but [sweep] are those of a run file."""
+
+    sweep: Search = Search()

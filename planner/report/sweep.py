@@ -1,4 +1,4 @@
-"""The page about a sweep: the Pareto front of speed and error, and the command of each point."""
+"""A sweep and its page: the Pareto front of speed and error, and the command of each point."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -23,11 +23,8 @@ from planner.report.page import (
     spoken,
     table_section,
 )
-from planner.report.style import DIRECT, FOOT_OPTIMAL, INK, LIMIT, OPTIMAL
+from planner.report.style import DIRECT, FOOT_OPTIMAL, INK, LIMIT, OPTIMAL, Role
 from planner.report.table import Column, Row, Table
-
-if TYPE_CHECKING:
-    from planner.trajectory import Array
 
 WORDS = {
     "length": ("half stroke", "m"),
@@ -39,8 +36,9 @@ WORDS = {
     "heading_deg": ("heading", "deg"),
     "period_s": ("period", "s"),
     "speed": ("speed", "times"),
+    "smoothness": ("smoothness", ""),
 }
-"""Name and unit of a parameter that is not shown by its key."""
+"""Name and unit of each parameter."""
 
 MOST_REASONS = 20
 """Most reasons that are listed for points without a plan."""
@@ -63,6 +61,7 @@ class Outcome:
         slowest: That joint; "" where there is none.
         unreachable: Samples out of the leg's reach, where the settings let these be clamped.
         reason: Why there is no plan, or which requirement it misses.
+        number: Its number among the points of a sweep, from 1.
     """
 
     point: Point
@@ -74,16 +73,12 @@ class Outcome:
     slowest: str = ""
     unreachable: int = 0
     reason: str = ""
+    number: int = 1
 
     @property
     def planned(self) -> bool:
         """Whether there is a plan."""
         return math.isfinite(self.error)
-
-
-def _words(name: str) -> tuple[str, str]:
-    """Name and unit of a parameter."""
-    return WORDS.get(name, (name, ""))
 
 
 @dataclass(frozen=True)
@@ -92,6 +87,18 @@ class Requirement:
 
     of: Literal["error", "speed"]
     value: float
+
+    def missed_by(self, outcome: Outcome) -> str:
+        """The reason if a planned point misses it; empty otherwise."""
+        if self.of == "speed":
+            return f"speed below {self.value:g}" if outcome.speed < self.value else ""
+        if outcome.error <= self.value:
+            return ""
+        slow = (
+            f"; {outcome.slowest} would have to exceed its top speed on "
+            f"{100.0 * outcome.too_fast:.0f} % of the path"
+        )
+        return f"error above {self.value:g}{slow if outcome.slowest else ''}"
 
 
 @dataclass(frozen=True)
@@ -133,20 +140,56 @@ class Swept:
             return None
         return points[-1] if self.requirement.of == "error" else points[0]
 
-    def number(self, outcome: Outcome) -> int:
-        """The number of a point, from 1."""
-        return self._numbers[outcome.point]
+    @cached_property
+    def failures(self) -> dict[str, list[Outcome]]:
+        """The points without a plan, by their reason."""
+        reasons: dict[str, list[Outcome]] = {}
+        for each in self.outcomes:
+            if not each.planned:
+                reasons.setdefault(each.reason, []).append(each)
+        return reasons
+
+    @property
+    def verdict(self) -> str:
+        """The answer in a few words."""
+        if not self.front:
+            return "No point has a plan"
+        slow, fast = self.front[0], self.front[-1]
+        if self.requirement is not None:
+            value, best = self.requirement.value, self.best
+            nearest, limit = slow, f"at most {value:g} {self.error_unit}"
+            if self.requirement.of == "speed":
+                nearest, limit = fast, f"at least {value:g} {self.speed_unit}"
+            if best is None:
+                return f"No point has {limit}: the nearest has {self.sizes(nearest)}"
+            return f"The best point with {limit} has {self.sizes(best)}: {self.words(best)}"
+        if len(self.front) == 1:
+            return f"One point is best in both: {self.sizes(slow)}"
+        ends = f"from {self.sizes(slow)} to {self.sizes(fast)}"
+        return f"{len(self.front)} points on the front: {ends}"
+
+    @property
+    def missed(self) -> str:
+        """Why the sweep failed, in words; empty where it did not."""
+        failed = not self.front or (self.requirement is not None and self.best is None)
+        return self.verdict if failed else ""
+
+    def sizes(self, outcome: Outcome) -> str:
+        """Speed and error of a point."""
+        speed = f"{outcome.speed:.3g} {self.speed_unit}"
+        return f"{speed} at {outcome.error:.3g} {self.error_unit}"
+
+    def words(self, outcome: Outcome) -> str:
+        """The parameters of a point."""
+        values = zip((WORDS[name] for name in self.names), outcome.point, strict=True)
+        return ", ".join(f"{name} {value:.4g} {unit}".rstrip() for (name, unit), value in values)
 
     def command(self, outcome: Outcome) -> str:
         """The command that plans a point again, with all files of a run."""
         values = zip(self.names, outcome.point, strict=True)
         options = " ".join(f"--at {name}={value!r}" for name, value in values)
-        number = self.number(outcome)
-        return f"request-planner sweep {shlex.quote(self.file)} {options} --out point-{number}"
-
-    @cached_property
-    def _numbers(self) -> dict[Point, int]:
-        return {each.point: number for number, each in enumerate(self.outcomes, 1)}
+        folder = f"point-{outcome.number}"
+        return f"request-planner sweep {shlex.quote(self.file)} {options} --out {folder}"
 
 
 def sweep_page(
@@ -162,31 +205,40 @@ def sweep_page(
         origins: Inputs of the sweep: pairs of a kind and a name.
         files: Files of the sweep to link to.
     """
-    front = swept.front
+    planned = sum(each.planned for each in swept.outcomes)
+    key_figures = [Card(f"{planned}", "", f"of {len(swept.outcomes)} points have a plan")]
     sections = []
-    if front:
+    if swept.front:
+        slow, fast = swept.front[0], swept.front[-1]
+        commands = "\n".join(
+            f"# point {each.number}\n{swept.command(each)}" for each in swept.front
+        )
+        key_figures += [
+            Card(f"{fast.speed:.3g}", swept.speed_unit,
+                 f"the fastest of the front, at {fast.error:.3g} {swept.error_unit}"),
+            Card(f"{slow.error:.3g}", swept.error_unit,
+                 f"the least error, at {slow.speed:.3g} {swept.speed_unit}"),
+            Card(f"{slow.direct / max(slow.error, 1e-9):.3g}", "times",
+                 "that error without a plan, with the desired angles as requests"),
+        ]  # fmt: skip
         sections += [
-            Section(
-                "The front",
-                FRONT,
-                {"table": points_table(swept, front), "commands": _commands(swept)},
-            ),
+            Section("The front", FRONT, {"table": points_table(swept), "commands": commands}),
             Section(
                 "Parameters along the front",
                 "{{ hints }}{{ figures(several) }}",
                 {"several": parameter_figures(swept)},
             ),
         ]
-    if failures := failures_table(swept):
-        sections.append(table_section("Points without a plan", failures))
-    head, _, tail = verdict(swept).partition(": ")
+    if swept.failures:
+        sections.append(table_section("Points without a plan", failures_table(swept)))
+    head, _, tail = swept.verdict.partition(": ")
     return Page(
         heading="Speed against error",
         eyebrow=f"request-planner sweep · {swept.file}",
         verdict=spoken(head, tail, ": "),
-        good=not missed(swept),
-        cards=cards(swept),
-        figure=front_figure(swept) if front else None,
+        good=not swept.missed,
+        cards=key_figures,
+        figure=front_figure(swept) if swept.front else None,
         sections=sections,
         listings=origin_lists(origins, files),
         footer=footer("sweep"),
@@ -202,139 +254,55 @@ prints is that of the table.</p>
 """
 
 
-def verdict(swept: Swept) -> str:
-    """The answer in a few words."""
-    front, best, requirement = swept.front, swept.best, swept.requirement
-    if not front:
-        return "No point has a plan"
-    if requirement is not None:
-        unit = swept.error_unit if requirement.of == "error" else swept.speed_unit
-        limit = (
-            f"{'at most' if requirement.of == 'error' else 'at least'} {requirement.value:g} {unit}"
-        )
-        if best is None:
-            near = front[0] if requirement.of == "error" else front[-1]
-            return f"No point has {limit}: the nearest has {sizes(swept, near)}"
-        return f"The best point with {limit} has {sizes(swept, best)}: {words_of(swept, best)}"
-    if len(front) == 1:
-        return f"One point is best in both: {sizes(swept, front[0])}"
-    slow, fast = front[0], front[-1]
-    return f"{len(front)} points on the front: from {sizes(swept, slow)} to {sizes(swept, fast)}"
-
-
-def missed(swept: Swept) -> str:
-    """Why the sweep failed, in words; empty where it did not."""
-    return verdict(swept) if not swept.front or (swept.requirement and not swept.best) else ""
-
-
-def sizes(swept: Swept, outcome: Outcome) -> str:
-    """Speed and error of a point."""
-    speed = f"{outcome.speed:.3g} {swept.speed_unit}"
-    return f"{speed} at {outcome.error:.3g} {swept.error_unit}"
-
-
-def words_of(swept: Swept, outcome: Outcome) -> str:
-    """The parameters of a point."""
-    return ", ".join(
-        f"{_words(name)[0]} {value:.4g} {_words(name)[1]}".rstrip()
-        for name, value in zip(swept.names, outcome.point, strict=True)
-    )
-
-
-def cards(swept: Swept) -> list[Card]:
-    """Key figures."""
-    planned = sum(each.planned for each in swept.outcomes)
-    entries = [Card(f"{planned}", "", f"of {len(swept.outcomes)} points have a plan")]
-    if swept.front:
-        slow, fast = swept.front[0], swept.front[-1]
-        entries += [
-            Card(f"{fast.speed:.3g}", swept.speed_unit,
-                 f"the fastest of the front, at {fast.error:.3g} {swept.error_unit}"),
-            Card(f"{slow.error:.3g}", swept.error_unit,
-                 f"the least error, at {slow.speed:.3g} {swept.speed_unit}"),
-            Card(f"{slow.direct / max(slow.error, 1e-9):.3g}", "times",
-                 "that error without a plan, with the desired angles as requests"),
-        ]  # fmt: skip
-    return entries
-
-
-def _commands(swept: Swept) -> str:
-    """The command that plans each point of the front again, below its number."""
-    return "\n".join(f"# point {swept.number(each)}\n{swept.command(each)}" for each in swept.front)
-
-
-def points_table(swept: Swept, outcomes: Sequence[Outcome]) -> Table:
-    """Points with their parameters, speeds and errors."""
-    units = [f" [{unit}]" if unit else "" for _, unit in (_words(name) for name in swept.names)]
-    columns = [
-        *(
-            Column(f"{_words(name)[0]}{unit}")
-            for name, unit in zip(swept.names, units, strict=True)
-        ),
-        Column(f"speed [{swept.speed_unit}]"),
-        Column(f"error [{swept.error_unit}]"),
-        Column(f"without a plan [{swept.error_unit}]"),
-        Column("too fast"),
-    ]
+def points_table(swept: Swept) -> Table:
+    """The points of the front with their parameters, speeds and errors."""
+    parameters = (WORDS[name] for name in swept.names)
+    titles = [f"{words} [{unit}]" if unit else words for words, unit in parameters]
+    titles += [f"speed [{swept.speed_unit}]", f"error [{swept.error_unit}]"]
+    titles += [f"without a plan [{swept.error_unit}]", "too fast"]
     rows = []
-    for each in outcomes:
+    for each in swept.front:
+        numbers = (*each.point, each.speed, each.error, each.direct)
         fast = f"{100.0 * each.too_fast:.0f} % {each.slowest}" if each.slowest else "nowhere"
-        cells = [
-            *(f"{value:.4g}" for value in each.point),
-            f"{each.speed:.4g}",
-            f"{each.error:.4g}",
-            f"{each.direct:.4g}",
-            fast,
-        ]
         best = "\nbest" if each is swept.best else ""
-        rows.append(Row(f"{swept.number(each)}{best}", tuple(cells)))
-    return Table("point", tuple(columns), tuple(rows), label="The Pareto front")
+        rows.append(Row(f"{each.number}{best}", (*(f"{value:.4g}" for value in numbers), fast)))
+    return Table("point", tuple(map(Column, titles)), tuple(rows), label="The Pareto front")
 
 
-def failures_table(swept: Swept) -> Table | None:
-    """Why points have no plan, and how many; None where all have one."""
-    reasons: dict[str, list[Outcome]] = {}
-    for each in swept.outcomes:
-        if not each.planned:
-            reasons.setdefault(each.reason, []).append(each)
+def failures_table(swept: Swept) -> Table:
+    """Why points have no plan, and how many."""
     rows = [
-        Row(f"{swept.number(points[0])}", (words_of(swept, points[0]), f"{len(points)}", reason))
-        for reason, points in list(reasons.items())[:MOST_REASONS]
+        Row(f"{points[0].number}", (swept.words(points[0]), f"{len(points)}", reason))
+        for reason, points in list(swept.failures.items())[:MOST_REASONS]
     ]
-    if not rows:
-        return None
     headers = (Column("parameters", words=True), Column("points"), Column("reason", words=True))
     return Table("first point", headers, tuple(rows), label="Points without a plan")
 
 
 def front_figure(swept: Swept) -> Figure:
     """Speed against error of every point, with the parameters under the pointer."""
+
+    def curve(role: Role, outcomes: Sequence[Outcome], label: str, **more: Any) -> Curve:
+        errors = [each.direct if role is DIRECT else each.error for each in outcomes]
+        notes = tuple(f"{each.number}: {swept.words(each)}" for each in outcomes)
+        speeds = np.array([each.speed for each in outcomes])
+        return Curve(role, speeds, np.array(errors), label, notes=notes, **more)
+
     planned = [each for each in swept.outcomes if each.planned]
-    front = swept.front
-    speeds, errors = _columns(planned)
-    notes = tuple(f"{swept.number(each)}: {words_of(swept, each)}" for each in planned)
-    ahead = tuple(f"{swept.number(each)}: {words_of(swept, each)}" for each in front)
-    directs = np.array([each.direct for each in planned])
-    best_speeds, best_errors = _columns(front)
     curves = [
-        Curve(DIRECT, speeds, directs, "without a plan", marks="dots", notes=notes,
-              hidden=True),
-        Curve(OPTIMAL, speeds, errors, "planned", marks="dots", notes=notes),
-        Curve(FOOT_OPTIMAL, best_speeds, best_errors, "Pareto front", notes=ahead),
-        Curve(FOOT_OPTIMAL, best_speeds, best_errors, "Pareto front", marks="rings", notes=ahead),
-    ]  # fmt: skip
-    requirement = swept.requirement
-    if requirement is not None:
-        low, high = (float(end) for end in (speeds.min(), speeds.max()))
-        ends = ([low, high], [requirement.value] * 2)
-        if requirement.of == "speed":
-            ends = ([requirement.value] * 2, [0.0, float(errors.max())])
-        looks = LIMIT._replace(label="required")
-        curves.insert(0, Curve(looks, np.array(ends[0]), np.array(ends[1])))
+        curve(DIRECT, planned, "without a plan", marks="dots", hidden=True),
+        curve(OPTIMAL, planned, "planned", marks="dots"),
+        curve(FOOT_OPTIMAL, swept.front, "Pareto front"),
+        curve(FOOT_OPTIMAL, swept.front, "Pareto front", marks="rings"),
+    ]
+    if swept.requirement is not None:
+        limit, every = np.full(2, swept.requirement.value), curves[1]
+        ends = np.array([every.x.min(), every.x.max()]), limit
+        if swept.requirement.of == "speed":
+            ends = limit, np.array([0.0, every.y.max()])
+        curves.insert(0, Curve(LIMIT._replace(label="required"), *ends))
     if swept.best is not None:
-        x, y = _columns([swept.best])
-        note = f"{swept.number(swept.best)}: {words_of(swept, swept.best)}"
-        curves.append(Curve(INK, x, y, "best", marks="dots", notes=(note,)))
+        curves.append(curve(INK, [swept.best], "best", marks="dots"))
     return Figure(
         "front",
         "Speed against error",
@@ -348,11 +316,10 @@ def front_figure(swept: Swept) -> Figure:
 
 def parameter_figures(swept: Swept) -> list[Figure]:
     """How each parameter changes along the front."""
-    speeds, _ = _columns(swept.front)
-    figures = []
-    for j, name in enumerate(swept.names):
-        words, unit = _words(name)
-        values = np.array([each.point[j] for each in swept.front])
+    speeds = np.array([each.speed for each in swept.front])
+    columns, figures = zip(*(each.point for each in swept.front), strict=True), []
+    for name, values in zip(swept.names, map(np.array, columns), strict=True):
+        words, unit = WORDS[name]
         curves = tuple(
             Curve(FOOT_OPTIMAL, speeds, values, "Pareto front", marks=marks)
             for marks in ("", "rings")
@@ -372,12 +339,5 @@ def parameter_figures(swept: Swept) -> list[Figure]:
 
 def _speeds(swept: Swept, outcomes: Sequence[Outcome]) -> Axis:
     """The axis of speeds; of a single one, with room on both sides."""
-    speeds, _ = _columns(outcomes)
-    low, high = float(speeds.min()), float(speeds.max())
-    ends = None if high > low else (0.9 * low, 1.1 * high)
-    return Axis("speed", swept.speed_unit, ends)
-
-
-def _columns(outcomes: Sequence[Outcome]) -> tuple[Array, Array]:
-    speeds = np.array([each.speed for each in outcomes])
-    return speeds, np.array([each.error for each in outcomes])
+    low, high = (end(each.speed for each in outcomes) for end in (min, max))
+    return Axis("speed", swept.speed_unit, None if high > low else (0.9 * low, 1.1 * high))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import itertools
 import json
-import math
 import shlex
 import shutil
 from dataclasses import replace
@@ -15,14 +14,12 @@ import pytest
 
 import planner
 from kinematics import urdf_path
-from planner.cli.settings import HalfEllipse
-from planner.cli.sweep.files import summary
-from planner.cli.sweep.search import sweep, walking_speed
-from planner.cli.sweep.space import identity, number_of_points, read_sweep
+from planner.cli.sweep import summary
+from planner.cli.sweep.points import planned_points, read_sweep
 from planner.exceptions import InvalidFile
 from planner.files.paths import write_joint_path
 from planner.files.results import Results
-from planner.report.sweep import Outcome, Requirement, Swept, verdict
+from planner.report.sweep import Outcome, Requirement, Swept
 from tests.parallel.work import InThisProcess, at_work_on
 
 GAIT = """
@@ -52,7 +49,7 @@ def swept(tmp_path):
         executor = InThisProcess()
         space = read_sweep(str(file))
         results = Results(tmp_path / "results", {}, resume=resume)
-        return sweep(space, results, executor, progress=lambda _: None), executor.ran
+        return planned_points(space, results, executor, progress=lambda _: None), executor.ran
 
     return swept
 
@@ -86,26 +83,17 @@ def test_a_cycle_has_as_many_requests_as_fit_into_its_period(tmp_path):
     file.write_text(GAIT + "period_s = [0.4, 0.5]\n")
     space = read_sweep(str(file))
     for samples in range(20, 130):
-        (period,) = space.canonical([samples * 0.008 + 0.003])
+        (period,) = space.point([samples * 0.008 + 0.003])
         assert period == pytest.approx(samples * 0.008, abs=1e-12)
         content = space.content((period,))
         assert content["path"]["half_ellipse"]["samples"] == samples
-
-
-@pytest.mark.parametrize("ground", [0.5, 0.3])
-@pytest.mark.parametrize("heading", [0.0, 90.0, 200.0])
-def test_the_speed_is_that_on_the_ground_along_the_heading(heading, ground):
-    walk = HalfEllipse(heading_deg=heading, ground_fraction=ground)
-    foot = planner.half_ellipse(heading=math.radians(heading), ground_fraction=ground)
-    expected = pytest.approx(0.04893 * 2 / (ground * 88 * 0.008))
-    assert walking_speed(foot, walk, 0.008) == expected
 
 
 def test_a_cycle_is_of_requests_at_the_rate_of_the_file(tmp_path):
     file = tmp_path / "sweep.toml"
     file.write_text(f"path.rate_hz = 50\n{GAIT}period_s = [0.4, 0.41, 0.5]\n")
     space = read_sweep(str(file))
-    assert [space.canonical([value]) for value in space.values["period_s"]] == [
+    assert [space.point([value]) for value in space.values["period_s"]] == [
         (0.4,), (0.4,), (0.5,)
     ]  # fmt: skip
 
@@ -115,7 +103,7 @@ def test_steps_are_even_from_the_first_to_the_last_value(tmp_path):
     file.write_text(GAIT + "length = [0.01, 0.02]\n[sweep]\nsteps = 3\n")
     space = read_sweep(str(file))
     assert space.values["length"] == pytest.approx([0.01, 0.015, 0.02])
-    assert number_of_points(space) == 3
+    assert space.most_points == 3
 
 
 def test_a_joint_path_is_swept_by_its_speed(swept, tmp_path):
@@ -154,7 +142,7 @@ def known(argument):
 def sought(swept, monkeypatch):
     """Search where the best points are known."""
     pytest.importorskip("cma", reason="needs the extra sweep")
-    monkeypatch.setattr("planner.cli.sweep.search.evaluate", known)
+    monkeypatch.setattr("planner.cli.sweep.points.evaluate", known)
     return lambda more="", **options: swept(SOUGHT + more, **options)
 
 
@@ -211,7 +199,7 @@ def test_the_front_has_no_point_that_another_beats_in_both():
 
 def test_the_command_of_a_point_has_its_values_to_the_last_bit_and_its_number():
     points = ((0.1 + 0.2, 1.0 / 3.0), (0.5, 2.0))
-    outcomes = tuple(Outcome(point, 1.0 + k, 0.1) for k, point in enumerate(points))
+    outcomes = tuple(Outcome(point, k, 0.1, number=k) for k, point in enumerate(points, 1))
     made = Swept("my sweep.toml", ("length", "height"), outcomes, "cm/s", "cm")
     words = shlex.split(made.command(outcomes[0]))
     assert words[:3] == ["request-planner", "sweep", "my sweep.toml"]
@@ -219,8 +207,8 @@ def test_the_command_of_a_point_has_its_values_to_the_last_bit_and_its_number():
     assert {name: float(value) for name, _, value in given} == dict(
         zip(made.names, points[0], strict=True)
     )
-    assert words[-2:] == ["--out", f"point-{made.number(outcomes[0])}"]
-    assert made.number(outcomes[1]) != made.number(outcomes[0])
+    assert words[-2:] == ["--out", "point-1"]
+    assert made.command(outcomes[1]).endswith(" --out point-2")
 
 
 def test_the_nearest_point_is_told_where_none_meets_what_is_required():
@@ -230,16 +218,16 @@ def test_the_nearest_point_is_told_where_none_meets_what_is_required():
     )
     swept = Swept("a.toml", ("length",), outcomes, "cm/s", "cm", Requirement("speed", 1.0))
     assert [each.point for each in swept.front] == [(0.0,), (2.0,), (3.0,)]
-    assert verdict(swept).startswith("The best point with at least 1 cm/s has 1 cm/s at 0.2 cm:")
+    assert swept.verdict.startswith("The best point with at least 1 cm/s has 1 cm/s at 0.2 cm:")
     ends = "3 points on the front: from 1 cm/s at 0.2 cm to 3 cm/s at 1.5 cm"
-    assert verdict(replace(swept, requirement=None)) == ends
+    assert replace(swept, requirement=None).verdict == ends
     swept = replace(swept, requirement=Requirement("error", 2.0))
-    assert verdict(swept).startswith("The best point with at most 2 cm has 3 cm/s at 1.5 cm:")
+    assert swept.verdict.startswith("The best point with at most 2 cm has 3 cm/s at 1.5 cm:")
     swept = replace(swept, outcomes=tuple(replace(each, reason="missed") for each in outcomes))
     swept = replace(swept, requirement=Requirement("error", 0.1))
-    assert verdict(swept) == "No point has at most 0.1 cm: the nearest has 1 cm/s at 0.2 cm"
+    assert swept.verdict == "No point has at most 0.1 cm: the nearest has 1 cm/s at 0.2 cm"
     swept = replace(swept, requirement=Requirement("speed", 4.0))
-    assert verdict(swept) == "No point has at least 4 cm/s: the nearest has 3 cm/s at 1.5 cm"
+    assert swept.verdict == "No point has at least 4 cm/s: the nearest has 3 cm/s at 1.5 cm"
 
 
 @pytest.mark.parametrize(
@@ -329,7 +317,7 @@ def test_a_sweep_that_is_complete_is_resumed_without_a_plan_unless_it_has_change
     again = run(*words)
     assert (again.exit_code, again.stdout, again.stderr) == (1, first.stdout, first.stderr)
     with monkeypatch.context() as patch:
-        patch.setattr("planner.cli.sweep.search.sweep", None)
+        patch.setattr("planner.cli.sweep.points.planned_points", None)
         again = run(*words, "--resume")
     said = "request-planner: nothing is missing: gaits holds all 2 points, planned like this\n"
     assert (again.exit_code, again.stdout, again.stderr) == (1, first.stdout, said + first.stderr)
@@ -366,19 +354,19 @@ def test_outcomes_depend_on_the_content_of_all_files(tmp_path):
     shutil.copy(urdf_path("reference_leg.urdf"), tmp_path / "r.urdf")
     for name in ("all", "knee"):
         planner.JointModel.ers210a().to_toml(tmp_path / f"{name}.toml")
-    seen = [identity(read_sweep(str(tmp_path / "s.toml")))]
+    seen = [read_sweep(str(tmp_path / "s.toml")).inputs()]
     for name in ("r.urdf", "all.toml", "knee.toml"):
         with (tmp_path / name).open("a") as file:
             file.write("\n")
-        seen.append(identity(read_sweep(str(tmp_path / "s.toml"))))
+        seen.append(read_sweep(str(tmp_path / "s.toml")).inputs())
     assert all(one != other for one, other in itertools.pairwise(seen))
     with (tmp_path / "s.toml").open("a") as file:
         file.write("[sweep]\nat_error_cm = 1\n")
-    assert identity(read_sweep(str(tmp_path / "s.toml"))) == seen[-1]
+    assert read_sweep(str(tmp_path / "s.toml")).inputs() == seen[-1]
 
 
 def test_the_first_ten_reasons_are_printed_with_the_number_of_their_points():
-    outcomes = [Outcome((float(k),), reason=f"reason {k // 2}") for k in range(2 * 12)]
+    outcomes = [Outcome((k,), reason=f"reason {k // 2}", number=k + 1) for k in range(2 * 12)]
     made = Swept("a.toml", ("length",), tuple(outcomes[:20]), "cm/s", "cm")
     lines = summary(made).splitlines()
     assert lines[1] == "0 of 20 points have a plan; the front:"
@@ -399,7 +387,7 @@ def test_a_sweep_is_resumed_whatever_has_become_of_its_files(tmp_path, monkeypat
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr("planner.cli.sweep.files.write_sweep", killed)
+        patch.setattr("planner.cli.sweep.write_sweep", killed)
         assert run(*words).exit_code == 130
         fresh = run("sweep", "gaits.toml", "--workers", "1")
         assert "2 results of an earlier sweep removed; --resume keeps them" in fresh.stderr

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from planner import InvalidInput
-from planner.gait.half_ellipse import half_ellipse, reference_walk
+from planner.gait.half_ellipse import half_ellipse, reference_walk, walking_speed
 
 SHAPE = 1e-15
 """The path is its formula to rounding [m]."""
@@ -208,3 +209,11 @@ def test_more_samples_refine_the_same_path():
 def test_an_impossible_parameter_is_an_error_that_names_it(wrong, message):
     with pytest.raises(InvalidInput, match=message):
         half_ellipse(**wrong)
+
+
+@pytest.mark.parametrize("ground", [0.5, 0.3])
+@pytest.mark.parametrize("heading", [0.0, 90.0, 200.0])
+def test_the_speed_is_that_on_the_ground_along_the_heading(heading, ground):
+    walk = {"heading": math.radians(heading), "ground_fraction": ground}
+    expected = pytest.approx(0.04893 * 2 / (ground * 88 * 0.008))
+    assert walking_speed(half_ellipse(**walk), 0.008, **walk) == expected

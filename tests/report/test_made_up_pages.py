@@ -171,7 +171,8 @@ def episodes():
 
 
 def swept(*outcomes, required=None):
-    made = Swept("a b.toml", ("speed", "height"), outcomes, "times", "deg", required)
+    numbered = tuple(replace(each, number=k) for k, each in enumerate(outcomes, 1))
+    made = Swept("a b.toml", ("speed", "height"), numbered, "times", "deg", required)
     return sweep_page(made, origins=ORIGINS)
 
 

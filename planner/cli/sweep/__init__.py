@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,7 +13,8 @@ from planner.cli import options, types
 from planner.cli.console import Progress, print_answer, remark
 
 if TYPE_CHECKING:
-    from planner.cli.sweep.space import Space
+    from planner.cli.sweep.points import Space
+    from planner.report.sweep import Swept
 
 HEADING = (
     "A sweep of request-planner: `request-planner sweep FILE` carries it out.",
@@ -60,7 +62,7 @@ def sweep(
     """  # noqa: D301
     if template:
         from planner.cli.declared import template as template_of
-        from planner.cli.sweep.space import Sweep
+        from planner.cli.settings import Sweep
         from planner.files.text import STANDARD_STREAM, write_text
 
         write_text(STANDARD_STREAM, template_of(Sweep, HEADING))
@@ -70,62 +72,42 @@ def sweep(
     options.check_parallel(workers, scheduler)
     if file == "-":
         raise click.UsageError("a sweep is read from a file: the commands that it shows name it.")
-    from planner.cli.sweep.space import point_of, read_sweep
-
-    space = read_sweep(file)
-    named = out or (space.settings.out and str(Path(file).parent / space.settings.out))
-    if named is None and not Path(file).suffix:
-        raise click.UsageError("name a folder for the results with --out.")
-    folder = named or str(Path(file).with_suffix(""))
-    if at:
-        from planner.cli.run import carry_out_run
-
-        if out is None:
-            raise click.UsageError("--at: name a folder for its results with --out.")
-        carry_out_run(space.run_file(point_of(space, at)), out, as_json=as_json)
-        return
-    _carry_out(space, folder, workers=workers, scheduler=scheduler, resume=resume, as_json=as_json)
-
-
-def _carry_out(
-    space: Space,
-    out: str,
-    *,
-    workers: int | None,
-    scheduler: str | None,
-    resume: bool,
-    as_json: bool,
-) -> None:
-    """Plan all points, and write the folder of the results."""
-    from planner.cli.sweep.files import summary, write_sweep
-    from planner.cli.sweep.search import sweep
-    from planner.cli.sweep.space import identity, number_of_points, origin
+    from planner.cli.run import carry_out_run, folder_of
+    from planner.cli.sweep.points import planned_points, read_sweep
     from planner.files.results import Results, finished
     from planner.files.staging import MANIFEST, check_folder, claimed, output_folder
     from planner.parallel import executor_of
 
-    check_folder(out)
-    click.get_current_context().with_resource(claimed(out))
+    space = read_sweep(file)
+    place = folder_of(file, out, space.settings.out)
+    if at:
+        if out is None:
+            raise click.UsageError("--at: name a folder for its results with --out.")
+        carry_out_run(space.run_file(space.point_of(at)), out, as_json=as_json)
+        return
+    check_folder(place)
+    click.get_current_context().with_resource(claimed(place))
     options.warn_of(space.refused_models())
-    if resume and (before := finished(out, MANIFEST, origin(space))):
+    inputs = space.inputs()
+    origin = {**inputs, "sweep": space.settings.sweep.values()}
+    if resume and (before := finished(place, MANIFEST, origin)):
         count = len(before["points"])
-        remark(f"nothing is missing: {out} holds all {count} points, planned like this")
+        remark(f"nothing is missing: {place} holds all {count} points, planned like this")
         _print_summary(before, before["verdict"], as_json=as_json)
         return
-    results = Results(out, identity(space), resume=resume)
+    results = Results(place, inputs, resume=resume)
     if results.removed:
         remark(f"{results.removed} results of an earlier sweep removed; --resume keeps them")
     with (
-        Progress(count=number_of_points(space)) as progress,
+        Progress(count=space.most_points) as progress,
         executor_of(workers, scheduler) as executor,
     ):
-        swept = sweep(space, results, executor, progress=lambda task: progress(task.name))
-    with output_folder(out) as folder:
-        document = write_sweep(folder, space, swept)
+        swept = planned_points(space, results, executor, progress=lambda task: progress(task.name))
+    with output_folder(place) as folder:
+        document = write_sweep(folder, space, swept, origin)
     results.remove()
-    _print_summary(
-        document, f"{summary(swept)}\n{len(document['files']) + 1} files in {out}", as_json=as_json
-    )
+    words = f"{summary(swept)}\n{len(document['files']) + 1} files in {place}"
+    _print_summary(document, words, as_json=as_json)
 
 
 def _print_summary(document: Mapping[str, Any], words: str, *, as_json: bool) -> None:
@@ -133,3 +115,97 @@ def _print_summary(document: Mapping[str, Any], words: str, *, as_json: bool) ->
     print_answer(document, words, as_json=as_json)
     if document["missed"]:
         raise click.ClickException(f"{document['missed']}; the files are written all the same")
+
+
+def write_sweep(
+    folder: Path, space: Space, swept: Swept, origin: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Write the table as CSV and, with the extra parquet, as Parquet, and the page.
+
+    Returns:
+        ``results.json``.
+    """
+    from planner.cli.declared import flat
+    from planner.cli.desired import leg_title
+    from planner.files.results import made_from
+    from planner.files.staging import MANIFEST, list_files
+    from planner.files.table import csv_text, write_parquet
+    from planner.files.text import to_json, write_text
+    from planner.report.page import linked_files, versions
+    from planner.report.sweep import sweep_page
+
+    run, page, rows = space.settings, folder / "report.html", _rows(swept)
+    write_text(folder / "points.csv", csv_text([*rows[0]], [[*row.values()] for row in rows]))
+    kinds = {"point": "int64", "unreachable_samples": "int64", "on_front": "bool"}
+    kinds |= {"slowest_joint": "string", "reason": "string"}
+    write_parquet(folder / "points.parquet", rows, kinds)
+    files: list[tuple[str, Path | str]] = [("sweep", swept.file)]
+    files += [(Path(name).suffix[1:], folder / name) for name in list_files(folder)]
+    origins = [
+        ("path", run.path.file or "a half ellipse"),
+        ("leg", leg_title(run.leg) or "none"),
+        ("model", run.model.file),
+        ("plan", run.plan.method),
+        ("search", run.sweep.method),
+    ]
+    write_text(page, sweep_page(swept, origins=origins, files=linked_files(page, files)))
+    document = {
+        "made_by": "request-planner sweep",
+        "made_from": "",
+        "verdict": swept.verdict,
+        "missed": swept.missed or None,
+        "settings": flat(run),
+        "points": rows,
+        "front": [each.number for each in swept.front],
+        "best": None if swept.best is None else swept.best.number,
+        "commands": {f"{each.number}": swept.command(each) for each in swept.front},
+        "versions": versions(),
+        "files": list_files(folder),
+    }
+    document |= made_from(origin, document)
+    write_text(folder / MANIFEST, to_json(document))
+    return document
+
+
+def _rows(swept: Swept) -> list[dict[str, Any]]:
+    """The columns of every point; values that a point without a plan lacks are None."""
+    speed = "speed_cm_s" if swept.speed_unit == "cm/s" else "speed_factor"
+    unit, front = swept.error_unit, {each.number for each in swept.front}
+    return [
+        {
+            "point": each.number,
+            **dict(zip(swept.names, each.point, strict=True)),
+            **{
+                name: value if math.isfinite(value) else None
+                for name, value in {
+                    speed: each.speed,
+                    f"error_{unit}": each.error,
+                    f"largest_error_{unit}": each.largest,
+                    f"direct_error_{unit}": each.direct,
+                    "too_fast_percent": 100.0 * each.too_fast,
+                }.items()
+            },
+            "slowest_joint": each.slowest or None,
+            "unreachable_samples": each.unreachable,
+            "on_front": each.number in front,
+            "reason": each.reason or None,
+        }
+        for each in swept.outcomes
+    ]
+
+
+def summary(swept: Swept) -> str:
+    """The sweep for people: the verdict, the front, and the first ten reasons for no plan."""
+    from planner.report.sweep import points_table
+
+    planned = sum(each.planned for each in swept.outcomes)
+    lines = [swept.verdict, f"{planned} of {len(swept.outcomes)} points have a plan; the front:"]
+    if swept.front:
+        lines.append(points_table(swept).text())
+        lines.append(f"again: {swept.command(swept.best or swept.front[-1])}")
+    for reason, outcomes in list(swept.failures.items())[:10]:
+        more = f" and {len(outcomes) - 1} more" if len(outcomes) > 1 else ""
+        lines.append(f"point {outcomes[0].number}{more}: {reason}")
+    if (rest := len(swept.failures) - 10) > 0:
+        lines.append(f"{rest} more reasons in points.csv")
+    return "\n".join(lines)

@@ -1,0 +1,410 @@
+"""Sweep files and their points, each planned as a run file: a grid of them, or those of a search.
+
+A point is a value for each parameter, and is judged by the speed and the error of its plan. Points
+that are not worse than another in both are the Pareto front. CMA-ES (Hansen and Ostermeier, 2001)
+needs far fewer plans than a grid for more than two parameters.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import Executor
+from contextlib import suppress
+from copy import deepcopy
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import product
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from kinematics.exceptions import KinematicsError, UnreachableFoot
+from planner.cli import options
+from planner.cli.declared import fitted, understand
+from planner.cli.desired import find_leg, load_leg, refused_models
+from planner.cli.faults import BadSetting, Key, Remark
+from planner.cli.models import beside, models_of
+from planner.cli.planning import plan_of, prepare
+from planner.cli.run_file import RunFile, speaking_of
+from planner.cli.settings import Run, Search, Sweep, SweptParameters
+from planner.exceptions import MissingExtra, PlannerError
+from planner.files.paths import is_foot_path, path_table
+from planner.files.results import Results, Task, digest_of
+from planner.files.toml import Toml, read_toml
+from planner.gait.half_ellipse import walking_speed
+from planner.parallel import carry_out, reason_of
+from planner.report.sweep import Outcome, Point, Requirement, Swept
+from planner.trajectory import Array, error_norm, index_of_largest
+
+KEYS = {
+    **{name: f"path.half_ellipse.{name}" for name in SweptParameters.keys},
+    "period_s": "path.half_ellipse.samples",
+    "speed": "path.speed",
+    "smoothness": "plan.smoothness",
+}
+"""The key of a run file that each parameter sets."""
+
+REQUIRED: Mapping[str, tuple[Literal["error", "speed"], str]] = {
+    "at_error_cm": ("error", "a foot"),
+    "at_error_deg": ("error", "joints"),
+    "at_speed_cm_s": ("speed", "a gait"),
+    "at_speed": ("speed", "a file"),
+}
+"""What each of the required errors and speeds limits, and the path that it is for."""
+
+
+@dataclass(frozen=True)
+class Space:
+    """A checked sweep file.
+
+    Attributes:
+        file: The file.
+        settings: The settings in the file, and defaults.
+        folder: The folder from which files are named.
+        values: The values of each parameter by name, at least one for each.
+        error_unit: Of errors: "cm" of a foot, "deg" of joints.
+        requirement: The requirement on a point, if there is one.
+        period: Time between requests [s], where a parameter is the period of a gait.
+    """
+
+    file: Toml
+    settings: Sweep
+    folder: str
+    values: Mapping[str, tuple[float, ...]]
+    error_unit: str
+    requirement: Requirement | None
+    period: float
+
+    @property
+    def most_points(self) -> int:
+        """How many points are planned at most."""
+        if self.settings.sweep.method == "cma":
+            return self.settings.sweep.evaluations or 200
+        return math.prod(map(len, self.values.values()))
+
+    def point(self, values: Iterable[float]) -> Point:
+        """A point from a value for each parameter, with a cycle of whole requests."""
+        return tuple(
+            round(round(value / self.period) * self.period, 12)
+            if name == "period_s"
+            else float(value)
+            for name, value in zip(self.values, values, strict=True)
+        )
+
+    def point_of(self, pairs: Iterable[tuple[str, float]]) -> Point:
+        """A point from values by name.
+
+        Raises:
+            BadSetting: A parameter is missing or unknown.
+        """
+        values = dict(pairs)
+        if values.keys() != self.values.keys():
+            raise BadSetting(
+                f"--at: got {', '.join(values) or 'nothing'}, expected a value for each of "
+                f"{', '.join(self.values)}"
+            )
+        return self.point(values[name] for name in self.values)
+
+    def content(self, point: Point) -> dict[str, Any]:
+        """The run file of a point."""
+        content = deepcopy(self.file.content)
+        content.pop("sweep", None)
+        if self.settings.path.file is None:
+            content.setdefault("path", {}).setdefault("half_ellipse", {})
+        for name, value in zip(self.values, point, strict=True):
+            in_file = round(value / self.period) if name == "period_s" else value
+            options.put(content, KEYS[name], in_file)
+        return content
+
+    def run_file(self, point: Point) -> RunFile:
+        """A point as a run file, ready to be planned.
+
+        Raises:
+            PlannerError: It has no plan.
+            KinematicsError: The leg cannot follow it.
+        """
+        with speaking_of(self.file):
+            return RunFile(self.file, prepare(Run.of(self.content(point)), self.folder))
+
+    def refused_models(self) -> tuple[Remark, ...]:
+        """A remark on joints with rejected models; the models are the same for all points."""
+        for values in product(*self.values.values()):
+            with suppress(PlannerError, KinematicsError):  # such as a point out of reach
+                desired = self.run_file(self.point(values)).prepared.desired
+                return refused_models(desired.names, desired.models)
+        return ()
+
+    def inputs(self) -> dict[str, Any]:
+        """The inputs of all outcomes, beside the point."""
+        run = self.settings
+        files = [run.model.file, run.path.file, run.leg.urdf]
+        files += [joint.file for joint in run.model.joints.values()]
+        places = [Path(beside(self.folder, name)) for name in files if name]
+        return {
+            "command": "sweep",
+            "content": {key: each for key, each in self.file.content.items() if key != "sweep"},
+            "files": {str(place): digest_of(place) for place in places if place.is_file()},
+        }
+
+
+def read_sweep(path: str) -> Space:
+    """Read a sweep file and its inputs, as far as they are the same for all points.
+
+    Raises:
+        InvalidFile: It is invalid; the message names the place.
+        KinematicsError: The URDF has no such leg.
+    """
+    file = read_toml(path, example="length = [0.03, 0.04]")
+    run, folder = understand(file, Sweep), str(Path(path).parent)
+    search, gait = run.sweep, run.path.file is None
+    with speaking_of(file):
+        values = _values(search, "a gait" if gait else "a file")
+        leg = load_leg(find_leg(run.leg, folder))
+        of_foot = gait or is_foot_path(path_table(beside(folder, str(run.path.file))))
+        paths = ("a foot" if of_foot else "joints", "a gait" if gait else "a file")
+        requirement = _requirement(search, paths)
+        if gait and leg is None:
+            raise BadSetting(Key("sweep.parameters"), ": a gait needs a leg; set ", Key("leg.name"))
+        period = math.nan
+        if leg is not None and "period_s" in values:
+            models = models_of(run.model, leg.joint_names, leg, folder, rate_hz=run.path.rate_hz)
+            period = models[0].period
+        for name, each in values.items():
+            for value in each:
+                _check_in_range(name, value, period)
+    return Space(file, run, folder, values, "cm" if of_foot else "deg", requirement, period)
+
+
+def _values(search: Search, path: str) -> dict[str, tuple[float, ...]]:
+    """The values of each parameter.
+
+    Raises:
+        BadSetting: They are not for this path, or not for this method.
+    """
+    every = {name: getattr(search.parameters, name) for name in SweptParameters.keys}
+    by_name = {name: values for name, values in every.items() if values is not None}
+    if not by_name:
+        names = ", ".join(every)
+        raise BadSetting(
+            Key("sweep.parameters"), f": is empty, expected values of one or more of {names}"
+        )
+    for name in by_name:
+        of = {"speed": "a file", "smoothness": path}.get(name, "a gait")
+        if of != path:
+            other = Key(f"sweep.parameters.{'period_s' if name == 'speed' else 'speed'}")
+            raise BadSetting(
+                Key(f"sweep.parameters.{name}"), f": is of the path of {of}; use ", other
+            )
+    method = Key("sweep.method", search.method)
+    for name in search.without_effect(search.method):
+        raise BadSetting(Key(f"sweep.{name}"), " has no effect with ", method)
+    if search.method == "cma":
+        for name, values in by_name.items():
+            if len(values) < 2:
+                raise BadSetting(
+                    Key(f"sweep.parameters.{name}"),
+                    ": got one value, expected two or more with method cma",
+                )
+        if len(by_name) < 2:
+            raise BadSetting(
+                method, ": needs two parameters or more; use ", Key("sweep.method", "grid")
+            )
+        try:
+            import cma  # noqa: F401
+        except ImportError as error:
+            raise MissingExtra("a search by CMA-ES", "sweep") from error
+    if search.steps is None:
+        return by_name
+    return {
+        name: tuple(np.linspace(values[0], values[-1], search.steps).tolist())
+        for name, values in by_name.items()
+    }
+
+
+def _requirement(search: Search, paths: Sequence[str]) -> Requirement | None:
+    """The requirement on a point, if there is one.
+
+    Raises:
+        BadSetting: There are two, or it is not for this path.
+    """
+    required = [name for name in REQUIRED if getattr(search, name) is not None]
+    if len(required) > 1:
+        first, second = (Key(f"sweep.{name}") for name in required[:2])
+        raise BadSetting(second, ": got ", first, " too, expected one of them")
+    for name in required:
+        of, path = REQUIRED[name]
+        if path not in paths:
+            raise BadSetting(Key(f"sweep.{name}"), f": is for the path of {path}")
+        return Requirement(of, getattr(search, name))
+    return None
+
+
+def _check_in_range(name: str, value: float, period: float) -> None:
+    """Refuse a value that the key of its parameter does not take in a run file."""
+    declared = options.SETTINGS[KEYS[name]]
+    expected = declared.expected
+    try:
+        if name == "period_s":
+            count = expected.removeprefix("a whole number from ")
+            expected = f"{count} requests, which are {period:g} s apart"
+            fitted(declared.annotation, round(value / period))
+        else:
+            fitted(declared.annotation, value)
+    except (ValueError, OverflowError) as error:
+        raise BadSetting(
+            Key(f"sweep.parameters.{name}"), f": got {value:g}, expected {expected}"
+        ) from error
+
+
+def planned_points(
+    space: Space, results: Results, executor: Executor, *, progress: Callable[[Task], None]
+) -> Swept:
+    """Plan the points of a grid or of a search.
+
+    Args:
+        space: The parameters and their values.
+        results: The store of the outcomes.
+        executor: The executor for the plans.
+        progress: Called with each point that is planned.
+    """
+    by_point: dict[Point, Outcome] = {}
+    folder = str(Path(space.folder).resolve())
+
+    def outcomes_at(points: Sequence[Point]) -> list[Outcome]:
+        new = [point for point in dict.fromkeys(points) if point not in by_point]
+        tasks = [Task(repr(point), (space.content(point), folder)) for point in new]
+        failures = carry_out(evaluate, tasks, results, executor, progress=progress)
+        for point, task in zip(new, tasks, strict=True):
+            result = results.read(task)
+            figures = {"reason": failures[task.name]} if result is None else json.loads(result)
+            outcome = Outcome(point, number=len(by_point) + 1, **figures)
+            if space.requirement is not None and outcome.planned:
+                outcome = replace(outcome, reason=space.requirement.missed_by(outcome))
+            by_point[point] = outcome
+        return [by_point[point] for point in points]
+
+    if space.settings.sweep.method == "grid":
+        outcomes_at([space.point(values) for values in product(*space.values.values())])
+    else:
+        _search(space, outcomes_at)
+    return Swept(
+        file=space.file.path,
+        names=tuple(space.values),
+        outcomes=tuple(by_point.values()),
+        speed_unit="cm/s" if space.settings.path.file is None else "times",
+        error_unit=space.error_unit,
+        requirement=space.requirement,
+    )
+
+
+def evaluate(argument: tuple[dict[str, Any], str]) -> bytes:
+    """Speed and errors of a point, or why it has none, as JSON: a task of :mod:`planner.parallel`.
+
+    Args:
+        argument: The run file of the point, and the folder from which files are named.
+    """
+    content, folder = argument
+    try:
+        prepared = prepare(Run.of(content), folder)
+        plan = plan_of(prepared, bounded=False)
+    except UnreachableFoot as error:
+        reason = (
+            f"foot out of reach at {len(error.indices)} samples, by up to "
+            f"{100.0 * float(error.distances.max()):.2g} cm"
+        )
+        return json.dumps({"reason": reason}).encode()
+    except (PlannerError, KinematicsError) as error:  # kept, too: it is found only by planning
+        return json.dumps({"reason": reason_of(error)}).encode()
+    path, desired, norm = prepared.settings.path, prepared.desired, plan.task.norm
+    speed = path.speed or 1.0
+    errors, direct = np.degrees(plan.errors), np.degrees(plan.direct - plan.desired)
+    if desired.foot is not None:
+        errors, direct = 100.0 * plan.distances[:, None], 100.0 * plan.direct_distances[:, None]
+        if path.half_ellipse is not None:
+            walk = path.half_ellipse
+            speed = 100.0 * walking_speed(
+                desired.foot,
+                desired.period,
+                ground_fraction=walk.ground_fraction,
+                heading=math.radians(walk.heading_deg),
+            )
+    slowest = index_of_largest(plan.too_fast)
+    figures = {
+        "speed": speed,
+        "error": max(error_norm(column, norm) for column in errors.T),
+        "largest": float(np.max(np.abs(errors))),
+        "direct": max(error_norm(column, norm) for column in direct.T),
+        "too_fast": float(plan.too_fast[slowest]),
+        "slowest": desired.names[slowest] if plan.too_fast[slowest] > 0.0 else "",
+        "unreachable": desired.unreachable,
+    }
+    return json.dumps(figures).encode()
+
+
+def _search(space: Space, outcomes_at: Callable[[Sequence[Point]], list[Outcome]]) -> None:
+    """Seek by CMA-ES, for a front five trade-offs at once; each plans a generation in parallel.
+
+    The first points are spread evenly (Sobol), at most a quarter of all. Each trade-off minimises
+    the larger of the weighted speed lost and logarithm of the error (Chebyshev), scaled to the
+    first points' ranges.
+    """
+    import cma
+    from scipy.stats import qmc
+
+    low, high = np.array([[each[0], each[-1]] for each in space.values.values()]).T
+    rng = np.random.default_rng(space.settings.sweep.seed or 0)
+
+    def at(places: Array) -> list[Outcome]:
+        return outcomes_at([space.point(low + (high - low) * place) for place in places])
+
+    used = 2 ** int(math.log2(min(16, space.most_points // 4)))
+    places = qmc.Sobol(len(low), rng=rng).random(used)
+    first, searches = at(places), []
+    for cost in _costs(first, space.requirement):
+        start = places[int(np.argmin([cost(each) for each in first]))]
+        attributes = {
+            "bounds": [0.0, 1.0],
+            "randn": lambda *shape: rng.standard_normal(shape),
+            "seed": math.nan,  # cma does not seed the global generator
+            "verbose": -9,
+        }
+        spread = 0.25  # standard deviation of the first steps: the range is within two of them
+        searches.append((cost, cma.CMAEvolutionStrategy(start, spread, attributes)))
+    while searches:
+        generations = [each.ask() for _, each in searches]
+        used += sum(map(len, generations))
+        if used > space.most_points:
+            return
+        outcomes = iter(at(np.concatenate([np.asarray(each) for each in generations])))
+        for (cost, each), generation in zip(searches, generations, strict=True):
+            each.tell(generation, [cost(next(outcomes)) for _ in generation])
+        searches = [(cost, each) for cost, each in searches if not each.stop()]
+
+
+def _costs(
+    first: Sequence[Outcome], required: Requirement | None
+) -> list[Callable[[Outcome], float]]:
+    """The cost of an outcome: of the requirement, or of each trade-off of speed and error."""
+    planned = [each for each in first if each.planned]
+    speeds = np.array([each.speed for each in planned] or [0.0])
+    errors = np.log(np.maximum([each.error for each in planned] or [1.0], 1e-9))
+    span, factor = (max(float(np.ptp(each)), 1e-9) for each in (speeds, errors))
+
+    def cost(weight: float, outcome: Outcome) -> float:
+        if not outcome.planned:
+            return 1e3  # more than any other
+        error = max(outcome.error, 1e-9)
+        slow = (speeds.max() - outcome.speed) / span
+        off = (math.log(error) - errors.min()) / factor
+        if required is None:
+            parts = (weight * slow, (1.0 - weight) * off)
+            return float(max(parts) + 0.05 * sum(parts))
+        if required.of == "error":  # missed by a factor e, it costs ten times the range of speeds
+            return float(slow + 10.0 * max(0.0, math.log(error / required.value)))
+        return float(off + 10.0 * max(0.0, (required.value - outcome.speed) / span))
+
+    weights = [1.0] if required is not None else np.linspace(0.1, 0.9, 5)
+    return [partial(cost, weight) for weight in weights]
