@@ -16,11 +16,13 @@ import threading
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import (
+    FIRST_COMPLETED,
     CancelledError,
     Executor,
     Future,
     ProcessPoolExecutor,
     ThreadPoolExecutor,
+    wait,
 )
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
@@ -28,7 +30,6 @@ from dataclasses import dataclass
 from functools import partial
 from itertools import islice
 from multiprocessing import get_context
-from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Any
 
 from kinematics.exceptions import KinematicsError
@@ -38,9 +39,6 @@ from planner.files.results import Results, Task
 
 if TYPE_CHECKING:
     from multiprocessing.connection import Connection
-
-Function = Callable[[Any], bytes]
-"""Computes the result of a task from its argument; importable by name, as workers import it."""
 
 AHEAD = 100
 """Tasks handed over at once: more than one command keeps busy, and memory grows no further."""
@@ -69,7 +67,7 @@ class SchedulerLost(PlannerError):
 
 
 def carry_out(
-    function: Function,
+    function: Callable[[Any], bytes],
     tasks: Sequence[Task],
     results: Results,
     executor: Executor,
@@ -77,6 +75,8 @@ def carry_out(
     progress: Callable[[Task], None] = lambda _: None,
 ) -> dict[str, str]:
     """Compute the results of all tasks that have none yet; ``progress`` is called after each.
+
+    Workers import the function by its name.
 
     Returns:
         Why tasks have failed, by their names, in the order of the tasks.
@@ -104,36 +104,32 @@ def carry_out(
 
 
 def outcomes(
-    function: Function, tasks: Sequence[Task], executor: Executor
+    function: Callable[[Any], bytes], tasks: Sequence[Task], executor: Executor
 ) -> Iterator[tuple[Task, Outcome]]:
     """Run tasks; outcomes come in any order, and their warnings with them."""
     attempt = partial(_attempt, function, ANGLE_UNIT.get())
-    running, finished = dict[Future[Outcome], Task](), SimpleQueue[Future[Outcome]]()
-    waiting = iter(tasks)
+    running, waiting = dict[Future[Outcome], Task](), iter(tasks)
     while True:
         for task in islice(waiting, AHEAD - len(running)):
-            future = executor.submit(attempt, task.argument)
-            running[future] = task
-            future.add_done_callback(finished.put)
+            running[executor.submit(attempt, task.argument)] = task
         if not running:
             return
-        try:
-            future = finished.get(timeout=PATIENCE)
-        except Empty:
+        finished, _ = wait(running, PATIENCE, FIRST_COMPLETED)
+        if not finished:
             getattr(executor, "check_workers", lambda: None)()
-            continue
-        try:
-            outcome = future.result()
-        except CancelledError as error:  # by a client of Dask that lost its scheduler
-            raise SchedulerLost(
-                "the scheduler went away; what was finished is kept, and --resume goes on with "
-                "the rest"
-            ) from error
-        except Exception as error:
-            outcome = Outcome(None, reason_of(error))
-        for message, category in dict.fromkeys(outcome.warnings):
-            warnings.warn(message, category, stacklevel=2)
-        yield running.pop(future), outcome
+        for future in [each for each in running if each in finished]:
+            try:
+                outcome = future.result()
+            except CancelledError as error:  # by a client of Dask that lost its scheduler
+                raise SchedulerLost(
+                    "the scheduler went away; what was finished is kept, and --resume goes on with "
+                    "the rest"
+                ) from error
+            except Exception as error:
+                outcome = Outcome(None, reason_of(error))
+            for message, category in dict.fromkeys(outcome.warnings):
+                warnings.warn(message, category, stacklevel=2)
+            yield running.pop(future), outcome
 
 
 @contextmanager
@@ -154,8 +150,7 @@ def executor_of(workers: int | None = None, scheduler: str | None = None) -> Ite
             yield executor
         return
     before = dict(os.environ)
-    for library in ("OMP", "OPENBLAS", "MKL"):
-        os.environ[f"{library}_NUM_THREADS"] = "1"
+    os.environ |= {f"{library}_NUM_THREADS": "1" for library in ("OMP", "OPENBLAS", "MKL")}
     try:
         with Processes(workers or len(os.sched_getaffinity(0))) as executor:
             yield executor
@@ -272,7 +267,7 @@ def _cluster(address: str) -> Iterator[Executor]:
             executor.check_workers = check_workers
             yield executor
         finally:
-            with suppress(OSError, TimeoutError):  # it may be gone
+            with suppress(OSError):  # it may be gone, or not answer in time
                 client.close(timeout=PATIENCE)
     finally:
         logging.disable(logging.NOTSET)
@@ -282,7 +277,7 @@ def _version() -> str:
     return __version__
 
 
-def _attempt(function: Function, unit: Any, argument: Any) -> Outcome:
+def _attempt(function: Callable[[Any], bytes], unit: Any, argument: Any) -> Outcome:
     """In a worker: do a task. Whatever it raises becomes a reason, which can always be pickled."""
     with _ONE_AT_A_TIME, warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("ignore")
