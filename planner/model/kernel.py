@@ -266,7 +266,7 @@ def period(
     Args:
         law: The joint.
         weights: Weight of each request at each tick, youngest first, (hold, width).
-        window: Requests that act, youngest first [rad], (width,).
+        window: Requests that act, youngest first [rad], then work space, (4, width).
         sag: Angle at rest less request, beside that of the pose [rad].
         faster: How much faster the joint is in the positive direction [rad/tick].
         rounded: Square of the radius of the corners [rad^2/tick^2].
@@ -286,11 +286,11 @@ def period(
     bends[:] = 0.0
     slopes[0, 0] = slopes[1, 1] = 1.0
     low, high = faster - law.top, faster + law.top
-    values, own, bent = np.empty(width), np.empty(width), np.empty(width)
+    values, own, bent = window[1], window[2], window[3]
     for tick in range(hold):
         for j in range(width):  # a loop without sums, which processors do several turns of at once
             value, slope, bend = rounded_clip(
-                law.gain * (window[j] + sag - angle), low, high, rounded
+                law.gain * (window[0, j] + sag - angle), low, high, rounded
             )
             values[j] = weights[tick, j] * value
             own[j] = weights[tick, j] * law.gain * slope
@@ -305,15 +305,16 @@ def period(
         angle += speed
         by_angle = -by_demand * restoring
         for c in range(2 + width):
-            slopes[1, c] = by_speed * slopes[1, c] + by_angle * slopes[0, c]
-        for j in range(width):
-            slopes[1, 2 + j] += by_demand * own[j]
+            change = by_speed * slopes[1, c] + by_angle * slopes[0, c]
+            if c >= 2:
+                change += by_demand * own[c - 2]
+            slopes[1, c] = change
+            slopes[0, c] += change
         for j in range(bends.shape[1]):
-            bends[1, j] = by_speed * bends[1, j] + by_angle * bends[0, j]
-            bends[1, j] += by_demand * bent[j] + bend * own[j] * restoring
-            bends[0, j] += bends[1, j]
-        for c in range(2 + width):
-            slopes[0, c] += slopes[1, c]
+            change = by_speed * bends[1, j] + by_angle * bends[0, j]
+            change += by_demand * bent[j] + bend * own[j] * restoring
+            bends[1, j] = change
+            bends[0, j] += change
     return angle, speed
 
 
@@ -344,10 +345,10 @@ def linearise(
     """
     width = weights.shape[1]
     rounded = (law.gain * radius) ** 2
-    bends, window = np.empty((2, width)), np.empty(width)
+    bends, window = np.empty((2, width)), np.empty((4, width))
     for k in range(len(angles)):
         for j in range(width):
-            window[j] = history[k + width - 1 - j]
+            window[0, j] = history[k + width - 1 - j]
         period(
             law,
             weights,

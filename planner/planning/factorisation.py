@@ -12,9 +12,13 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from planner.compilation import inner
 from planner.trajectory import Array, Indices
+
+Places = npt.NDArray[np.uint32]
+"""Unsigned: Numba tests each signed index for being negative, a sixth of the time of a solution."""
 
 
 class Factor(NamedTuple):
@@ -31,18 +35,18 @@ class Factor(NamedTuple):
         rows: Row of each entry of L.
     """
 
-    position: Indices
-    place: Indices
+    position: Places
+    place: Places
     column: Indices
-    row: Indices
+    row: Places
     reach: Indices
-    reached: Indices
+    reached: Places
     below: Indices
-    rows: Indices
+    rows: Places
 
 
 @inner
-def stored(rows: Indices, columns: Indices, position: Indices) -> tuple[Indices, Indices, Indices]:
+def stored(rows: Places, columns: Places, position: Places) -> tuple[Places, Indices, Places]:
     """Places of entries, in columns of the permuted upper triangle; equal places are one.
 
     Returns:
@@ -59,7 +63,7 @@ def stored(rows: Indices, columns: Indices, position: Indices) -> tuple[Indices,
         k = max(position[rows[e]], position[columns[e]])
         order[following[k]] = e
         following[k] += 1
-    place, row = np.empty(count, np.int64), np.empty(count, np.int64)
+    place, row = np.empty(count, np.uint32), np.empty(count, np.uint32)
     seen, first, number = np.zeros(size, np.int64), 0, 0  # seen: places so far, with the row's own
     for k in range(size):
         begin, last = number, column[k + 1]
@@ -76,7 +80,7 @@ def stored(rows: Indices, columns: Indices, position: Indices) -> tuple[Indices,
 
 
 @inner
-def pattern_of_factor(position: Indices, place: Indices, column: Indices, row: Indices) -> Factor:
+def pattern_of_factor(position: Places, place: Places, column: Indices, row: Places) -> Factor:
     """The pattern of the factor of a matrix in this storage: see :class:`Factor`."""
     size = len(column) - 1
     parent, seen = np.zeros(size, np.int64), np.zeros(size, np.int64)  # 0 is no column's parent
@@ -95,7 +99,7 @@ def pattern_of_factor(position: Indices, place: Indices, column: Indices, row: I
     for k in range(size):
         reach[k + 1] += reach[k]
         below[k + 1] += below[k]
-    reached, rows = np.empty(reach[size], np.int64), np.empty(reach[size], np.int64)
+    reached, rows = np.empty(reach[size], np.uint32), np.empty(reach[size], np.uint32)
     following = below.copy()
     for k in range(size):
         seen[k] = size + k

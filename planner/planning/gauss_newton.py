@@ -20,7 +20,14 @@ import numpy as np
 from planner.compilation import compiled, inner
 from planner.model.kernel import period
 from planner.model.law import Law
-from planner.planning.factorisation import Factor, factorise, pattern_of_factor, solved, stored
+from planner.planning.factorisation import (
+    Factor,
+    Places,
+    factorise,
+    pattern_of_factor,
+    solved,
+    stored,
+)
 from planner.trajectory import Array, Indices
 
 
@@ -179,9 +186,9 @@ class Point(NamedTuple):
 class Pattern(NamedTuple):
     """The KKT matrix: rows and columns of its entries, stored diagonal entries, and its factor."""
 
-    rows: Indices
-    columns: Indices
-    diagonal: Indices
+    rows: Places
+    columns: Places
+    diagonal: Places
     factor: Factor
 
 
@@ -353,7 +360,7 @@ def evaluate(spec: Spec, stage: Stage, unit: float, point: Point) -> None:
     drives, _, width = spec.weights.shape
     parts, cyclic, youngest, periods = spec.parts, spec.cyclic, spec.youngest, spec.periods
     states, requests, defects, derived = point.states, point.requests, point.defects, point.slopes
-    slopes, bends, window = np.empty((2, 2 + width)), np.empty((2, width)), np.empty(width)
+    slopes, bends, window = np.empty((2, 2 + width)), np.empty((2, width)), np.empty((4, width))
     for a in range(drives):
         row = spec.drives[a]
         law = Law(row[0], row[1], row[2], row[3], row[4], row[5], row[6])
@@ -362,7 +369,7 @@ def evaluate(spec: Spec, stage: Stage, unit: float, point: Point) -> None:
         for k in range(samples):
             for j in range(width):
                 number = acting_request(k - youngest - j, samples, cyclic)
-                window[j] = requests[max(number, 0), a % joints]
+                window[0, j] = requests[max(number, 0), a % joints]
             follows = k > 0 or cyclic
             angle = states[k - 1, a] if follows else start
             speed = states[k - 1, drives + a] / unit_of_speed if parts == 2 and follows else 0.0
@@ -398,8 +405,8 @@ def set_entries(
     terms: Array,
     eased: Array,
     tight: Indices,
-    pattern_rows: Indices,
-    pattern_columns: Indices,
+    pattern_rows: Places,
+    pattern_columns: Places,
     values: Array,
 ) -> int:
     """Fill the entries of the KKT matrix, of one triangle and the diagonal; their number.
@@ -535,7 +542,7 @@ def pattern_of(spec: Spec, *, smoothing: bool) -> Pattern:
         times[1] = times[1] - samples
     time = np.concatenate(times)
     kind = np.repeat(kinds, [len(each) for each in times])
-    position = np.empty(len(time), dtype=np.int64)
+    position = np.empty(len(time), dtype=np.uint32)
     position[np.lexsort((kind, time))] = np.arange(len(time))
 
     point, stage = allocated(spec, smoothing=smoothing), Stage(1.0, 1.0, 2.0, 1, smoothing)
@@ -546,7 +553,7 @@ def pattern_of(spec: Spec, *, smoothing: bool) -> Pattern:
 
 @compiled
 def pattern_in_order(
-    spec: Spec, stage: Stage, point: Point, position: Indices, room: int
+    spec: Spec, stage: Stage, point: Point, position: Places, room: int
 ) -> Pattern:
     """The pattern of the steps of a problem.
 
@@ -560,11 +567,11 @@ def pattern_in_order(
     samples, joints = spec.resting.shape
     terms, eased = np.zeros((samples, joints)), np.zeros((samples, len(spec.drives)))
     tight, values = np.zeros((samples, joints), np.int64), np.zeros(room)
-    rows, columns = np.zeros(room, np.int64), np.zeros(room, np.int64)
+    rows, columns = np.zeros(room, np.uint32), np.zeros(room, np.uint32)
     count = set_entries(spec, stage, point, terms, eased, tight, rows, columns, values)
     rows, columns = rows[:count].copy(), columns[:count].copy()
     place, column, row = stored(rows, columns, position)
-    diagonal = np.zeros(len(position), np.int64)
+    diagonal = np.zeros(len(position), np.uint32)
     for e in range(count):
         if rows[e] == columns[e]:
             diagonal[rows[e]] = place[e]

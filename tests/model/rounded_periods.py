@@ -47,7 +47,7 @@ def rounded_periods(model: JointModel, angles, windows, radius, *, speeds=None, 
         states[k] = period(
             model.law,
             weights_by_tick(model),
-            np.ascontiguousarray(windows[k]),
+            np.tile(windows[k], (4, 1)),
             sags[k],
             faster[k],
             rounded,

@@ -116,7 +116,7 @@ def test_derivatives_by_a_request_of_one_tick_are_differences_to_second_order(
         state = period(
             joint.law,
             np.ones((1, 1)),
-            np.array([request]),
+            np.full((4, 1), request),
             0.0,
             0.004,
             rounded,

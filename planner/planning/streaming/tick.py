@@ -432,12 +432,12 @@ def gauss_newton_step(problem: Problem, requests: Array, damping: float, step: A
     inert = law.share < 1.0 or law.acceleration < np.inf
     # Forward: errors by the exact model, derivatives with rounded corners, costs
     errors, slopes = np.empty(count), np.empty((count, 2, 2 + width))
-    window, bends = np.empty(width), np.empty((2, 0))
+    window, bends = np.empty((4, width)), np.empty((2, 0))
     q, per_change, of_errors, of_requests = np.zeros(count), np.empty(count), 0.0, 0.0
     for k in range(count):
         sample, first, request = samples[k], past + k + 1 - width, requests[past + k]
         for age in range(width):
-            window[age] = requests[past + k - age]
+            window[0, age] = requests[past + k - age]
         sag, faster = sample.sag, sample.faster
         period(law, weights, window, sag, faster, sample.rounded, angle, speed, slopes[k], bends)
         angle, speed = run_period(law, weights, requests, first, sag, faster, angle, speed, 0)
