@@ -19,7 +19,7 @@ from planner.trajectory import Array
 
 if TYPE_CHECKING:
     from kinematics.leg import Leg
-    from planner.planning.gauss_newton import Pattern, Spec
+    from planner.planning.gauss_newton import Pattern, Point, Spec
 
 CENTRING = 0.1
 """Where a joint has a dead band: weight of the distance of a request from its middle, beside a
@@ -176,7 +176,7 @@ class Problem:
         before = requests[-1:] if self.cyclic else requests[:1]
         around = np.concatenate([before, requests, after])
         differences = around[:-2] - 2.0 * around[1:-1] + around[2:]
-        away = self.centring * (requests - self.resting)
+        away = self.centring * (requests - self.resting) if self.centring else 0.0
         return float(np.vdot(differences, differences) + np.vdot(away, away))
 
     def errors(self, angles: Array) -> tuple[Array, Array]:
@@ -253,16 +253,18 @@ class Problem:
         holds = np.array([model.hold for model in self.models])
         return np.hstack([angles, self.units * (angles - before) / holds])
 
-    def pattern(self, *, smoothing: bool) -> Pattern:
-        """Pattern of the search's steps; computed once."""
-        if smoothing not in self._patterns:
-            from planner.planning import gauss_newton
+    def work_space(self, *, smoothing: bool) -> tuple[Pattern, Point, Point]:
+        """Pattern of the search's steps, and two points; allocated once."""
+        if smoothing not in self._work_spaces:
+            from planner.planning.gauss_newton import allocated, pattern_of
 
-            self._patterns[smoothing] = gauss_newton.pattern_of(self.spec, smoothing=smoothing)
-        return self._patterns[smoothing]
+            point, trial = (allocated(self.spec, smoothing=smoothing) for _ in range(2))
+            pattern = pattern_of(self.spec, smoothing=smoothing)
+            self._work_spaces[smoothing] = pattern, point, trial
+        return self._work_spaces[smoothing]
 
     @cached_property
-    def _patterns(self) -> dict[bool, Pattern]:
+    def _work_spaces(self) -> dict[bool, tuple[Pattern, Point, Point]]:
         return {}
 
     @property

@@ -22,7 +22,7 @@ from planner.exceptions import SolverFailed, angle_text
 from planner.model.evidence import ENCODER_STEP
 from planner.model.joint import JointModel
 from planner.model.response import Loads
-from planner.planning.gauss_newton import LARGEST_SHARE, Search, Stage, allocated, go_through
+from planner.planning.gauss_newton import LARGEST_SHARE, Search, Stage, go_through
 from planner.planning.problem import Problem
 from planner.trajectory import Array, Mask, reversals
 
@@ -93,9 +93,8 @@ def _stages_gone_through(problem: Problem, search: Search, stages: Sequence[Stag
     """Go through the stages; the requests with which each ends [rad], (stages, n, J)."""
     rows = np.array([tuple(map(float, stage)) for stage in stages])
     ends = np.empty((len(stages), *search.requests.shape))
-    smoothing, spec = stages[0].smoothing, problem.spec
-    point, trial = (allocated(spec, smoothing=smoothing) for _ in range(2))
-    go_through(spec, problem.pattern(smoothing=smoothing), search, rows, point, trial, ends)
+    pattern, point, trial = problem.work_space(smoothing=stages[0].smoothing)
+    go_through(problem.spec, pattern, search, rows, point, trial, ends)
     return ends
 
 
@@ -426,13 +425,13 @@ class Judged(NamedTuple):
 def judged(problem: Problem, angles: Array) -> Judged:
     """The errors of a motion of the exact models [rad], (n, A)."""
     weights = np.asarray(problem.weights)
-    reach = np.ones((len(weights), problem.joints))  # mean squared error for a radian of each
+    shares = np.repeat(weights, problem.joints)  # mean squared error for a radian of each model
     if problem.foot is not None:
         jacobians = problem.errors(angles)[1]
-        reach = np.einsum("kcij,kcij->cj", jacobians, jacobians) / len(angles)
+        shares *= np.einsum("kcij,kcij->cj", jacobians, jacobians).ravel() / len(angles)
 
     def through(errors: Array) -> float:
-        return math.sqrt(float(weights @ np.sum(reach * errors.reshape(reach.shape) ** 2, axis=1)))
+        return math.sqrt(float(shares @ errors**2))
 
     models = problem.nominal * len(weights)  # drawn models were not tested
     model_errors = known_errors(models, angles, cyclic=problem.cyclic)

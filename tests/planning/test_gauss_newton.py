@@ -110,7 +110,7 @@ def step_at(problem, stage, point, damping=DAMPING):
 
     Where its active limits are not found there is more of it, as in the search.
     """
-    pattern = problem.pattern(smoothing=stage.smoothing)
+    pattern = problem.work_space(smoothing=stage.smoothing)[0]
     search = Search(
         point.requests.copy(),
         point.states.copy(),
@@ -406,7 +406,7 @@ def test_where_the_lagrangian_curves_upwards_at_the_corners_the_step_is_damped(c
     problem = joint(cyclic=cyclic, **case)
     spec, stage = problem.spec, Stage(0.3, 0.01)
     point = point_at(problem, stage)
-    pattern = problem.pattern(smoothing=False)
+    pattern = problem.work_space(smoothing=False)[0]
     samples, width = len(point.requests), spec.weights.shape[2]
     multipliers = np.random.default_rng(5).normal(size=point.states.shape)
     held = np.zeros((2, *point.requests.shape), dtype=np.int64)
