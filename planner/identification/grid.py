@@ -132,9 +132,9 @@ def _keeps_to(period: float, times: Array) -> bool:
     whole = np.round(np.diff(times) / period)
     apart = np.diff(times) - whole * period
     beside = np.concatenate([[0.0], np.cumsum(apart)])
-    trend = np.polynomial.Polynomial.fit(np.arange(len(times)), beside, 1)
-    wandering = float(np.std(beside - trend(np.arange(len(times)))))
-    return wandering <= float(np.std(apart))
+    rows = np.arange(len(times)) - (len(times) - 1) / 2.0
+    wandering = np.std(beside - rows * (rows @ beside) / (rows @ rows))  # about a straight line
+    return bool(wandering <= np.std(apart))
 
 
 def _default_hold(period: float) -> int:

@@ -280,6 +280,8 @@ def _turns(times: Array, angles: Array) -> Array:
     turned = np.abs(steps) > np.maximum(SUDDEN, most)
     turned &= np.abs(steps - TURN * whole) <= np.maximum(0.1 * TURN, most)
     turns: Array = np.concatenate([[0.0], -np.cumsum(np.where(turned, whole, 0.0))])
+    if not turned.any():
+        return turns
     padded = np.pad(turns, 2, mode="edge")
     lasting = np.median(np.lib.stride_tricks.sliding_window_view(padded, 5), axis=1)
     return turns if np.ptp(lasting) > 0.0 else np.zeros_like(turns)
