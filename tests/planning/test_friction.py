@@ -114,13 +114,11 @@ def test_a_plan_that_knows_friction_and_load_is_a_twentieth_of_one_that_does_not
     assert closed_form("slow sine", load).rms < missed / 3.0
 
 
-@pytest.mark.parametrize(
-    ("path", "load"), [("fast sine", "gravity"), ("square", "none"), ("square", "gravity")]
-)
-def test_ipopt_finds_nothing_better(path, load):
-    desired, torque = PATHS[path], LOADS[load]
-    other = invert_optimal(SERVO, desired, load=torque, solver="ipopt")
-    assert optimal(path, load).rms == pytest.approx(other.rms, rel=5e-3)
+@pytest.mark.parametrize("load", ["none", "gravity"])
+def test_ipopt_finds_nothing_better(load):
+    """Nor along the fast sine, by the cross check below."""
+    other = invert_optimal(SERVO, PATHS["square"], load=LOADS[load], solver="ipopt")
+    assert optimal("square", load).rms == pytest.approx(other.rms, rel=5e-3)
 
 
 @settings(max_examples=15)

@@ -134,9 +134,8 @@ def test_the_fastest_joint_is_that_nearest_to_its_own_top_speed(outcome):
     order = np.argsort(speeds)
     models = [SERVO] * 3
     models[order[2]] = replace(SERVO, v_max=2.0 * SERVO.v_max * speeds[order[2]] / speeds[order[1]])
-    words = " ".join(
-        card.words for card in cards(replace(outcome, task=outcome.task.with_models(models)))
-    )
+    judged = asked(replace(outcome, task=outcome.task.with_models(models)))
+    words = " ".join(card.words for card in cards(judged))
     assert f"{WALK.joint_names[order[1]]}, the fastest for its top speed" in words
 
 
