@@ -94,7 +94,7 @@ def fit_joint(logs: Sequence[Log], timing: Timing, *, choose_tick: bool = False)
         )
         simple = least_squares(rows, found.parameters, scale=best.scale, effort=SEARCH)
         # Where the log does not tell which ticks the joint has, they agree to a tenth of this.
-        fits += [simple] if huber(simple.residuals, best.scale) < 0.995 * best.cost else []
+        fits += [simple] if huber(simple.weighted, best.scale) < 0.995 * best.cost else []
     again = (
         least_squares(fit.grid, fit.parameters, starts=fit.starts, effort=SEARCH) for fit in fits
     )
@@ -129,7 +129,7 @@ def _initial_fit(grid: Grid) -> Fit:
     begins = _divided_delay(whole, v_max=max(speed, 1e-9 * float(np.ptp(grid.angles)) / grid.tick))
     quick = [least_squares(grid, begin, effort=QUICK) for begin in begins]
     scale = min(fit.scale for fit in quick)
-    best = min(quick, key=lambda fit: huber(fit.residuals, scale))
+    best = min(quick, key=lambda fit: huber(fit.weighted, scale))
     return least_squares(grid, best.parameters, starts=best.starts, scale=scale, effort=SEARCH)
 
 
@@ -190,7 +190,7 @@ def settled_pieces(logs: Sequence[Log], fit: Fit) -> set[Place]:
     grid = fit.grid
     every = resampled(logs, tick=grid.tick, reach=grid.reach, burn_in=0.0)
     whole = least_squares(every, fit.parameters, free=only(), scale=fit.scale, effort=SEARCH)
-    errors = every.per_log(whole.residuals)
+    errors = every.per_log(whole.weighted)
     bound = max(SETTLED_ERRORS * fit.scale, ROUNDED * float(np.std(grid.angles)))
     found = set()
     for number, log in enumerate(logs):
@@ -282,6 +282,7 @@ class Simple(NamedTuple):
 
 def simple_fits(grid: Grid) -> tuple[Simple, ...]:
     """Fit no model, a delay and a first-order lag, the simplest first."""
+    grid = replace(grid, weights=np.ones_like(grid.weights))
     delay = best_delay(grid)
     at = _first_order(grid, delay).parameters
     found = {

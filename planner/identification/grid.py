@@ -209,6 +209,7 @@ class Grid:
         share: Weight of the state after it, in [0, 1), shape (rows,).
         run: Number of the run of each used row, shape (rows,).
         angles: Actual angle at each used row [rad], shape (rows,).
+        weights: Weight of its error in the loss, from 0 to 1, shape (rows,).
         firsts: For each run the first of its used rows in its log.
         places: For each log, which of its rows are used, in the same order, shape (n,) each.
         loads: Torque on the joint at every tick [N m], shape (t,); 0 where none is known.
@@ -229,6 +230,7 @@ class Grid:
     share: Array
     run: Indices
     angles: Array
+    weights: Array
     firsts: tuple[Place, ...]
     places: tuple[Mask, ...]
     loads: Array
@@ -489,6 +491,7 @@ def resampled(
         share=_joined([run[3] for run in runs]) - below,
         run=number_of,
         angles=_joined([log.angles[rows] for log, rows in zip(logs, used, strict=True)]),
+        weights=_joined([log.weights[rows] for log, rows in zip(logs, used, strict=True)]),
         firsts=tuple(firsts),
         places=used,
         loads=_joined([run[1] for run in runs]),

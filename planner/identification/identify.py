@@ -24,6 +24,7 @@ from planner.identification.fit import (
     with_speed_of,
 )
 from planner.identification.grid import (
+    Grid,
     Timing,
     fine_hold,
     measured_speed,
@@ -57,6 +58,7 @@ from planner.identification.residual_patterns import (
     patterns,
     shaken,
     stops,
+    with_weights,
 )
 from planner.identification.result import (
     Alternative,
@@ -163,14 +165,24 @@ def identify(
             rivals = _with_motor(free_logs, _with_terms(fit_joint(free_logs, timing)))
         if _missed(rivals[1].fit) < _missed(full.fit):
             logs, held_rows, (plain, full) = free_logs, held_rows + stopped, rivals
+    weighed = with_weights(_log_fits(logs, full.fit, None), noise_of(full.fit))
+    if weighed is not None:
+        logs = weighed
+        plain, full = _with_motor(logs, _with_terms(fit_joint(logs, timing)))
     motor = full.fit is not plain.fit
     if motor and hold_out:
-        bare, more = (
+        rivals = plain, full
+        parts = [
             held_out(logs, timing, each.fit, motor=each is full, parts=ALIKE_PARTS)
-            for each in (plain, full)
-        )
-        if bare and more:  # what is fitted and what is not count alike, as in the error to expect
-            motor = more.rms * full.fit.rms <= bare.rms * plain.fit.rms
+            for each in rivals
+        ]
+        if parts[0] and parts[1]:  # what is fitted and what is not count alike, as in the error
+            bare, more = (
+                rms(each.fit.weighted) * rms(_weighted(held, each.fit.grid))
+                for held, each in zip(parts, rivals, strict=True)
+                if held
+            )
+            motor = more <= bare
     fit, terms = full if motor else plain
     coarse, rows = timing, fit.grid  # with the ticks on which the terms are sought
     longer: tuple[Fit, Fit] | None = None  # fits with longer and shorter ticks
@@ -521,6 +533,12 @@ def held_out(
         alternatives=others,
         beyond=beyond,
     )
+
+
+def _weighted(held: HeldOut, grid: Grid) -> Array:
+    """Weighted errors of the rows of a grid that were held out [rad]."""
+    errors = held.predicted - grid.angles[held.rows]
+    return np.asarray(grid.weights[held.rows] * errors)
 
 
 def _every_second(log: Log, parts: int) -> Mask:

@@ -130,7 +130,9 @@ def _beside_a_plain(fit: Fit, uncertainty: Uncertainty, index: int) -> bool:
         return False
     at = fit.parameters._replace(gain=_limit(fit, index, 1)[0])
     residuals = respond(fit.grid, at, fit.starts).predicted - fit.grid.angles
-    return huber(residuals, fit.scale) <= fit.cost + rise_allowed(fit, uncertainty, "gain")
+    return huber(fit.grid.weights * residuals, fit.scale) <= fit.cost + rise_allowed(
+        fit, uncertainty, "gain"
+    )
 
 
 def _sizes(fit: Fit, index: int) -> tuple[float, float]:
@@ -297,7 +299,7 @@ def uncertainty_of(fit: Fit) -> Uncertainty:
     """
     by_parameter = _beside_starts(fit)
     count = len(fit.residuals)
-    active = fit.weights * fit.residuals
+    active = fit.weights * fit.weighted
     fitted = len(fit.free_names)
     freedom = max(count - fitted - len(fit.grid.starts), 1)
     variance = float(np.sum(active**2)) / freedom
@@ -341,7 +343,7 @@ def noise_of(fit: Fit) -> float:
     """
     grid, sound = fit.grid, fit.weights >= 1.0
     pairs = (grid.run[1:] == grid.run[:-1]) & sound[1:] & sound[:-1]
-    steps = np.diff(fit.residuals)[pairs]
+    steps = np.diff(fit.weighted)[pairs]
     return min(fit.scale, rms(steps) / math.sqrt(2.0)) if len(steps) else fit.scale
 
 

@@ -157,7 +157,7 @@ def _run(
 
 
 class Slopes(NamedTuple):
-    """Derivatives of the angles at the used rows: those of the law, and what makes them ours.
+    """Derivatives of the weighted angles at the used rows: of the law, and what makes them ours.
 
     Attributes:
         of_law: By columns of :func:`planner.model.kernel.along`; the last is by the first angle of
@@ -204,7 +204,7 @@ def slopes_of(
     acting = np.flatnonzero(np.any(change != 0.0, axis=1))
     columns = np.append(acting, kernel.START)
     _, slopes = _run(grid, parameters, starts, columns, averaging * grid.tick)
-    return Slopes(slopes, change[acting])
+    return Slopes(slopes * grid.weights[:, np.newaxis], change[acting])
 
 
 def _by_coordinates(grid: Grid, at: Parameters) -> Array:
@@ -250,8 +250,8 @@ class Fit:
         starts: Angle at the start of each run [rad].
         response: The joint along the grid.
         residuals: Predicted minus actual angle at the used rows [rad].
-        scale: Standard deviation of the residuals without outliers [rad].
-        cost: Huber's loss at that scale, sum over the rows [rad^2]; half a sum of squares.
+        scale: Standard deviation of the weighted residuals without outliers [rad].
+        cost: Huber's loss of these at that scale, sum over the rows [rad^2]; half a sum of squares.
     """
 
     grid: Grid
@@ -274,9 +274,14 @@ class Fit:
         return self.response.predicted
 
     @cached_property
+    def weighted(self) -> Array:
+        """The residuals times the rows' weights [rad]."""
+        return self.grid.weights * self.residuals
+
+    @cached_property
     def weights(self) -> Array:
-        """Weight of each row, 1 unless its residual is an outlier."""
-        sizes = np.maximum(np.abs(self.residuals), 1e-300)
+        """Weight of each row beside its own, 1 unless its residual is an outlier."""
+        sizes = np.maximum(np.abs(self.weighted), 1e-300)
         return np.minimum(1.0, CORNER * self.scale / sizes)
 
     @property
@@ -329,9 +334,9 @@ def least_squares(
         return _minimised(fit, effort, enough, effort.averaging[-1])
     for averaging in effort.averaging:
         for number in range(effort.rounds):
-            found = max(floor, sound_rms(fit.residuals, gross=1.0 - TRUSTED))
+            found = max(floor, sound_rms(fit.weighted, gross=1.0 - TRUSTED))
             settled = number > 0 and abs(found - fit.scale) <= 1e-3 * found
-            fit = replace(fit, scale=found, cost=huber(fit.residuals, found))
+            fit = replace(fit, scale=found, cost=huber(fit.weighted, found))
             if settled:
                 break
             fit = _minimised(fit, effort, enough, averaging)
@@ -342,7 +347,7 @@ def _minimised(begin: Fit, effort: Effort, enough: float, averaging: float) -> F
     """The best fit at a fixed scale."""
     grid, free = begin.grid, begin.free
     lower, upper = (coordinates_of(grid, ends)[free] for ends in bounds_of(grid))
-    radius = effort.first_step * float(np.linalg.norm(begin.residuals))
+    radius = effort.first_step * float(np.linalg.norm(begin.weighted))
     sizes = np.zeros(len(lower))
     fit, near = begin, None
     for _ in range(effort.evaluations - 1):
@@ -398,7 +403,7 @@ class _Quadratic(NamedTuple):
 
         grid, slopes = fit.grid, fit.slopes(averaging=averaging)
         of_law, by_law, beside, squares, by_start = kernel.normal_equations(
-            slopes.of_law, fit.residuals, CORNER * fit.scale, grid.run, len(grid.starts)
+            slopes.of_law, fit.weighted, CORNER * fit.scale, grid.run, len(grid.starts)
         )
         change = slopes.change
         squares[squares < 0.5] = np.inf  # one among the rows counts as 1; others are held
@@ -476,7 +481,7 @@ def _damped(matrix: Array, gradient: Array, radius: float) -> Array:
 def _evaluated(grid: Grid, parameters: Parameters, starts: Array, scale: float, free: Free) -> Fit:
     response = respond(grid, parameters, starts)
     residuals = response.predicted - grid.angles
-    cost = huber(residuals, scale)
+    cost = huber(grid.weights * residuals, scale)
     return Fit(grid, parameters, free, starts, response, residuals, scale, cost)
 
 
@@ -501,8 +506,8 @@ def sound_rms(residuals: Array, *, gross: float = 0.01) -> float:
 
 def better(fit: Fit, other: Fit) -> bool:
     """Whether another joint fits the rows of a fit better by the information criterion: (16a)."""
-    before, after = (huber(each.residuals, fit.scale) for each in (fit, other))
-    alike = correlation_time(other.weights * other.residuals)
+    before, after = (huber(each.weighted, fit.scale) for each in (fit, other))
+    alike = correlation_time(other.weights * other.weighted)
     independent = max(len(other.residuals) / alike, 2.0)
     return independent * math.log(before / max(after, 1e-300)) > math.log(independent)
 

@@ -75,6 +75,7 @@ class Log(ReadOnly, Summarised):
             said in radians then is a share.
         load: Torque on the joint in the direction of positive angles [N m], shape (n,), each in
             the time since the row before; None where it is not known.
+        weights: Weight of each row's error in a fit, from 0 to 1, shape (n,); by default all are 1.
         notes: What was guessed when the log was read, in words.
         written: How the file wrote its requests, where it was read from one.
 
@@ -91,6 +92,7 @@ class Log(ReadOnly, Summarised):
     unit: str = "rad"
     load: Array | None = None
     measured: npt.NDArray[np.bool_] = None  # type: ignore[assignment]  # always
+    weights: Array = None  # type: ignore[assignment]  # all are 1
     notes: tuple[str, ...] = ()
     written: Written | None = None
 
@@ -118,6 +120,12 @@ class Log(ReadOnly, Summarised):
         if self.load is not None:
             load = as_trajectory(self.load, name=f"{self.name}: load", minimum=FEWEST_ROWS)
             object.__setattr__(self, "load", load)
+        weights = np.ones(rows) if self.weights is None else self.weights
+        named = f"{self.name}: weights"
+        weights = as_trajectory(weights, name=named, minimum=FEWEST_ROWS, largest=1.0)
+        if np.min(weights) < 0.0:
+            raise InvalidTrajectory(f"{named}: got {np.min(weights):g}, expected 0 to 1")
+        object.__setattr__(self, "weights", weights)
         for column in ("torque_on", "measured"):
             value = getattr(self, column)
             try:
@@ -134,7 +142,7 @@ class Log(ReadOnly, Summarised):
             )
         object.__setattr__(self, "notes", tuple(self.notes))
         optional = () if self.load is None else ("load",)
-        for column in ("requests", "angles", "torque_on", "measured", *optional):
+        for column in ("requests", "angles", "torque_on", "measured", "weights", *optional):
             shape = getattr(self, column).shape
             if shape != (rows,):
                 raise InvalidTrajectory(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import NamedTuple
 
@@ -12,8 +12,9 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.identification.log import Log
-from planner.identification.result import Finding, LogFit, angle_in
+from planner.identification.result import Finding, LogFit, angle_in, runs_of_fits
 from planner.identification.terms import Backlash
+from planner.model.evidence import errors_of_motion
 from planner.model.joint import JointModel
 
 FEW_ROWS = 20
@@ -42,6 +43,9 @@ class PatternOptions:
             its table 4.4 to 10; of joints that touched nothing, within their friction, up to 3.)
         places: Fewer places of rest do not tell how far a joint rests beside its model.
         some: Largest share of the places of rest at which something is touched.
+        uneven: Rows count alike where the fastest motion is missed by no more than so many times
+            what the calmest is.
+        around: Time over which the acceleration of a row is averaged [s].
     """
 
     clear: float = 5.0
@@ -55,6 +59,8 @@ class PatternOptions:
     touching: float = 4.0
     places: int = 10
     some: float = 0.25
+    uneven: float = 1.25
+    around: float = 0.3
 
 
 OPTIONS = PatternOptions()
@@ -209,6 +215,41 @@ def _around(off: npt.NDArray[np.bool_], rows: npt.NDArray[np.int_]) -> slice:
     after = np.flatnonzero(~off[rows[-1] :])
     first = int(before[-1]) + 1 if len(before) else 0
     return slice(first, int(rows[-1] + after[0]) if len(after) else len(off))
+
+
+def with_weights(fits: Sequence[LogFit], noise: float) -> tuple[Log, ...] | None:
+    """The logs with rows weighed by the error to expect of them; None where it is about the same.
+
+    What a model lacks shows most where the joint accelerates most, as test signals do and the
+    motions to be planned do not. Rows that count alike would make calm motion pay for it. The error
+    is taken to rise with the acceleration on the line of :func:`errors_of_motion`.
+
+    Args:
+        fits: The logs with a fit to them.
+        noise: Standard deviation of the noise of the sensor [rad].
+    """
+    from scipy.ndimage import uniform_filter1d
+
+    pairs = errors_of_motion(runs_of_fits(fits, held_out=False)).by_acceleration
+    if not pairs:
+        return None
+    (_, calm), (largest, most) = pairs
+    calm = max(calm, noise)
+    if most <= OPTIONS.uneven * calm:
+        return None
+    logs = []
+    for fit in fits:
+        count = max(1, round(OPTIONS.around / fit.log.period))
+        weights, used = np.ones(len(fit.used)), np.flatnonzero(fit.used)
+        for rows in np.split(used, np.flatnonzero(np.diff(used) > 1) + 1):
+            if len(rows) < 3:
+                continue
+            changes = np.diff(fit.predicted[rows], 2) / fit.log.period**2
+            around = uniform_filter1d(np.pad(changes**2, 1, mode="edge"), count, mode="nearest")
+            sizes = np.sqrt(np.maximum(around, 0.0))
+            weights[rows] = calm / np.maximum(calm, np.interp(sizes, (0.0, largest), (calm, most)))
+        logs.append(replace(fit.log, weights=weights))
+    return tuple(logs)
 
 
 def patterns(

@@ -299,9 +299,9 @@ class Identification(ReadOnly, Summarised):
     def tested(self) -> Evidence:
         """The validation record of the model file: error by motion, intervals, verdict."""
         angles = np.concatenate([fit.log.angles[fit.used] for fit in self.fits])
-        by_motion = errors_of_motion(_runs(self.fits, held_out=True), noise=self.noise)
+        by_motion = errors_of_motion(runs_of_fits(self.fits, held_out=True), noise=self.noise)
         if not by_motion.by_acceleration:
-            by_motion = errors_of_motion(_runs(self.fits, held_out=False), noise=self.noise)
+            by_motion = errors_of_motion(runs_of_fits(self.fits, held_out=False), noise=self.noise)
         return Evidence(
             self.expected_error,
             self.fastest,
@@ -412,7 +412,7 @@ def _first_rows(fit: LogFit) -> npt.NDArray[np.bool_]:
     return first
 
 
-def _runs(fits: Sequence[LogFit], *, held_out: bool) -> list[Run]:
+def runs_of_fits(fits: Sequence[LogFit], *, held_out: bool) -> list[Run]:
     """The rows that were used, or held out, and follow one another, piece by piece.
 
     What is planned with is the model of all rows: where rows are held out its errors count as much

@@ -191,7 +191,7 @@ def with_motor(fit: Fit, terms: tuple[Term, ...]) -> tuple[Fit, tuple[Term, ...]
     if fit.rms > POOR * float(np.std(fit.grid.angles)):
         bare, loaded = _motor_anywhere(fit, free)
         if _saving(fit, bare) >= SAVING:
-            motor = min(motor, bare, key=lambda each: huber(each.residuals, fit.scale))
+            motor = min(motor, bare, key=lambda each: huber(each.weighted, fit.scale))
     known = {term.name: term for term in terms}
     untried = "sag_sin" in known and not known["sag_sin"].kept
     if untried and (loaded is not None or motor is not fit):
@@ -443,7 +443,7 @@ def _sag_is_determined(fit: Fit, uncertainty: Uncertainty) -> bool:
 
 def pays(without: Fit, with_it: Fit) -> bool:
     """Whether another joint lowers the information criterion and 1 % of the loss: (16a)."""
-    before, after = (huber(fit.residuals, without.scale) for fit in (without, with_it))
+    before, after = (huber(fit.weighted, without.scale) for fit in (without, with_it))
     return after < 0.99 * before and better(without, with_it)
 
 
@@ -598,7 +598,8 @@ def _screened(
     """The loss of the joint at a point of the unit box, and points that fill it, best first."""
 
     def loss(place: Array) -> float:
-        return huber(respond(grid, joint(place), starts).predicted - grid.angles, scale)
+        errors = respond(grid, joint(place), starts).predicted - grid.angles
+        return huber(grid.weights * errors, scale)
 
     points = _even_points(SCREENED, dimensions)
     return loss, points[np.argsort([loss(point) for point in points], kind="stable")]
@@ -688,6 +689,7 @@ def excerpt_of(fit: Fit) -> Excerpt:
         share=grid.share[compared],
         run=chunk[grid.before[compared]],
         angles=grid.angles[compared],
+        weights=grid.weights[compared],
         firsts=(),
         places=(),
     )
@@ -707,7 +709,7 @@ def _chunks(fit: Fit) -> Indices:
         found.append(np.column_stack([edges[:-1], edges[1:]]))
     chunks = np.concatenate(found)
     at_ticks = np.searchsorted(grid.states, grid.before + 1)  # the tick that ends at each row
-    losses = np.bincount(at_ticks, fit.residuals**2, len(grid.ticks))
+    losses = np.bincount(at_ticks, fit.weighted**2, len(grid.ticks))
     per_chunk = np.add.reduceat(losses, chunks[:, 0])
     worst = np.argsort(-per_chunk, kind="stable")
     total = np.cumsum(np.diff(chunks)[worst, 0])
