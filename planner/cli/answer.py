@@ -93,7 +93,7 @@ def document(prepared: Prepared, plan: Plan, missed: list[str]) -> dict[str, Any
     has_tolerance = run.tolerance.deg is not None or run.tolerance.cm is not None
     return {
         "method": run.plan.method,
-        "recommended_method": "shift" if shift_recommended(plan, shift) else run.plan.method,
+        "recommended_method": "shift" if shift_recommended(plan) else run.plan.method,
         "cyclic": desired.cyclic,
         "period_s": desired.period,
         "robust": run.plan.robust,
@@ -191,7 +191,7 @@ def _best_shift(desired: Desired, plan: Plan) -> str:
     if desired.foot is not None:
         text += f"; foot {100.0 * rms(shift.distances):.3f} cm"
     pairs = zip(plan.expected, shift.expected, strict=True)
-    if why := shift_recommended(plan, shift):
+    if why := shift_recommended(plan):
         text += f"\nrecommended: --method shift, as {why}"
     elif any(early.error < planned.error for planned, early in pairs):
         text += "; on the robot that is better for some joints: see --method shift"

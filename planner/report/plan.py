@@ -228,7 +228,7 @@ def remarks(
     lines = [f"{each}." for each in missed]
     if words := untested_words(plan.names, plan.expected):
         lines.append(f"{words[0].upper()}{words[1:]}.")
-    if plan.method != "shift" and (why := shift_recommended(plan, shifted(plan.task))):
+    if plan.method != "shift" and (why := shift_recommended(plan)):
         lines.append(f"The best time shift is recommended instead (--method shift): {why}.")
     if unreachable:
         lines.append(_out_of_reach(plan, foot_given, unreachable))

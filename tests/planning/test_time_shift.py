@@ -9,11 +9,10 @@ import numpy as np
 import pytest
 
 import planner
-from kinematics import Leg, urdf_path
 from planner.model.evidence import Evidence
 from planner.model.joint import JointModel
 from planner.model.response import simulate
-from planner.planning.plan import Plan, joined
+from planner.planning.plan import joined
 from planner.planning.task import Task
 from planner.planning.time_shift import (
     LONGEST_LEAD,
@@ -158,15 +157,11 @@ def test_a_lead_is_not_sought_beyond_the_longest_one():
     assert math.isfinite(shifted(task).rms[0])
 
 
-def test_a_shift_is_recommended_where_the_model_is_known_less_well_than_it_follows():
-    of_shift = planner.invert_shift(ERS210A, PATH).rms
-    for share, recommended in ((0.5, False), (2.0, True)):
-        known = ERS210A.with_evidence(Evidence(error=share * of_shift, over_delay=0.1))
-        plan = planner.invert_optimal(known, PATH).plan
-        why = shift_recommended(plan, shifted(plan.task))
-        assert why == ("" if not recommended else WHY)
-    plan = planner.invert_optimal(ERS210A, PATH).plan  # of which nothing is known
-    assert not shift_recommended(plan, shifted(plan.task))
+def test_an_error_of_the_model_is_no_reason_for_a_shift_whose_lead_is_that_models():
+    known = ERS210A.with_evidence(Evidence(error=1.0, over_delay=0.1))
+    plan = planner.invert_optimal(known, PATH).plan
+    assert plan.expected[0].error > 10.0 * planner.invert_shift(ERS210A, PATH).rms
+    assert not shift_recommended(plan)
 
 
 def test_a_shift_is_recommended_beyond_tested_accelerations_where_the_largest_is_unknown():
@@ -179,22 +174,6 @@ def test_a_shift_is_recommended_beyond_tested_accelerations_where_the_largest_is
             intervals={"max_acceleration": (least, 300.0)},
         )
         plan = planner.invert_optimal(servo.with_evidence(evidence), PATH).plan
-        why = shift_recommended(plan, shifted(plan.task))
+        why = shift_recommended(plan)
         assert why.startswith("the joint accelerates more than in its logs" if recommended else "")
         assert bool(why) == recommended
-
-
-def test_a_plan_for_a_foot_is_not_held_against_a_shift_of_its_joints():
-    known = ERS210A.with_evidence(Evidence(error=1.0, over_delay=0.1))
-    leg = Leg.from_urdf(urdf_path("reference_leg.urdf"), base="hip", foot="foot")
-    angles = [0.2, 0.1, 0.9] + 0.1 * np.sin(2.0 * np.pi * np.arange(12) / 12)[:, np.newaxis]
-    task = Task.of(known, leg.foot_positions(angles), leg=leg)
-    plan = Plan(task=task, requests=task.desired)
-    assert min(each.error for each in plan.expected) >= 1.0
-    assert not shift_recommended(plan, shifted(plan.task))
-
-
-WHY = (
-    "by the model the error of a time shift is 50% of the error that is expected of the model "
-    "itself in such motion"
-)
