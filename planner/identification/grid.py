@@ -254,10 +254,15 @@ class Grid:
         after = at_states[np.minimum(self.before + 1, len(at_states) - 1)]
         return np.asarray((1.0 - self.share) * at_states[self.before] + self.share * after)
 
+    @cached_property
+    def first_rows(self) -> Indices:
+        """The first used row of each run, shape (runs,)."""
+        return np.searchsorted(self.run, np.arange(len(self.starts)))
+
     @property
     def measured_starts(self) -> Array:
         """Angle at the first used row of each run [rad], shape (runs,)."""
-        return np.asarray(self.angles[np.searchsorted(self.run, np.arange(len(self.starts)))])
+        return np.asarray(self.angles[self.first_rows])
 
     @cached_property
     def span(self) -> float:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -71,3 +73,25 @@ def test_the_normal_equations_are_those_of_the_derivatives():
     slope = dense.T @ (weights * residuals)
     both = np.append(gradient, by_start)
     np.testing.assert_allclose(both, slope, rtol=0.0, atol=1e-10 * np.max(np.abs(slope)))
+
+
+def test_rows_count_by_their_weights():
+    """Rows of weight 0 may be anything, and equal weights change nothing but the scale."""
+    logs = step_logs()
+    at = Parameters.of(AIBO)._replace(gain=30.0, lag=0.02)
+    plain = least_squares(grid_of(logs), at)
+    halves = [replace(log, weights=np.full(len(log.times), 0.5)) for log in logs]
+    even = least_squares(grid_of(halves), at)
+    np.testing.assert_allclose(even.parameters, plain.parameters, rtol=1e-6)
+    assert even.scale == pytest.approx(0.5 * plain.scale, rel=1e-6)
+    assert even.rms == pytest.approx(plain.rms, rel=1e-9)
+    some = np.arange(len(logs[1].times)) > 150
+    wrong = replace(logs[1], angles=logs[1].angles * np.where(some, 1.1, 1.0))
+    unseen = replace(wrong, weights=(~some).astype(float))
+    known = replace(logs[1], measured=~some)
+    found, bare, far = (
+        np.array(least_squares(grid_of([logs[0], log]), at).parameters)[USUAL]
+        for log in (unseen, known, wrong)
+    )
+    np.testing.assert_allclose(found[:4], bare[:4], rtol=2e-3)
+    assert np.max(np.abs(far / bare - 1.0)[:4]) > 0.01

@@ -203,3 +203,15 @@ def test_a_column_that_is_none_is_named_with_its_log(wrong, message):
     assert log.notes == ("angles in deg",)
     with pytest.raises(planner.InvalidTrajectory, match=f"^{message}"):
         replace(log, **wrong)
+
+
+def test_weights_are_shares_one_a_row():
+    log = rich_log()
+    np.testing.assert_array_equal(log.weights, 1.0)
+    for weights, words in (
+        (np.full(len(log.times), 1.5), "weights"),
+        (np.full(len(log.times), -0.1), "got -0.1, expected 0 to 1"),
+        (np.ones(7), "one a time"),
+    ):
+        with pytest.raises(planner.InvalidTrajectory, match=words):
+            changed(log, weights=weights)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import planner
+from planner.identification.excitation import excite
 from planner.identification.fit import fit_joint
 from planner.identification.grid import timing_of
 from planner.identification.residual_patterns import (
@@ -17,6 +18,7 @@ from planner.identification.residual_patterns import (
     _ringing,
     contacts,
     stops,
+    with_weights,
 )
 from planner.identification.result import LogFit
 from planner.identification.terms import with_calm_friction, with_terms
@@ -31,6 +33,7 @@ from tests.identification.made import (
     identified_steps,
     on_the_table,
     rich_log,
+    servo,
     step_logs,
 )
 
@@ -239,3 +242,64 @@ def test_the_dead_band_is_not_that_of_a_log_of_small_motion_alone():
     assert found.model.dead_band < 1.35 * STICKY.dead_band  # both fitted together
     alone = planner.identify(small, hold_out=False)
     assert alone.model.dead_band == pytest.approx(held.dead_band, rel=0.05)
+
+
+def uneven(share, *, calm=1e-3, scale=1.0):
+    """A slow and then a fast sine, missed by ``calm`` and by so many times that [rad]."""
+    times = 0.01 * np.arange(2400)
+    phase = np.where(times < 12.0, times, 12.0 + 5.0 * (times - 12.0))
+    predicted = scale * 0.3 * np.sin(phase)
+    noise = calm * np.random.default_rng(0).normal(size=2400)
+    angles = predicted + scale * np.where(times < 12.0, 1.0, share) * noise
+    log = planner.Log(times=times, requests=predicted, angles=angles)
+    every, none = np.ones(2400, dtype=bool), np.full(2400, np.nan)
+    return LogFit(
+        log=log,
+        used=every,
+        predicted=predicted,
+        held_out=~every,
+        held_out_predicted=none,
+        weights=np.ones(2400),
+        rms=0.0,
+    )
+
+
+def test_rows_weigh_by_the_error_to_expect_of_their_acceleration():
+    (log,) = with_weights([uneven(8.0)], 1e-5)
+    slow, fast = log.weights[:1100], log.weights[1300:]
+    assert np.max(log.weights) <= 1.0
+    assert np.min(slow) >= 0.6
+    assert 0.8 <= 8.0 * np.median(fast) <= 1.4
+    (wider,) = with_weights([uneven(8.0, scale=3.0)], 3e-5)
+    np.testing.assert_allclose(wider.weights, log.weights, rtol=1e-3)
+    # Noise of the sensor hides what calm motion is missed by.
+    (noisy,) = with_weights([uneven(8.0)], 4e-3)
+    assert np.median(noisy.weights[1300:]) == pytest.approx(0.5, rel=0.15)
+    assert np.min(noisy.weights[:1100]) >= 0.9
+    for share in (0.5, 1.0, 1.1):
+        assert with_weights([uneven(share)], 1e-5) is None
+    assert with_weights([uneven(8.0)], 1.0) is None
+
+
+def test_rows_that_are_not_fitted_keep_their_weight_and_part_what_is_beside_them():
+    whole = uneven(8.0)
+    used = np.ones(2400, dtype=bool)
+    used[600:640] = used[1800] = False
+    (log,) = with_weights([replace(whole, used=used)], 1e-5)
+    assert np.all(log.weights[~used] == 1.0)
+    assert np.all(log.weights[1801:] < 0.3)
+
+
+def test_what_a_model_lacks_in_fast_motion_does_not_spoil_slow_motion():
+    """Play before the sensor shows most in steps; with even weights the sine is off by 1.5 mrad."""
+    known = {"gain": 20.0, "up": 4.0, "down": 4.0, "delay": 0.02, "constant": 0.03}
+    test = excite("combined", limits=(-0.8, 0.8), duration=40.0, period=0.01)
+    reached = servo(test.requests, 0.01, **known, play=0.04, behind=True)
+    reached += np.random.default_rng(0).normal(scale=5e-4, size=len(reached))
+    times = 0.01 * np.arange(len(reached))
+    log = planner.Log(times=times, requests=test.requests, angles=reached)
+    model = planner.identify(log, hold_out=False).model
+    slow = 0.4 * np.sin(0.8 * np.pi * 0.01 * np.arange(500))
+    met = servo(slow, 0.01, **known, play=0.04, behind=True)
+    errors = planner.simulate(model, slow, cyclic=False, start=0.0) - met
+    assert np.sqrt(np.mean(errors[100:] ** 2)) <= 1.0e-3
