@@ -218,7 +218,7 @@ def _around(off: npt.NDArray[np.bool_], rows: npt.NDArray[np.int_]) -> slice:
 
 
 def with_weights(fits: Sequence[LogFit], noise: float) -> tuple[Log, ...] | None:
-    """The logs with rows weighed by the error to expect of them; None where it is about the same.
+    """The logs with rows weighed by the error to expect of them; None where that is about even.
 
     What a model lacks shows most where the joint accelerates most, as test signals do and the
     motions to be planned do not. Rows that count alike would make calm motion pay for it. The error
@@ -248,7 +248,7 @@ def with_weights(fits: Sequence[LogFit], noise: float) -> tuple[Log, ...] | None
             around = uniform_filter1d(np.pad(changes**2, 1, mode="edge"), count, mode="nearest")
             sizes = np.sqrt(np.maximum(around, 0.0))
             weights[rows] = calm / np.maximum(calm, np.interp(sizes, (0.0, largest), (calm, most)))
-        logs.append(replace(fit.log, weights=weights))
+        logs.append(replace(fit.log, weights=fit.log.weights * weights))
     return tuple(logs)
 
 

@@ -276,6 +276,9 @@ def test_rows_weigh_by_the_error_to_expect_of_their_acceleration():
     (noisy,) = with_weights([uneven(8.0)], 4e-3)
     assert np.median(noisy.weights[1300:]) == pytest.approx(0.5, rel=0.15)
     assert np.min(noisy.weights[:1100]) >= 0.9
+    halved = replace(uneven(8.0), log=changed(uneven(8.0).log, weights=np.full(2400, 0.5)))
+    (own,) = with_weights([halved], 1e-5)
+    np.testing.assert_allclose(own.weights, 0.5 * log.weights)
     for share in (0.5, 1.0, 1.1):
         assert with_weights([uneven(share)], 1e-5) is None
     assert with_weights([uneven(8.0)], 1.0) is None
