@@ -220,8 +220,12 @@ CASES = {
         )
     ],
     "replay-fastest": [
-        f"replay {each} --model tested.toml --fastest --tolerance-deg 2 -o /dev/null"
-        for each in ("rough.csv --retime varying", "demo.csv --norm max --joint knee --json")
+        f"replay {each} --model tested.toml --fastest -o /dev/null"
+        for each in (
+            "rough.csv --tolerance-deg 2",
+            "rough.csv --retime varying --tolerance-deg 3",
+            "demo.csv --norm max --joint knee --json --tolerance-deg 2",
+        )
     ],
     "replay-page": "replay demo.csv --model ers210a --speed 0.5 --report page.html -o out.csv "
     "--leg reference",
