@@ -256,7 +256,7 @@ class Grid:
 
     @cached_property
     def first_rows(self) -> Indices:
-        """The first used row of each run, shape (runs,)."""
+        """The first used row of each run, or of the next one that has any, shape (runs,)."""
         return np.searchsorted(self.run, np.arange(len(self.starts)))
 
     @property

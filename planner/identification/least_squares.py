@@ -406,8 +406,8 @@ class _Quadratic(NamedTuple):
             slopes.of_law, fit.weighted, CORNER * fit.scale, grid.run, len(grid.starts)
         )
         change = slopes.change
-        firsts = grid.weights[grid.first_rows]  # a start among the rows counts at least as these
-        squares[squares <= 0.5 * firsts**2] = np.inf  # others are held
+        firsts = grid.weights[np.minimum(grid.first_rows, len(grid.run) - 1)]
+        squares[squares <= 0.5 * firsts**2] = np.inf  # one among the rows counts more; else held
         whole, beside = change.T @ of_law @ change, beside @ change
         shares = beside / squares[:, np.newaxis]
         by_parameter = change.T @ by_law

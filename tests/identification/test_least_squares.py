@@ -95,3 +95,17 @@ def test_rows_count_by_their_weights():
     )
     np.testing.assert_allclose(found[:4], bare[:4], rtol=2e-3)
     assert np.max(np.abs(far / bare - 1.0)[:4]) > 0.01
+
+
+@pytest.mark.parametrize("without", [0, 1])
+def test_the_first_angle_of_a_run_without_rows_stays(without):
+    """Chunks of a long log may hold too few rows to compare any."""
+    whole = grid_of(step_logs())
+    kept = whole.run != without
+    columns = ("before", "share", "run", "angles", "weights")
+    part = replace(whole, **{name: getattr(whole, name)[kept] for name in columns})
+    begin = Parameters.of(AIBO)._replace(gain=30.0, lag=0.02)
+    fit = least_squares(part, begin, starts=whole.measured_starts)
+    assert fit.starts[without] == whole.measured_starts[without]
+    assert fit.starts[1 - without] != whole.measured_starts[1 - without]
+    assert fit.parameters.gain == pytest.approx(Parameters.of(AIBO).gain, rel=0.2)
