@@ -321,11 +321,7 @@ def _at_rests(problem: Problem, requests: Array, error: float, bounds: Sequence[
         resting = without_effect_on_motion(problem, margin)
         if not shakes_within(problem, requests, resting):
             break
-        lower, upper = (
-            np.where(resting[:, np.newaxis], problem.resting, limit)
-            for limit in (problem.lower, problem.upper)
-        )
-        held = replace(problem, lower=lower, upper=upper)
+        held = holding(problem, resting[:, np.newaxis], problem.resting)
         best = minimise(held, State(held.admissible(requests), angles), sharp)[0]
         start, allowed = reached_by(problem, best), []
         for bound in bounds:
@@ -340,6 +336,12 @@ def _at_rests(problem: Problem, requests: Array, error: float, bounds: Sequence[
             return next(calm, min(allowed, key=problem.roughness))
         margin *= 2
     return requests
+
+
+def holding(problem: Problem, held: Mask, place: Array) -> Problem:
+    """The same problem with some requests held at a place [rad]; both of (n, J), or broadcast."""
+    lower, upper = (np.where(held, place, limit) for limit in (problem.lower, problem.upper))
+    return replace(problem, lower=lower, upper=upper)
 
 
 ROUGHER = 2.0

@@ -29,6 +29,7 @@ from planner.planning.search import (
     WIDE,
     State,
     allowed_beside,
+    holding,
     judged,
     minimise,
     robust_requests,
@@ -493,7 +494,7 @@ def with_stationary_joints(
     stationary: Mask = np.ptp(problem.resting, axis=0) <= STATIONARY
     if not np.any(stationary) or np.all(stationary):
         return problem, requests
-    fixed_problem = holding(problem, stationary)
+    fixed_problem = holding(problem, stationary, problem.resting[0])
     sharp = [stage for stage in FOOT if stage.radius < SIMULATED]
     state = State(fixed_problem.admissible(requests), angles)
     answer, error = minimise(fixed_problem, state, sharp)
@@ -503,10 +504,3 @@ def with_stationary_joints(
     if reached is not None and (as_good or allowed.by(judged(problem, reached))):
         return fixed_problem, answer
     return problem, requests
-
-
-def holding(problem: Problem, stationary: Mask) -> Problem:
-    """The same problem with some of the joints held at rest."""
-    place = problem.resting[0]
-    lower, upper = (np.where(stationary, place, limit) for limit in (problem.lower, problem.upper))
-    return replace(problem, lower=lower, upper=upper)

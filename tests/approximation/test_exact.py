@@ -41,14 +41,6 @@ def test_the_proved_optimum_is_that_of_all_sets_of_knots(seed):
     assert fit.rms == pytest.approx(each.rms, rel=2.0 * PROVED, abs=1e-6)
 
 
-def test_the_search_reaches_the_best_of_all_sets_of_knots_in_nearly_every_instance():
-    ratios = []
-    for each in map(enumerated, range(16)):
-        fit = fit_pwl(each.desired, **each.settings, segments=each.segments)
-        ratios.append((fit.rms + ZERO) / (each.rms + ZERO))
-    assert np.mean(np.array(ratios) <= CLOSE) >= 0.9
-
-
 @pytest.mark.parametrize("seed", [0, 7, 8, 9, 18, 27, 36, 45, 54])  # 7, 8: nudges fall short
 def test_the_stored_oracle_is_what_is_proved_today(seed):
     each = oracle_instance(seed)

@@ -84,9 +84,9 @@ def test_a_loaded_hobby_servo_is_predicted_and_its_asymmetry_named():
     assert 250.0 <= np.degrees(down) <= 360.0  # seldom reached: it still accelerates
 
 
-def seen(angles, predicted, requests=None, *, name="log"):
+def seen(angles, predicted, requests=None, *, name="log", period=0.02):
     """What a model makes of a log in which every row is used."""
-    times = 0.02 * np.arange(len(angles))
+    times = period * np.arange(len(angles))
     log = planner.Log(
         times=times, requests=angles if requests is None else requests, angles=angles, name=name
     )
@@ -251,17 +251,7 @@ def uneven(share, *, calm=1e-3, scale=1.0):
     predicted = scale * 0.3 * np.sin(phase)
     noise = calm * np.random.default_rng(0).normal(size=2400)
     angles = predicted + scale * np.where(times < 12.0, 1.0, share) * noise
-    log = planner.Log(times=times, requests=predicted, angles=angles)
-    every, none = np.ones(2400, dtype=bool), np.full(2400, np.nan)
-    return LogFit(
-        log=log,
-        used=every,
-        predicted=predicted,
-        held_out=~every,
-        held_out_predicted=none,
-        weights=np.ones(2400),
-        rms=0.0,
-    )
+    return seen(angles, predicted, period=0.01)
 
 
 def test_rows_weigh_by_the_error_to_expect_of_their_acceleration():

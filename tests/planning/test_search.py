@@ -20,6 +20,7 @@ from planner.planning.search import (
     State,
     allowed_beside,
     begun,
+    holding,
     judged,
     known_errors,
     minimise,
@@ -28,7 +29,6 @@ from planner.planning.search import (
     stages_for,
     without_effect_on_motion,
 )
-from planner.planning.solve import holding
 from planner.planning.task import Task
 from tests.instances import REFERENCE_JOINTS, saturating
 from tests.plans import track
@@ -50,7 +50,7 @@ def foot_problem(models=ERS210A, **options):
 
 def test_requests_between_equal_limits_are_held_from_the_first_step_on():
     problem, angles = foot_problem()
-    held = holding(problem, np.array([False, True, False]))
+    held = holding(problem, np.array([False, True, False]), problem.resting[0])
     active = begun(held, State(problem.resting, angles)).active
     np.testing.assert_array_equal(active[0], np.tile([0, -1, 0], (22, 1)))
     np.testing.assert_array_equal(active[1], 0)

@@ -17,8 +17,8 @@ from planner.model.response import simulate
 from planner.planning import closed_form
 from planner.planning import solve as searches
 from planner.planning.problem import problem_of
-from planner.planning.search import State
-from planner.planning.solve import Solved, below_top_speed, holding, search, solve
+from planner.planning.search import State, holding
+from planner.planning.solve import Solved, below_top_speed, search, solve
 from planner.planning.task import Task
 from planner.planning.trials import UNFORESEEN
 from tests.plans import track
@@ -160,7 +160,7 @@ def test_joints_that_are_held_rest_where_the_first_sample_has_them():
         max_step=task.max_step,
         loads=(None, None),
     )
-    held = holding(problem, np.array([False, True]))
+    held = holding(problem, np.array([False, True]), problem.resting[0])
     np.testing.assert_array_equal(held.lower, [-1.0, 0.2])
     np.testing.assert_array_equal(held.upper, [0.9, 0.2])
 
