@@ -248,119 +248,81 @@ def rounded_moved(
     return now, by_demand, by_speed, bend
 
 
-@inner
-def period(
+@compiled
+def periods(
     law: Law,
     weights: Array,
     window: Array,
-    sag: float,
-    faster: float,
-    rounded: float,
-    angle: float,
-    speed: float,
+    sags: Array,
+    faster: Array,
+    rounded: Array,
+    angles: Array,
+    speeds: Array,
     slopes: Array,
     bends: Array,
-) -> tuple[float, float]:
-    """One request period with rounded corners, to second order.
+) -> None:
+    """Request periods with rounded corners, to second order, each from its own initial state.
+
+    All periods go through a tick together, in loops without sums over the periods: processors do
+    several turns of them at once.
 
     Args:
         law: The joint.
         weights: Weight of each request at each tick, youngest first, (hold, width).
-        window: Requests that act, youngest first [rad], then work space, (4, width).
-        sag: Angle at rest less request, beside that of the pose [rad].
-        faster: How much faster the joint is in the positive direction [rad/tick].
-        rounded: Square of the radius of the corners [rad^2/tick^2].
-        angle: Angle before the period [rad].
-        speed: Speed before it [rad/tick].
+        window: Requests that act, youngest first [rad], then work space, (3, width, n).
+        sags: Angle at rest less request, beside that of the pose [rad], (n,).
+        faster: How much faster it is in the positive direction [rad/tick], (n,).
+        rounded: Square of the radius of the corners [rad^2/tick^2], (n,).
+        angles: Angle before each period [rad]; replaced by the one after it, (n,).
+        speeds: Speed before it [rad/tick]; replaced likewise, (n,).
         slopes: Filled with the derivatives of the angle and the speed after the period by angle,
-            speed and each request before it, (2, 2 + width).
+            speed and each request before it, (2, 2 + width, n).
         bends: Filled with the second derivatives of both by each request's distance from the
-            angle, (2, width); where requests are held for several ticks, or several saturate
-            together, an estimate. Left out where it is (2, 0).
-
-    Returns:
-        Angle [rad] and speed [rad/tick] after it.
+            angle, (2, width, n); where requests are held for several ticks, or several saturate
+            together, an estimate. Left out where it is (2, 0, n).
     """
-    hold, width = weights.shape
+    (hold, width), count = weights.shape, len(angles)
+    gain, top = law.gain, law.top
     slopes[:] = 0.0
     bends[:] = 0.0
     slopes[0, 0] = slopes[1, 1] = 1.0
-    low, high = faster - law.top, faster + law.top
-    values, own, bent = window[1], window[2], window[3]
+    own, bent = window[1], window[2]
+    demand, restoring, by_demand, by_speed, bend = np.empty((5, count))
     for tick in range(hold):
-        for j in range(width):  # a loop without sums, which processors do several turns of at once
-            value, slope, bend = rounded_clip(
-                law.gain * (window[0, j] + sag - angle), low, high, rounded
+        demand[:] = 0.0
+        restoring[:] = 0.0
+        for j in range(width):
+            weight = weights[tick, j]
+            for k in range(count):
+                low, high = faster[k] - top, faster[k] + top
+                error = gain * (window[0, j, k] + sags[k] - angles[k])
+                value, slope, bending = rounded_clip(error, low, high, rounded[k])
+                own[j, k] = weight * gain * slope
+                bent[j, k] = weight * gain * gain * bending
+                demand[k] += weight * value
+                restoring[k] += own[j, k]
+        for k in range(count):
+            driven = demand[k] + gain * pose_sag(law, angles[k])
+            restoring[k] -= gain * pose_sag_slope(law, angles[k])
+            speeds[k], by_demand[k], by_speed[k], bend[k] = rounded_moved(
+                law, driven, speeds[k], rounded[k]
             )
-            values[j] = weights[tick, j] * value
-            own[j] = weights[tick, j] * law.gain * slope
-            bent[j] = weights[tick, j] * law.gain * law.gain * bend
-        demand, total = 0.0, 0.0
-        for j in range(width):
-            demand += values[j]
-            total += own[j]
-        demand += law.gain * pose_sag(law, angle)
-        restoring = total - law.gain * pose_sag_slope(law, angle)
-        speed, by_demand, by_speed, bend = rounded_moved(law, demand, speed, rounded)
-        angle += speed
-        by_angle = -by_demand * restoring
+            angles[k] += speeds[k]
         for c in range(2 + width):
-            change = by_speed * slopes[1, c] + by_angle * slopes[0, c]
-            if c >= 2:
-                change += by_demand * own[c - 2]
-            slopes[1, c] = change
-            slopes[0, c] += change
+            for k in range(count):
+                by_angle = -by_demand[k] * restoring[k]
+                change = by_speed[k] * slopes[1, c, k] + by_angle * slopes[0, c, k]
+                if c >= 2:
+                    change += by_demand[k] * own[c - 2, k]
+                slopes[1, c, k] = change
+                slopes[0, c, k] += change
         for j in range(bends.shape[1]):
-            change = by_speed * bends[1, j] + by_angle * bends[0, j]
-            change += by_demand * bent[j] + bend * own[j] * restoring
-            bends[1, j] = change
-            bends[0, j] += change
-    return angle, speed
-
-
-@compiled
-def linearise(
-    law: Law,
-    weights: Array,
-    history: Array,
-    sags: Array,
-    faster: Array,
-    radius: float,
-    angles: Array,
-    speeds: Array,
-    slopes: Array,
-) -> None:
-    """Derivatives of request periods, each from its own initial state.
-
-    Args:
-        law: Of :func:`run`.
-        weights: Of the same.
-        history: Of the same.
-        sags: Of the same.
-        faster: Of the same.
-        radius: Radius of the corners [rad].
-        angles: Angle before each period [rad], (n,).
-        speeds: Speed before it [rad/tick], (n,).
-        slopes: Filled with the derivatives of :func:`period`, (n, 2, 2 + width).
-    """
-    width = weights.shape[1]
-    rounded = (law.gain * radius) ** 2
-    bends, window = np.empty((2, width)), np.empty((4, width))
-    for k in range(len(angles)):
-        for j in range(width):
-            window[0, j] = history[k + width - 1 - j]
-        period(
-            law,
-            weights,
-            window,
-            sags[k],
-            faster[k],
-            rounded,
-            angles[k],
-            speeds[k],
-            slopes[k],
-            bends,
-        )
+            for k in range(count):
+                by_angle = -by_demand[k] * restoring[k]
+                change = by_speed[k] * bends[1, j, k] + by_angle * bends[0, j, k]
+                change += by_demand[k] * bent[j, k] + bend[k] * own[j, k] * restoring[k]
+                bends[1, j, k] = change
+                bends[0, j, k] += change
 
 
 class Servo(NamedTuple):

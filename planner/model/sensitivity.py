@@ -15,7 +15,7 @@ from planner.model.joint import (
     request_ages,
     weights_by_tick,
 )
-from planner.model.response import checked_load, motion_under, requests_acting, simulate
+from planner.model.response import checked_load, motion_under, simulate
 from planner.trajectory import Array, as_trajectory
 from planner.validation import freeze
 
@@ -66,22 +66,24 @@ def sensitivities(
     n, torques = len(requests), checked_load(load, model, len(requests))
     motion = motion_under(model, requests, cyclic=cyclic, start=start, torques=torques)
     ages, load_at = request_ages(model), np.zeros(n) if torques is None else torques
-    weights = weights_by_tick(model)
-    slopes = np.empty((n, 2, 2 + weights.shape[1]))
-    kernel.linearise(
+    weights, numbers = weights_by_tick(model), np.maximum(acting(ages, n, cyclic=cyclic), 0)
+    window, slopes = np.empty((3, ages.width, n)), np.empty((2, 2 + ages.width, n))
+    window[0] = requests[numbers.T]
+    kernel.periods(
         model.law,
         weights,
-        requests_acting(requests, ages, cyclic=cyclic),
+        window,
         model.sag(load_at),
         model.faster_per_tick(load_at),
-        LEAST_RADIUS * model.theta_0,
+        np.full(n, (model.law.gain * LEAST_RADIUS * model.theta_0) ** 2),
         np.roll(motion.angles, 1),
         np.roll(motion.speeds, 1),
         slopes,
+        np.empty((2, 0, n)),
     )
     size = 2 if model.has_inertia else 1  # the angle, and with inertia the speed
-    kept, by_request = slopes[:, :size, :size], slopes[:, :size, 2:]
-    numbers = np.maximum(acting(ages, n, cyclic=cyclic), 0)
+    each = np.moveaxis(slopes, -1, 0)
+    kept, by_request = each[:, :size, :size], each[:, :size, 2:]
     driven = np.zeros((n, size, n))
     place = np.arange(n)[:, np.newaxis, np.newaxis], np.arange(size), numbers[:, :, np.newaxis]
     np.add.at(driven, place, by_request.transpose(0, 2, 1))

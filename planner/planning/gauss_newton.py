@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from planner.compilation import compiled, inner
-from planner.model.kernel import period
+from planner.model.kernel import periods
 from planner.model.law import Law
 from planner.planning.factorisation import (
     Factor,
@@ -36,7 +36,7 @@ class Spec(NamedTuple):
 
     Attributes:
         cyclic: Whether the path repeats for ever.
-        youngest: Age of the youngest request that acts before a sample.
+        oldest: Age of the oldest request that acts before a sample.
         parts: States of a drive, s: 2 with inertia.
         together: Whether the cost is a power of the errors of all scenarios together.
         bounded: Whether a request has a limit.
@@ -47,6 +47,8 @@ class Spec(NamedTuple):
             radius of the corners [rad], time in which a speed counts as an angle [ticks], and from
             rest the angle before the first sample [rad], (A, 11).
         weights: Weight of each request at each tick of a period, youngest first, (A, ticks, width).
+        acting: Number of each request that acts before a sample, youngest first; from rest -1
+            before the first one, which it equals, (n, width).
         periods: In each period angle at rest less request, beside that by the angle [rad], and how
             much faster the drive is in the positive direction [rad/tick], (2, A, n).
         bounds: First requests from rest, lower and upper limits, largest changes [rad], (4, n, J).
@@ -59,7 +61,7 @@ class Spec(NamedTuple):
     """
 
     cyclic: bool
-    youngest: int
+    oldest: int
     parts: int
     together: bool
     bounded: bool
@@ -68,6 +70,7 @@ class Spec(NamedTuple):
     ridge: float
     drives: Array
     weights: Array
+    acting: Indices
     periods: Array
     bounds: Array
     resting: Array
@@ -167,7 +170,7 @@ class Point(NamedTuple):
         states: X, (n, S).
         defects: Response to the states before, less the states, (n, S).
         slopes: Derivatives of each drive's states by the states before, by each request, and second
-            ones by each request's distance from the angle, (n, A, s, s + 2 width).
+            ones by each request's distance from the angle, (A, s, s + 2 width, n).
         quadratic: Curvature of the cost by the angles, in blocks of a scenario or of all, and in
             the last column half the gradient, (n, blocks, size, size + 1).
         away: S applied to the requests, less their centre [rad], (.., J).
@@ -190,12 +193,6 @@ class Pattern(NamedTuple):
     columns: Places
     diagonal: Places
     factor: Factor
-
-
-@inner
-def acting_request(number: int, samples: int, cyclic: bool) -> int:
-    """The request of this number, of a cycle modulo its length; from rest -1 before the first."""
-    return number % samples if cyclic else max(number, -1)
 
 
 @inner
@@ -358,42 +355,46 @@ def evaluate(spec: Spec, stage: Stage, unit: float, point: Point) -> None:
     """Fill the rest of a point from its requests and states."""
     samples, joints = point.requests.shape
     drives, _, width = spec.weights.shape
-    parts, cyclic, youngest, periods = spec.parts, spec.cyclic, spec.youngest, spec.periods
-    states, requests, defects, derived = point.states, point.requests, point.defects, point.slopes
-    slopes, bends, window = np.empty((2, 2 + width)), np.empty((2, width)), np.empty((4, width))
+    parts, cyclic, acting, states = spec.parts, spec.cyclic, spec.acting, point.states
+    slopes, bends = np.empty((2, 2 + width, samples)), np.empty((2, width, samples))
+    window, rounded = np.empty((3, width, samples)), np.empty(samples)
+    angles, speeds = np.empty(samples), np.empty(samples)
     for a in range(drives):
-        row = spec.drives[a]
+        row, derived, defects = spec.drives[a], point.slopes[a], point.defects
         law = Law(row[0], row[1], row[2], row[3], row[4], row[5], row[6])
-        weights = spec.weights[a, : int(row[7])]
-        rounded, unit_of_speed, start = (law.gain * stage.radius * row[8]) ** 2, row[9], row[10]
+        weights, unit_of_speed = spec.weights[a, : int(row[7])], row[9]
+        rounded[:] = (law.gain * stage.radius * row[8]) ** 2
         for k in range(samples):
-            for j in range(width):
-                number = acting_request(k - youngest - j, samples, cyclic)
-                window[0, j] = requests[max(number, 0), a % joints]
             follows = k > 0 or cyclic
-            angle = states[k - 1, a] if follows else start
-            speed = states[k - 1, drives + a] / unit_of_speed if parts == 2 and follows else 0.0
-            sag, faster = periods[0, a, k], periods[1, a, k]
-            angle, speed = period(
-                law, weights, window, sag, faster, rounded, angle, speed, slopes, bends
-            )
-            defects[k, a] = angle - states[k, a]
+            angles[k] = states[k - 1, a] if follows else row[10]
+            moving = parts == 2 and follows
+            speeds[k] = states[k - 1, drives + a] / unit_of_speed if moving else 0.0
+            for j in range(width):
+                window[0, j, k] = point.requests[max(acting[k, j], 0), a % joints]
+        sags, faster = spec.periods[0, a], spec.periods[1, a]
+        periods(law, weights, window, sags, faster, rounded, angles, speeds, slopes, bends)
+        for k in range(samples):
+            defects[k, a] = angles[k] - states[k, a]
             if parts == 2:
-                defects[k, drives + a] = unit_of_speed * speed - states[k, drives + a]
-            for s in range(parts):
-                scale = unit_of_speed if s else 1.0
-                for t in range(parts):
-                    each = slopes[s, t] * scale / (unit_of_speed if t else 1.0)
-                    derived[k, a, s, t] = each if follows else 0.0
-                for j in range(width):
-                    derived[k, a, s, parts + j] = slopes[s, 2 + j] * scale
-                    derived[k, a, s, parts + width + j] = bends[s, j] * scale
+                defects[k, drives + a] = unit_of_speed * speeds[k] - states[k, drives + a]
+        for s in range(parts):
+            scale = unit_of_speed if s else 1.0
+            for t in range(parts):
+                unit_of_state = unit_of_speed if t else 1.0
+                for k in range(samples):
+                    derived[s, t, k] = slopes[s, t, k] * scale / unit_of_state
+                if not cyclic:
+                    derived[s, t, 0] = 0.0
+            for j in range(width):
+                for k in range(samples):
+                    derived[s, parts + j, k] = slopes[s, 2 + j, k] * scale
+                    derived[s, parts + width + j, k] = bends[s, j, k] * scale
     size = 1 if len(spec.leg) == 0 else 3
     values = np.empty((samples, len(spec.shares), size))
     jacobians = np.empty((samples, len(spec.shares), size, joints))
     errors_of(spec, states, values, jacobians)
     set_cost(spec, stage, unit, values, jacobians, point)
-    set_away(requests, spec.resting, spec.centring, cyclic, stage.smoothing, point.away)
+    set_away(point.requests, spec.resting, spec.centring, cyclic, stage.smoothing, point.away)
     point.costs[1] = point.costs[0] + stage.weight * squares(point.away)
 
 
@@ -430,7 +431,7 @@ def set_entries(
     drives, _, width = spec.weights.shape
     states, parts = drives * spec.parts, spec.parts
     state, multiplier = samples * joints, samples * (joints + states)
-    change, e, cyclic, youngest = multiplier + samples * states, 0, spec.cyclic, spec.youngest
+    change, e, cyclic, acting = multiplier + samples * states, 0, spec.cyclic, spec.acting
     quadratic, slopes, smoothing = point.quadratic, point.slopes, stage.smoothing
     own = stage.weight * (spec.centring**2 if smoothing else 1.0)
     for number in range(state):
@@ -472,14 +473,14 @@ def set_entries(
             e += 2
             for t in range(parts if k > 0 or cyclic else 0):
                 rows[e] = row
-                columns[e] = state + ((k - 1) % samples) * states + t * drives + a
-                values[e] = -slopes[k, a, part, t]
+                columns[e] = state + (k - 1 if k > 0 else samples - 1) * states + t * drives + a
+                values[e] = -slopes[a, part, t, k]
                 e += 1
             for j in range(width):
-                number = acting_request(k - youngest - j, samples, cyclic)
+                number = acting[k, j]
                 if number >= 0:
                     rows[e], columns[e] = row, number * joints + a % joints
-                    values[e] = -slopes[k, a, part, parts + j]
+                    values[e] = -slopes[a, part, parts + j, k]
                     e += 1
     if spec.limited:
         for number in range(state):
@@ -503,7 +504,7 @@ def allocated(spec: Spec, *, smoothing: bool) -> Point:
         np.zeros((samples, joints)),
         np.zeros((samples, states)),
         np.zeros((samples, states)),
-        np.zeros((samples, drives, parts, parts + 2 * width)),
+        np.zeros((drives, parts, parts + 2 * width, samples)),
         np.zeros((samples, blocks, size, size + 1)),
         np.zeros((rows_of_smoothing(spec) if smoothing else samples, joints)),
         np.zeros(3),
@@ -527,7 +528,7 @@ def pattern_of(spec: Spec, *, smoothing: bool) -> Pattern:
     samples, joints = spec.resting.shape
     drives, _, width = spec.weights.shape
     states, every = drives * spec.parts, np.arange(samples)
-    ahead = spec.youngest + width - 1
+    ahead = spec.oldest
     turns = (every + ahead) % samples  # when the last condition is eliminated on which each acts
     if not spec.cyclic or ahead * joints <= (width - 1) * drives:
         turns = every + ahead
@@ -614,7 +615,7 @@ def set_step(
     state, multiplier = samples * joints, samples * (joints + states)
     change, count = multiplier + samples * states, point.quadratic.shape[2]
     at_limit, tight = search.active[0], search.active[1]
-    cyclic, youngest = spec.cyclic, spec.youngest
+    cyclic, acting = spec.cyclic, spec.acting
     bounds, slopes, quadratic = spec.bounds, point.slopes, point.quadratic
     requests, away, defects, smoothing = point.requests, point.away, point.defects, stage.smoothing
     multipliers, limited = search.multipliers, spec.limited
@@ -626,11 +627,11 @@ def set_step(
             for j in range(width):
                 bend = 0.0
                 for s in range(parts):
-                    bent = slopes[k, a, s, parts + width + j]
+                    bent = slopes[a, s, parts + width + j, k]
                     bend -= multipliers[k, s * drives + a] * bent
                 if bend > 0.0:
                     eased[k - 1, a] += bend if k > 0 or cyclic else 0.0
-                    number = acting_request(k - youngest - j, samples, cyclic)
+                    number = acting[k, j]
                     if number >= 0:
                         terms[number, a % joints] += bend
 

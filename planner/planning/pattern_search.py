@@ -213,9 +213,9 @@ def squared_error(
     if not set_requests(lines, law, spec.cyclic, knots, values, requests):
         return -1.0
     limit(spec, requests)
-    count, (hold, width) = len(requests), weights.shape
+    count, hold = len(requests), len(weights)
     for k in range(len(history)):
-        number = k - (spec.youngest + width - 1)
+        number = k - spec.oldest
         history[k] = requests[number % count if spec.cyclic else max(number, 0), 0]
     if not spec.cyclic:
         start, last = spec.drives[0, -1], hold - 1  # its angle before the first sample

@@ -11,7 +11,13 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from planner.exceptions import Infeasible, NoSteadyCycle
-from planner.model.joint import JointModel, RequestAges, request_ages_of_all, weights_of_all
+from planner.model.joint import (
+    JointModel,
+    RequestAges,
+    acting,
+    request_ages_of_all,
+    weights_of_all,
+)
 from planner.model.response import Loads, motion_under, rest_angles, rest_requests
 from planner.planning.arguments import Norm
 from planner.planning.task import Task
@@ -135,7 +141,7 @@ class Problem:
         bounds[0] = np.clip(bounds[0], bounds[1], bounds[2])
         spec = Spec(
             self.cyclic,
-            self.ages.youngest,
+            self.ages.oldest,
             2 if self.has_speeds else 1,
             self.norm == "max" and len(self.weights) > 1,
             bool(np.any(np.isfinite([self.lower, self.upper]))),
@@ -144,6 +150,7 @@ class Problem:
             0.0 if self.foot is None else self.foot.ridge,
             np.array(drives, dtype=np.float64),
             weights_of_all(self.models),
+            acting(self.ages, len(self.desired), cyclic=self.cyclic),
             periods,
             bounds,
             np.array(rest_requests(self.nominal, self.desired, self.loads[: self.joints])),

@@ -1,4 +1,4 @@
-"""Request periods with rounded corners, each from a state of its own, by ``kernel.period``."""
+"""Request periods with rounded corners, each from a state of its own, by ``kernel.periods``."""
 
 from __future__ import annotations
 
@@ -9,9 +9,6 @@ import numpy as np
 from planner.model import kernel
 from planner.model.joint import JointModel, request_ages, weights_by_tick
 from planner.trajectory import Array
-from tests.from_python import from_python
-
-period = from_python(kernel.period)
 
 
 class Periods(NamedTuple):
@@ -40,20 +37,21 @@ def rounded_periods(model: JointModel, angles, windows, radius, *, speeds=None, 
     torques = np.zeros(n) if load is None else load
     sags, faster = model.sag(torques), model.faster_per_tick(torques)
     rounded = (model.law.gain * max(radius, 1e-150) * model.theta_0) ** 2
-    states, slopes = np.empty((n, 2)), np.empty((n, 2, 2 + width))
-    bending = np.empty((n, 2, width))
-    for k in range(n):
-        speed = 0.0 if speeds is None else speeds[k]
-        states[k] = period(
-            model.law,
-            weights_by_tick(model),
-            np.tile(windows[k], (4, 1)),
-            sags[k],
-            faster[k],
-            rounded,
-            angles[k],
-            speed,
-            slopes[k],
-            bending[k],
-        )
-    return Periods(states, slopes[:, :, :2], slopes[:, :, 2:], bending)
+    window = np.empty((3, width, n))
+    window[0] = windows.T
+    angles, speeds = np.array(angles), np.zeros(n) if speeds is None else np.array(speeds)
+    slopes, bends = np.empty((2, 2 + width, n)), np.empty((2, width, n))
+    kernel.periods(
+        model.law,
+        weights_by_tick(model),
+        window,
+        sags,
+        faster,
+        np.full(n, rounded),
+        angles,
+        speeds,
+        slopes,
+        bends,
+    )
+    slopes, bends = np.moveaxis(slopes, -1, 0), np.moveaxis(bends, -1, 0)
+    return Periods(np.column_stack([angles, speeds]), slopes[:, :, :2], slopes[:, :, 2:], bends)

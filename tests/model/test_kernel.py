@@ -13,7 +13,6 @@ from planner.identification.grid import resampled
 from planner.identification.least_squares import respond, slopes_of
 from planner.identification.parameters import Parameters, units
 from planner.model import kernel
-from tests.from_python import from_python
 from tests.identification.made import rich_log
 
 INERT = planner.JointModel(
@@ -109,23 +108,23 @@ def test_derivatives_by_a_request_of_one_tick_are_differences_to_second_order(
         max_acceleration=most,
     )
     rounded = (0.5 * joint.v_max_per_tick) ** 2
-    step, period = 1e-5, from_python(kernel.period)
+    step = 1e-5
 
     def after(request):
-        slopes, bends = np.empty((2, 3)), np.empty((2, 1))
-        state = period(
+        slopes, bends = np.empty((2, 3, 1)), np.empty((2, 1, 1))
+        state = np.array([[0.1], [0.01]])
+        kernel.periods(
             joint.law,
             np.ones((1, 1)),
-            np.full((4, 1), request),
-            0.0,
-            0.004,
-            rounded,
-            0.1,
-            0.01,
+            np.full((3, 1, 1), request),
+            np.zeros(1),
+            np.array([0.004]),
+            np.array([rounded]),
+            *state,
             slopes,
             bends,
         )
-        return np.array(state), slopes[:, 2], bends[:, 0]
+        return state[:, 0], slopes[:, 2, 0], bends[:, 0, 0]
 
     for request in np.linspace(-0.5, 0.7, 13):
         (behind, slope_behind, _), (ahead, slope_ahead, _) = (

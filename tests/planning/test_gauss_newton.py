@@ -357,7 +357,7 @@ def test_requests_of_ages_that_do_not_act_on_a_joint_do_not_move_it():
     for joint, model in enumerate(problem.models):
         own = request_ages(model)
         beyond = (ages < own.youngest) | (ages > own.oldest)
-        by_request, bending = np.split(point.slopes[:, joint, 0, 1:], 2, axis=-1)
+        by_request, bending = np.split(point.slopes[joint, 0, 1:].T, 2, axis=-1)
         assert np.all(by_request[:, beyond] == 0.0)
         assert np.all(bending[:, beyond] == 0.0)
         assert np.any(by_request[:, ~beyond] != 0.0)
@@ -422,12 +422,12 @@ def test_where_the_lagrangian_curves_upwards_at_the_corners_the_step_is_damped(c
     angles = count + np.arange(point.states.size).reshape(point.states.shape)
     if problem.has_speeds:
         terms[angles[:, 1]] = SPEED_TERM
-    bends = point.slopes[:, 0, :, spec.parts + width :]  # second derivatives, (n, s, width)
+    bends = np.moveaxis(point.slopes[0, :, spec.parts + width :], -1, 0)  # (n, s, width)
     curvature = -np.einsum("ks,ksj->kj", multipliers, bends)
     assert np.any(curvature > 0.0)
     for k in range(samples):
         for j, bend in enumerate(np.maximum(curvature[k], 0.0)):
-            number = k - spec.youngest - j
+            number = k - problem.ages.youngest - j
             if cyclic or k > 0:
                 terms[angles[k - 1, 0]] += bend
             if cyclic or number >= 0:

@@ -69,7 +69,7 @@ def reached(problem, requests, angles, radius):
     point = allocated(problem.spec, smoothing=False)
     point.requests[:], point.states[:] = requests, angles
     evaluate(problem.spec, Stage(radius, 1.0), 1.0, point)
-    return angles + point.defects, point.slopes[:, 0, 0, 0]
+    return angles + point.defects, point.slopes[0, 0, 0]
 
 
 @CYCLIC

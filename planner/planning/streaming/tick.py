@@ -31,7 +31,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from planner.compilation import compiled, inner
-from planner.model.kernel import period, pose_sag, run_period
+from planner.model.kernel import periods, pose_sag, run_period
 from planner.model.law import Law
 from planner.planning.arguments import NEGLIGIBLE_SAG, ON_THE_LIMIT
 from planner.planning.streaming.repeating_path import Repeating, continue_path
@@ -431,19 +431,24 @@ def gauss_newton_step(problem: Problem, requests: Array, damping: float, step: A
     past, band = len(requests) - count, max(width, 2)  # requests of a period, or of a change
     inert = law.share < 1.0 or law.acceleration < np.inf
     # Forward: errors by the exact model, derivatives with rounded corners, costs
-    errors, slopes = np.empty(count), np.empty((count, 2, 2 + width))
-    window, bends = np.empty((4, width)), np.empty((2, 0))
+    errors, slopes = np.empty(count), np.empty((2, 2 + width, count))
+    window, (angles, speeds, sags, faster, rounded) = (
+        np.empty((3, width, count)),
+        np.empty((5, count)),
+    )
     q, per_change, of_errors, of_requests = np.zeros(count), np.empty(count), 0.0, 0.0
     for k in range(count):
         sample, first, request = samples[k], past + k + 1 - width, requests[past + k]
         for age in range(width):
-            window[0, age] = requests[past + k - age]
-        sag, faster = sample.sag, sample.faster
-        period(law, weights, window, sag, faster, sample.rounded, angle, speed, slopes[k], bends)
-        angle, speed = run_period(law, weights, requests, first, sag, faster, angle, speed, 0)
+            window[0, age, k] = requests[past + k - age]
+        angles[k], speeds[k], rounded[k] = angle, speed, sample.rounded
+        sags[k], faster[k] = sample.sag, sample.faster
+        angle, speed = run_period(
+            law, weights, requests, first, sample.sag, sample.faster, angle, speed, 0
+        )
         errors[k] = angle - sample.goal
         of_errors += sample.count * errors[k] ** 2
-        away = request - (sample.goal - sag - sample.pose_sag)
+        away = request - (sample.goal - sample.sag - sample.pose_sag)
         change = request - requests[past + k - 1]
         of_requests += cost_of_request(joint, change, away)
         excess = change - min(max(change, -joint.max_step), joint.max_step)
@@ -452,6 +457,8 @@ def gauss_newton_step(problem: Problem, requests: Array, damping: float, step: A
         q[k] += force + RESTING * away
         if k:
             q[k - 1] -= force
+    bends = np.empty((2, 0, count))
+    periods(law, weights, window, sags, faster, rounded, angles, speeds, slopes, bends)
     # Backward
     gradient, by_angle, by_speed = q.copy(), 0.0, 0.0
     p_aa, p_ab, p_bb, p_a, p_b = 0.0, 0.0, 0.0, 0.0, 0.0
@@ -463,8 +470,8 @@ def gauss_newton_step(problem: Problem, requests: Array, damping: float, step: A
     for k in range(count - 1, -1, -1):
         low = max(k - band + 1, 0)
         last, error = k - low, samples[k].count * errors[k]
-        a_by_a, a_by_b = slopes[k, 0, 0], slopes[k, 0, 1]
-        b_by_a, b_by_b = slopes[k, 1, 0], slopes[k, 1, 1]
+        a_by_a, a_by_b = slopes[0, 0, k], slopes[0, 1, k]
+        b_by_a, b_by_b = slopes[1, 0, k], slopes[1, 1, k]
         by_angle += error
         p_a += error
         p_aa += samples[k].count
@@ -472,8 +479,8 @@ def gauss_newton_step(problem: Problem, requests: Array, damping: float, step: A
         older, older_a, older_b, rest = gradient[low:], c_a[low:], c_b[low:], q[low:]
         for t in range(last + 1):
             age = last - t
-            lead_a[t] = slopes[k, 0, 2 + age] if age < width else 0.0
-            lead_b[t] = slopes[k, 1, 2 + age] if age < width and inert else 0.0
+            lead_a[t] = slopes[0, 2 + age, k] if age < width else 0.0
+            lead_b[t] = slopes[1, 2 + age, k] if age < width and inert else 0.0
         for t in range(last + 1):
             older[t] += lead_a[t] * by_angle + lead_b[t] * by_speed
             rest[t] += lead_a[t] * p_a + lead_b[t] * p_b
@@ -538,7 +545,7 @@ def gauss_newton_step(problem: Problem, requests: Array, damping: float, step: A
         for t in range(k - low):
             move -= feedback[k, t] * step[low + t]
         step[k] = move
-        now, changed = slopes[k, 0], slopes[k, 1]
+        now, changed = slopes[0, :, k], slopes[1, :, k]
         next_angle, next_speed = now[0] * angle + now[1] * speed, 0.0
         if inert:
             next_speed = changed[0] * angle + changed[1] * speed
