@@ -144,18 +144,3 @@ def test_ctrl_c_and_errors_end_it_as_they_end_the_player():
         robot.follow(report=reports.append)
     assert reports[0].failed
     assert robot.stops == 2
-
-
-@pytest.mark.parametrize(
-    ("given", "message"),
-    [
-        ({"stream": "mine"}, "stream: got 'mine', expected a planner.Stream"),
-        ({"send": None}, "send: got None, expected a function"),
-        ({"measure": 3}, "measure: got 3, expected a function"),
-        ({"desired": [[np.nan]]}, "desired"),
-    ],
-)
-def test_what_cannot_be_followed_is_refused_before_anything_is_sent(given, message):
-    good = {"stream": planner.Stream(JOINT, preview=5), "desired": PATH, "send": lambda _: None}
-    with pytest.raises(planner.InvalidInput, match=message):
-        planner.follow(**{**good, **given})

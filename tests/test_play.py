@@ -259,12 +259,6 @@ def test_nothing_is_sent_where_the_input_is_wrong(changes, message):
     assert robot.rows == []
 
 
-@pytest.mark.parametrize("period", [0.0, -1.0, float("nan"), float("inf"), "8 ms"])
-def test_a_period_is_a_positive_time(period):
-    with pytest.raises(planner.InvalidInput, match=r"expected a positive number of seconds"):
-        planner.timed_requests(WALK, period=period)
-
-
 def test_requests_in_degrees_are_refused_before_anything_is_sent():
     sent = []
     with pytest.raises(

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from planner.approximation.curve import PiecewiseLinear
-from planner.exceptions import InvalidInput
 
 CYCLE = PiecewiseLinear(
     knots=[2.0, 5.5, 8.0], values=[1.0, -1.0, 0.5], samples=10, tick=0.5, cyclic=True
@@ -77,22 +76,6 @@ def test_a_curve_does_not_change_with_the_arrays_it_was_made_from():
     assert curve.knots[1] == 1.0
 
 
-@pytest.mark.parametrize(
-    ("knots", "values", "cyclic", "message"),
-    [
-        ([0.0, 0.0], [1.0, 1.0], True, "increase"),
-        ([0.0, 10.0], [1.0, 1.0], True, "one cycle"),
-        ([3.0, 1.0], [1.0, 1.0], False, "increase"),
-        ([0.0, np.nan], [1.0, 1.0], False, "increase"),
-        ([0.0], [1.0], False, "expected"),
-        ([0.0, 1.0], [1.0], True, "values: got"),
-    ],
-)
-def test_knots_and_values_that_make_no_curve_are_refused(knots, values, cyclic, message):
-    with pytest.raises(InvalidInput, match=message):
-        PiecewiseLinear(knots=knots, values=values, samples=10, tick=1.0, cyclic=cyclic)
-
-
 INDEX = np.linspace(-7.0, 17.0, 49) + 0.013
 """Places between samples, before, in and after the samples."""
 
@@ -111,19 +94,3 @@ def test_the_data_of_a_curve_with_numbers_of_numpy_is_plain():
     curve = PiecewiseLinear(knots=[0.0, 4.0], values=[0.0, 1.0], **numbers)
     data = json.loads(json.dumps(curve.to_dict()))
     assert (data["samples"], data["tick"], data["cyclic"]) == (10, 0.5, True)
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"knots": None}, "knots: got an array of object, expected real numbers"),
-        ({"samples": 2.5}, "samples: got 2.5, expected a whole number"),
-        ({"tick": 0.0}, "tick: got"),
-        ({"values": [1.0, np.inf, 0.0]}, "values: expected finite"),
-    ],
-)
-def test_plain_data_of_no_curve_is_refused(change, message):
-    with pytest.raises(InvalidInput, match=message):
-        PiecewiseLinear.from_dict({**CYCLE.to_dict(), **change})
-    with pytest.raises(InvalidInput, match="no 'tick'"):
-        PiecewiseLinear.from_dict({"knots": [0.0], "values": [0.0], "samples": 3, "cyclic": True})

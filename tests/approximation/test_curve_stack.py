@@ -41,31 +41,6 @@ def test_rows_that_are_no_curves_are_refused(knots, values, message):
         CurveStack(knots=knots, values=values, cyclic=True, **OVER)
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"tick": 0}, "tick: got 0, expected a finite number above 0"),
-        ({"tick": "x"}, "tick: got 'x', expected a finite number above 0"),
-        ({"samples": "x"}, "samples: got 'x', expected a whole number"),
-        ({"samples": -3}, "samples: got -3, expected a whole number"),
-        ({"samples": 10.5}, "samples: got 10.5, expected a whole number"),
-        ({"cyclic": "no"}, "cyclic: got 'no', expected True or False"),
-        ({"knots": ["a", "b"]}, "knots: got an array of <U1, expected real numbers"),
-        ({"knots": [[0.0], [0.0, 1.0]]}, "knots: .*; expected an array of numbers"),
-        ({"knots": [0.0, np.inf]}, "knots: expected finite sample indices"),
-        ({"values": [["a", "b"]]}, "values: got an array of <U1, expected real numbers"),
-    ],
-)
-def test_fields_of_another_kind_are_refused_as_those_of_one_curve_are(change, message):
-    one = {"knots": [0.0, 4.0], "values": [0.0, 1.0], "cyclic": False, **OVER, **change}
-    for made, fields in (
-        (PiecewiseLinear, one),
-        (CurveStack, one | {"values": change.get("values", [[0.0, 1.0]])}),
-    ):
-        with pytest.raises(InvalidInput, match=message):
-            made(**fields)
-
-
 def test_only_curves_that_agree_are_stacked():
     same = {"knots": [0.0, 4.0], "values": [0.0, 1.0], "cyclic": True, **OVER}
     one = PiecewiseLinear(**same)

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from planner.approximation.fit import choices, fit_pwl
 from planner.approximation.ideal import attainable_error
-from planner.exceptions import Infeasible, InvalidInput, InvalidTrajectory
+from planner.exceptions import Infeasible, InvalidInput
 from planner.model.joint import JointModel
 from planner.planning.bounds.certify import lower_bound
 from tests.approximation.samples import (
@@ -298,9 +298,3 @@ SINE = np.sin(np.arange(12) * np.pi / 6)
 def test_arguments_out_of_their_range_are_refused(change, message):
     with pytest.raises(InvalidInput, match=message):
         fit_pwl(SINE, **{"v_max": 1.0, "tick": 1.0, **change})
-
-
-@pytest.mark.parametrize("desired", [[0.0, 1.0], [0.0, np.nan, 1.0], np.ones((4, 2))])
-def test_samples_that_are_no_trajectory_are_refused(desired):
-    with pytest.raises(InvalidTrajectory, match="desired"):
-        fit_pwl(desired, v_max=1.0, tick=1.0)

@@ -12,13 +12,12 @@ from made_up_robots import (
     CLOSED,
     LEGS,
     SHAPES,
-    Joint,
     ers210a_leg,
     made_up_leg,
     reference_leg,
 )
 
-from kinematics import InvalidInput, Leg, UnreachableFoot, UnsupportedLeg
+from kinematics import Leg, UnreachableFoot, UnsupportedLeg
 from kinematics.chain import Chain
 from kinematics.limits import Limits
 
@@ -164,18 +163,6 @@ def test_clamping_needs_a_closed_form(tmp_path):
     leg = made_up_leg(tmp_path, *SHAPES["no two axes meet"])
     with pytest.raises(UnsupportedLeg, match=r"clamp.*use 'nearest'"):
         leg.joint_angles([[0.0, 0.0, 0.0]], unreachable="clamp")
-
-
-def test_an_unknown_mode_is_an_error_that_lists_the_modes():
-    with pytest.raises(InvalidInput, match="'ignore', expected one of raise, nearest, clamp"):
-        reference_leg().joint_angles([[0.0, 0.0, -0.1]], unreachable="ignore")
-
-
-def test_the_inverse_takes_three_joints_at_most(tmp_path):
-    joints = [Joint((0.0, 0.0, -0.1), axis) for axis in [(0, 1, 0), (1, 0, 0)] * 2]
-    leg = made_up_leg(tmp_path, joints, (0.0, 0.0, -0.1))
-    with pytest.raises(UnsupportedLeg, match="3 joints at most, this one has 4: lock the others"):
-        leg.joint_angles([[0.0, 0.0, -0.1]])
 
 
 @given(scale=st.floats(1.0, 1e6), seed=st.integers(0, 1000))

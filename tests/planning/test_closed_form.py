@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from planner.approximation.curve import CurveStack, PiecewiseLinear
-from planner.exceptions import InvalidInput, InvalidTrajectory
 from planner.model.joint import JointModel
 from planner.model.response import simulate
 from planner.planning import pattern_search
@@ -238,21 +237,6 @@ def test_the_search_leaves_a_curve_that_the_joint_cannot_follow():
     ahead = ERS210A.switching_time / ERS210A.period
     refined = pattern_search.refined_curve(problem, curve, rule="exact", ahead=ahead)
     assert np.max(np.abs(refined.slopes)) <= ERS210A.v_max * (1.0 + 1e-6)
-
-
-@pytest.mark.parametrize(
-    ("desired", "options", "error", "message"),
-    [
-        ([0.0, math.nan, 0.0, 0.0], {}, InvalidTrajectory, "^desired: 1 of 4 samples"),
-        ([0.0, 1.0], {}, InvalidTrajectory, "^desired: got 2 samples"),
-        ([[0.0, 1.0, 2.0]], {}, InvalidTrajectory, "^desired: got shape"),
-        ([0.0, 1.0, 0.0], {"rule": "best"}, InvalidInput, "^rule: got 'best'"),
-        ([0.0, 1.0, 0.0], {"segments": 0}, InvalidInput, "^segments: got 0"),
-    ],
-)
-def test_bad_input_is_named(desired, options, error, message):
-    with pytest.raises(error, match=message):
-        invert_closed_form(ERS210A, desired, **options)
 
 
 def test_lines_are_as_steep_each_way_as_the_joint_is_fast():

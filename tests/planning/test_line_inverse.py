@@ -200,17 +200,6 @@ def test_v_max_itself_is_within_whatever_the_last_digit():
         assert offset == pytest.approx(math.radians(7.0 + 9.0 * 2.5), rel=1e-9)
 
 
-@pytest.mark.parametrize("slope", ["fast", [1.0, [2.0]], None])
-def test_a_slope_that_is_no_number_is_refused(slope):
-    with pytest.raises(InvalidInput, match=r"^slope: got "):
-        line_offset(ERS210A, slope)
-
-
-def test_a_rule_that_does_not_exist_is_refused_with_those_that_do():
-    with pytest.raises(InvalidInput, match=r"rule: got 'best', expected 'paper' or 'exact'"):
-        line_offset(ERS210A, 0.0, rule="best")
-
-
 def _inside_equation_13(rng):
     v_max, acceleration = rng.uniform(0.02, 0.05), rng.uniform(1.0, 9.0)
     return JointModel(

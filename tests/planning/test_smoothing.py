@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from planner.exceptions import InvalidInput
 from planner.gait.half_ellipse import reference_walk
 from planner.model.evidence import Evidence
 from planner.model.joint import JointModel
@@ -229,12 +228,6 @@ def test_a_plan_for_the_foot_is_smoothed_within_the_share_of_the_foots_error():
     assert plan.rms <= 1.005 * rugged.rms
     assert rough(plan) < 0.1 * rough(rugged)
     assert plan.largest_step < 0.5 * rugged.largest_step
-
-
-@pytest.mark.parametrize("smoothness", [-0.1, 1e300, np.nan, np.inf, "little"])
-def test_a_smoothness_that_is_no_share_is_refused(smoothness):
-    with pytest.raises(InvalidInput, match=r"smoothness: got .*expected the share"):
-        invert_optimal(ERS210A, np.zeros(30), smoothness=smoothness)
 
 
 def test_what_a_model_is_known_to_miss_is_not_worth_rough_requests():

@@ -70,7 +70,6 @@ def _follow(**given: Any) -> planner.Playback:
 
     if callable(given["desired"]):
         raise planner.InvalidInput("what the caller's own function does is the caller's affair")
-    given = {"stream": planner.Stream(MODEL, preview=7), "send": lambda _: None} | given
     return planner.follow(now=lambda: clock[0], sleep=sleep, **given)
 
 
@@ -121,6 +120,14 @@ ENTRANCES: Mapping[str, tuple[Callable[..., Any], Callable[[], dict[str, Any]]]]
             "tick": 0.01,
             "hold": 2,
             "offset": 0.1,
+            "dead_band": 0.01,
+            "v_offset": 0.1,
+            "compliance": 0.1,
+            "speed_per_torque": 0.1,
+            "time_constant": 0.01,
+            "max_acceleration": 500.0,
+            "sag_sin": 0.01,
+            "sag_cos": 0.01,
         },
     ),
     "PiecewiseLinear": (planner.PiecewiseLinear, lambda: dict(CURVE)),
@@ -240,6 +247,7 @@ ENTRANCES: Mapping[str, tuple[Callable[..., Any], Callable[[], dict[str, Any]]]]
             "limits": None,
             "norm": "rms",
             "weights": (1.0, 1.0, 1.0),
+            "max_step": 1.0,
             "unreachable": "nearest",
         },
     ),
@@ -253,6 +261,10 @@ ENTRANCES: Mapping[str, tuple[Callable[..., Any], Callable[[], dict[str, Any]]]]
             "norm": "rms",
             "start": None,
             "tolerance": 0.5,
+            "load": None,
+            "max_step": 1.0,
+            "smoothness": 0.005,
+            "robust": None,
         },
     ),
     "plan": (
@@ -316,10 +328,25 @@ ENTRANCES: Mapping[str, tuple[Callable[..., Any], Callable[[], dict[str, Any]]]]
             "report": None,
         },
     ),
-    "follow": (_follow, lambda: {"desired": ANGLES[:7, np.newaxis]}),
+    "follow": (
+        _follow,
+        lambda: {
+            "desired": ANGLES[:7, np.newaxis],
+            "stream": planner.Stream(MODEL, preview=7),
+            "send": lambda _: None,
+            "measure": None,
+        },
+    ),
     "Stream": (
         planner.Stream,
-        lambda: {"models": MODEL, "preview": 7, "limits": (-1.0, 1.0), "cycle": 20},
+        lambda: {
+            "models": MODEL,
+            "preview": 7,
+            "limits": (-1.0, 1.0),
+            "cycle": 20,
+            "max_step": 1.0,
+            "on_bad": "hold",
+        },
     ),
     "Stream.step": (
         _step,
@@ -330,7 +357,10 @@ ENTRANCES: Mapping[str, tuple[Callable[..., Any], Callable[[], dict[str, Any]]]]
         planner.sensitivities,
         lambda: {**JOINT, "requests": ANGLES, "start": None},
     ),
-    "simulate": (planner.simulate, lambda: {**JOINT, "requests": ANGLES, "start": None}),
+    "simulate": (
+        planner.simulate,
+        lambda: {**JOINT, "requests": ANGLES, "start": None, "load": None},
+    ),
     "step_test": (planner.step_test, lambda: {"amplitude": 0.5, "samples": 20}),
     "Leg.from_urdf": (Leg.from_urdf, lambda: {**PLACE, "locked": {}, "near": {}}),
     "Leg.foot_positions": (

@@ -15,7 +15,7 @@ from planner.files.paths import write_joint_path
 from tests.robustness.forks import Forks
 from tests.robustness.watched import DEATH
 
-MOST = 5
+MOST = 2
 """Kills before the last changes; of more changes than that, evenly spaced ones are tried."""
 
 LAST = 10

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import inspect
+import re
+from collections import defaultdict
 from dataclasses import fields, is_dataclass
 
 import numpy as np
@@ -16,17 +18,18 @@ from kinematics import KinematicsError
 from planner import PlannerError
 from tests.robustness.entrances import ANSWERS, ENTRANCES, MISSING
 from tests.robustness.hostile import ANYTHING, ARRAYS, NUMBERS, OTHERS
+from tests.snapshots import NUMBER
 
-EVERYTHING = [*NUMBERS, *OTHERS, *ARRAYS]
+HOSTILE = {"number": NUMBERS, "other": OTHERS, "array": ARRAYS}
 UNBOUNDED = {"lower", "upper", "max_step", "intervals", "gain_interval", "gap"}
 """Fields in which infinity says that there is no limit."""
-CALLED = {"progress", "on_stop", "report"}
+CALLED = {"progress", "on_stop", "report", "send", "measure"}
 """Arguments that are functions."""
 OPEN = {"speeds", "predicted", "held_out_predicted", "covariance"}
 """Fields in which NaN says that nothing is known."""
 
 
-def _call(name, arguments):
+def _call(name, arguments, refused=None):
     """The answer, or None for an error of ours; any other error or warning fails the test."""
     function, _ = ENTRANCES[name]
     try:
@@ -35,6 +38,8 @@ def _call(name, arguments):
         message = str(error)
         assert message.isprintable(), message
         assert len(message) < 1500, message
+        if refused is not None:
+            refused.append(error)
         return None
 
 
@@ -78,15 +83,65 @@ def test_arguments_that_are_fine_give_an_answer(name):
         _check_arrays(_call(name, good()))
 
 
+MASKS = (
+    (r"setting an array element with a sequence.*?(?=; expected)", "…"),
+    (r"robot description '.*'(?= is not shipped)", "robot description …"),
+    (r"unit '.*'(?= is unknown)", "unit …"),
+    (r"frame '.*'(?= is not)", "frame …"),
+    (r"no joint [^;]*", "no joint …"),
+    (r"joint \S+(?= is not on)", "joint …"),
+    (r"(?<=; )(frames|joints|its joints): .*", r"\1: …"),
+    (r"^.*(?=: (?:no such file|is no name of|cannot be read|a folder))", "…"),
+    (r"\((?:Is a|No such|File name|Invalid).*?\)", "(…)"),
+    (r"\(\[[^)]*\]\)", "(…)"),
+    (r"got .*?(?=, expected|;|$)", "got …"),
+    (r"the first at index .*?(?=;)", "the first …"),
+)
+"""What refusals say of the values."""
+
+
+def _words(error, place):
+    """An error without the value: its argument is ``·``, and a number ``#``."""
+    message = str(error)
+    for pattern, replacement in MASKS:
+        message = re.sub(pattern, replacement, message)
+    message = re.sub(rf"\b{re.escape(place)}\b", "·", message)
+    return f"{type(error).__name__}: {NUMBER.sub('#', message)}"
+
+
+def _ranges(indices):
+    """Indices in a few characters: 1 3-5."""
+    runs = []
+    for k in indices:
+        if runs and runs[-1][1] == k - 1:
+            runs[-1][1] = k
+        else:
+            runs.append([k, k])
+    return " ".join(f"{first}" if first == last else f"{first}-{last}" for first, last in runs)
+
+
 @pytest.mark.filterwarnings("ignore:preview:UserWarning")  # a short one is answered with it
-@pytest.mark.parametrize("name", ENTRANCES)
-def test_each_hostile_value_in_each_place_is_answered_or_refused(name):
-    _, good = ENTRANCES[name]
-    for place in good():
-        for value in EVERYTHING:
-            if place in CALLED and callable(value):
-                continue  # what the caller's own function does is the caller's affair
-            _check_arrays(_call(name, {**good(), place: value}))
+def test_each_hostile_value_in_each_place_is_answered_or_refused(snapshot):
+    """Which are answered, and in which words the others are refused, is held by a snapshot."""
+    answered, refused = defaultdict(list), defaultdict(dict)
+    for name, (_, good) in ENTRANCES.items():
+        for place in good():
+            taken = {kind: [] for kind in HOSTILE}
+            for kind, values in HOSTILE.items():
+                for k, value in enumerate(values):
+                    if place in CALLED and callable(value):
+                        continue  # what the caller's own function does is the caller's affair
+                    errors = []
+                    _check_arrays(_call(name, {**good(), place: value}, errors))
+                    if not errors:
+                        taken[kind].append(k)
+                    for error in errors:
+                        refused[_words(error, place)][f"{name} {place}"] = None
+            told = ", ".join(f"{kind} {_ranges(ks)}" for kind, ks in taken.items() if ks)
+            answered[told].append(f"{name} {place}")
+    lines = [f"answered {taken or 'none'}: {', '.join(of)}" for taken, of in answered.items()]
+    lines += [f"{words} | {', '.join(of)}" for words, of in refused.items()]
+    snapshot.check("refusals", "\n".join(lines) + "\n")
 
 
 @pytest.mark.filterwarnings("ignore:preview:UserWarning")  # a short one is answered with it

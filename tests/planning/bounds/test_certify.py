@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from scipy.optimize import linprog, nnls
 
 import planner
-from planner.exceptions import InvalidInput, InvalidTrajectory, NoSteadyCycle, SolverFailed
+from planner.exceptions import InvalidInput, NoSteadyCycle, SolverFailed
 from planner.model.joint import JointModel
 from planner.model.response import simulate
 from planner.planning.arguments import NORMS
@@ -550,27 +550,6 @@ def test_the_exact_level_is_refused_under_a_load_that_changes():
     assert lower_bound(model, [0.0, 0.1, 0.0], level="exact", load=0.1, time_limit=0.1) >= 0.0
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"norm": "l2"}, "norm: got 'l2', expected 'rms' or 'max'"),
-        ({"level": "best"}, "level: got 'best', expected 'slope', 'envelope' or 'exact'"),
-        ({"start": 0.0}, "start: a cycle has none"),
-        ({"cyclic": False, "start": math.nan}, "start: got nan"),
-        ({"cyclic": False, "start": math.inf}, "start: got inf"),
-    ],
-)
-def test_an_option_that_does_not_exist_is_refused(options, message):
-    with pytest.raises(InvalidInput, match=message):
-        lower_bound(ERS210A, [0.0, 1.0, 0.0], **options)
-
-
-@pytest.mark.parametrize("desired", [[0.0], [0.0, math.inf], [[0.0, 1.0]], None])
-def test_desired_angles_that_are_no_trajectory_are_named(desired):
-    with pytest.raises(InvalidTrajectory, match=r"^desired: "):
-        lower_bound(ERS210A, desired)
-
-
 @pytest.mark.parametrize("norm", NORMS)
 def test_a_bound_that_a_joint_in_motion_attains_ends_the_search_and_leaves_an_infinite_gap(
     norm, caplog
@@ -621,11 +600,6 @@ def test_the_bound_for_every_start_is_that_of_the_best_start():
     for norm, each in (("max", errors.max(0)), ("rms", np.sqrt((errors**2).mean(0)))):
         bound = lower_bound(joint, desired, cyclic=False, norm=norm, level="exact", time_limit=2.0)
         assert each.min() - 1e-4 < bound <= each.min()
-
-
-def test_a_start_that_is_no_angle_of_a_joint_is_refused():
-    with pytest.raises(InvalidInput, match="start: got 1e\\+300, expected an angle"):
-        certify(JointModel.ers210a(), np.zeros(9), cyclic=False, start=1e300)
 
 
 def test_a_joint_at_rest_is_moved_by_the_change_of_its_sag_and_with_inertia_by_any_such_change():

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kinematics.exceptions import InvalidPath, SingularLeg, UnsupportedLeg
+from kinematics.exceptions import SingularLeg, UnsupportedLeg
 from planner.exceptions import Infeasible, InvalidInput, SolverFailed
 from planner.model.joint import JointModel
 from planner.planning import solve
@@ -39,71 +39,11 @@ def test_models_that_do_not_fit_the_leg_or_each_other_are_refused(models, messag
         invert_foot(models, LEG, PATH)
 
 
-@pytest.mark.parametrize(
-    "weights",
-    [
-        (1.0, 1.0),
-        (0.0, 0.0, 0.0),
-        (1.0, -1.0, 1.0),
-        (1.0, math.nan, 1.0),
-        (1.0, math.inf, 1.0),
-        1.0,
-        None,
-        ("much", 1.0, 1.0),
-        [[1.0, 2.0], [3.0]],
-    ],
-    ids=str,
-)
-def test_weights_that_are_not_three_numbers_of_use_are_refused(weights):
-    with pytest.raises(InvalidInput, match=r"^weights: got .*expected three numbers, 0 or more"):
-        invert_foot(ERS210A, LEG, PATH, weights=weights)
-
-
-@pytest.mark.parametrize(
-    "limits",
-    [
-        3.0,
-        (1.0,),
-        (1.0, 2.0, 3.0),
-        ("low", "high"),
-        ((-1.0, -1.0), (1.0, 1.0)),
-        ([-3.0, [1.0]], 3.0),
-        (-3.0, (3.0, 3.0, math.nan)),
-    ],
-    ids=str,
-)
-def test_limits_that_are_no_pair_of_numbers_for_each_joint_are_refused(limits):
-    with pytest.raises(InvalidInput, match=r"^limits( of knee)?: got .*expected \(lower, "):
-        invert_foot(ERS210A, LEG, PATH, limits=limits)
-
-
 def test_limits_that_exclude_each_other_are_infeasible_and_name_the_joint():
     message = r"^limits: the lower one, 1 rad, is above the upper one, -1 rad"
     with pytest.raises(Infeasible, match=message) as raised:
         invert_foot(ERS210A, LEG, PATH, limits=((-2.0, -2.0, 1.0), (2.0, 2.0, -1.0)))
     assert raised.value.__notes__ == ["knee"]
-
-
-@pytest.mark.parametrize(
-    ("path", "error", "message"),
-    [
-        (np.full((5, 3), np.nan), InvalidPath, r"^foot: 5 of 5 rows are not finite"),
-        (PATH[:2], InvalidInput, r"^foot: got 2 points, expected at least 3"),
-        (PATH[:0], InvalidInput, r"^foot: got 0 points, expected at least 3"),
-        (PATH[:, :2], InvalidPath, r"^foot: got shape \(6, 2\), expected \(n, 3\)"),
-        (PATH[0], InvalidPath, r"^foot: got shape \(3,\).*for a single row"),
-        ("path.csv", InvalidPath, r"^foot: got an array of "),
-    ],
-    ids=["nan", "two points", "no points", "two columns", "one point", "text"],
-)
-def test_a_path_that_is_none_is_refused(path, error, message):
-    with pytest.raises(error, match=message):
-        invert_foot(ERS210A, LEG, path)
-
-
-def test_an_unknown_norm_is_refused():
-    with pytest.raises(InvalidInput, match=r"^norm: got 'l2'"):
-        invert_foot(ERS210A, LEG, PATH, norm="l2")
 
 
 def test_a_leg_of_four_joints_has_no_inverse(tmp_path):
