@@ -21,7 +21,7 @@ SKIPPED = ("script", "style", "svg")
 
 BLOCKS = (
     *("p", "div", "h1", "h2", "h3", "h4", "li", "tr", "table", "figure", "figcaption", "section"),
-    *("dt", "dd", "header", "footer", "nav", "main", "title", "summary", "details", "pre", "aside"),
+    *("dt", "header", "footer", "nav", "main", "title", "summary", "details", "pre", "aside"),
 )
 """Elements that begin a line."""
 
@@ -55,6 +55,10 @@ class _Reader(HTMLParser):
             self.parts.append("\n")
         elif tag in ("td", "th"):
             self.parts.append(" | ")
+        elif tag == "dd":  # on the line of its term
+            while not self.parts[-1].strip():
+                self.parts.pop()
+            self.parts.append(": ")
         kind = given.get("class", "")
         if (tag in ("tr", "td") and kind) or kind == "verdict no":
             self.parts.append(f"{{{kind}}} ")
@@ -66,7 +70,7 @@ class _Reader(HTMLParser):
 
     def handle_endtag(self, tag: str) -> None:
         assert self._open.pop() == tag
-        if tag in BLOCKS:
+        if tag in BLOCKS or tag == "dd":
             self.parts.append("\n")
 
     def handle_data(self, data: str) -> None:

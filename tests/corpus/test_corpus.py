@@ -16,6 +16,8 @@ two folders of outputs agree to the byte.
 from __future__ import annotations
 
 import csv
+import itertools
+import json
 import re
 import shlex
 import shutil
@@ -269,7 +271,7 @@ CASES = {
     ],
     "reproduce-file": "reproduce --out path.csv",
     "run": "run run.toml",
-    "run-check": ["run walk.toml --check", "run walk.toml --check --json", "run --template"],
+    "run-check": ["run walk.toml --check", "run walk.toml --check --json"],
     "run-walk": "run walk.toml --out out --json",
     "simulate": "simulate requests.csv --model joint.toml",
     "simulate-motor": "simulate requests.csv --model motor.toml --json",
@@ -299,7 +301,7 @@ MASKS = (
     (r'(?<="versions": \{)[^}]*', "…"),
     (r'(?<="made_from": ")[^"]*', "…"),
     (r'(?<="seconds": \{)[^}]*', "…"),
-    (r"(?m)^(Versions|Seconds)\n(?:[\w -]+\n[\d.]+\w*\n)+", r"\1 …\n"),
+    (r"(?m)^(Versions|Seconds)\n(?:[\w -]+: [\d.]+\w*\n)+", r"\1 …\n"),
     (re.escape(f"request-planner {__version__}"), "request-planner VERSION"),
 )
 """What differs from run to run or from version to version."""
@@ -307,8 +309,12 @@ MASKS = (
 ROUGH = ("calibrate-run",)
 """Cases that identify joints of simulated motors: processors differ there in more than rounding."""
 
-MOST = 400
-"""Longest object of JSON that stands in one line [characters], with those inside it."""
+SKIPPED = {"calibrate-run": (".csv",), "compare-page": (".csv",), "reproduced": (".csv",)}
+SKIPPED["virtually_reproduced"] = (".csv", ".json", ".toml")
+"""Endings of the files of a case whose content other files of it hold, or other tests."""
+
+WIDTH = 400
+"""Longest line of JSON [characters], but for arrays of numbers."""
 
 TEXTS = (".csv", ".json", ".toml", ".txt", ".yaml", ".jsonl")
 """Endings of files whose content stands in a snapshot."""
@@ -320,19 +326,73 @@ def columns(table: str) -> str:
 
 
 def compact(text: str) -> str:
-    """The same in fewer lines: one for each array of numbers in JSON, for each small object, and
-    for each column of a table of numbers.
-    """
-
-    def in_a_line(found: re.Match[str]) -> str:
-        line = re.sub(r"\s+", " ", found[0])
-        return line if len(line) <= MOST or found[0][0] == "[" else found[0]
-
+    """The same in fewer lines: one for each array or column of numbers, or point of a path."""
     text = re.sub(r"(?m)(?:^[\d.,e+-]+\n){20,}", lambda rows: columns(rows[0]) + "\n", text)
-    text = re.sub(r"\[[\s\d.,e+-]*\]", in_a_line, text)
-    for _ in range(3):  # objects in objects, from the inside
-        text = re.sub(r"\{\n(?:[^{}]|\{ [^{}\n]*\})*\}", in_a_line, text)
-    return text
+    text = re.sub(r"\n  (?=time_from_start|velocities)", " ", text)
+    return re.sub(r"\[[\s\d.,e+-]*\]", lambda found: re.sub(r"\s+", " ", found[0]), text)
+
+
+def json_lines(value: object, indent: str = "") -> str:
+    """JSON with small objects and arrays of numbers in a line, and short entries side by side."""
+    line = json.dumps(value, ensure_ascii=False)
+    if len(line) <= WIDTH or not re.search(r'[{"]', line):
+        return line
+    inner = indent + "  "
+    if isinstance(value, dict):
+        parts = [f'"{name}": {json_lines(each, inner)}' for name, each in value.items()]
+    else:
+        assert isinstance(value, list)
+        parts = [json_lines(each, inner) for each in value]
+    lines = [parts[0]]
+    for part in parts[1:]:
+        joined = f"{lines[-1]}, {part}"
+        if len(joined) <= WIDTH and "\n" not in joined:
+            lines[-1] = joined
+        else:
+            lines.append(part)
+    start, end = "{}" if isinstance(value, dict) else "[]"
+    return start + ",".join(f"\n{inner}{each}" for each in lines) + f"\n{indent}{end}"
+
+
+def in_few_lines(text: str, *, ending: str = "") -> str:
+    """What was printed or written: JSON and tables in fewer lines, without what differs."""
+    if ending in ("", ".json") and text.startswith("{"):
+        text = json_lines(json.loads(text))
+    text = masked(text).rstrip("\n")
+    return columns(text) if ending == ".csv" and text[0] != "#" else text
+
+
+def brief(page: str, printed: str) -> str:
+    """The text of a page without the rows that were printed and the paragraphs that return.
+
+    A caption may begin its figure's description, and stands once. Of rows of numbers alone, which
+    files hold, the first and the last stand here.
+    """
+    known = "\n".join(_cells(line) for line in printed.splitlines()) + "\n"
+    kept: dict[str, None] = {}
+    for kind, lines in itertools.groupby(page.splitlines(), lambda line: _kind(line, known)):
+        rows = list(lines)
+        if kind == "printed":
+            rows = [f"| ({len(rows)} rows as printed)"]
+        elif kind == "numbers" and len(rows) > 3:
+            rows[1:-1] = [f"| ({len(rows) - 2} rows)"]
+        kept |= dict.fromkeys(rows)
+    described = "\n".join(line for line in kept if line[0] == "(")
+    return "\n".join(line for line in kept if f"({line}. axes" not in described)
+
+
+def _cells(line: str) -> str:
+    """A row without what is between its cells."""
+    return re.sub(r"\{[\w ]*\}|[\s|,–]", "", line)
+
+
+def _kind(line: str, known: str) -> str:
+    """Whether a line of a page is a row that was printed, or one of numbers."""
+    if not line.startswith(("|", "{")) or "|" not in line:
+        return "text"
+    if len(_cells(line)) > 8 and f"{_cells(line)}\n" in known:
+        return "printed"
+    return "numbers" if re.fullmatch(r"[\d.−-]+", _cells(line)) else "text"
 
 
 def masked(text: str) -> str:
@@ -352,7 +412,22 @@ def without_numbers(text: str) -> str:
     return re.sub(r" {2,}", " ", text)
 
 
-def written(folder: Path, *, skipped: tuple[str, ...] = ()) -> list[str]:
+def without_options_before(text: str) -> str:
+    """Help, without the text of options that stood in another command's before."""
+    seen = set()
+
+    def option(found: re.Match[str]) -> str:
+        words = found[0].split()
+        if (said := " ".join(words)) in seen:
+            return f"  {' '.join(each for each in words[:2] if each[0] == '-')} …\n"
+        seen.add(said)
+        return found[0]
+
+    text = re.sub(r"(?m)^  -.*\n(?: {4,}.*\n)*", option, text)
+    return re.sub(r" …\n  (?=-[^\n]* …\n)", "  ", text)
+
+
+def written(folder: Path, *, printed: str, skipped: tuple[str, ...] = ()) -> list[str]:
     """What was written into a folder besides the inputs, without the content of some endings."""
     parts = []
     for file in sorted(folder.rglob("*")):
@@ -363,18 +438,18 @@ def written(folder: Path, *, skipped: tuple[str, ...] = ()) -> list[str]:
         parts.append(f"==== {name}")
         if file.suffix == ".html":
             page = file.read_text("utf-8")
-            parts.append(masked(text_of(page)))
+            parts.append(masked(brief(text_of(page), printed)))
             if drawn := figures_of(page):
                 check_needs_nothing_else(page, file.parent)
                 parts.append(drawn)
         elif file.suffix == ".svg":
             picture = file.read_text("utf-8")
             texts = re.findall(r"<text[^>]*>([^<]*)</text>", picture)
-            parts += re.findall(r'viewBox="[^"]*"', picture)[:1]
-            parts += [text for text in texts if not re.fullmatch(r"[−\d.]*", text)]  # no ticks
+            box = re.findall(r'viewBox="[^"]*"', picture)[:1]
+            texts = [text for text in texts if not re.fullmatch(r"[−\d.]*", text)]  # no ticks
+            parts.append("; ".join(dict.fromkeys(box + texts)))
         elif file.suffix in TEXTS and file.suffix not in skipped:
-            text = masked(file.read_text("utf-8")).rstrip("\n")
-            parts.append(columns(text) if file.suffix == ".csv" and text[0] != "#" else text)
+            parts.append(in_few_lines(file.read_text("utf-8"), ending=file.suffix))
     return parts
 
 
@@ -405,23 +480,36 @@ def test_a_command_prints_writes_and_answers_what_it_did(
             raise result.exception
         parts += [f"$ request-planner {line}", f"status {result.exit_code}"]
         for kind, text in (("stdout", result.stdout), ("stderr", result.stderr)):
-            parts += [f"---- {kind}", masked(text).rstrip("\n")] if text else []
+            parts += [f"---- {kind}", in_few_lines(text)] if text else []
     keep(name, tmp_path)
-    text = "\n".join([*parts, *written(tmp_path, skipped=(".csv",) * (name in ROUGH))])
+    printed = "\n".join(parts)
+    if name == "help":
+        printed = without_options_before(printed)
+    skipped = SKIPPED.get(name, ())
+    text = "\n".join([printed, *written(tmp_path, printed=printed, skipped=skipped)])
     text = text.replace(str(tmp_path), "…")
     snapshot.check(name, compact(without_numbers(text) if name in ROUGH else text) + "\n")
 
 
 @pytest.mark.parametrize("name", ["reproduced", "virtually_reproduced"])
 def test_a_reproduction_prints_and_writes_what_it_did(name, request, snapshot, keep):
-    """The slowest commands, which other tests share; without CSVs, which results.json sums up.
+    """The slowest commands, which other tests share.
 
-    The virtual robot magnifies the last bits of its first steps, so that only words are compared.
+    The virtual robot magnifies the last bits of its first steps, so that only words are compared;
+    held are the lines that the other reproduction does not have.
     """
+    text = reproduction(request, "reproduced", keep)
+    if name == "virtually_reproduced":
+        known = set(without_numbers(text).splitlines())
+        lines = without_numbers(reproduction(request, name, keep)).splitlines()
+        text = "\n".join(line for line in dict.fromkeys(lines) if line not in known)
+    snapshot.check(name, compact(text) + "\n")
+
+
+def reproduction(request, name, keep):
+    """What a reproduction prints and writes."""
     made = request.getfixturevalue(name)
     keep(name, made.folder)
-    text = "\n".join([masked(made.printed), *written(made.folder, skipped=(".csv",))]) + "\n"
-    text = re.sub(r"(?<=CSV files: ).*", "out", text)
-    if name == "virtually_reproduced":
-        text = without_numbers(text)
-    snapshot.check(name, compact(text))
+    parts = written(made.folder, printed=made.printed, skipped=SKIPPED[name])
+    text = "\n".join([masked(made.printed), *parts])
+    return re.sub(r"(?<=CSV files: ).*", "out", text)
