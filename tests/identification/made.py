@@ -192,7 +192,7 @@ STICKY = planner.JointModel(
 """A joint whose dry friction shows, logged at 50 Hz."""
 
 
-def holds_log(model=STICKY, *, seed=0, rows=3000, largest=0.6):
+def holds_log(model=STICKY, *, seed=0, rows=1800, largest=0.6):
     """Ramps between angles that are held for a second or so."""
     rng = np.random.default_rng(seed)
     places, requests = rng.uniform(-largest, largest, size=rows), [0.0]

@@ -30,6 +30,7 @@ from tests.identification.made import (
     NOISE,
     QUANTUM,
     changed,
+    identified_rich,
     identified_steps,
     measured,
     rich_log,
@@ -101,8 +102,8 @@ def test_a_model_that_could_not_be_tested_is_usable_and_says_why():
 def test_the_second_half_of_the_rows_with_torque_is_held_out():
     log = rich_log(noise=NOISE, rows=400)
     off = changed(log, torque_on=np.arange(400) < 300)
-    for each, first in ((log, 200), (off, 150)):
-        (fit,) = planner.identify(each).fits
+    for found, first in ((identified_rich(), 200), (planner.identify(off), 150)):
+        (fit,) = found.fits
         rows = np.flatnonzero(fit.held_out)
         assert rows[0] == first
         assert np.all(np.isfinite(fit.held_out_predicted[rows]))
@@ -152,8 +153,10 @@ def test_a_joint_that_overshoots_for_a_moment_has_no_column_in_another_scale():
     swing = 0.8 * np.exp(-since / 6.0) * np.cos(since / 3.0)
     angles = requests * (1.0 + np.where(since >= 0.0, swing, -1.0))
     log = changed(rich_log(JOINT, rows=len(requests)), times=times, requests=requests)
-    scaled = planner.identify(changed(log, angles=1.6 * requests)).findings
-    overshooting = planner.identify(changed(log, angles=angles)).findings
+    scaled, overshooting = (
+        planner.identify(changed(log, angles=each), hold_out=False).findings
+        for each in (1.6 * requests, angles)
+    )
     assert np.ptp(angles) > 1.4 * np.ptp(requests)
     assert any("scale of a column" in each.words for each in scaled)
     assert not any("scale of a column" in each.words for each in overshooting)
@@ -171,8 +174,7 @@ def test_how_well_the_middle_of_a_window_is_known_counts_what_its_length_does():
 
 
 def test_what_was_held_out_is_predicted_to_the_noise():
-    log = rich_log(noise=NOISE)
-    found = planner.identify(log)
+    log, found = rich_log(noise=NOISE), identified_rich()
     assert NOISE / WHITE <= found.held_out_rms <= WHITE * NOISE
     assert NOISE / WHITE <= found.noise <= WHITE * NOISE
     (fit,) = found.fits
@@ -212,7 +214,7 @@ def test_rows_without_torque_are_not_used():
     torque = np.ones(400, dtype=bool)
     torque[50:120] = torque[300:310] = False
     spoilt = np.where(torque, log.angles, 1.0)
-    found = planner.identify(changed(log, angles=spoilt, torque_on=torque))
+    found = planner.identify(changed(log, angles=spoilt, torque_on=torque), hold_out=False)
     (fit,) = found.fits
     assert not fit.used[~torque].any()
     assert np.isnan(fit.predicted[~fit.used]).all()
@@ -224,18 +226,18 @@ def test_of_a_log_of_noise_one_warning_says_that_it_holds_no_motion():
     log = rich_log()
     noise = np.random.default_rng(0).normal(0.0, 0.01, len(log.times))
     for angles in (noise, 30.0 * noise, np.round(noise / QUANTUM) * QUANTUM):
-        found = planner.identify(changed(log, angles=angles))
+        found = planner.identify(changed(log, angles=angles), hold_out=False)
         assert (found.verdict, found.reason) == ("refused", "the log holds no motion of the joint")
         (warning,) = found.warnings
         assert warning.startswith("this log holds no motion of the joint")
-    moved = planner.identify(changed(log, angles=rich_log(seed=1).angles))
+    moved = planner.identify(changed(log, angles=rich_log(seed=1).angles), hold_out=False)
     assert not any("holds no motion" in warning for warning in moved.warnings)
 
 
 def test_a_joint_that_sticks_badly_is_refused():
     log = rich_log(noise=NOISE)
     stuck = np.clip(log.angles, -0.1, 0.1)  # something holds it
-    found = planner.identify(changed(log, angles=stuck))
+    found = planner.identify(changed(log, angles=stuck), hold_out=False)
     assert not found.accepted
 
 
@@ -243,7 +245,7 @@ def test_outliers_weigh_little_and_are_not_held_against_the_model():
     log = rich_log(noise=NOISE)
     angles = log.angles.copy()
     angles[200:205] += [0.15, 0.3, 0.4, 0.3, 0.15]  # no jump, so that they are fitted
-    found = planner.identify(changed(log, angles=angles))
+    found = planner.identify(changed(log, angles=angles), hold_out=False)
     assert found.accepted
     weights = found.fits[0].weights
     assert np.max(weights[201:204]) < 0.1
@@ -254,7 +256,9 @@ def test_outliers_weigh_little_and_are_not_held_against_the_model():
 def test_a_joint_that_jumps_is_none_even_if_it_mostly_rests():
     requests = np.repeat([0.0, 0.5, 0.0, 0.5, 0.0], 20)
     times = 0.02 * np.arange(len(requests))
-    found = planner.identify((times, requests, requests))  # there at once: faster than any lag
+    found = planner.identify(
+        (times, requests, requests), hold_out=False
+    )  # there at once: faster than any lag
     assert not found.accepted
 
 
@@ -272,9 +276,7 @@ def names_the_sign(found):
     return any("moves against" in text or "move against" in text for text in found.warnings)
 
 
-@pytest.mark.parametrize(
-    ("shape", "frequency"), [("sine", 0.5), ("sine", 2.0), ("square", 2.0), ("swept", 0.0)]
-)
+@pytest.mark.parametrize(("shape", "frequency"), [("sine", 2.0), ("square", 2.0), ("swept", 0.0)])
 def test_an_inverted_sign_is_refused_by_name_even_if_the_motion_repeats_itself(shape, frequency):
     log = waves(shape, frequency)
     assert not names_the_sign(planner.identify(log, hold_out=False))
@@ -326,9 +328,7 @@ def test_a_log_in_which_the_joint_always_saturates_bounds_theta_0_from_above_onl
     assert any("theta_0 is only known to be less than" in text for text in found.warnings)
 
 
-@pytest.mark.parametrize(
-    ("factor", "verdict"), [(0.2, "refused"), (4.0, "refused"), (2.0, "usable"), (1.5, "usable")]
-)
+@pytest.mark.parametrize(("factor", "verdict"), [(0.2, "refused"), (1.5, "usable")])
 def test_columns_in_two_scales_are_said_with_both_factors(factor, verdict):
     """A sag by the angle explains most of a factor of one to two."""
     times = AIBO.period * np.arange(400)

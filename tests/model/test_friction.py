@@ -147,31 +147,6 @@ def test_mirroring_everything_mirrors_the_angles(model, requests, cyclic):
     np.testing.assert_allclose(angles, expected, rtol=0.0, atol=1e-9)
 
 
-@given(models(friction=True), trajectories(), st.booleans())
-def test_inside_the_dead_band_nothing_moves(model, shares, cyclic):
-    requests = 0.999 * model.dead_band * shares / 2.0
-    requests -= requests[0]
-    requests /= max(1.0, float(np.max(np.abs(requests))) / (0.999 * model.dead_band + 1e-300))
-    angles = simulate(replace(model, compliance=0.0), requests, cyclic=cyclic)
-    if model.dead_band:
-        np.testing.assert_array_equal(angles, requests[0] + model.offset)
-
-
-def test_large_errors_move_the_joint_at_its_own_top_speed_in_each_direction():
-    load, period = 0.5, DRY.period
-    faster = DRY.v_offset + DRY.speed_per_torque * load
-    for way, top in ((1.0, DRY.v_max + faster), (-1.0, DRY.v_max - faster)):
-        angles = simulate(DRY, np.full(20, 9.0 * way), cyclic=False, start=0.0, load=load)
-        np.testing.assert_allclose(np.diff(angles), way * top * period, rtol=1e-12)
-
-
-def test_a_joint_stops_short_of_its_request_by_the_dead_band_on_either_side():
-    for way in (1.0, -1.0):
-        requests = np.concatenate([[0.0], np.full(300, way)])
-        angles = simulate(DRY, requests, cyclic=False, load=0.3)
-        assert angles[-1] == pytest.approx(way * (1.0 - DRY.dead_band) + DRY.sag(0.3), abs=1e-12)
-
-
 def test_the_request_that_holds_an_angle_holds_it_in_the_middle_of_the_dead_band():
     (request,) = rest_requests((DRY,), np.array([0.7]), (0.4,))
     assert np.all(simulate(DRY, np.full(9, request), load=0.4) == pytest.approx(0.7, abs=1e-15))
@@ -179,12 +154,6 @@ def test_the_request_that_holds_an_angle_holds_it_in_the_middle_of_the_dead_band
         requests = np.full(60, request + aside * DRY.dead_band)
         moved = simulate(DRY, requests, cyclic=False, start=0.7, load=0.4)
         np.testing.assert_allclose(moved, 0.7, rtol=0.0, atol=1e-15)
-
-
-def test_a_load_that_a_joint_does_not_feel_changes_nothing():
-    requests = loads(30)
-    model = JointModel.ers210a()
-    np.testing.assert_array_equal(simulate(model, requests, load=2.0), simulate(model, requests))
 
 
 def test_cycles_with_inertia_close_under_rough_requests():

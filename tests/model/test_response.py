@@ -10,19 +10,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from planner.exceptions import InvalidInput, InvalidTrajectory, NoSteadyCycle
+from planner.exceptions import InvalidTrajectory, NoSteadyCycle
 from planner.model.joint import JointModel
 from planner.model.response import path_speeds, simulate
-from planner.planning.line_inverse import line_offset
-from tests.independent import from_rest, next_cycle, of_whole_ticks
-from tests.instances import REFERENCE_JOINTS, random_model, saturating
+from tests.independent import next_cycle, of_whole_ticks
+from tests.instances import random_model, saturating
 from tests.strategies import models, trajectories
 
 SAME = 1e-12
 """Two ways to run the same recursion over a few hundred ticks agree to this [rad]."""
 
-BOUNDARY = 2e-12
-"""How far a cycle may be from closed, at angles of a few radians [rad]."""
 
 ERS210A = JointModel.ers210a()
 
@@ -32,20 +29,6 @@ def test_whole_ticks_are_equation_3_to_the_letter(model, requests, start):
     expected = of_whole_ticks(model, requests, start)
     angles = simulate(model, requests, cyclic=False, start=start)
     np.testing.assert_allclose(angles, expected, rtol=0.0, atol=SAME)
-
-
-@given(models(), trajectories(), st.floats(-1.0, 1.0))
-def test_from_rest_any_window_hold_and_offset_is_the_sum_over_overlaps(model, requests, start):
-    expected = from_rest(model, requests, start=start)
-    angles = simulate(model, requests, cyclic=False, start=start)
-    np.testing.assert_allclose(angles, expected, rtol=0.0, atol=SAME)
-
-
-@given(models(), trajectories(least=2))
-def test_a_cycle_is_followed_by_itself(model, requests):
-    angles = simulate(model, requests)
-    following = next_cycle(model, requests, angles[-1])
-    np.testing.assert_allclose(following, angles, rtol=0.0, atol=BOUNDARY + SAME)
 
 
 @pytest.mark.parametrize("hold", [1, 3])
@@ -58,34 +41,6 @@ def test_repeated_from_rest_the_joint_settles_into_the_steady_cycle(samples, hol
         repetitions = math.ceil(1200 / samples)
         settled = simulate(model, np.tile(requests, repetitions), cyclic=False)[-samples:]
         np.testing.assert_allclose(settled, simulate(model, requests), rtol=0.0, atol=1e-9)
-
-
-@given(models(holds=(2, 4)), trajectories(), st.booleans())
-def test_holding_a_request_is_repeating_it_tick_by_tick(model, requests, cyclic):
-    every_tick = simulate(replace(model, hold=1), np.repeat(requests, model.hold), cyclic=cyclic)
-    np.testing.assert_allclose(
-        simulate(model, requests, cyclic=cyclic), every_tick[:: model.hold], rtol=0.0, atol=BOUNDARY
-    )
-
-
-@given(models(), trajectories(), st.booleans())
-def test_an_offset_is_an_offset_of_every_request(model, requests, cyclic):
-    without = simulate(replace(model, offset=0.0), requests + model.offset, cyclic=cyclic)
-    angles = simulate(model, requests, cyclic=cyclic)
-    np.testing.assert_allclose(angles, without, rtol=0.0, atol=BOUNDARY)
-
-
-@given(models(), st.floats(-2.0, 2.0), st.integers(2, 9), st.booleans())
-def test_a_constant_request_holds_the_joint_at_request_plus_offset(model, request_, n, cyclic):
-    angles = simulate(model, np.full(n, request_), cyclic=cyclic)
-    np.testing.assert_allclose(angles, request_ + model.offset, rtol=0.0, atol=SAME)
-
-
-@given(models(), trajectories(), st.booleans())
-def test_the_joint_never_moves_faster_than_v_max(model, requests, cyclic):
-    angles = simulate(model, requests, cyclic=cyclic)
-    steps = np.diff(angles, append=angles[:1]) if cyclic else np.diff(angles)
-    assert np.max(np.abs(steps)) <= model.v_max * model.period * (1.0 + 1e-12) + SAME
 
 
 def test_from_rest_the_start_is_the_angle_one_tick_before_the_first_request():
@@ -101,58 +56,12 @@ def test_from_rest_the_requests_before_the_first_were_the_first():
     assert np.all(simulate(ERS210A, np.full(30, 0.5), cyclic=False) == 0.5)
 
 
-@given(models(), trajectories(), st.floats(-3.0, 3.0), st.booleans())
-def test_shifting_the_requests_shifts_the_angles(model, requests, shift, cyclic):
-    shifted = simulate(model, requests + shift, cyclic=cyclic)
-    expected = simulate(model, requests, cyclic=cyclic) + shift
-    if _settles_in_one_place(model, requests, cyclic):
-        np.testing.assert_allclose(shifted, expected, rtol=0.0, atol=1e-9)
-
-
-@given(models(offsets=False), trajectories(), st.booleans())
-def test_mirroring_the_requests_mirrors_the_angles(model, requests, cyclic):
-    if _settles_in_one_place(model, requests, cyclic):
-        mirrored = simulate(model, -requests, cyclic=cyclic)
-        expected = -simulate(model, requests, cyclic=cyclic)
-        np.testing.assert_allclose(mirrored, expected, rtol=0.0, atol=1e-9)
-
-
 @given(models(), trajectories(), st.integers(0, 19))
 def test_rotating_a_cycle_of_requests_rotates_the_angles(model, requests, by):
     if _settles_in_one_place(model, requests, True):
         rotated = simulate(model, np.roll(requests, by))
         expected = np.roll(simulate(model, requests), by)
         np.testing.assert_allclose(rotated, expected, rtol=0.0, atol=1e-9)
-
-
-@given(models(), trajectories(), st.booleans(), st.floats(0.1, 10.0))
-def test_another_unit_of_angle_changes_nothing_but_the_unit(model, requests, cyclic, unit):
-    scaled = replace(
-        model, v_max=model.v_max * unit, theta_0=model.theta_0 * unit, offset=model.offset * unit
-    )
-    if _settles_in_one_place(model, requests, cyclic):
-        expected = simulate(model, requests, cyclic=cyclic) * unit
-        answer = simulate(scaled, requests * unit, cyclic=cyclic)
-        np.testing.assert_allclose(answer, expected, rtol=0.0, atol=1e-9 * max(1.0, unit))
-
-
-@given(models(), trajectories(), st.integers(1, 19))
-def test_a_request_has_no_effect_before_its_lag(model, requests, at):
-    at = min(at, len(requests) - 1)
-    changed = requests.copy()
-    changed[at:] += 1.0
-    # It is sent at tick at * hold and first felt first ticks later.
-    unaffected = math.ceil((at * model.hold + model.window.first) / model.hold)
-    before = simulate(model, requests, cyclic=False)[:unaffected]
-    assert np.array_equal(simulate(model, changed, cyclic=False)[:unaffected], before)
-
-
-@pytest.mark.parametrize("joint", REFERENCE_JOINTS, ids=lambda joint: joint.name)
-def test_requests_equal_to_the_desired_angles_miss_the_reference_walk_by_the_known_amount(joint):
-    errors = simulate(ERS210A, joint.desired) - joint.desired
-    assert math.degrees(np.sqrt(np.mean(errors**2))) == pytest.approx(
-        joint.direct_rms_deg, abs=0.005
-    )
 
 
 def test_a_cycle_that_only_drifts_settles_where_the_requests_balance():
@@ -188,20 +97,6 @@ def test_a_joint_that_overshoots_has_a_steady_cycle_too(requests, hold, ratio):
     np.testing.assert_allclose(next_cycle(model, requests, angles[-1]), angles, atol=1e-11)
 
 
-def test_a_window_longer_than_the_cycle_wraps_around_it_as_often_as_needed():
-    requests = np.array([0.0, 0.3, 0.1])
-    angles = simulate(ERS210A, requests)
-    twelve = simulate(ERS210A, np.tile(requests, 12))
-    np.testing.assert_allclose(np.tile(angles, 12), twelve, rtol=0.0, atol=1e-11)
-
-
-def test_a_request_raised_by_the_line_offset_is_answered_by_the_line():
-    slope = 0.8 * ERS210A.v_max
-    line = slope * ERS210A.period * np.arange(400)
-    angles = simulate(ERS210A, line + line_offset(ERS210A, slope), cyclic=False)
-    assert angles[-1] == pytest.approx(line[-1], abs=1e-9)
-
-
 def test_the_answer_is_read_only_and_the_requests_stay_as_they_were():
     requests = np.array([0.0, 0.3, 0.1])
     for cyclic in (True, False):
@@ -210,23 +105,6 @@ def test_the_answer_is_read_only_and_the_requests_stay_as_they_were():
             angles[0] = 0.0
         assert angles.flags.owndata
     assert requests.tolist() == [0.0, 0.3, 0.1]
-
-
-def test_a_start_belongs_to_a_run_from_rest_only():
-    with pytest.raises(InvalidInput, match=r"start: a cycle has none"):
-        simulate(ERS210A, [0.0, 0.1], start=0.0)
-
-
-@pytest.mark.parametrize("start", [math.nan, math.inf])
-def test_a_start_must_be_finite(start):
-    with pytest.raises(InvalidInput, match=r"start: got (nan|inf), expected an angle of at most"):
-        simulate(ERS210A, [0.0, 0.1], cyclic=False, start=start)
-
-
-@pytest.mark.parametrize("requests", [[0.0], [0.0, math.nan], [[0.0, 1.0]], "ab", [], None])
-def test_requests_that_are_no_trajectory_are_named(requests):
-    with pytest.raises(InvalidTrajectory, match=r"^requests: got|^requests: 1 of 2"):
-        simulate(ERS210A, requests)
 
 
 def _settles_in_one_place(model, requests, cyclic):

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
-
 import casadi
 import numpy as np
 import pytest
@@ -13,26 +11,10 @@ from hypothesis import strategies as st
 from planner.model.joint import JointModel, acting, request_ages
 from planner.model.response import simulate
 from planner.model.symbolic import period
-from tests.instances import random_model
 from tests.strategies import models
 
 SAME = 2e-14
 """Agreement of two ways to write a sum over some periods [rad]."""
-
-
-@pytest.mark.parametrize("hold", [1, 2, 3, 4])
-@pytest.mark.parametrize("cyclic", [True, False])
-@pytest.mark.parametrize("samples", [2, 7, 60])
-def test_periods_in_symbols_in_a_row_are_the_simulation(samples, cyclic, hold):
-    rng = np.random.default_rng([samples, hold])
-    model = random_model(rng, whole=False, hold=hold, offset=True)
-    requests = rng.uniform(-1.0, 1.0, size=samples)
-    angles = simulate(model, requests, cyclic=cyclic)
-    # From rest the run starts where the first request holds the joint.
-    start = float(angles[-1]) if cyclic else float(requests[0] + model.offset)
-    run = chained(model, requests, start, cyclic=cyclic)
-    # Cyclic, the cycle itself is closed to 1e-12 only.
-    np.testing.assert_allclose(run, angles, rtol=0.0, atol=2e-12 if cyclic else SAME)
 
 
 @given(models(), st.integers(0, 2**32 - 1))
@@ -52,10 +34,6 @@ def test_every_request_said_to_act_acts_and_no_younger_one_does(model, seed):
     changed[k - at.youngest + 1 :] += 1.0
     before = simulate(model, requests, cyclic=False)[k]
     assert simulate(model, changed, cyclic=False)[k] == before
-
-
-def test_the_request_ages_of_the_ers210a_are_its_window():
-    assert tuple(request_ages(JointModel.ers210a())) == (5, 10)
 
 
 @pytest.mark.parametrize(
@@ -93,16 +71,6 @@ def test_from_rest_minus_one_stands_for_the_requests_before_the_first():
         5,
         4,
     ]
-
-
-def test_many_threads_get_what_one_thread_gets():
-    model, rng = JointModel.ers210a(), np.random.default_rng(7)
-    jobs = list(rng.uniform(-1, 1, size=(200, 88)))
-    alone = [simulate(model, requests) for requests in jobs]
-    with ThreadPoolExecutor(8) as pool:
-        together = list(pool.map(lambda requests: simulate(model, requests), jobs))
-    for one, other in zip(alone, together, strict=True):
-        np.testing.assert_array_equal(one, other)
 
 
 def chained(model, requests, angle, *, cyclic, load=None, speed=0.0):

@@ -210,16 +210,15 @@ def test_joints_without_a_leg_or_a_cycle_have_a_page_too():
     assert "deg rms" in page
 
 
-@pytest.mark.parametrize(("width", "dark"), [(1280, False), (390, True)])
-def test_every_figure_comes_to_life_and_fits_the_screen(page, browser, tmp_path, width, dark):
+def test_every_figure_comes_to_life_and_fits_a_phone(page, browser, tmp_path):
     file = tmp_path / "compare.html"
     file.write_text(page, encoding="utf-8")
-    browser.open(file, width=width, dark=dark)
+    browser.open(file, width=390, dark=True)
     figures = browser.ask("Object.keys(live.figures)")
     assert figures == ["leg", "joint_0", "joint_1", "joint_2", "foot_distances"]
     for name in figures:
         browser.wait_for(f"'drawn' in document.getElementById('{name}').dataset")
-    assert browser.ask("document.documentElement.scrollWidth") <= width
+    assert browser.ask("document.documentElement.scrollWidth") <= 390
     assert browser.complaints == []
     assert browser.ask("live.errors") == []
     assert browser.requests == [file.as_uri()]

@@ -129,7 +129,8 @@ def test_the_plan_for_the_reference_walk_is_within_a_hundredth_of_the_best():
         *((*kind, False, False) for kind in KINDS),
         (1, True, "rms", True, False),
         (2, False, "max", True, False),
-        *((*kind, False, True) for kind in KINDS),
+        (1, True, "rms", False, True),
+        (2, False, "max", False, True),
     ],
 )
 def test_no_requests_within_the_limits_go_below_it(hold, cyclic, norm, friction, gravity):
@@ -257,12 +258,11 @@ def test_a_path_that_the_joints_can_follow_has_a_bound_of_nothing():
     assert plan.lower_bound == 0.0
 
 
-@pytest.mark.parametrize("turns", [(1, 0, 0), (-2, 0, 1)])
-def test_whole_turns_of_a_plan_change_no_bound(turns):
+def test_whole_turns_of_a_plan_change_no_bound():
     """Joints of robots may turn ten radians either way: a search that began elsewhere fails."""
     plan = short_plan(1, cyclic=True, norm="rms")
     task, angles = plan.plan.task, plan.predicted
-    turned = angles + 2.0 * np.pi * np.array(turns)
+    turned = angles + 2.0 * np.pi * np.array([-2, 0, 1])
     bound = foot_bound(task, angles)
     assert bound > 0.0
     assert foot_bound(task, turned) == pytest.approx(bound, rel=1e-6)
