@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
+import importlib
+import io
 import json
 import math
-import os
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -34,10 +35,23 @@ def _importable(monkeypatch):
     monkeypatch.syspath_prepend(str(SCRIPTS))
 
 
-def run(*arguments: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-P", "-m", "benchmark", *arguments]
-    environment = {**os.environ, "PYTHONPATH": str(SCRIPTS), "OPENBLAS_NUM_THREADS": "1"}
-    return subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
+class Answer(NamedTuple):
+    """What a command prints, and its status."""
+
+    returncode: int
+    stdout: str
+    stderr: str
+
+
+def run(*arguments: str, module: str = "benchmark.__main__") -> Answer:
+    """A command of the benchmark, in this process."""
+    printed, said = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(printed), contextlib.redirect_stderr(said):
+        try:
+            status = importlib.import_module(module).main(arguments)
+        except SystemExit as end:
+            status = end.code
+    return Answer(status, printed.getvalue(), said.getvalue())
 
 
 def test_a_run_is_kept_compared_and_written_down(tmp_path):
@@ -186,10 +200,8 @@ def test_numbers_are_written_short():
     assert not table.against({"other": {"a": 1.0}}).rows
 
 
-def reference(*arguments: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-P", "-m", "benchmark.reference", *arguments]
-    environment = {**os.environ, "PYTHONPATH": str(SCRIPTS), "OPENBLAS_NUM_THREADS": "1"}
-    return subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
+def reference(*arguments: str) -> Answer:
+    return run(*arguments, module="benchmark.reference.__main__")
 
 
 def test_reference_results_are_recorded_and_compared_to_the_last_bit(tmp_path):

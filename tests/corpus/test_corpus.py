@@ -49,7 +49,8 @@ CASES = {
     "calibrate-named": "calibrate --bus virtual --ids pan=2,lift=1 --joint lift --reverse lift "
     "--zero-tick lift=2000 --rate-hz 50 --dry-run",
     "calibrate-slow": "calibrate --bus virtual --ids 1-8 --rate-hz 500 --dry-run",
-    "calibrate-run": "calibrate --bus virtual --ids 1 --yes -o new.toml --report page.html",
+    "calibrate-run": "calibrate --bus virtual --ids 1 --yes --duration-s 16 -o new.toml "
+    "--report page.html",
     "check": f"check {ARM} --duration-s 4",
     "check-wrong": [
         f"check {ARM} --joint elbow",

@@ -38,8 +38,11 @@ def commands(code):
     return [line.strip() for line in code.replace("\\\n", " ").splitlines() if line.strip()]
 
 
-def run(command):
-    """Everything that a command prints, its pipes and redirections followed."""
+def run(command, defaults=None):
+    """Everything that a command prints, its pipes and redirections followed.
+
+    Options that it leaves out may have other defaults, by command and name.
+    """
     lexer = shlex.shlex(command, posix=True, punctuation_chars="|>")
     lexer.whitespace_split = True
     words = list(lexer)
@@ -52,7 +55,7 @@ def run(command):
             continue
         program, *arguments = part
         assert program == "request-planner", f"{command}: mark what is no request-planner console"
-        result = CliRunner().invoke(cli, arguments, input=given)
+        result = CliRunner().invoke(cli, arguments, input=given, default_map=defaults)
         assert result.exit_code == 0, f"{command}: {result.stderr}"
         given = result.stdout
         printed += result.stderr

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from kinematics import KinematicsError, Leg, Limits, UnreachableFoot
@@ -68,6 +68,7 @@ def test_a_stride_with_a_heading_goes_there_and_is_as_large_as_the_leg_allows(le
     assert dexterity(leg.chain, made.angles).min() >= least
 
 
+@settings(max_examples=10)
 @given(reach=st.floats(0.35, 1.0))
 def test_a_leg_with_less_room_gets_a_smaller_stride_that_it_traces_well(reach, tmp_path_factory):
     joints = [Joint((0, 0, 0), X), Joint((0, 0, 0), Y), Joint((0, 0, -0.15), Y)]

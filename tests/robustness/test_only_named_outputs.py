@@ -25,7 +25,7 @@ WRITING = {
     "fit": ["fit", "desired.csv", "--joint", "knee", "--segments", "4", "-o", "out/a.csv"],
     "simulate": ["simulate", "desired.csv", "-o", "out/a.csv"],
     "identify": ["identify", "log.csv", "-o", "out/a.toml", "--report", "out/a.html"],
-    "compare": ["compare", "desired.csv", "--segments", "4", "--out", "out/results"],
+    "compare": ["compare", "desired.csv", "--joint", "knee", "--out", "out/results"],
     "export": ["export", "desired.csv", "--format", "csv", "-o", "out/a.csv"],
     "excite": ["excite", "--limits-deg", "-9", "9", "--duration-s", "4", "-o", "out/a.csv"],
     "gait": ["gait", "-o", "out/a.csv"],
