@@ -24,4 +24,5 @@ if __name__ == "__main__":
         }
         for each in oracle_instances()
     ]
-    Path(sys.argv[1]).write_text(json.dumps(table, indent=1) + "\n")
+    lines = ",\n".join(json.dumps(each) for each in table)
+    Path(sys.argv[1]).write_text(f"[\n{lines}\n]\n")

@@ -11,7 +11,6 @@ import sys
 from types import SimpleNamespace
 
 import click
-import numpy as np
 import pytest
 
 from kinematics.exceptions import LONGEST
@@ -39,25 +38,6 @@ from planner.exceptions import (
 from planner.files.text import to_json
 
 ERASE = "\r\x1b[K"
-
-
-def test_a_rule_outside_its_domain_is_a_warning_in_one_line(run, desired, tmp_path):
-    model = tmp_path / "model.toml"
-    model.write_text("v_max = 5.0\ntheta_0 = 0.03\nlag = 0.03\nacceleration_time = 0.08\n")
-    result = run("plan", desired, "--model", model, "--method", "closed-form", "--json")
-    assert result.exit_code == 0
-    json.loads(result.stdout)
-    assert result.stderr.startswith("request-planner: warning: the paper's rule assumes")
-    assert result.stderr.count("\n") == 1
-
-
-def test_a_plan_below_its_own_bound_is_a_failed_check(run, desired, monkeypatch):
-    from planner.planning.plan import Plan
-
-    monkeypatch.setattr(Plan, "lower_bounds", np.ones(1))
-    result = run("plan", desired)
-    assert result.exit_code == 1
-    assert "is below its own lower bound of 57.2958 deg" in result.stderr
 
 
 def test_json_has_no_numbers_that_are_none():

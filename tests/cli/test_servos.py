@@ -22,6 +22,7 @@ from planner.exceptions import BusError
 from planner.files.joint_model import read_models, read_servos
 from planner.files.logs.read import read_logs
 from planner.files.paths import read_joint_path
+from planner.files.robot import read_bus, read_legs
 from planner.identification.log import Log
 from planner.identification.result import Interval
 from planner.model.evidence import Evidence
@@ -156,7 +157,8 @@ def test_a_second_run_can_take_the_logs_as_they_are(calibrated, command_line, mo
 
 
 def test_a_chosen_joint_is_calibrated_with_its_options_beside_those_in_the_file(run, arm, tmp_path):
-    before = read_servos(arm)["joint_1"], read_models(arm)["joint_1"]
+    arm.write_text(f'{ARM}\n[leg.hind-left]\nurdf = "a.urdf"\nbase = "body"\nfoot = "toe"\n')
+    before = read_servos(arm)["joint_1"], read_models(arm)["joint_1"], read_legs(arm)
     mounted = ("--zero-tick", "2000", "--zero-tick", "lift=2150", "--reverse", "lift")
     chosen = ("--ids", "pan=1,lift=2", "--joint", "lift", "--rate-hz", "50")
     result = run("calibrate", *BRIEF, *chosen, *mounted, "-o", arm, "--json")
@@ -166,7 +168,8 @@ def test_a_chosen_joint_is_calibrated_with_its_options_beside_those_in_the_file(
     assert document["lift"]["id"] == 2
     servos = read_servos(arm)
     assert list(servos) == ["joint_1", "lift"]
-    assert (servos["joint_1"], read_models(arm)["joint_1"]) == before
+    assert (servos["joint_1"], read_models(arm)["joint_1"], read_legs(arm)) == before
+    assert read_bus(arm) == {"bus": "virtual"}
     assert (servos["lift"].id, servos["lift"].zero_tick, servos["lift"].direction) == (2, 2150, -1)
     here = -(2048 - 2150) * 2.0 * np.pi / 4096  # where virtual servos rest
     assert np.mean(servos["lift"].limits) == pytest.approx(here, abs=0.02)

@@ -317,16 +317,3 @@ def test_play_without_a_bus_is_refused(run, robot, tmp_path, first, message):
     result = run("play", "path.csv", "--model", robot, "-o", "log.csv")
     assert result.exit_code == 2
     assert message in result.stderr
-
-
-def test_calibration_keeps_the_legs_of_a_file_and_names_the_bus(run, robot):
-    legs = read_legs(robot)
-    robot.write_text(robot_text().replace('bus = "virtual"\n', ""))
-    result = run(
-        *("calibrate", "--bus", "virtual", "--ids", "front_left_knee=3", "--duration-s", "16"),
-        *("--reach-deg", "30", "--yes", "-o", robot),
-    )
-    assert result.exit_code == 0, result.stderr
-    assert read_legs(robot) == legs
-    assert read_bus(robot) == {"bus": "virtual"}
-    assert len(read_models(robot)) == 12

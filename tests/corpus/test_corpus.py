@@ -310,7 +310,8 @@ MASKS = (
 ROUGH = ("calibrate-run",)
 """Cases that identify joints of simulated motors: processors differ there in more than rounding."""
 
-SKIPPED = {"calibrate-run": (".csv",), "compare-page": (".csv",), "reproduced": (".csv",)}
+SKIPPED = {"calibrate-run": (".csv",), "compare-page": (".json",), "reproduced": (".csv",)}
+SKIPPED["run"] = ("comparison.json",)
 SKIPPED["virtually_reproduced"] = (".csv", ".json", ".toml")
 """Endings of the files of a case whose content other files of it hold, or other tests."""
 
@@ -449,7 +450,7 @@ def written(folder: Path, *, printed: str, skipped: tuple[str, ...] = ()) -> lis
             box = re.findall(r'viewBox="[^"]*"', picture)[:1]
             texts = [text for text in texts if not re.fullmatch(r"[−\d.]*", text)]  # no ticks
             parts.append("; ".join(dict.fromkeys(box + texts)))
-        elif file.suffix in TEXTS and file.suffix not in skipped:
+        elif file.suffix in TEXTS and not name.endswith(skipped):
             parts.append(in_few_lines(file.read_text("utf-8"), ending=file.suffix))
     return parts
 

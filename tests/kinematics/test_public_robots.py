@@ -37,9 +37,6 @@ LEGS = {
     "Solo12": Chosen("solo_description/robots/solo12.urdf", "base_link", "FL_FOOT", {}),
     "Solo8": Chosen("solo_description/robots/solo.urdf", "base_link", "HR_FOOT", {}, joints=2),
     "ANYmal B": Chosen("anymal_b_simple_description/robots/anymal.urdf", "base", "LF_FOOT", {}),
-    "ANYmal C": Chosen("anymal_c_simple_description/urdf/anymal.urdf", "base", "RH_FOOT", {}),
-    "Go2": Chosen("go2_description/urdf/go2.urdf", "base", "FR_foot", {}),
-    "HyQ": Chosen("hyq_description/robots/hyq_no_sensors.urdf", "base_link", "lf_foot", {}),
     "UR5": Chosen(
         "ur_description/urdf/ur5_robot.urdf",
         "base_link",
@@ -51,9 +48,6 @@ LEGS = {
         "panda_link0",
         "panda_hand",
         {"panda_joint3": 0.1, "panda_joint5": 0.2, "panda_joint6": QUARTER, "panda_joint7": 0.0},
-    ),
-    "Z1": Chosen(
-        "z1_description/urdf/z1.urdf", "link00", "link06", {"joint4": 0, "joint5": 0, "joint6": 0}
     ),
     "SO-101": Chosen(
         "so_arm_description/urdf/so101.urdf",

@@ -59,7 +59,7 @@ def test_constants_with_their_units_and_sources(snapshot):
 
 
 def moved(kind, registers, faults):
-    """A line for each of three servos and each quantity at ten moments of a motion.
+    """A line for each of three servos with each quantity at ten moments of a motion.
 
     They step by 50 degrees and, after 0.4 s, back and off; at 0.9 s the torque of one goes off.
     """
@@ -87,9 +87,12 @@ def moved(kind, registers, faults):
                 "C": f"{servos.motors.temperatures[servo - 1]:.1f}",
                 "error": f"{error}",
             }.items():
-                found.setdefault(f"{servo} {name}:", []).append(text)
-    told = {key: texts for key, texts in sorted(found.items()) if set(texts) != {"0"}}
-    return [f"{key} {' '.join(texts)}" for key, texts in told.items()]
+                found.setdefault(servo, {}).setdefault(name, []).append(text)
+    return [
+        f"{servo}: "
+        + "; ".join(f"{key} {' '.join(each)}" for key, each in told.items() if {*each} != {"0"})
+        for servo, told in found.items()
+    ]
 
 
 def test_every_kind_moves_as_it_did(snapshot):
