@@ -17,7 +17,6 @@ from planner.model.evidence import ENCODER_STEP, Evidence
 from planner.model.joint import JointModel, request_ages
 from planner.planning.arguments import Solver
 from planner.planning.closed_form import SAME_TIME, best_closed_form
-from planner.planning.direct_transcription import transcribed_requests
 from planner.planning.gauss_newton import Stage
 from planner.planning.line_inverse import interpolated_offset
 from planner.planning.problem import Problem, problem_of
@@ -273,6 +272,8 @@ def best_requests(problem: Problem, solver: Solver) -> Array:
     guess = initial_guess(problem)
     if solver == "gauss-newton":
         return search(problem, guess)
+    from planner.planning.direct_transcription import transcribed_requests  # slow to import
+
     return transcribed_requests(problem, guess)
 
 

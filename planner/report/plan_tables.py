@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from planner.planning.time_shift import shifted
-from planner.report.figure import Timeline
 from planner.report.table import NOTHING, Column, Row, Table, percent, signed
 from planner.trajectory import Distance, error_norm, rms
 
@@ -17,6 +16,7 @@ if TYPE_CHECKING:
     from planner.model.evidence import Expectation
     from planner.planning.plan import Plan
     from planner.planning.result import ErrorsOfModels
+    from planner.report.figure import Timeline
     from planner.trajectory import Array
 
 AT_LIMIT = math.radians(1e-6)
@@ -236,4 +236,6 @@ def requests_table(plan: Plan) -> Table:
 
 def timeline_of(plan: Plan) -> Timeline:
     """The times of the samples."""
+    from planner.report.figure import Timeline  # not for the tables of a terminal
+
     return Timeline(plan.period, len(plan.desired), plan.cyclic)
