@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -18,6 +18,9 @@ from planner.model.joint import (
 )
 from planner.trajectory import LARGEST, SAME, Array, Mask, as_trajectory, steps
 from planner.validation import as_flag, as_number, shown
+
+if TYPE_CHECKING:
+    from planner.model.steady_cycle import Cycle
 
 Loads = Sequence[Array | None]
 """For each joint the torque on it at every sample [N m], shape (n,), or None."""
@@ -105,8 +108,7 @@ def motion_under(
     Raises:
         NoSteadyCycle: The response does not settle.
     """
-    from planner.model.kernel import run
-    from planner.model.steady_cycle import Cycle, run_steady_cycle
+    from planner.model.steady_cycle import Cycle
 
     count = len(requests)
     motion = Motion(np.empty(count), np.empty(count))
@@ -116,24 +118,35 @@ def motion_under(
     else:
         sags, faster = model.sag(torques), model.faster_per_tick(torques)
     joint = Cycle(model.law, weights_by_tick(model), history, sags, faster, *motion)
-    angle = start
-    if angle is None:
-        angle = float(model.rest(requests[0], 0.0 if torques is None else torques[0]))
-    if not cyclic:
-        run(*joint[:5], angle, 0.0, model.hold - 1, *motion)
-    elif apart := run_steady_cycle(joint, angle, MOST_CYCLES):
-        raise NoSteadyCycle(apart, MOST_CYCLES)
+    if start is None:
+        start = float(model.rest(requests[0], 0.0 if torques is None else torques[0]))
+    run_from(start, joint, cyclic=cyclic)
     return motion
 
 
+def run_from(angle: float, joint: Cycle, *, cyclic: bool) -> None:
+    """Run a joint from rest at an angle one tick before the first sample, or on a cycle near it.
+
+    Raises:
+        NoSteadyCycle: The response does not settle.
+    """
+    from planner.model.kernel import run
+    from planner.model.steady_cycle import run_steady_cycle
+
+    if not cyclic:
+        run(*joint[:5], angle, 0.0, len(joint.weights) - 1, *joint[5:])
+    elif apart := run_steady_cycle(joint, angle, MOST_CYCLES):
+        raise NoSteadyCycle(apart, MOST_CYCLES)
+
+
 def requests_acting(requests: Array, ages: RequestAges, *, cyclic: bool) -> Array:
-    """Every request that acts in a run, the oldest first [rad], shape (n + width - 1,).
+    """Every request that acts in a run, the oldest first [rad], shape (..., n + width - 1).
 
     Before sample k act the entries k to k + width - 1. From rest the requests before the first one
     equal it.
     """
-    numbers = np.arange(-ages.oldest, len(requests) - ages.youngest)
-    return requests.take(numbers if cyclic else np.maximum(numbers, 0), mode="wrap")
+    numbers = np.arange(-ages.oldest, requests.shape[-1] - ages.youngest)
+    return requests.take(numbers if cyclic else np.maximum(numbers, 0), axis=-1, mode="wrap")
 
 
 def simulate_joints(

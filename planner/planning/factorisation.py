@@ -121,17 +121,27 @@ def pattern_of_factor(position: Places, place: Places, column: Indices, row: Pla
 
 
 @inner
-def factorise(pattern: Factor, values: Array, lower: Array, pivots: Array) -> bool:
-    """Fill the factor L and the pivots D, row by row; False where a pivot vanishes.
+def solved(pattern: Factor, values: Array, right: Array, answer: Array) -> bool:
+    """Fill the solution, in the unknowns' own order; False where a pivot vanishes.
 
-    The up-looking algorithm of QDLDL (B. Stellato and others, OSQP, Math. Prog. Comp. 12, 2020).
+    Row by row the factor L, the pivots D and the solution of L y = b, by the up-looking algorithm
+    of QDLDL (B. Stellato and others, OSQP, Math. Prog. Comp. 12, 2020); then back.
+
+    Args:
+        pattern: Where the entries are.
+        values: The stored entries of the matrix.
+        right: Right-hand side b.
+        answer: Filled.
     """
-    size = len(pivots)
+    size, position = len(right), pattern.position
     column, row, reach, reached = pattern.column, pattern.row, pattern.reach, pattern.reached
     below, rows = pattern.below, pattern.rows
-    work, following = np.zeros(size), below.copy()
+    work, following, lower = np.zeros(size), below.copy(), np.empty(len(rows))
+    pivots, permuted = np.empty(size), np.empty(size)
+    for number in range(size):
+        permuted[position[number]] = right[number]
     for k in range(size):
-        pivot = 0.0
+        pivot, known = 0.0, permuted[k]
         for at in range(column[k], column[k + 1]):
             i = row[at]
             if i == k:
@@ -149,22 +159,10 @@ def factorise(pattern: Factor, values: Array, lower: Array, pivots: Array) -> bo
             lower[end] = share
             following[i] = end + 1
             pivot -= share * value
+            known -= share * permuted[i]
         if not abs(pivot) > 0.0 or not abs(pivot) < np.inf:
             return False
-        pivots[k] = pivot
-    return True
-
-
-@inner
-def solved(pattern: Factor, lower: Array, pivots: Array, right: Array, answer: Array) -> None:
-    """Fill the solution, from the factor; unknowns in their own order."""
-    size, position, below, rows = len(pivots), pattern.position, pattern.below, pattern.rows
-    permuted = np.empty(size)
-    for number in range(size):
-        permuted[position[number]] = right[number]
-    for i in range(size):
-        for p in range(below[i], below[i + 1]):
-            permuted[rows[p]] -= lower[p] * permuted[i]
+        pivots[k], permuted[k] = pivot, known
     for i in range(size - 1, -1, -1):
         value = permuted[i] / pivots[i]
         for p in range(below[i], below[i + 1]):
@@ -172,3 +170,4 @@ def solved(pattern: Factor, lower: Array, pivots: Array, right: Array, answer: A
         permuted[i] = value
     for number in range(size):
         answer[number] = permuted[position[number]]
+    return True

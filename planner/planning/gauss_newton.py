@@ -23,7 +23,6 @@ from planner.model.law import Law
 from planner.planning.factorisation import (
     Factor,
     Places,
-    factorise,
     pattern_of_factor,
     solved,
     stored,
@@ -707,7 +706,6 @@ def solve_kkt(
         step: Filled.
     """
     matrix, target = np.zeros(len(pattern.factor.row)), right.copy()
-    lower, pivots = np.empty(len(pattern.factor.rows)), np.empty(len(step))
     rows, columns, places = pattern.rows, pattern.columns, pattern.factor.place
     for e in range(len(values)):
         row, column = rows[e], columns[e]
@@ -720,10 +718,7 @@ def solve_kkt(
     for number in range(len(step)):
         if fixed[number]:
             matrix[pattern.diagonal[number]], target[number] = 1.0, place[number]
-    if not factorise(pattern.factor, matrix, lower, pivots):
-        return False
-    solved(pattern.factor, lower, pivots, target, step)
-    return True
+    return solved(pattern.factor, matrix, target, step)
 
 
 @inner

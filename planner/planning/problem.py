@@ -18,7 +18,7 @@ from planner.model.joint import (
     request_ages_of_all,
     weights_of_all,
 )
-from planner.model.response import Loads, motion_under, rest_angles, rest_requests
+from planner.model.response import Loads, requests_acting, rest_angles, rest_requests, run_from
 from planner.planning.arguments import Norm
 from planner.planning.task import Task
 from planner.trajectory import Array
@@ -122,9 +122,9 @@ class Problem:
     @cached_property
     def spec(self) -> Spec:
         """The problem as arrays, for the compiled search."""
-        from planner.planning.gauss_newton import Spec, limit
+        from planner.planning.gauss_newton import FIRST, LARGEST_CHANGE, LOWER, UPPER, Spec, limit
 
-        empty, periods = np.zeros(self.joints), np.empty((2, len(self.models), len(self.desired)))
+        periods = np.empty((2, len(self.models), len(self.desired)))
         drives = []
         for number, (model, load) in enumerate(zip(self.models, self.loads, strict=True)):
             torque = 0.0 if load is None else load
@@ -135,17 +135,16 @@ class Problem:
             start = 0.0 if self.start is None else self.start[number % self.joints]
             unit = self.units[number] if self.has_speeds else 1.0
             drives.append((*model.law, model.hold, model.theta_0, unit, start))
-        first = self.first_requests
-        limits = [empty if first is None else first, self.lower, self.upper, self.max_step]
-        bounds = np.array([np.broadcast_to(each, self.desired.shape) for each in limits])
-        bounds[0] = np.clip(bounds[0], bounds[1], bounds[2])
+        first, bounds = self.first_requests, np.empty((4, *self.desired.shape))
+        bounds[LOWER], bounds[UPPER], bounds[LARGEST_CHANGE] = self.lower, self.upper, self.max_step
+        bounds[FIRST] = np.clip(0.0 if first is None else first, bounds[LOWER], bounds[UPPER])
         spec = Spec(
             self.cyclic,
             self.ages.oldest,
             2 if self.has_speeds else 1,
             self.norm == "max" and len(self.weights) > 1,
-            bool(np.any(np.isfinite([self.lower, self.upper]))),
-            bool(np.any(np.isfinite(self.max_step))),
+            bool(np.isfinite(self.lower).any() or np.isfinite(self.upper).any()),
+            bool(np.isfinite(self.max_step).any()),
             self.centring,
             0.0 if self.foot is None else self.foot.ridge,
             np.array(drives, dtype=np.float64),
@@ -238,17 +237,32 @@ class Problem:
         A cycle need not be unique: as in :func:`planner.simulate` it is the one near the angles at
         which the first requests hold the joints.
         """
-        answer = np.empty((len(requests), len(self.models)))
+        from planner.model.steady_cycle import Cycle
+
+        spec, joints, speeds = self.spec, self.joints, np.empty(len(requests))
+        answer = np.empty((len(self.models), len(requests)))
+        histories = requests_acting(requests.T, self.ages, cyclic=self.cyclic)
         for number, (model, load) in enumerate(zip(self.models, self.loads, strict=True)):
-            joint = number % self.joints
-            start = None if self.start is None else float(self.start[joint])
+            joint = number % joints
+            sags, faster = spec.periods[:, number]
+            drive = Cycle(
+                model.law,
+                spec.weights[number, : model.hold],
+                histories[joint],
+                sags,
+                faster,
+                answer[number],
+                speeds,
+            )
+            start = 0.0 if load is None else load[0]
+            angle = (
+                model.rest(requests[0, joint], start) if self.start is None else self.start[joint]
+            )
             try:
-                answer[:, number] = motion_under(
-                    model, requests[:, joint], cyclic=self.cyclic, start=start, torques=load
-                ).angles
+                run_from(float(angle), drive, cyclic=self.cyclic)
             except NoSteadyCycle:
                 return None
-        return answer
+        return np.ascontiguousarray(answer.T)
 
     def states_of(self, angles: Array) -> Array:
         """States near angles (n, A): with inertia speeds are means over the period before."""

@@ -359,6 +359,8 @@ class Task(ReadOnly):
 
     def joint(self, j: int) -> Task:
         """The task of one of the joints, which are planned one by one."""
+        if len(self.names) == 1 and self.goal == "angles" and self.leg is None:
+            return self
         own: dict[str, Any] = {name: getattr(self, name)[j : j + 1] for name in _BY_JOINT}
         for name in ("desired", "load", "disturbance"):
             own[name] = _column(getattr(self, name), j)
