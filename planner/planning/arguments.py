@@ -237,7 +237,7 @@ def limits_of_each(limits: JointLimits | None, names: Sequence[str]) -> tuple[Ar
         pairs = []
         for name, pair in zip(names, of_each("limits", limits, names, expected=""), strict=True):
             with about(name):
-                pairs.append(checked_limits((-math.inf, math.inf) if pair is None else pair))
+                pairs.append((-math.inf, math.inf) if pair is None else checked_limits(pair))
         lower, upper = np.array(pairs).T
         return lower, upper
     if names == ("",):

@@ -315,11 +315,13 @@ def _at_rests(problem: Problem, requests: Array, error: float, bounds: Sequence[
         bounds: The limits of the smoothing, of which one must be kept.
     """
     sharp = [stage for stage in NARROW if stage.radius < SIMULATED]
-    margin, most = settling_time(problem), ROUGHER * problem.roughness(requests)
-    angles = problem.exact_angles(requests)
-    while angles is not None and margin <= len(requests):
+    margin = settling_time(problem)
+    while margin <= len(requests):
         resting = without_effect_on_motion(problem, margin)
         if not shakes_within(problem, requests, resting):
+            break
+        most, angles = ROUGHER * problem.roughness(requests), problem.exact_angles(requests)
+        if angles is None:
             break
         held = holding(problem, resting[:, np.newaxis], problem.resting)
         best = minimise(held, State(held.admissible(requests), angles), sharp)[0]
@@ -372,6 +374,8 @@ def without_effect_on_motion(problem: Problem, margin: int) -> Mask:
     if problem.start is not None:
         before[0] = problem.start
     moving = np.any(np.abs(desired - before) > STATIONARY, axis=1)
+    if np.all(moving):
+        return ~moving
     first, last = problem.ages.youngest - margin, problem.ages.oldest + margin
     reach = max(abs(first), last)
     padded = np.pad(moving, reach, mode="wrap" if problem.cyclic else "constant")
@@ -398,6 +402,8 @@ def shakes(problem: Problem, requests: Array) -> bool:
 def shakes_within(problem: Problem, requests: Array, resting: Mask) -> bool:
     """Whether requests, (n, J), change direction much where a mask, (n,), says that they rest."""
     rows = np.flatnonzero(resting)
+    if not len(rows):
+        return False
     rests = np.split(requests[rows], np.flatnonzero(np.diff(rows) > 1) + 1)
     turns = [[reversals(column, cyclic=False) for column in each.T] for each in rests]
     return int(np.max(np.sum(turns, axis=0))) - 1 > SHAKING * len(rows) * problem.models[0].period

@@ -408,7 +408,9 @@ class Task(ReadOnly):
                 loads.append(next((each for each in felt if each is not None), None))
         columns = load_columns(loads, len(self.desired))
         freeze(columns)
-        task = replace(self, load=columns, load_of_pose=of_pose and columns is not None)
+        task = self
+        if columns is not None or self.load is not None:
+            task = replace(self, load=columns, load_of_pose=of_pose and columns is not None)
         if task.goal == "angles":
             for j, name in enumerate(task.names):
                 with about(name):
