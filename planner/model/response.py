@@ -259,8 +259,9 @@ def rest_requests(models: Sequence[JointModel], angles: Array, loads: Loads | No
 
     There Equation 2 vanishes; shape (..., joints), or (n, joints) under loads.
     """
-    by_pose = [model.pose_sag(angles[..., j]) for j, model in enumerate(models)]
-    requests: Array = angles - sags(models, loads) - np.stack(by_pose, axis=-1)
+    requests: Array = angles - sags(models, loads)
+    for j, model in enumerate(models):
+        requests[..., j] -= model.pose_sag(angles[..., j])
     return requests
 
 

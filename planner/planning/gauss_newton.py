@@ -499,21 +499,18 @@ def allocated(spec: Spec, *, smoothing: bool) -> Point:
     drives, _, width = spec.weights.shape
     states, parts, scenarios = drives * spec.parts, spec.parts, len(spec.shares)
     blocks, size = (1, drives) if spec.together else (scenarios, joints)
+    rows = samples
+    if smoothing:  # second differences, and distances from the middle of a dead band
+        rows = samples - (0 if spec.cyclic else 1) + (samples if spec.centring > 0.0 else 0)
     return Point(
         np.zeros((samples, joints)),
         np.zeros((samples, states)),
         np.zeros((samples, states)),
         np.zeros((drives, parts, parts + 2 * width, samples)),
         np.zeros((samples, blocks, size, size + 1)),
-        np.zeros((rows_of_smoothing(spec) if smoothing else samples, joints)),
+        np.zeros((rows, joints)),
         np.zeros(3),
     )
-
-
-def rows_of_smoothing(spec: Spec) -> int:
-    """Number of second differences, and of distances from the middle of a dead band."""
-    samples = len(spec.resting)
-    return samples - (0 if spec.cyclic else 1) + (samples if spec.centring > 0.0 else 0)
 
 
 PATTERNS: dict[tuple[object, ...], Pattern] = {}

@@ -375,7 +375,7 @@ def without_effect_on_motion(problem: Problem, margin: int) -> Mask:
         before[0] = problem.start
     moving = np.any(np.abs(desired - before) > STATIONARY, axis=1)
     if np.all(moving):
-        return ~moving
+        return np.zeros(count, dtype=np.bool_)
     first, last = problem.ages.youngest - margin, problem.ages.oldest + margin
     reach = max(abs(first), last)
     padded = np.pad(moving, reach, mode="wrap" if problem.cyclic else "constant")
@@ -437,15 +437,12 @@ def judged(problem: Problem, angles: Array) -> Judged:
     if problem.foot is not None:
         jacobians = problem.errors(angles)[1]
         shares *= np.einsum("kcij,kcij->cj", jacobians, jacobians).ravel() / len(angles)
-
-    def through(errors: Array) -> float:
-        return math.sqrt(float(shares @ errors**2))
-
     models = problem.nominal * len(weights)  # drawn models were not tested
-    model_errors = known_errors(models, angles, cyclic=problem.cyclic)
+    known = known_errors(models, angles, cyclic=problem.cyclic)
+    step = np.full(len(known), ENCODER_STEP)
+    model_error, unseen = (math.sqrt(float(shares @ each**2)) for each in (known, step))
     mean = math.sqrt(float(problem.squares(angles).sum(axis=0) @ weights) / len(angles))
-    unseen = np.full(len(model_errors), ENCODER_STEP)
-    return Judged(problem.error(angles), mean, through(model_errors), through(unseen))
+    return Judged(problem.error(angles), mean, model_error, unseen)
 
 
 def reached_by(problem: Problem, requests: Array) -> tuple[State, Judged] | None:

@@ -263,9 +263,13 @@ class Task(ReadOnly):
     @cached_property
     def loads(self) -> tuple[Array | None, ...]:
         """Torque on each joint [N m], (n,), or None where none of its models feels it."""
+        if self.load is None:
+            return (None,) * len(self.names)
+        columns = [np.ascontiguousarray(column) for column in self.load.T]
+        freeze(*columns)
         return tuple(
             column if any(model.feels_load for model in models) else None
-            for models, column in zip(self.models, self.columns(self.load), strict=True)
+            for models, column in zip(self.models, columns, strict=True)
         )
 
     def loads_on(self, models: Sequence[JointModel]) -> tuple[Array | None, ...]:
@@ -420,14 +424,6 @@ class Task(ReadOnly):
             return task
         ends = (rest_angles(task.nominal, end, task.loads) for end in (task.lower, task.upper))
         return replace(task, start=np.clip(task.desired, *ends)[0])
-
-    def columns(self, rows: Array | None) -> list[Array | None]:
-        """An array (n, k) by joint, each of shape (n,), or None."""
-        if rows is None:
-            return [None] * len(self.names)
-        columns = [np.ascontiguousarray(rows[:, j]) for j in range(len(self.names))]
-        freeze(*columns)
-        return [*columns]
 
     def _check_within(self, j: int) -> None:
         """Raise Infeasible where no request can hold the start or a desired angle.
