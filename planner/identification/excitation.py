@@ -19,9 +19,9 @@ from planner.trajectory import MOST_SAMPLES, Array
 from planner.validation import as_number, as_whole, freeze, shown
 
 MEANING: Mapping[str, str] = {
-    "combined": "A slow triangle, then a sum of sines, then steps, and all of it once more: what "
-    "is identified from one half is tested on the other. Smooth motion shows dry friction, which "
-    "jumps hide.",
+    "combined": "A slow triangle, then a sum of sines that quickens, then steps, and all of it "
+    "once more: what is identified from one half is tested on the other. Smooth motion shows dry "
+    "friction, which jumps hide, and motion between slow and fast is what most plans ask for.",
     "steps": "Step tests (Equation 1). Each edge shows lag and acceleration time, the straight "
     "line of a large step the top speed, the rounded end of every step v_max/theta_0, the rests "
     "the offset. theta_0 and v_max come apart where the larger steps exceed theta_0.",
@@ -48,6 +48,9 @@ PARTS = (
     ("steps", 0.2, "top speed, theta_0, acceleration limit, delay of jumps"),
 )
 """Of each half of the combined signal: what each is, its share, what it makes identifiable."""
+
+SWELL = 0.08
+"""Share of a sum of sines, or of a chirp, in which it, or one of its sines, swells."""
 
 
 class Part(NamedTuple):
@@ -194,7 +197,7 @@ def excite(
             slow, waves, jumps = lengths[3 * half : 3 * half + 3]
             made += [
                 _slow_triangle(slow, cycles=1),
-                _multisine(waves, period, fastest, 2 * seed + half),
+                _multisine(waves, period, fastest, 2 * seed + half, quickens=True),
                 _steps(jumps, tests, cycles),
             ]
         return np.concatenate(made)
@@ -282,19 +285,26 @@ def _steps(samples: int, shares: Sequence[float], cycles: int) -> Array:
     return np.append(made, np.zeros(samples - len(made)))
 
 
-def _multisine(samples: int, period: float, highest: float, seed: int) -> Array:
+def _multisine(
+    samples: int, period: float, highest: float, seed: int, *, quickens: bool = False
+) -> Array:
     """A sum of sines of random phase, low ones larger, that swells and dies down.
 
-    Of 64 draws of the phases the one with the lowest peak is kept.
+    Of 64 draws of the phases the one with the lowest peak is kept. Where it quickens it begins with
+    the slowest third of the sines, and the faster another is the later it joins them: with all of
+    them at once no part is slower than the fastest sine.
     """
     most = max(1, int(highest * samples * period))
     cycles = np.geomspace(min(2, most), most, 12)  # in the whole signal
     waves = np.unique(np.round(cycles))
-    amplitudes = waves**-0.5
-    angles = 2.0 * np.pi * np.outer(waves, np.arange(samples) / samples)
-    swell = _swell(samples)
+    shares = np.arange(samples) / samples
+    joins = np.linspace(-1.0 / 3.0, 2.0 / 3.0, len(waves)) if quickens else -np.ones(len(waves))
+    present = _risen((shares - joins[:, None]) / SWELL + (joins[:, None] <= 0.0))
+    amplitudes = waves[:, None] ** -0.5 * present
+    amplitudes *= _swell(samples) / np.linalg.norm(amplitudes, axis=0)
+    angles = 2.0 * np.pi * np.outer(waves, shares)
     drawn = np.random.default_rng(seed).uniform(0.0, 2.0 * np.pi, (64, len(waves)))
-    made = [swell * (amplitudes @ np.sin(angles + phases[:, None])) for phases in drawn]
+    made = [np.sum(amplitudes * np.sin(angles + phases[:, None]), axis=0) for phases in drawn]
     flattest = min(made, key=lambda signal: float(np.max(np.abs(signal)) / np.std(signal)))
     scaled: Array = flattest / np.max(np.abs(flattest))
     return scaled
@@ -346,10 +356,14 @@ def _triangle(samples: int, parts_cycles: Sequence[int]) -> Array:
 
 
 def _swell(samples: int) -> Array:
-    """From 0 to 1 along half a cosine in the first 8 % of a signal, and back in the last."""
+    """From 0 to 1 along half a cosine at the beginning of a signal, and back at its end."""
     share = np.arange(samples) / samples
-    nearest_end = np.minimum(share, 1.0 - share)
-    risen: Array = 0.5 - 0.5 * np.cos(np.pi * np.minimum(1.0, nearest_end / 0.08))
+    return _risen(np.minimum(share, 1.0 - share) / SWELL)
+
+
+def _risen(shares: Array) -> Array:
+    """Half a cosine from 0 to 1, which it keeps."""
+    risen: Array = 0.5 - 0.5 * np.cos(np.pi * np.clip(shares, 0.0, 1.0))
     return risen
 
 

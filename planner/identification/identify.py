@@ -98,8 +98,8 @@ The halves of a log that begins with slow motion are too unlike: the first may h
 tells an acceleration limit, which in the second matters most."""
 
 LOST = 0.2
-"""Share of the loss by which a motor is worse with shorter ticks where it is sought again: one that
-its requests nearly shake out of step goes another way after a small change."""
+"""Share of the loss by which a joint is worse where it is sought again: one that requests nearly
+shake out of step goes another way after a small change."""
 
 LEFT_OUT = "these rows are left out"
 """What becomes of rows in which something holds the joint."""
@@ -168,7 +168,10 @@ def identify(
     weighed = with_weights(_log_fits(logs, full.fit, None), noise_of(full.fit))
     if weighed is not None:
         logs = weighed
-        plain, full = _with_motor(logs, _with_terms(fit_joint(logs, timing)))
+        every = [replace(log, weights=each.weights) for log, each in zip(every, logs, strict=True)]
+        anew = _with_motor(logs, _with_terms(fit_joint(logs, timing)))
+        again = _refitted(logs, plain, full)
+        plain, full = again if better(anew[1].fit, again[1].fit) else anew
     motor = full.fit is not plain.fit
     if motor and hold_out:
         rivals = plain, full
@@ -375,6 +378,18 @@ def _on_all(logs: Sequence[Log], fit: Fit) -> Fit:
     return at_ticks(logs, fit, fit.grid.tick)
 
 
+def _refitted(logs: Sequence[Log], plain: _Fitted, full: _Fitted) -> tuple[_Fitted, _Fitted]:
+    """The same joints, fitted to logs with other weights."""
+    bare = plain._replace(fit=_again(logs, plain.fit))
+    motor = full.fit is not plain.fit
+    return bare, full._replace(fit=_again(logs, full.fit) if motor else bare.fit)
+
+
+def _again(logs: Sequence[Log], fit: Fit) -> Fit:
+    grid = resampled_like(fit.grid, logs, fit.grid.tick)
+    return least_squares(grid, fit.parameters, free=fit.free, starts=fit.starts)
+
+
 def _without_contact(logs: Sequence[Log], fit: Fit) -> tuple[Sequence[Log], list[Finding]]:
     """The logs, rows in which something touches the joint as if without torque; and notes.
 
@@ -503,6 +518,9 @@ def held_out(
         fit, terms = with_terms(*fit_joint(known, timing))
         fit, _ = with_motor(fit, terms) if motor else (fit, terms)
         fit = at_ticks(known, fit, grid.tick)
+        likewise = at_ticks(known, whole, grid.tick)
+        if fit.cost > (1.0 + LOST) * likewise.cost:
+            fit = likewise
     except InvalidInput:
         return None
     rows = np.concatenate([o[used] for o, used in zip(out, grid.places, strict=True)])

@@ -165,7 +165,8 @@ def search(
         values: values there [rad]; moved in place.
         steps: Size of the first moves, least size [samples], and the move of values for a size of
             one sample [rad].
-        most_work: Most samples simulated, except for the last move.
+        most_work: Most samples simulated, except for the last move; those of a joint that does not
+            settle count in each of its cycles.
 
     Returns:
         Sum of squared errors at the end [rad^2]; inf where no curve can be followed.
@@ -188,7 +189,7 @@ def search(
                     moved[k], moved_values[k] = knots[k] + sign * along[k], values[k] + sign * up[k]
                 error = squared_error(spec, joint, lines, requests, moved, moved_values)
                 if error >= 0.0:
-                    work += samples
+                    work += samples * (MOST_CYCLES if error == math.inf else 1)
                 if 0.0 <= error < LOWER * least:
                     for k in range(count):
                         knots[k], values[k] = moved[k], moved_values[k]

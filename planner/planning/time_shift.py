@@ -7,6 +7,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from planner.exceptions import NoSteadyCycle
 from planner.model.evidence import unproven_gains
 from planner.model.joint import JointModel, checked_model
 from planner.model.response import rest_requests
@@ -64,6 +65,7 @@ def invert_shift(
         InvalidTrajectory: ``desired`` is not a finite array of shape (n,) with n >= 3.
         InvalidInput: The norm is unknown, a cycle has a ``start``, or the load does not fit the
             samples or the joint.
+        NoSteadyCycle: The joint does not settle into a cycle, however early the angles are.
 
     Example:
         >>> import numpy as np
@@ -140,10 +142,16 @@ def early(joint: Task, lead: float) -> Array:
 
 
 def best_lead(joint: Task) -> float:
-    """By how many periods one joint's desired angles are best requested early."""
+    """By how many periods one joint's desired angles are best requested early.
+
+    A lead at which the joint does not settle into a cycle, but rings, counts as none.
+    """
 
     def error(lead: float) -> float:
-        angles = joint.response(early(joint, lead)[:, np.newaxis])
+        try:
+            angles = joint.response(early(joint, lead)[:, np.newaxis])
+        except NoSteadyCycle:
+            return math.inf
         return float(joint.errors_of(angles)[0])
 
     model = joint.nominal[0]

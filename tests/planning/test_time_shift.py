@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import planner
+from planner.exceptions import NoSteadyCycle
 from planner.model.evidence import Evidence
 from planner.model.joint import JointModel
 from planner.model.response import simulate
@@ -21,6 +22,7 @@ from planner.planning.time_shift import (
     shift_recommended,
     shifted,
 )
+from planner.trajectory import rms
 from tests.instances import random_model, saturating
 
 ERS210A = JointModel.ers210a()
@@ -177,3 +179,19 @@ def test_a_shift_is_recommended_beyond_tested_accelerations_where_the_largest_is
         why = shift_recommended(plan)
         assert why.startswith("the joint accelerates more than in its logs" if recommended else "")
         assert bool(why) == recommended
+
+
+def test_leads_at_which_a_joint_rings_for_ever_are_left_out():
+    """It overshoots, and does not settle for requests from 9 periods early on."""
+    joint = JointModel(
+        v_max=5.25, theta_0=0.247, lag=0.01, acceleration_time=0.02, tick=0.001, hold=20,
+        dead_band=0.016, max_acceleration=22.0,
+    )  # fmt: skip
+    turns = 2.0 * np.pi * np.arange(40) / 40
+    path = np.radians(
+        18.0 * np.sin(turns) + 5.0 * np.sin(2.0 * turns + 1.0) + 3.0 * np.sin(3.0 * turns + 2.0)
+    )
+    with pytest.raises(NoSteadyCycle):
+        simulate(joint, shifted_by(9, path))
+    errors = [rms(simulate(joint, shifted_by(samples, path)) - path) for samples in range(9)]
+    assert planner.invert_shift(joint, path).rms <= min(errors) * (1.0 + NEARBY)

@@ -335,14 +335,16 @@ def log_figure(identification: Identification, fit: LogFit, prefix: str) -> Figu
     outlier_note = ""
     if len(outliers_of(fit)):
         outlier_note = "; outliers are rows that the robust fit counted by less than half"
+    least = float(np.min(log.weights[fit.used], initial=1.0))
+    weight_note = f"; rows of the fastest motion counted by {least:.0%}" if least < 1.0 else ""
     level = f"{units.factor * noise:.2g} {units.angle}" if math.isfinite(noise) else "unknown"
     below = f"Below, measured minus predicted, and twice the noise ({level}) either way"
     return Figure(
         f"{prefix}whole",
         "The whole log",
-        f"Requests, measured angles and prediction{colours}. {below}{outlier_note}. There is no "
-        "prediction where the torque was off "
-        f"or the requests before are not known.{shade_note} The close-up shows the {CLOSE_UP:g} "
+        f"Requests, measured angles and prediction{colours}. {below}{outlier_note}{weight_note}. "
+        f"There is no prediction where the torque was off or the requests before are not known."
+        f"{shade_note} The close-up shows the {CLOSE_UP:g} "
         "seconds in which the joint is farthest from its requests.",
         Axis("time", "s", (0.0, float(times[-1])), decimals=3),
         _log_panels(identification, fit),
