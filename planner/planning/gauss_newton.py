@@ -151,6 +151,7 @@ class Options(NamedTuple):
 
 OPTIONS = Options()
 
+MOST_TOGETHER = 512  # samples whose periods are computed together: they fit into the cache
 LENGTHS = 4  # most lengths of a step before it is computed anew
 ACTIVE_SETS = 8  # most active sets before the step is computed anew, with more damping
 NEGLIGIBLE = 0.1  # a stage ends where less than this share of the least decrease was predicted
@@ -350,50 +351,61 @@ def squares(away: Array) -> float:
 
 
 @inner
+def set_responses(spec: Spec, stage: Stage, point: Point, a: int, first: int, size: int) -> None:
+    """Fill a drive's defects and their derivatives in ``size`` samples, from the first one on."""
+    drives, _, width = spec.weights.shape
+    parts, cyclic, states, requests = spec.parts, spec.cyclic, point.states, point.requests
+    row, derived, defects = spec.drives[a], point.slopes[a], point.defects
+    law = Law(row[0], row[1], row[2], row[3], row[4], row[5], row[6])
+    weights, unit_of_speed = spec.weights[a, : int(row[7])], row[9]
+    slopes, bends = np.empty((2, 2 + width, size)), np.empty((2, width, size))
+    window, angles, speeds = np.empty((3, width, size)), np.empty(size), np.empty(size)
+    rounded = np.full(size, (law.gain * stage.radius * row[8]) ** 2)
+    for i in range(size):
+        k = first + i
+        follows = k > 0 or cyclic
+        angles[i] = states[k - 1, a] if follows else row[10]
+        moving = parts == 2 and follows
+        speeds[i] = states[k - 1, drives + a] / unit_of_speed if moving else 0.0
+        for j in range(width):
+            window[0, j, i] = requests[max(spec.acting[k, j], 0), a % requests.shape[1]]
+    sags, faster = (
+        spec.periods[0, a, first : first + size],
+        spec.periods[1, a, first : first + size],
+    )
+    periods(law, weights, window, sags, faster, rounded, angles, speeds, slopes, bends)
+    for i in range(size):
+        k = first + i
+        defects[k, a] = angles[i] - states[k, a]
+        if parts == 2:
+            defects[k, drives + a] = unit_of_speed * speeds[i] - states[k, drives + a]
+    for s in range(parts):
+        scale = unit_of_speed if s else 1.0
+        for t in range(parts):
+            unit_of_state = unit_of_speed if t else 1.0
+            for i in range(size):
+                derived[s, t, first + i] = slopes[s, t, i] * scale / unit_of_state
+            if first == 0 and not cyclic:
+                derived[s, t, 0] = 0.0
+        for j in range(width):
+            for i in range(size):
+                derived[s, parts + j, first + i] = slopes[s, 2 + j, i] * scale
+                derived[s, parts + width + j, first + i] = bends[s, j, i] * scale
+
+
+@inner
 def evaluate(spec: Spec, stage: Stage, unit: float, point: Point) -> None:
     """Fill the rest of a point from its requests and states."""
     samples, joints = point.requests.shape
-    drives, _, width = spec.weights.shape
-    parts, cyclic, acting, states = spec.parts, spec.cyclic, spec.acting, point.states
-    slopes, bends = np.empty((2, 2 + width, samples)), np.empty((2, width, samples))
-    window, rounded = np.empty((3, width, samples)), np.empty(samples)
-    angles, speeds = np.empty(samples), np.empty(samples)
-    for a in range(drives):
-        row, derived, defects = spec.drives[a], point.slopes[a], point.defects
-        law = Law(row[0], row[1], row[2], row[3], row[4], row[5], row[6])
-        weights, unit_of_speed = spec.weights[a, : int(row[7])], row[9]
-        rounded[:] = (law.gain * stage.radius * row[8]) ** 2
-        for k in range(samples):
-            follows = k > 0 or cyclic
-            angles[k] = states[k - 1, a] if follows else row[10]
-            moving = parts == 2 and follows
-            speeds[k] = states[k - 1, drives + a] / unit_of_speed if moving else 0.0
-            for j in range(width):
-                window[0, j, k] = point.requests[max(acting[k, j], 0), a % joints]
-        sags, faster = spec.periods[0, a], spec.periods[1, a]
-        periods(law, weights, window, sags, faster, rounded, angles, speeds, slopes, bends)
-        for k in range(samples):
-            defects[k, a] = angles[k] - states[k, a]
-            if parts == 2:
-                defects[k, drives + a] = unit_of_speed * speeds[k] - states[k, drives + a]
-        for s in range(parts):
-            scale = unit_of_speed if s else 1.0
-            for t in range(parts):
-                unit_of_state = unit_of_speed if t else 1.0
-                for k in range(samples):
-                    derived[s, t, k] = slopes[s, t, k] * scale / unit_of_state
-                if not cyclic:
-                    derived[s, t, 0] = 0.0
-            for j in range(width):
-                for k in range(samples):
-                    derived[s, parts + j, k] = slopes[s, 2 + j, k] * scale
-                    derived[s, parts + width + j, k] = bends[s, j, k] * scale
-    size = 1 if len(spec.leg) == 0 else 3
-    values = np.empty((samples, len(spec.shares), size))
-    jacobians = np.empty((samples, len(spec.shares), size, joints))
-    errors_of(spec, states, values, jacobians)
+    for a in range(len(spec.drives)):
+        for first in range(0, samples, MOST_TOGETHER):
+            set_responses(spec, stage, point, a, first, min(MOST_TOGETHER, samples - first))
+    axes = 1 if len(spec.leg) == 0 else 3
+    values = np.empty((samples, len(spec.shares), axes))
+    jacobians = np.empty((samples, len(spec.shares), axes, joints))
+    errors_of(spec, point.states, values, jacobians)
     set_cost(spec, stage, unit, values, jacobians, point)
-    set_away(point.requests, spec.resting, spec.centring, cyclic, stage.smoothing, point.away)
+    set_away(point.requests, spec.resting, spec.centring, spec.cyclic, stage.smoothing, point.away)
     point.costs[1] = point.costs[0] + stage.weight * squares(point.away)
 
 

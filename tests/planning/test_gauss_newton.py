@@ -12,7 +12,7 @@ from planner.gait.half_ellipse import reference_walk
 from planner.model.joint import JointModel, request_ages
 from planner.model.response import simulate
 from planner.planning import gauss_newton
-from planner.planning.gauss_newton import SPEED_TERM, Search, Stage, allocated
+from planner.planning.gauss_newton import MOST_TOGETHER, SPEED_TERM, Search, Stage, allocated
 from planner.planning.problem import FootGoal, Problem
 from tests.from_python import from_python
 from tests.instances import TICK, random_model, saturating
@@ -347,6 +347,16 @@ def test_the_requests_that_act_on_a_joint_lead_where_its_simulation_does():
     )
     point = evaluated(problem, Stage(1e-150, 0.0), problem.desired, motion)
     np.testing.assert_allclose(point.defects, 0.0, atol=1e-12)  # of cycles closed to 1e-12 rad
+
+
+@CYCLIC
+def test_all_periods_of_a_long_path_lead_where_its_simulation_does(cyclic):
+    problem = joint(3, cyclic=cyclic, samples=MOST_TOGETHER + 10)
+    requests = problem.admissible(problem.resting)
+    angles = problem.exact_angles(requests)
+    point = evaluated(problem, Stage(1e-150, 0.0), requests, angles)
+    np.testing.assert_allclose(point.defects, 0.0, atol=1e-12)
+    assert np.all(point.slopes[0, 0, 0, 1:] > 0.0)  # also the last ones are filled
 
 
 def test_requests_of_ages_that_do_not_act_on_a_joint_do_not_move_it():
