@@ -105,17 +105,6 @@ def test_options_of_a_gait_overrule_what_suits_the_leg(run, robot):
     assert document["centre_m"][2] == -0.1
 
 
-def test_a_gait_goes_where_its_heading_points(run, robot):
-    asked = ("--leg", robot, *FRONT, "--heading-deg", 90, "--json")
-    document = json.loads(run("gait", *asked).stdout)
-    assert np.ptp(document["y_m"]) == pytest.approx(2.0 * document["stride"]["length_m"])
-    assert np.ptp(document["x_m"]) == pytest.approx(0.0, abs=WRITTEN)
-    document = json.loads(run("gait", "--heading-deg", 180, "--json").stdout)
-    straight = json.loads(run("gait", "--json").stdout)
-    backward = 2.0 * 0.049 - np.array(straight["x_m"])
-    np.testing.assert_allclose(document["x_m"], backward, atol=WRITTEN)
-
-
 def test_a_joint_is_held_where_the_option_says(run, robot, tmp_path):
     hold = ("--lock", "front_left_rotator=20", "--unreachable", "nearest")
     run("gait", "--leg", robot, *FRONT, "--half-stroke", 0.005, "--height", 0.005, "-o", "foot.csv")

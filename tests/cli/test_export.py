@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pytest
 
-from planner.files.paths import read_joint_path, write_joint_path
+from planner.files.paths import write_joint_path
 from tests.cli.test_servos import ARM
 
 
@@ -25,32 +23,6 @@ def test_a_plan_goes_to_a_controller_through_a_pipe(run, desired):
     assert result.stdout.splitlines()[0] == "t_s,hip_rad,knee_rad"
     assert len(result.stdout.splitlines()) == 89
     assert result.stderr == "88 rows of hip, knee at 125 Hz, 0.704 s\n"
-
-
-def test_cycles_rate_unit_and_names(run, requests, tmp_path):
-    file = tmp_path / "out.csv"
-    result = run(
-        "export", requests, "--format", "csv", "--unit", "deg", "--cycles", 3, "--rate-hz", 50,
-        "--between", "linear", "--joint-names", "lf_1, lf_2", "-o", file,
-    )  # fmt: skip
-    assert result.exit_code == 0
-    assert result.stdout == ""
-    assert "18 requests fall between the rows and are not among them" in result.stderr
-    written = read_joint_path(file)
-    assert written.names == ("lf_1", "lf_2")
-    hip = np.degrees(written.angles[:, 0])
-    assert np.allclose(hip, np.tile([0, 2.5, 5, 7.5], 3), rtol=0.0, atol=1e-9)
-
-
-@pytest.mark.parametrize(
-    ("zero", "first"), [(("180", "--zero-tick", "knee=100"), 120), (("0",), 20)]
-)
-def test_ticks_of_single_joints(run, requests, zero, first):
-    shared = ("export", requests, "--format", "csv", "--unit", "ticks", "--ticks-per-turn", 360)
-    result = run(*shared, "--zero-tick", *zero, "--joint", "knee")
-    assert result.stdout.splitlines()[:3] == [
-        "t_s,knee_ticks", f"0.0,{first}", f"0.008,{first - 1}"
-    ]  # fmt: skip
 
 
 def test_the_servos_of_a_model_file_have_the_zeros_and_directions_of_their_own_joints(
@@ -86,17 +58,6 @@ def test_a_bag_has_the_topic_and_a_dataset_the_task_of_its_options(run, requests
     assert run("export", requests, *words, "-o", "set").exit_code == 0
     tasks = parquet.read_table(tmp_path / "set" / "meta" / "tasks.parquet").to_pylist()
     assert [each["task"] for each in tasks] == ["lift the cup"]
-
-
-def test_points_carry_velocities_where_they_are_asked_for(run, requests):
-    yaml = pytest.importorskip("yaml", reason="needs the extra yaml")
-    ask = ("export", requests, "--format", "yaml")
-    with_them, without = (
-        yaml.safe_load(run(*ask, *more).stdout)["points"] for more in (["--velocities"], [])
-    )
-    speed = math.radians(1.0) / 0.008
-    assert with_them[4]["velocities"] == pytest.approx([speed, -speed], rel=1e-6)
-    assert "velocities" not in without[4]
 
 
 def test_a_file_without_times_needs_a_period(run, tmp_path):

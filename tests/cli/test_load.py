@@ -125,12 +125,6 @@ def test_a_urdf_without_masses_is_refused_before_anything_is_planned(run, folder
     assert "no link beyond joint 'pendulum' has a mass" in result.stderr
 
 
-def test_simulate_without_columns_says_so(run):
-    result = run("simulate", "path.csv", "--model", "soft.toml", "--load", "column")
-    assert result.exit_code == 2
-    assert "no columns <joint>_load_Nm" in result.stderr
-
-
 def test_the_methods_are_compared_under_the_load_of_the_desired_pose(run):
     loaded = run("compare", "path.csv", *LEG, "--load", "urdf", "--json")
     assert loaded.exit_code == 0, loaded.output

@@ -156,33 +156,6 @@ def test_too_many_samples_are_refused_before_they_are_made():
         resampled(np.arange(3.0), np.zeros((3, 1)), 1e-9, cyclic=True)
 
 
-@pytest.mark.parametrize("period", [0.001, 0.008, 0.01, 0.02, 0.05])
-def test_a_joint_requested_at_another_rate_answers_as_before(period):
-    """A step's answer differs by what is left of the tick: at most one tick at top speed."""
-    joint = planner.JointModel.ers210a()
-    other = joint.requested_every(period)
-    assert other.period == pytest.approx(period, rel=1e-12)
-    assert other.tick <= joint.tick * (1.0 + 1e-12)
-    assert other.v_max == joint.v_max
-    angles = planner.simulate(joint, np.full(50, 0.5), cyclic=False, start=0.0)
-    others = planner.simulate(other, np.full(round(0.4 / period), 0.5), cyclic=False, start=0.0)
-    at = period * np.arange(len(others)) + other.tick
-    known = np.interp(at, joint.tick * (1 + np.arange(50)), angles)
-    np.testing.assert_allclose(others, known, rtol=0.0, atol=joint.v_max * joint.tick)
-
-
-@pytest.mark.parametrize("period", [0.0, -1.0, float("nan"), "a"])
-def test_a_period_that_is_none_is_refused(period):
-    with pytest.raises(InvalidInput, match=r"period: got .*, expected more than 0 s"):
-        planner.JointModel.ers210a().requested_every(period)
-
-
-@pytest.mark.parametrize("period", [1e-18, 1e9])
-def test_a_period_beyond_what_a_model_can_have_is_refused_with_its_range(period):
-    with pytest.raises(InvalidInput, match=r"expected one every 9\.6e-06 to 8 s"):
-        planner.JointModel.ers210a().requested_every(period)
-
-
 def test_torques_on_joints_are_read_written_and_resampled_with_them(tmp_path):
     file = tmp_path / "loaded.csv"
     angles = np.radians([[0.0, 1.0], [2.0, 3.0], [4.0, 5.0], [2.0, 3.0]])
