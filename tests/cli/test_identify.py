@@ -278,13 +278,6 @@ def test_a_recorded_gripper_is_known_sharply_in_shares_of_its_range(run, recordi
     assert len(page) < 3_000_000  # 6000 rows beside a plotting library of 2 million [characters]
 
 
-def test_an_overloaded_servo_is_refused(run, recordings):
-    result = run("identify", recordings / "xl330" / "xl330_kp100_sin_sin.csv")
-    assert result.exit_code == 1
-    assert "THE MODEL DOES NOT FIT" in result.stderr
-    assert result.stdout.startswith("# Identified by request-planner")
-
-
 def test_logs_of_different_joints_are_not_thrown_together(run):
     write_log("hip.csv", joints=("hip",))
     write_log("knee.csv", joints=("knee",))

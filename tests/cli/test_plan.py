@@ -78,16 +78,6 @@ def test_the_summary_says_what_no_requests_can_beat_unless_the_path_is_long(
     assert document["foot"]["lower_bound_cm"] is None
 
 
-def test_the_stated_path_of_the_foot_follows_from_the_written_requests(walk, planned):
-    document, _, _ = planned
-    requests = [np.radians(document["joints"][name]["requests_deg"]) for name in walk.joint_names]
-    angles = np.column_stack([planner.simulate(JOINT, each) for each in requests])
-    positions = walk.leg.foot_positions(angles)
-    assert np.array(document["foot"]["predicted_m"]) == pytest.approx(positions, abs=1e-9)
-    errors = 100.0 * np.linalg.norm(positions - walk.desired_foot, axis=1)
-    assert document["foot"]["max_cm"] == pytest.approx(np.max(errors), abs=1e-7)
-
-
 def test_the_error_of_the_foot_to_expect_on_the_robot_stands_beside_that_of_the_plan(run, tmp_path):
     """Three independent joints that are 0.02 rad off move the foot by a few millimetres."""
     file = tmp_path / "joint.toml"
@@ -107,16 +97,6 @@ def test_the_error_of_the_foot_to_expect_on_the_robot_stands_beside_that_of_the_
     assert foot["rms_cm"] + 0.01 < expected["known"] < foot["rms_cm"] + 0.5
 
 
-def test_an_axis_that_counts_more_is_followed_more_closely(run, unbounded):
-    text, wanted = unbounded
-    heights = []
-    for more in ((), ("--weights", "1", "1", "100")):
-        document = json.loads(run("plan", "-", *REFERENCE, *more, "--json", stdin=text).stdout)
-        errors = np.array(document["foot"]["predicted_m"]) - wanted
-        heights.append(np.sqrt(np.mean(errors[:, 2] ** 2)))
-    assert heights[1] < 0.8 * heights[0]
-
-
 @pytest.mark.parametrize(
     ("more", "words"),
     [(("--norm", "max"), "at most"), (("--weights", 1, 1, 2), "rms as weighted")],
@@ -129,26 +109,6 @@ def test_the_bound_of_a_foot_is_told_in_its_norm_and_as_weighted(
     assert f"no requests within the limits bring it below 0.000 cm {words}: the plan is" in (
         run(*ask, *more).stderr
     )
-
-
-def test_positions_out_of_reach_stay_wanted_and_count(run, unbounded):
-    text, wanted = unbounded
-    nearest = ("--leg", "reference", "--unreachable", "nearest", "--method", "foot-optimal")
-    document = json.loads(run("plan", "-", *nearest, "--json", stdin=text).stdout)
-    errors = np.array(document["foot"]["predicted_m"]) - wanted
-    assert document["unreachable_samples"] == 15
-    assert document["foot"]["rms_cm"] == pytest.approx(
-        100.0 * np.sqrt(np.mean(np.sum(errors**2, axis=1))), abs=1e-7
-    )
-
-
-def test_a_plan_from_rest_begins_where_the_joints_rest(run, desired):
-    start = ("--no-cyclic", "--start-deg", "5", "--start-deg", "knee=-20")
-    planned = run("plan", desired, *start)
-    requests = [float(cell) for cell in planned.stdout.splitlines()[1].split(",")[1:]]
-    assert requests == pytest.approx([5.0, -20.0])
-    angles = run("simulate", "-", *start, stdin=planned.stdout).stdout.splitlines()[1]
-    assert [float(cell) for cell in angles.split(",")[1:]] == pytest.approx([5.0, -20.0])
 
 
 def test_a_plan_that_misses_its_tolerance_is_written_and_says_so_by_status_1(run, unbounded):
@@ -188,16 +148,6 @@ def test_the_smaller_limit_on_steps_is_kept_by_joints_and_feet(
     assert 0.85 < np.max(steps) <= 0.9 * (1.0 + 1e-9)
 
 
-def test_limits_that_are_asked_for_take_the_place_of_the_legs(run, foot):
-    ask = ("plan", foot, "--leg", "front-left", "--json")
-    name, free = list(json.loads(run(*ask).stdout)["joints"].items())[-1]
-    low, high = min(free["requests_deg"]) + 0.1, max(free["requests_deg"]) - 0.1
-    result = run(*ask, "--limits-deg", f"{name}={low}:{high}")
-    assert result.exit_code == 0, result.stderr
-    kept = json.loads(result.stdout)["joints"][name]["requests_deg"]
-    assert low - 1e-9 <= min(kept) < max(kept) <= high + 1e-9
-
-
 def test_every_joint_keeps_its_own_model_at_another_rate(run, desired):
     JOINT.to_toml("models.toml")
     with Path("models.toml").open("a") as file:
@@ -206,14 +156,6 @@ def test_every_joint_keeps_its_own_model_at_another_rate(run, desired):
     both, knee = (json.loads(run(*ask, *words).stdout) for words in ((), ("--joint", "knee")))
     assert both["joints"]["knee"] == knee["joints"]["knee"]
     assert both["period_s"] == 0.016
-
-
-def test_the_solver_that_is_chosen_plans(run, tmp_path):
-    write_joint_path(tmp_path / "few.csv", ["hip"], 0.01 * np.eye(6)[:, :1], period=0.008)
-    for solver in ("ipopt", "gauss-newton"):
-        result = run("plan", "few.csv", "--solver", solver, "--json", "-o", "out.csv")
-        assert result.exit_code == 0, result.stderr
-        assert json.loads(result.stdout)["joints"]["hip"]["solver"] == solver
 
 
 def test_a_tolerance_of_the_foot_is_of_the_norm_that_is_planned_for(run):

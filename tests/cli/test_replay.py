@@ -199,16 +199,6 @@ def test_a_dataset_comes_back_as_a_dataset(run, dataset, model):
         again, asked = (
             np.interp(moments, old.times[sound], each[sound]) for each in (old.angles, old.requests)
         )
-        print(
-            old.joint,
-            old.name,
-            len(old.times),
-            old.times[:3],
-            np.flatnonzero(~sound),
-            again[12:15],
-            new.angles[12:15],
-            old.angles[18:23],
-        )
         assert new.angles == pytest.approx(again, abs=1e-5)
         if old.joint == "gripper":
             assert new.requests == pytest.approx(asked, abs=1e-5)

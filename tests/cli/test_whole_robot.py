@@ -109,18 +109,6 @@ def test_a_gait_is_planned_for_the_feet_and_played_from_one_file(run, robot, tmp
     assert read_joint_path(tmp_path / "next.csv").names == desired.names
 
 
-def test_the_ers210a_needs_no_file(run):
-    result = run("gait", "--pattern", "walk", "--samples", "40", "-o", "walk.csv", "--json")
-    assert result.exit_code == 0, result.stderr
-    document = json.loads(result.stdout)
-    assert [document["legs"][leg]["phase"] for leg in LEGS] == [0.25, 0.75, 0.0, 0.5]
-    assert list(document["legs"]) == list(LEGS)
-    assert (document["pattern"], document["period_s"]) == ("walk", 0.008)
-    planned = run("plan", "walk.csv", "-o", "requests.csv", "--json")
-    assert planned.exit_code == 0, planned.stderr
-    assert list(json.loads(planned.stdout)["legs"]) == list(LEGS)
-
-
 def test_ticks_are_those_of_each_servo(run, robot, tmp_path):
     run("gait", "--pattern", "trot", "--samples", "40", "--model", robot, "-o", "trot.csv")
     result = run(

@@ -53,21 +53,21 @@ def file(tmp_path_factory):
     return tmp_path_factory.mktemp("any") / "file"
 
 
-@settings(max_examples=300)
+@settings(max_examples=100)
 @given(content=ANY_CSV)
 def test_any_bytes_are_a_joint_path_or_bad_input(file, content):
     path = _read(read_joint_path, file, content)
     assert path is None or np.isfinite(path.angles).all()
 
 
-@settings(max_examples=300)
+@settings(max_examples=100)
 @given(content=ANY_CSV)
 def test_any_bytes_are_a_foot_path_or_bad_input(file, content):
     path = _read(read_foot_path, file, content)
     assert path is None or np.isfinite(path.positions).all()
 
 
-@settings(max_examples=300)
+@settings(max_examples=100)
 @given(content=ANY_TOML)
 def test_any_bytes_are_models_or_bad_input(file, content):
     models = _read(read_model_file, file, content)

@@ -107,7 +107,7 @@ def test_the_whole_file_is_read(name, tmp_path):
 
 
 @pytest.mark.parametrize("name", READERS)
-@settings(max_examples=300)
+@settings(max_examples=100)
 @given(accidents=st.lists(DAMAGE, min_size=1, max_size=4))
 @example(accidents=[("cut", 0, 0, b"\0")])
 def test_a_damaged_file_is_read_or_refused(name, accidents, tmp_path_factory):

@@ -62,7 +62,7 @@ def folder(tmp_path_factory):
     return tmp_path_factory.mktemp("any")
 
 
-@settings(max_examples=300)
+@settings(max_examples=100)
 @given(
     content=st.one_of(
         st.binary(max_size=200),
@@ -74,7 +74,7 @@ def test_any_bytes_are_a_csv_log_or_bad_input(folder, content, unit):
     _read(folder / "log.csv", content, unit=unit, joint="all")
 
 
-@settings(max_examples=200)
+@settings(max_examples=80)
 @given(
     content=st.one_of(
         st.binary(max_size=200),
@@ -93,7 +93,7 @@ def dataset(folder):
     return v21(folder / "set")
 
 
-@settings(max_examples=80)
+@settings(max_examples=40)
 @given(changes=CHANGES, cut=st.sampled_from([0, 0, 0, 1, 100, 10**6 + 7]))
 def test_a_damaged_parquet_file_is_read_or_refused(dataset, changes, cut):
     file = dataset / "data" / "chunk-000" / "episode_000000.parquet"
@@ -101,7 +101,7 @@ def test_a_damaged_parquet_file_is_read_or_refused(dataset, changes, cut):
     _read(file, _damaged(whole, changes, cut), joint="all", unit="deg")
 
 
-@settings(max_examples=80)
+@settings(max_examples=40)
 @given(described=JSON_VALUES, names=JSON_VALUES)
 def test_any_description_of_a_dataset_is_read_or_refused(dataset, described, names):
     file = dataset / "meta" / "info.json"
@@ -133,7 +133,7 @@ def bag(request, folder):
     return whole.read_bytes(), folder / f"damaged.{request.param}"
 
 
-@settings(max_examples=80)
+@settings(max_examples=40)
 @given(changes=CHANGES, cut=st.sampled_from([0, 0, 0, 1, 100, 10**6 + 7]))
 def test_a_damaged_bag_is_read_or_refused(bag, changes, cut):
     whole, file = bag
