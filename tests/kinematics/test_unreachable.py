@@ -64,7 +64,7 @@ def test_random_legs_hide_no_nearer_pose_either():
         leg = Leg("base", "foot", ("a", "b", "c"), limits, chain)
         points = around(leg, 40, seed=9)
         found = leg.inverse(points, unreachable="nearest").distance
-        grid = np.array(np.meshgrid(*np.linspace(*limits, 21).T)).reshape(3, -1).T
+        grid = np.array(np.meshgrid(*np.linspace(*limits, 15).T)).reshape(3, -1).T
         least = np.linalg.norm(leg.foot_positions(grid) - points[:, None], axis=-1).min(axis=1)
         assert (found <= least + EXACT).all()
 

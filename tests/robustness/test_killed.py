@@ -18,7 +18,7 @@ from tests.robustness.watched import DEATH
 MOST = 2
 """Kills before the last changes; of more changes than that, evenly spaced ones are tried."""
 
-LAST = 10
+LAST = 7
 """Changes at the end, where files are put in place: each of them is tried."""
 
 PLAN = ["plan", "desired.csv", "--method", "closed-form", "--segments", "5"]

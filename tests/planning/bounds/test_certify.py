@@ -126,7 +126,7 @@ def at_every_tick(model, requests, load, *, cyclic, start=None):
 
 
 @pytest.mark.parametrize("cyclic", [True, False])
-@settings(max_examples=60)
+@settings(max_examples=40)
 @given(
     model=ANY_MODEL,
     requests=trajectories(least=4),
@@ -154,7 +154,7 @@ def test_a_motor_that_friction_stops_meets_the_conditions():
     assert np.max(reachable.matrix @ angles - reachable.limits) <= 1e-10
 
 
-@settings(max_examples=60)
+@settings(max_examples=40)
 @given(
     model=ANY_MODEL,
     requests=trajectories(least=4),
@@ -174,7 +174,7 @@ def test_a_joint_at_rest_meets_the_conditions_of_its_start(model, requests, seed
 
 @pytest.mark.parametrize("norm", NORMS)
 @pytest.mark.parametrize("cyclic", [True, False])
-@settings(max_examples=40)
+@settings(max_examples=25)
 @given(
     model=ANY_MODEL,
     desired=trajectories(least=3, most=14),
