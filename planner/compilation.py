@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import fcntl
 import gc
-import importlib
 import logging
 import os
 import re
@@ -24,7 +23,6 @@ import numba
 from numba.core import event
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
-from numba.np import linalg
 
 COMPILING = (
     "request-planner: compiling the joint model, once after installation, for half a minute ..."
@@ -46,22 +44,6 @@ P = ParamSpec("P")
 T = TypeVar("T")
 
 OPTIONS: Any = {"error_model": "numpy"}
-
-
-def _import_array_functions() -> None:
-    """Import Numba's functions on arrays without SciPy's linear algebra, a tenth of a second.
-
-    At their import they test whether it can be imported. Functions that use it import it again.
-    """
-    module: Any = linalg
-    test, module.ensure_blas = module.ensure_blas, lambda: None
-    try:
-        importlib.import_module("numba.np.arraymath")
-    finally:
-        module.ensure_blas = test
-
-
-_import_array_functions()
 
 
 def compiled(function: Callable[P, T]) -> Callable[P, T]:
