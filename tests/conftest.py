@@ -39,17 +39,20 @@ os.environ.pop("COLUMNS", None)
 
 SLOWEST = (
     "tests/docs/test_pages.py",
-    "tests/planning/test_friction.py",
     "tests/corpus/test_corpus.py",
-    "tests/identification/test_recordings.py",
-    "tests/identification/test_verdict.py",
+    "tests/identification/test_terms.py",
+    "tests/report/test_in_a_browser.py",
+    "tests/robustness/test_killed.py",
     "tests/planning/foot/test_bound.py",
+    "tests/identification/test_verdict.py",
+    "tests/cli/test_replay.py",
+    "tests/robustness/test_hostile_sizes.py",
+    "tests/planning/bounds/test_certify.py",
+    "tests/planning/test_friction.py",
+    "tests/identification/test_answers.py",
+    "tests/identification/test_residual_patterns.py",
+    "tests/cli/test_every_option.py",
     "tests/robustness/test_public_functions.py",
-    "tests/planning/test_optimal.py",
-    "tests/evaluation/test_cross_check.py",
-    "tests/cli/test_compare.py",
-    "tests/cli/test_any_leg.py",
-    "tests/cli/test_process.py",
 )
 """Files that begin first, so that no process is left alone with one of them at the end."""
 
