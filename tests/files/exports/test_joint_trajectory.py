@@ -8,7 +8,7 @@ import sqlite3
 import numpy as np
 import pytest
 
-from planner.exceptions import InvalidFile, InvalidInput, MissingExtra
+from planner.exceptions import InvalidFile, InvalidInput
 from planner.files.exports.ros_trajectory import (
     TOPIC,
     TYPE,
@@ -168,14 +168,4 @@ def test_a_topic_has_a_name(schedule, tmp_path, topic):
     pytest.importorskip("rosbags", reason="needs the extra bags")
     with pytest.raises(InvalidInput, match=r"expected a name such as /joint_trajectory"):
         write_bag(tmp_path / "walk", joint_trajectory(schedule), topic=topic)
-    assert list_files(tmp_path) == []
-
-
-def test_what_is_not_installed_is_named(schedule, tmp_path, monkeypatch):
-    monkeypatch.setitem(__import__("sys").modules, "yaml", None)
-    monkeypatch.setitem(__import__("sys").modules, "rosbags.rosbag2", None)
-    with pytest.raises(MissingExtra, match=r"request-planner\[yaml\]"):
-        write_trajectory_yaml(tmp_path / "a.yaml", joint_trajectory(schedule))
-    with pytest.raises(MissingExtra, match=r"request-planner\[bags\]"):
-        write_bag(tmp_path / "a", joint_trajectory(schedule))
     assert list_files(tmp_path) == []

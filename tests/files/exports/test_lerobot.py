@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 
-from planner.exceptions import InvalidInput, MissingExtra
+from planner.exceptions import InvalidInput
 from planner.files.exports import lerobot
 from planner.files.exports.lerobot import Layout, lerobot_dataset, write_lerobot
 from planner.files.logs.lerobot import read_lerobot
@@ -166,9 +166,3 @@ def test_a_dataset_that_is_not_finished_is_not_there(tmp_path, parquet):  # noqa
     with pytest.raises(InvalidInput, match="an episode failed"):
         fail()
     assert list_files(tmp_path) == []
-
-
-def test_what_is_not_installed_is_named(schedule, tmp_path, monkeypatch):
-    monkeypatch.setitem(__import__("sys").modules, "pyarrow", None)
-    with pytest.raises(MissingExtra, match=r"request-planner\[parquet\]"):
-        write_lerobot(tmp_path / "out", schedule)
