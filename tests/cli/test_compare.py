@@ -114,23 +114,13 @@ def test_a_foot_path_through_a_pipe_is_compared_in_the_foot_too(run):
     assert set(document["foot"]["methods"]) == set(METHODS)
 
 
-def test_joints_of_a_leg_may_come_in_any_order_and_some_may_be_missing(run, tmp_path):
-    """Some seconds: the whole reference walk with the bound of its foot, as compare states it."""
-    walk = planner.reference_walk()
-    names = ["knee", "rotator", "abductor"]
-    rows = [",".join(f"{name}_rad" for name in names)]
-    rows += [",".join(map(str, sample)) for sample in walk.desired[:, [2, 0, 1]]]
-    (tmp_path / "path.csv").write_text("\n".join(rows))
-    arguments = ("compare", "path.csv", "--leg", "reference", "--json")
-    document = json.loads(run(*arguments).stdout)
-    assert list(document["joints"]) == list(walk.joint_names)
-    methods = document["foot"]["methods"]
-    assert methods["foot_optimal"]["rms_cm"] <= 0.62
-    assert 0.0 <= methods["foot_optimal"]["gap"] <= 0.01
-    assert methods["closed_form_paper"]["gap"] is None  # beyond the limits
-    alone = json.loads(run(*arguments, "--joint", "knee").stdout)
-    assert alone["foot"] is None
-    assert alone["joints"]["knee"]["limits_deg"] == pytest.approx([-27.0, 147.0])
+def test_a_joint_of_a_leg_alone_has_its_limits_and_no_foot(run, tmp_path):
+    angles = planner.reference_walk().desired[::4]
+    write_joint_path(tmp_path / "path.csv", ["rotator", "abductor", "knee"], angles, period=0.008)
+    alone = run("compare", "path.csv", "--leg", "reference", "--joint", "knee", "--json")
+    document = json.loads(alone.stdout)
+    assert (list(document["joints"]), document["foot"]) == (["knee"], None)
+    assert document["joints"]["knee"]["limits_deg"] == pytest.approx([-27.0, 147.0])
 
 
 def test_joints_of_a_leg_are_compared_in_its_order_each_with_its_own_limits_and_load(

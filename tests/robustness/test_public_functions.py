@@ -146,7 +146,7 @@ def test_each_hostile_value_in_each_place_is_answered_or_refused(snapshot):
 
 @pytest.mark.filterwarnings("ignore:preview:UserWarning")  # a short one is answered with it
 @pytest.mark.parametrize("name", [name for name in ENTRANCES if len(ENTRANCES[name][1]()) > 1])
-@settings(max_examples=40)
+@settings(max_examples=20)
 @given(data=st.data())
 def test_hostile_values_in_several_places_are_answered_or_refused(name, data):
     _, good = ENTRANCES[name]
