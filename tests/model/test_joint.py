@@ -172,6 +172,9 @@ def test_a_joint_has_a_request_at_most_every_thousand_ticks():
     for period in (8.1, 1.5e-6):  # 8 ms are at most 5000 ticks, with the lag 100,000
         with pytest.raises(InvalidModel, match=r"expected one every 1.6e-06 to 8 s"):
             joint.requested_every(period)
+    for period in (0.0, -1.0, math.nan, "a"):
+        with pytest.raises(InvalidModel, match=r"period: got .*, expected more than 0 s"):
+            joint.requested_every(period)
 
 
 @pytest.mark.parametrize(
