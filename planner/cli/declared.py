@@ -12,7 +12,7 @@ import math
 import re
 import textwrap
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import MISSING, asdict, dataclass, field, fields, replace
+from dataclasses import MISSING, Field, asdict, dataclass, field, fields, replace
 from itertools import pairwise
 from pathlib import PurePosixPath
 from types import NoneType, UnionType
@@ -25,7 +25,6 @@ from typing import (
     Self,
     TypeVar,
     Union,
-    dataclass_transform,
     get_args,
     get_origin,
     get_type_hints,
@@ -112,7 +111,7 @@ def setting(
     help: str = "",  # noqa: A002
     *,
     default: Any = MISSING,
-    default_factory: Any = MISSING,
+    implied: Any = None,
     otherwise: str = "",
     example: Any = None,
     set_to: Any = None,
@@ -122,12 +121,17 @@ def setting(
     only: tuple[str, ...] = (),
     **click: Any,
 ) -> Any:
-    """Declare a key of a table; see :class:`About`. Other arguments go to its option."""
+    """Declare a key of a table; see :class:`About`. Other arguments go to its option.
+
+    A key that may be None is None by default, with the effect of ``implied``; a dict is empty.
+    """
+    if implied is not None:
+        otherwise, example = toml_value(implied), implied
     about = About(
         help=help, otherwise=otherwise, example=example, set_to=set_to,
         option=option, earlier=earlier, by_joint=by_joint, only=only, click=click,
     )  # fmt: skip
-    return field(default=default, default_factory=default_factory, metadata={"about": about})
+    return field(default=default, metadata={"about": about})
 
 
 @dataclass(frozen=True)
@@ -156,9 +160,14 @@ class Declared:
         return self.default is MISSING
 
 
-@dataclass_transform(kw_only_default=True, frozen_default=True, field_specifiers=(setting,))
 class Settings:
     """A table of a file: its docstring and fields are the table's description and keys."""
+
+    __dataclass_fields__: ClassVar[dict[str, Field[Any]]]  # every subclass is a dataclass
+
+    if TYPE_CHECKING:
+
+        def __init__(self, **values: Any) -> None: ...
 
     keys: ClassVar[dict[str, Declared]] = {}
     """The keys of the table, tables among them, as they are declared."""
@@ -174,7 +183,13 @@ class Settings:
         """
         for name, key in () if optional is None else optional.keys.items():
             cls.__annotations__[name] = key.annotation | None
-            setattr(cls, name, field(default=None, metadata={"about": key.about}))
+            setattr(cls, name, field(metadata={"about": key.about}))
+        annotations = get_type_hints(cls)
+        for name, each in vars(cls).items():
+            if isinstance(each, Field) and NoneType in get_args(annotations[name]):
+                each.default = None
+            elif isinstance(each, Field) and get_origin(annotations[name]) is dict:
+                each.default_factory = dict
         dataclass(frozen=True, kw_only=True)(cls)
         cls.keys = _declared(cls)
 
@@ -189,7 +204,7 @@ class Settings:
 
     def values(self) -> dict[str, Any]:
         """The value of every key, with mappings in place of tables."""
-        return asdict(self)  # type: ignore[call-overload, no-any-return]  # every subclass is a dataclass
+        return asdict(self)
 
     @classmethod
     def of(cls, content: Mapping[str, Any], *, standard_input: bool = False) -> Self:
@@ -312,7 +327,7 @@ def _flat(
 def _declared(cls: type[Settings]) -> dict[str, Declared]:
     annotations = get_type_hints(cls, include_extras=True)
     keys = {}
-    for each in fields(cls):  # type: ignore[arg-type]  # every subclass is a dataclass
+    for each in fields(cls):
         annotation = annotations[each.name]
         default = each.default if each.default_factory is MISSING else each.default_factory()
         base, notes = _unwrapped(annotation)

@@ -150,8 +150,12 @@ def _option(key: str, declared: Declared, of_command: str) -> Callable[[Command]
         attributes |= {"is_flag": True, "default": None}
     elif get_origin(declared.type) is Literal:
         attributes = {"type": click.Choice(get_args(declared.type)), **attributes}
+    elif get_origin(declared.type) is tuple:
+        attributes = {"type": str, "multiple": "type" not in attributes, **attributes}
     else:
         attributes = {"type": declared.type, **attributes}
+    if about.by_joint or get_origin(declared.type) is dict:
+        attributes["multiple"] = True
     if about.earlier:
         attributes |= {"cls": types.Renamed, "earlier": about.earlier}
     parameter, required = _parameter(key), declared.required

@@ -60,7 +60,6 @@ class Leg(Settings):
 
     name: types.ShippedLeg | None = setting(
         "A shipped leg: paths are in the body's frame, for 'reference' in the hip's.",
-        default=None,
         example="front-left",
         set_to="reference",
         option="--leg",
@@ -72,7 +71,6 @@ class Leg(Settings):
     )
     urdf: Source | None = setting(
         "The description of your own robot, in place of name.",
-        default=None,
         example="robot.urdf",
         option="--urdf",
         type=types.INPUT,
@@ -80,38 +78,32 @@ class Leg(Settings):
     )
     base: Frame | None = setting(
         "With a URDF: the frame of the foot positions.",
-        default=None,
         example="base_link",
         option="--base",
         metavar="FRAME",
     )
     foot: Frame | None = setting(
         "With a URDF: the frame of the foot.",
-        default=None,
         example="lf_foot",
         option="--foot",
         metavar="FRAME",
     )
     lock: Angles | None = setting(
         "With a URDF: joints to hold, and where [deg], so that three remain.",
-        default=None,
         example={"wrist": -90.0},
         option="--lock",
         type=types.POSITIONS,
-        multiple=True,
         metavar="JOINT=DEG",
         option_help="With a URDF: hold a joint, so that three remain; JOINT=0.1m one that slides.",
     )
     lock_m: Annotated[dict[str, float] | None, Expected("a table of positions by joint")] = setting(
-        "With a URDF: the same for joints that slide [m].", default=None, example={"slide": 0.1}
+        "With a URDF: the same for joints that slide [m].", example={"slide": 0.1}
     )
     near: Angles | None = setting(
         "A pose near which to start [deg], of several that reach the first point.",
-        default=None,
         example={"knee": 30.0},
         option="--near",
         type=types.POSE,
-        multiple=True,
         metavar="JOINT=DEG",
         option_help="Initial pose: the nearest solution of the inverse kinematics is taken; "
         "several times for several joints.",
@@ -172,7 +164,6 @@ class OfJoint(Settings, optional=Parameters):
 
     file: Source | None = setting(
         "A model file for this joint alone, in place of parameters.",
-        default=None,
         example="knee.toml",
     )
 
@@ -189,8 +180,8 @@ class Model(Settings):
         option_help="Joint models as TOML; 'ers210a', the paper's Table 1; or 'urdf', the same "
         "servos with the top speeds of the leg's URDF.  [default: ers210a]",
     )
-    parameters: Parameters | None = setting(default=None)
-    joints: dict[str, OfJoint] = setting(default_factory=dict)
+    parameters: Parameters | None = setting()
+    joints: dict[str, OfJoint] = setting()
 
 
 class HalfEllipse(Settings):
@@ -231,22 +222,18 @@ class Path(Settings):
 
     file: Source | None = setting(
         "A CSV of joints (<joint>_deg, _rad) or of a foot (x_m, y_m, z_m; _cm, _mm).",
-        default=None,
         example="path.csv",
     )
     joints: JointNames = setting(
         "With a file of joints: those to use, in this order; [] is every column.",
         default=(),
         option="--joint",
-        type=str,
-        multiple=True,
         metavar="NAME",
         option_help="A joint to use, several times for several; by default every column of the "
         "file.",
     )
     rate_hz: Positive | None = setting(
         "Requests per second: a file with t_s is resampled to it, and the models take it.",
-        default=None,
         otherwise="the models' own",
         example=50.0,
         option="--rate-hz",
@@ -255,13 +242,12 @@ class Path(Settings):
     speed: Positive | None = setting(
         "How many times as fast to follow the path: with fewer samples, on its straight "
         "lines, or more.",
-        default=None,
         otherwise="as it is",
         example=1.5,
         option="--speed",
         metavar="FACTOR",
     )
-    half_ellipse: HalfEllipse | None = setting(default=None, set_to=HalfEllipse())
+    half_ellipse: HalfEllipse | None = setting(set_to=HalfEllipse())
 
 
 OPTIMISED = ("optimal", "foot-optimal")
@@ -280,7 +266,6 @@ class Plan(Settings):
     )
     cyclic: bool | None = setting(
         "Whether the path repeats for ever, or starts from rest.",
-        default=None,
         otherwise="yes, unless its ends are far apart",
         example=True,
         option="--cyclic/--no-cyclic",
@@ -288,31 +273,25 @@ class Plan(Settings):
     load: Load | None = setting(
         "Torque on the joints: gravity by the masses of the leg's URDF, all of its "
         "dynamics, or columns <joint>_load_Nm of the path.",
-        default=None,
         otherwise="none",
         example="urdf",
         option="--load",
     )
     norm: Norm | None = setting(
         "Methods shift, optimal and foot-optimal: the error to make small.",
-        default=None,
         only=("shift", *OPTIMISED),
-        otherwise='"rms"',
-        example="rms",
+        implied="rms",
         option="--norm",
     )
     solver: Solver | None = setting(
         "Method optimal: our own solver, or IPOPT with the same problem.",
-        default=None,
         only=("optimal",),
-        otherwise='"gauss-newton"',
-        example="gauss-newton",
+        implied="gauss-newton",
         option="--solver",
     )
     max_step_deg: Positive | None = setting(
         "Methods optimal and foot-optimal: largest change from one request to the next [deg, or "
         "percent of the range].",
-        default=None,
         only=OPTIMISED,
         otherwise="none",
         example=5.0,
@@ -321,7 +300,6 @@ class Plan(Settings):
     )
     max_request_speed_deg_s: Positive | None = setting(
         "The same as a speed: largest change of the requests [deg/s].",
-        default=None,
         only=OPTIMISED,
         otherwise="none",
         example=600.0,
@@ -332,17 +310,14 @@ class Plan(Settings):
         "Methods optimal and foot-optimal: share by which smoother requests may raise the "
         "error that the robot would show, of plan and model together (an encoder's step of "
         "0.088 degrees at least); 0 for none.",
-        default=None,
         only=OPTIMISED,
-        otherwise="0.005",
-        example=0.005,
+        implied=0.005,
         option="--smoothness",
         metavar="SHARE",
     )
     robust: Robust | None = setting(
         "Methods optimal and foot-optimal: plan for models drawn from the intervals of "
         "the model file, too, and make the mean or the worst of their errors small.",
-        default=None,
         only=OPTIMISED,
         otherwise="the model alone",
         example="worst",
@@ -350,10 +325,8 @@ class Plan(Settings):
     )
     weights: Weights | None = setting(
         "Method foot-optimal: how much each axis counts, x, y, z.",
-        default=None,
         only=("foot-optimal",),
-        otherwise="[1.0, 1.0, 1.0]",
-        example=[1.0, 1.0, 1.0],
+        implied=[1.0, 1.0, 1.0],
         option="--weights",
         type=float,
         nargs=3,
@@ -362,7 +335,6 @@ class Plan(Settings):
     )
     segments: Count | None = setting(
         "Method closed-form: lines of the approximation.",
-        default=None,
         only=("closed-form",),
         otherwise="as many as reduce the error",
         example=6,
@@ -371,10 +343,8 @@ class Plan(Settings):
     )
     rule: Rule | None = setting(
         "Method closed-form: how a line is inverted.",
-        default=None,
         only=("closed-form",),
-        otherwise='"paper"',
-        example="paper",
+        implied="paper",
         option="--rule",
     )
 
@@ -411,21 +381,18 @@ class Limits(Settings):
 
     deg: Span | None = setting(
         "Smallest and largest request of every joint [deg].",
-        default=None,
         otherwise="those of the leg, if there is one",
         example=[-120.0, 150.0],
         option="--limits-deg",
         earlier=("--limits",),
         by_joint="joints",
         type=types.SPANS,
-        multiple=True,
         metavar="[JOINT=]LOW:HIGH",
         option_help="Range of the requests [deg], of all joints or one; by default that of the "
         "leg.",
     )
     joints: dict[str, Span] = setting(
         "The same for single joints [deg], which overrule it.",
-        default_factory=dict,
         example=[-27.0, 147.0],
     )
 
@@ -435,21 +402,19 @@ class Start(Settings):
 
     deg: float | None = setting(
         "Angle of every joint [deg], from the same zero as the path.",
-        default=None,
         otherwise="where the path begins",
         example=0.0,
         option="--start-deg",
         earlier=("--start",),
         by_joint="joints",
         type=types.ANGLES,
-        multiple=True,
         metavar="[JOINT=]DEG",
         option_help="With --no-cyclic: the angle at which all joints, or one, rest before the path "
         "begins [degrees, or percent of the range, from the same zero as the path].  "
         "[default: where the path begins]",
     )
     joints: dict[str, float] = setting(
-        "The same for single joints [deg], which overrule it.", default_factory=dict, example=30.0
+        "The same for single joints [deg], which overrule it.", example=30.0
     )
 
 
@@ -464,7 +429,6 @@ class Tolerance(Settings):
 
     deg: Positive | None = setting(
         "Error of any joint to accept [deg], in the plan's norm; not with method foot-optimal.",
-        default=None,
         example=10.0,
         option="--tolerance-deg",
         metavar="DEG",
@@ -472,7 +436,6 @@ class Tolerance(Settings):
     )
     cm: Positive | None = setting(
         "Error of the foot to accept [cm], in the plan's norm.",
-        default=None,
         example=1.0,
         set_to=1.0,
         option="--tolerance-cm",
@@ -501,9 +464,7 @@ class Output(Settings):
     )
     level: Level | None = setting(
         "With comparison: the sharpest bound to compute; exact takes seconds to a minute.",
-        default=None,
-        otherwise='"envelope"',
-        example="envelope",
+        implied="envelope",
         option="--level",
     )
     scene: WrittenOrNone = setting(
@@ -534,7 +495,6 @@ class Export(Settings):
     )
     rate_hz: Positive | None = setting(
         "Rows per second.",
-        default=None,
         otherwise="one row per request",
         example=125.0,
         option="--rate-hz",
@@ -542,16 +502,13 @@ class Export(Settings):
     )
     between: Literal["hold", "linear"] | None = setting(
         "With rate_hz: hold each request, or go to the next in a straight line.",
-        default=None,
-        otherwise='"hold"',
-        example="hold",
+        implied="hold",
         option="--between",
         option_help="With --rate-hz: hold each request, or go to the next in a straight line.  "
         "[default: hold]",
     )
     joint_names: JointNames | None = setting(
         "The joints' names on the robot, in the order of the columns.",
-        default=None,
         otherwise="those of the path",
         example=["lf_1", "lf_2", "lf_3"],
         option="--joint-names",
@@ -560,15 +517,12 @@ class Export(Settings):
     )
     unit: Literal["rad", "deg", "ticks", "us"] | None = setting(
         "csv: unit of the columns; us are the pulses of hobby servos.",
-        default=None,
         only=("csv",),
-        otherwise='"rad"',
-        example="rad",
+        implied="rad",
         option="--unit",
     )
     ticks_per_turn: TicksPerTurn | None = setting(
         "csv in ticks or us: how many a turn has.",
-        default=None,
         only=("csv",),
         otherwise="4096, or 4000 us",
         example=4096,
@@ -577,36 +531,29 @@ class Export(Settings):
     )
     zero_tick: Tick | None = setting(
         "csv in ticks or us: the count at angle 0.",
-        default=None,
         only=("csv",),
         otherwise="2048, or 1500 us",
         example=2048,
         option="--zero-tick",
         by_joint="zero_ticks",
         type=types.TICKS,
-        multiple=True,
         metavar="[JOINT=]N",
     )
     zero_ticks: Annotated[dict[str, Tick] | None, Expected("a table of ticks by joint")] = setting(
         "csv in ticks or us: the same for single joints.",
-        default=None,
         only=("csv",),
         example={"knee": 2048},
     )
     reverse: JointNames | None = setting(
         "csv in ticks or us: joints whose servo is mounted the other way round.",
-        default=None,
         only=("csv",),
         otherwise="none",
         example=["knee"],
         option="--reverse",
-        type=str,
-        multiple=True,
         metavar="NAME",
     )
     lead_s: NotNegative | None = setting(
         "yaml, bag, mcap: time in which the controller leads the joints to the first.",
-        default=None,
         only=ROS,
         otherwise="0.0",
         example=2.0,
@@ -615,27 +562,21 @@ class Export(Settings):
     )
     velocities: bool | None = setting(
         "yaml, bag, mcap: whether points carry velocities, and become splines.",
-        default=None,
         only=ROS,
-        otherwise="false",
-        example=False,
+        implied=False,
         option="--velocities",
         option_help="yaml, bag, mcap: points carry velocities, and become splines.",
     )
     topic: Annotated[Text | None, Expected("the name of a topic")] = setting(
         "bag, mcap: the topic.",
-        default=None,
         only=("bag", "mcap"),
-        otherwise='"/joint_trajectory_controller/joint_trajectory"',
-        example="/joint_trajectory_controller/joint_trajectory",
+        implied="/joint_trajectory_controller/joint_trajectory",
         option="--topic",
     )
     task: Text | None = setting(
         "lerobot: what the episode shows, in words.",
-        default=None,
         only=("lerobot",),
-        otherwise='"follow the planned requests"',
-        example="follow the planned requests",
+        implied="follow the planned requests",
         option="--task",
     )
 
@@ -656,15 +597,12 @@ class Replay(Settings):
         default=(),
         otherwise="all that have a model, but no grippers",
         option="--joint",
-        type=str,
-        multiple=True,
         metavar="NAME",
         option_help="A joint to plan, several times for several; the others get their recorded "
         "requests.  [default: all that have a model, but no grippers]",
     )
     begin_s: NotNegative | None = setting(
         "Where to begin [s since the first row].",
-        default=None,
         otherwise="the first row",
         option="--begin-s",
         earlier=("--start",),
@@ -672,7 +610,6 @@ class Replay(Settings):
     )
     end_s: NotNegative | None = setting(
         "Where to end [s since the first row].",
-        default=None,
         otherwise="the last row",
         option="--end-s",
         earlier=("--end",),
@@ -680,7 +617,6 @@ class Replay(Settings):
     )
     rate_hz: Positive | None = setting(
         "Requests per second.",
-        default=None,
         otherwise="that of the recording",
         example=50.0,
         option="--rate-hz",
@@ -701,11 +637,9 @@ class Replay(Settings):
     )
     urdf_joints: Annotated[dict[str, Text], Expected("a table of names by joint")] = setting(
         "Names of joints in the URDF, where they are others than in the recording.",
-        default_factory=dict,
         example={"Rotation": "shoulder_pan"},
         option="--urdf-joint",
         type=types.NAMES,
-        multiple=True,
         metavar="JOINT=NAME",
         option_help="With --urdf: what a joint of the recording is called there; several times for "
         "several.",
@@ -723,7 +657,6 @@ class Run(Settings):
 
     out: Annotated[Text | None, Expected("the name of a folder")] = setting(
         "Folder of the results; --out overrules it.",
-        default=None,
         otherwise="the name of this file without its ending",
         example="results",
     )
@@ -740,7 +673,7 @@ class Run(Settings):
 
 def _tried(about: str, *values: float, active: bool = False) -> Any:
     """A parameter, with example values, which a template sets if ``active``."""
-    return setting(about, default=None, example=list(values), set_to=values if active else None)
+    return setting(about, example=list(values), set_to=values if active else None)
 
 
 class SweptParameters(Settings):
@@ -774,28 +707,27 @@ class Search(Settings):
     )
     steps: Count | None = setting(
         "Method grid: so many values of each parameter, evenly from its first to its last.",
-        default=None,
         only=("grid",),
         otherwise="the values as they are",
         example=5,
     )
     evaluations: Annotated[int, Range(ge=20, le=10**6)] | None = setting(
-        "Method cma: how many plans.", default=None, only=("cma",), otherwise="200", example=200
+        "Method cma: how many plans.", only=("cma",), implied=200
     )
     seed: Annotated[int, Range(ge=0, le=10**9)] | None = setting(
-        "Method cma: of its random numbers.", default=None, only=("cma",), otherwise="0", example=0
+        "Method cma: of its random numbers.", only=("cma",), implied=0
     )
     at_error_cm: Positive | None = setting(
-        "Seek the fastest with at most this error of the foot [cm].", default=None, example=1.0
+        "Seek the fastest with at most this error of the foot [cm].", example=1.0
     )
     at_error_deg: Positive | None = setting(
-        "The same for a path of joints: error of the worst joint [deg].", default=None, example=2.0
+        "The same for a path of joints: error of the worst joint [deg].", example=2.0
     )
     at_speed_cm_s: Positive | None = setting(
-        "Seek the least error of a gait of at least this speed [cm/s].", default=None, example=20.0
+        "Seek the least error of a gait of at least this speed [cm/s].", example=20.0
     )
     at_speed: Positive | None = setting(
-        "The same for the path of a file: times its own speed.", default=None, example=1.5
+        "The same for the path of a file: times its own speed.", example=1.5
     )
     parameters: SweptParameters = SweptParameters()
 
