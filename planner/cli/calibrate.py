@@ -65,7 +65,6 @@ SLOWEST = 16.0
     "--rate-hz",
     type=types.above_0("hertz"),
     default=100.0,
-    show_default=True,
     metavar="HZ",
     help="Requests per second, as the joints will get them later.",
 )
@@ -73,7 +72,6 @@ SLOWEST = 16.0
     "--duration-s",
     type=types.above_0("seconds"),
     default=60.0,
-    show_default=True,
     metavar="S",
     help="Time for which each joint is excited; its test motions take another half a minute.",
 )
@@ -81,7 +79,6 @@ SLOWEST = 16.0
     "--reach-deg",
     type=types.above_0("degrees"),
     default=45.0,
-    show_default=True,
     metavar="DEG",
     help="How far a joint may go from where it is, unless its range is shown by hand.",
 )
@@ -94,7 +91,6 @@ SLOWEST = 16.0
     "--output",
     type=types.Place("file", types._check_file, use=None),
     default="arm.toml",
-    show_default=True,
     help="Where to write the models and servos; joints that are there already stay.",
 )
 @options.as_json

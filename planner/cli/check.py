@@ -43,7 +43,6 @@ PHYSICAL = ("v_max", "theta_0", "lag", "dead_band", "offset")
     "--duration-s",
     type=types.above_0("seconds"),
     default=20.0,
-    show_default=True,
     metavar="S",
     help="How long each joint moves.",
 )

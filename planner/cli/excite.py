@@ -46,7 +46,6 @@ FINEST = 1e-9
     "--kind",
     type=click.Choice(KINDS),
     default="combined",
-    show_default=True,
     help="A slow triangle, sines and steps in one recording, or one signal of its own; steps are "
     "the tests of Equation 1.",
 )
@@ -100,23 +99,15 @@ FINEST = 1e-9
     "--seed",
     type=click.IntRange(min=0),
     default=0,
-    show_default=True,
     metavar="N",
     help="Another number draws other random steps and noise.",
 )
-@click.option(
-    "--joint",
-    default=UNNAMED,
-    show_default=True,
-    metavar="NAME",
-    help="Name of the joint, for the column.",
-)
+@click.option("--joint", default=UNNAMED, metavar="NAME", help="Name of the joint, for the column.")
 @options.settings("model.file")
 @click.option(
     "--noise-deg",
     type=float,
     default=0.2,
-    show_default=True,
     metavar="DEG",
     help="Expected noise of the measured angles, standard deviation.",
 )
@@ -124,7 +115,6 @@ FINEST = 1e-9
     "--resolution-deg",
     type=float,
     default=0.3,
-    show_default=True,
     metavar="DEG",
     help="Expected resolution of the sensor.",
 )

@@ -45,7 +45,7 @@ SHORTEST, LONGEST = 1e-6, 1e3
     help="Four legs, those of the robot that --model describes, in this gait, one of "
     f"{', '.join(PATTERNS)}: angles of all their joints instead of a foot path.",
 )
-@click.option("--period", default=0.008, show_default=True, help="Time between samples [s].")
+@click.option("--period", default=0.008, help="Time between samples [s].")
 @options.output
 @options.as_json
 def gait(

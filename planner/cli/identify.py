@@ -89,7 +89,6 @@ def log_options(command: Command, *, without: Collection[str] = ()) -> Command:
 @click.option(
     "--hold-out/--no-hold-out",
     default=True,
-    show_default=True,
     help="Whether to test the model on rows that it was not fitted to.",
 )
 @click.option("--report", type=types.OUTPUT, help="Also write a page with pictures, as HTML.")
@@ -100,7 +99,7 @@ def log_options(command: Command, *, without: Collection[str] = ()) -> Command:
     earlier=("--out",),
     type=types.OUTPUT,
     default="-",
-    help="Where to write the model as TOML; '-' is standard output.  [default: -]",
+    help="Where to write the model as TOML; '-' is standard output.",
 )
 @options.as_json
 def identify(

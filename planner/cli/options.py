@@ -23,7 +23,7 @@ output = click.option(
     "--output",
     type=types.OUTPUT,
     default="-",
-    help="Where to write the CSV; '-' is standard output.  [default: -]",
+    help="Where to write the CSV; '-' is standard output.",
 )
 output_or_folder = click.option(
     "-o",
@@ -31,7 +31,7 @@ output_or_folder = click.option(
     type=types.OUTPUT_OR_FOLDER,
     default="-",
     metavar="OUT",
-    help="The file, or folder, to write; '-' is standard output.  [default: -]",
+    help="The file, or folder, to write; '-' is standard output.",
 )
 PARALLEL = (
     click.option(

@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     "--cycles",
     type=click.IntRange(1),
     default=1,
-    show_default=True,
     metavar="N",
     help="How often to play them.",
 )
@@ -36,7 +35,6 @@ if TYPE_CHECKING:
     "--output",
     type=types.OUTPUT,
     default="log.csv",
-    show_default=True,
     help="The log of requested and actual angles.",
 )
 @options.as_json

@@ -17,7 +17,6 @@ from planner.cli.console import summarise
     "--rate-hz",
     type=types.above_0("hertz"),
     default=50.0,
-    show_default=True,
     metavar="HZ",
     help="Rows per second.",
 )
@@ -33,14 +32,7 @@ from planner.cli.console import summarise
     help="Switch the torque off first, and write a path of the angles alone, which plan takes; a "
     "row in which a servo did not answer is left out.",
 )
-@click.option(
-    "-o",
-    "--output",
-    type=types.OUTPUT,
-    default="log.csv",
-    show_default=True,
-    help="The log.",
-)
+@click.option("-o", "--output", type=types.OUTPUT, default="log.csv", help="The log.")
 def record(
     *,
     model: str,

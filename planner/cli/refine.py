@@ -60,7 +60,7 @@ if TYPE_CHECKING:
 @click.option(
     "--reidentify/--no-reidentify",
     default=True,
-    help="Whether the cycles may identify the models anew.  [default: reidentify]",
+    help="Whether the cycles may identify the models anew.",
 )
 @options.output
 @click.option("--report", type=types.OUTPUT, help="Write a page (HTML) about what was learnt.")

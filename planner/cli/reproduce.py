@@ -67,7 +67,6 @@ DURATIONS = {
     "--robot",
     type=click.Choice(["model", "virtual"]),
     default="model",
-    show_default=True,
     help="What the joints are: the paper's model, or servos in MuJoCo (extra 'mujoco').",
 )
 @options.as_json

@@ -24,11 +24,7 @@ HEADING = (
 
 @click.command()
 @click.argument("file", type=types.INPUT, metavar="[RUN.toml]", required=False)
-@click.option(
-    "--out",
-    type=types.FOLDER,
-    help="Folder for the results, whatever the file says.",
-)
+@click.option("--out", type=types.FOLDER, help="Folder for the results, whatever the file says.")
 @click.option("--check", is_flag=True, help="Only check the file and the files that it names.")
 @click.option("--template", is_flag=True, help="Print a file with every key, to begin with.")
 @options.as_json

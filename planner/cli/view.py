@@ -35,7 +35,13 @@ if TYPE_CHECKING:
     help="How to plan them here.  [default: foot-optimal for a foot path, else optimal]",
 )
 @click.option("--html", type=types.OUTPUT, help="Write a page that needs no server, and end.")
-@click.option("--open/--no-open", "browse", default=True, help="Whether to open a browser.")
+@click.option(
+    "--open/--no-open",
+    "browse",
+    default=True,
+    show_default=False,
+    help="Whether to open a browser.",
+)
 def view(
     *,
     run: Run,

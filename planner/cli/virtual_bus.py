@@ -38,7 +38,6 @@ FAULT = types.Parsed(
     "--servos",
     type=click.IntRange(1, 32),
     default=6,
-    show_default=True,
     metavar="N",
     help="Servos, with the identifiers 1 to N.",
 )
