@@ -9,7 +9,6 @@ from decimal import Decimal, localcontext
 
 import numpy as np
 
-from planner.exceptions import InvalidFile
 from planner.files.logs.units import ANGLE_NAMES, SECONDS, TIME_NAMES, split_name
 from planner.files.table import Table
 from planner.trajectory import Array
@@ -55,11 +54,9 @@ def time_column(table: Table, *, advice: str = "") -> str | None:
     if TIME in columns or not columns:
         return TIME if columns else None
     if len(columns) > 1:
-        raise InvalidFile(
-            table.path,
+        raise table.fault(
             f"{len(columns)} columns may be the time ({', '.join(columns)}); columns: "
-            f"{', '.join(table.names)}; {advice}rename it {TIME}",
-            line=1,
+            f"{', '.join(table.names)}; {advice}rename it {TIME}"
         )
     return columns[0]
 
@@ -84,9 +81,7 @@ def read_clock(
         return dates, f"time from the dates in column '{column}', shifted to start at 0"
     unit = unit or split_name(column, TIME_NAMES)[1] or TIME_NAMES.get(column.lower())
     if unit is None:
-        raise InvalidFile(
-            table.path, f"column '{column}' has no unit; {advice}rename it {column}_s", line=1
-        )
+        raise table.fault(f"column '{column}' has no unit; {advice}rename it {column}_s")
     seconds = SECONDS[unit]
     numbers = table.numbers([column], missing=missing)[:, 0]
     note = f"time from column '{column}'"
@@ -121,11 +116,10 @@ def _dates(table: Table, column: str, *, missing: bool) -> Array | None:
             continue
         date = _date(cell)
         if date is None or (date.tzinfo is None) != (first.tzinfo is None):
-            raise InvalidFile(
-                table.path,
+            raise table.fault(
                 f"column '{column}': got '{cell[:40]}', expected a date and time as in the rows "
                 f"before, such as {first.isoformat()}",
-                line=table.lines[k],
+                k,
             )
         times[k] = (date - first).total_seconds()
     return times

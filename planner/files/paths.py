@@ -187,16 +187,12 @@ def joint_path(table: Table, *, joints: Sequence[str] = (), even: bool = True) -
         no_joints = {*time_columns(table.names), *COUNTERS}
         columns = [name for name in table.names if not (name in no_joints or name.endswith(LOAD))]
     if not columns:
-        raise InvalidFile(
-            table.path,
-            f"only {', '.join(table.names)}; expected columns <joint>_deg or <joint>_rad",
-            line=1,
+        raise table.fault(
+            f"only {', '.join(table.names)}; expected columns <joint>_deg or <joint>_rad"
         )
     if len(columns) > MOST_JOINTS:
-        raise InvalidFile(
-            table.path,
-            f"{len(columns)} joints, expected at most {MOST_JOINTS}; choose some with --joint",
-            line=1,
+        raise table.fault(
+            f"{len(columns)} joints, expected at most {MOST_JOINTS}; choose some with --joint"
         )
     names, units, values = with_unit(table, columns, JOINT_UNITS)
     for name, unit, angles in zip(names, units, values.T, strict=True):
@@ -210,12 +206,10 @@ def _check_no_log(table: Table) -> None:
     """Refuse requested and actual angles of one joint, which are no paths of two joints."""
     for pair in pairs(table.names):
         if pair.requested and pair.actual:
-            raise InvalidFile(
-                table.path,
+            raise table.fault(
                 f"'{pair.requested[0]}' and '{pair.actual[0]}' are columns of a log, expected a "
                 "path, with one column for each joint; request-planner identify reads logs, and "
-                "--joint takes single columns as a path",
-                line=1,
+                "--joint takes single columns as a path"
             )
 
 
@@ -227,11 +221,9 @@ def _loads(table: Table, names: Sequence[str], *, all_joints: bool) -> Array | N
     """
     joints = [name.removesuffix(LOAD) for name in table.names if name.endswith(LOAD)]
     if unknown := [name for name in joints if all_joints and name not in names]:
-        raise InvalidFile(
-            table.path,
+        raise table.fault(
             f"column '{unknown[0]}{LOAD}': no joint '{unknown[0]}'{nearest(unknown[0], names)}; "
-            f"joints: {', '.join(names)}",
-            line=1,
+            f"joints: {', '.join(names)}"
         )
     if not set(joints) & set(names):
         return None
@@ -355,21 +347,19 @@ def read_times(table: Table, *, even: bool = True) -> Array | None:
     steps = np.diff(times)
     if (steps <= 0.0).any():
         k = int(np.argmax(steps <= 0.0)) + 1
-        raise InvalidFile(
-            table.path,
+        raise table.fault(
             f"{column}: got {times[k]:g} s after {times[k - 1]:g} s, expected times that increase; "
             "sort the rows and remove doubles",
-            line=table.lines[k],
+            k,
         )
     period = float(np.median(steps))
     uneven = np.abs(steps - period) > UNEVEN * period
     if even and uneven.any():
         k = int(np.argmax(uneven)) + 1
-        raise InvalidFile(
-            table.path,
+        raise table.fault(
             f"{column} advances by {steps[k - 1]:g} s where most steps are {period:g} s, expected "
             "even steps; plan with --rate-hz to resample the path",
-            line=table.lines[k],
+            k,
         )
     return times
 
@@ -419,9 +409,8 @@ def _check_radians(table: Table, name: str, angles: Array) -> None:
     """Refuse a column of radians whose values look like degrees."""
     if not_radians(angles):
         k = int(np.argmax(np.abs(angles)))
-        raise InvalidFile(
-            table.path,
+        raise table.fault(
             f"column '{name}_rad': {turns_words(angles[k])}; if these are degrees, rename it "
             f"{name}_deg",
-            line=table.lines[k],
+            k,
         )

@@ -71,12 +71,16 @@ class Table:
         """
         places = [self.place(name) for name in names]
         values = np.empty((len(self.rows), len(names)))
-        for k, (row, line) in enumerate(zip(self.rows, self.lines, strict=True)):
+        for k, row in enumerate(self.rows):
             for j, place in enumerate(places):
                 absent = missing and row[place].strip().lower() in ("", "nan")
-                values[k, j] = math.nan if absent else self._number(row[place], names[j], line)
+                values[k, j] = math.nan if absent else self._number(row[place], names[j], k)
         values.setflags(write=False)
         return values
+
+    def fault(self, problem: str, row: int | None = None) -> InvalidFile:
+        """The error that a row, counted from 0, or else the header has a problem."""
+        return InvalidFile(self.path, problem, line=1 if row is None else self.lines[row])
 
     def place(self, name: str) -> int:
         """Place of the named column.
@@ -85,10 +89,8 @@ class Table:
             InvalidFile: There is none.
         """
         if name not in self._places:
-            raise InvalidFile(
-                self.path,
-                f"no column '{name}'{nearest(name, self.names)}; columns: {', '.join(self.names)}",
-                line=1,
+            raise self.fault(
+                f"no column '{name}'{nearest(name, self.names)}; columns: {', '.join(self.names)}"
             )
         return self._places[name]
 
@@ -96,18 +98,17 @@ class Table:
     def _places(self) -> dict[str, int]:
         return {name: place for place, name in enumerate(self.names)}
 
-    def _number(self, cell: str, name: str, line: int) -> float:
+    def _number(self, cell: str, name: str, row: int) -> float:
         try:
             number = float(cell) if cell.isascii() and "_" not in cell else math.nan
         except ValueError:
             number = math.nan
         if not math.isfinite(number):
             content = f"'{_shortened(cell)}'" if cell.strip() else "nothing"
-            raise InvalidFile(
-                self.path,
+            raise self.fault(
                 f"column '{name}': got {content}, expected a finite number; "
                 "remove or interpolate the sample",
-                line=line,
+                row,
             )
         return number
 

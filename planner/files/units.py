@@ -76,9 +76,7 @@ def with_unit(table: Table, columns: Sequence[str], units: Mapping[str, float]) 
         endings.append(parts[1])
     if len(set(endings) - set(SHARES)) > 1 or len(set(endings) & set(SHARES)) > 1:
         mixed = ", ".join(columns)
-        raise InvalidFile(
-            table.path, f"mixed units ({mixed}); expected one unit in all columns", line=1
-        )
+        raise table.fault(f"mixed units ({mixed}); expected one unit in all columns")
     factors = np.array([units[unit] for unit in endings])
     values = table.numbers(columns) * factors
     _check_size(table, columns, values, LARGEST / factors)
@@ -105,18 +103,14 @@ def pick(table: Table, names: Sequence[str], units: Mapping[str, float]) -> list
             )
         if name not in by_name:
             endings = " or ".join(f"{name}_{unit}" for unit in units if unit not in SHARES)
-            raise InvalidFile(
-                table.path,
+            raise table.fault(
                 f"no column {endings}{nearest(name, tuple(by_name))}; "
-                f"columns: {', '.join(table.names)}",
-                line=1,
+                f"columns: {', '.join(table.names)}"
             )
         if len(by_name[name]) > 1:
-            raise InvalidFile(
-                table.path,
+            raise table.fault(
                 f"'{name}' comes in mixed units ({', '.join(by_name[name])}), expected one column; "
-                "remove the others",
-                line=1,
+                "remove the others"
             )
         columns.extend(by_name[name])
     return columns
@@ -134,7 +128,7 @@ def _without_unit(table: Table, columns: Sequence[str], units: Mapping[str, floa
     else:
         what = f"columns {', '.join(map(repr, columns))} have no unit"
         expected, advice = f"an ending of the unit, such as {expected}", "rename or remove them"
-    return InvalidFile(table.path, f"{what}; expected {expected}: {advice}", line=1)
+    return table.fault(f"{what}; expected {expected}: {advice}")
 
 
 def _check_size(table: Table, columns: Sequence[str], values: Array, largest: Array) -> None:
@@ -142,9 +136,8 @@ def _check_size(table: Table, columns: Sequence[str], values: Array, largest: Ar
     if beyond.size:
         k, j = beyond[0]
         cell = table.rows[k][table.names.index(columns[j])].strip()
-        raise InvalidFile(
-            table.path,
+        raise table.fault(
             f"column '{columns[j]}': got {cell}, expected at most {largest[j]:g} either way; "
             "check the unit",
-            line=table.lines[k],
+            k,
         )

@@ -103,11 +103,9 @@ def _named_pair(table: Table, candidates: tuple[Pair, ...], options: LogOptions)
         for role, column in by_role.items()
     }
     if columns["requested"] == columns["actual"]:
-        raise InvalidFile(
-            table.path,
+        raise table.fault(
             f"column '{names[0]}' cannot be both the requested and the actual angle; name the "
-            "other one too",
-            line=1,
+            "other one too"
         )
     return _single(table, Pair(joint, **columns))
 
@@ -116,11 +114,9 @@ def _guess(table: Table, candidates: tuple[Pair, ...], role: str, joint: str) ->
     """The columns of a role, of this joint or of the only one that has any."""
     guesses = {pair.joint: getattr(pair, role) for pair in candidates if getattr(pair, role)}
     if joint not in guesses and len(guesses) != 1:
-        raise InvalidFile(
-            table.path,
+        raise table.fault(
             f"no column is clearly the {role} angle; columns: {', '.join(table.names)}; name it "
-            f"with --{role}",
-            line=1,
+            f"with --{role}"
         )
     guess: tuple[str, ...] = guesses.get(joint) or next(iter(guesses.values()))
     return guess
@@ -129,11 +125,9 @@ def _guess(table: Table, candidates: tuple[Pair, ...], role: str, joint: str) ->
 def _single(table: Table, pair: Pair) -> Pair:
     for role, columns in (("requested", pair.requested), ("actual", pair.actual)):
         if len(columns) > 1:
-            raise InvalidFile(
-                table.path,
+            raise table.fault(
                 f"{len(columns)} columns may be the {role} angle ({', '.join(columns)}); name one "
-                f"with --{role}",
-                line=1,
+                f"with --{role}"
             )
     return pair
 
@@ -142,43 +136,35 @@ def _no_pair(table: Table, candidates: tuple[Pair, ...]) -> InvalidFile:
     half = next((pair for pair in candidates if pair.requested or pair.actual), None)
     every = f"columns: {', '.join(table.names)}"
     if half is None:
-        return InvalidFile(
-            table.path,
+        return table.fault(
             f"no column names a requested or an actual angle; {every}; name them with --requested "
-            "and --actual",
-            line=1,
+            "and --actual"
         )
     there, other = ("requested", "actual") if half.requested else ("actual", "requested")
     column = (half.requested or half.actual)[0]
-    return InvalidFile(
-        table.path,
+    return table.fault(
         f"'{column}' is the {there} angle, but no column names the {other} one; {every}; name it "
-        f"with --{other}",
-        line=1,
+        f"with --{other}"
     )
 
 
 def _scale(table: Table, column: str, user_unit: str | None, options: LogOptions) -> Scale:
     _, column_unit = split_name(column, ANGLE_NAMES)
     if column_unit is not None and user_unit is not None and column_unit != user_unit:
-        raise InvalidFile(
-            table.path,
+        raise table.fault(
             f"column '{column}' says {column_unit}, but --unit says {user_unit}; rename the column "
-            "or leave the option out",
-            line=1,
+            "or leave the option out"
         )
     unit = column_unit or user_unit
     if unit is None:
-        raise InvalidFile(
-            table.path,
+        raise table.fault(
             f"column '{column}' has no unit; give --unit rad (or deg, ticks, turns, range, "
-            f"percent), or rename it {column}_rad",
-            line=1,
+            f"percent), or rename it {column}_rad"
         )
     try:
         return scale(unit, options.ticks_per_turn)
     except InvalidInput as error:
-        raise InvalidFile(table.path, str(error), line=1) from error
+        raise table.fault(str(error)) from error
 
 
 def _check_radians(table: Table, column: str, requests: Array) -> None:
@@ -187,11 +173,10 @@ def _check_radians(table: Table, column: str, requests: Array) -> None:
     if not len(finite) or not not_radians(requests[finite]):
         return
     k = int(finite[np.argmax(np.abs(requests[finite]))])
-    raise InvalidFile(
-        table.path,
+    raise table.fault(
         f"column '{column}': {turns_words(requests[k])}; if these are degrees, name the columns so "
         "or give --unit deg; a joint that turns further is read in degrees or turns",
-        line=table.lines[k],
+        k,
     )
 
 
@@ -222,20 +207,16 @@ def _read_clock(table: Table, options: LogOptions) -> tuple[Array, str]:
     if name is None:
         name = time_column(table, advice="name it with --time, or ")
         if name is None:
-            raise InvalidFile(
-                table.path,
+            raise table.fault(
                 f"no column is the time; columns: {', '.join(table.names)}; name it with --time, "
-                f"or rename it {TIME}",
-                line=1,
+                f"or rename it {TIME}"
             )
     elif name not in table.names:
         stem, _, word = name.rpartition(":")
         if stem in table.names:
             name, unit = stem, TIME_NAMES.get(word)
             if unit is None:
-                raise InvalidFile(
-                    table.path, f"time in '{word}' is unknown; expected one of {units}", line=1
-                )
+                raise table.fault(f"time in '{word}' is unknown; expected one of {units}")
     advice = f"give --time {name}:s (or one of {units}), or "
     return read_clock(table, name, unit, missing=True, advice=advice)
 
@@ -252,21 +233,17 @@ def _read_torque(table: Table, options: LogOptions) -> tuple[str, Switch | None]
     if not columns:
         return "", None
     if len(columns) > 1:
-        raise InvalidFile(
-            table.path,
+        raise table.fault(
             f"{len(columns)} columns may say whether the torque is on ({', '.join(columns)}); name "
-            "one with --torque",
-            line=1,
+            "one with --torque"
         )
     place = table.names.index(columns[0])
     switch = np.empty(len(table.rows), dtype=bool)
-    for k, (row, line) in enumerate(zip(table.rows, table.lines, strict=True)):
+    for k, row in enumerate(table.rows):
         cell = row[place].strip().lower()
         if cell not in SWITCH:
-            raise InvalidFile(
-                table.path,
-                f"column '{columns[0]}': got '{cell[:20]!s}', expected 0, 1, true or false",
-                line=line,
+            raise table.fault(
+                f"column '{columns[0]}': got '{cell[:20]!s}', expected 0, 1, true or false", k
             )
         switch[k] = SWITCH[cell]
     return f", torque from '{columns[0]}'", switch
