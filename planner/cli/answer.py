@@ -349,7 +349,6 @@ def comparison_report(
 
 
 def _notes(prepared: Prepared) -> list[str]:
-    """Notes at the top of the page."""
     desired = prepared.desired
     shares = [name for j, name in enumerate(desired.names) if desired.unit(j) != "deg"]
     notes = [ASSUMED] if prepared.settings.model.file == FROM_URDF else []

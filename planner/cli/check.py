@@ -150,11 +150,7 @@ def _error(model: JointModel, log: Log) -> float:
 
 
 def _error_before(path: str, name: str, model: JointModel) -> float:
-    """The test error in a model file, rms [rad].
-
-    Raises:
-        InvalidFile: The file has no error of a test.
-    """
+    """The test error in a model file, rms [rad]."""
     from planner.exceptions import InvalidFile
 
     error = math.nan if model.evidence is None else model.evidence.error

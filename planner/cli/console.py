@@ -213,8 +213,6 @@ def print_log() -> Callable[[], None]:
 
 
 class _Printing(logging.Handler):
-    """Prints every entry of the log in a line."""
-
     def emit(self, record: logging.LogRecord) -> None:
         detail(record.getMessage())
 

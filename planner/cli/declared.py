@@ -221,7 +221,6 @@ class Settings:
 
     @classmethod
     def _at(cls, place: Place, content: Any, reading: _Reading) -> Self:
-        """Settings of the table at a place."""
         if not isinstance(content, Mapping):
             raise Unfit(place, f"got {_described(content)}, expected a table [{key_name(place)}]")
         for name in content:
@@ -379,11 +378,7 @@ def _is_table(annotation: Any) -> bool:
 
 
 def _checked_value(annotation: Any, value: Any, place: Place, reading: _Reading) -> Any:
-    """A value of a key, checked; tables become settings.
-
-    Raises:
-        Unfit: It is not as declared.
-    """
+    """A value of a key, checked; tables become settings."""
     base, notes = _unwrapped(annotation)
     inner = get_args(base)
     if _is_table(base):
@@ -450,7 +445,6 @@ def fitted(annotation: Any, value: Any) -> Any:
 
 
 def _hint(value: Any, words: str) -> str:
-    """A hint for a value that does not fit."""
     if not isinstance(value, str):
         return ""
     if words.startswith("one of "):

@@ -83,13 +83,7 @@ def export(
 
 
 def _with_servos(export: Export, model: str, schedule: Schedule) -> Export:
-    """The settings with the servos of a model file.
-
-    Raises:
-        click.UsageError: The rows are not in ticks, or other options contradict the file.
-        InvalidFile: The file has no servo of a joint, or servos of different ticks.
-        InvalidInput: A request is beyond the range of its servo.
-    """
+    """The settings with the servos of a model file."""
     from dataclasses import replace
 
     from planner.exceptions import InvalidFile

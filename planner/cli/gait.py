@@ -123,7 +123,6 @@ def gait(
 def _whole_robot(
     run: Run, walk: HalfEllipse, pattern: Pattern, period: float, output: str, *, as_json: bool
 ) -> None:
-    """Four legs with the footfalls of a gait."""
     import numpy as np
 
     from planner.cli.desired import legs_of, load_leg

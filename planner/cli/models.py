@@ -101,7 +101,6 @@ def check_joints(key: str, by_joint: Mapping[str, object], joints: Sequence[str]
 def _models_of_all(
     model: settings.Model, joints: Sequence[str], leg: Leg | None, folder: str
 ) -> Mapping[str, JointModel]:
-    """The models of joints without a file of their own."""
     parameters = Key("model.parameters")
     if model.parameters is not None:
         if "file" in model.keys_set:
@@ -144,7 +143,6 @@ def _models_of_all(
 def _model_of_joint(
     own: settings.OfJoint, joint: str, common: Mapping[str, JointModel], folder: str
 ) -> JointModel:
-    """The model of a joint with a table of its own."""
     key = Key("model.joints", joint=joint)
     set_to = own.values().items()
     changes = {name: value for name, value in set_to if value is not None and name != "file"}

@@ -121,7 +121,6 @@ def settings(*keys: str, **helps: str) -> Callable[[Command], Command]:
 
 
 def _parameter(key: str) -> str:
-    """The name of a setting as an argument of a function."""
     return key.replace(".", "_")
 
 

@@ -127,11 +127,7 @@ def play(
 
 
 def _a_row_each(times: Array, angles: Array, count: int, period: float) -> Array:
-    """Angles at the time of every request; missing readings are interpolated.
-
-    Raises:
-        BusError: A joint was never read.
-    """
+    """Angles at the time of every request; missing readings are interpolated."""
     import numpy as np
 
     from planner.exceptions import BusError

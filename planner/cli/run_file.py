@@ -279,7 +279,6 @@ def _written(folder: Path, run: RunFile) -> list[tuple[str, Path]]:
 
 
 def _scene(run: RunFile, plan: Plan) -> str:
-    """The robot moving, as a page."""
     place, desired, cyclic = run.prepared.place, run.prepared.desired, plan.cyclic
     assert place is not None, "a scene without a leg is refused"
     assert desired.leg is not None, "a scene without a leg is refused"

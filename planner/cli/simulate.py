@@ -122,7 +122,6 @@ def simulate(
 
 
 def _desired(file: str, inputs: Desired) -> JointPath:
-    """The path that the requests were planned for."""
     from planner.files.paths import read_joint_path
 
     path = read_joint_path(file, joints=inputs.names)

@@ -119,7 +119,6 @@ def _angles_under(requests: str, desired: Desired, *, cyclic: bool) -> tuple[Arr
 def _serve(
     scene: Scene, leg_motions: tuple[Motion, ...], settings: dict[str, Any], *, browse: bool
 ) -> None:
-    """Show the scene in a browser until Ctrl-C."""
     from planner.report.scene import draw_scene, import_meshcat
 
     with redirect_stdout(sys.stderr):  # Meshcat prints its address on standard output

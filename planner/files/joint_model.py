@@ -249,7 +249,6 @@ def _key(joint: str) -> str:
 
 
 def _value(value: str | int) -> str:
-    """A text or a number of TOML."""
     return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
@@ -278,7 +277,6 @@ def _evidence_lines(evidence: Evidence | None) -> list[str]:
 
 
 def _servo_lines(joint: str, servo: Servo) -> list[str]:
-    """The servo of a joint, as a table within the joint's."""
     return [
         "",
         f"[{_key(joint)}.{SERVO}]",

@@ -214,11 +214,7 @@ def _check_no_log(table: Table) -> None:
 
 
 def _loads(table: Table, names: Sequence[str], *, all_joints: bool) -> Array | None:
-    """Torques on the joints [N m], shape (n, k); None where the table has none.
-
-    Raises:
-        InvalidFile: A torque is on a joint that is not in the file.
-    """
+    """Torques on the joints [N m], shape (n, k); None where the table has none."""
     joints = [name.removesuffix(LOAD) for name in table.names if name.endswith(LOAD)]
     if unknown := [name for name in joints if all_joints and name not in names]:
         raise table.fault(

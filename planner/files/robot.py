@@ -96,7 +96,6 @@ def legs_text(path: Path | str) -> str:
 
 
 def _toml(value: Any) -> str:
-    """A text, a number or a table of numbers as TOML."""
     if isinstance(value, dict):
         pairs = (f"{_quoted(key)} = {each!r}" for key, each in value.items())
         return f"{{ {', '.join(pairs)} }}"

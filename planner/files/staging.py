@@ -237,7 +237,6 @@ def reason(error: Exception) -> str:
 
 
 def _target(path: Path | str) -> Path:
-    """The resolved path of a folder of results."""
     try:
         return Path(path).resolve()
     except (OSError, RuntimeError, ValueError) as error:  # a link to itself, or a null byte
@@ -351,11 +350,7 @@ def _cannot_make(path: Path | str, error: OSError) -> InvalidFile:
 
 
 def _is_device(target: Path) -> bool:
-    """Whether it is a device or a named pipe, rather than a file or nothing yet.
-
-    Raises:
-        InvalidFile: It is a folder, or no file can have this name.
-    """
+    """Whether it is a device or a named pipe, rather than a file or nothing yet."""
     try:
         mode = target.stat().st_mode
         if stat.S_ISDIR(mode):

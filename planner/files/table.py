@@ -257,7 +257,6 @@ def _title(cell: str) -> str:
 
 
 def _is_row(cells: Sequence[str]) -> bool:
-    """Whether a line is not blank."""
     return len(cells) > 1 or any(cell.strip() for cell in cells)
 
 

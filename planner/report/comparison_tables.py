@@ -139,5 +139,4 @@ def notes(joints: Sequence[JointComparison]) -> Iterator[str]:
 
 
 def _only(cell: str, column: int, columns: int) -> tuple[str, ...]:
-    """A row with one cell."""
     return tuple(cell if number == column else "" for number in range(columns))

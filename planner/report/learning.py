@@ -223,7 +223,6 @@ def _verdict(progress: Sequence[Progress]) -> str:
 
 
 def _worst(progress: Sequence[Progress]) -> Progress:
-    """The joint or foot with the largest remaining error."""
     return max(progress, key=lambda each: float(np.min(each.errors)))
 
 

@@ -154,7 +154,6 @@ def _draw_panel(axes: Axes, panel: Panel) -> None:
 
 
 def _looks(curve: Curve) -> dict[str, Any]:
-    """Arguments for ``plot``."""
     role = curve.role
     looks: dict[str, Any] = {"color": role.light, "label": curve.name}
     if not curve.marks:
@@ -236,7 +235,6 @@ def _names(figure: Figure) -> list[str]:
 
 
 def _handles(rows: Any) -> dict[str, Any]:
-    """The handles of the legend's entries, by name."""
     handles: dict[str, Any] = {}
     for axes in rows:
         for handle, name in zip(*axes.get_legend_handles_labels(), strict=True):

@@ -283,7 +283,6 @@ def _over_models(plan: Inversion | FootInversion) -> tuple[ErrorsOfModels, Error
 
 
 def _out_of_reach(plan: Plan, foot_given: Array | None, unreachable: int) -> str:
-    """The remark on positions that the leg cannot reach."""
     head = f"{unreachable} of {len(plan.desired)} positions are out of the leg's reach"
     if foot_given is None:
         return f"{head}; the distances count them."
@@ -373,7 +372,6 @@ def distances_figure(legs: Mapping[str, Plan], role: Role) -> Figure:
 
 
 def _movie(plan: Plan, leg: Leg, role: Role) -> Movie:
-    """The leg as desired, without a plan, and with it."""
     motions = []
     for looks, angles, distances in (
         (DESIRED, plan.desired, None),

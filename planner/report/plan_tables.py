@@ -178,7 +178,6 @@ def models_errors_table(
 
 
 def _limits(lower: float, upper: float) -> str:
-    """Limits [deg] in words."""
     low, high = (signed(f"{limit:.1f}").removesuffix(".0") for limit in (lower, upper))
     if math.isfinite(lower) and math.isfinite(upper):
         return f"{low} to {high}"

@@ -150,7 +150,6 @@ def _centimetres(metres: Array) -> Any:
 
 
 def _trace(curve: Curve, figure: Figure, panel: Panel) -> dict[str, Any]:
-    """A curve, with the words for a point under the pointer."""
     looks: dict[str, Any] = {"text": list(curve.notes)} if curve.notes else {}
     if not curve.legend:
         looks |= {"hoverinfo": "skip", "showlegend": False}
@@ -274,7 +273,6 @@ def _cursor() -> dict[str, Any]:
 
 
 def _shade(span: Span, axis: str) -> dict[str, Any]:
-    """A rectangle behind the curves."""
     if span.along == "x":
         place = {"xref": "x", "yref": f"{axis} domain", "y0": 0, "y1": 1}
         place |= {"x0": span.start, "x1": span.end}

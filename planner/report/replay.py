@@ -164,7 +164,6 @@ requests keep it.
 
 
 def _verdict(replay: Replay) -> tuple[str, str]:
-    """The verdict: a headline and its details."""
     worst = {
         kind: max(_error(each, each.errors[kind], "max") for each in replay.planned)
         for kind in ("planned", "direct", "resent")
@@ -186,7 +185,6 @@ def _verdict(replay: Replay) -> tuple[str, str]:
 
 
 def _remarks(replay: Replay, fastest: Fastest | None) -> list[str]:
-    """Remarks for users of these requests."""
     lines = []
     fast = [each for each in replay.planned if each.too_fast]
     if fast:

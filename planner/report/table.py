@@ -238,7 +238,6 @@ def percent(share: float, digits: int = 2) -> str:
 
 
 def _joined(cell: str | tuple[str, ...], column: Column) -> str:
-    """A cell for a terminal."""
     if isinstance(cell, str):
         return _with_note(cell)
     missing = len(cell) > 1 and cell[1] == NOTHING
@@ -246,7 +245,6 @@ def _joined(cell: str | tuple[str, ...], column: Column) -> str:
 
 
 def _with_note(words: str) -> str:
-    """Words with their note for a terminal."""
     value, _, note = words.partition("\n")
     return f"{value} ({note})" if note else value
 

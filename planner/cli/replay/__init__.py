@@ -123,7 +123,6 @@ def replay(
 
 
 def _replay_one(task: ReplayTask, *, output: str, report: str | None, as_json: bool) -> None:
-    """Plan one recording, and write it."""
     from planner.cli.replay.files import write_replay
     from planner.cli.replay.task import document, fastest_document, missed, replay_report, summary
     from planner.files.staging import staged

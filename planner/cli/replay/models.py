@@ -99,7 +99,6 @@ def first_logs(recordings: Sequence[Recording]) -> Sequence[Log]:
 def _models_from_recordings(
     replay: settings.Replay, recordings: Sequence[Recording], progress: Callable[[str], None]
 ) -> JointModels:
-    """Models of the joints from the recordings that are to be replayed."""
     used = recordings[:MOST_IDENTIFIED]
     by_joint: dict[str, list[Log]] = {}
     for log in _readable(used):

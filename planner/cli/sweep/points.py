@@ -179,11 +179,7 @@ def read_sweep(path: str) -> Space:
 
 
 def _values(search: Search, path: str) -> dict[str, tuple[float, ...]]:
-    """The values of each parameter.
-
-    Raises:
-        BadSetting: They are not for this path, or not for this method.
-    """
+    """The values of each parameter."""
     every = {name: getattr(search.parameters, name) for name in SweptParameters.keys}
     by_name = {name: values for name, values in every.items() if values is not None}
     if not by_name:
@@ -225,11 +221,7 @@ def _values(search: Search, path: str) -> dict[str, tuple[float, ...]]:
 
 
 def _requirement(search: Search, paths: Sequence[str]) -> Requirement | None:
-    """The requirement on a point, if there is one.
-
-    Raises:
-        BadSetting: There are two, or it is not for this path.
-    """
+    """The requirement on a point, if there is one."""
     required = [name for name in REQUIRED if getattr(search, name) is not None]
     if len(required) > 1:
         first, second = (Key(f"sweep.{name}") for name in required[:2])

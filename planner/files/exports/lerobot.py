@@ -231,7 +231,6 @@ class _Writer:
         return self._stack.enter_context(parquet.ParquetWriter(stream, schema))
 
     def _info(self) -> dict[str, Any]:
-        """``meta/info.json``: features, counts and paths of files."""
         features: dict[str, Any] = {
             name: {"dtype": "float32", "shape": [len(names)], "names": list(names)}
             for name, names in self._layout.features.items()

@@ -176,7 +176,6 @@ def _velocities(schedule: Schedule) -> Array:
 
 
 def _as_message(types: Any, message: Mapping[str, Any]) -> Any:
-    """The message in the classes that rosbags serialises."""
     point = types["trajectory_msgs/msg/JointTrajectoryPoint"]
     duration = types["builtin_interfaces/msg/Duration"]
     time = types["builtin_interfaces/msg/Time"]

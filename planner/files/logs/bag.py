@@ -195,11 +195,7 @@ class Recording:
 
 
 def _recording(path: Path | str, options: LogOptions) -> Recording:
-    """Read the messages of the topics that the options name, or that are the only ones.
-
-    Raises:
-        InvalidFile: A message cannot be understood, or no joint is in both topics.
-    """
+    """Read the messages of the topics that the options name, or that are the only ones."""
     with open_bag(path) as bag:
         topics = choose_topics(bag.path, bag.topics, options)
         actual, requested = Track(topics.actual), Track(topics.requested)

@@ -197,11 +197,7 @@ def _unit_note(columns: Columns, user_unit: str | None) -> str:
 
 
 def _read_clock(table: Table, options: LogOptions) -> tuple[Array, str]:
-    """Times [s], shape (n,), and where they come from, in words.
-
-    Raises:
-        InvalidFile: No column is clearly the time, its unit is unknown, or a cell is not a number.
-    """
+    """Times [s], shape (n,), and where they come from, in words."""
     units = ", ".join(SECONDS)
     name, unit = options.time, None
     if name is None:

@@ -168,11 +168,7 @@ def _task(file: Path, rows: Rows) -> str:
 
 
 def _task_entries(file: Path) -> list[Any]:
-    """The description of each task: lines of JSON up to v2.1, rows of Parquet from v3.0 on.
-
-    Raises:
-        InvalidFile: It cannot be read.
-    """
+    """The description of each task: lines of JSON up to v2.1, rows of Parquet from v3.0 on."""
     if file.suffix == ".jsonl":
         try:
             return [json.loads(line) for line in read_text(file).splitlines() if line.strip()]

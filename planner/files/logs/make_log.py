@@ -179,7 +179,6 @@ def _arrays(columns: Columns) -> dict[str, Any]:
 
 
 def _select(source: Source, columns: Columns, rows: Switch) -> tuple[Columns, Source]:
-    """The selected rows, and their source."""
     before = np.arange(len(rows)) if source.source_rows is None else source.source_rows
     arrays = {name: array[rows] for name, array in _arrays(columns).items()}
     return replace(columns, **arrays), replace(source, source_rows=before[rows])

@@ -183,7 +183,6 @@ ORIGIN = """
 
 
 def _head(joint: Joint) -> Section:
-    """The beginning of a joint's part of the page."""
     return Section("", HEAD, {
         "joint": joint,
         "heading": heading,

@@ -356,7 +356,6 @@ def _joints(
 
 
 def _lines(reproduction: Reproduction) -> Curves:
-    """The piecewise linear approximation of a joint with its knots."""
     timeline = timeline_of(reproduction)
 
     def curves(joint: JointOutcome) -> list[Curve]:

@@ -299,18 +299,15 @@ def _foot_card(foot: Results) -> Card:
 
 
 def _split(figures: Sequence[Figure], featured: Sequence[str]) -> tuple[list[Figure], list[Figure]]:
-    """The featured figures, and the rest."""
     first = [figure for figure in figures if figure.name in featured]
     return first, [figure for figure in figures if figure.name not in featured]
 
 
 def _moments(featured: Sequence[Figure]) -> Section:
-    """The moving leg beside its joints."""
     return Section("Moment by moment", MOMENTS, {"featured": featured})
 
 
 def _ends(results: Results) -> list[Listing]:
-    """Durations and versions."""
     seconds = [(part.replace("_", " "), f"{each:.2f}") for part, each in results["seconds"].items()]
     return [Listing("Seconds", seconds), Listing("Versions", list(results["versions"].items()))]
 

@@ -249,7 +249,6 @@ def _walked(
     outcome: VirtualOutcome, method: str, joint: JointOutcome, role: Role, label: str = "",
     *, hidden: bool = False,
 ) -> tuple[Curve, Curve]:  # fmt: skip
-    """A joint's angles in every cycle under a method."""
     angles = np.degrees(outcome.runs[method].angles[:, :, _index(outcome, joint)])
     return _timeline(outcome).cycles(angles, role, label, hidden=hidden)
 
