@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from planner.cli import buses, options, types
-from planner.cli.console import Progress, print_json, summarise
+from planner.cli.console import Progress, print_answer
 
 if TYPE_CHECKING:
     from planner.identification.log import Log
@@ -129,10 +129,7 @@ def check(
                     f"{math.degrees(before):.2f} when it was calibrated"
                     + "".join(f"; {change}" for change in changes)
                 )
-    if as_json:
-        print_json({"joints": document})
-    else:
-        summarise("\n".join(lines))
+    print_answer({"joints": document}, "\n".join(lines), as_json=as_json)
     if outdated:
         raise click.ClickException(f"calibrate {', '.join(outdated)} again")
 

@@ -7,10 +7,11 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from planner.evaluation.cross_check import CrossCheck, cross_check
+from planner.planning.arguments import limits_of_each
 
 if TYPE_CHECKING:
     from kinematics import Leg
-    from planner.cli.desired import Desired, Limits
+    from planner.cli.desired import Desired
     from planner.cli.planning import Prepared
 
 
@@ -33,7 +34,7 @@ def comparison_of(
         desired.models,
         desired.angles,
         cyclic=desired.cyclic,
-        limits=_by_column(prepared.limits, desired.names),
+        limits=limits_of_each(prepared.limits, desired.names) if prepared.limits else None,
         segments=run.plan.segments,
         leg=leg,
         norm=run.plan.norm or "rms",
@@ -53,14 +54,3 @@ def _in_leg_order(desired: Desired) -> tuple[Desired, Leg | None]:
     models = tuple(desired.models[column] for column in columns)
     angles = desired.angles[:, columns]
     return replace(desired, names=leg.joint_names, models=models, angles=angles), leg
-
-
-def _by_column(
-    limits: Limits, names: tuple[str, ...]
-) -> tuple[tuple[float, ...], tuple[float, ...]] | None:
-    """Limits of all joints [rad]; infinite for joints without limits."""
-    if not limits:
-        return None
-    free = (float("-inf"), float("inf"))
-    lower, upper = zip(*(limits.get(name, free) for name in names), strict=True)
-    return lower, upper

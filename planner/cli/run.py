@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from planner.cli import options, types
-from planner.cli.console import Progress, print_answer, print_json, summarise, warn
+from planner.cli.console import Progress, print_answer, warn
 
 if TYPE_CHECKING:
     from planner.cli.run_file import RunFile
@@ -103,10 +103,9 @@ def carry_out_run(run_file: RunFile, out: str, *, as_json: bool) -> None:
     desired = run_file.prepared.desired
     for remark in (*desired.remarks, *beyond_limits(plan, desired)):
         warn(str(remark))
-    if as_json:
-        print_json(results)
-    else:
-        files = f"{len(results['files']) + 1} files in {out}"
-        summarise(f"{summary(run_file.prepared, plan)}{exports}\n{files}")
+    words = (
+        f"{summary(run_file.prepared, plan)}{exports}\n{len(results['files']) + 1} files in {out}"
+    )
+    print_answer(results, words, as_json=as_json)
     if failures:
         raise click.ClickException(f"{'; '.join(failures)}; the files are written all the same")

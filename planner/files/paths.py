@@ -296,8 +296,8 @@ def read_foot_path(path: Path | str) -> FootPath:
 
 def foot_path(table: Table, *, even: bool = True) -> FootPath:
     """Parse a table as a foot path; see :func:`read_foot_path` and :func:`joint_path`."""
-    quantities = with_unit(table, pick(table, AXES, LENGTHS), LENGTHS)
-    return FootPath(table.path, quantities.values, read_times(table, even=even))
+    _, _, positions = with_unit(table, pick(table, AXES, LENGTHS), LENGTHS)
+    return FootPath(table.path, positions, read_times(table, even=even))
 
 
 def write_foot_path(path: Path | str, positions: Array, *, period: float | None = None) -> None:

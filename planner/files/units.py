@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
 
 import numpy as np
 
@@ -37,28 +36,16 @@ LEAST_DEG = 4.0
 """A span below this [degrees] may be radians."""
 
 
-class Quantities(NamedTuple):
-    """Columns with a unit.
-
-    Attributes:
-        names: Names of the quantities, without the unit.
-        units: Their units.
-        values: The measured values in SI, shape (n, k), read-only.
-    """
-
-    names: tuple[str, ...]
-    units: tuple[str, ...]
-    values: Array
-
-
 def split_unit(column: str, units: Mapping[str, float]) -> tuple[str, str] | None:
     """Name and unit of a column such as ``knee_deg``; None where it ends in none of ``units``."""
     name, _, unit = column.rpartition("_")
     return (name, unit) if name and unit in units else None
 
 
-def with_unit(table: Table, columns: Sequence[str], units: Mapping[str, float]) -> Quantities:
-    """Take the columns apart into names and units, and read them.
+def with_unit(
+    table: Table, columns: Sequence[str], units: Mapping[str, float]
+) -> tuple[tuple[str, ...], tuple[str, ...], Array]:
+    """Names and units of the columns, and their values in SI, shape (n, k), read-only.
 
     All have the same unit, but for shares of a joint's range, which stand beside angles.
 
@@ -81,7 +68,7 @@ def with_unit(table: Table, columns: Sequence[str], units: Mapping[str, float]) 
     values = table.numbers(columns) * factors
     _check_size(table, columns, values, LARGEST / factors)
     values.setflags(write=False)
-    return Quantities(tuple(names), tuple(endings), values)
+    return tuple(names), tuple(endings), values
 
 
 def pick(table: Table, names: Sequence[str], units: Mapping[str, float]) -> list[str]:

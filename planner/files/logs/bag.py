@@ -197,10 +197,9 @@ class Recording:
 def _recording(path: Path | str, options: LogOptions) -> Recording:
     """Read the messages of the topics that the options name, or that are the only ones."""
     with open_bag(path) as bag:
-        topics = choose_topics(bag.path, bag.topics, options)
-        actual, requested = Track(topics.actual), Track(topics.requested)
-        notes = [f"actual from {topics.actual}, requested from {topics.requested}"]
-        if topics.actual == topics.requested:
+        actual, requested = map(Track, choose_topics(bag.path, bag.topics, options))
+        notes = [f"actual from {actual.topic}, requested from {requested.topic}"]
+        if actual.topic == requested.topic:
             _gather(bag, {requested_angles: requested, actual_angles: actual})
         else:
             _gather(bag, {actual_angles: actual})
@@ -208,8 +207,8 @@ def _recording(path: Path | str, options: LogOptions) -> Recording:
     if not set(actual.joints) & set(requested.joints):
         raise InvalidFile(
             bag.path,
-            f"no joint is on both topics: {topics.actual} has {_listed(actual)}, "
-            f"{topics.requested} has {_listed(requested)}",
+            f"no joint is on both topics: {actual.topic} has {_listed(actual)}, "
+            f"{requested.topic} has {_listed(requested)}",
         )
     stamped = _clocks(actual, requested)
     words = ["its header" if own else "receipt" for own in stamped]

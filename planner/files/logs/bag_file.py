@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 from planner.exceptions import InvalidFile, MissingExtra
 from planner.files.logs.ros_messages import CONTROLLER_STATE, LATEST, LAYOUTS
@@ -47,18 +47,6 @@ Chunk = tuple[str, bytes]
 """Name of the compression, and the compressed bytes."""
 
 
-class Message(NamedTuple):
-    """A message and its time of receipt.
-
-    Attributes:
-        received: Time of its receipt by the recorder [ns].
-        content: Its fields.
-    """
-
-    received: int
-    content: Any
-
-
 @dataclass(frozen=True)
 class Bag:
     """An open bag.
@@ -73,8 +61,8 @@ class Bag:
     _reader: Any
     _ros1: bool
 
-    def messages(self, topic: str) -> Iterator[Message]:
-        """The messages of a topic, in order of receipt.
+    def messages(self, topic: str) -> Iterator[tuple[int, Any]]:
+        """The messages of a topic, in order of receipt: the time of it [ns], and the fields.
 
         Raises:
             InvalidFile: A type is unknown, or a message is damaged.
@@ -90,7 +78,7 @@ class Bag:
                 place = f"topic {topic}, message {k + 1}"
                 if not 0 <= when < LATEST:
                     raise InvalidFile(self.path, f"{place}: received at {when} ns, expected a time")
-                yield Message(when, self._decode(stores, data, kind, place))
+                yield when, self._decode(stores, data, kind, place)
 
     def _decode(self, stores: list[Typestore], data: bytes, kind: str, place: str) -> Any:
         """The message by the first store of types that explains all of its bytes."""

@@ -44,20 +44,6 @@ _SET_POINT = re.compile("set[ _.-]?point", re.IGNORECASE)
 _SEPARATORS = "_.-/: "
 
 
-class Meaning(NamedTuple):
-    """Meaning of a column.
-
-    Attributes:
-        column: Its name.
-        role: "requested", "actual", or "position", which is an actual angle if no column says so.
-        joint: The joint's name; "" where the column names none.
-    """
-
-    column: str
-    role: str
-    joint: str
-
-
 class Pair(NamedTuple):
     """The columns of one joint.
 
@@ -72,8 +58,11 @@ class Pair(NamedTuple):
     actual: tuple[str, ...]
 
 
-def meaning(column: str) -> Meaning | None:
-    """Meaning of an angle's column by its name; None where the name is unclear."""
+def meaning(column: str) -> tuple[str, str] | None:
+    """Role and joint ("" for none) of an angle's column; None where the name is unclear.
+
+    The role is requested, actual, or position, which is an actual angle if no column says so.
+    """
     stem = _SET_POINT.sub("setpoint", split_name(column, ANGLE_NAMES)[0])
     spans = [word.span() for word in _WORD.finditer(stem)]
     words = [stem[start:end].lower() for start, end in spans]
@@ -91,20 +80,27 @@ def meaning(column: str) -> Meaning | None:
         return None
     first = spans[lead - 1][1] if lead else 0
     last = spans[len(spans) - trail][0] if trail else len(stem)
-    return Meaning(column, roles[0], stem[first:last].strip(_SEPARATORS))
+    return roles[0], stem[first:last].strip(_SEPARATORS)
 
 
 def pairs(columns: Sequence[str]) -> tuple[Pair, ...]:
     """The columns by joint, in the order in which the joints appear."""
-    by_joint: dict[str, list[Meaning]] = {}
-    for each in filter(None, map(meaning, columns)):
-        by_joint.setdefault(each.joint, []).append(each)
+    by_joint: dict[str, dict[str, list[str]]] = {}
+    for column in columns:
+        if each := meaning(column):
+            role, joint = each
+            by_joint.setdefault(joint, {}).setdefault(role, []).append(column)
     by_stem: dict[str, list[str]] = {}  # for columns that only name a joint, such as elbow_deg
     for column in columns:
         by_stem.setdefault(split_name(column, ANGLE_NAMES)[0].lower(), []).append(column)
     return tuple(
-        _pair(joint, meanings, tuple(by_stem.get(joint.lower(), ())) if joint else ())
-        for joint, meanings in by_joint.items()
+        Pair(
+            joint,
+            tuple(by_role.get("requested", ())),
+            # a column that only names the joint holds actual angles if no other does
+            tuple(by_role.get("actual", by_role.get("position", by_stem.get(joint.lower(), ())))),
+        )
+        for joint, by_role in by_joint.items()
     )
 
 
@@ -117,12 +113,6 @@ def _run(words: Sequence[str]) -> int:
     """How many of the first words name a role."""
     role_words = REQUESTED | ACTUAL | PLAIN
     return next((k for k, word in enumerate(words) if word not in role_words), len(words))
-
-
-def _pair(joint: str, meanings: Sequence[Meaning], plain: tuple[str, ...]) -> Pair:
-    """The columns of a joint; one that only names it holds actual angles if no other does."""
-    by_role = {role: tuple(m.column for m in meanings if m.role == role) for role, _ in _ROLES}
-    return Pair(joint, by_role["requested"], by_role["actual"] or by_role["position"] or plain)
 
 
 _ROLES = (("requested", REQUESTED), ("actual", ACTUAL), ("position", PLAIN))

@@ -97,7 +97,7 @@ def _named_pair(table: Table, candidates: tuple[Pair, ...], options: LogOptions)
         table.place(column)
     first = meaning(names[0])
     chosen = None if options.joint == ALL_JOINTS else options.joint
-    joint = chosen or (first.joint if first is not None else "")
+    joint = chosen or (first[1] if first is not None else "")
     columns = {
         role: (column,) if column is not None else _guess(table, candidates, role, joint)
         for role, column in by_role.items()

@@ -66,20 +66,10 @@ class MessageAngles(NamedTuple):
     field: str
 
 
-class Topics(NamedTuple):
-    """The topics of a log.
+def choose_topics(path: Path, kinds: Mapping[str, str], options: LogOptions) -> tuple[str, str]:
+    """The topics of actual and of requested angles, which may be the same one.
 
-    Attributes:
-        actual: Topic of the actual angles.
-        requested: Topic of the requested angles; the same where one holds both.
-    """
-
-    actual: str
-    requested: str
-
-
-def choose_topics(path: Path, kinds: Mapping[str, str], options: LogOptions) -> Topics:
-    """The topics that the options name, or the only ones that their types allow.
+    They are those that the options name, or the only ones that their types allow.
 
     Raises:
         InvalidFile: No topic, or several, are possible; the message lists them.
@@ -101,7 +91,7 @@ def choose_topics(path: Path, kinds: Mapping[str, str], options: LogOptions) -> 
             f"topic {actual} holds one angle of each joint, expected another topic for the "
             "requested angles; name it with --command-topic",
         )
-    return Topics(actual, requested)
+    return actual, requested
 
 
 def _actual(path: Path, kinds: Mapping[str, str], command_topic: str | None) -> str:
