@@ -30,7 +30,7 @@ from typing import (
     get_type_hints,
 )
 
-from planner.exceptions import InvalidFile, nearest
+from planner.exceptions import nearest
 
 if TYPE_CHECKING:
     from planner.files.toml import Place, Toml
@@ -183,7 +183,8 @@ class Settings:
         """
         for name, key in () if optional is None else optional.keys.items():
             cls.__annotations__[name] = key.annotation | None
-            setattr(cls, name, field(metadata={"about": key.about}))
+            example = key.default if key.about.example is None else key.about.example
+            setattr(cls, name, field(metadata={"about": replace(key.about, example=example)}))
         annotations = get_type_hints(cls)
         for name, each in vars(cls).items():
             if isinstance(each, Field) and NoneType in get_args(annotations[name]):
@@ -290,8 +291,7 @@ def understand(file: Toml, cls: type[AnySettings]) -> AnySettings:
         return cls.of(file.content)
     except Unfit as error:
         place = f"{key_name(error.place)}: " if error.named and error.place else ""
-        line = file.line_of(error.place)
-        raise InvalidFile(file.path, f"{place}{error.problem}", line=line) from error
+        raise file.fault(f"{place}{error.problem}", error.place) from error
 
 
 def key_name(place: Sequence[str | int]) -> str:

@@ -200,15 +200,6 @@ def legs_among(joints: Sequence[str], model: settings.Model, folder: str = "") -
     return legs
 
 
-def servo_limits(
-    joints: Sequence[str], model: settings.Model, folder: str = ""
-) -> dict[str, tuple[float, float]]:
-    """Ranges of the servos that turn these joints by the model file, by joint [rad]."""
-    file = _robot_file(model, folder)
-    servos = read_servos(file) if file is not None and has_servos(file) else {}
-    return {joint: servos[joint].limits for joint in joints if joint in servos}
-
-
 def _robot_file(model: settings.Model, folder: str) -> str | None:
     """The model file, if it can be read again for legs and servos; else None."""
     if model.parameters is not None:
@@ -443,8 +434,10 @@ def _limits_of(
         limits |= zip(
             leg.joint_names, zip(*np.array(leg.limits).tolist(), strict=True), strict=True
         )
-    for name, (low, high) in servo_limits(names, model, folder).items():
-        lower, upper = limits.get(name, (-math.inf, math.inf))
+    file = _robot_file(model, folder)
+    servos = read_servos(file) if file is not None and has_servos(file) else {}
+    for name in [name for name in names if name in servos]:
+        (low, high), (lower, upper) = servos[name].limits, limits.get(name, (-math.inf, math.inf))
         limits[name] = max(lower, low), min(upper, high)
     return limits
 

@@ -126,23 +126,21 @@ class Parameters(Settings):
     )
     lag: float = setting("Time before a request has any effect [s].", example=0.032)
     acceleration_time: float = setting("Time over which a request takes effect [s].", example=0.048)
-    tick: float = setting("Time step of the model [s].", default=0.008, example=0.008)
-    hold: Count = setting("Ticks for which a request is held.", default=1, example=1)
-    offset: float = setting("Static sag [rad].", default=0.0, example=0.0)
+    tick: float = setting("Time step of the model [s].", default=0.008)
+    hold: Count = setting("Ticks for which a request is held.", default=1)
+    offset: float = setting("Static sag [rad].", default=0.0)
     dead_band: float = setting(
-        "Error that dry friction holds, without any motion [rad].", default=0.0, example=0.0
+        "Error that dry friction holds, without any motion [rad].", default=0.0
     )
     v_offset: float = setting(
-        "Top speed upwards less v_max, and v_max less downwards [rad/s].", default=0.0, example=0.0
+        "Top speed upwards less v_max, and v_max less downwards [rad/s].", default=0.0
     )
-    compliance: float = setting(
-        "Sag by a torque on the joint [rad/(N m)].", default=0.0, example=0.0
-    )
+    compliance: float = setting("Sag by a torque on the joint [rad/(N m)].", default=0.0)
     speed_per_torque: float = setting(
-        "Change of the top speeds by that torque [rad/(s N m)].", default=0.0, example=0.0
+        "Change of the top speeds by that torque [rad/(s N m)].", default=0.0
     )
     time_constant: float = setting(
-        "Time constant of the speed, a motor's inertia [s].", default=0.0, example=0.0
+        "Time constant of the speed, a motor's inertia [s].", default=0.0
     )
     max_acceleration: Annotated[float, Range(gt=0.0, infinite=True)] = setting(
         "Largest acceleration [rad/s^2]; inf where there is no limit.",
@@ -150,13 +148,9 @@ class Parameters(Settings):
         example=300.0,
     )
     sag_sin: float = setting(
-        "Sag by the sine of the joint's angle [rad]: gravity where no torque is known.",
-        default=0.0,
-        example=0.0,
+        "Sag by the sine of the joint's angle [rad]: gravity where no torque is known.", default=0.0
     )
-    sag_cos: float = setting(
-        "Sag by the cosine of the joint's angle [rad].", default=0.0, example=0.0
-    )
+    sag_cos: float = setting("Sag by the cosine of the joint's angle [rad].", default=0.0)
 
 
 class OfJoint(Settings, optional=Parameters):

@@ -310,10 +310,8 @@ def read_servos(path: Path | str) -> dict[str, Servo]:
             continue
         place = (joint, SERVO)
         for key, value in table.items():
-            line = file.line_of((*place, key))
             if key not in keys:
-                words = f"unknown key '{key}'{nearest(key, sorted(keys))}"
-                raise InvalidFile(file.path, words, line=line)
+                raise file.fault(f"unknown key '{key}'{nearest(key, sorted(keys))}", (*place, key))
             if key == "limits":
                 fits = _reals(value).shape == (2,) and bool(np.isfinite(_reals(value)).all())
             else:
@@ -324,10 +322,10 @@ def read_servos(path: Path | str) -> dict[str, Servo]:
                     key, "a whole number"
                 )
                 words = f"{key}: got {shown(value)}, expected {expected}"
-                raise InvalidFile(file.path, words, line=line)
+                raise file.fault(words, (*place, key))
         if "id" not in table:
             words = f"[{joint}.{SERVO}] has no id; expected the servo's identifier on the bus"
-            raise InvalidFile(file.path, words, line=file.line_of(place))
+            raise file.fault(words, place)
         arguments = {key: value for key, value in table.items() if key not in SETTINGS}
         if "limits" in arguments:
             arguments["limits"] = tuple(map(float, arguments["limits"]))
@@ -461,8 +459,7 @@ def _check_key(file: Toml, key: str, table: str | None) -> None:
     if key in KNOWN:
         return
     place = f" in [{table}]" if table is not None else ""
-    raise InvalidFile(
-        file.path,
+    raise file.fault(
         f"unknown key '{key}'{place}{nearest(key, KNOWN)}; keys: {', '.join(FIELDS)}",
-        line=file.line_of((key,) if table is None else (table, key)),
+        (key,) if table is None else (table, key),
     )

@@ -28,11 +28,12 @@ from planner.files.units import (
     ANGLES,
     LENGTHS,
     SHARES,
+    check_radians,
     pick,
     split_unit,
     with_unit,
 )
-from planner.trajectory import MOST_SAMPLES, Array, not_radians, turns_words
+from planner.trajectory import MOST_SAMPLES, Array
 
 JOINT_UNITS = {**ANGLES, **SHARES}
 """Units of a joint, in radians."""
@@ -197,7 +198,7 @@ def joint_path(table: Table, *, joints: Sequence[str] = (), even: bool = True) -
     names, units, values = with_unit(table, columns, JOINT_UNITS)
     for name, unit, angles in zip(names, units, values.T, strict=True):
         if unit == "rad":
-            _check_radians(table, name, angles)
+            check_radians(table, f"{name}_rad", angles, f"rename it {name}_deg")
     loads = _loads(table, names, all_joints=not joints)
     return JointPath(table.path, names, units, values, read_times(table, even=even), loads)
 
@@ -399,14 +400,3 @@ def resampled(times: Array, rows: Array, period: float, *, cyclic: bool) -> Arra
 
 def _times(count: int, period: float) -> Array:
     return np.asarray(np.arange(count) * period, dtype=np.float64)
-
-
-def _check_radians(table: Table, name: str, angles: Array) -> None:
-    """Refuse a column of radians whose values look like degrees."""
-    if not_radians(angles):
-        k = int(np.argmax(np.abs(angles)))
-        raise table.fault(
-            f"column '{name}_rad': {turns_words(angles[k])}; if these are degrees, rename it "
-            f"{name}_deg",
-            k,
-        )

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from planner.exceptions import InvalidFile, nearest
+from planner.exceptions import nearest
 from planner.files.toml import Toml, read_toml
 from planner.validation import shown
 
@@ -78,8 +78,7 @@ def read_bus(path: Path | str) -> dict[str, Any]:
     for key, value in settings.items():
         if not is_of_robot(key, value):
             expected = "a text in quotes" if BUS[key] is str else "a whole number"
-            words = f"{key}: got {shown(value)}, expected {expected}"
-            raise InvalidFile(file.path, words, line=file.line_of((key,)))
+            raise file.fault(f"{key}: got {shown(value)}, expected {expected}", (key,))
     return settings
 
 
@@ -118,12 +117,11 @@ def _leg(file: Toml, name: str, table: Mapping[str, Any]) -> LegPlace:
         elif not isinstance(value, str) or not value:
             words = f"{key}: got {shown(value)}, expected {KEYS[key]}"
         if words:
-            line = file.line_of((*place, key))
-            raise InvalidFile(file.path, f"[{LEG}.{name}]: {words}", line=line)
+            raise file.fault(f"[{LEG}.{name}]: {words}", (*place, key))
     if missing := [key for key in ("urdf", "base", "foot") if key not in table]:
         meanings = "; ".join(f"{key} is {KEYS[key]}" for key in missing)
         words = f"[{LEG}.{name}] has no {', '.join(missing)}; {meanings}"
-        raise InvalidFile(file.path, words, line=file.line_of(place))
+        raise file.fault(words, place)
     near = table.get("near_deg")
     return LegPlace(
         str(Path(file.path).parent / table["urdf"]),

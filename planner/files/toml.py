@@ -45,6 +45,10 @@ class Toml:
         keys = tuple(place)
         return next((number for number, path in _places(self.text) if path == keys), None)
 
+    def fault(self, problem: str, place: Sequence[str | int]) -> InvalidFile:
+        """The error that a place has a problem."""
+        return InvalidFile(self.path, problem, line=self.line_of(place))
+
 
 def read_toml(path: Path | str, *, example: str) -> Toml:
     """Read TOML, or standard input for ``-``.

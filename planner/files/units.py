@@ -9,7 +9,7 @@ import numpy as np
 
 from planner.exceptions import InvalidFile, nearest
 from planner.files.table import Table
-from planner.trajectory import Array
+from planner.trajectory import Array, not_radians, turns_words
 
 ANGLES: Mapping[str, float] = {"deg": math.pi / 180.0, "rad": 1.0}
 """Angle units, in radians."""
@@ -101,6 +101,15 @@ def pick(table: Table, names: Sequence[str], units: Mapping[str, float]) -> list
             )
         columns.extend(by_name[name])
     return columns
+
+
+def check_radians(table: Table, column: str, angles: Array, advice: str) -> None:
+    """Refuse radians, some of which may be missing (NaN), that look like degrees."""
+    finite = np.flatnonzero(np.isfinite(angles))
+    if len(finite) and not_radians(angles[finite]):
+        k = int(finite[np.argmax(np.abs(angles[finite]))])
+        words = f"column '{column}': {turns_words(angles[k])}; if these are degrees, {advice}"
+        raise table.fault(words, k)
 
 
 def _without_unit(table: Table, columns: Sequence[str], units: Mapping[str, float]) -> InvalidFile:

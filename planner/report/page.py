@@ -233,7 +233,8 @@ def live_scripts(figures: Mapping[str, Mapping[str, Any]]) -> Markup:
     parts = [f'<script type="application/json" id="live-figures">{data}</script>']
     if any(figure["kind"] == "plot" for figure in figures.values()):
         parts.append(f'<script type="text/plain" id="plotly">{_library()}</script>')
-    parts += [f"<script>\n{_source(name)}</script>" for name in SCRIPTS]
+    folder = files("planner.report").joinpath("scripts")
+    parts += [f"<script>\n{folder.joinpath(name).read_text('utf-8')}</script>" for name in SCRIPTS]
     return Markup("\n".join(parts))  # our own, and JSON without markup
 
 
@@ -368,10 +369,6 @@ def _seen_from(folder: Path, file: Path) -> tuple[str, str]:
         return str(file), file.as_uri()
     address = quote(relative)
     return relative, f"./{address}" if ":" in relative.split("/")[0] else address
-
-
-def _source(name: str) -> str:
-    return files("planner.report").joinpath("scripts", name).read_text("utf-8")
 
 
 @cache

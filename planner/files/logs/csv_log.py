@@ -16,7 +16,8 @@ from planner.files.logs.options import ALL_JOINTS, LogOptions, choose_joints
 from planner.files.logs.units import ANGLE_NAMES, SECONDS, TIME_NAMES, Scale, scale, split_name
 from planner.files.paths import LOAD
 from planner.files.table import Table, read_table
-from planner.trajectory import Array, not_radians, turns_words
+from planner.files.units import check_radians
+from planner.trajectory import Array
 
 if TYPE_CHECKING:
     from planner.identification.log import Log
@@ -52,7 +53,13 @@ def read_csv_log(path: Path | str, options: LogOptions) -> tuple[Log, ...]:
             requested=requested,
         )
         if log_columns.request_scale.name == "rad":
-            _check_radians(table, requested, log_columns.requests)
+            check_radians(  # requests only: angles may have glitches
+                table,
+                requested,
+                log_columns.requests,
+                "name the columns so or give --unit deg; a joint that turns further is read in "
+                "degrees or turns",
+            )
         source = Source(path=path, line=lambda k: table.lines[k])
         notes = (
             f"{clock}, {_columns_note(pair, several=len(chosen) > 1)}{torque}",
@@ -165,19 +172,6 @@ def _scale(table: Table, column: str, user_unit: str | None, options: LogOptions
         return scale(unit, options.ticks_per_turn)
     except InvalidInput as error:
         raise table.fault(str(error)) from error
-
-
-def _check_radians(table: Table, column: str, requests: Array) -> None:
-    """Refuse requests in radians that look like degrees; angles may, as sensors have glitches."""
-    finite = np.flatnonzero(np.isfinite(requests))
-    if not len(finite) or not not_radians(requests[finite]):
-        return
-    k = int(finite[np.argmax(np.abs(requests[finite]))])
-    raise table.fault(
-        f"column '{column}': {turns_words(requests[k])}; if these are degrees, name the columns so "
-        "or give --unit deg; a joint that turns further is read in degrees or turns",
-        k,
-    )
 
 
 def _columns_note(pair: Pair, *, several: bool) -> str:

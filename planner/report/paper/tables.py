@@ -93,6 +93,7 @@ def paper_text(results: Results) -> str:
 
 def virtual_text(results: Results) -> str:
     """All tables of the virtual robot as plain text, for the terminal."""
+    learning = ", ".join(f"{trial['L2']:.3f}" for trial in results["learning"]["trials"])
     blocks = [
         "What the step tests say about the joints: estimate (95 % interval)",
         table_1(results).text(),
@@ -102,20 +103,13 @@ def virtual_text(results: Results) -> str:
         "L2 as predicted by the plan > as executed (loss); joints [deg], foot [cm]",
         executed_table(results).text(),
         "",
-        learning_line(results),
+        f"Learning from executed cycles: foot, L2 of each trial [cm]: {learning}",
         "",
         f"Means ± standard deviations over {results['robot']['cycles']} cycles by the true angles, "
         f"after {dropped_words(results)} until the walk was steady.",
         results["note"],
     ]
     return "\n".join(blocks)
-
-
-def learning_line(results: Results) -> str:
-    """Learning from executed cycles in a line: the foot's error in each trial."""
-    learning = results["learning"]
-    errors = ", ".join(f"{trial['L2']:.3f}" for trial in learning["trials"])
-    return f"Learning from executed cycles: foot, L2 of each trial [cm]: {errors}"
 
 
 def distances_text(results: Results) -> str:
@@ -167,11 +161,11 @@ def bounds_table(results: Results, digits: int = 3) -> Table:
 
 def excess_table(results: Results) -> Table:
     """How far requests go beyond the limits of every joint [degrees]."""
-    limits = results["limits"]
-    rows = [
-        Row(METHODS[method].split(":")[0], tuple(_beyond(each, method) for each in limits.values()))
-        for method in LIMIT_METHODS
-    ]
+    limits, rows = results["limits"], []
+    for method in LIMIT_METHODS:
+        excesses = (each["excess"][method] for each in limits.values())
+        cells = tuple(f"{excess:.1f}" if excess else "kept" for excess in excesses)
+        rows.append(Row(METHODS[method].split(":")[0], cells))
     return Table("", tuple(map(Column, limits)), tuple(rows), label="Beyond the limits")
 
 
@@ -264,8 +258,3 @@ def _beside(entry: Results, norm: str) -> tuple[str, ...]:
 
 def _executed(entry: Results) -> tuple[str, ...]:
     return (f"{entry['predicted']['L2']:.2f}", f"{entry['L2']:.2f}", signed_percent(entry["loss"]))
-
-
-def _beyond(limits: Results, method: str) -> str:
-    excess = limits["excess"][method]
-    return f"{excess:.1f}" if excess else "kept"
