@@ -14,7 +14,7 @@ from planner.cli.models import beside, model_words, verdict_document
 from planner.cli.settings import FROM_URDF
 from planner.model.evidence import OPEN_TOP_SPEED, untested_words
 from planner.planning.result import ErrorsOfModels
-from planner.planning.time_shift import shift_recommended, shifted
+from planner.planning.time_shift import refining_recommended, shift_recommended, shifted
 from planner.report.plan_tables import expected_words, feet_table
 from planner.report.table import NO_BOUND, NOTHING, percent, text_table
 from planner.trajectory import error_norm, rms
@@ -94,6 +94,7 @@ def document(prepared: Prepared, plan: Plan, missed: list[str]) -> dict[str, Any
     return {
         "method": run.plan.method,
         "recommended_method": "shift" if shift_recommended(plan) else run.plan.method,
+        "refining_recommended": bool(refining_recommended(plan, shift)),
         "cyclic": desired.cyclic,
         "period_s": desired.period,
         "robust": run.plan.robust,
@@ -195,6 +196,8 @@ def _best_shift(desired: Desired, plan: Plan) -> str:
         text += f"\nrecommended: --method shift, as {why}"
     elif any(early.error < planned.error for planned, early in pairs):
         text += "; on the robot that is better for some joints: see --method shift"
+    if why := refining_recommended(plan, shift):
+        text += f"\nrecommended: play the requests and refine them (request-planner refine): {why}"
     return text
 
 

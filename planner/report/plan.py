@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from planner.model.evidence import OPEN_TOP_SPEED, untested_words
-from planner.planning.time_shift import shift_recommended, shifted
+from planner.planning.time_shift import refining_recommended, shift_recommended, shifted
 from planner.report import figure
 from planner.report.figure import Figure, Motion, Movie
 from planner.report.page import (
@@ -230,6 +230,8 @@ def remarks(
         lines.append(f"{words[0].upper()}{words[1:]}.")
     if plan.method != "shift" and (why := shift_recommended(plan)):
         lines.append(f"The best time shift is recommended instead (--method shift): {why}.")
+    if plan.method != "shift" and (why := refining_recommended(plan, shifted(plan.task))):
+        lines.append(f"Play the requests, and refine them by what is measured: {why}.")
     if unreachable:
         lines.append(_out_of_reach(plan, foot_given, unreachable))
     if jumps := jumps_of(plan):

@@ -447,6 +447,20 @@ def test_the_shift_is_recommended_where_the_model_is_hardly_better_than_a_delay(
     assert "recommended" not in chosen.stderr
 
 
+@pytest.mark.parametrize("missed", [False, True])
+def test_requests_are_to_be_refined_where_the_model_misses_such_motion(
+    missed, run, brief, tmp_path
+):
+    seen = Evidence(0.01 if missed else 1e-4, over_delay=0.3)
+    planner.JointModel.ers210a().with_evidence(seen).to_toml(tmp_path / "joint.toml")
+    asked = ("plan", brief, "--model", "joint.toml")
+    result = run(*asked, "--report", "page.html", "-o", "requests.csv")
+    assert ("recommended: play the requests and refine them" in result.stderr) is missed
+    page = (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert ("Play the requests, and refine them by what is measured" in page) is missed
+    assert json.loads(run(*asked, "--json").stdout)["refining_recommended"] is missed
+
+
 def test_a_path_of_some_joints_of_a_leg_has_their_limits_and_no_foot(run, tmp_path):
     angles = np.radians([[0.0, 40.0]] * 10)
     write_joint_path(tmp_path / "two.csv", ["rotator", "knee"], angles, period=0.008)

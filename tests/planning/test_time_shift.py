@@ -19,6 +19,7 @@ from planner.planning.time_shift import (
     LONGEST_LEAD,
     USUAL,
     WORSE_LEADS,
+    refining_recommended,
     shift_recommended,
     shifted,
 )
@@ -179,6 +180,28 @@ def test_a_shift_is_recommended_beyond_tested_accelerations_where_the_largest_is
         why = shift_recommended(plan)
         assert why.startswith("the joint accelerates more than in its logs" if recommended else "")
         assert bool(why) == recommended
+
+
+def test_requests_are_better_refined_where_the_error_is_the_models_and_near_that_of_the_shift():
+    shift = planner.invert_shift(ERS210A, PATH)
+    for share, recommended in ((0.7, True), (5.0, True), (0.4, False)):
+        known = ERS210A.with_evidence(Evidence(error=share * shift.rms, over_delay=0.1))
+        plan = planner.invert_optimal(known, PATH).plan
+        best = shifted(plan.task)
+        expected = plan.expected[0].error
+        assert (expected > 0.5 * best.expected[0].error) == recommended
+        assert bool(refining_recommended(plan, best)) == recommended
+    at_rest = planner.invert_optimal(ERS210A.with_evidence(Evidence(error=0.02)), 0.3 * PATH).plan
+    assert not refining_recommended(at_rest, shifted(at_rest.task))
+    # Not where the joint is too slow for the path, nor below the step of an encoder.
+    fast = saturating(np.random.default_rng(0), ERS210A)
+    plan = planner.invert_optimal(ERS210A.with_evidence(Evidence(error=0.01)), fast).plan
+    assert plan.rms[0] > 0.01
+    assert not refining_recommended(plan, shifted(plan.task))
+    exact = ERS210A.with_evidence(Evidence(error=0.0014))
+    plan = planner.invert_optimal(exact, 0.01 * PATH).plan
+    assert plan.expected[0].error > 0.5 * shifted(plan.task).expected[0].error
+    assert not refining_recommended(plan, shifted(plan.task))
 
 
 def test_leads_at_which_a_joint_rings_for_ever_are_left_out():
