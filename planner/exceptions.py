@@ -175,3 +175,12 @@ def about(joint: str) -> Iterator[None]:
         raise
     finally:
         ANGLE_UNIT.reset(token)
+
+
+@contextmanager
+def importing(what: str, extra: str) -> Iterator[None]:
+    """Let imports inside the block that fail name the extra which has the package."""
+    try:
+        yield
+    except ImportError as error:
+        raise MissingExtra(what, extra) from error

@@ -34,7 +34,7 @@ from typing import TYPE_CHECKING, Any
 
 from kinematics.exceptions import KinematicsError
 from planner._version import __version__
-from planner.exceptions import ANGLE_UNIT, InvalidInput, MissingExtra, PlannerError
+from planner.exceptions import ANGLE_UNIT, InvalidInput, PlannerError, importing
 from planner.files.results import Results, Task
 
 if TYPE_CHECKING:
@@ -216,11 +216,9 @@ def _cluster(address: str) -> Iterator[Executor]:
     The connection is tried first without a client: one that could not connect closes itself when it
     is collected, which may be while another one begins and holds the lock that this takes.
     """
-    try:
+    with importing("a Dask scheduler", "cluster"):
         from distributed import Client
         from distributed.comm import connect
-    except ImportError as error:
-        raise MissingExtra("a Dask scheduler", "cluster") from error
 
     async def check_scheduler() -> None:
         await (await connect(address, timeout=PATIENCE)).close()

@@ -530,10 +530,6 @@ def template(cls: type[Settings], heading: Sequence[str]) -> str:
     """A file that sets every key to its default, or to another value with the default in a comment.
 
     Keys without a default, or that would contradict the rest, are comments.
-
-    Args:
-        cls: The settings.
-        heading: Lines of comment at the top.
     """
     lines = [f"# {line}" for line in heading]
     for table in tables(cls):

@@ -126,10 +126,6 @@ class Desired:
 def find_leg(leg: settings.Leg, folder: str = "") -> LegPlace | None:
     """The description of the leg; None if the settings name no leg.
 
-    Args:
-        leg: The settings.
-        folder: The folder from which files are named.
-
     Raises:
         BadSetting: The settings contradict each other or do not suffice.
     """

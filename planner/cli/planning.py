@@ -70,10 +70,6 @@ class Prepared:
 def prepare(run: settings.Run, folder: str = "") -> Prepared:
     """Load the inputs that the settings name, and check that the method can plan for them.
 
-    Args:
-        run: The settings.
-        folder: The folder from which files are named.
-
     Raises:
         BadSetting: Settings contradict each other or do not suffice.
         InvalidFile: A file is invalid.

@@ -177,12 +177,7 @@ def read_table(path: Path | str, *, most_rows: int | None = None) -> Table:
 
 
 def _without_comments(text: str, start: int) -> str:
-    """The text with the comments above its header as empty lines, so that lines keep their number.
-
-    Args:
-        text: The text.
-        start: Where the comments may begin.
-    """
+    """The text with the comments above its header as empty lines: lines keep their number."""
     comments = _COMMENTS.match(text, start)
     if comments is None or "#" not in comments[0]:
         return text

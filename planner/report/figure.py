@@ -363,14 +363,7 @@ class Timeline:
         *,
         clock: bool = False,
     ) -> Figure:
-        """Panels over time.
-
-        Args:
-            name: The figure's name.
-            panels: Its panels.
-            words: Title and caption.
-            clock: Whether it follows the moving leg of its page.
-        """
+        """Panels over time, with title and caption; ``clock``: whether they follow a moving leg."""
         return Figure(
             name, *words, self.axis, tuple(panels), over_time=True,
             clock=self.per_second if clock else None,
@@ -465,13 +458,7 @@ def line(x: Sequence[float], y: Sequence[float], role: Role = MUTED) -> Curve:
 def near_limits(
     limits: tuple[float, float] | None, requests: Curve, *, end: float
 ) -> tuple[Curve, ...]:
-    """The limits of requests, in their unit, that are near enough to be drawn.
-
-    Args:
-        limits: Smallest and largest request, or None.
-        requests: The requests.
-        end: End of the axis of time.
-    """
+    """The limits of requests, in their unit, that are near enough to be drawn."""
     low, high = around([requests.y], margin=NEAR)
     return tuple(
         Curve(LIMIT, np.array([0.0, end]), np.full(2, limit))

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from planner.exceptions import MissingExtra
+from planner.exceptions import importing
 from planner.report.page import environment
 from planner.report.style import DESIRED, DIRECT, FOOT_OPTIMAL, GRID, Role
 from planner.trajectory import Array
@@ -79,14 +79,11 @@ def import_meshcat() -> Any:
     Raises:
         MissingExtra: It is not installed.
     """
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", DeprecationWarning)
-            import meshcat
-            import meshcat.animation
-            import meshcat.geometry
-    except ImportError as error:
-        raise MissingExtra("the view in Meshcat", "meshcat") from error
+    with importing("the view in Meshcat", "meshcat"), warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)
+        import meshcat
+        import meshcat.animation
+        import meshcat.geometry
     return meshcat
 
 
@@ -126,13 +123,6 @@ def scene_page(
 
     Meshcat's own ``static_html`` needs a server process and two ports, and gives the viewer its
     commands in no certain order; here it takes them one after another.
-
-    Args:
-        scene: The robot.
-        leg_motions: The motions of its leg, as for :func:`draw_scene`.
-        period: Time between their samples [s].
-        cyclic: Whether they repeat.
-        title: Title of the page.
 
     Raises:
         MissingExtra: Meshcat is not installed.

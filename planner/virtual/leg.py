@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from kinematics.descriptions import urdf_path
-from planner.exceptions import MissingExtra
+from planner.exceptions import importing
 from planner.virtual.constants import Constants
 
 if TYPE_CHECKING:
@@ -60,8 +60,6 @@ def drive_joint(joint: Any, constants: Constants) -> None:
 
 def load_mujoco() -> Any:
     """The package, or MissingExtra."""
-    try:
+    with importing("the virtual robot", "mujoco"):
         import mujoco
-    except ImportError as error:
-        raise MissingExtra("the virtual robot", "mujoco") from error
     return mujoco

@@ -45,12 +45,6 @@ def joint_models(
 ) -> JointModels:
     """The models that the settings name, or models identified from the recordings.
 
-    Args:
-        model: The settings.
-        replay: How to replay.
-        recordings: Where the recordings are.
-        progress: Called with each joint that is being identified.
-
     Raises:
         BadSetting: No model is named, or a joint that is not there.
         InvalidInput: The models cannot be read, or none can be identified.

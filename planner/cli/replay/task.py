@@ -146,12 +146,6 @@ def tasks_of(
 ) -> tuple[ReplayTask, ...]:
     """A task for every recording.
 
-    Args:
-        run: Models, limits and method.
-        replay: How to replay.
-        recordings: Where the recordings are.
-        progress: With ``--model from-log``, called with each joint that is being identified.
-
     Raises:
         BadSetting: No model is named.
         InvalidInput: The models cannot be read, or none can be identified.

@@ -30,7 +30,7 @@ from planner.cli.models import beside, models_of
 from planner.cli.planning import plan_of, prepare
 from planner.cli.run_file import RunFile, speaking_of
 from planner.cli.settings import Run, Search, Sweep, SweptParameters
-from planner.exceptions import MissingExtra, PlannerError
+from planner.exceptions import PlannerError, importing
 from planner.files.paths import is_foot_path, path_table
 from planner.files.results import Results, Task, digest_of
 from planner.files.toml import Toml, read_toml
@@ -208,10 +208,8 @@ def _values(search: Search, path: str) -> dict[str, tuple[float, ...]]:
             raise BadSetting(
                 method, ": needs two parameters or more; use ", Key("sweep.method", "grid")
             )
-        try:
+        with importing("a search by CMA-ES", "sweep"):
             import cma  # noqa: F401
-        except ImportError as error:
-            raise MissingExtra("a search by CMA-ES", "sweep") from error
     if search.steps is None:
         return by_name
     return {
@@ -254,14 +252,7 @@ def _check_in_range(name: str, value: float, period: float) -> None:
 def planned_points(
     space: Space, results: Results, executor: Executor, *, progress: Callable[[Task], None]
 ) -> Swept:
-    """Plan the points of a grid or of a search.
-
-    Args:
-        space: The parameters and their values.
-        results: The store of the outcomes.
-        executor: The executor for the plans.
-        progress: Called with each point that is planned.
-    """
+    """Plan the points of a grid or of a search."""
     by_point: dict[Point, Outcome] = {}
     folder = str(Path(space.folder).resolve())
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from planner.exceptions import InvalidInput, MissingExtra
+from planner.exceptions import InvalidInput, importing
 from planner.files.staging import output_folder
 from planner.files.text import write_text
 from planner.robot.schedule import Schedule
@@ -94,10 +94,8 @@ def lerobot_dataset(
         MissingExtra: pyarrow is not installed.
         InvalidFile: The folder holds something else, or cannot be written.
     """
-    try:
+    with importing("a LeRobot dataset", "parquet"):
         import pyarrow  # noqa: F401
-    except ImportError as error:
-        raise MissingExtra("a LeRobot dataset", "parquet") from error
     with output_folder(path, export=f"LeRobot dataset {VERSION}") as folder:
         with ExitStack() as stack:
             writer = _Writer(folder, layout, stack)

@@ -13,7 +13,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from planner.exceptions import InvalidInput, MissingExtra
+from planner.exceptions import InvalidInput, importing
 from planner.files.staging import cannot_write, output_folder
 from planner.files.table import DECIMALS
 from planner.files.text import write_text
@@ -105,10 +105,8 @@ def trajectory_yaml(message: Mapping[str, Any]) -> str:
 
     Names such as ``on``, which YAML 1.1 would read as other types, are quoted.
     """
-    try:
+    with importing("a trajectory as YAML", "yaml"):
         import yaml
-    except ImportError as error:
-        raise MissingExtra("a trajectory as YAML", "yaml") from error
     dumper = getattr(yaml, "CSafeDumper", yaml.SafeDumper)  # in C where there is one
     text: str = yaml.dump(
         dict(message),
@@ -135,11 +133,9 @@ def write_bag(
         InvalidInput: A topic without a name.
         InvalidFile: The folder holds something else, or cannot be written.
     """
-    try:
+    with importing("a ROS 2 bag", "bags"):
         from rosbags.rosbag2 import StoragePlugin, Writer
         from rosbags.typesys import Stores, get_typestore
-    except ImportError as error:
-        raise MissingExtra("a ROS 2 bag", "bags") from error
     check_topic(topic)
     types = get_typestore(Stores.ROS2_HUMBLE)
     content = types.serialize_cdr(_as_message(types.types, message), TYPE)

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
-from planner.exceptions import InvalidFile, MissingExtra
+from planner.exceptions import InvalidFile, importing
 from planner.files.logs.ros_messages import CONTROLLER_STATE, LATEST, LAYOUTS
 
 if TYPE_CHECKING:
@@ -102,10 +102,8 @@ def open_bag(path: Path | str) -> Iterator[Bag]:
         InvalidFile: Not a bag, or a damaged one.
         MissingExtra: rosbags is not installed.
     """
-    try:
+    with importing("reading bags", "bags"):
         from rosbags import rosbag1, rosbag2
-    except ImportError as error:
-        raise MissingExtra("reading bags", "bags") from error
     place = Path(path)
     ros1 = place.suffix.lower() == ".bag"
     if not place.exists():

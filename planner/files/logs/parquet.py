@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from planner.exceptions import InvalidFile, MissingExtra, nearest
+from planner.exceptions import InvalidFile, importing, nearest
 from planner.trajectory import Array
 
 MOST_NUMBERS = 2**25
@@ -25,11 +25,9 @@ def read_columns(path: Path | str, names: Sequence[str]) -> dict[str, Array]:
         InvalidFile: Not Parquet, cut short, too long, or a column is missing or holds no numbers.
         MissingExtra: pyarrow is not installed.
     """
-    try:
+    with importing("reading Parquet", "parquet"):
         import pyarrow as pa
         from pyarrow import parquet
-    except ImportError as error:
-        raise MissingExtra("reading Parquet", "parquet") from error
     if not Path(path).is_file():
         raise InvalidFile(path, "no such file; check the name and the folder")
     try:

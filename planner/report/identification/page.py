@@ -58,12 +58,7 @@ class Joint(NamedTuple):
 def identification_page(
     identifications: Mapping[str, Identification], *, files: Sequence[LinkedFile] = ()
 ) -> str:
-    """The whole page.
-
-    Args:
-        identifications: By joint; "" for one without a name.
-        files: Files of the run to link to.
-    """
+    """The whole page."""
     several = len(identifications) > 1
     joints = [
         Joint(name, re.sub(r"\W+", "-", f"{prefix}{name or 'joint'}"), identification, prefix)

@@ -66,12 +66,7 @@ def identification_text(
 
 
 def next_step(identifications: Mapping[str, Identification], model: str) -> str:
-    """The next step, in a line: check the columns, record another signal, or plan.
-
-    Args:
-        identifications: By joint; "" for one without a name.
-        model: The file of the models.
-    """
+    """The next step, in a line: check the columns, record another signal, or plan."""
     topics = {
         joint or "the joint": {each.topic for each in identification.findings}
         for joint, identification in identifications.items()

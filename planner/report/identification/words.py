@@ -211,14 +211,7 @@ def estimate(identification: Identification, name: str) -> tuple[float, Interval
 
 
 def judgement(identification: Identification, name: str, factor: float, unit: str) -> str:
-    """How well a parameter is known, in words.
-
-    Args:
-        identification: The identification.
-        name: The parameter.
-        factor: Its SI unit in ``unit``.
-        unit: The unit to write it in.
-    """
+    """How well a parameter is known, in words."""
     value, interval = estimate(identification, name)
     lower, upper = (math.isfinite(end) for end in interval)
     if between(interval) == NOT_KNOWN:

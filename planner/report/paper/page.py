@@ -40,13 +40,7 @@ EYEBROW = Markup(
 
 
 def paper_page(results: Results, figures: Sequence[Figure], files: Sequence[str]) -> str:
-    """The page of the experiment on the paper's model.
-
-    Args:
-        results: The content of ``results.json``.
-        figures: The figures, in order; also in files beside the page.
-        files: Files of the run to link to, relative to the page.
-    """
+    """The page of the experiment on the paper's model."""
     foot, bound = results["foot"], results["foot_bound"]
     gaps = [each["gap"] for each in results["bounds"].values()]
     cards = [
@@ -158,13 +152,7 @@ BOUNDS = """
 
 
 def virtual_page(results: Results, figures: Sequence[Figure], files: Sequence[str]) -> str:
-    """The page of the experiment on the virtual robot.
-
-    Args:
-        results: The content of ``results.json``.
-        figures: The figures, in order; also in files beside the page.
-        files: Files of the run to link to, relative to the page.
-    """
+    """The page of the experiment on the virtual robot."""
     foot, joints = results["foot"], results["identified"]
     fidelity = [each["Pwl,Plain"]["L2"] for each in results["table2"].values()]
     rms = [each["rms_deg"] for each in joints.values()]
