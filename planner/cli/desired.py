@@ -25,7 +25,7 @@ from planner.files.paths import (
     path_table,
     write_joint_path,
 )
-from planner.files.robot import LegPlace, read_legs
+from planner.files.robot import LegPlace, in_radians, read_legs
 from planner.files.text import STANDARD_STREAM
 from planner.files.units import LEAST_DEG, SHARES
 from planner.model.evidence import refusal
@@ -129,7 +129,7 @@ def find_leg(leg: settings.Leg, folder: str = "") -> LegPlace | None:
     Raises:
         BadSetting: The settings contradict each other or do not suffice.
     """
-    near = None if leg.near is None else _radians(leg.near)
+    near = None if leg.near is None else in_radians(leg.near)
     urdf, base, foot, lock = (Key(f"leg.{key}") for key in ("urdf", "base", "foot", "lock"))
     is_described = leg.base or leg.foot or leg.lock or leg.lock_m
     if leg.name is not None:
@@ -149,7 +149,7 @@ def find_leg(leg: settings.Leg, folder: str = "") -> LegPlace | None:
         return None
     if leg.base is None or leg.foot is None:
         raise BadSetting(urdf, " needs ", base, " and ", foot, ", the frames at the leg's two ends")
-    locked = _radians(leg.lock or {}) | dict(leg.lock_m or {})
+    locked = in_radians(leg.lock or {}) | dict(leg.lock_m or {})
     return LegPlace(beside(folder, leg.urdf), leg.base, leg.foot, locked, near)
 
 
@@ -414,11 +414,7 @@ def starts_of(start: settings.Start, joints: Sequence[str], *, cyclic: bool) -> 
         )
     check_joints("start.joints", start.joints, joints)
     common = {} if start.deg is None else dict.fromkeys(joints, start.deg)
-    return _radians({**common, **start.joints})
-
-
-def _radians(degrees: Mapping[str, float]) -> dict[str, float]:
-    return {joint: math.radians(angle) for joint, angle in degrees.items()}
+    return in_radians({**common, **start.joints})
 
 
 def _limits_of(

@@ -24,7 +24,6 @@ from planner.learning.refine import refine
 from planner.model.response import load_columns
 from planner.planning.arguments import limits_of_each
 from planner.planning.plan import Plan, joined
-from planner.planning.trials import Learning
 from planner.report.learning import Progress, learning_page
 from planner.report.page import linked_files
 from planner.report.table import NOTHING, text_table
@@ -286,7 +285,7 @@ def _resumed(plan: Plan, state: LearningState) -> Plan:
 def write_states(path: str, answer: Refined) -> None:
     """Write the history that the next call reads."""
     states = {
-        name: LearningState(plan.models, _learning_of(plan))
+        name: LearningState(plan.models, plan.learning[0])
         for name, plan in answer.plans.items()
         if plan.learning
     }
@@ -306,14 +305,14 @@ def document(answer: Refined) -> dict[str, Any]:
                 "trials": len(each.errors),
                 f"errors_{each.unit}": each.errors.tolist(),
                 f"predicted_{each.unit}": each.predicted,
-                f"lower_bound_{each.unit}": None if math.isnan(each.bound) else each.bound,
+                f"lower_bound_{each.unit}": each.bound,
                 f"noise_{each.unit}": each.noise,
                 "gain": each.gain,
                 "best_trial": each.best + 1,
                 "stopped": each.stopped or None,
                 "remarks": list(each.remarks),
                 "sensor_delay_ms": [
-                    1e3 * delay.removed for delay in _learning_of(answer.plans[each.name]).delays
+                    1e3 * delay.removed for delay in answer.plans[each.name].learning[0].delays
                 ],
             }
             for each in rows
@@ -358,7 +357,7 @@ def progress_of(answer: Refined) -> list[Progress]:
     """The errors of each joint, or of the foot, in the user's units."""
     desired, rows = answer.prepared.desired, []
     for name, plan in answer.learnt.items():
-        learning = _learning_of(plan)
+        learning = plan.learning[0]
         foot = plan.task.goal == "foot"
         unit = "cm" if foot else desired.unit(desired.names.index(name))
         factor = 100.0 if foot else math.degrees(1.0)
@@ -428,8 +427,3 @@ def learning_report(
         origins=[("path", run.path.file or ""), ("model", run.model.file)],
         files=linked_files(page, written),
     )
-
-
-def _learning_of(plan: Plan) -> Learning:
-    assert plan.learning, "refine returned it"
-    return plan.learning[0]

@@ -197,8 +197,10 @@ def write_run(
             write_picture(folder / f"comparison{ending}", comparison_figure(check))
         failures = [*missed, *([] if check.passed else [verdict_line(check)])]
     if page := _place(folder, run, "report"):
+        scene = run.settings.output.scene
+        names = [*list_files(folder), MANIFEST, *([scene] if scene else [])]
         files: list[tuple[str, Path | str | None]] = [("run", run.file.path)]
-        files += _written(folder, run)
+        files += [(Path(name).stem, folder / name) for name in names]
         write_text(page, plan_report(run.prepared, plan, missed=missed, page=page, written=files))
     if page := _place(folder, run, "scene"):
         write_text(page, _scene(run, plan))
@@ -269,13 +271,6 @@ def _write_exports(folder: Path, run: RunFile, plan: Plan) -> tuple[list[dict[st
         documents.append({"file": export.file, **rows_document(export, rows, skipped)})
         words += f"\n{export.file}: {rows_summary(rows, skipped)}"
     return documents, words
-
-
-def _written(folder: Path, run: RunFile) -> list[tuple[str, Path]]:
-    """The files in the folder, and the files that are written last."""
-    scene = run.settings.output.scene
-    names = [*list_files(folder), MANIFEST, *([scene] if scene else [])]
-    return [(Path(name).stem, folder / name) for name in names]
 
 
 def _scene(run: RunFile, plan: Plan) -> str:

@@ -98,7 +98,7 @@ def simulate(
             joints[name] = {
                 f"rms_{unit}": float(rms),
                 f"max_{unit}": float(largest),
-                f"expected_rms_{unit}": float(robot) if has_estimate else None,
+                f"expected_rms_{unit}": float(robot),
                 "untested": list(each.untested),
             }
             summary += f"\n{name}: {rms:.3f} {unit} rms from the desired angles"

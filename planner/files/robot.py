@@ -127,8 +127,8 @@ def _leg(file: Toml, name: str, table: Mapping[str, Any]) -> LegPlace:
         str(Path(file.path).parent / table["urdf"]),
         table["base"],
         table["foot"],
-        _radians(table.get("lock_deg", {})),
-        None if near is None else _radians(near),
+        in_radians(table.get("lock_deg", {})),
+        None if near is None else in_radians(near),
     )
 
 
@@ -136,5 +136,6 @@ def _is_number(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
 
 
-def _radians(degrees: Mapping[str, float]) -> dict[str, float]:
+def in_radians(degrees: Mapping[str, float]) -> dict[str, float]:
+    """Angles by joint [rad], of angles [deg]."""
     return {joint: math.radians(angle) for joint, angle in degrees.items()}

@@ -16,7 +16,7 @@ import numpy as np
 from planner.cli import settings
 from planner.cli.desired import find_leg
 from planner.cli.replay.files import lerobot_episode
-from planner.cli.replay.task import RESENT, UNITS, ReplayTask, or_none
+from planner.cli.replay.task import RESENT, UNITS, ReplayTask
 from planner.exceptions import PlannerError
 from planner.files.exports.lerobot import Layout, lerobot_dataset
 from planner.files.logs.lerobot import ACTION
@@ -190,8 +190,8 @@ def episode_figures(replay: Replay) -> dict[str, Any]:
         "worst_joint": worst.name,
         "unit": unit,
         **{f"{kind}_rms": factor * error_norm(each, "rms") for kind, each in worst.errors.items()},
-        "expected_on_robot_rms": or_none(factor * worst.expected),
-        "lower_bound": or_none(factor * worst.lower_bound),
+        "expected_on_robot_rms": factor * worst.expected,
+        "lower_bound": factor * worst.lower_bound,
         "recorded_requests_may_serve": worst in replay.resent_may_serve,
         "remarks": list(replay.path.remarks),
     }

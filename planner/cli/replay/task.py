@@ -197,7 +197,6 @@ def summary(replay: Replay, models: JointModels, fastest: Fastest | None = None)
             rows.append([label, recorded, *[NOTHING] * 6, f"{joint.path.reason}: {PASSED_ON}"])
             continue
         errors = {kind: f"{factor * error_norm(e, 'rms'):.3f}" for kind, e in joint.errors.items()}
-        expected = joint.expected
         rows.append(
             [
                 label,
@@ -206,8 +205,8 @@ def summary(replay: Replay, models: JointModels, fastest: Fastest | None = None)
                 errors["direct"],
                 f"{errors['shifted']} ({1e3 * joint.lead:.0f} ms)",
                 errors["planned"],
-                number(or_none(factor * expected), 3),
-                number(or_none(factor * joint.lower_bound), 3),
+                number(factor * joint.expected, 3),
+                number(factor * joint.lower_bound, 3),
                 fast_words(joint),
             ]
         )
@@ -262,11 +261,6 @@ def refuted_joints(replay: Replay) -> list[str]:
     return names
 
 
-def or_none(value: float) -> float | None:
-    """A number for machines; None if it is not finite."""
-    return value if math.isfinite(value) else None
-
-
 def fast_words(joint: JointReplay) -> str:
     """The parts of the path that are faster than the joint's top speed, in a few words."""
     spans = joint.too_fast
@@ -296,9 +290,9 @@ def document(replay: Replay, models: JointModels) -> dict[str, Any]:
             entry |= {
                 **{kind: _errors(each, unit, factor) for kind, each in joint.errors.items()},
                 "best_shift_s": joint.lead,
-                f"expected_on_robot_rms_{unit}": or_none(factor * joint.expected),
+                f"expected_on_robot_rms_{unit}": factor * joint.expected,
                 "norm": plan.norm,
-                f"lower_bound_{unit}": or_none(factor * joint.lower_bound),
+                f"lower_bound_{unit}": factor * joint.lower_bound,
                 f"largest_step_{unit}": factor * plan.largest_step,
                 "recorded_requests_may_serve": joint in replay.resent_may_serve,
                 "untested": list(joint.untested),
@@ -365,7 +359,7 @@ def fastest_document(fastest: Fastest) -> dict[str, Any]:
         {
             "speed": each.speed,
             **{
-                f"{kind}_max_{unit}": None if math.isnan(ratio) else allowed * ratio
+                f"{kind}_max_{unit}": allowed * ratio
                 for kind, ratio in zip(each._fields[1:], each[1:], strict=True)
             },
         }

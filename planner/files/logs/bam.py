@@ -39,7 +39,7 @@ def read_bam(path: Path | str, options: LogOptions) -> tuple[Log, ...]:
     Raises:
         InvalidFile: The file is no such log; the message says where and why.
     """
-    content = _content(path)
+    content = read_json(path, what="a log")
     entries = _entries(path, content)
     choose_joints(path, [""], options.joint)
     if options.unit_of("") not in (None, UNIT):
@@ -78,12 +78,8 @@ def read_bam(path: Path | str, options: LogOptions) -> tuple[Log, ...]:
 
 def bam_joints(path: Path | str, options: LogOptions) -> tuple[str, ...]:  # noqa: ARG001
     """The one joint of a BAM file, which has no name."""
-    _entries(path, _content(path))
+    _entries(path, read_json(path, what="a log"))
     return ("",)
-
-
-def _content(path: Path | str) -> Any:
-    return read_json(path, what="a log")
 
 
 def _moment(path: Path | str, content: Mapping[str, Any]) -> float | None:
