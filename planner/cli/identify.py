@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import pickle
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
-from typing import TYPE_CHECKING, Any, TypeVar
+from dataclasses import fields
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -22,23 +23,16 @@ if TYPE_CHECKING:
 FEW_ROWS = 20_000
 """Most rows for which joints are identified in this process: others would start more slowly."""
 
-Command = TypeVar("Command", bound=Callable[..., Any])
-
-_OPTIONS = {
-    "joint": click.option(
-        "--joint", metavar="NAME", help="The joint to read where a log has several, or 'all'."
-    ),
-    "time": click.option(
+log_options = options.several(
+    click.option(
         "--time", metavar="COLUMN", help="CSV: the column of times; clock:ms says its unit."
     ),
-    "requested": click.option(
-        "--requested", metavar="COLUMN", help="CSV: the column of requested angles."
-    ),
-    "actual": click.option("--actual", metavar="COLUMN", help="CSV: the column of actual angles."),
-    "torque": click.option(
+    click.option("--requested", metavar="COLUMN", help="CSV: the column of requested angles."),
+    click.option("--actual", metavar="COLUMN", help="CSV: the column of actual angles."),
+    click.option(
         "--torque", metavar="COLUMN", help="CSV: the column that is 1 while the torque is on."
     ),
-    "unit": click.option(
+    click.option(
         "--unit",
         metavar="UNIT",
         help="Unit of the angles where the log does not say: rad, deg, ticks, turns, us (pulses of "
@@ -46,33 +40,27 @@ _OPTIONS = {
         "range_m100_100; 'rad,Jaw=range' where joints differ, 'requested=us,actual=counts' where "
         "columns do.",
     ),
-    "ticks_per_turn": click.option(
+    click.option(
         "--ticks-per-turn",
         type=float,
         metavar="N",
         help="Ticks of one turn, such as 4096, for angles in ticks; for pulses the us of one turn, "
         "by default 4000.",
     ),
-    "topic": click.option("--topic", metavar="TOPIC", help="Bags: the topic of actual angles."),
-    "command_topic": click.option(
-        "--command-topic", metavar="TOPIC", help="Bags: the topic of requested angles."
-    ),
-    "episodes": click.option(
+    click.option("--topic", metavar="TOPIC", help="Bags: the topic of actual angles."),
+    click.option("--command-topic", metavar="TOPIC", help="Bags: the topic of requested angles."),
+    click.option(
         "--episodes", metavar="LIST", help="LeRobot: the episodes to read, such as 0-3,7."
     ),
-}
-
-
-def log_options(command: Command, *, without: Collection[str] = ()) -> Command:
-    """Give a command the options that :func:`to_log_options` takes, but for some."""
-    for name in reversed(_OPTIONS):
-        if name not in without:
-            command = _OPTIONS[name](command)
-    return command
+)
+"""The options of :func:`to_log_options`, but for the joint."""
 
 
 @click.command()
 @click.argument("logs", nargs=-1, required=True, type=types.INPUT, metavar="LOG...")
+@click.option(
+    "--joint", metavar="NAME", help="The joint to read where a log has several, or 'all'."
+)
 @log_options
 @click.option(
     "--tick-ms",
@@ -163,7 +151,7 @@ def to_log_options(choices: Mapping[str, Any]) -> LogOptions:
     """
     from planner.files.logs.options import LogOptions
 
-    return LogOptions(**{name: choices[name] for name in _OPTIONS})
+    return LogOptions(**{each.name: choices[each.name] for each in fields(LogOptions)})
 
 
 def _check(joints: Collection[str], identifications: Mapping[str, Identification]) -> None:

@@ -33,7 +33,20 @@ output_or_folder = click.option(
     metavar="OUT",
     help="The file, or folder, to write; '-' is standard output.",
 )
-PARALLEL = (
+
+
+def several(*decorators: Callable[[Command], Command]) -> Callable[[Command], Command]:
+    """Give a command several options, in this order."""
+
+    def decorate(command: Command) -> Command:
+        for decorator in reversed(decorators):
+            command = decorator(command)
+        return command
+
+    return decorate
+
+
+parallel = several(
     click.option(
         "--workers",
         type=click.IntRange(min=1),
@@ -109,13 +122,13 @@ def settings(*keys: str, **helps: str) -> Callable[[Command], Command]:
                     arguments["replay"] = Replay.of(replay)
             return command(run=run, **arguments)
 
-        decorated: Command = with_settings
-        for key in reversed(keys):
+        decorators = []
+        for key in keys:
             own = helps.get(_parameter(key)) or helps.get(key.rpartition(".")[2], "")
             if key.startswith("plan.") and "plan.method" not in keys:
                 own = own or _of_any_method(SETTINGS[key].about)
-            decorated = _option(key, SETTINGS[key], own)(decorated)
-        return decorated
+            decorators.append(_option(key, SETTINGS[key], own))
+        return several(*decorators)(with_settings)
 
     return decorate
 
@@ -159,13 +172,6 @@ def _option(key: str, declared: Declared, of_command: str) -> Callable[[Command]
         attributes |= {"cls": types.Renamed, "earlier": about.earlier}
     parameter, required = _parameter(key), declared.required
     return click.option(about.option, parameter, help=text, required=required, **attributes)
-
-
-def parallel(command: Command) -> Command:
-    """Give a command the options of parallel tasks: workers, scheduler and resume."""
-    for option in reversed(PARALLEL):
-        command = option(command)
-    return command
 
 
 def check_parallel(workers: int | None, scheduler: str | None) -> None:

@@ -33,6 +33,7 @@ from planner.report.page import (
     heading,
     models_table,
     origin_lists,
+    sentence,
     table_section,
 )
 from planner.report.style import CLOSED_FORM, DESIRED, FOOT_OPTIMAL, INK, OPTIMAL
@@ -258,7 +259,7 @@ def remarks(check: CrossCheck, *, unreachable: int = 0) -> list[str]:
             f"The closed form knows no limits: it requests more than they allow of "
             f"{', '.join(beyond)}. A robot that clips its requests would track less well than this."
         )
-    return lines + [f"{note[0].upper()}{note[1:]}." for note in notes(check.joints)]
+    return lines + [sentence(note) for note in notes(check.joints)]
 
 
 # The figures.

@@ -158,9 +158,19 @@ class Page:
     def html(self) -> str:
         """The whole page; the same content makes the same page."""
         templates = environment()
-        drawing = _Drawing(templates.get_template("figure.html"), downloads=self.downloads)
-        templates.globals |= {"show": drawing.show, "figures": drawing.several}
-        figure = None if self.figure is None else drawing.show(self.figure)
+        element, drawn = templates.get_template("figure.html"), dict[str, Mapping[str, Any]]()
+
+        def show(figure: Figure) -> Markup:
+            data = drawn[figure.name] = live(figure)
+            return Markup(element.render(figure=figure, live=data, downloads=self.downloads))
+
+        def side_by_side(figures: Sequence[Figure]) -> Markup:
+            kind = "pictures many" if len(figures) >= MANY else "pictures"
+            elements = Markup("\n").join(map(show, figures))
+            return Markup('<div class="{}">\n{}\n</div>').format(kind, elements)
+
+        templates.globals |= {"show": show, "figures": side_by_side}
+        figure = None if self.figure is None else show(self.figure)
         bodies = [
             templates.from_string(each.template).render(each.context) for each in self.sections
         ]
@@ -173,27 +183,8 @@ class Page:
             ],
             roles=ROLES,
             live_head=live_head(),
-            live_scripts=live_scripts(drawing.live),
+            live_scripts=live_scripts(drawn),
         )
-
-
-class _Drawing:
-    """Draws the figures of a page, and collects the data of live ones."""
-
-    def __init__(self, template: jinja2.Template, *, downloads: bool) -> None:
-        self.live: dict[str, Mapping[str, Any]] = {}
-        self._template, self._downloads = template, downloads
-
-    def show(self, figure: Figure) -> Markup:
-        """A figure as an element of the page."""
-        data = self.live[figure.name] = live(figure)
-        return Markup(self._template.render(figure=figure, live=data, downloads=self._downloads))
-
-    def several(self, figures: Iterable[Figure]) -> Markup:
-        """Figures side by side."""
-        elements = [self.show(figure) for figure in figures]
-        kind = "pictures many" if len(elements) >= MANY else "pictures"
-        return Markup('<div class="{}">\n{}\n</div>').format(kind, Markup("\n").join(elements))
 
 
 def environment() -> jinja2.Environment:

@@ -21,6 +21,7 @@ from planner.report.page import (
     heading,
     models_table,
     origin_lists,
+    sentence,
     spoken,
     table_section,
 )
@@ -227,7 +228,7 @@ def remarks(
     """Remarks for users of these requests."""
     lines = [f"{each}." for each in missed]
     if words := untested_words(plan.names, plan.expected):
-        lines.append(f"{words[0].upper()}{words[1:]}.")
+        lines.append(sentence(words))
     if plan.method != "shift" and (why := shift_recommended(plan)):
         lines.append(f"The best time shift is recommended instead (--method shift): {why}.")
     if plan.method != "shift" and (why := refining_recommended(plan, shifted(plan.task))):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import AbstractContextManager, nullcontext
-from functools import partial
 from pathlib import PurePath
 from typing import TYPE_CHECKING, Any
 
@@ -54,7 +53,7 @@ if TYPE_CHECKING:
     "it that of the logs counts.",
     limits_deg="Range of the requests [deg, or percent of the range], of all joints or one.",
 )
-@partial(log_options, without=["joint"])
+@log_options
 @options.output_or_folder
 @click.option("--report", type=types.OUTPUT, help="Write a page (HTML) about the replay.")
 @options.parallel
