@@ -11,6 +11,7 @@ import click
 
 from planner.cli import types
 from planner.cli.console import complain
+from planner.exceptions import BusError, InvalidFile
 
 if TYPE_CHECKING:
     from planner.robot.arm import Arm, Servo
@@ -158,7 +159,6 @@ def open_arm(choices: Mapping[str, Any], servos: Mapping[str, Servo], model: str
         click.UsageError: Neither does.
         InvalidFile: The model file names no bus.
     """
-    from planner.exceptions import InvalidFile
     from planner.files.robot import read_bus
     from planner.robot.arm import Arm
 
@@ -185,8 +185,6 @@ def open_arm(choices: Mapping[str, Any], servos: Mapping[str, Servo], model: str
 @contextmanager
 def stopping(advice: str) -> Iterator[None]:
     """Report Ctrl-C or a bus fault in the block in one line; the bus is already stopped."""
-    from planner.exceptions import BusError
-
     try:
         yield
     except KeyboardInterrupt as stop:

@@ -6,6 +6,8 @@ import math
 import select
 import sys
 from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -13,6 +15,7 @@ import click
 from planner.cli import buses, options, types
 from planner.cli.console import Progress, print_answer, remark, summarise, warn
 from planner.exceptions import InvalidFile, about
+from planner.files.text import write_text
 
 if TYPE_CHECKING:
     from planner.calibration.candidates import Compared
@@ -120,8 +123,6 @@ def calibrate(
         request-planner plan path.csv --model arm.toml -o requests.csv
         request-planner play requests.csv --bus virtual --model arm.toml -o log.csv
     """  # noqa: D301
-    from pathlib import Path
-
     from planner.calibration import measure
     from planner.robot.arm import Arm
 
@@ -174,8 +175,6 @@ def calibrate(
     from planner.report.calibration import calibration_page, calibration_text
 
     if report is not None:
-        from planner.files.text import write_text
-
         write_text(report, calibration_page(results, output))
     print_answer(
         _document(results, arm, checked), calibration_text(results, output), as_json=as_json
@@ -289,12 +288,8 @@ def _write(
     choices: Mapping[str, Any],
 ) -> None:
     """Write bus, models and servos of the calibrated joints; keep other joints of the file."""
-    from dataclasses import replace
-    from pathlib import Path
-
     from planner.files.joint_model import models_text, read_model_file, read_servos
     from planner.files.robot import BUS, legs_text
-    from planner.files.text import write_text
     from planner.report.identification.text import model_comments, remarks
 
     models, servos, legs = {}, {}, ""

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from planner.cli import buses, options, types
 from planner.cli.console import Progress, print_answer
+from planner.exceptions import InvalidFile
 
 if TYPE_CHECKING:
     from planner.identification.log import Log
@@ -70,7 +72,6 @@ def check(
     Example:
         request-planner check --bus virtual --model arm.toml
     """  # noqa: D301
-    from pathlib import Path
     from tempfile import TemporaryDirectory
 
     from planner.calibration.measure import check as look
@@ -148,8 +149,6 @@ def _error(model: JointModel, log: Log) -> float:
 
 def _error_before(path: str, name: str, model: JointModel) -> float:
     """The test error in a model file, rms [rad]."""
-    from planner.exceptions import InvalidFile
-
     error = math.nan if model.evidence is None else model.evidence.error
     if math.isnan(error):
         raise InvalidFile(

@@ -12,10 +12,12 @@ import click
 
 from planner.cli import options, types
 from planner.cli.console import Progress, print_json, summarise, terminal_width
-from planner.files.text import to_json
+from planner.cli.settings import Run
+from planner.files.staging import MANIFEST, claimed, list_files, output_folder
+from planner.files.text import to_json, write_text
+from planner.report.table import fitted_to
 
 if TYPE_CHECKING:
-    from planner.cli.settings import Run
     from planner.evaluation.cross_check import CrossCheck
 
 PICTURES = (".png", ".svg")
@@ -78,12 +80,9 @@ def compare(
     from planner.cli.desired import check_angles
     from planner.cli.models import model_words
     from planner.cli.planning import load
-    from planner.files.staging import claimed
-    from planner.files.text import write_text
     from planner.report.comparison import comparison_figure
     from planner.report.comparison_tables import comparison_text, verdict_line
     from planner.report.matplotlib_figure import write_picture
-    from planner.report.table import fitted_to
 
     if figure is not None and Path(figure).suffix.lower() not in PICTURES:
         raise click.UsageError(f"--figure: got '{figure}', expected a name in .png or .svg.")
@@ -123,8 +122,6 @@ def _write_folder(
     import numpy as np
 
     from planner.files.paths import write_joint_path
-    from planner.files.staging import MANIFEST, list_files, output_folder
-    from planner.files.text import write_text
     from planner.report.comparison import comparison_figure
     from planner.report.matplotlib_figure import write_picture
 

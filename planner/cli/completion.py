@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import click
 
+from planner.files.text import STANDARD_STREAM, write_text
+
 VARIABLE = "_REQUEST_PLANNER_COMPLETE"
 """Through this variable of the environment a shell asks the command for completions."""
 
@@ -25,8 +27,6 @@ def completion(context: click.Context, *, shell: str) -> None:
         request-planner completion fish > ~/.config/fish/completions/request-planner.fish
     """  # noqa: D301
     from click.shell_completion import get_completion_class
-
-    from planner.files.text import STANDARD_STREAM, write_text
 
     completion_class = get_completion_class(shell)
     assert completion_class is not None, "click knows these shells"

@@ -10,9 +10,10 @@ import click
 
 from planner.cli import options, types
 from planner.cli.console import deliver
+from planner.cli.settings import Run
+from planner.files.staging import staged
 
 if TYPE_CHECKING:
-    from planner.cli.settings import Run
     from planner.identification.excitation import Excitation
     from planner.identification.result import Identification
     from planner.model.joint import JointModel
@@ -143,7 +144,6 @@ def excite(
     """  # noqa: D301
     from planner.cli.models import models_of
     from planner.files.paths import write_joint_path
-    from planner.files.staging import staged
     from planner.identification.excitation import expect
     from planner.report.identification.text import excitation_text
 

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import click
 
 from planner.cli import options, types
 from planner.cli.console import deliver
+from planner.cli.settings import Export, Run
+from planner.exceptions import InvalidFile
 
 if TYPE_CHECKING:
-    from planner.cli.settings import Export, Run
     from planner.robot.schedule import Schedule
 
 
@@ -84,9 +86,6 @@ def export(
 
 def _with_servos(export: Export, model: str, schedule: Schedule) -> Export:
     """The settings with the servos of a model file."""
-    from dataclasses import replace
-
-    from planner.exceptions import InvalidFile
     from planner.files.joint_model import read_servos
     from planner.robot.arm import check_ranges
 
@@ -124,7 +123,6 @@ def _with_servos(export: Export, model: str, schedule: Schedule) -> Export:
 def _read(requests: str, joints: tuple[str, ...], period: float | None) -> Schedule:
     """The requests of the file, at the period of the file or the options."""
     from planner.cli.desired import check_angles
-    from planner.exceptions import InvalidFile
     from planner.files.paths import read_joint_path
     from planner.robot.schedule import Schedule, check_period
 

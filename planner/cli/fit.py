@@ -10,12 +10,13 @@ import click
 
 from planner.cli import options, types
 from planner.cli.console import Progress, deliver
+from planner.cli.settings import Run
 from planner.exceptions import about
+from planner.report.table import text_table
 
 if TYPE_CHECKING:
     from planner.approximation.fit import PiecewiseLinearFit
     from planner.cli.desired import Desired
-    from planner.cli.settings import Run
 
 
 def _knot(text: str) -> tuple[float, float | None]:
@@ -102,7 +103,6 @@ def fit(
     from planner.cli.desired import check_angles, load_joints
     from planner.cli.models import model_words
     from planner.files.paths import write_joint_path
-    from planner.report.table import text_table
 
     if figure is not None and Path(figure).suffix.lower() not in (".svg", ".png"):
         raise click.UsageError(

@@ -9,10 +9,12 @@ import click
 
 from planner.cli import options
 from planner.cli.console import Progress, deliver
+from planner.cli.settings import HalfEllipse, Run
+from planner.exceptions import InvalidFile, InvalidInput
+from planner.report.table import text_table
 
 if TYPE_CHECKING:
     from kinematics import Leg
-    from planner.cli.settings import HalfEllipse, Run
     from planner.gait.pattern import Pattern
     from planner.gait.stride import Stride
     from planner.trajectory import Array
@@ -71,7 +73,6 @@ def gait(
         request-planner gait --leg front-left --fastest --tolerance-cm 0.5 -o foot.csv
     """  # noqa: D301
     from planner.cli.desired import find_leg, load_leg
-    from planner.cli.settings import HalfEllipse
     from planner.files.paths import write_foot_path
     from planner.gait.half_ellipse import half_ellipse
     from planner.gait.stride import stride
@@ -126,11 +127,9 @@ def _whole_robot(
     import numpy as np
 
     from planner.cli.desired import legs_of, load_leg
-    from planner.exceptions import InvalidFile, InvalidInput
     from planner.files.paths import write_joint_path
     from planner.gait.pattern import check_legs
     from planner.gait.pattern import gait as gait_of
-    from planner.report.table import text_table
 
     places = legs_of(run.model)
     try:

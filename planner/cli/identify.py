@@ -13,6 +13,8 @@ import click
 from planner.cli import options, types
 from planner.cli.console import Progress, deliver, remark, warn
 from planner.exceptions import PlannerError, about
+from planner.files.staging import staged
+from planner.files.text import write_text
 
 if TYPE_CHECKING:
     from planner.files.logs.options import LogOptions
@@ -108,8 +110,6 @@ def identify(
         request-planner plan desired.csv --model joint.toml -o requests.csv
     """  # noqa: D301
     from planner.files.joint_model import models_text
-    from planner.files.staging import staged
-    from planner.files.text import write_text
     from planner.report.identification.text import identification_text, model_comments, remarks
 
     if report == "-":

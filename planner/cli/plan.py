@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import click
 
 from planner.cli import options, types
 from planner.cli.console import Progress, deliver
-from planner.cli.settings import SMOOTHING
-
-if TYPE_CHECKING:
-    from planner.cli.settings import Run
+from planner.cli.settings import SMOOTHING, Run
+from planner.files.text import write_text
 
 
 @click.command()
@@ -66,7 +62,6 @@ def plan(*, run: Run, path: str, output: str, report: str | None, as_json: bool)
     """  # noqa: D301
     from planner.cli.answer import document, summary
     from planner.cli.planning import beyond_limits, misses, plan_of, prepare
-    from planner.files.text import write_text
 
     prepared = prepare(run)
     desired = prepared.desired

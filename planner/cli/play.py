@@ -8,6 +8,7 @@ import click
 
 from planner.cli import buses, options, types
 from planner.cli.console import print_answer, warn
+from planner.exceptions import BusError, InvalidFile
 
 if TYPE_CHECKING:
     from planner.trajectory import Array
@@ -62,7 +63,6 @@ def play(
     """  # noqa: D301
     import numpy as np
 
-    from planner.exceptions import InvalidFile
     from planner.files.growing_log import GrowingLog
     from planner.files.joint_model import read_servos
     from planner.files.paths import read_joint_path, write_joint_path
@@ -129,8 +129,6 @@ def play(
 def _a_row_each(times: Array, angles: Array, count: int, period: float) -> Array:
     """Angles at the time of every request; missing readings are interpolated."""
     import numpy as np
-
-    from planner.exceptions import BusError
 
     due = period * np.arange(count)
     columns = []

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import click
 
 from planner.cli import options, types
 from planner.cli.console import Progress, deliver, warn
-from planner.cli.settings import SMOOTHING
-
-if TYPE_CHECKING:
-    from planner.cli.settings import Run
+from planner.cli.settings import SMOOTHING, Run
+from planner.files.text import write_text
 
 
 @click.command()
@@ -103,7 +99,6 @@ def refine(
         write_states,
     )
     from planner.cli.planning import prepare
-    from planner.files.text import write_text
 
     prepared = prepare(run)
     desired = prepared.desired

@@ -10,7 +10,9 @@ import click
 
 from planner.cli import options, types
 from planner.cli.console import Progress, print_json, terminal_width
-from planner.files.text import to_json
+from planner.files.staging import list_files, output_folder
+from planner.files.text import to_json, write_bytes, write_text
+from planner.report.table import fitted_to
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -105,10 +107,6 @@ def reproduce(*, out: str, robot: str, as_json: bool) -> None:
         request-planner reproduce --out out/paper
         request-planner reproduce --robot virtual --out out/virtual
     """  # noqa: D301
-    from planner.files.staging import list_files, output_folder
-    from planner.files.text import write_text
-    from planner.report.table import fitted_to
-
     progress = Progress(DURATIONS[robot])
     experiment = on_virtual_robot if robot == "virtual" else on_model
     try:
@@ -222,8 +220,6 @@ def _write_report(
     page: Callable[[dict[str, Any], Sequence[Figure], Sequence[str]], str],
 ) -> None:
     """The page, which links to the files that are already there, and its pictures."""
-    from planner.files.staging import list_files
-    from planner.files.text import write_bytes, write_text
     from planner.report.matplotlib_figure import pictures_of
 
     linked = ["results.json", *list_files(folder)]

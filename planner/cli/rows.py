@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, Literal
 
 from planner.cli.faults import BadSetting, Key
+from planner.cli.settings import Export
 from planner.files.exports import check_format
 from planner.files.exports.controller_csv import Ticks, write_controller_csv
 from planner.files.exports.lerobot import TASK, write_lerobot
@@ -18,7 +19,6 @@ from planner.files.logs.units import PULSE_ZERO, PULSES_PER_TURN
 from planner.robot.resample import never_sent, repeated, resampled
 
 if TYPE_CHECKING:
-    from planner.cli.settings import Export
     from planner.robot.schedule import Schedule
 
 FOLDERS = ("bag", "mcap", "lerobot")

@@ -9,6 +9,10 @@ import click
 
 from planner.cli import options, types
 from planner.cli.console import Progress, print_answer, warn
+from planner.cli.declared import template as template_of
+from planner.cli.settings import Run
+from planner.files.staging import output_folder
+from planner.files.text import STANDARD_STREAM, write_text
 
 if TYPE_CHECKING:
     from planner.cli.run_file import RunFile
@@ -41,10 +45,6 @@ def run(*, file: str | None, out: str | None, check: bool, template: bool, as_js
         request-planner run walk.toml --out walk
     """  # noqa: D301
     if template:
-        from planner.cli.declared import template as template_of
-        from planner.cli.settings import Run
-        from planner.files.text import STANDARD_STREAM, write_text
-
         write_text(STANDARD_STREAM, template_of(Run, HEADING))
         return
     if file is None:
@@ -88,7 +88,6 @@ def carry_out_run(run_file: RunFile, out: str, *, as_json: bool) -> None:
     from planner.cli.answer import summary
     from planner.cli.planning import beyond_limits, plan_of
     from planner.cli.run_file import speaking_of, write_run
-    from planner.files.staging import output_folder
 
     settings, names = run_file.settings, run_file.prepared.desired.names
     steps = ["the foot"] if settings.plan.method == "foot-optimal" else list(names)

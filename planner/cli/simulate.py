@@ -8,11 +8,11 @@ import click
 
 from planner.cli import options, types
 from planner.cli.console import deliver, warn
+from planner.cli.settings import Run
 from planner.exceptions import InvalidFile, about
 
 if TYPE_CHECKING:
     from planner.cli.desired import Desired
-    from planner.cli.settings import Run
     from planner.files.paths import JointPath
 
 

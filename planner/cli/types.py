@@ -18,6 +18,7 @@ import click
 from click.shell_completion import CompletionItem
 
 from planner.cli.console import warn
+from planner.files.staging import cannot_write, check_folder, check_writable
 
 ShippedLeg = Literal["reference", "front-left", "front-right", "hind-left", "hind-right"]
 
@@ -130,8 +131,6 @@ class Place(click.ParamType):  # type: ignore[type-arg]  # generic from click 8.
 
     def _check_uses(self, text: str, param: click.Parameter, ctx: click.Context) -> None:
         """Refuse a place that is written and has another use in this command."""
-        from planner.files.staging import cannot_write
-
         place = Path(os.path.realpath(text))  # of a link to itself, too
         is_device = place.exists() and not (place.is_file() or place.is_dir())
         if text == "-" and self.use == "written":
@@ -219,16 +218,8 @@ def _position(text: str) -> tuple[str, float]:
 
 
 def _check_file(path: str) -> None:
-    from planner.files.staging import check_writable
-
     if path != "-":
         check_writable(path)
-
-
-def _check_folder(path: str) -> None:
-    from planner.files.staging import check_folder
-
-    check_folder(path)
 
 
 SPAN = Parsed(_span, "LOW:HIGH in degrees with LOW below HIGH, such as -27:147")
@@ -245,6 +236,6 @@ TICKS = ByJoint(_tick, "N or JOINT=N, such as knee=2048")
 
 INPUT = Place("file", use="read")
 OUTPUT = Place("file", _check_file, use="written")
-FOLDER = Place("dir", _check_folder, use="written")
+FOLDER = Place("dir", check_folder, use="written")
 OUTPUT_OR_FOLDER = Place("file", use="written")  # checked once the format is known
 REWRITTEN = Place("file", use=None)

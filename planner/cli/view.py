@@ -12,11 +12,12 @@ import click
 
 from planner.cli import options, types
 from planner.cli.console import summarise
+from planner.cli.settings import Method, Run
+from planner.files.text import write_text
 
 if TYPE_CHECKING:
     from kinematics.scene import Scene
     from planner.cli.desired import Desired
-    from planner.cli.settings import Method, Run
     from planner.report.scene import Motion
     from planner.trajectory import Array
 
@@ -94,7 +95,6 @@ def view(
     scene = Scene.from_urdf(place.urdf, base=place.base, foot=place.foot, locked=place.locked)
     settings: dict[str, Any] = {"period": desired.period, "cyclic": cyclic}
     if html is not None:
-        from planner.files.text import write_text
         from planner.report.scene import scene_page
 
         title = f"request-planner: {leg_title(run.leg)}"

@@ -12,15 +12,15 @@ import click
 from planner.cli import options, types
 from planner.cli.console import Progress, deliver, print_answer, remark, warn
 from planner.cli.identify import log_options, to_log_options
-from planner.cli.settings import SMOOTHING
+from planner.cli.settings import SMOOTHING, Run
+from planner.cli.settings import Replay as ReplaySettings
+from planner.files.staging import check_folder, check_writable, claimed, staged
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
 
     from planner.cli.replay.dataset import Replayed
     from planner.cli.replay.task import ReplayTask
-    from planner.cli.settings import Replay as ReplaySettings
-    from planner.cli.settings import Run
 
 
 @click.command()
@@ -124,7 +124,6 @@ def replay(
 def _replay_one(task: ReplayTask, *, output: str, report: str | None, as_json: bool) -> None:
     from planner.cli.replay.files import write_replay
     from planner.cli.replay.task import document, fastest_document, missed, replay_report, summary
-    from planner.files.staging import staged
 
     fastest = None
     with Progress() as progress:
@@ -175,7 +174,6 @@ def _print_all(
 ) -> None:
     """Print the errors of the plans of many recordings, and list the failed recordings last."""
     from planner.cli.replay.dataset import episodes_line, episodes_text
-    from planner.files.staging import staged
     from planner.report.episodes import episodes_page
 
     document = results.document
@@ -211,7 +209,6 @@ def _check_output(replay: ReplaySettings, output: str) -> None:
     A folder and the results beside it are this command's until it ends.
     """
     from planner.cli.rows import FOLDERS
-    from planner.files.staging import check_folder, check_writable, claimed
 
     if replay.write_as in FOLDERS:
         check_folder(output)

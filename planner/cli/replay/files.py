@@ -10,6 +10,7 @@ import numpy as np
 from planner.cli import settings
 from planner.cli.faults import BadSetting, Key
 from planner.cli.rows import FOLDERS, write_rows
+from planner.cli.settings import ReplayFormat
 from planner.exceptions import InvalidInput
 from planner.files.clock import TIME
 from planner.files.exports import check_format
@@ -20,7 +21,6 @@ from planner.files.table import write_table
 from planner.robot.schedule import Schedule
 
 if TYPE_CHECKING:
-    from planner.cli.settings import ReplayFormat
     from planner.files.logs.recordings import Recording
     from planner.recording.replaying import JointReplay, Replay
     from planner.trajectory import Array

@@ -11,6 +11,11 @@ import click
 
 from planner.cli import options, types
 from planner.cli.console import Progress, print_answer, remark
+from planner.cli.declared import flat
+from planner.cli.declared import template as template_of
+from planner.cli.settings import Sweep
+from planner.files.staging import MANIFEST, check_folder, claimed, list_files, output_folder
+from planner.files.text import STANDARD_STREAM, to_json, write_text
 
 if TYPE_CHECKING:
     from planner.cli.sweep.points import Space
@@ -61,10 +66,6 @@ def sweep(
         request-planner sweep gaits.toml --at length=0.04 --at period_s=0.704 --out gait
     """  # noqa: D301
     if template:
-        from planner.cli.declared import template as template_of
-        from planner.cli.settings import Sweep
-        from planner.files.text import STANDARD_STREAM, write_text
-
         write_text(STANDARD_STREAM, template_of(Sweep, HEADING))
         return
     if file is None:
@@ -75,7 +76,6 @@ def sweep(
     from planner.cli.run import carry_out_run, folder_of
     from planner.cli.sweep.points import planned_points, read_sweep
     from planner.files.results import Results, finished
-    from planner.files.staging import MANIFEST, check_folder, claimed, output_folder
     from planner.parallel import executor_of
 
     space = read_sweep(file)
@@ -125,12 +125,9 @@ def write_sweep(
     Returns:
         ``results.json``.
     """
-    from planner.cli.declared import flat
     from planner.cli.desired import leg_title
     from planner.files.results import made_from
-    from planner.files.staging import MANIFEST, list_files
     from planner.files.table import csv_text, write_parquet
-    from planner.files.text import to_json, write_text
     from planner.report.page import linked_files, versions
     from planner.report.sweep import sweep_page
 
