@@ -9,25 +9,21 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from planner.cli.desired import leg_title
+from planner.cli.desired import Desired, leg_title
 from planner.cli.models import beside, model_words, verdict_document
 from planner.cli.settings import FROM_URDF
-from planner.model.evidence import OPEN_TOP_SPEED, untested_words
-from planner.planning.result import ErrorsOfModels
+from planner.model.evidence import OPEN_TOP_SPEED, Expectation, untested_words
+from planner.planning.plan import Plan, RequestMotion
+from planner.planning.result import ErrorsOfModels, FootInversion, Inversion
 from planner.planning.time_shift import refining_recommended, shift_recommended, shifted
 from planner.report.plan_tables import expected_words, feet_table
 from planner.report.table import NO_BOUND, NOTHING, percent, text_table
-from planner.trajectory import error_norm, rms
+from planner.trajectory import Array, error_norm, rms
 
 if TYPE_CHECKING:
     from kinematics import Leg
-    from planner.cli.desired import Desired
     from planner.cli.planning import Prepared
     from planner.evaluation.cross_check import CrossCheck
-    from planner.model.evidence import Expectation
-    from planner.planning.plan import Plan, RequestMotion
-    from planner.planning.result import FootInversion, Inversion
-    from planner.trajectory import Array
 
     Written = Sequence[tuple[str, Path | str | None]]
 

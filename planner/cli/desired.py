@@ -30,11 +30,10 @@ from planner.files.text import STANDARD_STREAM
 from planner.files.units import LEAST_DEG, SHARES
 from planner.model.evidence import refusal
 from planner.model.joint import JointModel
-from planner.trajectory import most_lost
+from planner.trajectory import Array, most_lost
 
 if TYPE_CHECKING:
     from kinematics import Leg
-    from planner.trajectory import Array
 
 AnyPath = TypeVar("AnyPath", JointPath, FootPath)
 

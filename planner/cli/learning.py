@@ -7,7 +7,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -27,9 +27,7 @@ from planner.planning.plan import Plan, joined
 from planner.report.learning import Progress, learning_page
 from planner.report.page import linked_files
 from planner.report.table import NOTHING, text_table
-
-if TYPE_CHECKING:
-    from planner.trajectory import Array
+from planner.trajectory import Array
 
 Plans = Mapping[str, Plan]
 """The plan of each joint, or of the foot under the name "foot"."""

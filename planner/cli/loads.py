@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from planner.cli import settings
 from planner.cli.faults import BadSetting, Key, Remark
 from planner.trajectory import Array
 
 if TYPE_CHECKING:
     from kinematics import Leg
-    from planner.cli import settings
     from planner.cli.desired import Desired
     from planner.model.joint import JointModel
     from planner.planning.load_of_pose import LoadOfPose

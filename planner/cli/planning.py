@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -26,11 +25,9 @@ from planner.model.drawn_models import has_intervals
 from planner.planning.arguments import checked_leg, limits_of_each
 from planner.planning.inversion import planned
 from planner.planning.plan import Method, Plan
+from planner.planning.result import Inversion
 from planner.planning.task import Task
 from planner.trajectory import error_norm, index_of_largest
-
-if TYPE_CHECKING:
-    from planner.planning.result import Inversion
 
 ROUNDING = 1e-9
 """Limits and bounds hold up to this [rad]; files carry 12 decimals of a degree."""

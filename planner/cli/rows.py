@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 from planner.cli.faults import BadSetting, Key
 from planner.cli.settings import Export
@@ -17,9 +17,7 @@ from planner.files.exports.ros_trajectory import (
 )
 from planner.files.logs.units import PULSE_ZERO, PULSES_PER_TURN
 from planner.robot.resample import never_sent, repeated, resampled
-
-if TYPE_CHECKING:
-    from planner.robot.schedule import Schedule
+from planner.robot.schedule import Schedule
 
 FOLDERS = ("bag", "mcap", "lerobot")
 """Formats that are a folder, which standard output cannot be."""

@@ -13,7 +13,7 @@ from kinematics.scene import Scene
 from planner.cli import settings
 from planner.cli.answer import document, plan_report
 from planner.cli.declared import flat, understand
-from planner.cli.desired import check_angles
+from planner.cli.desired import Desired, check_angles
 from planner.cli.faults import BadSetting, FailedCheck, Key, as_key
 from planner.cli.planning import Prepared, misses, prepare
 from planner.cli.rows import (
@@ -34,11 +34,10 @@ from planner.planning.plan import Plan
 from planner.report.page import versions
 from planner.report.scene import Motion, motions, scene_page
 from planner.robot.schedule import Schedule
+from planner.trajectory import Array
 
 if TYPE_CHECKING:
     from kinematics import Leg
-    from planner.cli.desired import Desired
-    from planner.trajectory import Array
 
 COMPARISON = ("comparison.json", "comparison.png", "comparison.svg")
 """Files of a comparison."""

@@ -10,9 +10,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from markupsafe import Markup
 
+from kinematics.leg import Leg
 from planner._version import __version__
 from planner.evaluation.checks import AGREES, beyond_limits
-from planner.evaluation.comparison import SECOND
+from planner.evaluation.comparison import SECOND, FootComparison, JointComparison
+from planner.evaluation.cross_check import CrossCheck
 from planner.report import figure
 from planner.report.comparison_tables import (
     SHOWN,
@@ -43,9 +45,6 @@ from planner.trajectory import error_norm
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Picture
 
-    from kinematics.leg import Leg
-    from planner.evaluation.comparison import FootComparison, JointComparison
-    from planner.evaluation.cross_check import CrossCheck
 
 OUTSIDE = 1e-9
 """A request farther than this beyond a limit is outside [rad]: rounding of degrees, no more."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import PurePath
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -22,9 +22,7 @@ from planner.report.page import (
 )
 from planner.report.style import DIRECT, LOWER_BOUND, OPTIMAL, SHIFT
 from planner.report.table import NOTHING, Column, Row, Table, number
-
-if TYPE_CHECKING:
-    from planner.trajectory import Array
+from planner.trajectory import Array
 
 MOST_ROWS = 500
 """Most rows of the table, for the recordings that are farthest off: a page of some 200 kB."""

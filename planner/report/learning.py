@@ -35,10 +35,10 @@ from planner.report.style import (
     Role,
 )
 from planner.report.table import NOTHING, Column, Row, Table
+from planner.trajectory import Array
 
 if TYPE_CHECKING:
     from planner.planning.plan import Plan
-    from planner.trajectory import Array
 
 BOUND = LOWER_BOUND._replace(label="lower bound of the model")
 EXECUTED = CLOSED_FORM._replace(label="measured, mean cycle")

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from planner.model.evidence import OPEN_TOP_SPEED, untested_words
+from planner.planning.plan import Plan
+from planner.planning.result import ErrorsOfModels, FootInversion, Inversion
 from planner.planning.time_shift import refining_recommended, shift_recommended, shifted
 from planner.report import figure
 from planner.report.figure import Figure, Motion, Movie
@@ -48,12 +50,10 @@ from planner.report.style import (
     Role,
 )
 from planner.report.table import NO_BOUND, at_most, percent, two_digits
+from planner.trajectory import Array
 
 if TYPE_CHECKING:
     from kinematics.leg import Leg
-    from planner.planning.plan import Plan
-    from planner.planning.result import ErrorsOfModels, FootInversion, Inversion
-    from planner.trajectory import Array
 
 WITHOUT = DIRECT._replace(label="without a plan")
 """The desired angles as requests."""

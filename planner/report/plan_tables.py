@@ -8,16 +8,15 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from planner.model.evidence import Expectation
+from planner.planning.plan import Plan
+from planner.planning.result import ErrorsOfModels
 from planner.planning.time_shift import shifted
 from planner.report.table import NOTHING, Column, Row, Table, percent, signed
-from planner.trajectory import Distance, error_norm, rms
+from planner.trajectory import Array, Distance, error_norm, rms
 
 if TYPE_CHECKING:
-    from planner.model.evidence import Expectation
-    from planner.planning.plan import Plan
-    from planner.planning.result import ErrorsOfModels
     from planner.report.figure import Timeline
-    from planner.trajectory import Array
 
 AT_LIMIT = math.radians(1e-6)
 """A request this close to a limit is at it [rad]."""

@@ -7,15 +7,13 @@ Nothing of Plotly's Python package is needed to make them. Colours are written a
 from __future__ import annotations
 
 import base64
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from planner.report.figure import Axis, Curve, Figure, Moments, Movie, Panel, Span, Words, around
 from planner.report.style import INK, MUTED, Role, variable
-
-if TYPE_CHECKING:
-    from planner.trajectory import Array
+from planner.trajectory import Array
 
 ROW = 150
 """Height of a panel of height 1 [px]."""

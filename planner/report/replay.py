@@ -46,13 +46,12 @@ from planner.report.style import (
     SHIFT,
 )
 from planner.report.table import NOTHING, Column, Row, Table, at_most, number
-from planner.trajectory import error_norm
+from planner.trajectory import Array, error_norm
 
 if TYPE_CHECKING:
     from kinematics.leg import Leg
     from planner.recording.replaying import JointReplay, Replay
     from planner.recording.retiming import Fastest
-    from planner.trajectory import Array
 
 UNITS = {"rad": ("deg", math.degrees(1.0)), "1": ("%", 100.0)}
 """By a log's unit: the page's unit, and the factor to it."""

@@ -19,11 +19,11 @@ from planner.files.logs.lerobot import ACTION, STATE, find_dataset, read_episode
 from planner.files.paths import write_joint_path
 from planner.files.table import write_table
 from planner.robot.schedule import Schedule
+from planner.trajectory import Array
 
 if TYPE_CHECKING:
     from planner.files.logs.recordings import Recording
     from planner.recording.replaying import JointReplay, Replay
-    from planner.trajectory import Array
 
 
 def check_writing(form: ReplayFormat, recordings: Sequence[Recording], output: str) -> None:

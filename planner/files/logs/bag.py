@@ -6,7 +6,7 @@ from array import array
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -22,10 +22,8 @@ from planner.files.logs.ros_messages import (
     requested_angles,
 )
 from planner.files.logs.units import scale
+from planner.identification.log import Log
 from planner.trajectory import Array
-
-if TYPE_CHECKING:
-    from planner.identification.log import Log
 
 Stamps = npt.NDArray[np.int64]
 """Times [ns], shape (n,)."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -15,10 +15,8 @@ from planner.files.logs.options import LogOptions, choose_joints
 from planner.files.logs.units import scale
 from planner.files.text import read_json
 from planner.files.units import LARGEST
+from planner.identification.log import Log
 from planner.trajectory import Array
-
-if TYPE_CHECKING:
-    from planner.identification.log import Log
 
 TIME, REQUESTED, ACTUAL, TORQUE = "timestamp", "goal_position", "position", "torque_enable"
 """Keys of an entry that are read; an entry may leave the torque's out."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,10 +16,8 @@ from planner.files.logs.units import ANGLE_NAMES, SECONDS, TIME_NAMES, Scale, sc
 from planner.files.paths import LOAD
 from planner.files.table import Table, read_table
 from planner.files.units import check_radians
+from planner.identification.log import Log
 from planner.trajectory import Array
-
-if TYPE_CHECKING:
-    from planner.identification.log import Log
 
 SWITCH = {"0": False, "1": True, "0.0": False, "1.0": True, "false": False, "true": True}
 """Values of a torque column."""

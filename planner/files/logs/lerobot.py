@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -18,10 +18,8 @@ from planner.files.logs.options import LogOptions, choose_joints
 from planner.files.logs.parquet import read_columns
 from planner.files.logs.units import Scale
 from planner.files.text import read_json, read_text
+from planner.identification.log import Log
 from planner.trajectory import Array
-
-if TYPE_CHECKING:
-    from planner.identification.log import Log
 
 Rows = npt.NDArray[np.intp]
 """Places of rows, shape (n,)."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from planner.exceptions import InvalidFile, InvalidInput, nearest
 from planner.files.logs.bag import bag_joints, is_bag_folder, read_bag
@@ -13,10 +13,8 @@ from planner.files.logs.csv_log import csv_joints, read_csv_log
 from planner.files.logs.lerobot import is_dataset, lerobot_joints, read_lerobot
 from planner.files.logs.options import LogOptions
 from planner.files.text import STANDARD_STREAM
+from planner.identification.log import Log
 from planner.validation import shown
-
-if TYPE_CHECKING:
-    from planner.identification.log import Log
 
 
 class Format(NamedTuple):

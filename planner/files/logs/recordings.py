@@ -5,15 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from planner.exceptions import InvalidInput
 from planner.files.logs.lerobot import EpisodeFile, lerobot_episodes
 from planner.files.logs.options import ALL_JOINTS, LogOptions
 from planner.files.logs.read import LEROBOT, format_of, read_logs
-
-if TYPE_CHECKING:
-    from planner.identification.log import Log
+from planner.identification.log import Log
 
 
 @dataclass(frozen=True)

@@ -40,10 +40,10 @@ from planner.report.style import (
     SHIFT,
     Role,
 )
+from planner.trajectory import Array
 
 if TYPE_CHECKING:
     from planner.evaluation.reproduction import JointOutcome, PlannedWalk, Reproduction
-    from planner.trajectory import Array
 
 ROLES = {
     "direct": DIRECT,

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from planner.evaluation.paper import published_foot
-from planner.evaluation.reproduction import approximation
+from planner.evaluation.reproduction import JointOutcome, approximation
 from planner.report.figure import Axis, Curve, Figure, Panel, Timeline, joined, thin
 from planner.report.paper.agreement import dumb_bells
 from planner.report.paper.figures import (
@@ -33,7 +33,6 @@ from planner.report.style import (
 )
 
 if TYPE_CHECKING:
-    from planner.evaluation.reproduction import JointOutcome
     from planner.evaluation.virtual_experiment import VirtualOutcome
 
 VIRTUAL_FEATURED = ("foot_paths", "joints_by_method")
