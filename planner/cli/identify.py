@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 FEW_ROWS = 20_000
 """Most rows for which joints are identified in this process: others would start more slowly."""
 
-log_options = options.several(
+recording_options = options.several(
     click.option(
         "--time", metavar="COLUMN", help="CSV: the column of times; clock:ms says its unit."
     ),
@@ -55,14 +55,19 @@ log_options = options.several(
         "--episodes", metavar="LIST", help="LeRobot: the episodes to read, such as 0-3,7."
     ),
 )
-"""The options of :func:`to_log_options`, but for the joint."""
+"""The options of logs of which every joint is read."""
+
+log_options = options.several(
+    click.option(
+        "--joint", metavar="NAME", help="The joint to read where a log has several, or 'all'."
+    ),
+    recording_options,
+)
+"""The options that :func:`to_log_options` takes."""
 
 
 @click.command()
 @click.argument("logs", nargs=-1, required=True, type=types.INPUT, metavar="LOG...")
-@click.option(
-    "--joint", metavar="NAME", help="The joint to read where a log has several, or 'all'."
-)
 @log_options
 @click.option(
     "--tick-ms",

@@ -11,7 +11,7 @@ import click
 
 from planner.cli import options, types
 from planner.cli.console import Progress, deliver, print_answer, remark, warn
-from planner.cli.identify import log_options, to_log_options
+from planner.cli.identify import recording_options, to_log_options
 from planner.cli.settings import SMOOTHING, Run
 from planner.cli.settings import Replay as ReplaySettings
 from planner.files.staging import check_folder, check_writable, claimed, staged
@@ -53,7 +53,7 @@ if TYPE_CHECKING:
     "it that of the logs counts.",
     limits_deg="Range of the requests [deg, or percent of the range], of all joints or one.",
 )
-@log_options
+@recording_options
 @options.output_or_folder
 @click.option("--report", type=types.OUTPUT, help="Write a page (HTML) about the replay.")
 @options.parallel
