@@ -15,7 +15,12 @@ from planner.cli.settings import FROM_URDF
 from planner.model.evidence import OPEN_TOP_SPEED, Expectation, untested_words
 from planner.planning.plan import Plan, RequestMotion
 from planner.planning.result import ErrorsOfModels, FootInversion, Inversion
-from planner.planning.time_shift import refining_recommended, shift_recommended, shifted
+from planner.planning.time_shift import (
+    CLEARLY,
+    refining_recommended,
+    shift_recommended,
+    shifted,
+)
 from planner.report.plan_tables import expected_words, feet_table
 from planner.report.table import NO_BOUND, NOTHING, percent, text_table
 from planner.trajectory import Array, error_norm, rms
@@ -89,7 +94,7 @@ def document(prepared: Prepared, plan: Plan, missed: list[str]) -> dict[str, Any
     has_tolerance = run.tolerance.deg is not None or run.tolerance.cm is not None
     return {
         "method": run.plan.method,
-        "recommended_method": "shift" if shift_recommended(plan) else run.plan.method,
+        "recommended_method": "shift" if shift_recommended(plan, shift) else run.plan.method,
         "refining_recommended": bool(refining_recommended(plan, shift)),
         "cyclic": desired.cyclic,
         "period_s": desired.period,
@@ -188,9 +193,9 @@ def _best_shift(desired: Desired, plan: Plan) -> str:
     if desired.foot is not None:
         text += f"; foot {100.0 * rms(shift.distances):.3f} cm"
     pairs = zip(plan.expected, shift.expected, strict=True)
-    if why := shift_recommended(plan):
+    if why := shift_recommended(plan, shift):
         text += f"\nrecommended: --method shift, as {why}"
-    elif any(early.error < planned.error for planned, early in pairs):
+    elif any(early.error < CLEARLY * planned.error for planned, early in pairs):
         text += "; on the robot that is better for some joints: see --method shift"
     if why := refining_recommended(plan, shift):
         text += f"\nrecommended: play the requests and refine them (request-planner refine): {why}"

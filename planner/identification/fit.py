@@ -53,6 +53,9 @@ ROUNDED = 1e-9
 JUST_ABOVE = 1.0 + 1e-6
 """By how much a top speed that was never reached lies above the fastest call."""
 
+FAR_ABOVE = 4.0
+"""Times the fastest motion of a log, a top speed that is hardly reached."""
+
 FIRST_ORDER = only("gain", "lag", "offset")
 """The parameters of a first-order lag."""
 
@@ -223,6 +226,18 @@ def with_observed_speed(fit: Fit) -> Fit:
     if fit.parameters.v_max * (1.0 - abs(fit.parameters.asymmetry)) <= shown:
         return fit
     return replace(fit, parameters=fit.parameters._replace(v_max=JUST_ABOVE * shown))
+
+
+def never_saturating(fit: Fit) -> Fit | None:
+    """The joint whose top speed is far above all motion of the log; None where the fit is one.
+
+    On slow ramps a top speed a little below theirs may stand for a sag or friction that is not
+    fitted yet.
+    """
+    if fit.parameters.v_max > peak_command(fit):
+        return None
+    at = fit.parameters._replace(v_max=FAR_ABOVE * fit.grid.fastest)
+    return least_squares(fit.grid, at, free=fit.free & ~only("v_max"), starts=fit.starts)
 
 
 def with_speed_of(fit: Fit, speed: float) -> Fit:

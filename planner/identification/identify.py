@@ -16,6 +16,7 @@ from planner.identification.fit import (
     errors_of,
     fit_joint,
     moving,
+    never_saturating,
     peak_command,
     simple_fits,
     starts_of,
@@ -51,6 +52,7 @@ from planner.identification.judgement import (
 )
 from planner.identification.least_squares import Fit, better, least_squares, respond, sound_rms
 from planner.identification.log import Log, as_logs, check_periods, unwrapped
+from planner.identification.parameters import only
 from planner.identification.residual_patterns import (
     Contact,
     contacts,
@@ -58,6 +60,7 @@ from planner.identification.residual_patterns import (
     patterns,
     shaken,
     stops,
+    stuck,
     with_weights,
 )
 from planner.identification.result import (
@@ -100,6 +103,10 @@ tells an acceleration limit, which in the second matters most."""
 LOST = 0.2
 """Share of the loss by which a joint is worse where it is sought again: one that requests nearly
 shake out of step goes another way after a small change."""
+
+MAYBE_UNLIMITED = 10.0
+"""Up to how many times its loss without further terms a joint that never saturates is tried with
+them. (With slow ramps it is 2 or 3 times, with steps 60 and more.)"""
 
 LEFT_OUT = "these rows are left out"
 """What becomes of rows in which something holds the joint."""
@@ -146,8 +153,10 @@ def identify(
     _check_alike(logs)
     check_periods(logs)
     logs, jumps = zip(*map(unwrapped, logs), strict=True)
-    logs, timing, candidates, evenly_timed = _fitted(logs, tick=tick, hold=hold)
-    joints, every = _with_terms(candidates), logs
+    free, stuck_rows = _without_stuck(logs)
+    free, timing, candidates, evenly_timed = _fitted(free, tick=tick, hold=hold)
+    every = [replace(log, torque_on=whole.torque_on) for log, whole in zip(free, logs, strict=True)]
+    joints, logs = _with_terms(candidates), free
     logs, held_rows = _without_contact(logs, _on_all(logs, joints[0].fit))
     if held_rows:
         choose_tick = tick is None and hold is None
@@ -245,7 +254,7 @@ def identify(
     )
     gain = intervals.pop("gain")
     if reason.topic != "motion":  # else nothing in the log is of the joint
-        notes += [*notes_on(every, timing, jumps), *held_rows]
+        notes += [*notes_on(every, timing, jumps), *stuck_rows, *held_rows]
         if refuted:
             notes.append(refuted[1])
         elif faster:  # in logs whose rows are not all fitted
@@ -361,7 +370,18 @@ class _Fitted(NamedTuple):
 
 
 def _with_terms(fits: Sequence[Fit]) -> list[_Fitted]:
-    return [_Fitted(*with_terms(fit)) for fit in fits]
+    return [_with_terms_of_either(fit) for fit in fits]
+
+
+def _with_terms_of_either(fit: Fit) -> _Fitted:
+    """The fit with its terms, or that of a joint which never saturates, where that is better."""
+    found = _Fitted(*with_terms(fit))
+    unlimited = never_saturating(found.fit)
+    if unlimited is not None and unlimited.cost < MAYBE_UNLIMITED * found.fit.cost:
+        other, terms = with_terms(unlimited, found.terms)
+        if better(found.fit, other):
+            return _Fitted(replace(other, free=other.free | only("v_max")), terms)
+    return found
 
 
 def _with_motor(logs: Sequence[Log], plain: Sequence[_Fitted]) -> tuple[_Fitted, _Fitted]:
@@ -412,6 +432,30 @@ def _without_contact(logs: Sequence[Log], fit: Fit) -> tuple[Sequence[Log], list
         fit = least_squares(resampled_like(grid, free, grid.tick), fit.parameters, free=fit.free)
     notes = [joined(touched[k]).finding(logs[k], LEFT_OUT) for k in sorted(touched)]
     return tuple(free), notes
+
+
+def _without_stuck(logs: Sequence[Log]) -> tuple[Sequence[Log], list[Finding]]:
+    """The logs, rows in which the joint is stuck as if without torque; and notes on these.
+
+    Where most rows of a log would go they stay: then the angles are those of another joint.
+    """
+    free_logs, notes = [], []
+    for log in logs:
+        found, free = stuck(log), log.torque_on.copy()
+        for rows in found:
+            free[rows] = False
+        few = np.sum(free) >= MOSTLY_FREE * np.sum(log.torque_on)
+        free_logs.append(replace(log, torque_on=free) if few else log)
+        notes += [
+            Finding(
+                "log",
+                f"{log.name}: the joint does not move in {len(rows)} rows between {rows[0]} and "
+                f"{rows[-1]}, whichever way it is requested: something holds it, or its sensor "
+                f"stands still; {LEFT_OUT}",
+            )
+            for rows in (found if few else ())
+        ]
+    return tuple(free_logs), notes
 
 
 def _without_stops(logs: Sequence[Log], fit: Fit) -> tuple[Sequence[Log], list[Finding]]:
@@ -499,7 +543,8 @@ def held_out(
     Of long parts some stretches are fitted; all rows of the others are predicted.
 
     A top speed that the parts do not bound, and the others may exceed, cannot be predicted from
-    them: there that of the fit to all rows is taken, and the others test the other parameters.
+    them: there that of the fit to all rows is taken, the other parameters are fitted beside it, and
+    tested.
 
     Args:
         logs: The logs.
@@ -515,7 +560,8 @@ def held_out(
         [replace(log, torque_on=log.torque_on & ~o) for log, o in zip(logs, out, strict=True)]
     )
     try:
-        fit, terms = with_terms(*fit_joint(known, timing))
+        (one,) = _with_terms(fit_joint(known, timing))
+        fit, terms = one
         fit, _ = with_motor(fit, terms) if motor else (fit, terms)
         fit = at_ticks(known, fit, grid.tick)
         likewise = at_ticks(known, whole, grid.tick)
@@ -533,7 +579,8 @@ def held_out(
     called = commanded_speed(at, response)
     beyond = called > 1.1 * shown and not speed_bounded(fit)
     if beyond or faster:
-        at = at._replace(v_max=whole.parameters.v_max)
+        fit = with_speed_of(fit, whole.parameters.v_max)
+        at, starts = fit.parameters, starts_of(grid, fit)
         response = respond(grid, at, starts)
     predicted = response.predicted
     simple = simple_fits(

@@ -252,8 +252,9 @@ def _undetermined(
     found += [
         Finding(
             "search",
-            f"{name} ended at the edge of the search, at {getattr(at, name):.3g}: the logs do not "
-            "say how much further it would go, and the model probably does not fit this joint",
+            f"{name} ended at the edge of the search, at {getattr(at, name):.3g} (SI units): the "
+            "logs do not say how much further it would go, and the model probably does not fit "
+            "this joint",
         )
         for name in fit.free_names
         if at_edge(fit, Parameters._fields.index(name))

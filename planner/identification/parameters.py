@@ -94,7 +94,7 @@ class Parameters(NamedTuple):
 
     @property
     def whole_delay(self) -> float:
-        """Time by which the joint trails slow requests [s]."""
+        """Time in which the joint takes most of a step [s]: all its times, one after the other."""
         return self.lag + self.acceleration_time / 2.0 + 1.0 / self.gain + self.time_constant
 
     def max_acceleration(self, tick: float) -> float:

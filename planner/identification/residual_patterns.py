@@ -35,14 +35,17 @@ class PatternOptions:
             Shaken joints of an arm move by 0.44 to 0.67, others by 0.22 or less (at half one calm
             recording counts as shaken, at twice none does).
         shaken_alike: Correlation of neighbouring rows of such motion; noise of a sensor has none.
-        shown: Share of the largest difference that play, or a limit, makes to the angles from which
-            on a row shows it.
+        shown: Share of the largest difference that play makes to the angles from which on a row
+            shows it.
         apart: Rows that show it and are fewer than so many apart are one place.
         touching: A joint rests against something where it is beside its model by so many standard
             deviations of what it is beside it in other places of rest. (Of an arm that pushed on
             its table 4.4 to 10; of joints that touched nothing, within their friction, up to 3.)
         places: Fewer places of rest do not tell how far a joint rests beside its model.
         some: Largest share of the places of rest at which something is touched.
+        still: Share of its travel within which a joint does not move.
+        refused: Shares of it by which the requests are at least to either side of a joint that is
+            stuck, and to one of them: no friction holds it there.
         uneven: Rows count alike where the fastest motion is missed by no more than so many times
             what the calmest is.
         around: Time over which the acceleration of a row is averaged [s].
@@ -59,6 +62,8 @@ class PatternOptions:
     touching: float = 4.0
     places: int = 10
     some: float = 0.25
+    still: float = 0.005
+    refused: tuple[float, float] = (0.1, 0.3)
     uneven: float = 1.25
     around: float = 0.3
 
@@ -82,11 +87,12 @@ class Stop(NamedTuple):
     def finding(self, log: Log, fate: str) -> Finding:
         """The stop, in this log, and what becomes of its rows."""
         end = "largest" if self.largest else "least"
+        angle = angle_in(log.unit, self.angle)
         return Finding(
             "log",
             f"{log.name}: a mechanical stop: in {len(self.rows)} rows between {self.rows[0]} and "
-            f"{self.rows[-1]} the joint stays at its {end} angle, {self.angle:.3g}, while it is "
-            f"requested to go on; {fate}",
+            f"{self.rows[-1]} the joint stays at its {end} angle, {angle}, "
+            f"while it is requested to go on; {fate}",
         )
 
 
@@ -120,6 +126,29 @@ def stops(fit: LogFit, noise: float) -> list[Stop]:
         held = rows[np.concatenate(visits)]
         if np.ptp(log.requests[held]) > clear:
             found.append(Stop(held, way > 0.0, way * extreme))
+    return found
+
+
+def stuck(log: Log) -> list[npt.NDArray[np.int_]]:
+    """Rows in which a joint stays where it is while it is requested far to one side and the other.
+
+    Something holds it, or its sensor stands still. A joint on which something rests, or which its
+    load overcomes, moves at least one way.
+    """
+    length, late = (max(5, round(time / log.period)) for time in (OPTIONS.rest, OPTIONS.rest / 2.0))
+    rows = np.flatnonzero(log.torque_on & log.measured)
+    if len(rows) < FEW_ROWS + length:
+        return []
+    angles, travel = log.angles[rows], float(np.ptp(log.angles[rows]))
+    windows = np.lib.stride_tricks.sliding_window_view(angles, length)
+    still = np.convolve(np.ptp(windows, axis=1) <= OPTIONS.still * travel, np.ones(length)) > 0.5
+    found = []
+    for part in np.split(np.arange(len(rows)), np.flatnonzero(np.diff(still)) + 1):
+        asked = log.requests[rows[part[:-late]]] - np.median(angles[part])
+        if still[part[0]] and len(part) > late and np.ptp(asked) > 0.0:
+            sides = np.sort([np.max(asked), -np.min(asked)])
+            if np.all(sides > np.multiply(OPTIONS.refused, travel)):
+                found.append(rows[part])
     return found
 
 

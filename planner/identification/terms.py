@@ -65,9 +65,9 @@ MOTOR = ("acceleration", "time_constant", "dead_band", "asymmetry")
 """Terms that may show only together: a slow start hides dry friction, and friction the inertia."""
 
 SAVING = 0.2
-"""Least share of the loss that play has to explain (of 40 made servos without none reaches it,
-``scripts/bench identify``), or the terms of a motor that are sought together; and of the residuals
-that is no noise from row to row where either is sought."""
+"""Least share of the loss that play has to explain, or the terms of a motor that are sought
+together; and least share of the residuals that is no noise from row to row where either is sought.
+(Play explains less in logs of 40 simulated servos without play, ``scripts/bench identify``.)"""
 
 EXPLAINED = 0.25
 """Share of the standard deviation of the motion that the enlarged joint misses at most: what
@@ -127,20 +127,24 @@ virtual servos is 16 % larger by derivatives alone, that of made joints 78 % lar
 alone, both in the mean; with twice as many points no less.)"""
 
 
-def with_terms(fit: Fit) -> tuple[Fit, tuple[Term, ...]]:
+def with_terms(fit: Fit, known: tuple[Term, ...] = ()) -> tuple[Fit, tuple[Term, ...]]:
     """Add one term after another, and keep those that reduce the loss by (16a).
 
     A term is kept where it lowers the Bayesian information criterion (Schwarz, 1978) of as many
     rows as are independent, ``n_eff log(loss without / loss with) > log(n_eff)`` with
     ``n_eff = n / correlation time of the residuals``, and saves at least 1 % of the loss.
 
+    Args:
+        fit: The fit.
+        known: Terms that were tried; those that the fit has are kept, the others tried again.
+
     Returns:
         The fit with the terms that are kept, and the errors with and without each that was tried.
         The interval of a dead band that cannot be told from a sag has no upper end.
     """
-    terms: dict[str, Term] = {}
+    terms = {term.name: term for term in known if term.kept}
     for name in ORDER:
-        if _shows(name, fit):
+        if not fit.free[only(name)].any() and _shows(name, fit):
             fit, tried = _with_term(name, fit)
             terms |= tried
     fit = least_squares(fit.grid, fit.parameters, free=fit.free, starts=fit.starts)

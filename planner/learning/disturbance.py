@@ -127,5 +127,5 @@ def learnt(innovation: Array, noise: Array, models: Sequence[JointModel], *, cyc
 
 
 def latency(model: JointModel) -> float:
-    """How late the joint follows a slow motion [s]: lag, half the window, and its time constant."""
+    """How late the joint follows a slow motion [s]: lag, half the window, and theta_0 / v_max."""
     return model.lag + model.acceleration_time / 2.0 + model.theta_0 / model.v_max

@@ -30,6 +30,9 @@ WORSE_LEADS = 3
 WORTH_REFINING = 0.5
 """Share of the best shift's error to expect above which requests are better refined."""
 
+CLEARLY = 0.98
+"""Share of the error of a plan below which a shift is the better one."""
+
 LITTLE_MOTION = 10.0
 """Joints that move by no more than so many expected errors count as at rest."""
 
@@ -108,26 +111,36 @@ def shifted(task: Task) -> Plan:
     )
 
 
-def shift_recommended(plan: Plan) -> str:
+def shift_recommended(plan: Plan, shift: Plan) -> str:
     """Why the best time shift is recommended instead of a plan, in words; empty where it is not.
 
-    A model may be hardly better than a pure delay. Or a joint may accelerate more than in its logs,
-    though these do not determine its largest acceleration. An error of the model above that of the
-    shift is no reason, since the lead is that model's, too: of nine such motions of simulated
-    servos the plan was closer in seven.
+    A model may be hardly better than a pure delay. Or a joint may move faster, or accelerate more,
+    than in its logs, though these do not determine how fast it can be. Or the errors to expect may
+    tell it, as those of robust plans, and of smooth ones for a path that no joint could follow. An
+    error of the model above that of the shift is no reason, since the lead is that model's, too: of
+    nine such motions of simulated servos the plan was closer in seven.
 
     Args:
         plan: A plan by another method.
+        shift: The best time shift for the same task.
     """
     evidence = [model.evidence for model in plan.models]
     if why := unproven_gains(plan.names, evidence):
         return why
     for name, model, expected in zip(plan.names, plan.models, plan.expected, strict=True):
-        intervals = model.evidence.intervals if model.evidence else {}
-        least, _ = intervals.get("max_acceleration", (math.inf, math.inf))
+        if model.evidence is None:
+            continue
+        least, _ = model.evidence.intervals.get("max_acceleration", (math.inf, math.inf))
+        joint = name or "the joint"
         if "acceleration" in expected.untested and least <= 0.0:
-            joint = f"{name} accelerates" if name else "the joint accelerates"
-            return f"{joint} more than in its logs, which do not determine its largest acceleration"
+            return f"{joint} accelerates more than in its logs, which do not show its limit"
+        if "speed" in expected.untested and model.evidence.leaves_top_speed_open:
+            return f"{joint} moves faster than in its logs, which do not show its limit"
+    pairs = [
+        (early.error, own.error) for early, own in zip(shift.expected, plan.expected, strict=True)
+    ]
+    if plan.task.goal != "foot" and all(early < CLEARLY * own for early, own in pairs):
+        return "its error to expect is smaller"
     return ""
 
 

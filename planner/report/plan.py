@@ -229,10 +229,12 @@ def remarks(
     lines = [f"{each}." for each in missed]
     if words := untested_words(plan.names, plan.expected):
         lines.append(sentence(words))
-    if plan.method != "shift" and (why := shift_recommended(plan)):
-        lines.append(f"The best time shift is recommended instead (--method shift): {why}.")
-    if plan.method != "shift" and (why := refining_recommended(plan, shifted(plan.task))):
-        lines.append(f"Play the requests, and refine them by what is measured: {why}.")
+    if plan.method != "shift":
+        shift = shifted(plan.task)
+        if why := shift_recommended(plan, shift):
+            lines.append(f"The best time shift is recommended instead (--method shift): {why}.")
+        if why := refining_recommended(plan, shift):
+            lines.append(f"Play the requests, and refine them by what is measured: {why}.")
     if unreachable:
         lines.append(_out_of_reach(plan, foot_given, unreachable))
     if jumps := jumps_of(plan):

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import planner
+from planner.identification.excitation import excite
 from tests.identification.made import (
     AIBO,
     NOISE,
@@ -308,3 +309,21 @@ def test_ticks_as_long_as_rows_are_not_taken_for_less_than_a_percent_of_the_loss
     found = planner.identify(logged(joint, period=0.0081, rows=3704, seed=14), hold_out=False)
     assert found.model.tick < 0.002
     assert found.model.lag == pytest.approx(joint.lag, abs=0.001)
+
+
+@pytest.mark.parametrize("sag", [-0.05, -0.012])
+def test_slow_ramps_do_not_make_a_joint_slow(sag):
+    """Where only a sag by the angle is in the way, which a top speed just below theirs imitates."""
+    joint = planner.JointModel(
+        v_max=5.5, theta_0=0.3, lag=0.01, acceleration_time=0.05, tick=0.001, hold=20,
+        dead_band=-0.45 * sag, sag_sin=sag, sag_cos=0.3 * sag,
+    )  # fmt: skip
+    signal = excite("slow_triangle", limits=(-0.785, 0.785), period=0.02, duration=20.0)
+    angles = planner.simulate(joint, signal.requests, cyclic=False)
+    noisy = measured(angles, np.random.default_rng(0), noise=math.radians(0.03), quantum=0.0015)
+    log = planner.Log(times=signal.times, requests=signal.requests, angles=noisy)
+    found = planner.identify(log, hold_out=False)
+    assert found.rms <= 0.0012
+    assert found.model.sag_sin == pytest.approx(sag, rel=0.05)
+    assert found.model.dead_band == pytest.approx(-0.45 * sag, rel=0.05)
+    assert not found.intervals["v_max"].bounded

@@ -18,6 +18,7 @@ from planner.identification.residual_patterns import (
     _ringing,
     contacts,
     stops,
+    stuck,
     with_weights,
 )
 from planner.identification.result import LogFit
@@ -126,8 +127,8 @@ def test_a_stop_is_met_twice_for_long_by_a_model_that_goes_beyond_it(wave, limit
         first, last = np.flatnonzero(wave >= limit)[[0, -1]]
         assert stop.finding(log, "too many rows to leave out").words == (
             f"arm: a mechanical stop: in 99 rows between {first} and {last} the joint stays at its "
-            f"{'largest' if way > 0.0 else 'least'} angle, {way * 0.5:g}, while it is requested to "
-            "go on; too many rows to leave out"
+            f"{'largest' if way > 0.0 else 'least'} angle, {way * 0.5:g} rad, while it is requested "
+            "to go on; too many rows to leave out"
         )
 
 
@@ -296,3 +297,43 @@ def test_what_a_model_lacks_in_fast_motion_does_not_spoil_slow_motion():
     met = servo(slow, 0.01, **known, play=0.04, behind=True)
     errors = planner.simulate(model, slow, cyclic=False, start=0.0) - met
     assert np.sqrt(np.mean(errors[100:] ** 2)) <= 1.0e-3
+
+
+def test_rows_in_which_nothing_moves_a_joint_are_left_out_and_named():
+    """A cable holds it for two seconds, or its sensor stands still."""
+    log = rich_log(noise=NOISE, rows=1500)
+    angles = log.angles.copy()
+    angles[600:850] = angles[600]
+    caught = changed(log, angles=angles)
+    (rows,) = stuck(caught)
+    assert abs(rows[0] - 600) <= 5
+    assert abs(rows[-1] - 849) <= 5
+    found, free = (planner.identify(each, hold_out=False) for each in (caught, log))
+    assert found.rms == pytest.approx(free.rms, rel=0.1)
+    assert not found.fits[0].used[610:840].any()
+    assert "whichever way it is requested" in " ".join(found.warnings)
+    assert stuck(log) == []
+
+
+def test_a_joint_that_moves_one_way_or_rests_in_its_dead_band_is_not_stuck():
+    log = rich_log(noise=NOISE, rows=1500)
+    travel = np.ptp(log.angles)
+    for far, near, is_stuck in ((0.4, 0.15, True), (0.4, 0.05, False), (0.2, 0.2, False)):
+        angles, requests = log.angles.copy(), log.requests.copy()
+        angles[600:850] = angles[600]
+        requests[600:850] = angles[600]
+        requests[650:700], requests[750:800] = (
+            angles[600] + share * travel for share in (far, -near)
+        )
+        held = changed(log, angles=angles, requests=requests)
+        assert bool(stuck(held)) == is_stuck
+
+
+def test_angles_of_another_joint_are_not_left_out_as_if_it_were_stuck():
+    draw = np.random.default_rng(2)
+    requests, others = (np.repeat(draw.uniform(-0.7, 0.7, 600 // k), k) for k in (30, 20))
+    log = planner.Log(times=0.02 * np.arange(600), requests=requests, angles=others)
+    assert np.sum([len(rows) for rows in stuck(log)]) > 300
+    found = planner.identify(log)
+    assert found.verdict == "refused"
+    assert "whichever way it is requested" not in " ".join(found.warnings)

@@ -13,7 +13,7 @@ from planner.exceptions import NoSteadyCycle
 from planner.model.evidence import Evidence
 from planner.model.joint import JointModel
 from planner.model.response import simulate
-from planner.planning.plan import joined
+from planner.planning.plan import Plan, joined
 from planner.planning.task import Task
 from planner.planning.time_shift import (
     LONGEST_LEAD,
@@ -164,7 +164,7 @@ def test_an_error_of_the_model_is_no_reason_for_a_shift_whose_lead_is_that_model
     known = ERS210A.with_evidence(Evidence(error=1.0, over_delay=0.1))
     plan = planner.invert_optimal(known, PATH).plan
     assert plan.expected[0].error > 10.0 * planner.invert_shift(ERS210A, PATH).rms
-    assert not shift_recommended(plan)
+    assert not shift_recommended(plan, shifted(plan.task))
 
 
 def test_a_shift_is_recommended_beyond_tested_accelerations_where_the_largest_is_unknown():
@@ -177,7 +177,7 @@ def test_a_shift_is_recommended_beyond_tested_accelerations_where_the_largest_is
             intervals={"max_acceleration": (least, 300.0)},
         )
         plan = planner.invert_optimal(servo.with_evidence(evidence), PATH).plan
-        why = shift_recommended(plan)
+        why = shift_recommended(plan, shifted(plan.task))
         assert why.startswith("the joint accelerates more than in its logs" if recommended else "")
         assert bool(why) == recommended
 
@@ -202,6 +202,32 @@ def test_requests_are_better_refined_where_the_error_is_the_models_and_near_that
     plan = planner.invert_optimal(exact, 0.01 * PATH).plan
     assert plan.expected[0].error > 0.5 * shifted(plan.task).expected[0].error
     assert not refining_recommended(plan, shifted(plan.task))
+
+
+def test_a_shift_is_recommended_beyond_tested_speeds_where_the_top_speed_is_unknown():
+    for tested, most, recommended in (
+        (1.0, math.inf, True),
+        (1.0, 9.0, False),
+        (9.0, math.inf, False),
+    ):
+        evidence = Evidence(
+            error=1e-4, over_delay=0.1, speed=tested, intervals={"v_max": (1.0, most)}
+        )
+        plan = planner.invert_optimal(ERS210A.with_evidence(evidence), PATH).plan
+        assert np.max(np.abs(np.diff(PATH))) / ERS210A.period > 1.1
+        why = shift_recommended(plan, shifted(plan.task))
+        assert why.startswith("the joint moves faster than in its logs" if recommended else "")
+        assert bool(why) == recommended
+
+
+def test_a_shift_is_recommended_where_its_error_to_expect_is_clearly_smaller():
+    """A plan that stands still is worse than any shift."""
+    known = ERS210A.with_evidence(Evidence(error=1e-3, over_delay=0.1))
+    task = Task.of([known], PATH, names=("",))
+    shift = shifted(task)
+    still = Plan(task=task, requests=np.zeros((len(PATH), 1)), method="optimal")
+    assert shift_recommended(still, shift) == "its error to expect is smaller"
+    assert not shift_recommended(shift, shift)
 
 
 def test_leads_at_which_a_joint_rings_for_ever_are_left_out():

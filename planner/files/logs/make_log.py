@@ -24,6 +24,13 @@ SLOW_TIME, SLOW_SHARE = 1.0, 0.4
 """Requests are slow if they travel at most this share of their range in this time [s]: the joint
 then lags by its delay and friction only, to both sides."""
 
+JUMP = 0.1
+"""Larger changes at once, as shares of the range, are no slow requests, nor those for that time."""
+
+STRAIGHT_TIME, STRAIGHT_SHARE = 0.4, 0.1
+"""Requests are straight if for this time to either side [s] their speed changes by at most this
+share of their range a second: friction that turns, and the delay, then do not count as scale."""
+
 SLOW_RANGE = 0.5
 """Share of the range of all requests that slow ones must span for a scale to be fitted."""
 
@@ -240,13 +247,21 @@ def _share(part: Array, whole: Array) -> float:
 
 
 def _slow(times: Array, requests: Array) -> Switch:
-    """Rows around which the requests are slow, (n,)."""
-    from scipy.ndimage import uniform_filter1d
+    """Rows around which the requests are slow, and straight where enough of them are, (n,)."""
+    from scipy.ndimage import maximum_filter1d, minimum_filter1d, uniform_filter1d
 
-    rows = 2 * math.ceil(SLOW_TIME / float(np.median(np.diff(times)))) + 1
+    period, span = float(np.median(np.diff(times))), float(np.ptp(requests))
+    rows = 2 * math.ceil(SLOW_TIME / period) + 1
     ways = np.abs(np.diff(requests, prepend=requests[:1]))
     moved = rows * uniform_filter1d(ways, rows, mode="nearest")
-    return np.asarray(moved <= 2.0 * SLOW_SHARE * np.ptp(requests))
+    jumps = maximum_filter1d(ways, rows, mode="nearest") > JUMP * span
+    slow: Switch = (moved <= 2.0 * SLOW_SHARE * span) & ~jumps
+    far = max(1, round(0.5 * STRAIGHT_TIME / period))
+    around = np.pad(requests, far, mode="edge")
+    speeds = (around[2 * far :] - around[: -2 * far]) / (2.0 * far * period)
+    highest, lowest = (each(speeds, 4 * far + 1) for each in (maximum_filter1d, minimum_filter1d))
+    straight: Switch = slow & (highest - lowest <= STRAIGHT_SHARE * span)
+    return straight if _share(requests[straight], requests) >= SLOW_RANGE else slow
 
 
 def _unread(columns: Columns) -> Switch:
