@@ -127,8 +127,8 @@ def test_a_stop_is_met_twice_for_long_by_a_model_that_goes_beyond_it(wave, limit
         first, last = np.flatnonzero(wave >= limit)[[0, -1]]
         assert stop.finding(log, "too many rows to leave out").words == (
             f"arm: a mechanical stop: in 99 rows between {first} and {last} the joint stays at its "
-            f"{'largest' if way > 0.0 else 'least'} angle, {way * 0.5:g} rad, while it is requested "
-            "to go on; too many rows to leave out"
+            f"{'largest' if way > 0.0 else 'least'} angle, {way * 0.5:g} rad, while it is "
+            "requested to go on; too many rows to leave out"
         )
 
 
