@@ -157,7 +157,7 @@ def _run(
 
 
 class Slopes(NamedTuple):
-    """Derivatives of the weighted angles at the used rows: of the law, and what makes them ours.
+    """Derivatives of the weighted angles at the used rows by the law's numbers, and the chain rule.
 
     Attributes:
         of_law: By columns of :func:`planner.model.kernel.along`; the last is by the first angle of
