@@ -229,12 +229,12 @@ def with_observed_speed(fit: Fit) -> Fit:
 
 
 def never_saturating(fit: Fit) -> Fit | None:
-    """The joint whose top speed is far above all motion of the log; None where the fit is one.
+    """The joint whose top speed is far above all motion of the log.
 
     On slow ramps a top speed a little below theirs may stand for a sag or friction that is not
-    fitted yet.
+    fitted yet. None where the top speed of the fit is above all motion that was measured.
     """
-    if fit.parameters.v_max > peak_command(fit):
+    if fit.parameters.v_max > fit.grid.fastest:
         return None
     at = fit.parameters._replace(v_max=FAR_ABOVE * fit.grid.fastest)
     return least_squares(fit.grid, at, free=fit.free & ~only("v_max"), starts=fit.starts)

@@ -465,7 +465,10 @@ def test_a_parameter_at_the_edge_of_the_search_is_named_with_its_value(fitted):
         notes = judged((at, bounds, uncertainty)).notes
         edges = [each.words for each in notes if each.topic == "search"]
         assert len(edges) == count
-        assert all(f"lag ended at the edge of the search, at {last:.3g}:" in each for each in edges)
+        assert all(
+            f"lag ended at the edge of the search, at {last:.3g} (SI units):" in each
+            for each in edges
+        )
 
 
 @pytest.mark.parametrize(("least", "told"), [(5.0, ["1.2 rad"]), (0.0, [])])
