@@ -81,7 +81,7 @@ from planner.identification.terms import (
     with_motor,
     with_terms,
 )
-from planner.trajectory import Array, Mask, rms
+from planner.trajectory import Array, Indices, Mask, rms
 from planner.validation import as_flag
 
 SPEED_NOISE = 4.0 * math.sqrt(2.0) / 0.1
@@ -410,6 +410,15 @@ def _again(logs: Sequence[Log], fit: Fit) -> Fit:
     return least_squares(grid, fit.parameters, free=fit.free, starts=fit.starts)
 
 
+def _left_without(log: Log, parts: Sequence[Indices], *, of: Log) -> Log | None:
+    """The log with these rows as if without torque; None where few rows of a log would be left."""
+    free = log.torque_on.copy()
+    for rows in parts:
+        free[rows] = False
+    few = np.sum(free) < MOSTLY_FREE * np.sum(of.torque_on)
+    return None if few else replace(log, torque_on=free)
+
+
 def _without_contact(logs: Sequence[Log], fit: Fit) -> tuple[Sequence[Log], list[Finding]]:
     """The logs, rows in which something touches the joint as if without torque; and notes.
 
@@ -421,12 +430,10 @@ def _without_contact(logs: Sequence[Log], fit: Fit) -> tuple[Sequence[Log], list
     for _ in range(CONTACT_ROUNDS):
         found = contacts(_log_fits(free, fit, None), noise_of(fit))
         for k, contact in found.items():
-            on = free[k].torque_on.copy()
-            on[contact.rows] = False
-            if np.sum(on) < MOSTLY_FREE * np.sum(logs[k].torque_on):
-                continue
-            free[k] = replace(free[k], torque_on=on)
-            touched.setdefault(k, []).append(contact)
+            rest = _left_without(free[k], [contact.rows], of=logs[k])
+            if rest is not None:
+                free[k] = rest
+                touched.setdefault(k, []).append(contact)
         if not found:
             break
         fit = least_squares(resampled_like(grid, free, grid.tick), fit.parameters, free=fit.free)
@@ -441,11 +448,9 @@ def _without_stuck(logs: Sequence[Log]) -> tuple[Sequence[Log], list[Finding]]:
     """
     free_logs, notes = [], []
     for log in logs:
-        found, free = stuck(log), log.torque_on.copy()
-        for rows in found:
-            free[rows] = False
-        few = np.sum(free) >= MOSTLY_FREE * np.sum(log.torque_on)
-        free_logs.append(replace(log, torque_on=free) if few else log)
+        found = stuck(log)
+        rest = _left_without(log, found, of=log)
+        free_logs.append(log if rest is None else rest)
         notes += [
             Finding(
                 "log",
@@ -453,7 +458,7 @@ def _without_stuck(logs: Sequence[Log]) -> tuple[Sequence[Log], list[Finding]]:
                 f"{rows[-1]}, whichever way it is requested: something holds it, or its sensor "
                 f"stands still; {LEFT_OUT}",
             )
-            for rows in (found if few else ())
+            for rows in (() if rest is None else found)
         ]
     return tuple(free_logs), notes
 
@@ -466,12 +471,9 @@ def _without_stops(logs: Sequence[Log], fit: Fit) -> tuple[Sequence[Log], list[F
     free_logs, notes = [], []
     for each in _log_fits(logs, fit, None):
         log, found = each.log, stops(each, noise_of(fit))
-        free = log.torque_on.copy()
-        for stop in found:
-            free[stop.rows] = False
-        few = np.sum(free) >= MOSTLY_FREE * np.sum(log.torque_on)
-        free_logs.append(replace(log, torque_on=free) if found and few else log)
-        fate = LEFT_OUT if few else "too many rows to leave out"
+        rest = _left_without(log, [stop.rows for stop in found], of=log)
+        free_logs.append(log if rest is None else rest)
+        fate = "too many rows to leave out" if rest is None else LEFT_OUT
         notes += [stop.finding(log, fate) for stop in found]
     return tuple(free_logs), notes
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -95,6 +96,7 @@ def invert_shift(
     return Inversion(shifted(task))
 
 
+@lru_cache(maxsize=2)  # tables, remarks and recommendations of an answer ask for the same one
 def shifted(task: Task) -> Plan:
     """The plan in which the desired angles of each joint are requested the best time early.
 
