@@ -89,6 +89,9 @@ class ServoProtocol:
         ticks_per_turn: Counts of the angle in a turn.
         middle: Count in the middle of the range, which is angle 0 unless one says otherwise.
         refusals: By an answer's error without these bits, why the instruction was not carried out.
+        fastest_acceleration: Profile acceleration that limits nothing, beside 0. Of a Feetech 254,
+            the most, which LeRobot writes: recorded steps of an SO-101 at LeRobot's gain contradict
+            a profile of 39 rad/s² (joints fit to 5 mrad rms without it, to 10 to 16 with it).
     """
 
     name: str
@@ -102,6 +105,7 @@ class ServoProtocol:
     ticks_per_turn: float = 4096
     middle: int = 2048
     refusals: Mapping[int, str] = field(default_factory=dict)
+    fastest_acceleration: int = 0
 
     def instruction(self, servo: int, code: int, content: bytes = b"") -> bytes:
         """The frame of an instruction."""
@@ -263,6 +267,7 @@ FEETECH = _Feetech(
         0x20: "overload",
     },
     address_size=1,
+    fastest_acceleration=254,
 )
 
 _ALERT = {0x80: "a hardware error: overload, overheating or a wrong voltage"}

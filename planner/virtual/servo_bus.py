@@ -279,9 +279,12 @@ class VirtualServos:
         motors.goals[k] = (value["goal"] - protocol.middle) * self._tick_angle
         motors.powered[k] = value["torque"] > 0 and motors.temperatures[k] <= HOT
         motors.gains[k] = [value[name] for name in ("p_gain", "i_gain", "d_gain")]
+        acceleration = value.get("profile_acceleration", 0)
+        if acceleration == protocol.fastest_acceleration:
+            acceleration = 0
         motors.profiles[k] = [
             value["profile_speed"] * protocol.speed_unit,
-            value.get("profile_acceleration", 0) * protocol.acceleration_unit,
+            acceleration * protocol.acceleration_unit,
         ]
 
 
