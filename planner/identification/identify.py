@@ -581,7 +581,10 @@ def held_out(
     called = commanded_speed(at, response)
     beyond = called > 1.1 * shown and not speed_bounded(fit)
     if beyond or faster:
-        fit = with_speed_of(fit, whole.parameters.v_max)
+        speed = whole.parameters.v_max
+        if not (faster or speed_bounded(whole)):  # what all rows call for is its least one
+            speed = max(speed, shown)
+        fit = with_speed_of(fit, speed)
         at, starts = fit.parameters, starts_of(grid, fit)
         response = respond(grid, at, starts)
     predicted = response.predicted

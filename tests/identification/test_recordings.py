@@ -88,6 +88,14 @@ def test_a_gripper_that_opens_and_shuts_has_its_top_speed_bounded(recordings):
     assert 0.7 <= found.model.v_max <= 1.3
 
 
+def test_a_top_speed_that_nothing_bounds_is_not_imposed_on_the_part_that_is_fitted(recordings):
+    options = planner.LogOptions(joint="kRightWristPitch", unit="rad")
+    found = planner.identify(planner.read_logs(recordings / "lerobot_g1", options=options))
+    assert found.intervals["v_max"].upper == math.inf
+    (delay,) = (each for each in found.alternatives if each.name == "delay")
+    assert found.held_out_rms <= delay.held_out_rms
+
+
 def test_joints_that_were_not_moved_say_so(recordings):
     with pytest.raises(planner.InvalidInput, match="the requests never change"):
         planner.identify(so101(recordings, "triangle_wave", "Rotation"))
