@@ -53,13 +53,12 @@ class LearningOptions:
         worse_noise: share of the noise by which an error may exceed it and count as no worse.
         worthwhile: Share of the error that the next requests must save by the model, else learning
             has ended.
-        largest_change: The next requests differ from those of the best cycle by at most so many of
-            its errors, rms [-]. (Of first trials on servos from their physics hardly any needed
-            more than 2.)
         visible: An error within so many standard deviations of the noise of the measured cycles,
             and within an encoder's step, is left alone: it would be as likely to grow. (Without
             this 0.8 % of 264 trials on servos from their physics exceed the one before by a fifth,
             at worst 3.1 times; with it 0.4 %, at worst 1.6 times.)
+        shorter: Factor by which the error to expect of the whole change exceeds that of a shorter
+            one before the shorter one is made.
         settling: A first cycle that differs from the mean of the others by more than so many
             standard deviations of these is left out: the joint was on its way into the cycle.
         trials: Trials that are kept, the last ones and the best.
@@ -71,7 +70,7 @@ class LearningOptions:
     worse_error: float = 0.01
     worse_noise: float = 0.2
     worthwhile: float = 0.003
-    largest_change: float = 3.0
+    shorter: float = 1.05
     settling: float = 4.0
     visible: float = 2.0
     trials: int = 30
@@ -259,7 +258,8 @@ def _refined(joints: Plan, cycles: Array, sensor_delay: float | None, reidentify
     remarks += remarks_on_delays(joints, delays, spread)
     disturbance, best, gain = _estimated(joints, trials, max(since), noise)
     base = trials[best]
-    new = _near(_next(joints, disturbance), base)
+    share = _unforeseen(joints, trials, spread)
+    new = _near(_next(joints, disturbance), joints, base, share)
     answer = joints.task.response(new.requests)
     next_error = _error(joints, answer + _measured_disturbance(joints, base))
     saving = base.error - next_error
@@ -286,9 +286,7 @@ def _refined(joints: Plan, cycles: Array, sensor_delay: float | None, reidentify
         new, next_error = replace(new, requests=base.requests.copy()), base.error
         stopped += f"; {_remaining(joints, base, floor)}"
     else:
-        change = _by_joint(answer - joints.task.response(base.requests))
-        share = _unforeseen(joints, trials, spread)
-        next_error = math.hypot(next_error, share * _size(joints, change))
+        next_error = math.hypot(next_error, share * _change(joints, new, base))
     of_mean = math.sqrt(1.0 - 1.0 / base.cycles)  # the noise that is averaged out of its error
     next_error = math.hypot(next_error, of_mean * _size(joints, spread))
     freeze(spread)
@@ -314,18 +312,30 @@ def _next(joints: Plan, disturbance: Array) -> Plan:
     return planned(task, solver=joints.solver or "gauss-newton")
 
 
-def _near(plan: Plan, base: Trial) -> Plan:
-    """The plan, its requests moved towards those of a trial until they are near enough.
+def _near(plan: Plan, joints: Plan, base: Trial, unforeseen: float) -> Plan:
+    """The plan, its requests moved towards those of a trial as far as that pays.
 
-    No model is right about requests that are far from all that were executed. Their limits are
-    convex: requests on the straight line between two that keep them do so too.
+    Its error is expected to fall in proportion to the change of the requests, and to rise again by
+    the share of the change that the joint does not follow: the least of both together is taken.
+    Limits are convex: requests on the straight line between two that keep them do so too.
     """
-    error = float(np.linalg.norm(base.mean - plan.desired))
-    change = plan.requests - base.requests
-    share = OPTIONS.largest_change * error / max(float(np.linalg.norm(change)), LEAST)
-    if share >= 1.0 or not plan.task.keeps(base.requests, rounding=SAME_REQUESTS):
+    if not plan.task.keeps(base.requests, rounding=SAME_REQUESTS):
         return plan
-    return replace(plan, requests=base.requests + share * change)
+    answer = joints.task.response(plan.requests)
+    left = _error(joints, answer + _measured_disturbance(joints, base))
+    saving, missed = base.error - left, unforeseen * _change(joints, plan, base)
+    whole = math.hypot(saving, missed)
+    share = saving * base.error / max(whole**2, LEAST)
+    least = base.error * missed / max(whole, LEAST)
+    if not 0.0 < share < 1.0 or math.hypot(left, missed) <= OPTIONS.shorter * least:
+        return plan
+    return replace(plan, requests=base.requests + share * (plan.requests - base.requests))
+
+
+def _change(joints: Plan, plan: Plan, base: Trial) -> float:
+    """How far a plan moves the joints away from a trial, by the model, in the plan's norm."""
+    change = joints.task.response(plan.requests) - joints.task.response(base.requests)
+    return _size(joints, _by_joint(change))
 
 
 def _unforeseen(joints: Plan, trials: Sequence[Trial], noise: Array) -> float:
