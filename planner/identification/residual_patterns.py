@@ -315,12 +315,13 @@ def shaken(model: JointModel, fits: Sequence[LogFit]) -> list[Finding]:
     On recordings of an arm the dead band that such a log shows is 0.009 rad where slow motion
     shows 0.034; models of two such logs missed up to 56 % of calm motions.
     """
-    delay = model.lag + model.acceleration_time / 2.0 + model.theta_0 / model.v_max
     found = []
     for fit in fits:
         log = fit.log
         length = max(10, round(OPTIONS.rest / log.period))
-        settled = length + math.ceil(OPTIONS.settled * max(delay, OPTIONS.rest / 3.0) / log.period)
+        settled = length + math.ceil(
+            OPTIONS.settled * max(model.latency, OPTIONS.rest / 3.0) / log.period
+        )
         rows = np.arange(len(log.times))
         resting = np.zeros(len(rows), dtype=bool)
         resting[1:] = fit.used[1:] & fit.used[:-1]
@@ -401,13 +402,12 @@ def _contradictions(fits: Sequence[LogFit]) -> list[Finding]:
 def _ringing(model: JointModel, fit: LogFit, noise: float) -> list[Finding]:
     """Steps after which the joint goes farther beyond where it comes to rest than its model."""
     log = fit.log
-    delay = model.lag + model.acceleration_time + model.theta_0 / model.v_max
     changes = np.flatnonzero(np.diff(log.requests)) + 1
     ends = np.append(changes, len(log.times))[1:]
     steps, over = 0, []
     for begin, end in zip(changes.tolist(), ends.tolist(), strict=True):
         step = float(log.requests[begin] - log.requests[begin - 1])
-        if log.times[end - 1] - log.times[begin] < OPTIONS.settled * delay:
+        if log.times[end - 1] - log.times[begin] < OPTIONS.settled * model.latency:
             continue
         if abs(step) < OPTIONS.clear * noise:
             continue

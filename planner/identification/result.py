@@ -335,7 +335,7 @@ class Identification(ReadOnly, Summarised):
     def _delay_error(self) -> float:
         """Half the width of the 95 % interval of the delay of requests that move [s].
 
-        It is lag + acceleration_time / 2 + theta_0 / v_max; the intervals of these are combined by
+        It is :attr:`JointModel.latency`; the intervals of these are combined by
         their correlations. One without an end counts as wide as the parameter is large.
         """
         known, model = self._known(), self.model

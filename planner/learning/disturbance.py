@@ -120,12 +120,7 @@ def learnt(innovation: Array, noise: Array, models: Sequence[JointModel], *, cyc
     count, period = len(innovation), models[0].period
     steps = np.arange(len(spectrum)) / (count if cyclic else 2 * count)
     hertz = steps / period
-    late = OPTIONS.latency_error * np.array([latency(model) for model in models])
+    late = OPTIONS.latency_error * np.array([model.latency for model in models])
     phase = 2.0 * np.pi * hertz[:, np.newaxis] * late
     trust = np.cos(np.minimum(phase, np.pi / 2.0))
     return from_spectrum(trust * shrinkage * spectrum, len(innovation), cyclic=cyclic)
-
-
-def latency(model: JointModel) -> float:
-    """How late the joint follows a slow motion [s]: lag, half the window, and theta_0 / v_max."""
-    return model.lag + model.acceleration_time / 2.0 + model.theta_0 / model.v_max

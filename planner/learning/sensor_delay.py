@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from planner.learning.disturbance import latency
 from planner.planning.plan import Plan
 from planner.planning.trials import SensorDelay
 from planner.trajectory import Array
@@ -38,7 +37,7 @@ def delays_to_remove(joints: Plan, cycles: Array, modelled: Array) -> list[float
     delays = delays_of(joints, cycles, modelled, [0.0] * len(joints.models))
     return [
         delay.seconds
-        if delay.share >= OPTIONS.of_sensor and delay.seconds > OPTIONS.of_joint * latency(model)
+        if delay.share >= OPTIONS.of_sensor and delay.seconds > OPTIONS.of_joint * model.latency
         else 0.0
         for delay, model in zip(delays, joints.models, strict=True)
     ]

@@ -334,6 +334,11 @@ class JointModel:
         return self.lag + self.acceleration_time / 2.0 + self.time_constant + hold_delay
 
     @property
+    def latency(self) -> float:
+        """How late the joint follows slow motion [s]: l + a/2 + theta_0 / v_max."""
+        return self.lag + self.acceleration_time / 2.0 + self.theta_0 / self.v_max
+
+    @property
     def v_max_per_tick(self) -> float:
         """Top speed [rad/tick]."""
         return self.v_max * self.tick

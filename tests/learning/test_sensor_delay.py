@@ -10,7 +10,6 @@ import pytest
 
 import planner
 from planner.learning import sensor_delay
-from planner.learning.disturbance import latency
 from planner.learning.sensor_delay import (
     delays_to_remove,
     earlier,
@@ -47,7 +46,7 @@ def test_a_delay_is_the_sensors_where_it_explains_nine_tenths_and_is_half_the_mo
 ):
     model = planner.JointModel.ers210a()
     plan = SimpleNamespace(models=[model, replace(model, lag=0.1)])
-    seconds = [latencies * latency(each) for each in plan.models]
+    seconds = [latencies * each.latency for each in plan.models]
     found = tuple(SensorDelay(seconds=each, share=share, removed=0.0) for each in seconds)
     monkeypatch.setattr(sensor_delay, "delays_of", lambda *_: found)
     cycles = np.zeros((1, 1, 2))
