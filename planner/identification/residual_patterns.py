@@ -251,7 +251,8 @@ def with_weights(fits: Sequence[LogFit], noise: float) -> tuple[Log, ...] | None
 
     What a model lacks shows most where the joint accelerates most, as test signals do and the
     motions to be planned do not. Rows that count alike would make calm motion pay for it. The error
-    is taken to rise with the acceleration on the line of :func:`errors_of_motion`.
+    is taken to rise with the acceleration, from that of the calmest to that of the most accelerated
+    parts of :func:`errors_of_motion`, on a straight line.
 
     Args:
         fits: The logs with a fit to them.
@@ -262,8 +263,8 @@ def with_weights(fits: Sequence[LogFit], noise: float) -> tuple[Log, ...] | None
     pairs = errors_of_motion(runs_of_fits(fits, held_out=False)).by_acceleration
     if not pairs:
         return None
-    (_, calm), (largest, most) = pairs
-    calm = max(calm, noise)
+    most = pairs[-1][1]
+    calm, largest = max(pairs[0][1], noise), min(size for size, error in pairs if error == most)
     if most <= OPTIONS.uneven * calm:
         return None
     logs = []

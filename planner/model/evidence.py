@@ -26,7 +26,8 @@ class EvidenceOptions:
         fewest: Such parts that the shortest log is cut into; they are then shorter.
         at_rest: Share of the largest travel of a part below which the joint rests in another. (Of
             an arm a model that missed 4 to 18 mrad in motion missed 0.1 in some of those.)
-        rounds: Reweightings of the fit, so that relative errors count.
+        groups: Of parts with about the same acceleration.
+        least: Share of the largest error below which an error counts as this.
         spare: A motion is outside where it exceeds the tested range by this factor.
         spare_angle: It is also where it leaves the tested angles by more than this share of them.
         other: Factor by which the errors of other motions scatter beside those of the parts of one
@@ -46,7 +47,8 @@ class EvidenceOptions:
     window: float = 2.0
     fewest: int = 8
     at_rest: float = 0.01
-    rounds: int = 6
+    groups: int = 6
+    least: float = 1e-6
     spare: float = 1.1
     spare_angle: float = 0.1
     other: float = 1.8
@@ -433,47 +435,52 @@ class ErrorsOfMotion(NamedTuple):
 
 
 def errors_of_motion(runs: Sequence[Run], *, noise: float = 0.0) -> ErrorsOfMotion:
-    """The pairs between which the error lies on a straight line, and the spread about it.
+    """The pairs between which the error lies on straight lines, and the spread about them.
 
-    Each run is cut into parts; parts in which the joint moves count; (19) of
-    ``docs/math.md``, neither term below 0, is fitted to them by least squares of the relative
-    deviations, reweighted. The error of a part is the geometric mean over the models. The noise of
-    the sensor is no error of the joint: its square is subtracted from the squared error of each
-    part, of which at least a tenth stays. Where only a tenth stays the error may be 0.
+    Each run is cut into parts; parts in which the joint moves count. Sorted by their accelerations
+    they make groups, whose errors are those that never fall and are nearest to the means of the
+    logarithms: isotonic regression, (19) of ``docs/math.md``. The error of a part is the geometric
+    mean over the models. The noise of the sensor is no error of the joint: its square is subtracted
+    from the squared error of each part, of which at least a tenth stays. Where only a tenth stays
+    the error may be 0.
 
     Args:
         runs: Consecutive rows, without gaps.
         noise: Standard deviation of the noise of the sensor [rad].
 
     Returns:
-        Pairs for no acceleration and for the largest of a part, and the 5 % and 95 % quantiles of
-        the error of a part over that on the line, further apart by what other motions scatter;
-        nothing is known from less than two parts.
+        Pairs for the groups, the last for the largest acceleration, and the 5 % and 95 % quantiles
+        of the error of a part over that between the pairs, further apart by what other motions
+        scatter; nothing is known from less than two parts.
     """
     every = np.reshape([part for run in runs for part in _parts(run)], (-1, 3))
     moving = every[:, 0] >= OPTIONS.at_rest * np.max(every[:, 0], initial=0.0)
-    sizes, errors = every[moving, 1:].T
-    hidden = noise**2 >= 0.9 * errors**2
-    errors = np.sqrt(np.maximum(errors**2 - noise**2, 0.1 * errors**2))
+    parts = every[moving]
+    sizes, errors = parts[np.argsort(parts[:, 1], kind="stable"), 1:].T
     if len(sizes) < 2 or not np.any(sizes) or not np.any(errors):
         return ErrorsOfMotion((), (0.0, math.inf))
-    from scipy.optimize import nnls
+    from scipy.optimize import isotonic_regression
 
-    basis = np.column_stack([np.ones_like(sizes), sizes])
-    weights = np.ones_like(sizes)
-    for _ in range(OPTIONS.rounds):
-        line, _ = nnls(basis * weights[:, np.newaxis], errors * weights)
-        fitted = basis @ line
-        weights = 1.0 / np.maximum(fitted, np.max(fitted) * np.sqrt(np.finfo(np.float64).eps))
-    largest = float(np.max(sizes))
-    ends = (0.0, _rounded(line[0])), (_rounded(largest), _rounded(line[0] + line[1] * largest))
-    low = float(np.quantile(np.where(hidden, 0.0, errors) * weights, 0.05))
-    high = float(np.quantile(errors * weights, 0.95))
+    hidden = noise**2 >= 0.9 * errors**2
+    errors = np.sqrt(np.maximum(errors**2 - noise**2, 0.1 * errors**2))
+    logarithms = np.log(np.maximum(errors, OPTIONS.least * np.max(errors)))
+    groups = np.array_split(np.arange(len(sizes)), min(OPTIONS.groups, len(sizes)))
+    means = [np.mean(logarithms[group]) for group in groups]
+    curve = isotonic_regression(means, weights=[len(group) for group in groups]).x
+    knots = np.append([np.mean(sizes[group]) for group in groups], sizes[-1])
+    told = np.exp(np.append(curve, curve[-1]))
+    shares = errors / np.interp(sizes, knots, told)
+    low = float(np.quantile(np.where(hidden, 0.0, shares), 0.05))
+    high = float(np.quantile(shares, 0.95))
     other = math.log(OPTIONS.other)
     if low > 0.0:
         low = math.exp(-math.hypot(min(math.log(low), 0.0), other))
     high = math.exp(math.hypot(max(math.log(high), 0.0), other))
-    return ErrorsOfMotion(ends, (_rounded(low), _rounded(high)))
+    level = np.diff(told) == 0.0
+    bends = ~np.append(False, level) | ~np.append(level, False)  # inside a level nothing bends
+    bends[[0, -1]] = True
+    pairs = zip(map(_rounded, knots[bends]), map(_rounded, told[bends]), strict=True)
+    return ErrorsOfMotion(tuple(pairs), (_rounded(low), _rounded(high)))
 
 
 def under_moving_requests(requests: Array, period: float) -> npt.NDArray[np.bool_]:

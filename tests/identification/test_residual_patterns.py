@@ -265,7 +265,7 @@ def test_rows_weigh_by_the_error_to_expect_of_their_acceleration():
     np.testing.assert_allclose(wider.weights, log.weights, rtol=1e-3)
     # Noise of the sensor hides what calm motion is missed by.
     (noisy,) = with_weights([uneven(8.0)], 4e-3)
-    assert np.median(noisy.weights[1300:]) == pytest.approx(0.5, rel=0.15)
+    assert np.median(noisy.weights[1300:]) == pytest.approx(0.5, rel=0.25)
     assert np.min(noisy.weights[:1100]) >= 0.9
     halved = replace(uneven(8.0), log=changed(uneven(8.0).log, weights=np.full(2400, 0.5)))
     (own,) = with_weights([halved], 1e-5)

@@ -157,7 +157,7 @@ def test_the_error_by_motion_is_that_of_rows_held_out():
         whole = replace(fit, held_out_predicted=beside, predicted=fit.log.angles - final)
         off = replace(found, fits=(whole,), noise=0.0)
         told = [error for _, error in off.tested.by_acceleration]
-        assert told == pytest.approx(2 * [np.sqrt(0.05 * final)], rel=1e-3)
+        assert told == pytest.approx(len(told) * [np.sqrt(0.05 * final)], rel=1e-3)
     none = np.zeros(len(beside), dtype=bool)
     alone = replace(found, fits=(replace(fit, held_out=none),), noise=0.0)
     assert max(error for _, error in alone.tested.by_acceleration) <= 2.0 * fit.rms

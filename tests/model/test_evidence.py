@@ -160,21 +160,35 @@ def test_what_is_not_known_is_not_exceeded_but_for_a_load():
     assert Evidence(0.01).exceeded(angles, period=period, cyclic=False, load=0.1) == ("load",)
 
 
-def test_errors_that_grow_with_the_acceleration_are_found_as_they_are():
-    """Sines whose error is 1 mrad and 2 mrad for each rad/s^2, in any order."""
-    runs, period, times = [], 0.02, 0.02 * np.arange(500)
-    for frequency in (0.1, 1.5, 0.5, 1.0):
+def grown(*, power):
+    """Sines of six frequencies, 1 mrad off, and by a power of the acceleration more."""
+    times, runs = 0.02 * np.arange(500), []
+    for frequency in (0.5, 2.0, 1.0, 3.0, 1.5, 2.5):
         angles = 0.3 * np.sin(2.0 * np.pi * frequency * times)
         size = 0.3 * (2.0 * np.pi * frequency) ** 2 / ROOT
-        errors = (0.001 + 0.002 * size) * np.where(np.arange(500) % 2, 1.0, -1.0)
-        runs.append(Run(angles, errors[np.newaxis], period))
-    ((none, floor), (largest, error)), spread = errors_of_motion(runs)
-    assert none == 0.0
-    # Parts of 2 s hold no whole number of slow cycles, so that their acceleration varies.
-    assert floor == pytest.approx(0.001, rel=0.2)
-    assert (error - floor) / largest == pytest.approx(0.002, rel=0.02)
+        errors = (0.001 + 0.01 * (size / 10.0) ** power) * np.where(np.arange(500) % 2, 1.0, -1.0)
+        runs.append(Run(angles, errors[np.newaxis], 0.02))
+    return runs
+
+
+@pytest.mark.parametrize("power", [1, 3])
+def test_errors_that_grow_with_the_acceleration_are_found_as_they_are(power):
+    """On a line, or on a curve, from motions in any order."""
+    runs = grown(power=power)
+    by_acceleration, spread = errors_of_motion(runs)
+    assert len(by_acceleration) == 7
+    seen = Evidence(0.01, by_acceleration=by_acceleration)
+    for run in runs:
+        told = seen.error_of(run.angles, period=run.period, cyclic=False)
+        assert told == pytest.approx(np.max(run.errors), rel=0.02)
     # All alike, so that only what other motions scatter is left.
-    assert np.log(spread) == pytest.approx(np.log([1.0 / 1.8, 1.8]), rel=0.05)
+    assert np.log(spread) == pytest.approx(np.log([1.0 / 1.8, 1.8]), rel=0.1)
+
+
+def test_an_error_that_falls_with_the_acceleration_is_told_as_the_same_for_all():
+    by_acceleration, _ = errors_of_motion(grown(power=-1))
+    (_, calm), (_, most) = by_acceleration
+    assert calm == most
 
 
 def test_the_noise_of_the_sensor_is_no_error_of_the_joint():
