@@ -104,11 +104,12 @@ def fit_joint(logs: Sequence[Log], timing: Timing, *, choose_tick: bool = False)
     return tuple(map(_without_saturation, again))
 
 
-def at_ticks(logs: Sequence[Log], fit: Fit, tick: float) -> Fit:
-    """The fit to logs with these ticks [s], begun at the joint that answers the same."""
+def refitted(logs: Sequence[Log], fit: Fit, *, tick: float | None = None) -> Fit:
+    """The fit to other logs, or ticks [s], begun at the joint that answers the same."""
     before, at = fit.grid, fit.parameters
+    tick = before.tick if tick is None else tick
     grid = resampled_like(before, logs, tick)
-    if tick == before.tick and len(grid.angles) == len(before.angles):
+    if tick == before.tick and np.array_equal(grid.weights, before.weights):
         return fit
     if tick != before.tick:
         inertia = at.time_constant > 0.0

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from planner.exceptions import InvalidInput
 from planner.identification.log import IMPOSSIBLE, Log, pieces_of
 from planner.model.joint import MOST_HOLD, MOST_TERMS
-from planner.trajectory import Array, Indices, Mask
+from planner.trajectory import Array, Indices, Mask, rms
 from planner.validation import as_number, as_whole, shown
 
 if TYPE_CHECKING:
@@ -269,6 +269,13 @@ class Grid:
         """Difference between the largest and the least of requests and angles [rad]."""
         both = np.concatenate([self.requests, self.angles])
         return float(np.ptp(both)) or 1.0 if len(both) else 1.0
+
+    @cached_property
+    def signal(self) -> float:
+        """Standard deviation of the angles about their mean in each run [rad]."""
+        runs = len(self.starts)
+        means = np.bincount(self.run, self.angles, runs) / np.bincount(self.run, minlength=runs)
+        return rms(self.angles - means[self.run])
 
     def speed_exceeded_by(self, share: float) -> float:
         """Speed of the angles over five rows [rad/s] that this share of the rows exceeds."""

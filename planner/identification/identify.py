@@ -11,13 +11,13 @@ import numpy as np
 
 from planner.exceptions import InvalidInput
 from planner.identification.fit import (
-    at_ticks,
     commanded_speed,
     errors_of,
     fit_joint,
     moving,
     never_saturating,
     peak_command,
+    refitted,
     simple_fits,
     starts_of,
     with_even_rows,
@@ -25,7 +25,6 @@ from planner.identification.fit import (
     with_speed_of,
 )
 from planner.identification.grid import (
-    Grid,
     Timing,
     fine_hold,
     measured_speed,
@@ -35,6 +34,7 @@ from planner.identification.grid import (
     timing_of,
 )
 from planner.identification.intervals import (
+    Uncertainty,
     all_intervals,
     correlations_of,
     covariance_of,
@@ -51,7 +51,7 @@ from planner.identification.judgement import (
     verdict_on,
 )
 from planner.identification.least_squares import Fit, better, least_squares, respond, sound_rms
-from planner.identification.log import Log, as_logs, check_periods, unwrapped
+from planner.identification.log import Log, as_logs, check_alike, check_periods, unwrapped
 from planner.identification.parameters import only
 from planner.identification.residual_patterns import (
     Contact,
@@ -148,218 +148,35 @@ def identify(
         >>> found.accepted, round(found.model.lag, 3)
         (True, 0.032)
     """
-    hold_out = as_flag("hold_out", hold_out)
+    hold_out, choose_tick = as_flag("hold_out", hold_out), tick is None and hold is None
     logs = as_logs(logs)
-    _check_alike(logs)
+    check_alike(logs)
     check_periods(logs)
     logs, jumps = zip(*map(unwrapped, logs), strict=True)
     free, stuck_rows = _without_stuck(logs)
-    free, timing, candidates, evenly_timed = _fitted(free, tick=tick, hold=hold)
-    every = [replace(log, torque_on=whole.torque_on) for log, whole in zip(free, logs, strict=True)]
-    joints, logs = _with_terms(candidates), free
-    logs, held_rows = _without_contact(logs, _on_all(logs, joints[0].fit))
-    if held_rows:
-        choose_tick = tick is None and hold is None
-        joints = _with_terms(fit_joint(logs, timing, choose_tick=choose_tick))
-    plain, full = _with_motor(logs, joints)
-    timing = timing.ticking(full.fit.grid.tick)
-    logs, stopped = _without_stops(logs, full.fit)
-    if stopped:
-        held_rows += stopped
-        plain, full = _with_motor(logs, _with_terms(fit_joint(logs, timing)))
-    elif has_large_sag(full.fit):  # it may imitate a stop: the joint that misses less is kept
-        free_logs, stopped = _without_stops(logs, plain.fit)
-        rivals = plain, full
-        if stopped:
-            rivals = _with_motor(free_logs, _with_terms(fit_joint(free_logs, timing)))
-        if _missed(rivals[1].fit) < _missed(full.fit):
-            logs, held_rows, (plain, full) = free_logs, held_rows + stopped, rivals
-    weighed = with_weights(_log_fits(logs, full.fit, None), noise_of(full.fit))
-    if weighed is not None:
-        logs = weighed
-        every = [replace(log, weights=each.weights) for log, each in zip(every, logs, strict=True)]
-        anew = _with_motor(logs, _with_terms(fit_joint(logs, timing)))
-        again = _refitted(logs, plain, full)
-        plain, full = again if better(anew[1].fit, again[1].fit) else anew
-    motor = full.fit is not plain.fit
-    if motor and hold_out:
-        rivals = plain, full
-        parts = [
-            held_out(logs, timing, each.fit, motor=each is full, parts=ALIKE_PARTS)
-            for each in rivals
-        ]
-        if parts[0] and parts[1]:  # what is fitted and what is not count alike, as in the error
-            bare, more = (
-                rms(each.fit.weighted) * rms(_weighted(held, each.fit.grid))
-                for held, each in zip(parts, rivals, strict=True)
-                if held
-            )
-            motor = more <= bare
-    fit, terms = full if motor else plain
-    coarse, rows = timing, fit.grid  # with the ticks on which the terms are sought
-    longer: tuple[Fit, Fit] | None = None  # fits with longer and shorter ticks
-    if tick is None and hold is None:
-        finer = fine_hold(timing.period, fit.parameters.acceleration_time)
-        fine, found = at_ticks(logs, fit, timing.period / finer), terms
-        if motor and fine.cost > (1.0 + LOST) * fit.cost:
-            fine, found = with_motor(fine, terms)
-        if timing.hold > 1 or not _by_rows(fit, fine):
-            timing, fit, terms = timing.ticking(fine.grid.tick), fine, found
-            longer = at_ticks(logs, fine, 2.0 * timing.tick), fine
-    fit = with_observed_speed(with_calm_friction(logs, fit))
-    uncertainty = uncertainty_of(fit)
-    bounds = intervals_of(fit, uncertainty)
-    outside = [measured_speed(log, ~used) for log, used in zip(every, fit.grid.places, strict=True)]
-    seen = max(outside)
-    faster = bounds["v_max"].upper == math.inf and seen > bounds["v_max"].lower
-    refuted = _refuted(every, outside, fit, bounds["v_max"].upper)
-    if refuted:
-        faster, (seen, _) = True, refuted
-    if faster:  # in rows that are not fitted
-        if seen > fit.parameters.v_max:
-            fit = with_speed_of(fit, seen)
-        bounds["v_max"] = Interval(max(seen, bounds["v_max"].lower), math.inf)
-    # By how much the dead band may be larger than that of the model [rad].
-    frictions = [term.interval.upper for term in terms if term.name == "dead_band"]
-    friction = max(frictions, default=0.0) - fit.parameters.dead_band
-    if friction == math.inf:  # or it is a sag
-        bounds["offset"] = Interval(-math.inf, math.inf)
-    held = (
-        held_out(logs, coarse, fit, faster=refuted is not None, motor=motor) if hold_out else None
-    )
-    some = thinned(logs)
-    simple = simple_fits(resampled_like(rows, some, rows.tick))
-    errors = {other.name: rms(errors_of(other, rows, fit.starts)) for other in simple}
-    signal, noise = _signal(fit), noise_of(fit)
-    alike = resampled_like(fit.grid, some, fit.grid.tick)
-    model = fit.parameters.model(tick=timing.tick, hold=timing.hold)
-    fits = _log_fits(every, fit, held)
-    intervals = all_intervals(fit, bounds, uncertainty)
-    if longer:
-        intervals = over_ticks(intervals, *longer)
-    unit = logs[0].unit
-    verdict, reason, notes = verdict_on(
-        fit,
-        intervals,
-        uncertainty,
-        held,
-        errors,
-        against=opposite_sign(alike),
-        exchanged=exchanged_columns(alike),
-        signal=signal,
-        tested=held is not None or not hold_out,
-        friction=friction,
-        shaken=shaken(model, fits),
-        unit=unit,
-    )
-    gain = intervals.pop("gain")
-    if reason.topic != "motion":  # else nothing in the log is of the joint
-        notes += [*notes_on(every, timing, jumps), *stuck_rows, *held_rows]
-        if refuted:
-            notes.append(refuted[1])
-        elif faster:  # in logs whose rows are not all fitted
-            for each, speed in zip(fits, outside, strict=True):
-                left_out = ", ".join(f"{count} {why}" for why, count in each.left_out.items())
-                if speed == seen:
-                    words = (
-                        f"{each.log.name}: the joint moves at up to {angle_in(unit, seen, '/s')}, "
-                        f"its least top speed, also in rows that are not fitted: {left_out}"
-                    )
-                    notes.append(Finding("log", words))
-        if evenly_timed:
-            words = "the times of the rows jitter: rows every "
-            words += f"{1e3 * timing.period:.3g} ms fit better, and are taken"
-            notes.append(Finding("log", words))
-        if hold_out and held is None:
-            words = "nothing was held out: the first half of the log holds no motion to fit"
-            notes.append(Finding("log", words))
-        notes += patterns(model, fits, noise, backlash_of(fit))
-    return Identification(
-        model=model,
-        fits=fits,
-        rms=fit.rms,
-        held_out_rms=None if held is None else held.rms,
-        noise=noise,
-        unexplained=math.sqrt(max(fit.scale**2 - noise**2, 0.0)),
-        fastest=fit.grid.fastest,
-        heaviest=float(np.max(np.abs(fit.grid.loads), initial=0.0)),
-        signal=signal,
-        intervals=intervals,
-        gain_interval=gain,
-        covariance=covariance_of(fit, bounds, uncertainty),
-        correlations=correlations_of(fit, uncertainty),
-        alternatives=tuple(
-            Alternative(
-                name=name,
-                rms=errors[name],
-                held_out_rms=None if held is None else held.alternatives[name],
-                parameters=known,
-            )
-            for name, known, _ in simple
-        ),
-        findings=tuple(notes),
-        verdict=verdict,
-        reason=reason.words,
-        terms=tuple(
-            replace(term, interval=intervals[term.name]) if term.kept else term for term in terms
-        ),
-    )
-
-
-def _by_rows(whole: Fit, fine: Fit) -> bool:
-    """Whether a joint is taken to move by ticks of a row, and not by shorter ones.
-
-    Without inertia, and with rows as far apart as the ticks of the paper's robot, it is so unless
-    the log tells otherwise; else the log has to tell.
-    """
-    inertia = whole.parameters.time_constant > 0.0
-    if not inertia and abs(whole.grid.tick - PAPER_TICK) <= 1e-3 * PAPER_TICK:
-        return not better(whole, fine)
-    return pays(fine, whole)
-
-
-def _refuted(
-    logs: Sequence[Log], speeds: Sequence[float], fit: Fit, upper: float
-) -> tuple[float, Finding] | None:
-    """The speed of rows that are not fitted [rad/s], where those that are fitted exclude it.
-
-    Args:
-        logs: The logs.
-        speeds: The highest speed of each in rows that are not fitted [rad/s].
-        fit: The fit.
-        upper: Upper end of the interval of the top speed by the rows that are fitted [rad/s].
-    """
-    if upper == math.inf:
-        return None
-    model = fit.parameters.model(tick=fit.grid.tick, hold=1)
-    limits = model.speed_limits(fit.grid.heaviest * np.array([-1.0, 0.0, 1.0]))
-    most = float(np.max(np.abs(limits))) + model.v_max / model.theta_0 * model.most_pose_sag
-    most *= upper / fit.parameters.v_max
-    log, speed = max(zip(logs, speeds, strict=True), key=lambda each: each[1])
-    if speed - SPEED_NOISE * noise_of(fit) <= most:
-        return None
-    fast, bound = (angle_in(log.unit, each, "/s") for each in (speed, most))
-    words = (
-        f"{log.name}: the joint moves at up to {fast} in rows that are not fitted, and "
-        f"those that are bound its top speed at {bound}: a limit in the servo was changed, "
-        "or something pushed the joint; v_max is the measured speed; record anew with one limit, "
-        "or leave out the rows in which it was pushed"
-    )
-    return speed, Finding("log", words)
-
-
-def _fitted(
-    logs: Sequence[Log], *, tick: float | None, hold: int | None
-) -> tuple[Sequence[Log], Timing, tuple[Fit, ...], bool]:
-    """The logs, on even times where these fit better, their ticks, and the fits to them."""
-    choose_tick = tick is None and hold is None
-    timing = timing_of(logs, tick=tick, hold=hold)
-    fits = fit_joint(logs, timing, choose_tick=choose_tick)
-    even = with_even_rows(logs, timing, fits[-1])
-    if even is not None:
-        logs, timing = even, timing_of(even, tick=tick, hold=hold)
-        fits = fit_joint(logs, timing, choose_tick=choose_tick)
-    return logs, timing, fits, even is not None
+    free, timing, fits, evenly_timed = _fitted(free, tick=tick, hold=hold)
+    joints = [*map(_with_terms, fits)]
+    free, touched = _without_contact(free, refitted(free, joints[0].fit))
+    if touched:
+        joints = [*map(_with_terms, fit_joint(free, timing, choose_tick=choose_tick))]
+    search, stopped = _without_stops(_with_motor(free, timing, joints))
+    search = _weighed(search)
+    if search.motor and hold_out:
+        search = _with_proven_motor(search)
+    fine = _with_shorter_ticks(search) if choose_tick else search
+    pairs = zip(search.logs, logs, strict=True)
+    every = [replace(log, torque_on=whole.torque_on) for log, whole in pairs]
+    found = _bounded(every, fine)
+    held = _held_out(search, found.fit, faster=found.refuted) if hold_out else None
+    notes = [*notes_on(every, timing, jumps), *stuck_rows, *touched, *stopped, *found.notes]
+    if evenly_timed:
+        words = "the times of the rows jitter: rows every "
+        words += f"{1e3 * timing.period:.3g} ms fit better, and are taken"
+        notes.append(Finding("log", words))
+    if hold_out and held is None:
+        words = "nothing was held out: the first half of the log holds no motion to fit"
+        notes.append(Finding("log", words))
+    return _answer(search, fine, every, found, held, notes, hold_out=hold_out)
 
 
 class _Fitted(NamedTuple):
@@ -369,76 +186,38 @@ class _Fitted(NamedTuple):
     terms: tuple[Term, ...]
 
 
-def _with_terms(fits: Sequence[Fit]) -> list[_Fitted]:
-    return [_with_terms_of_either(fit) for fit in fits]
+class _Search(NamedTuple):
+    """The joint at a stage of the search.
 
-
-def _with_terms_of_either(fit: Fit) -> _Fitted:
-    """The fit with its terms, or that of a joint which never saturates, where that is better."""
-    found = _Fitted(*with_terms(fit))
-    unlimited = never_saturating(found.fit)
-    if unlimited is not None and unlimited.cost < MAYBE_UNLIMITED * found.fit.cost:
-        other, terms = with_terms(unlimited, found.terms)
-        if better(found.fit, other):
-            return _Fitted(replace(other, free=other.free | only("v_max")), terms)
-    return found
-
-
-def _with_motor(logs: Sequence[Log], plain: Sequence[_Fitted]) -> tuple[_Fitted, _Fitted]:
-    """The fit to all rows with the better ticks, without and with the terms of a motor."""
-    full = [_Fitted(*with_motor(*each)) for each in plain]
-    k = 1 if len(full) > 1 and better(full[0].fit, full[1].fit) else 0
-    bare = plain[k]._replace(fit=_on_all(logs, plain[k].fit))
-    motor = full[k].fit is not plain[k].fit
-    return bare, full[k]._replace(fit=_on_all(logs, full[k].fit) if motor else bare.fit)
-
-
-def _on_all(logs: Sequence[Log], fit: Fit) -> Fit:
-    """The fit to all rows of the logs, begun at one to some of them."""
-    return at_ticks(logs, fit, fit.grid.tick)
-
-
-def _refitted(logs: Sequence[Log], plain: _Fitted, full: _Fitted) -> tuple[_Fitted, _Fitted]:
-    """The same joints, fitted to logs with other weights."""
-    bare = plain._replace(fit=_again(logs, plain.fit))
-    motor = full.fit is not plain.fit
-    return bare, full._replace(fit=_again(logs, full.fit) if motor else bare.fit)
-
-
-def _again(logs: Sequence[Log], fit: Fit) -> Fit:
-    grid = resampled_like(fit.grid, logs, fit.grid.tick)
-    return least_squares(grid, fit.parameters, free=fit.free, starts=fit.starts)
-
-
-def _left_without(log: Log, parts: Sequence[Indices], *, of: Log) -> Log | None:
-    """The log with these rows as if without torque; None where few rows of a log would be left."""
-    free = log.torque_on.copy()
-    for rows in parts:
-        free[rows] = False
-    few = np.sum(free) < MOSTLY_FREE * np.sum(of.torque_on)
-    return None if few else replace(log, torque_on=free)
-
-
-def _without_contact(logs: Sequence[Log], fit: Fit) -> tuple[Sequence[Log], list[Finding]]:
-    """The logs, rows in which something touches the joint as if without torque; and notes.
-
-    With these rows the fit is between what touches the joint and what does not, so that without
-    them more may be found.
+    Attributes:
+        logs: The logs; rows in which something holds the joint are as if without torque.
+        timing: Ticks of the joint.
+        plain: The joint without the terms of a motor.
+        joint: The joint with them where they reduce the loss, else the same.
     """
-    grid, free = fit.grid, list(logs)
-    touched: dict[int, list[Contact]] = {}
-    for _ in range(CONTACT_ROUNDS):
-        found = contacts(_log_fits(free, fit, None), noise_of(fit))
-        for k, contact in found.items():
-            rest = _left_without(free[k], [contact.rows], of=logs[k])
-            if rest is not None:
-                free[k] = rest
-                touched.setdefault(k, []).append(contact)
-        if not found:
-            break
-        fit = least_squares(resampled_like(grid, free, grid.tick), fit.parameters, free=fit.free)
-    notes = [joined(touched[k]).finding(logs[k], LEFT_OUT) for k in sorted(touched)]
-    return tuple(free), notes
+
+    logs: Sequence[Log]
+    timing: Timing
+    plain: _Fitted
+    joint: _Fitted
+
+    @property
+    def motor(self) -> bool:
+        """Whether the joint has the terms of a motor."""
+        return self.joint.fit is not self.plain.fit
+
+
+class _Bounded(NamedTuple):
+    """The joint with its intervals, and findings on its speed in rows that are not fitted.
+
+    These rows refute the fit where they are faster than the rows that are fitted allow.
+    """
+
+    fit: Fit
+    uncertainty: Uncertainty
+    bounds: dict[str, Interval]
+    refuted: bool
+    notes: list[Finding]
 
 
 def _without_stuck(logs: Sequence[Log]) -> tuple[Sequence[Log], list[Finding]]:
@@ -463,7 +242,91 @@ def _without_stuck(logs: Sequence[Log]) -> tuple[Sequence[Log], list[Finding]]:
     return tuple(free_logs), notes
 
 
-def _without_stops(logs: Sequence[Log], fit: Fit) -> tuple[Sequence[Log], list[Finding]]:
+def _left_without(log: Log, parts: Sequence[Indices], *, of: Log) -> Log | None:
+    """The log with these rows as if without torque; None where few rows of a log would be left."""
+    free = log.torque_on.copy()
+    for rows in parts:
+        free[rows] = False
+    few = np.sum(free) < MOSTLY_FREE * np.sum(of.torque_on)
+    return None if few else replace(log, torque_on=free)
+
+
+def _fitted(
+    logs: Sequence[Log], *, tick: float | None, hold: int | None
+) -> tuple[Sequence[Log], Timing, tuple[Fit, ...], bool]:
+    """The logs, on even times where these fit better, their ticks, and the fits to them."""
+    choose_tick = tick is None and hold is None
+    timing = timing_of(logs, tick=tick, hold=hold)
+    fits = fit_joint(logs, timing, choose_tick=choose_tick)
+    even = with_even_rows(logs, timing, fits[-1])
+    if even is not None:
+        logs, timing = even, timing_of(even, tick=tick, hold=hold)
+        fits = fit_joint(logs, timing, choose_tick=choose_tick)
+    return logs, timing, fits, even is not None
+
+
+def _with_terms(fit: Fit) -> _Fitted:
+    """The fit with its terms, or that of a joint which never saturates, where that is better."""
+    found = _Fitted(*with_terms(fit))
+    unlimited = never_saturating(found.fit)
+    if unlimited is not None and unlimited.cost < MAYBE_UNLIMITED * found.fit.cost:
+        other, terms = with_terms(unlimited, found.terms)
+        if better(found.fit, other):
+            return _Fitted(replace(other, free=other.free | only("v_max")), terms)
+    return found
+
+
+def _without_contact(logs: Sequence[Log], fit: Fit) -> tuple[Sequence[Log], list[Finding]]:
+    """The logs, rows in which something touches the joint as if without torque; and notes.
+
+    With these rows the fit is between what touches the joint and what does not, so that without
+    them more may be found.
+    """
+    grid, free = fit.grid, list(logs)
+    touched: dict[int, list[Contact]] = {}
+    for _ in range(CONTACT_ROUNDS):
+        found = contacts(_log_fits(free, fit, None), noise_of(fit))
+        for k, contact in found.items():
+            rest = _left_without(free[k], [contact.rows], of=logs[k])
+            if rest is not None:
+                free[k] = rest
+                touched.setdefault(k, []).append(contact)
+        if not found:
+            break
+        fit = least_squares(resampled_like(grid, free, grid.tick), fit.parameters, free=fit.free)
+    notes = [joined(touched[k]).finding(logs[k], LEFT_OUT) for k in sorted(touched)]
+    return tuple(free), notes
+
+
+def _with_motor(logs: Sequence[Log], timing: Timing, plain: Sequence[_Fitted]) -> _Search:
+    """The joint fitted to all rows with the better ticks, with the terms of a motor if they pay."""
+    full = [_Fitted(*with_motor(*each)) for each in plain]
+    k = 1 if len(full) > 1 and better(full[0].fit, full[1].fit) else 0
+    bare = joint = plain[k]._replace(fit=refitted(logs, plain[k].fit))
+    if full[k].fit is not plain[k].fit:
+        joint = full[k]._replace(fit=refitted(logs, full[k].fit))
+    return _Search(logs, timing.ticking(joint.fit.grid.tick), bare, joint)
+
+
+def _without_stops(search: _Search) -> tuple[_Search, list[Finding]]:
+    """The joint without the rows at a mechanical stop; and notes on these.
+
+    A large sag may imitate a stop: there the joint that misses less is kept.
+    """
+    logs, stopped = _left_out_at_stops(search.logs, search.joint.fit)
+    if stopped:
+        return _searched(logs, search.timing), stopped
+    if has_large_sag(search.joint.fit):
+        logs, stopped = _left_out_at_stops(search.logs, search.plain.fit)
+        if stopped:
+            rival = _searched(logs, search.timing)
+            missed = [each.joint.fit.rms / each.joint.fit.grid.signal for each in (search, rival)]
+            if missed[1] < missed[0]:
+                return rival, stopped
+    return search, []
+
+
+def _left_out_at_stops(logs: Sequence[Log], fit: Fit) -> tuple[Sequence[Log], list[Finding]]:
     """The logs, rows at a mechanical stop as if without torque; and notes on these.
 
     Where most rows of a log would go they stay: then something else holds the joint.
@@ -478,27 +341,246 @@ def _without_stops(logs: Sequence[Log], fit: Fit) -> tuple[Sequence[Log], list[F
     return tuple(free_logs), notes
 
 
-def _check_alike(logs: Sequence[Log]) -> None:
-    for name in ("unit", "joint"):
-        found = sorted({getattr(log, name) for log in logs})
-        if len(found) > 1:
-            raise InvalidInput(
-                f"logs: got {name}s {', '.join(map(repr, found))}, expected logs of one joint in "
-                "one unit: identify each joint by itself"
+def _searched(logs: Sequence[Log], timing: Timing) -> _Search:
+    """The joint of these logs, with known ticks."""
+    return _with_motor(logs, timing, [*map(_with_terms, fit_joint(logs, timing))])
+
+
+def _weighed(search: _Search) -> _Search:
+    """The joint fitted to rows that are weighed by the error to expect of them, where it matters.
+
+    It is sought again, and the better of the joint found so and the same one refitted is kept.
+    """
+    fit = search.joint.fit
+    logs = with_weights(_log_fits(search.logs, fit, None), noise_of(fit))
+    if logs is None:
+        return search
+    anew = _searched(logs, search.timing)
+    plain = joint = search.plain._replace(fit=refitted(logs, search.plain.fit))
+    if search.motor:
+        joint = search.joint._replace(fit=refitted(logs, fit))
+    again = search._replace(logs=logs, plain=plain, joint=joint)
+    return again if better(anew.joint.fit, again.joint.fit) else anew
+
+
+def _with_proven_motor(search: _Search) -> _Search:
+    """The joint without the terms of a motor where these predict parts of the logs worse."""
+    plain, errors = search._replace(joint=search.plain), []
+    for each in (plain, search):
+        fit = each.joint.fit
+        held = _held_out(each, fit, parts=ALIKE_PARTS)
+        if held is None:
+            return search
+        weighted = fit.grid.weights[held.rows] * (held.predicted - fit.grid.angles[held.rows])
+        # What is fitted and what is not count alike, as in the error.
+        errors.append(rms(fit.weighted) * rms(weighted))
+    return search if errors[1] <= errors[0] else plain
+
+
+def _with_shorter_ticks(search: _Search) -> _Search:
+    """The joint with ticks of about 1 ms; the same one where it moves by ticks of a row.
+
+    A joint without inertia whose rows are as far apart as the ticks of the paper's robot moves by
+    these unless the log tells otherwise; of any other the log has to tell.
+    """
+    logs, timing, _, (fit, terms) = search
+    tick = timing.period / fine_hold(timing.period, fit.parameters.acceleration_time)
+    fine = refitted(logs, fit, tick=tick)
+    if search.motor and fine.cost > (1.0 + LOST) * fit.cost:
+        fine, terms = with_motor(fine, terms)
+    paper = abs(fit.grid.tick - PAPER_TICK) <= 1e-3 * PAPER_TICK
+    likely = paper and fit.parameters.time_constant <= 0.0
+    if timing.hold == 1 and (not better(fit, fine) if likely else pays(fine, fit)):
+        return search
+    return search._replace(timing=timing.ticking(fine.grid.tick), joint=_Fitted(fine, terms))
+
+
+def _bounded(logs: Sequence[Log], search: _Search) -> _Bounded:
+    """The joint with its intervals; its top speed is at least that of all rows of the logs."""
+    fit = with_observed_speed(with_calm_friction(search.logs, search.joint.fit))
+    uncertainty = uncertainty_of(fit)
+    bounds, notes = intervals_of(fit, uncertainty), []
+    lower, upper = bounds["v_max"]
+    outside = [measured_speed(log, ~used) for log, used in zip(logs, fit.grid.places, strict=True)]
+    seen, most = max(outside), _largest_speed(fit, upper) if upper < math.inf else math.inf
+    refuted, fast = seen - SPEED_NOISE * noise_of(fit) > most, angle_in(logs[0].unit, seen, "/s")
+    if refuted:
+        words = (
+            f"{logs[outside.index(seen)].name}: the joint moves at up to {fast} in rows that are "
+            "not fitted, and those that are bound its top speed at "
+            f"{angle_in(logs[0].unit, most, '/s')}: a limit in the servo was changed, or something "
+            "pushed the joint; v_max is the measured speed; record anew with one limit, or leave "
+            "out the rows in which it was pushed"
+        )
+        notes.append(Finding("log", words))
+    elif upper == math.inf and seen > lower:
+        for each, speed in zip(_log_fits(logs, fit, None), outside, strict=True):
+            left_out = ", ".join(f"{count} {why}" for why, count in each.left_out.items())
+            if speed == seen:
+                words = f"{each.log.name}: the joint moves at up to {fast}, its least top speed, "
+                words += f"also in rows that are not fitted: {left_out}"
+                notes.append(Finding("log", words))
+    if notes:
+        bounds["v_max"] = Interval(max(seen, lower), math.inf)
+        if seen > fit.parameters.v_max:
+            fit = with_speed_of(fit, seen)
+    return _Bounded(fit, uncertainty, bounds, refuted, notes)
+
+
+def _largest_speed(fit: Fit, v_max: float) -> float:
+    """The highest speed of the joint of a fit with another top speed [rad/s], in any load."""
+    model = fit.parameters.model(tick=fit.grid.tick, hold=1)
+    limits = model.speed_limits(fit.grid.heaviest * np.array([-1.0, 0.0, 1.0]))
+    most = float(np.max(np.abs(limits))) + model.v_max / model.theta_0 * model.most_pose_sag
+    return most * (v_max / fit.parameters.v_max)
+
+
+def _held_out(
+    search: _Search, whole: Fit, *, faster: bool = False, parts: int = 2
+) -> HeldOut | None:
+    """Fit every second part of each log, predict the others; None where they hold nothing to fit.
+
+    Of long parts some stretches are fitted; all rows of the others are predicted.
+
+    A top speed that the parts do not bound, and the others may exceed, cannot be predicted from
+    them: there that of the fit to all rows is taken, the other parameters are fitted beside it, and
+    tested.
+
+    Args:
+        search: The joint with the ticks on which its terms were sought, and whether it is a motor.
+        whole: The fit to all rows that are used in the end.
+        faster: Whether its top speed is that of rows that are not fitted; then it is taken, too.
+        parts: Into how many parts each log is divided; the first is fitted.
+    """
+    logs, timing, grid = search.logs, search.timing, whole.grid
+    out = [_every_second(log, parts) for log in logs]
+    pairs = zip(logs, out, strict=True)
+    known = thinned([replace(log, torque_on=log.torque_on & ~held) for log, held in pairs])
+    try:
+        fit, terms = _with_terms(fit_joint(known, timing)[0])
+        if search.motor:
+            fit, _ = with_motor(fit, terms)
+        fit = refitted(known, fit, tick=grid.tick)
+        likewise = refitted(known, whole, tick=grid.tick)
+        if fit.cost > (1.0 + LOST) * likewise.cost:
+            fit = likewise
+    except InvalidInput:
+        return None
+    rows = np.concatenate([o[used] for o, used in zip(out, grid.places, strict=True)])
+    if not rows.any():
+        return None
+    shown = peak_command(fit)
+    fit = with_observed_speed(fit)
+    response = respond(grid, fit.parameters, starts_of(grid, fit))
+    beyond = commanded_speed(fit.parameters, response) > 1.1 * shown and not speed_bounded(fit)
+    if beyond or faster:
+        speed = whole.parameters.v_max
+        if not (faster or speed_bounded(whole)):  # what all rows call for is its least one
+            speed = max(speed, shown)
+        fit = with_speed_of(fit, speed)
+        response = respond(grid, fit.parameters, starts_of(grid, fit))
+    predicted = response.predicted[rows]
+    fitted = resampled(known, tick=timing.tick, reach=timing.reach, burn_in=0.0)
+    simple = simple_fits(moving(fitted))
+    every = resampled_like(grid, logs, timing.tick)
+    first = every.measured_starts
+    others = {other.name: rms(errors_of(other, every, first)[rows]) for other in simple}
+    errors = predicted - grid.angles[rows]
+    return HeldOut(
+        rows=rows,
+        predicted=predicted,
+        rms=rms(errors),
+        sound_rms=sound_rms(errors),
+        alternatives=others,
+        beyond=beyond,
+    )
+
+
+def _every_second(log: Log, parts: int) -> Mask:
+    """Rows in the second of so many parts, the fourth ..., each with as many rows with torque."""
+    before: Array = np.cumsum(log.torque_on) - log.torque_on
+    part = before * parts // max(1, int(np.sum(log.torque_on)))
+    return np.asarray(part % 2 == 1)
+
+
+def _answer(
+    search: _Search,
+    fine: _Search,
+    every: Sequence[Log],
+    found: _Bounded,
+    held: HeldOut | None,
+    notes: list[Finding],
+    *,
+    hold_out: bool,
+) -> Identification:
+    """The identified joint with its verdict and findings, those on its logs among them.
+
+    The terms were sought on the ticks of ``search``, the model has those of ``fine``.
+    """
+    fit, uncertainty, bounds = found.fit, found.uncertainty, found.bounds
+    frictions = [term.interval.upper for term in fine.joint.terms if term.name == "dead_band"]
+    friction = max(frictions, default=0.0) - fit.parameters.dead_band
+    if friction == math.inf:  # or it is a sag
+        bounds["offset"] = Interval(-math.inf, math.inf)
+    some, rows = thinned(search.logs), search.joint.fit.grid
+    simple = simple_fits(resampled_like(rows, some, rows.tick))
+    errors = {other.name: rms(errors_of(other, rows, fit.starts)) for other in simple}
+    signal, noise = fit.grid.signal, noise_of(fit)
+    alike = resampled_like(fit.grid, some, fit.grid.tick)
+    model = fit.parameters.model(tick=fine.timing.tick, hold=fine.timing.hold)
+    fits = _log_fits(every, fit, held)
+    intervals = all_intervals(fit, bounds, uncertainty)
+    if fine is not search:
+        longer = refitted(fine.logs, fine.joint.fit, tick=2.0 * fine.timing.tick)
+        intervals = over_ticks(intervals, longer, fine.joint.fit)
+    verdict, reason, findings = verdict_on(
+        fit,
+        intervals,
+        uncertainty,
+        held,
+        errors,
+        against=opposite_sign(alike),
+        exchanged=exchanged_columns(alike),
+        signal=signal,
+        tested=held is not None or not hold_out,
+        friction=friction,
+        shaken=shaken(model, fits),
+        unit=every[0].unit,
+    )
+    gain = intervals.pop("gain")
+    if reason.topic != "motion":  # else nothing in the log is of the joint
+        findings += [*notes, *patterns(model, fits, noise, backlash_of(fit))]
+    return Identification(
+        model=model,
+        fits=fits,
+        rms=fit.rms,
+        held_out_rms=None if held is None else held.rms,
+        noise=noise,
+        unexplained=math.sqrt(max(fit.scale**2 - noise**2, 0.0)),
+        fastest=fit.grid.fastest,
+        heaviest=float(np.max(np.abs(fit.grid.loads), initial=0.0)),
+        signal=signal,
+        intervals=intervals,
+        gain_interval=gain,
+        covariance=covariance_of(fit, bounds, uncertainty),
+        correlations=correlations_of(fit, uncertainty),
+        alternatives=tuple(
+            Alternative(
+                name=name,
+                rms=errors[name],
+                held_out_rms=None if held is None else held.alternatives[name],
+                parameters=known,
             )
-
-
-def _missed(fit: Fit) -> float:
-    """Share of the motion that a fit misses [-]."""
-    return fit.rms / _signal(fit)
-
-
-def _signal(fit: Fit) -> float:
-    """Standard deviation of the actual angles about their mean in each run [rad]."""
-    grid = fit.grid
-    runs = len(grid.starts)
-    means = np.bincount(grid.run, grid.angles, runs) / np.bincount(grid.run, minlength=runs)
-    return rms(grid.angles - means[grid.run])
+            for name, known, _ in simple
+        ),
+        findings=tuple(findings),
+        verdict=verdict,
+        reason=reason.words,
+        terms=tuple(
+            replace(term, interval=intervals[term.name]) if term.kept else term
+            for term in fine.joint.terms
+        ),
+    )
 
 
 def _log_fits(logs: Sequence[Log], fit: Fit, held: HeldOut | None) -> tuple[LogFit, ...]:
@@ -529,90 +611,3 @@ def _log_fits(logs: Sequence[Log], fit: Fit, held: HeldOut | None) -> tuple[LogF
         )
         for log, used, predicted, out, out_predicted, weights, residuals in columns
     )
-
-
-def held_out(
-    logs: Sequence[Log],
-    timing: Timing,
-    whole: Fit,
-    *,
-    faster: bool = False,
-    motor: bool = True,
-    parts: int = 2,
-) -> HeldOut | None:
-    """Fit every second part of each log, predict the others; None where they hold nothing to fit.
-
-    Of long parts some stretches are fitted; all rows of the others are predicted.
-
-    A top speed that the parts do not bound, and the others may exceed, cannot be predicted from
-    them: there that of the fit to all rows is taken, the other parameters are fitted beside it, and
-    tested.
-
-    Args:
-        logs: The logs.
-        timing: Ticks on which the terms of the joint are sought.
-        whole: The fit to all rows that are used in the end.
-        faster: Whether its top speed is that of rows that are not fitted; then it is taken, too.
-        motor: Whether the terms of a motor are sought together, too.
-        parts: Into how many parts each log is divided; the first is fitted.
-    """
-    grid = whole.grid
-    out = [_every_second(log, parts) for log in logs]
-    known = thinned(
-        [replace(log, torque_on=log.torque_on & ~o) for log, o in zip(logs, out, strict=True)]
-    )
-    try:
-        (one,) = _with_terms(fit_joint(known, timing))
-        fit, terms = one
-        fit, _ = with_motor(fit, terms) if motor else (fit, terms)
-        fit = at_ticks(known, fit, grid.tick)
-        likewise = at_ticks(known, whole, grid.tick)
-        if fit.cost > (1.0 + LOST) * likewise.cost:
-            fit = likewise
-    except InvalidInput:
-        return None
-    rows = np.concatenate([o[used] for o, used in zip(out, grid.places, strict=True)])
-    if not rows.any():
-        return None
-    shown = peak_command(fit)
-    fit = with_observed_speed(fit)
-    at, starts = fit.parameters, starts_of(grid, fit)
-    response = respond(grid, at, starts)
-    called = commanded_speed(at, response)
-    beyond = called > 1.1 * shown and not speed_bounded(fit)
-    if beyond or faster:
-        speed = whole.parameters.v_max
-        if not (faster or speed_bounded(whole)):  # what all rows call for is its least one
-            speed = max(speed, shown)
-        fit = with_speed_of(fit, speed)
-        at, starts = fit.parameters, starts_of(grid, fit)
-        response = respond(grid, at, starts)
-    predicted = response.predicted
-    simple = simple_fits(
-        moving(resampled(known, tick=timing.tick, reach=timing.reach, burn_in=0.0))
-    )
-    every = resampled_like(grid, logs, timing.tick)
-    first = every.measured_starts
-    others = {other.name: rms(errors_of(other, every, first)[rows]) for other in simple}
-    errors = (predicted - grid.angles)[rows]
-    return HeldOut(
-        rows=rows,
-        predicted=predicted[rows],
-        rms=rms(errors),
-        sound_rms=sound_rms(errors),
-        alternatives=others,
-        beyond=beyond,
-    )
-
-
-def _weighted(held: HeldOut, grid: Grid) -> Array:
-    """Weighted errors of the rows of a grid that were held out [rad]."""
-    errors = held.predicted - grid.angles[held.rows]
-    return np.asarray(grid.weights[held.rows] * errors)
-
-
-def _every_second(log: Log, parts: int) -> Mask:
-    """Rows in the second of so many parts, the fourth ..., each with as many rows with torque."""
-    before: Array = np.cumsum(log.torque_on) - log.torque_on
-    part = before * parts // max(1, int(np.sum(log.torque_on)))
-    return np.asarray(part % 2 == 1)

@@ -243,6 +243,21 @@ def check_periods(logs: Sequence[Log]) -> None:
             )
 
 
+def check_alike(logs: Sequence[Log]) -> None:
+    """Make sure that logs are of one joint, in one unit.
+
+    Raises:
+        InvalidInput: They are not.
+    """
+    for name in ("unit", "joint"):
+        found = sorted({getattr(log, name) for log in logs})
+        if len(found) > 1:
+            raise InvalidInput(
+                f"logs: got {name}s {', '.join(map(repr, found))}, expected logs of one joint in "
+                "one unit: identify each joint by itself"
+            )
+
+
 def pieces_of(log: Log) -> list[slice]:
     """Rows of a log between its gaps."""
     breaks = np.flatnonzero(np.diff(log.times) > GAP * log.period) + 1

@@ -38,13 +38,13 @@ def poor(fit: Fit) -> Fit:
 def test_where_rows_are_weighed_the_joint_found_before_is_one_of_the_beginnings(monkeypatch):
     whole, searches, least = module._with_motor, [], found().rms
 
-    def astray(logs, fits):
-        plain, full = whole(logs, fits)
+    def astray(logs, timing, joints):
+        search = whole(logs, timing, joints)
         searches.append(logs)
         if len(searches) == 1:
-            return plain, full
-        bare = plain._replace(fit=poor(plain.fit))
-        return bare, full._replace(fit=poor(full.fit))
+            return search
+        plain, joint = (each._replace(fit=poor(each.fit)) for each in (search.plain, search.joint))
+        return search._replace(plain=plain, joint=joint)
 
     def uneven(fits, _):
         weights = np.where(np.arange(len(log().times)) % 2, 0.9, 1.0)

@@ -287,11 +287,8 @@ def _predicted(model: planner.JointModel, log: planner.Log) -> tuple[Grid, Array
 
 
 def _errors(grid: Grid, predicted: Array) -> tuple[float, float]:
-    runs = len(grid.starts)
-    means = np.bincount(grid.run, grid.angles, runs) / np.bincount(grid.run, minlength=runs)
-    motion = float(np.sqrt(np.mean((grid.angles - means[grid.run]) ** 2)))
-    error = float(np.sqrt(np.mean((predicted - grid.angles) ** 2)))
-    return error, error / motion
+    error = rms(predicted - grid.angles)
+    return error, error / grid.signal
 
 
 def so101(folder: Path) -> dict[str, list[planner.Log]]:
