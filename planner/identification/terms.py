@@ -65,9 +65,13 @@ MOTOR = ("acceleration", "time_constant", "dead_band", "asymmetry")
 """Terms that may show only together: a slow start hides dry friction, and friction the inertia."""
 
 SAVING = 0.2
-"""Least share of the loss that play has to explain, or the terms of a motor that are sought
-together; and least share of the residuals that is no noise from row to row where either is sought.
-(Play explains less in logs of 40 simulated servos without play, ``scripts/bench identify``.)"""
+"""Least share of the loss that play explains, or the terms of a motor that are sought together, or
+a sag by the angle beside an asymmetry. (Play explains less in logs of 40 simulated servos without
+play, ``scripts/bench identify``.)"""
+
+LEAST_STRUCTURE = 0.2
+"""Least share of the variance of the residuals that is no noise from row to row: with less neither
+play nor a motor is sought."""
 
 EXPLAINED = 0.25
 """Share of the standard deviation of the motion that the enlarged joint misses at most: what
@@ -661,7 +665,7 @@ class Excerpt(NamedTuple):
 
 def _excerpt_to_search(fit: Fit) -> Excerpt | None:
     """An excerpt in which to seek more; None where the residuals are noise, or the rows are few."""
-    if structure_of(fit) < SAVING:
+    if structure_of(fit) < LEAST_STRUCTURE:
         return None
     excerpt = excerpt_of(fit)
     return excerpt if np.sum(excerpt.compared) >= 2 * np.sum(fit.free) else None
