@@ -252,14 +252,25 @@ def _undetermined(
     found += [
         Finding(
             "search",
-            f"{name} ended at the edge of the search, at {getattr(at, name):.3g} (SI units): the "
-            "logs do not say how much further it would go, and the model probably does not fit "
-            "this joint",
+            f"{name} ended at the edge of the search, at "
+            f"{_in_unit(name, getattr(at, name), unit)}: the logs do not say how much further it "
+            "would go, and the model probably does not fit this joint",
         )
         for name in fit.free_names
         if at_edge(fit, Parameters._fields.index(name))
     ]
     return found + undetermined_delays(fit, bounds, uncertainty)
+
+
+def _in_unit(name: str, value: float, unit: str) -> str:
+    """A parameter of a fit in words: angles in the unit of the log, times in ms."""
+    if name in ("lag", "acceleration_time", "time_constant"):
+        return f"{1e3 * value:.3g} ms"
+    others = {"gain": "per second", "asymmetry": "times v_max", "slowing": "times v_max per N m"}
+    if name in others:
+        return f"{value:.3g} {others[name]}"
+    per = {"v_max": "/s", "acceleration": "/s^2", "compliance": "/(N m)"}
+    return angle_in(unit, value, per.get(name, ""))
 
 
 REST, STEPS = 0.2, 6

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import planner
+from planner.exceptions import ANGLE_UNIT
 from planner.identification.fit import fit_joint
 from planner.identification.grid import resampled, timing_of
 from planner.identification.intervals import (
@@ -22,6 +23,7 @@ from planner.identification.judgement import (
     undetermined_delays,
     verdict_on,
 )
+from planner.identification.parameters import MOST_SAG, only
 from planner.identification.result import Finding, HeldOut, Interval
 from planner.report.identification.text import next_step
 from tests.identification.made import (
@@ -457,18 +459,23 @@ def test_dry_friction_that_may_be_a_tenth_of_the_motion_is_hidden(fitted):
     assert "friction" not in topics(refused)  # of a model that is not used anyway
 
 
-def test_a_parameter_at_the_edge_of_the_search_is_named_with_its_value(fitted):
+@pytest.mark.parametrize(("unit", "sag"), [("rad", "36.1 deg"), ("1", "0.63")])
+def test_a_parameter_at_the_edge_of_the_search_is_named_in_the_unit_of_the_log(unit, sag, fitted):
+    """A sag by the angle ends at most at 0.63 rad, a lag a tick below the reach of the search."""
     fit, bounds, uncertainty = fitted
-    last = fit.grid.reach - fit.grid.tick
-    for lag, count in ((last, 1), (0.9 * last, 0)):
-        at = replace(fit, parameters=fit.parameters._replace(lag=lag))
-        notes = judged((at, bounds, uncertainty)).notes
+    last, free = fit.grid.reach - fit.grid.tick, fit.free | only("sag_sin")
+    for lag, sag_sin, told in (
+        (last, 0.0, [f"lag ended at the edge of the search, at {1e3 * last:.3g} ms"]),
+        (0.02, MOST_SAG, [f"sag_sin ended at the edge of the search, at {sag}"]),
+        (0.9 * last, 0.0, []),
+    ):
+        at = fit.parameters._replace(lag=lag, sag_sin=sag_sin)
+        enlarged = replace(fit, parameters=at, free=free)
+        written = ANGLE_UNIT.set("deg")
+        notes = judged((enlarged, bounds, uncertainty), unit=unit).notes
+        ANGLE_UNIT.reset(written)
         edges = [each.words for each in notes if each.topic == "search"]
-        assert len(edges) == count
-        assert all(
-            f"lag ended at the edge of the search, at {last:.3g} (SI units):" in each
-            for each in edges
-        )
+        assert [words.split(":")[0] for words in edges] == told
 
 
 @pytest.mark.parametrize(("least", "told"), [(5.0, ["1.2 rad"]), (0.0, [])])
