@@ -548,7 +548,7 @@ def _answer(
         unit=every[0].unit,
     )
     gain = intervals.pop("gain")
-    if reason.topic != "motion":  # else nothing in the log is of the joint
+    if reason.topic == "fit":  # else what a fit to this log shows is not of the joint
         findings += [*notes, *patterns(model, fits, noise, backlash_of(fit))]
     return Identification(
         model=model,

@@ -111,7 +111,8 @@ def verdict_on(
         unit: The unit of the logs, for the findings.
 
     Returns:
-        The verdict, its reason and what else to know.
+        The verdict, its reason and what else to know; the topic of the reason is "fit", or what
+        makes a fit to the log meaningless.
     """
     notes, angle = list(shaken), partial(angle_in, unit)
     if held is not None and held.beyond:
@@ -135,6 +136,9 @@ def verdict_on(
         )
         none = Finding("motion", "the log holds no motion of the joint")
         return "refused", none, [Finding("motion", words)]
+    if against is not None:  # the rest follows from a fit to the wrong sign
+        reason = Finding("sign", "the joint seems to move against its requests")
+        return "refused", reason, [against]
     scale = _other_scale(fit.grid, unit)
     if missed > OPTIONS.suspect:
         words = "the model misses" if fits else "the model does not fit: it misses"
@@ -155,9 +159,7 @@ def verdict_on(
             "sensor's steps are a smaller part"
         )
         notes.append(Finding("motion", words))
-    if against is not None:
-        notes.append(against)
-    elif exchanged is not None and missed > OPTIONS.suspect:
+    if exchanged is not None and missed > OPTIONS.suspect:
         notes.append(exchanged)
     ours, others = (fit.rms, simple) if held is None else (held.rms, held.alternatives)
     name = min(others, key=lambda other: others[other])
@@ -190,9 +192,7 @@ def verdict_on(
         "it was not tested on rows held out": not tested,
     }
     verdict: Verdict = "holds"
-    if against is not None:
-        verdict, why = "refused", "the joint seems to move against its requests"
-    elif not fits:
+    if not fits:
         verdict, why = "refused", f"{misses}, and a mere delay hardly more" if useless else misses
     elif ours > OPTIONS.delay_wins * others["delay"]:
         of_test = "" if held is None else " on rows held out"

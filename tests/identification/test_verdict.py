@@ -280,7 +280,8 @@ def test_an_inverted_sign_is_refused_by_name_even_if_the_motion_repeats_itself(s
     assert not names_the_sign(planner.identify(log, hold_out=False))
     inverted = planner.identify(changed(log, angles=-log.angles), hold_out=False)
     assert not inverted.accepted
-    assert "invert the sign of one column" in inverted.warnings[0]
+    (warning,) = inverted.warnings  # and nothing that only follows from it
+    assert "invert the sign of one column" in warning
 
 
 def test_it_does_not_matter_which_column_is_inverted_or_where_zero_is():
@@ -289,6 +290,7 @@ def test_it_does_not_matter_which_column_is_inverted_or_where_zero_is():
         found = planner.identify(changed(log, requests=requests, angles=angles), hold_out=False)
         assert not found.accepted
         assert names_the_sign(found)
+        assert len(found.findings) == 1
         assert not any("does not repeat itself" in text for text in found.warnings)
 
 
@@ -507,7 +509,7 @@ def test_turns_are_counted_in_the_note_of_their_log(jumps, often):
 
 def test_what_speaks_against_the_columns_is_said_where_the_model_misses_much(fitted):
     fit, _, _ = fitted
-    found = judged(fitted, against=Finding("sign", ""))
+    found = judged(fitted, against=Finding("sign", ""), signal=fit.rms / 0.15)
     assert (found.verdict, topics(found)) == ("refused", ["sign"])
     exchanged = Finding("columns", "")
     assert judged(fitted, exchanged=exchanged).notes == []
