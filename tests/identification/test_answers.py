@@ -114,14 +114,13 @@ def exchanged():
     return replace(log, requests=log.angles, angles=log.requests)
 
 
-def rich(seed=0, **options):
-    """Requests of a random log."""
-    return rich_log(seed=seed, **options).requests
+def gentle_first():
+    """Random requests, small ones and then large ones."""
+    sizes = (0.04, 1.2)  # rad
+    return np.concatenate([rich_log(seed=3, rows=300, amplitude=size).requests for size in sizes])
 
 
 ONE_WAY = np.concatenate([np.zeros(100), np.linspace(0.0, 2.0, 300), np.full(100, 2.0)])
-
-GENTLE_FIRST = np.concatenate([rich(3, rows=300, amplitude=size) for size in (0.04, 1.2)])
 
 LOGS = {
     "worn": worn,
@@ -133,7 +132,7 @@ LOGS = {
     "contradictory": contradictory,
     "slow rows": lambda: rich_log(AIBO.requested_every(0.1), rows=300, noise=NOISE),
     "gentle": lambda: rich_log(amplitude=0.05, noise=NOISE / 10.0),
-    "gentle at first": lambda: noisy(GENTLE_FIRST),
+    "gentle at first": lambda: noisy(gentle_first()),
     "one way": lambda: noisy(ONE_WAY, quantum=QUANTUM),
     "stopped below": lambda: mirrored(stopped()),
     "rings": rings,

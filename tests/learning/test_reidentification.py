@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from dataclasses import replace
 
 import numpy as np
@@ -21,8 +22,10 @@ def angles(model, k):
     return planner.simulate(model, REQUESTS[k])
 
 
-NEWS = (angles(OTHER, 1) - angles(OTHER, 0)) - (angles(KNOWN, 1) - angles(KNOWN, 0))
-"""What the other model says of the change of the requests, and the known one does not."""
+@functools.cache
+def news():
+    """The change of the angles that the other model predicts and the known one does not."""
+    return (angles(OTHER, 1) - angles(OTHER, 0)) - (angles(KNOWN, 1) - angles(KNOWN, 0))
 
 
 def rms(errors):
@@ -63,12 +66,12 @@ def test_another_model_must_save_three_tenths_of_the_error_of_a_trial_it_has_not
     share, better, chosen
 ):
     """Of a share s of the news the known model misses s, and the other one misses 1 - s."""
-    found, asked = chosen(share * NEWS)
+    found, asked = chosen(share * news())
     assert (found is OTHER) == better
     assert [len(logs) for _, logs in asked] == ([1, 2] if better else [1])
-    chosen(NEWS, before=6)
+    chosen(news(), before=6)
     assert [len(logs) for _, logs in asked] == [4, 4]  # the last ones
-    chosen(NEWS)
+    chosen(news())
     (log,) = asked[0][1]
     np.testing.assert_array_equal(log.requests, np.tile(REQUESTS[0], 2))
     np.testing.assert_array_equal(log.angles, np.tile(angles(KNOWN, 0), 2))
@@ -79,13 +82,13 @@ def test_another_model_must_save_three_tenths_of_the_error_of_a_trial_it_has_not
 def test_errors_within_two_deviations_of_the_mean_or_a_five_hundredth_of_the_motion_do_not_ask(
     factor, asks, chosen
 ):
-    size = rms(NEWS)
-    _, asked = chosen(NEWS, noise=size / factor, cycles=4)  # of whose mean it is a half
+    size = rms(news())
+    _, asked = chosen(news(), noise=size / factor, cycles=4)  # of whose mean it is a half
     assert bool(asked) == asks
     little = factor * 0.002 * np.ptp(angles(KNOWN, 1))
-    _, asked = chosen(little / size * NEWS)
+    _, asked = chosen(little / size * news())
     assert bool(asked) == asks
-    assert chosen(NEWS, trials=1) == (None, [])
+    assert chosen(news(), trials=1) == (None, [])
 
 
 def test_a_motion_from_rest_is_identified_after_more_rest_than_any_lag():

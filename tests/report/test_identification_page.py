@@ -119,8 +119,9 @@ def test_long_names_of_files_do_not_make_the_page_wider_than_a_phone(browser, tm
     assert browser.complaints == []
 
 
-@pytest.mark.parametrize("found", [made_up(), never_saturated()], ids=["saturated", "never"])
-def test_plotly_takes_every_figure(found):
+@pytest.mark.parametrize("found_by", [made_up, never_saturated], ids=["saturated", "never"])
+def test_plotly_takes_every_figure(found_by):
+    found = found_by()
     check_words(plot(cloud_figure(found)))
     check_words(plot(intervals_figure(found)))
     check_words(plot(alternatives_figure(found)))
@@ -176,8 +177,9 @@ def test_bars_and_numbers_of_the_descriptions_are_one_error_which_the_caption_na
     assert where in figure.caption
 
 
-@pytest.mark.parametrize("found", [made_up(), never_saturated()], ids=["saturated", "never"])
-def test_the_cloud_shows_points_about_the_identified_line(found):
+@pytest.mark.parametrize("found_by", [made_up, never_saturated], ids=["saturated", "never"])
+def test_the_cloud_shows_points_about_the_identified_line(found_by):
+    found = found_by()
     figure, cloud = cloud_figure(found), cloud_of(found)
     curves = {curve.name: curve for curve in figure.panels[0].curves if curve.legend}
     assert 0 < len(curves["measured"].x) <= MOST_POINTS
