@@ -245,6 +245,12 @@ def brief_search(monkeypatch):
 
 
 @pytest.fixture
+def no_foot_bound(monkeypatch):
+    """Replace the lower bound of a foot by 0, which is valid; its search takes most of a plan."""
+    monkeypatch.setattr(foot_bound, "foot_bound", lambda *_: 0.0)
+
+
+@pytest.fixture
 def in_this_process(monkeypatch):
     """Let tasks run here, not in processes that import all first; tests/parallel holds those."""
     from tests.parallel.work import in_this_process

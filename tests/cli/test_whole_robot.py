@@ -175,7 +175,7 @@ def test_the_limits_of_a_leg_are_kept_where_its_servos_turn_further(run, robot, 
     assert "degrees beyond the angles" in result.stderr
 
 
-@pytest.mark.usefixtures("brief_search")
+@pytest.mark.usefixtures("no_foot_bound")
 def test_requests_of_a_foot_path_stay_within_the_ranges_of_the_servos(run, robot, tmp_path):
     """A gait of one leg, which its URDF lets turn further than its servos."""
     frames = ("--urdf", "ers210a.urdf", "--base", "body", "--foot", "front_left_ball")

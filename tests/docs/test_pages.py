@@ -25,7 +25,7 @@ BRIEF = {"README.md": {"calibrate": {"duration_s": 16.0}}}
 """Defaults with which commands of a page take less time, where it does not tell what they print."""
 
 UNBOUNDED = ("any_leg.md",)
-"""Pages that tell no bound of a foot: its search ends early."""
+"""Pages that tell no bound of a foot: it is not computed."""
 
 
 @pytest.fixture
@@ -73,7 +73,7 @@ def asked_once(answered_before, monkeypatch):
 def test_the_blocks_of_the_page_run_and_print_what_it_says(page, request):
     """Run whole, as a reader runs it, but for pictures."""
     if page.name in UNBOUNDED:
-        request.getfixturevalue("brief_search")
+        request.getfixturevalue("no_foot_bound")
     if page.name in ("logs.md", "replay.md"):
         write_logs(Path())
     names, not_installed, changed = {}, set(), []

@@ -233,7 +233,7 @@ FIDELITY = 1.0
 """What a model identified from step tests leaves of a walk it never saw [deg]."""
 
 
-@pytest.mark.usefixtures("brief_search")
+@pytest.mark.usefixtures("no_foot_bound")
 def test_a_servo_that_is_fast_and_fine_is_planned_for_as_well(monkeypatch):
     brief = functools.partial(virtual_experiment.learn, trials=2)  # of which nothing is asked here
     monkeypatch.setattr(virtual_experiment, "learn", brief)
