@@ -35,9 +35,9 @@ CLOSE = {"v_max": 0.02, "theta_0": 0.15, "lag": 0.15, "acceleration_time": 0.15}
 """How far estimates from eight seconds may be from the truth [share]; only that they are its."""
 
 
-def write_log(file, *, joints=("knee",), model=TRUE, moving=9):
-    """Eight seconds of step tests of each joint, at the model's rate; some first ones move."""
-    signal = excite("steps", limits=(-0.6, 0.6), period=model.period, duration=8.0)
+def write_log(file, *, joints=("knee",), model=TRUE, moving=9, duration=8.0):
+    """Step tests of each joint, at the model's rate, so many seconds; some first ones move."""
+    signal = excite("steps", limits=(-0.6, 0.6), period=model.period, duration=duration)
     draw = np.random.default_rng(11)
     names, columns = ["t_s"], [signal.times]
     for joint in joints:
@@ -177,7 +177,7 @@ def test_the_table_of_many_joints_fits_a_terminal_of_80_columns(tmp_path, monkey
 
 
 def test_joints_identified_in_processes_are_those_identified_one_by_one(run, tmp_path, monkeypatch):
-    write_log("arm.csv", joints=("hip", "knee", "toe"), moving=2)
+    write_log("arm.csv", joints=("hip", "knee", "toe"), moving=2, duration=4.0)
     answers = []
     for few in (0, 10_000):
         monkeypatch.setattr("planner.cli.identify.FEW_ROWS", few)

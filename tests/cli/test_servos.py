@@ -160,7 +160,7 @@ def test_a_chosen_joint_is_calibrated_with_its_options_beside_those_in_the_file(
     arm.write_text(f'{ARM}\n[leg.hind-left]\nurdf = "a.urdf"\nbase = "body"\nfoot = "toe"\n')
     before = read_servos(arm)["joint_1"], read_models(arm)["joint_1"], read_legs(arm)
     mounted = ("--zero-tick", "2000", "--zero-tick", "lift=2150", "--reverse", "lift")
-    chosen = ("--ids", "pan=1,lift=2", "--joint", "lift", "--rate-hz", "50")
+    chosen = ("--ids", "pan=1,lift=2", "--joint", "lift", "--rate-hz", "50", "--duration-s", "8")
     result = run("calibrate", *BRIEF, *chosen, *mounted, "-o", arm, "--json")
     assert result.exit_code == 0, result.stderr
     document = json.loads(result.stdout)["joints"]
