@@ -39,8 +39,8 @@ os.environ.pop("COLUMNS", None)
 
 SLOWEST = (
     "tests/docs/test_pages.py",
-    "tests/identification/test_terms.py",
     "tests/approximation/test_search.py",
+    "tests/identification/test_terms.py",
     "tests/planning/streaming/test_stream.py",
     "tests/corpus/test_corpus.py",
     "tests/report/test_in_a_browser.py",
@@ -58,9 +58,9 @@ SLOWEST = (
 )
 """Files that begin first, so that no process is left alone with one of them at the end.
 
-In a fresh clone the first file compiles the functions of plans, meanwhile the next three those of
-identification, piecewise-linear fits and streams. No test file may call them at import, or every
-process compiles all of them.
+In a fresh clone the first file compiles the functions of plans, and at the same time the next three
+compile those of piecewise-linear fits, identification and streams. No test file may call such a
+function at import: every process would compile it.
 """
 
 
