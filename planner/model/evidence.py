@@ -479,8 +479,8 @@ def errors_of_motion(runs: Sequence[Run], *, noise: float = 0.0) -> ErrorsOfMoti
     level = np.diff(told) == 0.0
     bends = ~np.append(False, level) | ~np.append(level, False)  # inside a level nothing bends
     bends[[0, -1]] = True
-    pairs = zip(map(_rounded, knots[bends]), map(_rounded, told[bends]), strict=True)
-    return ErrorsOfMotion(tuple(pairs), (_rounded(low), _rounded(high)))
+    pairs = dict(zip(map(_rounded, knots[bends]), map(_rounded, told[bends]), strict=True))
+    return ErrorsOfMotion(tuple(pairs.items()), (_rounded(low), _rounded(high)))
 
 
 def under_moving_requests(requests: Array, period: float) -> npt.NDArray[np.bool_]:
