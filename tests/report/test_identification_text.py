@@ -420,6 +420,8 @@ def test_a_limit_of_the_acceleration_names_the_registers_that_may_set_it():
     assert line.startswith("The joint accelerates by at most 1719 deg/s²")
     assert "address 108" in line
     assert "goal speed, 46" in line
+    refused = dataclasses.replace(limited, verdict="refused")
+    assert "Profile" not in identification_text({"hip": refused})
     open_ended = {**right.intervals, "max_acceleration": Interval(28.0, math.inf)}
     bounded = dataclasses.replace(limited, intervals=open_ended)
     assert "Profile" not in identification_text({"hip": bounded})

@@ -328,6 +328,8 @@ PROFILE = (
 
 def profile(identification: Identification) -> str:
     """Where a limit of the acceleration may come from, in a sentence; empty where none is known."""
+    if identification.verdict == "refused":
+        return ""
     for row in parameters(identification):
         if row.name == "max_acceleration" and row.determined:
             return PROFILE.format(most=row.short)
