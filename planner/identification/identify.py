@@ -192,19 +192,16 @@ class _Search(NamedTuple):
     Attributes:
         logs: The logs; rows in which something holds the joint are as if without torque.
         timing: Ticks of the joint.
-        plain: The joint without the terms of a motor.
+        plain: The joint without the terms of a motor, with the ticks on which these are sought.
         joint: The joint with them where they reduce the loss, else the same.
+        motor: Whether it has them.
     """
 
     logs: Sequence[Log]
     timing: Timing
     plain: _Fitted
     joint: _Fitted
-
-    @property
-    def motor(self) -> bool:
-        """Whether the joint has the terms of a motor."""
-        return self.joint.fit is not self.plain.fit
+    motor: bool
 
 
 class _Bounded(NamedTuple):
@@ -302,10 +299,10 @@ def _with_motor(logs: Sequence[Log], timing: Timing, plain: Sequence[_Fitted]) -
     """The joint fitted to all rows with the better ticks, with the terms of a motor if they pay."""
     full = [_Fitted(*with_motor(*each)) for each in plain]
     k = 1 if len(full) > 1 and better(full[0].fit, full[1].fit) else 0
-    bare = joint = plain[k]._replace(fit=refitted(logs, plain[k].fit))
-    if full[k].fit is not plain[k].fit:
-        joint = full[k]._replace(fit=refitted(logs, full[k].fit))
-    return _Search(logs, timing.ticking(joint.fit.grid.tick), bare, joint)
+    motor = full[k].fit is not plain[k].fit
+    bare = plain[k]._replace(fit=refitted(logs, plain[k].fit))
+    joint = full[k]._replace(fit=refitted(logs, full[k].fit)) if motor else bare
+    return _Search(logs, timing.ticking(joint.fit.grid.tick), bare, joint, motor)
 
 
 def _without_stops(search: _Search) -> tuple[_Search, list[Finding]]:
@@ -356,16 +353,15 @@ def _weighed(search: _Search) -> _Search:
     if logs is None:
         return search
     anew = _searched(logs, search.timing)
-    plain = joint = search.plain._replace(fit=refitted(logs, search.plain.fit))
-    if search.motor:
-        joint = search.joint._replace(fit=refitted(logs, fit))
+    plain = search.plain._replace(fit=refitted(logs, search.plain.fit))
+    joint = search.joint._replace(fit=refitted(logs, fit)) if search.motor else plain
     again = search._replace(logs=logs, plain=plain, joint=joint)
     return again if better(anew.joint.fit, again.joint.fit) else anew
 
 
 def _with_proven_motor(search: _Search) -> _Search:
     """The joint without the terms of a motor where these predict parts of the logs worse."""
-    plain, errors = search._replace(joint=search.plain), []
+    plain, errors = search._replace(joint=search.plain, motor=False), []
     for each in (plain, search):
         fit = each.joint.fit
         held = _held_out(each, fit, parts=ALIKE_PARTS)
@@ -383,7 +379,7 @@ def _with_shorter_ticks(search: _Search) -> _Search:
     A joint without inertia whose rows are as far apart as the ticks of the paper's robot moves by
     these unless the log tells otherwise; of any other the log has to tell.
     """
-    logs, timing, _, (fit, terms) = search
+    logs, timing, (fit, terms) = search.logs, search.timing, search.joint
     tick = timing.period / fine_hold(timing.period, fit.parameters.acceleration_time)
     fine = refitted(logs, fit, tick=tick)
     if search.motor and fine.cost > (1.0 + LOST) * fit.cost:
@@ -443,8 +439,8 @@ def _held_out(
     Of long parts some stretches are fitted; all rows of the others are predicted.
 
     A top speed that the parts do not bound, and the others may exceed, cannot be predicted from
-    them: there that of the fit to all rows is taken, the other parameters are fitted beside it, and
-    tested.
+    them: there that of the fit to all rows is taken, or, where these do not bound it either, what
+    the parts call for if that is more; the other parameters are fitted beside it, and tested.
 
     Args:
         search: The joint with the ticks on which its terms were sought, and whether it is a motor.

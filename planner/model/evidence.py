@@ -26,8 +26,9 @@ class EvidenceOptions:
         fewest: Such parts that the shortest log is cut into; they are then shorter.
         at_rest: Share of the largest travel of a part below which the joint rests in another. (Of
             an arm a model that missed 4 to 18 mrad in motion missed 0.1 in some of those.)
-        groups: Of parts with about the same acceleration.
-        least: Share of the largest error below which an error counts as this.
+        groups: Number of groups of as many parts, sorted by acceleration. (69 % of 96 plans met 0.7
+            to 1.4 times what is told; with three groups 63 %, with twelve 67 %.)
+        least: Share of the largest error below which an error counts as this: of rounding.
         spare: A motion is outside where it exceeds the tested range by this factor.
         spare_angle: It is also where it leaves the tested angles by more than this share of them.
         other: Factor by which the errors of other motions scatter beside those of the parts of one
@@ -106,7 +107,7 @@ class Evidence(NamedTuple):
         angles: Least and largest tested angle [rad]; infinite where they are not known.
         by_acceleration: Pairs of a root mean square acceleration [rad/s^2], increasing, and the
             root mean square error of such motion [rad]; empty where that is not known. The last
-            pair is from the most accelerated part of the logs.
+            acceleration is the largest of a part of the logs.
         delay_error: Where the logs hold steps only, half the width of the 95 % interval of the time
             by which the joint trails requests that move [s]; 0 where such requests were tested.
         spread: Least and largest error of a motion in 90 % of cases, as shares of the one that is
@@ -455,8 +456,7 @@ def errors_of_motion(runs: Sequence[Run], *, noise: float = 0.0) -> ErrorsOfMoti
     """
     every = np.reshape([part for run in runs for part in _parts(run)], (-1, 3))
     moving = every[:, 0] >= OPTIONS.at_rest * np.max(every[:, 0], initial=0.0)
-    parts = every[moving]
-    sizes, errors = parts[np.argsort(parts[:, 1], kind="stable"), 1:].T
+    sizes, errors = every[moving, 1:].T
     if len(sizes) < 2 or not np.any(sizes) or not np.any(errors):
         return ErrorsOfMotion((), (0.0, math.inf))
     from scipy.optimize import isotonic_regression
@@ -464,11 +464,17 @@ def errors_of_motion(runs: Sequence[Run], *, noise: float = 0.0) -> ErrorsOfMoti
     hidden = noise**2 >= 0.9 * errors**2
     errors = np.sqrt(np.maximum(errors**2 - noise**2, 0.1 * errors**2))
     logarithms = np.log(np.maximum(errors, OPTIONS.least * np.max(errors)))
-    groups = np.array_split(np.arange(len(sizes)), min(OPTIONS.groups, len(sizes)))
-    means = [np.mean(logarithms[group]) for group in groups]
-    curve = isotonic_regression(means, weights=[len(group) for group in groups]).x
-    knots = np.append([np.mean(sizes[group]) for group in groups], sizes[-1])
-    told = np.exp(np.append(curve, curve[-1]))
+    order = np.lexsort((errors, [*map(_rounded, sizes)]))  # whatever order the parts are in
+    groups = np.array_split(order, min(OPTIONS.groups, len(order)))
+    knots, number = np.unique(
+        [_rounded(np.mean(sizes[group])) for group in groups], return_inverse=True
+    )
+    counts = np.bincount(number, [len(group) for group in groups])
+    means = np.bincount(number, [np.sum(logarithms[group]) for group in groups]) / counts
+    told = np.exp(isotonic_regression(means, weights=counts).x)
+    largest = _rounded(np.max(sizes))
+    if largest > knots[-1]:
+        knots, told = np.append(knots, largest), np.append(told, told[-1])
     shares = errors / np.interp(sizes, knots, told)
     low = float(np.quantile(np.where(hidden, 0.0, shares), 0.05))
     high = float(np.quantile(shares, 0.95))
@@ -479,8 +485,8 @@ def errors_of_motion(runs: Sequence[Run], *, noise: float = 0.0) -> ErrorsOfMoti
     level = np.diff(told) == 0.0
     bends = ~np.append(False, level) | ~np.append(level, False)  # inside a level nothing bends
     bends[[0, -1]] = True
-    pairs = dict(zip(map(_rounded, knots[bends]), map(_rounded, told[bends]), strict=True))
-    return ErrorsOfMotion(tuple(pairs.items()), (_rounded(low), _rounded(high)))
+    pairs = zip(knots[bends].tolist(), map(_rounded, told[bends]), strict=True)
+    return ErrorsOfMotion(tuple(pairs), (_rounded(low), _rounded(high)))
 
 
 def under_moving_requests(requests: Array, period: float) -> npt.NDArray[np.bool_]:

@@ -335,7 +335,10 @@ class JointModel:
 
     @property
     def latency(self) -> float:
-        """How late the joint follows slow motion [s]: l + a/2 + theta_0 / v_max."""
+        """How late the joint follows slow motion of its requests [s]: l + a/2 + theta_0 / v_max.
+
+        That requests are held is not in it: see :attr:`switching_time`.
+        """
         return self.lag + self.acceleration_time / 2.0 + self.theta_0 / self.v_max
 
     @property
