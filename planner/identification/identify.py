@@ -397,7 +397,8 @@ def _bounded(logs: Sequence[Log], search: _Search) -> _Bounded:
     uncertainty = uncertainty_of(fit)
     bounds, notes = intervals_of(fit, uncertainty), []
     lower, upper = bounds["v_max"]
-    outside = [measured_speed(log, ~used) for log, used in zip(logs, fit.grid.places, strict=True)]
+    pairs = zip(search.logs, fit.grid.places, strict=True)  # what held the joint says nothing
+    outside = [measured_speed(log, ~used) for log, used in pairs]
     seen, most = max(outside), _largest_speed(fit, upper) if upper < math.inf else math.inf
     refuted, fast = seen - SPEED_NOISE * noise_of(fit) > most, angle_in(logs[0].unit, seen, "/s")
     if refuted:

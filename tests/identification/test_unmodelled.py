@@ -106,3 +106,14 @@ def test_a_log_of_two_pieces_names_rows_of_either():
     ]
     (said,) = sentences(logs)
     assert "one rows" in said or "two rows" in said
+
+
+def test_a_sensor_that_hung_and_jumps_back_makes_no_top_speed():
+    log = rich_log(rows=1500, amplitude=1.2, noise=NOISE)
+    angles = log.angles.copy()
+    end = 850 + int(np.argmax(np.abs(angles[850:950] - angles[600])))
+    assert abs(angles[end] - angles[600]) > 0.7  # in a row
+    angles[600:end] = angles[600]
+    found = planner.identify(replace(log, angles=angles), hold_out=False)
+    assert found.model.v_max == pytest.approx(planner.JointModel.ers210a().v_max, rel=0.02)
+    assert not any("a limit in the servo" in words for words in found.warnings)
