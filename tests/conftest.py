@@ -246,7 +246,10 @@ def brief_search(monkeypatch):
 
 @pytest.fixture
 def no_foot_bound(monkeypatch):
-    """Replace the lower bound of a foot by 0, which is valid; its search takes most of a plan."""
+    """Replace the lower bound of a foot by 0, which is valid; its search takes most of a plan.
+
+    Not beside ``ready_experiments``, whose plans keep their bounds for other tests.
+    """
     monkeypatch.setattr(foot_bound, "foot_bound", lambda *_: 0.0)
 
 

@@ -41,7 +41,7 @@ ON_AN_ARM = {"calibrate", "check", "play", "record", "virtual-bus"}
 """Their examples need servos, or serve some until Ctrl-C: ``test_servos`` is about them."""
 
 
-@pytest.mark.usefixtures("foot", "ready_experiments", "no_foot_bound", "undrawn", "in_this_process")
+@pytest.mark.usefixtures("foot", "ready_experiments", "brief_search", "undrawn", "in_this_process")
 @pytest.mark.parametrize("command", ["", *(each for each in COMMANDS if each not in ON_AN_ARM)])
 def test_every_command_has_a_worked_example_that_works(command, tmp_path, desired, monkeypatch):
     """Examples that stand on a page run there."""
