@@ -105,7 +105,10 @@ def fit_joint(logs: Sequence[Log], timing: Timing, *, choose_tick: bool = False)
 
 
 def refitted(logs: Sequence[Log], fit: Fit, *, tick: float | None = None) -> Fit:
-    """The fit to other logs, or ticks [s], begun at the joint that answers the same."""
+    """The fit to other rows of its logs, weights, or ticks [s]; the same one where none is other.
+
+    It begins at the joint that answers the same.
+    """
     before, at = fit.grid, fit.parameters
     tick = before.tick if tick is None else tick
     grid = resampled_like(before, logs, tick)

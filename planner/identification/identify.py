@@ -154,7 +154,7 @@ def identify(
     check_periods(logs)
     logs, jumps = zip(*map(unwrapped, logs), strict=True)
     free, stuck_rows = _without_stuck(logs)
-    free, timing, fits, evenly_timed = _fitted(free, tick=tick, hold=hold)
+    free, timing, fits, evenly_timed = _fitted(free, tick=tick, hold=hold, choose_tick=choose_tick)
     joints = [*map(_with_terms, fits)]
     free, touched = _without_contact(free, refitted(free, joints[0].fit))
     if touched:
@@ -249,10 +249,9 @@ def _left_without(log: Log, parts: Sequence[Indices], *, of: Log) -> Log | None:
 
 
 def _fitted(
-    logs: Sequence[Log], *, tick: float | None, hold: int | None
+    logs: Sequence[Log], *, tick: float | None, hold: int | None, choose_tick: bool
 ) -> tuple[Sequence[Log], Timing, tuple[Fit, ...], bool]:
     """The logs, on even times where these fit better, their ticks, and the fits to them."""
-    choose_tick = tick is None and hold is None
     timing = timing_of(logs, tick=tick, hold=hold)
     fits = fit_joint(logs, timing, choose_tick=choose_tick)
     even = with_even_rows(logs, timing, fits[-1])

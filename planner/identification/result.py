@@ -335,8 +335,8 @@ class Identification(ReadOnly, Summarised):
     def _delay_error(self) -> float:
         """Half the width of the 95 % interval of the delay of requests that move [s].
 
-        It is :attr:`JointModel.latency`; the intervals of these are combined by
-        their correlations. One without an end counts as wide as the parameter is large.
+        It is :attr:`JointModel.latency`; the intervals of its parameters are combined by their
+        correlations. One without an end counts as wide as the parameter is large.
         """
         known, model = self._known(), self.model
         gain = known[GAIN]

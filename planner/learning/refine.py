@@ -258,7 +258,8 @@ def _refined(joints: Plan, cycles: Array, sensor_delay: float | None, reidentify
     disturbance, best, gain = _estimated(joints, trials, max(since), noise)
     base = trials[best]
     new = _next(joints, disturbance)
-    saving = base.error - _next_error(joints, new, base)
+    change = _change(joints, new, base)
+    saving = base.error - _error(joints, base.mean + change)
     stopped = ""
     if gain < OPTIONS.least_gain:
         stopped = "smaller and smaller steps from the best cycle have made it worse"
@@ -283,9 +284,11 @@ def _refined(joints: Plan, cycles: Array, sensor_delay: float | None, reidentify
         stopped += f"; {_remaining(joints, base, floor)}"
     else:
         unforeseen = _unforeseen(joints, trials, spread)
-        new = _shortened(joints, new, base, unforeseen)
-        missed = unforeseen * _change(joints, new, base)
-        next_error = math.hypot(_next_error(joints, new, base), missed)
+        missed = unforeseen * _size(joints, _by_joint(change))
+        new = _shortened(new, base, saving, missed)
+        change = _change(joints, new, base)
+        missed = unforeseen * _size(joints, _by_joint(change))
+        next_error = math.hypot(_error(joints, base.mean + change), missed)
     of_mean = math.sqrt(1.0 - 1.0 / base.cycles)  # the noise that is averaged out of its error
     next_error = math.hypot(next_error, of_mean * _size(joints, spread))
     freeze(spread)
@@ -311,21 +314,24 @@ def _next(joints: Plan, disturbance: Array) -> Plan:
     return planned(task, solver=joints.solver or "gauss-newton")
 
 
-def _next_error(joints: Plan, plan: Plan, base: Trial) -> float:
-    """Error of a plan by the models and the disturbance that was measured in a trial."""
-    answer = joints.task.response(plan.requests)
-    return _error(joints, answer + _measured_disturbance(joints, base))
+def _change(joints: Plan, plan: Plan, base: Trial) -> Array:
+    """How a plan changes the angles of a trial, by the models [rad], (n, k)."""
+    return joints.task.response(plan.requests) - joints.task.response(base.requests)
 
 
-def _shortened(joints: Plan, plan: Plan, base: Trial, unforeseen: float) -> Plan:
+def _shortened(plan: Plan, base: Trial, saving: float, missed: float) -> Plan:
     """The plan with a shorter change from a trial's requests, where that lowers the expected error.
 
-    That error is expected to fall in proportion to the change, and to rise again by the share of it
-    that the joint does not follow. Limits are convex: requests on the straight line between two
-    that keep them do so too. From requests that break them the change is whole.
+    Limits are convex: requests on the straight line between two that keep them do so too. From
+    requests that break them the change is whole.
+
+    Args:
+        plan: The plan.
+        base: The trial.
+        saving: By how much the change lowers the error, by the models, in the plan's norm: a
+            shorter one in proportion.
+        missed: What the joint is not expected to follow of the change, likewise.
     """
-    saving = base.error - _next_error(joints, plan, base)
-    missed = unforeseen * _change(joints, plan, base)
     breaks = not plan.task.keeps(base.requests, rounding=SAME_REQUESTS)
     if breaks or saving <= 0.0 or missed == 0.0:
         return plan
@@ -334,12 +340,6 @@ def _shortened(joints: Plan, plan: Plan, base: Trial, unforeseen: float) -> Plan
     if share >= 1.0 or math.hypot(base.error - saving, missed) <= OPTIONS.shorter * least:
         return plan
     return replace(plan, requests=base.requests + share * (plan.requests - base.requests))
-
-
-def _change(joints: Plan, plan: Plan, base: Trial) -> float:
-    """How far a plan moves the joints away from a trial, by the model, in the plan's norm."""
-    change = joints.task.response(plan.requests) - joints.task.response(base.requests)
-    return _size(joints, _by_joint(change))
 
 
 def _unforeseen(joints: Plan, trials: Sequence[Trial], noise: Array) -> float:
