@@ -165,17 +165,6 @@ def test_any_value_of_any_key_is_taken_or_refused_in_a_line(place, value):
     assert len(said) < 1000
 
 
-@given(content=st.binary(max_size=60) | st.text(max_size=60).map(str.encode))
-def test_any_bytes_are_taken_or_refused_in_a_line(tmp_path_factory, content):
-    file = tmp_path_factory.getbasetemp() / "any.toml"
-    file.write_bytes(content)
-    try:
-        said = refused(read_toml(file, example="a = 1"))
-    except InvalidFile as error:
-        said = str(error)
-    assert said.isprintable()
-
-
 def test_values_are_written_as_toml_reads_them(tmp_path):
     values = {"a": 1.5, "b": [1, 2], "c": {"x y": 'é"\n\\'}, "d": True, "e": float("inf")}
     file = tmp_path / "values.toml"

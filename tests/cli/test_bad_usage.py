@@ -318,17 +318,6 @@ def test_an_output_that_cannot_be_written_is_refused_before_anything_is_computed
     assert "nowhere/file: cannot be written (no such file or directory)" in result.stderr
 
 
-@pytest.mark.parametrize("command", ["plan", "compare"])
-def test_an_unreachable_foot_lists_the_points(run, command):
-    path = run("gait").stdout
-    result = run(command, "-", "--leg", "reference", stdin=path)
-    assert result.exit_code == 2
-    assert result.stdout == ""
-    assert result.stderr.startswith("request-planner: 15 of 88 foot positions are out of reach")
-    assert result.stderr.endswith("or ask for --unreachable nearest\n")
-    assert result.stderr.count("\n") == 1
-
-
 def test_an_unknown_frame_lists_those_that_there_are(run, foot):
     from kinematics import urdf_path
 

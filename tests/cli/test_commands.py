@@ -10,7 +10,6 @@ import click
 import numpy as np
 import pytest
 
-import planner
 from kinematics import exceptions as kinematics
 from planner.approximation.fit import fit_pwl
 from planner.exceptions import (
@@ -28,36 +27,6 @@ SAME = 1e-10
 """Files carry 12 decimals of a degree; a joint's answer does not magnify that much [rad]."""
 
 JOINT = JointModel.ers210a()
-
-
-def test_plan_writes_the_requests_of_the_library_and_says_how_good_they_are(run, desired, tmp_path):
-    file = tmp_path / "requests.csv"
-    result = run("plan", desired, "--method", "closed-form", "--segments", "6", "-o", file)
-    assert result.exit_code == 0
-    assert result.stdout == ""
-    wanted = read_joint_path(desired)
-    for j, name in enumerate(wanted.names):
-        inversion = planner.invert_closed_form(JOINT, wanted.angles[:, j], segments=6)
-        written = read_joint_path(file, joints=[name]).angles[:, 0]
-        assert np.max(np.abs(written - inversion.requests)) <= SAME
-        row = next(line for line in result.stderr.splitlines() if line.startswith(name))
-        assert row.split()[1] == f"{np.degrees(inversion.rms):.3f}"
-
-
-def test_plan_as_json_carries_what_is_needed_to_judge_it(run, desired):
-    result = run("plan", desired, "--limits-deg", "-60:60", "--json")
-    assert result.exit_code == 0
-    assert result.stderr == ""
-    document = json.loads(result.stdout)
-    assert document["method"] == "optimal"
-    for j, name in enumerate(("hip", "knee")):
-        joint = document["joints"][name]
-        requests = np.radians(joint["requests_deg"])
-        assert np.max(np.abs(requests)) <= np.radians(60.0) + SAME
-        angles = planner.simulate(JOINT, requests)
-        error = angles - read_joint_path(desired).angles[:, j]
-        assert joint["rms_deg"] == pytest.approx(np.degrees(np.sqrt(np.mean(error**2))), abs=1e-6)
-        assert joint["lower_bound_deg"] <= joint["rms_deg"] + 1e-9
 
 
 def test_simulate_answers_each_joint_in_its_own_unit(run, tmp_path):

@@ -5,14 +5,12 @@ from __future__ import annotations
 import json
 import pickle
 from dataclasses import replace
-from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
 
 import planner
 from planner.evaluation import cross_check as cross_check_module
-from planner.evaluation.comparison import METHODS
 from planner.exceptions import InvalidInput
 from planner.files.joint_model import models_text
 from planner.files.paths import read_joint_path, write_joint_path
@@ -62,56 +60,6 @@ def sabotage(monkeypatch):
         return replace(plan, requests=np.roll(plan.requests, 3, axis=0))
 
     monkeypatch.setattr(cross_check_module, "planned", late)
-
-
-@pytest.mark.parametrize(
-    "options",
-    [
-        [],
-        ["--joint", "hip"],
-        ["--no-cyclic"],
-        ["--segments", "6"],
-        ["--limits-deg", "-60:60", "--limits-deg", "knee=0:40"],
-        ["--norm", "max"],
-        ["--level", "slope"],
-    ],
-    ids=" ".join,
-)
-def test_json_is_the_library_s_own_answer(run, desired, options, asked):
-    result = run("compare", desired, *options, "--json")
-    assert result.exit_code == 0, result.stderr
-    assert result.stderr == ""
-    document = json.loads(result.stdout)
-    assert document["passed"]
-    answer = json.loads(json.dumps(asked["check"].to_dict()))
-    assert document == {**answer, "unreachable_samples": 0}
-    names = ("hip",) if "--joint" in options else ("hip", "knee")
-    assert {*asked["model"]} == {JOINT}
-    assert np.array_equal(asked["angles"], read_joint_path(desired, joints=names).angles)
-    assert tuple(asked["names"]) == names
-    assert asked["cyclic"] is ("--no-cyclic" not in options)
-    assert asked["segments"] == (6 if "--segments" in options else None)
-    assert asked["norm"] == ("max" if "--norm" in options else "rms")
-    assert asked["level"] == ("slope" if "--level" in options else "envelope")
-    if "--limits-deg" in options:
-        assert np.degrees(asked["limits"]) == pytest.approx(np.array([[-60, 0], [60, 40]]))
-    else:
-        assert asked["limits"] is None
-
-
-@pytest.mark.usefixtures("brief_search")
-def test_a_foot_path_through_a_pipe_is_compared_in_the_foot_too(run):
-    arguments = ("compare", "-", "--leg", "reference", "--unreachable", "clamp")
-    path = run("gait", "--samples", "24").stdout
-    result = run(*arguments, stdin=path)
-    assert result.exit_code == 0
-    assert "foot, optimised for the foot" in result.stdout
-    assert "foot, lower bound within the limits" in result.stdout
-    document = json.loads(run(*arguments, "--json", stdin=path).stdout)
-    missed = document["unreachable_samples"]
-    assert missed > 0
-    assert f"{missed} samples were out of the leg's reach" in result.stderr
-    assert set(document["foot"]["methods"]) == set(METHODS)
 
 
 def test_a_joint_of_a_leg_alone_has_its_limits_and_no_foot(run, tmp_path):
@@ -165,22 +113,6 @@ def test_plans_that_fail_their_checks_are_shown_and_end_with_status_1(run, desir
         assert failed == {f"no worse than closed form, {r} rule" for r in ("paper's", "exact")}
     else:
         assert sum(" NO " in line for line in result.stdout.splitlines()) == 4
-
-
-@pytest.mark.parametrize("name", ["compare.svg", "COMPARE.PNG"])
-def test_the_picture_is_what_its_name_says(run, desired, tmp_path, name):
-    result = run("compare", desired, "--figure", name)
-    assert result.exit_code == 0
-    content = (tmp_path / name).read_bytes()
-    if name.endswith("svg"):
-        root = ET.fromstring(content)
-        texts = {"".join(each.itertext()).strip() for each in root.iter(f"{SVG}text")}
-        assert {text.partition(": rms")[0] for text in texts} >= {"Hip", "Knee"}
-        assert {"desired", "closed form", "optimised"} <= texts
-        assert {"angle [deg]", "request [deg]", "difference [deg]"} <= texts
-        assert "time [ms]; it repeats" in texts
-    else:
-        assert content.startswith(b"\x89PNG")
 
 
 @pytest.mark.usefixtures("undrawn")

@@ -19,16 +19,6 @@ def test_every_kind_of_the_library_is_offered():
     assert tuple(kind.replace("-", "_") for kind in KINDS) == tuple(MEANING)
 
 
-def test_what_the_signal_will_tell_is_said_for_every_parameter(run):
-    lines = run("excite", "--kind", "steps", *SHORT).stderr.splitlines()
-    assert lines[0] == "steps for 8 s: would determine every parameter"
-    assert lines[1].startswith("begins and ends at 5 deg; the largest jump is 70 deg; step tests")
-    assert any(line.startswith("Step tests (Equation 1).") for line in lines)
-    found = {line.split("  ")[0]: line for line in lines}
-    for parameter in ("top speed v_max", "threshold theta_0", "lag", "acceleration time"):
-        assert " yes " in found[parameter], parameter
-
-
 def test_one_recording_of_a_minute_is_proposed_with_what_each_part_determines(run):
     result = run("excite", "--limits-deg", "-30:40", "--rate-hz", "50", "--json")
     parts = json.loads(result.stdout)["parts"]

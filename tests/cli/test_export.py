@@ -16,15 +16,6 @@ def requests(tmp_path):
     return tmp_path / "requests.csv"
 
 
-def test_a_plan_goes_to_a_controller_through_a_pipe(run, desired):
-    plan = run("plan", desired, "--method", "closed-form").stdout
-    result = run("export", "-", "--format", "csv", stdin=plan)
-    assert result.exit_code == 0
-    assert result.stdout.splitlines()[0] == "t_s,hip_rad,knee_rad"
-    assert len(result.stdout.splitlines()) == 89
-    assert result.stderr == "88 rows of hip, knee at 125 Hz, 0.704 s\n"
-
-
 def test_the_servos_of_a_model_file_have_the_zeros_and_directions_of_their_own_joints(
     run, requests, tmp_path
 ):

@@ -18,13 +18,6 @@ def joint(result, name):
     return json.loads(result.stdout)["joints"][name]
 
 
-def test_fit_puts_knots_where_they_are_required_at_the_angle_given(run, desired):
-    asked = ["--required-s", "0.08=3", "--required-s", "0.4", "--segments", "6", "--json"]
-    answer = joint(run("fit", desired, *asked, "--joint", "hip"), "hip")
-    assert {10.0, 50.0} <= set(answer["knots"])
-    assert answer["values_deg"][answer["knots"].index(10.0)] == pytest.approx(3.0, abs=1e-9)
-
-
 def test_lines_are_no_faster_than_a_joint_whose_requests_are_held(run, desired):
     """Two ticks to a request: by the tick alone they would be twice as fast."""
     model = JointModel(v_max=1.0, theta_0=0.1, lag=0.01, acceleration_time=0.02, tick=0.004, hold=2)

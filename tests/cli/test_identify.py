@@ -69,16 +69,6 @@ def identified(tmp_path_factory):
     return folder, result
 
 
-def test_the_model_that_made_the_log_is_found_and_written(identified):
-    folder, result = identified
-    assert result.exit_code == 0, result.stderr
-    assert result.stdout == ""
-    (found,) = read_model_file(folder / "joint.toml").for_joints(["any joint"])
-    for name, share in CLOSE.items():
-        assert getattr(found, name) == pytest.approx(getattr(TRUE, name), rel=share)
-    assert found.period == pytest.approx(TRUE.period)
-
-
 def test_plan_takes_the_model_that_identify_wrote(identified, run, desired, tmp_path):
     folder, _ = identified
     model = folder / "joint.toml"
@@ -213,6 +203,7 @@ speed = [1.0]
         "refine desired.csv measured.csv --desired desired.csv --model bad.toml -o out.csv "
         "--no-reidentify",
         "run run.toml --out folder",
+        "run run.toml --check",
         "sweep sweep.toml --out folder --workers 1",
         "replay demo.csv --model bad.toml -o out.csv",
     ],

@@ -9,92 +9,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
 import planner
-from planner.cli import cli
 from planner.files.paths import read_joint_path, write_joint_path
 from planner.model.evidence import Evidence
 
 JOINT = planner.JointModel.ers210a()
 REFERENCE = ("--leg", "reference", "--unreachable", "clamp", "--method", "foot-optimal")
-LIMITS = {"rotator": (-117.0, 117.0), "abductor": (-11.0, 89.0), "knee": (-27.0, 147.0)}
 
 
 @pytest.fixture(scope="module")
 def walk():
     return planner.reference_walk()
-
-
-@pytest.fixture(scope="module")
-def planned(tmp_path_factory):
-    """The plan for the foot of the reference walk: its JSON, its summary and its requests."""
-    folder = tmp_path_factory.mktemp("planned")
-    runner = CliRunner()
-    path = runner.invoke(cli, ["gait"]).stdout
-    ask = ["plan", "-", *REFERENCE, "-o", str(folder / "requests.csv")]
-    document = json.loads(runner.invoke(cli, [*ask, "--json"], input=path).stdout)
-    requests = read_joint_path(folder / "requests.csv").angles
-    return document, runner.invoke(cli, ask, input=path).stderr, requests
-
-
-@pytest.fixture
-def unbounded(run, monkeypatch):
-    """A walk that is too long for a bound, which would take seconds: a file and its positions."""
-    monkeypatch.setattr("planner.planning.bounds.foot_bound.MOST_SAMPLES_BOUNDED", 50)
-    text = run("gait").stdout
-    return text, np.array([line.split(",")[1:] for line in text.splitlines()[1:]], dtype=float)
-
-
-def test_plan_writes_the_librarys_plan_for_the_foot_inside_the_legs_limits(walk, planned):
-    """The bound of the foot takes a second, of the library's plan and of the command's."""
-    document, _, requests = planned
-    library = planner.invert_foot(JOINT, walk.leg, walk.desired_foot)
-    assert document["method"] == "foot-optimal"
-    assert document["foot"]["rms_cm"] == pytest.approx(100.0 * library.rms, rel=1e-6)
-    assert document["foot"]["max_cm"] == pytest.approx(100.0 * library.max_error, rel=1e-6)
-    assert document["joints"]["knee"]["gap"] is None
-    assert document["foot"]["lower_bound_cm"] == pytest.approx(
-        100.0 * library.lower_bound, rel=1e-3
-    )
-    assert document["foot"]["gap"] == pytest.approx(library.gap, abs=1e-3)
-    written = np.degrees(requests)
-    for j, (name, (low, high)) in enumerate(LIMITS.items()):
-        assert written[:, j] == pytest.approx(document["joints"][name]["requests_deg"], abs=1e-9)
-        assert np.min(written[:, j]) >= low - 1e-9
-        assert np.max(written[:, j]) <= high + 1e-9
-
-
-def test_the_summary_says_what_no_requests_can_beat_unless_the_path_is_long(
-    run, planned, unbounded
-):
-    said = (
-        r"no requests within the limits bring it below 0\.\d{3} cm rms: the plan is 0\.\d+ % above"
-    )
-    assert re.search(said, planned[1])
-    arguments = ("plan", "-", *REFERENCE, "-o", "requests.csv")
-    assert "no requests within" not in run(*arguments, stdin=unbounded[0]).stderr
-    document = json.loads(run(*arguments, "--json", stdin=unbounded[0]).stdout)
-    assert document["foot"]["lower_bound_cm"] is None
-
-
-def test_the_error_of_the_foot_to_expect_on_the_robot_stands_beside_that_of_the_plan(run, tmp_path):
-    """Three independent joints that are 0.02 rad off move the foot by a few millimetres."""
-    file = tmp_path / "joint.toml"
-    tested = JOINT.with_evidence(Evidence(0.02, 4.0, 0.0, (-3.0, 3.0), ((0.0, 0.02),)))
-    asked = ("plan", "-", "--leg", "reference", "--unreachable", "clamp", "--model", file)
-    path = run("gait").stdout
-    expected = {}
-    for name, model in (("known", tested), ("untested", JOINT)):
-        model.to_toml(file)
-        foot = json.loads(run(*asked, "--json", stdin=path).stdout)["foot"]
-        expected[name] = foot["expected_rms_cm"]
-        said = run(*asked, "-o", tmp_path / "requests.csv", stdin=path).stderr
-        told = foot["expected_rms_cm"] and f"on the robot {foot['expected_rms_cm']:.3f} cm rms"
-        assert ("cm rms to expect" in said) == (name == "known")
-        assert not told or told in said
-    assert expected["untested"] is None
-    assert foot["rms_cm"] + 0.01 < expected["known"] < foot["rms_cm"] + 0.5
 
 
 @pytest.mark.parametrize(
@@ -109,23 +35,6 @@ def test_the_bound_of_a_foot_is_told_in_its_norm_and_as_weighted(
     assert f"no requests within the limits bring it below 0.000 cm {words}: the plan is" in (
         run(*ask, *more).stderr
     )
-
-
-def test_a_plan_that_misses_its_tolerance_is_written_and_says_so_by_status_1(run, unbounded):
-    ask = ("plan", "-", *REFERENCE)
-    complete = json.loads(run(*ask, "--json", stdin=unbounded[0]).stdout)
-    rms = complete["foot"]["rms_cm"]
-    limit = f"{0.9 * rms:.3g}"
-    missed = run(*ask, "--tolerance-cm", limit, "--json", stdin=unbounded[0])
-    assert json.loads(missed.stdout) == complete | {"within_tolerance": False}
-    written = run(*ask, "--tolerance-cm", limit, stdin=unbounded[0])
-    assert written.stdout == run(*ask, stdin=unbounded[0]).stdout
-    for result in (missed, written):
-        assert result.exit_code == 1
-        assert result.stderr.splitlines()[-1] == (
-            f"request-planner: the foot is off by {rms:.4g} cm (rms), expected at most {limit}; "
-            "the requests are written all the same"
-        )
 
 
 @pytest.mark.parametrize(
@@ -165,27 +74,6 @@ def test_a_tolerance_of_the_foot_is_of_the_norm_that_is_planned_for(run):
     assert result.exit_code == 1
     largest = json.loads(result.stdout)["foot"]["max_cm"]
     assert f"the foot is off by {largest:.4g} cm (max), expected at most 0.5" in result.stderr
-
-
-def test_a_tolerance_is_of_the_error_and_not_of_its_bound(run, desired):
-    ask = ("plan", desired, "--joint", "hip", "--method", "closed-form", "--segments", "3")
-    found = json.loads(run(*ask, "--json").stdout)["joints"]["hip"]
-    between = 0.5 * (found["rms_deg"] + found["lower_bound_deg"])
-    assert found["lower_bound_deg"] < 0.9 * between < between < 0.9 * found["rms_deg"]
-    missed = run(*ask, "--tolerance-deg", between, "-o", "requests.csv")
-    assert missed.exit_code == 1
-    assert f"hip is off by {found['rms_deg']:.4g} deg (rms)" in missed.stderr
-    assert run(*ask, "--tolerance-deg", 1.01 * found["rms_deg"]).exit_code == 0
-
-
-@pytest.mark.parametrize("tick", [0.004, 0.016])
-def test_joints_that_are_requested_at_different_rates_are_refused(run, desired, tick):
-    JOINT.to_toml("models.toml")
-    with Path("models.toml").open("a") as file:
-        file.write(f"[knee]\ntick = {tick}\n")
-    result = run("plan", desired, "--model", "models.toml")
-    assert result.exit_code == 2
-    assert f"'knee' takes a request every {tick:g} s and 'hip' every 0.008 s" in result.stderr
 
 
 def test_joints_of_other_ticks_that_are_requested_at_one_rate_are_planned(run, desired):
@@ -236,55 +124,12 @@ def test_an_error_below_its_own_bound_is_reported_and_nothing_is_written(run, de
     assert not desired.with_name("requests.csv").exists()
 
 
-@pytest.mark.parametrize("norm", ["rms", "max"])
-def test_a_missed_tolerance_of_a_joint_is_reported_in_the_plans_norm_with_its_bound(
-    run, walk, norm
-):
-    knee = "\n".join(["knee_rad", *map(repr, walk.desired[:, 2].tolist())])
-    ask = ("plan", "-", "--norm", norm)
-    told = json.loads(run(*ask, "--json", stdin=knee).stdout)["joints"]["knee"]
-    result = run(*ask, "--tolerance-deg", "6", stdin=knee)
-    assert result.exit_code == 1
-    assert result.stderr.splitlines()[-1] == (
-        f"request-planner: knee is off by {told[f'{norm}_deg']:.4g} deg ({norm}), expected at most "
-        f"6; the lower bound for any requests is {told['lower_bound_deg']:.4g}; "
-        "the requests are written all the same"
-    )
-
-
 @pytest.fixture
 def uncertain(tmp_path):
     """A model that may be slower, as a file."""
     known = Evidence(intervals={"v_max": (4.0, 5.6), "lag": (0.03, 0.034)})
     JOINT.with_evidence(known).to_toml(tmp_path / "uncertain.toml")
     return tmp_path / "uncertain.toml"
-
-
-def test_a_robust_plan_tells_the_errors_over_the_models_beside_those_of_the_nominal_plan(
-    run, brief, uncertain
-):
-    ask = ("plan", brief, "--model", uncertain, "--robust", "worst", "-o", "out.csv")
-    document = json.loads(run(*ask, "--json").stdout)
-    library = planner.plan(
-        planner.read_models(uncertain)[""], read_joint_path(brief).angles, robust="worst"
-    )
-    assert document["robust"] == "worst"
-    for joint, inversion in zip(document["joints"].values(), library.inversions, strict=True):
-        both = ("robust_plan", inversion), ("nominal_plan", inversion.nominal)
-        for name, made in both:
-            told = joint["over_models"][name]
-            errors = np.degrees(made.errors_of_models)
-            assert told["of_each_deg"] == pytest.approx(errors, abs=1e-9)
-            assert told["nominal_deg"] == pytest.approx(errors[0], abs=1e-9)
-            assert told["mean_deg"] == pytest.approx(np.sqrt(np.mean(errors**2)), abs=1e-9)
-            assert told["worst_deg"] == pytest.approx(np.max(errors), abs=1e-9)
-    text = run(*ask).stderr
-    assert "rms errors over the nominal model and 8 drawn from its intervals:\nplan  " in text
-    hip = document["joints"]["hip"]["over_models"]["robust_plan"]
-    row = next(line for line in text.splitlines() if line.startswith("hip, for the worst"))
-    assert row.split()[-3:] == [
-        f"{hip[f'{name}_deg']:.3f}" for name in ("nominal", "mean", "worst")
-    ]
 
 
 def test_a_robust_plan_for_the_foot_tells_the_errors_of_the_foot_over_the_models(
@@ -412,53 +257,6 @@ def test_a_blank_line_stands_between_two_tables_and_not_between_the_parts_of_one
     assert "reversals/s" in requests
     assert "outside desired [deg]" in requests
     assert requests.count("requests  ") == 2
-
-
-@pytest.mark.parametrize("start", ["200", "2000"])
-def test_a_start_beyond_the_limits_is_refused_in_degrees(run, desired, start):
-    ask = ("plan", desired, "--no-cyclic", "--limits-deg", "-60:40")
-    result = run(*ask, "--start-deg", start, "-o", "out.csv")
-    assert result.exit_code == 2
-    assert f"--start-deg: it is {start} degrees, {int(start) - 40} degrees beyond the angles" in (
-        result.stderr
-    )
-    assert "-60 to 40 degrees where the limits on the requests let the joint rest" in result.stderr
-    assert "choose a start there, or widen the limits" in result.stderr
-
-
-@pytest.mark.parametrize(("share", "recommended"), [(0.93, "shift"), (0.3, "optimal")])
-def test_the_shift_is_recommended_where_the_model_is_hardly_better_than_a_delay(
-    share, recommended, run, brief, tmp_path
-):
-    seen = Evidence(1e-4, over_delay=share, verdict="usable", reason="a delay does nearly as well")
-    planner.JointModel.ers210a().with_evidence(seen).to_toml(tmp_path / "joint.toml")
-    asked = ("plan", brief, "--model", "joint.toml", "--method", "optimal")
-    result = run(*asked, "--report", "page.html", "-o", "requests.csv")
-    assert result.exit_code == 0, result.output
-    said = recommended == "shift"
-    assert ("recommended: --method shift" in result.stderr) is said
-    assert ("(93%)" in result.stderr) is said
-    page = (tmp_path / "page.html").read_text(encoding="utf-8")
-    assert ("The best time shift is recommended instead" in page) is said
-    document = json.loads(run(*asked, "--json").stdout)
-    assert document["recommended_method"] == recommended
-    assert document["joints"]["hip"]["verdict"] == "usable"
-    chosen = run("plan", brief, "--model", "joint.toml", "--method", "shift", "-o", "shift.csv")
-    assert "recommended" not in chosen.stderr
-
-
-@pytest.mark.parametrize("missed", [False, True])
-def test_requests_are_to_be_refined_where_the_model_misses_such_motion(
-    missed, run, brief, tmp_path
-):
-    seen = Evidence(0.01 if missed else 1e-4, over_delay=0.3)
-    planner.JointModel.ers210a().with_evidence(seen).to_toml(tmp_path / "joint.toml")
-    asked = ("plan", brief, "--model", "joint.toml")
-    result = run(*asked, "--report", "page.html", "-o", "requests.csv")
-    assert ("recommended: play the requests and refine them" in result.stderr) is missed
-    page = (tmp_path / "page.html").read_text(encoding="utf-8")
-    assert ("Play the requests, and refine them by what is measured" in page) is missed
-    assert json.loads(run(*asked, "--json").stdout)["refining_recommended"] is missed
 
 
 def test_a_path_of_some_joints_of_a_leg_has_their_limits_and_no_foot(run, tmp_path):

@@ -39,24 +39,6 @@ def unbounded(monkeypatch):
     monkeypatch.setattr("planner.planning.bounds.foot_bound.MOST_SAMPLES_BOUNDED", 0)
 
 
-def test_the_same_line_again_and_again_lowers_the_error(run, desired, execute):
-    """The file of the history takes the trials from one call to the next."""
-    assert run("plan", desired, "-o", "requests.csv").exit_code == 0
-    wanted, errors = read_joint_path(desired).angles, []
-    line = ("refine", "requests.csv", "measured.csv", "--desired", desired, "--no-reidentify")
-    line = (*line, "--history", "learning.json", "-o", "requests.csv", "--json")
-    for _ in range(3):
-        errors.append(np.sqrt(np.mean((execute() - wanted) ** 2)))
-        result = run(*line, catch_exceptions=False)
-        assert result.exit_code == 0, result.output
-    document = json.loads(result.stdout)
-    assert errors[-1] < 0.05 * errors[0]
-    assert document["learning"]["hip"]["trials"] == 3
-    assert document["learning"]["knee"]["best_trial"] == 3
-    assert len(document["joints"]["knee"]["requests_deg"]) == 88
-    assert read_joint_path("requests.csv").names == ("hip", "knee")
-
-
 def test_the_table_has_the_errors_of_the_first_the_last_and_the_best_trial(run, desired, execute):
     run("plan", desired, "-o", "requests.csv")
     line = ("refine", "requests.csv", "measured.csv", "--desired", desired, "--no-reidentify")
@@ -220,64 +202,10 @@ def test_measured_angles_at_another_rate_are_refused_with_the_option_of_refine(
     assert "refine with --rate-hz 50 if that is the rate" in result.stderr
 
 
-def test_a_history_of_another_path_is_refused(run, desired, brief, execute):
-    run("plan", desired, "-o", "requests.csv")
-    execute()
-    line = ("refine", "requests.csv", "measured.csv", "--no-reidentify", "--history", "all.json")
-    assert run(*line, "--desired", desired, "-o", "next.csv").exit_code == 0
-    run("plan", brief, "-o", "requests.csv")
-    execute()
-    result = run(*line, "--desired", brief)
-    assert result.exit_code == 2
-    assert "got the trials of 88 requests of hip, knee, expected 32" in result.stderr
-
-
-def test_the_desired_path_is_not_taken_for_a_measured_one(run, desired):
-    run("plan", desired, "-o", "requests.csv")
-    result = run("refine", "requests.csv", desired, "--desired", desired, "-o", "next.csv")
-    assert result.exit_code == 2
-    assert "the angles of the joint are the desired ones" in result.stderr
-    assert result.stderr.count("\n") == 1
-
-
 def keep_columns(file, *names):
     """Leave only some joints in a file of angles."""
     path = read_joint_path(file, joints=names)
     write_joint_path(file, names, path.angles, period=0.008)
-
-
-def test_joints_that_were_not_measured_keep_their_requests_and_are_named(
-    run, desired, execute, tmp_path
-):
-    """Each joint has its own trials: what is measured later is learnt then."""
-    run("plan", desired, "-o", "requests.csv")
-    line = ("refine", "requests.csv", "measured.csv", "--desired", desired, "--no-reidentify")
-    line = (*line, "--history", "all.json", "-o", "requests.csv", "--report", "page.html")
-    said = "no measured angles of hip: requests kept as they are"
-    for _ in range(2):
-        before = read_joint_path("requests.csv").angles
-        execute()
-        keep_columns("measured.csv", "knee")
-        result = run(*line)
-        assert result.exit_code == 0, result.output
-        assert result.stderr.count(f"{said}\n") == 1
-        assert said in (tmp_path / "page.html").read_text("utf-8")
-        after = read_joint_path("requests.csv")
-        assert after.names == ("hip", "knee")
-        np.testing.assert_allclose(after.angles[:, 0], before[:, 0], atol=1e-12)
-        assert np.max(np.abs(after.angles[:, 1] - before[:, 1])) > 1e-3
-    execute()
-    result = run(*line, "--json")
-    answer = json.loads(result.stdout)
-    assert [answer["learning"][name]["trials"] for name in ("hip", "knee")] == [1, 3]
-    assert answer["not_measured"] == []
-    execute()
-    keep_columns("measured.csv", "hip")
-    answer = json.loads(run(*line, "--json").stdout)
-    assert answer["not_measured"] == ["knee"]
-    assert answer["learning"].keys() == {"hip"}
-    assert answer["joints"]["knee"]["learnt_deg"] is None
-    assert len(answer["joints"]["knee"]["requests_deg"]) == 88
 
 
 @pytest.mark.usefixtures("unbounded")

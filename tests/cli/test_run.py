@@ -15,7 +15,6 @@ from planner.cli.models import model_words
 from planner.cli.run_file import read_run
 from planner.exceptions import MissingExtra, NoSteadyCycle
 from planner.files.paths import read_joint_path
-from planner.model.evidence import Evidence
 from planner.model.joint import JointModel
 
 SAME = 1e-10
@@ -78,24 +77,6 @@ def test_the_template_runs_as_it_is_and_plans_what_plan_does(run, write, templat
     angles = read_joint_path(folder / "angles.csv").angles
     for j, joint in enumerate(document["joints"].values()):
         assert np.degrees(angles[:, j]) == pytest.approx(joint["predicted_deg"], abs=1e-9)
-
-
-def test_check_warns_of_a_model_that_is_not_to_be_planned_with(run, write, desired):
-    refused = JointModel.ers210a().with_evidence(Evidence(verdict="refused", reason="it is odd"))
-    refused.to_toml("refused.toml")
-    file = write(f'[path]\nfile = "{desired.name}"\n[model]\nfile = "refused.toml"\n')
-    result = run("run", file, "--check")
-    assert result.exit_code == 0, result.stderr
-    assert "do not plan with the model" in result.stderr
-
-
-def test_the_same_file_makes_the_same_bytes(run, write, desired, tmp_path):
-    assert desired.exists()
-    file = write(f'out = "three"\n{JOINTS}')
-    for out in ("one", "two"):
-        assert run("run", file, "--out", out).exit_code == 0
-    for each in (tmp_path / "one").iterdir():
-        assert each.read_bytes() == (tmp_path / "two" / each.name).read_bytes()
 
 
 def test_check_computes_and_writes_nothing(run, write, template, tmp_path, monkeypatch):
@@ -238,15 +219,6 @@ def test_a_missed_tolerance_is_status_1_and_all_files(run, write, desired, tmp_p
     assert run("run", "it.toml", "--json").exit_code == 1
 
 
-def test_a_foot_is_planned_with_the_largest_step_of_the_file(run, write, foot, tmp_path):
-    plan = '[plan]\nmethod = "foot-optimal"\nmax_step_deg = 0.9\n'
-    leg = '[leg]\nname = "front-left"\n'
-    assert run("run", write(f'[path]\nfile = "{foot.name}"\n{leg}{plan}')).exit_code == 0
-    requests = np.degrees(read_joint_path(tmp_path / "it" / "requests.csv").angles)
-    steps = np.abs(np.diff(requests, axis=0, append=requests[:1]))
-    assert 0.85 < np.max(steps) <= 0.9 * (1.0 + 1e-9)
-
-
 def test_exports_are_those_of_export(run, write, desired, tmp_path):
     assert desired.exists()
     content = JOINTS + (
@@ -375,18 +347,6 @@ def test_requests_beyond_limits_that_the_method_does_not_know_are_warned_of(run,
             rf"beyond the limits -11\.00 to 89\.00; {method} keeps to them\n",
             result.stderr,
         )
-
-
-def test_shares_of_a_range_are_neither_exported_nor_compared(run, write, tmp_path):
-    rows = "\n".join(f"{0.008 * k:.3f},{50 + 9 * (k % 2)}" for k in range(12))
-    (tmp_path / "jaw.csv").write_text(f"t_s,jaw_percent\n{rows}\n")
-    (tmp_path / "servo.toml").write_text(SERVO)
-    path = '[path]\nfile = "jaw.csv"\n[model]\nfile = "servo.toml"\n'
-    for more in ("[output]\ncomparison = true\n", '[[export]]\nformat = "csv"\nfile = "a.csv"\n'):
-        result = run("run", write(path + more), "--check")
-        assert result.exit_code == 2
-        assert "'jaw' is in shares of its range, expected an angle; choose" in result.stderr
-    assert run("run", write(path), "--check").exit_code == 0
 
 
 def test_json_is_what_the_folder_holds(run, write, desired, tmp_path):

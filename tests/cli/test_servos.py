@@ -201,15 +201,6 @@ def test_logs_of_another_range_are_not_taken(calibrated, command_line, monkeypat
     assert "holds another motion than would be played now" in again.stderr
 
 
-def test_nothing_moves_in_a_dry_run(run, tmp_path, monkeypatch):
-    monkeypatch.setattr(measure, "move", None)
-    result = run("calibrate", *BRIEF, "--ids", "pan=1,lift=2", "--dry-run")
-    assert result.exit_code == 0, result.stderr
-    assert "2 servos answer; a tick takes" in result.stderr
-    assert "each of pan, lift will move within its range, one after the other" in result.stderr
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_at_most_two_questions_are_asked_and_no_is_an_answer(run, tmp_path):
     result = run("calibrate", *BRIEF[:-1], "--ids", "1", stdin="\nn\n")
     assert result.exit_code == 130
@@ -265,19 +256,6 @@ def test_a_servo_that_does_not_answer_is_named_before_anything_moves(run, faulty
     assert "servo 1 does not answer; check its identifier, the baud rate" in result.stderr
 
 
-def test_requests_are_played_and_every_one_gets_a_measured_row(run, arm, requests, tmp_path):
-    twice = ("--cycles", 2, "--measured", "m.csv", "--json")
-    result = run("play", requests, "--bus", "virtual", "--model", arm, *twice)
-    assert result.exit_code == 0, result.stderr
-    document = json.loads(result.stdout)
-    assert (document["rows"], document["skipped"], document["angles_lost"]) == (300, 0, 0)
-    measured = read_joint_path(tmp_path / "m.csv")
-    assert measured.angles.shape == (300, 1)
-    assert np.ptp(np.degrees(measured.angles[150:])) > 30.0
-    (log,) = read_logs([str(tmp_path / "log.csv")])
-    assert log.angles == pytest.approx(measured.angles[:, 0], abs=1e-6)
-
-
 def test_what_was_played_is_answered_number_by_number(run, arm, requests, monkeypatch):
     def perform(self, rows, *, period, cycles, keep):
         self.bus.lost = 3
@@ -313,13 +291,6 @@ def test_lost_packets_are_counted_and_their_rows_lie_between_their_neighbours(
     assert re.search(r"\d+ of 150 requests were not sent in time and \d+ of", result.stderr)
     angles = np.degrees(read_joint_path(tmp_path / "m.csv").angles[:, 0])
     assert np.max(np.abs(np.diff(angles))) < 4.0
-
-
-def test_requests_beyond_the_range_are_refused_in_the_unit_of_the_user(run, arm, requests):
-    requests.write_text("t_s,joint_1_deg\n0,0\n0.01,60\n")
-    result = run("play", requests, "--bus", "virtual", "--model", arm)
-    assert result.exit_code == 2
-    assert "joint_1: request 1 is 60 deg, expected -40.107 to 40.107 deg, its" in result.stderr
 
 
 def test_a_log_tells_what_was_requested_from_what_was_measured(run, arm, tmp_path, monkeypatch):

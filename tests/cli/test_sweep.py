@@ -54,16 +54,6 @@ def swept(tmp_path):
     return swept
 
 
-def test_a_grid_has_all_combinations_and_a_point_out_of_reach_a_reason(swept):
-    made, ran = swept(GAIT + "length = [0.02, 0.2]\nperiod_s = [0.4, 0.499, 0.5]\n")
-    assert [each.point[0] for each in made.outcomes] == [0.02, 0.02, 0.2, 0.2]
-    periods = [each.point[1] for each in made.outcomes]
-    assert periods == pytest.approx([0.4, 0.496, 0.4, 0.496], abs=1e-12)
-    assert [each.planned for each in made.outcomes] == [True, True, False, False]
-    assert made.outcomes[2].reason.startswith("foot out of reach at ")
-    assert ran == 4
-
-
 def test_the_slowest_joint_of_a_point_is_the_one_that_would_have_to_be_fastest(swept, tmp_path):
     phase = 2.0 * np.pi * np.arange(40) / 40
     angles = np.column_stack([0.05 * np.sin(phase), np.sin(phase)])

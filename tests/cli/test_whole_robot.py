@@ -293,15 +293,3 @@ def test_what_a_file_says_of_a_robot_is_no_model_and_no_joint(robot):
     assert place.urdf == str(robot.with_name("ers210a.urdf"))
     assert (place.base, place.foot) == ("body", "hind_right_ball")
     assert place.near == {"knee": pytest.approx(np.pi / 2.0)}
-
-
-@pytest.mark.parametrize(
-    ("first", "message"),
-    [("", "does not name the bus of its servos"), ('bus = "can"', "bus: got 'can', expected one")],
-)
-def test_play_without_a_bus_is_refused(run, robot, tmp_path, first, message):
-    robot.write_text(robot_text().replace('bus = "virtual"', first))
-    (tmp_path / "path.csv").write_text("t_s,front_left_knee_deg\n0,1\n0.01,2\n0.02,3\n")
-    result = run("play", "path.csv", "--model", robot, "-o", "log.csv")
-    assert result.exit_code == 2
-    assert message in result.stderr
