@@ -14,7 +14,6 @@ from planner.evaluation.checks import AGREES, Check
 from planner.planning.bounds import foot_bound
 from planner.report.comparison import (
     above_bound,
-    comparison_figure,
     comparison_page,
     foot_figure,
     joint_figure,
@@ -30,7 +29,6 @@ from planner.report.comparison_tables import (
     notes,
     plans_table,
 )
-from planner.report.matplotlib_figure import to_svg
 from planner.report.plotly_figure import live
 from tests.report.test_figure import check_words
 
@@ -156,17 +154,6 @@ def test_requests_of_the_closed_form_beyond_the_limits_are_remarked(check):
         assert re.findall(r"more than they allow of (.*?)\. A robot", said) == told
 
 
-def test_page_and_terminal_have_the_same_tables(check, page):
-    text = comparison_text(check)
-    for table in (
-        checks_table(check.checks),
-        plans_table(check.joints),
-        foot_table(check.foot),
-    ):
-        assert str(table.__html__()) in page
-        assert table.text() in text
-
-
 def test_a_plan_at_a_bound_of_zero_has_an_error_and_no_infinite_gap(check):
     joint = check.joints[0]
     zero = {level: proof._replace(bound=0.0) for level, proof in joint.certificates.items()}
@@ -185,19 +172,6 @@ def test_plotly_takes_every_figure(check):
     check_words(live(foot_figure(check)))
     for j, joint in enumerate(check.joints):
         check_words(live(joint_figure(check, joint, j)))
-
-
-def test_one_figure_has_every_joint_with_its_errors_and_the_foot(check):
-    svg = to_svg(comparison_figure(check))
-    for joint in check.joints:
-        errors = [np.degrees(joint.plans[method].error) for method in (SHOWN, "optimal")]
-        told = f"rms {errors[0]:.2f}° → {errors[1]:.2f}°, bound {np.degrees(joint.bound):.2f}°"
-        assert f"{joint.name.capitalize()}: {told}" in svg
-    assert "Foot: rms" in svg
-
-
-def test_the_same_comparison_gives_the_same_page(check, page):
-    assert page == comparison_page(check, title="leg <1>", leg=WALK.leg, unreachable=15)
 
 
 def test_joints_without_a_leg_or_a_cycle_have_a_page_too():

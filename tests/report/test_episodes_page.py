@@ -28,11 +28,6 @@ def document(rows, *, speed=1.5, left_out=()):
     return {"track": "state", "speed": speed, "recordings": rows, "left_out": failed, "remarks": []}
 
 
-def test_the_fastest_replays_have_their_speeds():
-    columns = [each.title for each in episodes_table(document([row(0)], speed=None)).columns]
-    assert columns[:3] == ["requests", "times the speed", "joint"]
-
-
 def test_of_very_many_recordings_the_table_has_those_that_are_farthest_off():
     rows = [row(number, planned=1.0 + number % 7) for number in range(MOST_ROWS + 70)]
     table = episodes_table(document(rows))

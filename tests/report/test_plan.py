@@ -67,16 +67,6 @@ def page_of(outcome, **about):
     return plan_page(outcome, **{"title": "leg <1>", "method": "foot-optimal", **about})
 
 
-def test_the_outcome_is_what_simulation_and_leg_say(outcome):
-    direct = np.column_stack([planner.simulate(SERVO, column) for column in WALK.desired.T])
-    np.testing.assert_array_equal(outcome.direct, direct)
-    distance = WALK.leg.foot_positions(direct) - WALK.desired_foot
-    np.testing.assert_allclose(
-        outcome.direct_distances, np.linalg.norm(distance, axis=1), atol=SAME
-    )
-    assert outcome.distances.max() < outcome.direct_distances.max()
-
-
 def test_the_verdict_is_about_the_foot_where_there_is_one(outcome):
     head, tail = verdict(outcome)
     said = re.fullmatch(r"By the model the foot stays within ([\d.]+) cm of its path", head)
@@ -99,13 +89,6 @@ def test_no_joint_leaves_the_distance_within_which_it_is_said_to_stay(outcome, e
     one.__dict__["predicted"] = WALK.desired[:, :1] + errors
     head, _ = verdict(one)
     assert head == f"By the model the joint stays within {told} degrees of its path"
-
-
-def test_the_best_shift_of_the_foot_is_shown_beside_its_plan(outcome):
-    rms, most, *_ = cards(outcome)
-    best = 100.0 * shifted(outcome.task).distances
-    assert rms.words.endswith(f"with the best time shift {np.sqrt(np.mean(best**2)):.3g} cm")
-    assert most.words.endswith(f"with the best time shift {best.max():.3g} cm")
 
 
 def test_a_path_that_is_too_fast_is_remarked(outcome):

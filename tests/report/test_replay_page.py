@@ -13,13 +13,6 @@ from planner.report.replay import cards, replay_page
 from tests.report.test_made_up_pages import SERVO, logs
 
 
-def test_the_page_says_what_should_be_known_of_the_recording():
-    (log,) = logs("elbow")
-    times = log.times + 0.5 * (np.arange(80) >= 40)
-    page = replay_page(replay(replace(log, times=times), SERVO), title="demo.csv", words="follows")
-    assert "is bridged by a straight line" in page
-
-
 @pytest.mark.parametrize(("size", "speed"), [(2.0, 1.5), (4.0, 2.0), (3.0, 3.0)])
 def test_the_error_that_joints_stay_within_is_not_rounded_down(size, speed):
     made = replay(logs("elbow", size=size), SERVO, speed=speed)

@@ -14,7 +14,6 @@ from hypothesis.extra.numpy import arrays
 
 from kinematics import Leg, urdf_path
 from kinematics.scene import Scene
-from planner.exceptions import MissingExtra
 from planner.report.scene import MOST_FRAMES, SIDES, motions, scene_page, tube
 from planner.report.style import DESIRED, DIRECT, FOOT_OPTIMAL
 
@@ -147,12 +146,6 @@ def test_the_page_is_the_same_every_time_and_asks_nobody(scene, leg):
     assert "<title>a &lt;walk&gt;</title>" in page
     assert not re.findall(r"<(?:script|img|link)[^>]*(?:src|href)=\"(?!data:)", page)
     assert "default-src 'none'" in page
-
-
-def test_what_is_not_installed_is_named(scene, leg, monkeypatch):
-    monkeypatch.setitem(__import__("sys").modules, "meshcat", None)
-    with pytest.raises(MissingExtra, match=r"request-planner\[meshcat\]"):
-        scene_page(scene, _shown(leg), period=PERIOD, cyclic=True, title="t")
 
 
 @given(

@@ -15,10 +15,8 @@ import pytest
 from planner.evaluation import paper, virtual_experiment
 from planner.evaluation.virtual_experiment import execute
 from planner.exceptions import NoSteadyCycle
-from planner.files.joint_model import read_model_file
 from planner.files.paths import read_joint_path
 from planner.files.staging import list_files
-from planner.files.table import read_table
 from planner.report.paper.tables import signed_percent
 from planner.trajectory import angle_distance
 from planner.virtual.constants import Constants
@@ -128,17 +126,6 @@ def test_the_distances_follow_from_the_angles_in_the_files(folder, results, join
             entry = results["table2"][joint][pair]
             assert entry["L2"] == pytest.approx(np.mean(rms), abs=WRITTEN)
             assert entry["std"]["L2"] == pytest.approx(np.std(rms, ddof=1), abs=WRITTEN)
-
-
-def test_the_models_and_logs_in_the_folder_are_those_of_the_results(folder, results, joints):
-    for joint in joints:
-        (model,) = read_model_file(folder / f"{joint}.toml").for_joints([joint])
-        assert model.v_max == results["identified"][joint]["model"]["v_max"]
-        for amplitude in results["parameters"]["step_amplitudes_deg"]:
-            log = read_table(folder / f"step_test_{joint}_{amplitude:.0f}.csv")
-            assert log.names == ("t_s", "requested_deg", "actual_deg")
-            requested = np.array([float(row[1]) for row in log.rows])
-            assert np.ptp(requested) == pytest.approx(amplitude, abs=WRITTEN)
 
 
 def test_the_manifest_lists_every_file(folder, results):
