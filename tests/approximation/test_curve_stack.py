@@ -26,21 +26,6 @@ def test_knots_may_be_shared():
     np.testing.assert_array_equal(stack.knots, [[0.0, 4.0]] * 3)
 
 
-@pytest.mark.parametrize(
-    ("knots", "values", "message"),
-    [
-        ([0.0, 4.0], [0.0, 1.0], r"expected \(m, 1 or more\)"),
-        ([0.0, 4.0, 5.0], [[0.0, 1.0]], r"knots: got shape \(3,\)"),
-        ([[0.0, 4.0], [5.0, 4.0]], np.zeros((2, 2)), "curve 1 must increase"),
-        ([[0.0, 4.0], [0.0, 10.0]], np.zeros((2, 2)), "fit into one cycle"),
-        ([0.0, 4.0], [[0.0, 1.0], [0.0, np.nan]], "curve 1 has others"),
-    ],
-)
-def test_rows_that_are_no_curves_are_refused(knots, values, message):
-    with pytest.raises(InvalidInput, match=message):
-        CurveStack(knots=knots, values=values, cyclic=True, **OVER)
-
-
 def test_only_curves_that_agree_are_stacked():
     same = {"knots": [0.0, 4.0], "values": [0.0, 1.0], "cyclic": True, **OVER}
     one = PiecewiseLinear(**same)

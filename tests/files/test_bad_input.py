@@ -147,13 +147,6 @@ def test_joints_that_cannot_be_chosen_are_named(tmp_path, joints, message):
     assert str(caught.value) == f"{file}{message}"
 
 
-def test_a_file_that_does_not_exist_and_a_folder_are_bad_input(tmp_path):
-    with pytest.raises(InvalidFile, match="no such file; check the name and the folder"):
-        read_joint_path(tmp_path / "nothing.csv")
-    with pytest.raises(InvalidFile, match="cannot be read \\(is a directory\\)"):
-        read_joint_path(tmp_path)
-
-
 def test_a_path_at_another_rate_than_the_joint_is_refused(tmp_path):
     file = tmp_path / "path.csv"
     file.write_text("t_s,knee_deg\n0,1\n0.02,2\n0.04,3\n")

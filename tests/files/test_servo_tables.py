@@ -48,9 +48,6 @@ def test_what_is_left_out_has_its_default(tmp_path):
         ({"p_gain": "1.5"}, 9, "p_gain: got 1.5, expected a whole number"),
         ({"p_gian": "3"}, 10, "unknown key 'p_gian' .did you mean 'p_gain'"),
         ({"limits": "[1.5, -0.5]"}, None, "limits: got .*, expected the lower one first"),
-        ({"direction": "0"}, None, "direction: got 0, expected 1 or -1"),
-        ({"id": "253"}, None, "got the identifier 253, expected 0 to 252"),
-        ({"ticks_per_turn": "inf"}, None, "ticks_per_turn: got inf, expected 2 or more"),
     ],
 )
 def test_a_servo_that_is_none_is_refused(tmp_path, changes, line, message):

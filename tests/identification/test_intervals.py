@@ -234,19 +234,6 @@ def test_a_run_has_three_rows_with_torque_or_more():
         moving(replace(moved, angles=moved.angles[:9]))
 
 
-@pytest.mark.parametrize(
-    ("settings", "message"),
-    [
-        ({"tick": 0.003, "hold": 2}, "expected the log's period"),
-        ({"tick": -1.0}, "more than 0 s"),
-        ({"hold": 0}, "1 or more"),
-    ],
-)
-def test_ticks_that_do_not_make_the_period_are_refused(settings, message):
-    with pytest.raises(planner.InvalidInput, match=message):
-        planner.identify(step_logs(), **settings)
-
-
 def test_logs_of_different_joints_are_refused():
     log = step_logs()[0]
     columns = {"times": log.times, "requests": log.requests, "angles": log.angles}

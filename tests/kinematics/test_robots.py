@@ -61,14 +61,6 @@ def test_the_shipped_robots_are_the_files_of_the_folder():
     assert sorted(SHIPPED) == sorted(path.name for path in folder.glob("*.urdf"))
 
 
-def test_an_unknown_robot_is_an_error_that_lists_the_shipped_ones():
-    with pytest.raises(
-        UnknownDescription, match=r"'aibo'.*ers210a\.urdf, reference_leg\.urdf"
-    ) as e:
-        urdf_path("aibo")
-    assert e.value.shipped == SHIPPED
-
-
 def test_a_path_out_of_the_folder_is_not_a_shipped_robot():
     with pytest.raises(UnknownDescription):
         urdf_path("../pyproject.toml")

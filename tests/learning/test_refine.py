@@ -475,37 +475,17 @@ def test_a_foot_is_learnt_with_all_joints_at_once(monkeypatch: pytest.MonkeyPatc
 @pytest.mark.parametrize(
     ("measured", "message"),
     [
-        (np.zeros(87), r"got shape \(87,\), expected \(88,\) or \(cycles, 88\)"),
         (np.zeros((0, 88)), r"got shape \(0, 88\), expected"),
-        (np.full(88, 1.1e9), r"got 1\.1e\+09, expected at most 1e\+09 rad; check the unit"),
-        (np.full(88, np.nan), "88 of 88 angles are not finite, the first in cycle 0, row 0"),
         (
             np.where(np.arange(176).reshape(2, 88) == 93, np.nan, 0.1),
             "1 of 176 angles are not finite, the first in cycle 1, row 5",
         ),
-        (["a"] * 88, "expected angles"),
     ],
 )
 def test_measurements_that_do_not_fit_are_refused(measured: object, message: str) -> None:
     plan = planner.invert_optimal(KNOWN, random_path(1, 88, span=1.0, fastest=0.03))
     with pytest.raises(planner.InvalidTrajectory, match=message):
         planner.refine(plan, measured)
-
-
-@pytest.mark.parametrize(
-    ("wrong", "message"),
-    [
-        (lambda plan: np.round(plan.requests, 4), "the angles of the joint are its requests"),
-        (lambda plan: 0.0 * plan.requests, "the joint does not move: .* range of 0 rad, the model"),
-        (lambda plan: -plan.predicted, "farther than a joint that does not move"),
-        (lambda _: random_path(2, 88, span=1.0, fastest=0.03), "farther than a joint that does"),
-    ],
-    ids=["rounded requests", "still", "sign", "another motion"],
-)
-def test_measurements_that_cannot_be_of_the_joint_are_refused(wrong, message: str) -> None:
-    plan = planner.invert_optimal(KNOWN, random_path(1, 88, span=1.0, fastest=0.03))
-    with pytest.raises(planner.InvalidTrajectory, match=message):
-        planner.refine(plan, wrong(plan))
 
 
 def test_a_joint_may_be_far_from_its_model_and_late_as_long_as_it_does_the_same_motion() -> None:
@@ -527,23 +507,6 @@ def test_a_joint_that_has_learnt_to_follow_exactly_is_no_copy_of_the_desired_pat
 def test_a_joint_that_should_not_move_may_rest_where_it_is_requested_to() -> None:
     plan = planner.invert_optimal(replace(KNOWN, offset=0.01), np.full(88, 0.3))
     np.testing.assert_allclose(planner.refine(plan, plan.requests).requests, 0.3)
-
-
-def test_the_recording_of_other_requests_is_refused(two_trials) -> None:
-    joint, first, second = two_trials
-    old = first.learning.trials[0].measured[:, :, 0]
-    with pytest.raises(planner.InvalidTrajectory, match="same angles as in trial 1"):
-        planner.refine(first, old[1:])
-    with pytest.raises(planner.InvalidTrajectory, match="same angles as in trial 1"):
-        planner.refine(second, np.vstack([joint.play(second.requests)[1], old]))
-
-
-def test_no_plan_and_no_delay_are_refused() -> None:
-    plan = planner.invert_optimal(KNOWN, random_path(1, 88, span=1.0, fastest=0.03))
-    with pytest.raises(planner.InvalidInput, match="plan: got"):
-        planner.refine(plan.requests, plan.predicted)
-    with pytest.raises(planner.InvalidInput, match="sensor_delay: got"):
-        planner.refine(plan, plan.predicted, sensor_delay=math.nan)
 
 
 MAYBE_SLOWER = KNOWN.with_evidence(Evidence(intervals={"v_max": (4.0, 5.6), "lag": (0.028, 0.036)}))

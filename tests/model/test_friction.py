@@ -337,11 +337,6 @@ def test_periods_in_symbols_in_a_row_are_the_simulation_under_load(cyclic, hold,
 @pytest.mark.parametrize(
     ("load", "said"),
     [
-        (
-            [0.0, 0.1],
-            r"load: got shape \(2,\), expected a torque \[N m\], or one for each of the 3",
-        ),
-        ("heavy", "load: got 'heavy'"),
         ([0.0, math.nan, 0.0], "load: got values that are not finite"),
         ([0.0, 0.0, -9.0], "load: got -9 N m at sample 2, against which the joint cannot move up"),
         (50.0, "load: got 50 N m at sample 0, against which the joint cannot move down"),

@@ -122,12 +122,6 @@ def test_integers_of_numpy_are_numbers_too():
     assert type(_model(v_max=np.float32(2.0)).v_max) is float
 
 
-def test_a_tick_too_short_for_the_window_is_taken_for_a_mistaken_unit():
-    for wrong in ({"tick": 1e-9}, {"lag": 801.0}):
-        with pytest.raises(InvalidModel, match=r"100000 ticks.*are the times in seconds"):
-            _model(**wrong)
-
-
 @pytest.mark.parametrize(
     ("parameters", "window", "hold"),
     [

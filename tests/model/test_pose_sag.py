@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 
 import planner
 from planner.evaluation.checks import AGREEMENT
-from planner.exceptions import InvalidModel
 from planner.model.joint import MOST_POSE_SAG, JointModel
 from planner.model.response import (
     load_columns,
@@ -198,11 +197,6 @@ def test_the_largest_sag_has_an_angle_at_rest_for_every_request(share):
     angles = model.rest(requests)
     np.testing.assert_allclose(requests + model.pose_sag(angles), angles, rtol=0.0, atol=1e-12)
     assert np.all(np.diff(angles) > 0.0)
-
-
-def test_a_sag_that_leaves_several_angles_at_rest_is_refused():
-    with pytest.raises(InvalidModel, match="sag_sin, sag_cos"):
-        replace(PAPER, sag_sin=0.8 * MOST_POSE_SAG, sag_cos=0.8 * MOST_POSE_SAG)
 
 
 def test_an_exact_bound_is_not_claimed_for_it():

@@ -11,7 +11,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import minimize
 
-from planner.approximation.curve import PiecewiseLinear
 from planner.evaluation.cross_check import cross_check
 from planner.exceptions import Infeasible, InvalidInput
 from planner.gait.half_ellipse import reference_walk
@@ -190,24 +189,6 @@ def test_requests_within_limits_must_be_able_to_hold_the_angles_under_the_load()
     assert np.max(made.requests) <= reach + 1e-3
     with pytest.raises(Infeasible, match=r"desired: sample 0 is .* let the joint rest"):
         invert_optimal(SERVO, desired, limits=(-1.0, reach - 2e-3), load=-0.5)
-
-
-def test_curves_may_be_as_steep_as_the_direction_allows():
-    model = replace(WITHOUT, v_offset=1.0)
-    knots, length = np.array([0.0, 50.0]), 50.0 * WITHOUT.period
-    for slope, allowed in ((4.9, True), (5.1, False), (-4.9, False)):
-        curve = PiecewiseLinear(
-            knots=knots,
-            values=np.array([0.0, slope * length]),
-            samples=51,
-            cyclic=False,
-            tick=model.period,
-        )
-        if allowed:
-            assert closed_form_requests(model, curve).shape == (51,)
-        else:
-            with pytest.raises(InvalidInput, match=r"curves: got .* expected slopes from .* to "):
-                closed_form_requests(model, curve)
 
 
 def test_the_cross_check_passes_for_joints_with_friction_and_load():

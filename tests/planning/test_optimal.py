@@ -10,7 +10,7 @@ import pytest
 from scipy.optimize import least_squares
 
 from planner.approximation.curve import PiecewiseLinear
-from planner.exceptions import Infeasible, InvalidInput, InvalidTrajectory
+from planner.exceptions import InvalidInput
 from planner.model.evidence import ENCODER_STEP
 from planner.model.joint import JointModel
 from planner.model.response import simulate
@@ -356,29 +356,9 @@ def test_every_kind_of_joint_gets_a_plan_near_its_bound():
     assert min(gaps) >= 0.0
 
 
-@pytest.mark.parametrize(
-    ("limits", "message"),
-    [
-        ((1.0, -1.0), r"^limits: the lower one, 1 rad, is above the upper one, -1 rad; swap"),
-        ((-1.0, 0.3), r"^desired: sample 1 is 0.5 rad, 0.2 rad beyond the angles -1 to 0.3 rad"),
-        ((0.1, 1.0), r"^desired: sample 2 is -0.5 rad, 0.6 rad beyond the angles 0.1 to 1 rad"),
-    ],
-)
-def test_limits_that_exclude_desired_angles_are_infeasible(limits, message):
-    with pytest.raises(Infeasible, match=message):
-        invert_optimal(ERS210A, [0.0, 0.5, -0.5], limits=limits)
-
-
 def _barely_around(requests):
     """Limits that leave the desired angles a thousandth of a radian of room."""
     return float(np.min(requests)) - 1e-3, float(np.max(requests)) + 1e-3
-
-
-@pytest.mark.parametrize("plan", [invert_optimal, invert_closed_form])
-def test_degrees_are_not_planned_as_radians(plan):
-    degrees = 50.0 + 9.0 * np.sin(2.0 * np.pi * np.arange(80) / 80)
-    with pytest.raises(InvalidTrajectory, match=r"desired: got 59 rad, 9\.4 turns, .*at index 20"):
-        plan(ERS210A, degrees)
 
 
 def test_a_start_in_degrees_is_refused():

@@ -16,7 +16,7 @@ from planner import (
     reference_walk,
     simulate,
 )
-from planner.exceptions import Infeasible, InvalidInput, InvalidTrajectory
+from planner.exceptions import Infeasible, InvalidInput
 from planner.planning.plan import Plan, joined
 from planner.planning.task import Task
 
@@ -68,11 +68,6 @@ def test_what_is_wrong_with_one_joint_is_said_of_it(options, error, message):
         plan(SERVO, PATH, names=NAMES, **options)
     assert getattr(raised.value, "__notes__", []) in ([], ["knee"])
     assert "knee" in f"{raised.value}{getattr(raised.value, '__notes__', '')}"
-
-
-def test_a_path_of_two_rows_is_refused():
-    with pytest.raises(InvalidTrajectory, match="desired: got 2 samples, expected at least 3"):
-        plan(SERVO, PATH[:2])
 
 
 def test_the_joints_of_a_plan_joined_again_are_the_plan():

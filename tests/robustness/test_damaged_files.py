@@ -1,7 +1,6 @@
 """Whatever happened to a file on its way, it is read or refused with one line that names it.
 
-Bytes of no file at all, and damaged logs, Parquet files, bags and datasets, are in
-``tests/files/test_any_bytes.py`` and ``tests/files/logs/test_any_log.py``.
+Damaged logs, Parquet files, bags and datasets are in ``tests/files/logs/test_any_log.py``.
 """
 
 from __future__ import annotations

@@ -46,23 +46,6 @@ def test_a_unit_may_be_for_one_joint_only():
     assert LogOptions(unit="Jaw=range").unit_of("Elbow") is None
 
 
-@pytest.mark.parametrize(
-    ("paths", "message"),
-    [
-        ([], "no log; give at least one file"),
-        (None, "logs: got NoneType, expected a path, or several"),
-        (b"run.csv", "logs: got bytes, expected a path, or several"),
-        ([5], "log: got 5, expected a path"),
-        (["a\0b"], "log: got 'a\\x00b', expected a path"),
-    ],
-    ids=["none", "None", "bytes", "number", "null"],
-)
-def test_what_is_no_path_is_refused(paths, message):
-    with pytest.raises(InvalidInput) as caught:
-        read_logs(paths)
-    assert str(caught.value) == message
-
-
 def test_a_name_that_no_file_can_have_is_refused():
     with pytest.raises(InvalidFile, match=r"cannot be read \(file name too long\); "):
         read_logs("x" * 300)

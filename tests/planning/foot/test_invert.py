@@ -323,18 +323,6 @@ def test_a_plan_keeps_nothing_of_its_input():
     np.testing.assert_array_equal(plan.desired_foot, kept)
 
 
-@pytest.mark.parametrize(
-    "name", ["requests", "desired_foot", "predicted", "foot", "weights", "start"]
-)
-def test_what_a_plan_is_made_of_cannot_be_written_to(name):
-    plan = reference_plan(cyclic=False)
-    assert not getattr(plan, name).flags.writeable
-
-
-def test_the_limits_of_a_plan_cannot_be_written_to():
-    assert not any(limit.flags.writeable for limit in reference_plan().limits)
-
-
 @pytest.mark.parametrize("options", [{}, {"norm": "max"}, {"cyclic": False}])
 def test_the_same_path_gets_the_same_plan_bit_for_bit(options):
     path = WALK.desired_foot.tolist()
