@@ -13,8 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 import planner
-from planner.virtual.pendulum import Pendulum, Sts3215
-from planner.virtual.robot import VirtualRobot
+from planner.virtual.robot import Pendulum, Sts3215, VirtualRobot
 
 PERIOD = 0.01  # [s]
 PREVIEW = 20  # rows, 0.2 s

@@ -13,8 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 import planner
-from planner.virtual.pendulum import Pendulum, Sts3215
-from planner.virtual.robot import VirtualRobot
+from planner.virtual.robot import Pendulum, Sts3215, VirtualRobot
 
 PERIOD = 0.033  # [s]
 CHUNK, USED = 50, 25  # actions in a chunk, and actions used before the next one

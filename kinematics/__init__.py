@@ -6,7 +6,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from kinematics.descriptions import urdf_path
+    from kinematics.chain import Limits
     from kinematics.exceptions import (
         InvalidInput,
         InvalidPath,
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     )
     from kinematics.inverse import InverseSolution
     from kinematics.leg import Leg
-    from kinematics.limits import Limits
+    from kinematics.robot import urdf_path
     from kinematics.symbolic import foot_function
 
 _HOMES = {
@@ -30,14 +30,14 @@ _HOMES = {
     "InverseSolution": "inverse",
     "KinematicsError": "exceptions",
     "Leg": "leg",
-    "Limits": "limits",
+    "Limits": "chain",
     "SingularLeg": "exceptions",
     "UnknownDescription": "exceptions",
     "UnknownFrame": "exceptions",
     "UnreachableFoot": "exceptions",
     "UnsupportedLeg": "exceptions",
     "foot_function": "symbolic",
-    "urdf_path": "descriptions",
+    "urdf_path": "robot",
 }
 
 __all__ = [

@@ -11,7 +11,7 @@ from kinematics.leg import Leg
 def foot_function(leg: Leg) -> Any:
     """The foot's position and its derivatives as a CasADi function.
 
-    The chain's constants come from Pinocchio (:mod:`kinematics.read_urdf`); CasADi computes the
+    The chain's constants come from Pinocchio (:mod:`kinematics.leg`); CasADi computes the
     derivatives itself, an independent check of :meth:`Leg.jacobians`.
 
     Args:

@@ -46,8 +46,7 @@ if TYPE_CHECKING:
     from planner.planning.trials import Learning, SensorDelay, Trial
     from planner.recording.replaying import Replay, replay
     from planner.recording.retiming import Fastest, fastest
-    from planner.robot.follow import follow
-    from planner.robot.play import Playback, TimedRequest, play, timed_requests
+    from planner.robot.play import Playback, TimedRequest, follow, play, timed_requests
 
 __all__ = [
     "BusError",
@@ -149,8 +148,7 @@ _HOMES = {
     "planner.model.sensitivity": ("sensitivities",),
     "planner.recording.replaying": ("Replay", "replay"),
     "planner.recording.retiming": ("Fastest", "fastest"),
-    "planner.robot.follow": ("follow",),
-    "planner.robot.play": ("Playback", "TimedRequest", "play", "timed_requests"),
+    "planner.robot.play": ("Playback", "TimedRequest", "follow", "play", "timed_requests"),
 }
 _HOME = {name: module for module, names in _HOMES.items() for name in names}
 

@@ -11,7 +11,7 @@ from lerobot.robots.so_follower import SO101Follower  # noqa: F401
 
 from planner.exceptions import BusError, InvalidInput
 from planner.robot.arm import Arm, Servo
-from planner.robot.lerobot_bus import joints, lerobot_bus, robot_of
+from planner.robot.bus import joints, lerobot_bus, robot_of
 from planner.virtual.servo_bus import VirtualServos, serve, terminal
 
 PERIOD = 0.02

@@ -1,7 +1,7 @@
 """The search for knots and for their number: grids, descents, and moves of single knots.
 
 Nothing is proved here. Chains of :mod:`planner.approximation.proposals` are starts of descents
-(:mod:`planner.approximation.descent`); a lattice around the best of them gives more. The squared
+(:mod:`planner.approximation.values`); a lattice around the best of them gives more. The squared
 error has a kink wherever a knot meets a sample, so a local minimum between any two samples is
 possible; so the knots of the best two curves are moved across samples, one at a time, each move
 with a descent of its own. Beyond 32 segments, knots come from bottom-up merging and one descent.
@@ -17,20 +17,16 @@ from functools import cached_property
 
 import numpy as np
 
-from planner.approximation.canonical_form import (
-    EQUAL,
-    CanonicalForm,
-    at_resolution,
-    to_resolution,
-)
 from planner.approximation.curve import PiecewiseLinear
-from planner.approximation.descent import WINDOW, best_values, descend, descend_by_windows
 from planner.approximation.ideal import ideal_of
 from planner.approximation.problem import (
     BARELY,
+    EQUAL,
     SHORTEST,
     Candidate,
+    CanonicalForm,
     Problem,
+    at_resolution,
     candidate,
     even_knots,
     feasible_values,
@@ -38,9 +34,17 @@ from planner.approximation.problem import (
     required_knots,
     round_knots,
     segment_capacity,
+    to_resolution,
 )
 from planner.approximation.proposals import MergedKnots, chain_proposals, lattice_chain
-from planner.approximation.values import solve_values, within_slopes
+from planner.approximation.values import (
+    WINDOW,
+    best_values,
+    descend,
+    descend_by_windows,
+    solve_values,
+    within_slopes,
+)
 from planner.exceptions import Infeasible, angle_text
 from planner.trajectory import Array
 
@@ -78,7 +82,6 @@ mean, 27 % at worst, in half the time; 64: 0.1 % more in the same time."""
 
 BEND = 1e-10
 """Second difference, relative to the size of the samples, that counts as zero."""
-
 
 CLOSE_TO_IDEAL = 1.02
 """Rms over the ideal's from which on more segments are not worth their corners."""

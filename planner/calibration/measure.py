@@ -11,9 +11,9 @@ from typing import NamedTuple
 import numpy as np
 
 from planner.exceptions import BusError, InvalidFile, InvalidInput, angle_text
-from planner.files.growing_log import GrowingLog
 from planner.files.logs.options import LogOptions
 from planner.files.logs.read import read_logs
+from planner.files.paths import GrowingLog
 from planner.identification.excitation import excite
 from planner.identification.log import Log
 from planner.robot.arm import Arm

@@ -100,7 +100,7 @@ def ids_by_joint(choices: Mapping[str, Any], ids: dict[str, int]) -> dict[str, i
     kind, _, which = choices["bus"].partition(":")
     if kind != "lerobot":
         return ids
-    from planner.robot.lerobot_bus import joints
+    from planner.robot.bus import joints
 
     joint_names = joints(which)
     return {
@@ -138,7 +138,7 @@ def open_bus(choices: Mapping[str, Any], ids: Mapping[str, int]) -> Iterator[Bus
     if path is None:
         raise click.UsageError(f"--bus {kind} needs --port, such as --port /dev/ttyACM0.")
     if kind == "lerobot":
-        from planner.robot.lerobot_bus import lerobot_bus
+        from planner.robot.bus import lerobot_bus
 
         with lerobot_bus(which, path) as bus:
             yield bus

@@ -33,7 +33,7 @@ from typing import (
 from planner.exceptions import nearest
 
 if TYPE_CHECKING:
-    from planner.files.toml import Place, Toml
+    from planner.files.text import Place, Toml
 
 LONGEST = 60
 """Characters of a value that a message repeats."""

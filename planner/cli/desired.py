@@ -15,6 +15,7 @@ from planner.cli import settings
 from planner.cli.faults import BadSetting, Key, Remark
 from planner.cli.models import beside, check_joints, models_of
 from planner.exceptions import ANGLE_UNIT, JOINT_UNITS, InvalidFile
+from planner.files.columns import LEAST_DEG, SHARES
 from planner.files.joint_model import has_servos, read_servos
 from planner.files.paths import (
     FootPath,
@@ -27,7 +28,6 @@ from planner.files.paths import (
 )
 from planner.files.robot import LegPlace, in_radians, read_legs
 from planner.files.text import STANDARD_STREAM
-from planner.files.units import LEAST_DEG, SHARES
 from planner.model.evidence import refusal
 from planner.model.joint import JointModel
 from planner.trajectory import Array, most_lost
@@ -40,7 +40,6 @@ AnyPath = TypeVar("AnyPath", JointPath, FootPath)
 Limits = Mapping[str, tuple[float, float]]
 """Smallest and largest request by joint [rad]."""
 
-
 SHIPPED = {
     "reference": LegPlace("reference_leg.urdf", "hip", "foot"),
     **{
@@ -51,11 +50,9 @@ SHIPPED = {
 }
 """The simplified leg of the reference walk, and the four legs of the ERS-210A."""
 
-
 FAR = 3.0
 """A path whose ends are more than this many of its largest steps apart does not repeat: the last
 sample of a cycle is about one step before the first."""
-
 
 FEW = 10
 """Fewest samples of a path whose span is checked for a wrong unit."""

@@ -15,12 +15,11 @@ from planner.report.table import text_table
 
 if TYPE_CHECKING:
     from kinematics import Leg
-    from planner.gait.pattern import Pattern
-    from planner.gait.stride import Stride
+    from planner.gait.stride import Pattern, Stride
     from planner.trajectory import Array
 
 PATTERNS = ("walk", "trot", "pace", "bound")
-"""The patterns of ``planner.gait.pattern``, which takes longer to import."""
+"""The patterns of ``planner.gait.stride``, which takes longer to import."""
 
 SHORTEST, LONGEST = 1e-6, 1e3
 """Range of the time between samples [s]: beyond it the unit is surely mistaken."""
@@ -128,8 +127,8 @@ def _whole_robot(
 
     from planner.cli.desired import legs_of, load_leg
     from planner.files.paths import write_joint_path
-    from planner.gait.pattern import check_legs
-    from planner.gait.pattern import gait as gait_of
+    from planner.gait.stride import check_legs
+    from planner.gait.stride import gait as gait_of
 
     places = legs_of(run.model)
     try:

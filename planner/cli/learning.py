@@ -16,10 +16,10 @@ from planner.cli.faults import BadSetting, Key
 from planner.cli.models import model_words
 from planner.cli.planning import Prepared, plan_of, task_of
 from planner.exceptions import InvalidFile, about
+from planner.files.columns import split_unit
 from planner.files.learning_history import LearningState, read_history, write_history
 from planner.files.paths import JOINT_UNITS, JointPath, joint_path, read_joint_path
 from planner.files.table import read_table
-from planner.files.units import split_unit
 from planner.learning.refine import refine
 from planner.model.response import load_columns
 from planner.planning.arguments import limits_of_each

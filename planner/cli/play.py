@@ -63,10 +63,9 @@ def play(
     """  # noqa: D301
     import numpy as np
 
-    from planner.files.growing_log import GrowingLog
+    from planner.files.columns import SHARES
     from planner.files.joint_model import read_servos
-    from planner.files.paths import read_joint_path, write_joint_path
-    from planner.files.units import SHARES
+    from planner.files.paths import GrowingLog, read_joint_path, write_joint_path
 
     path = read_joint_path(requests)
     for name, unit in zip(path.names, path.units, strict=True):

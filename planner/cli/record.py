@@ -57,8 +57,8 @@ def record(
 
     import numpy as np
 
-    from planner.files.growing_log import GrowingLog
     from planner.files.joint_model import read_servos
+    from planner.files.paths import GrowingLog
 
     servos = read_servos(model)
     kinds = ("",) if by_hand else ("requested", "actual")

@@ -6,18 +6,18 @@ from typing import Any, Literal
 
 from planner.cli.faults import BadSetting, Key
 from planner.cli.settings import Export
-from planner.files.exports import check_format
-from planner.files.exports.controller_csv import Ticks, write_controller_csv
-from planner.files.exports.lerobot import TASK, write_lerobot
-from planner.files.exports.ros_trajectory import (
+from planner.files.columns import PULSE_ZERO, PULSES_PER_TURN
+from planner.files.exports import (
     TOPIC,
+    Ticks,
+    check_format,
     joint_trajectory,
     write_bag,
+    write_controller_csv,
     write_trajectory_yaml,
 )
-from planner.files.logs.units import PULSE_ZERO, PULSES_PER_TURN
-from planner.robot.resample import never_sent, repeated, resampled
-from planner.robot.schedule import Schedule
+from planner.files.lerobot_export import TASK, write_lerobot
+from planner.robot.schedule import Schedule, never_sent, repeated, resampled
 
 FOLDERS = ("bag", "mcap", "lerobot")
 """Formats that are a folder, which standard output cannot be."""

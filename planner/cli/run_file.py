@@ -27,8 +27,7 @@ from planner.cli.rows import (
 from planner.exceptions import InvalidFile, InvalidInput, PlannerError
 from planner.files.paths import write_foot_path, write_joint_path
 from planner.files.staging import MANIFEST, list_files
-from planner.files.text import to_json, write_text
-from planner.files.toml import Toml, read_toml
+from planner.files.text import Toml, read_toml, to_json, write_text
 from planner.model.response import simulate_joints
 from planner.planning.plan import Plan
 from planner.report.page import versions

@@ -10,9 +10,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planner.evaluation.paper import SEGMENTS
 from planner.evaluation.reproduction import (
     PAIRS,
+    SEGMENTS,
     Clock,
     PlannedWalk,
     best_lead,
@@ -29,8 +29,7 @@ from planner.learning.refine import refine
 from planner.planning.result import FootInversion
 from planner.planning.trials import Learning
 from planner.trajectory import Array, Distance, angle_distance, foot_distance
-from planner.virtual.constants import Constants
-from planner.virtual.robot import VirtualRobot
+from planner.virtual.robot import Constants, VirtualRobot
 
 AMPLITUDES = (20.0, 40.0, 70.0)
 """Heights of the step tests [degrees]: small to large within the range that the walk needs."""

@@ -14,8 +14,7 @@ import numpy as np
 
 from planner.exceptions import InvalidFile, InvalidInput, InvalidModel, nearest
 from planner.files.robot import is_of_robot
-from planner.files.text import write_text
-from planner.files.toml import Toml, read_toml
+from planner.files.text import Toml, read_toml, write_text
 from planner.model.evidence import ACCEPTED, GAIN, Evidence, Verdict, warn_of_refused
 from planner.model.joint import JointModel
 from planner.robot.arm import SETTINGS, Servo

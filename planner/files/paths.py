@@ -4,7 +4,7 @@ A joint path has one ``<joint>_deg`` or ``<joint>_rad`` column per joint, or ``<
 ``<joint>_range`` (0 to 1) where only the share of its range is known. Its columns
 ``<joint>_load_Nm`` are torques on these joints in the direction of positive angles. A foot path has
 the columns ``x_m, y_m, z_m`` (or ``_cm``, ``_mm``). Both may have times, as logs have them
-(:mod:`planner.files.clock`): ``t_s``, ``time_ms``, ``stamp_ns``, dates.
+(:mod:`planner.files.columns`): ``t_s``, ``time_ms``, ``stamp_ns``, dates.
 """
 
 from __future__ import annotations
@@ -14,25 +14,29 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar, Self, TextIO
 
 import numpy as np
 
 from planner.approximation.curve import PiecewiseLinear
 from planner.exceptions import InvalidFile, InvalidInput, nearest
-from planner.files.clock import TIME, read_clock, time_column, time_columns
-from planner.files.logs.column_names import pairs
-from planner.files.table import Table, read_table, write_table
-from planner.files.text import write_text
-from planner.files.units import (
+from planner.files.columns import (
     ANGLES,
     LENGTHS,
     SHARES,
+    TIME,
     check_radians,
+    pairs,
     pick,
+    read_clock,
     split_unit,
+    time_column,
+    time_columns,
     with_unit,
 )
+from planner.files.staging import cannot_write
+from planner.files.table import Table, read_table, write_table
+from planner.files.text import write_text
 from planner.trajectory import MOST_SAMPLES, Array
 
 JOINT_UNITS = {**ANGLES, **SHARES}
@@ -56,6 +60,9 @@ long."""
 
 AXES = ("x", "y", "z")
 """Axes of a foot's positions."""
+
+UNFINISHED = ".part"
+"""Ending of a log that is being measured, or whose measurement was cut short."""
 
 
 class _Path:
@@ -400,3 +407,64 @@ def resampled(times: Array, rows: Array, period: float, *, cyclic: bool) -> Arra
 
 def _times(count: int, period: float) -> Array:
     return np.asarray(np.arange(count) * period, dtype=np.float64)
+
+
+class GrowingLog:
+    """A CSV of requested and actual angles that has every row as soon as it was measured.
+
+    It is written as ``NAME.part``, and gets its name when it is complete: other outputs appear
+    whole or not at all, but no measured row may be lost.
+    """
+
+    def __init__(
+        self,
+        path: Path | str,
+        names: Sequence[str],
+        *,
+        kinds: Sequence[str] = ("requested", "actual"),
+    ) -> None:
+        """Begin a log of these joints, with a column for each kind of angle.
+
+        Raises:
+            InvalidFile: It cannot be written.
+        """
+        self.path, self.rows = Path(path), 0
+        self.unfinished = self.path.with_name(self.path.name + UNFINISHED)
+        columns = ["_".join(filter(None, (name, kind, "deg"))) for name in names for kind in kinds]
+        try:
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            self._file: TextIO = self.unfinished.open("w", encoding="utf-8", newline="\n")
+            self._write(",".join([TIME, *columns]))
+        except OSError as error:
+            raise cannot_write(self.unfinished, error) from error
+
+    def keep(self, time: float, *kinds: Array) -> None:
+        """Write a row: a time [s], and of each kind the angles [rad], NaN where there is none.
+
+        Raises:
+            InvalidFile: The disk is full.
+        """
+        angles = np.degrees(np.column_stack(kinds)).round(6) + 0.0  # no negative zero
+        cells = ("" if math.isnan(each) else f"{each:.6f}" for each in angles.ravel().tolist())
+        try:
+            self._write(",".join([f"{time:.6f}", *cells]))
+        except OSError as error:
+            raise cannot_write(self.unfinished, error) from error
+        self.rows += 1
+
+    def finish(self) -> None:
+        """Give the log its name."""
+        self._file.close()
+        self.unfinished.replace(self.path)
+
+    def __enter__(self) -> GrowingLog:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._file.close()
+        if not self.rows and self.unfinished.exists():
+            self.unfinished.unlink()
+
+    def _write(self, line: str) -> None:
+        self._file.write(line + "\n")
+        self._file.flush()

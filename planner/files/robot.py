@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from planner.exceptions import nearest
-from planner.files.toml import Toml, read_toml
+from planner.files.text import Toml, read_toml
 from planner.validation import shown
 
 LEG = "leg"

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from kinematics.descriptions import urdf_path
 from kinematics.leg import Leg
+from kinematics.robot import urdf_path
 from planner.exceptions import InvalidInput
 from planner.trajectory import LARGEST, MOST_SAMPLES, Array
 from planner.validation import as_number, as_whole, shown

@@ -1,20 +1,22 @@
-"""A walk for any leg: a half ellipse around its standing pose that it can reach everywhere."""
+"""Walks for any leg, half ellipses around a standing pose, and gaits of four such legs."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 
-from kinematics.dexterity import dexterity, standing_pose
-from kinematics.exceptions import UnreachableFoot
+from kinematics.chain import Chain, read_only
+from kinematics.exceptions import UnreachableFoot, UnsupportedLeg
+from kinematics.inverse import check_joints
 from kinematics.leg import Leg
-from planner.exceptions import Infeasible, InvalidInput
+from planner.exceptions import Infeasible, InvalidInput, nearest
 from planner.gait.half_ellipse import half_ellipse
 from planner.trajectory import Array
-from planner.validation import as_number, shown
+from planner.validation import as_number, check_choice, shown
 
 LONGEST = 0.25
 """Half of the longest stroke chosen by default, over the length of the leg."""
@@ -27,6 +29,25 @@ DEXTEROUS = 0.4
 
 HALVINGS = 10
 """Halvings of the range in which the size is sought: it is right to a thousandth."""
+
+LEGS = ("hind-left", "front-left", "hind-right", "front-right")
+"""Names of the legs, in the order in which their feet fall in a walk."""
+
+STEPS = 25
+"""Grid angles of each joint; an odd number, so that the middle of its range is among them."""
+
+LEAST_DEXTERITY = 0.9
+"""Least dexterity of an accepted pose, relative to the best one."""
+
+BELOW = 0.3
+"""Least distance of a standing leg's foot below its upper joints, relative to the leg's length.
+The hand of an arm need not be below them and stays in its most dexterous pose."""
+
+STILL_DEXTEROUS = 0.7
+"""Least dexterity of a pose with the foot below the hip, relative to the best pose."""
+
+MOST_GRID_JOINTS = 3
+"""Most joints for a search over the whole grid: 25 angles to this power."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +86,7 @@ def stride(
     """A half ellipse (:func:`planner.half_ellipse`) sized for a leg, in the leg's base frame.
 
     It lies in a plane of z and the heading around the foot of the standing pose
-    (:func:`kinematics.dexterity.standing_pose`). By default length and height are as large as the
+    (:func:`planner.gait.stride.standing_pose`). By default length and height are as large as the
     leg allows, up to a quarter and three twentieths of its own length: it reaches every point
     without a jump and stays at least 0.4 as dexterous as when it stands.
 
@@ -159,3 +180,165 @@ def _check_closed(leg: Leg, angles: Array) -> None:
             f"foot: the leg would have to leap to another pose after sample {jumps[0]}; make the "
             "stride smaller or move it"
         )
+
+
+Pattern = Literal["walk", "trot", "pace", "bound"]
+
+
+class Footfalls(NamedTuple):
+    """When the feet of a gait are on the ground.
+
+    Attributes:
+        ground_fraction: Share of the cycle that each is on the ground.
+        phases: Share of the cycle by which each foot is later than the left hind one.
+    """
+
+    ground_fraction: float
+    phases: Mapping[str, float]
+
+
+PATTERNS: Mapping[Pattern, Footfalls] = {
+    "walk": Footfalls(0.75, dict(zip(LEGS, (0.0, 0.25, 0.5, 0.75), strict=True))),
+    "trot": Footfalls(0.5, dict(zip(LEGS, (0.0, 0.5, 0.5, 0.0), strict=True))),
+    "pace": Footfalls(0.5, dict(zip(LEGS, (0.0, 0.0, 0.5, 0.5), strict=True))),
+    "bound": Footfalls(0.4, dict(zip(LEGS, (0.0, 0.5, 0.0, 0.5), strict=True))),
+}
+"""Gaits by their phases (M. Hildebrand, 1965, *Science* 150; R. M. Alexander, 1984, *International
+Journal of Robotics Research* 3): the walk in lateral sequence, with three feet on the ground;
+diagonal feet in pairs, lateral ones, and front and hind ones."""
+
+
+class LegOfGait(NamedTuple):
+    """One leg of a gait.
+
+    Attributes:
+        stride: Its walk, as it is before the phase.
+        phase: Share of the cycle by which it is later than the left hind leg.
+        angles: Angles of its joints [rad], shape (n, k), read-only.
+    """
+
+    stride: Stride
+    phase: float
+    angles: Array
+
+
+def gait(legs: Mapping[str, Leg], pattern: Pattern, **walk: Any) -> dict[str, LegOfGait]:
+    """The walk of four legs in a pattern of footfalls, over one cycle.
+
+    All legs have the same stroke and swing: those of :func:`planner.gait.stride.stride` that every
+    leg can trace, at the hip height of the lowest leg if all have the same base.
+
+    Args:
+        legs: The legs by name: front-left, front-right, hind-left and hind-right.
+        pattern: "walk", "trot", "pace" or "bound".
+        **walk: Arguments of :func:`planner.gait.stride.stride`, the same for all legs.
+
+    Returns:
+        The legs in the order given.
+
+    Raises:
+        InvalidInput: An unknown pattern, or other legs.
+        Infeasible: A leg cannot trace the walk.
+    """
+    check_choice("pattern", pattern, get_args(Pattern))
+    check_legs(legs)
+    footfalls = PATTERNS[pattern]
+    walk = {"ground_fraction": footfalls.ground_fraction, **walk}
+    if walk.get("hip_height") is None and len({leg.base for leg in legs.values()}) == 1:
+        walk["hip_height"] = min(-float(stride(leg, **walk).centre[2]) for leg in legs.values())
+    if walk.get("length") is None or walk.get("height") is None:
+        strides = [stride(leg, **walk) for leg in legs.values()]
+        walk["length"] = min(each.length for each in strides)
+        walk["height"] = min(each.height for each in strides)
+    walks = {}
+    for name, leg in legs.items():
+        leg_stride, phase = stride(leg, **walk), footfalls.phases[name]
+        angles = np.roll(leg_stride.angles, round(phase * len(leg_stride.angles)), axis=0)
+        angles.setflags(write=False)
+        walks[name] = LegOfGait(leg_stride, phase, angles)
+    return walks
+
+
+def check_legs(names: Mapping[str, Any]) -> None:
+    """Refuse legs that are not the four of a gait.
+
+    Raises:
+        InvalidInput: One is missing, or has another name.
+    """
+    if set(names) != set(LEGS):
+        odd = next((name for name in names if name not in LEGS), "")
+        hint = nearest(odd, LEGS) if odd else ""
+        raise InvalidInput(
+            f"legs: got {', '.join(names) or 'none'}{hint}, expected {', '.join(sorted(LEGS))}"
+        )
+
+
+def standing_pose(leg: Leg) -> Array:
+    """A bent leg with its foot below the hip, z of the base frame pointing up.
+
+    Of the poses with nearly the best dexterity the one nearest to the middle of the limits, with
+    the foot then moved to below the joint before the last. Where that is impossible, as for an arm,
+    the pose stays. If the leg has ``near``, a pose to start from, this is returned.
+
+    Args:
+        leg: A leg of three joints at most.
+
+    Returns:
+        Angles [rad], read-only, shape (k,); rounded to a degree where no limit is nearer.
+
+    Raises:
+        UnsupportedLeg: The leg has more joints and no ``near``.
+        SingularLeg: One of its joints never moves the foot.
+    """
+    if leg.near is not None:
+        return leg.near
+    count = len(leg.joint_names)
+    if count > MOST_GRID_JOINTS:
+        raise UnsupportedLeg(
+            f"a standing pose is sought for {MOST_GRID_JOINTS} joints at most, this leg has "
+            f"{count}: lock the others, or give the angles that they are near"
+        )
+    lower, upper = leg.limits.central
+    check_joints(leg.chain, leg.joint_names)
+    steps = [np.linspace(*ends, STEPS) for ends in zip(lower, upper, strict=True)]
+    poses = np.stack(np.meshgrid(*steps, indexing="ij"), axis=-1).reshape(-1, count)
+    quality = dexterity(leg.chain, poses)
+    away = np.linalg.norm(poses - 0.5 * (lower + upper), axis=1)
+    well = quality >= LEAST_DEXTERITY * quality.max()
+    keys = (*-poses.T, np.where(well, away, np.inf))
+    best = poses[np.lexsort(np.round(keys, 6))[0]]
+    best = _below_hip(leg, best, STILL_DEXTEROUS * float(quality.max()))
+    return read_only(leg.limits.clip(np.radians(np.round(np.degrees(best)) + 0.0)))
+
+
+def _below_hip(leg: Leg, pose: Array, least: float) -> Array:
+    """The pose with the foot straight below the joint before the last, or else unchanged."""
+    candidate = pose
+    for _ in range(2):  # that joint moves with the joints above it
+        points = leg.joint_positions(candidate[None])[0]
+        hip, foot = points[max(len(pose) - 2, 0)], points[-1]
+        if hip[2] - foot[2] < BELOW * leg.chain.size:
+            return pose
+        target = np.array([[hip[0], hip[1], foot[2]]])
+        solution = replace(leg, near=candidate).inverse(target, unreachable="nearest")
+        candidate = solution.angles[0]
+        if dexterity(leg.chain, candidate[None])[0] < least:
+            return pose
+    return candidate
+
+
+def dexterity(chain: Chain, angles: Array) -> Array:
+    """Yoshikawa's manipulability, the product of the singular values of the Jacobian, over the
+    length of the leg to the power of their number.
+
+    Args:
+        chain: The leg.
+        angles: Joint angles [rad], shape (n, k).
+
+    Returns:
+        Shape (n,); 0 in a singular pose, such as a stretched leg.
+    """  # noqa: D205
+    jacobians = chain.jacobians(angles) / chain.size
+    if jacobians.shape[-1] == jacobians.shape[-2]:
+        return np.asarray(np.abs(np.linalg.det(jacobians)))  # a tenth of the time
+    return np.asarray(np.prod(np.linalg.svd(jacobians, compute_uv=False), axis=-1))

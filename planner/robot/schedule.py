@@ -1,9 +1,11 @@
-"""Requests of some joints at even times, for exporters and players."""
+"""Requests of some joints at even times, repeated, or at the rate of another controller."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -14,6 +16,12 @@ from planner.validation import as_positive, as_whole, shown
 
 NANOSECONDS = 10**9
 """Nanoseconds in a second, the resolution of ROS times."""
+
+MOST_ROWS = 1_000_000
+"""Longest schedule [rows]: more than two hours at a request every 8 ms."""
+
+ON_TIME = 1e-6
+"""A row this part of a period before a request already sends it; clocks are written rounded."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,3 +89,89 @@ def check_cycles(cycles: int) -> None:
     """
     if (as_whole(cycles) or 0) < 1:
         raise InvalidInput(f"cycles: got {shown(cycles)}, expected a whole number from 1 up")
+
+
+Between = Literal["hold", "linear"]
+"""Between two requests: hold the last one, or follow a straight line."""
+
+
+def repeated(schedule: Schedule, cycles: int) -> Schedule:
+    """The schedule, ``cycles`` times in a row.
+
+    Raises:
+        InvalidInput: Not a positive whole number, or more than :data:`MOST_ROWS` rows.
+    """
+    check_cycles(cycles)
+    many = f"{cycles}" if cycles < 10**18 else "so many"
+    _check_length(len(schedule.requests) * cycles, f"{many} cycles", "fewer cycles")
+    return Schedule(schedule.names, np.tile(schedule.requests, (cycles, 1)), schedule.period)
+
+
+def resampled(schedule: Schedule, rate: float, *, between: Between = "hold") -> Schedule:
+    """The schedule as a controller with another rate sends it.
+
+    A request is a zero-order hold, r(t) = r_k for k T ≤ t < (k + 1) T, and by default every row is
+    what r is at its time: rows between two requests repeat the earlier one. At a rate at which some
+    requests would never be sent the joint would not move as planned, so that is refused. "linear"
+    follows the straight line from each request to the next instead, at any rate, which is as if
+    every request came half a period early; the last is held.
+
+    Args:
+        schedule: The requests.
+        rate: Rows per second [Hz].
+        between: Rows between two requests.
+
+    Returns:
+        Rows at 0, 1/rate, 2/rate ... as long as the schedule lasts.
+
+    Raises:
+        InvalidInput: A rate that is not positive and finite, or at which held requests are left
+            out, or more than :data:`MOST_ROWS` rows.
+    """
+    if not 0.0 < rate < math.inf:
+        raise InvalidInput(f"rate: got {rate:g} Hz, expected a positive number")
+    if between not in get_args(Between):
+        raise InvalidInput(f"between: got {between!r}, expected 'hold' or 'linear'")
+    _check_length(
+        schedule.duration * rate, f"{schedule.duration:g} s at {rate:g} Hz", "a lower rate"
+    )
+    places = _places(schedule, rate)
+    if between == "linear":
+        index = np.arange(len(schedule.requests))
+        rows = np.column_stack([np.interp(places, index, column) for column in schedule.requests.T])
+    else:
+        if skipped := never_sent(schedule, rate):
+            raise InvalidInput(
+                f"rate: at {rate:g} Hz {skipped} of {len(schedule.requests)} requests would never "
+                f"be sent, as they are {schedule.period:g} s apart, and the joints would not move "
+                f"as planned; plan at this rate (plan --rate-hz {rate:g}), or send what is on the "
+                "straight lines between requests (--between linear)"
+            )
+        rows = schedule.requests[_index_at(places, len(schedule.requests))]
+    return Schedule(schedule.names, rows, 1.0 / rate)
+
+
+def never_sent(schedule: Schedule, rate: float) -> int:
+    """How many requests :func:`resampled` never sends when it holds them at this rate [Hz]."""
+    kept = _index_at(_places(schedule, rate), len(schedule.requests))
+    return len(schedule.requests) - len(np.unique(kept))
+
+
+def _index_at(places: Array, requests: int) -> npt.NDArray[np.intp]:
+    """Number of the request that is held at each place."""
+    return np.minimum(np.floor(places + ON_TIME).astype(np.intp), requests - 1)
+
+
+def _places(schedule: Schedule, rate: float) -> Array:
+    """Where the rows fall among the requests, in periods from the first one."""
+    rows = math.ceil(schedule.duration * rate - ON_TIME)
+    places: Array = np.arange(max(rows, 1)) / (rate * schedule.period)
+    return places
+
+
+def _check_length(rows: float, length: str, advice: str) -> None:
+    if rows > MOST_ROWS:
+        many = f"{rows:.0f}" if rows < 1e18 else "too many"
+        raise InvalidInput(
+            f"{length} make {many} rows, expected at most {MOST_ROWS}; ask for {advice}"
+        )

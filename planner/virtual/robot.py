@@ -2,18 +2,352 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
-from planner.exceptions import InvalidTrajectory
+from kinematics.robot import urdf_path
+from planner.exceptions import InvalidTrajectory, importing
 from planner.trajectory import Array
-from planner.virtual.constants import Constants
-from planner.virtual.leg import front_leg, load_mujoco
-from planner.virtual.pendulum import Pendulum
-from planner.virtual.servo import Servo, Supply
+
+if TYPE_CHECKING:
+    import mujoco
+
+MOTOR = "data sheet of the FAULHABER 1331T006SR, 13 mm across"
+GUESS = "guess"
+CHOICE = "choice"
+
+JOINTS = ("front_left_rotator", "front_left_abductor", "front_left_knee")
+"""The joints of the leg, from the hip."""
+
+OTHER_BODIES = (
+    "head",
+    "tail",
+    "front_right_shoulder",
+    "hind_left_shoulder",
+    "hind_right_shoulder",
+)
+"""Parts of the robot that hang on the body and do not move here."""
+
+BAM = "Rhoban/bam, params/feetech_sts3215_7_4V/m1.json: fitted to pendulum recordings"
+SHEET = "Feetech's data sheet of the STS3215"
+NONE = "not known; none"
+
+RADIUS = 0.01
+"""Radius of the ball at the pendulum's end [m]."""
+
+
+def constant(value: float | int, unit: str, source: str) -> Any:
+    """A field of constants: its value, with unit and source as metadata."""
+    return field(default=value, metadata={"unit": unit, "source": source})
+
+
+@dataclass(frozen=True, kw_only=True)
+class Constants:
+    """Constants of the virtual robot; ``docs/virtual_robot.md`` has the equations.
+
+    The motors of the ERS-210A are unknown. These are those of a coreless motor of a size
+    that fits the leg; top speed, lag and acceleration follow from it and are set nowhere. Every
+    field carries its unit and its source as metadata; a guess is marked as one.
+    """
+
+    terminal_resistance: float = constant(2.83, "ohm", MOTOR)
+    torque_constant: float = constant(5.35e-3, "N m/A", f"{MOTOR}; in SI the back-EMF's as well")
+    rotor_inertia: float = constant(7.1e-8, "kg m^2", MOTOR)
+    gear_ratio: float = constant(
+        235.0, "1", f"{CHOICE}: with this motor the leg's top speed comes near the paper's"
+    )
+    coulomb_friction: float = constant(
+        0.1, "N m", f"{GUESS}: a thirtieth of the stall torque, for a train of small spur gears"
+    )
+    viscous_friction: float = constant(
+        0.01, "N m s/rad", f"{GUESS}: a fiftieth of what the back-EMF brakes"
+    )
+    battery_voltage: float = constant(7.2, "V", "nominal, two lithium-ion cells in series")
+    battery_resistance: float = constant(0.1, "ohm", f"{GUESS}: two cells and their wires")
+    supply_noise: float = constant(
+        0.03, "V", f"{GUESS}: standard deviation, from what else draws current"
+    )
+    supply_correlation_time: float = constant(0.1, "s", f"{GUESS}: correlation time of that noise")
+    control_period: float = constant(1e-3, "s", f"{CHOICE}: 1 kHz, usual for such servos")
+    request_period: float = constant(8e-3, "s", "Stronger and Stone: one request per frame")
+    transport_delay: float = constant(
+        32e-3, "s", f"{CHOICE}: four frames between a request and its servo, after the paper"
+    )
+    proportional_gain: float = constant(
+        8.0, "1/rad", f"{CHOICE}: the whole voltage at an error of about 7 degrees"
+    )
+    integral_gain: float = constant(
+        0.5, "1/(rad s)", f"{CHOICE}: slow, as the Aibo's own integral gain is small"
+    )
+    derivative_gain: float = constant(0.005, "s/rad", f"{CHOICE}: no overshoot to be seen")
+    derivative_filter: float = constant(4e-3, "s", f"{CHOICE}: time constant of the speed's filter")
+    integral_share: float = constant(
+        0.02, "1", f"{CHOICE}: largest duty that the integral may ask for, against wind-up"
+    )
+    duty_steps: int = constant(255, "1", "the Aibo's PWM saturates at 255 steps either way")
+    sensor_bits: int = constant(10, "bit", "Sony: the potentiometer is read with 10 bits")
+    sensor_range: float = constant(
+        math.radians(300.0), "rad", f"{GUESS}: a turning range of 300 degrees; 0.29 degrees a count"
+    )
+    sensor_noise: float = constant(
+        math.radians(0.1), "rad", f"{GUESS}: standard deviation of the wiper and its converter"
+    )
+    stop_margin: float = constant(
+        math.radians(3.0), "rad", "Sony: the stops lie 3 degrees beyond the limits"
+    )
+
+    @property
+    def count(self) -> float:
+        """One step of the sensor [rad]."""
+        return self.sensor_range / float(2**self.sensor_bits)
+
+    @property
+    def sensor_error(self) -> float:
+        """Standard deviation of the sensor's reading [rad]: its noise and its rounding."""
+        return math.hypot(self.sensor_noise, self.count / math.sqrt(12.0))
+
+    @property
+    def armature(self) -> float:
+        """Rotor inertia as the joint feels it [kg m^2]: times the gear ratio squared."""
+        return self.rotor_inertia * self.gear_ratio**2
+
+    @property
+    def joint_torque_constant(self) -> float:
+        """Torque at the joint per current [N m/A], and voltage per speed of the joint [V s/rad]."""
+        return self.torque_constant * self.gear_ratio
+
+    @property
+    def stall_torque(self) -> float:
+        """Torque at the joint, held still under the battery's voltage [N m], before friction."""
+        return self.joint_torque_constant * self.battery_voltage / self.terminal_resistance
+
+    @property
+    def top_speed(self) -> float:
+        """Speed at which torque and friction balance, no leg attached [rad/s].
+
+        At the duty 1 the battery's resistance adds to the motor's.
+        """
+        resistance = self.terminal_resistance + self.battery_resistance
+        constant = self.joint_torque_constant
+        driving = constant * self.battery_voltage / resistance - self.coulomb_friction
+        return driving / (constant**2 / resistance + self.viscous_friction)
+
+    def to_dict(self) -> Mapping[str, Mapping[str, Any]]:
+        """Every constant with its unit and source, for reports."""
+        return {
+            each.name: {"value": getattr(self, each.name), **each.metadata} for each in fields(self)
+        }
+
+
+class Servo:
+    """The electronics and the motor of one joint; MuJoCo simulates the joint itself.
+
+    With the error e between the request that has arrived and the sensed angle, and the filtered
+    speed of the latter w::
+
+        duty    = clip(kp e + ki ∫e - kd w, -1, 1), in steps of the PWM
+        current = (duty U - k speed) / R
+        torque  = k current
+
+    k is the motor's constant times the gear ratio, U the supply's voltage. The integral is
+    constant while the duty is at its limit, and is clipped to its largest share of the duty.
+    """
+
+    def __init__(self, constants: Constants, angle: float) -> None:
+        """A servo at rest.
+
+        Args:
+            constants: Its constants.
+            angle: Sensed angle and request that it rests at [rad].
+        """
+        self._constants = constants
+        self.request = angle
+        self.duty = 0.0
+        self.current = 0.0
+        self._sensed = angle
+        self._speed = 0.0
+        self._integral = 0.0
+
+    def control(self, sensed: float) -> None:
+        """Set the duty from the sensed angle [rad]: one period of the PID loop."""
+        constants = self._constants
+        period = constants.control_period
+        fresh = period / (constants.derivative_filter + period)
+        self._speed += fresh * ((sensed - self._sensed) / period - self._speed)
+        self._sensed = sensed
+        error = self.request - sensed
+        unclipped = (
+            constants.proportional_gain * error
+            + self._integral
+            - constants.derivative_gain * self._speed
+        )
+        if abs(unclipped) < 1.0:
+            share = constants.integral_share
+            summed = self._integral + constants.integral_gain * error * period
+            self._integral = max(-share, min(share, summed))
+        steps = constants.duty_steps
+        self.duty = round(steps * max(-1.0, min(1.0, unclipped))) / steps
+
+    def drive(self, voltage: float, speed: float) -> float:
+        """Torque on the joint [N m] at the supply's voltage [V] and the joint's speed [rad/s]."""
+        constant = self._constants.joint_torque_constant
+        induced = constant * speed
+        self.current = (self.duty * voltage - induced) / self._constants.terminal_resistance
+        return constant * self.current
+
+    @property
+    def drawn(self) -> float:
+        """Current drawn from the supply [A]: the motor's, for the share of time it is on."""
+        return self.duty * self.current
+
+
+class Supply:
+    """A battery, whose voltage falls with the current and has slow noise from a seed."""
+
+    def __init__(self, constants: Constants, random: np.random.Generator) -> None:
+        """A supply from which nothing is drawn yet."""
+        self._constants = constants
+        self._random = random
+        self._noise = 0.0
+        self._keep = math.exp(-constants.control_period / constants.supply_correlation_time)
+        self._fresh = constants.supply_noise * math.sqrt(1.0 - self._keep**2)
+
+    def voltage(self, drawn: float) -> float:
+        """Voltage one control period later while so much current [A] is drawn [V]."""
+        self._noise = self._keep * self._noise + self._fresh * self._random.standard_normal()
+        constants = self._constants
+        return constants.battery_voltage + self._noise - constants.battery_resistance * drawn
+
+
+def front_leg(constants: Constants) -> mujoco.MjModel:
+    """The left front leg of ``urdf/ers210a.urdf``, its body held in the air.
+
+    Links, masses, inertias and axes are those of the URDF. The joints get
+    properties that a URDF lacks: the rotor behind the gear (armature), friction, and stops beyond
+    the limits of requests. Nothing collides: the leg is in the air.
+
+    Raises:
+        MissingExtra: MuJoCo is not installed.
+    """
+    mujoco = load_mujoco()
+    spec = mujoco.MjSpec.from_file(str(urdf_path("ers210a.urdf")))
+    for name in OTHER_BODIES:
+        spec.delete(spec.body(name))
+    # Without this MuJoCo would give the ball, which has no mass in the URDF, that of its shape.
+    spec.compiler.inertiafromgeom = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_FALSE
+    spec.option.timestep = constants.control_period
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
+    for name in JOINTS:
+        drive_joint(spec.joint(name), constants)
+    return spec.compile()
+
+
+def drive_joint(joint: Any, constants: Constants) -> None:
+    """Add the properties that a URDF lacks: rotor, friction, and stops beyond its limits."""
+    joint.armature = constants.armature
+    joint.frictionloss = constants.coulomb_friction
+    joint.damping[0] = constants.viscous_friction
+    # Dry friction is a constraint that MuJoCo softens; this is as stiff as its step allows.
+    joint.solref_friction = [2.0 * constants.control_period, 1.0]
+    joint.range = [joint.range[0] - constants.stop_margin, joint.range[1] + constants.stop_margin]
+
+
+def load_mujoco() -> Any:
+    """The package, or MissingExtra."""
+    with importing("the virtual robot", "mujoco"):
+        import mujoco
+    return mujoco
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sts3215(Constants):
+    """A Feetech STS3215 at 7.4 V with the position gain 16, as LeRobot sets it.
+
+    BAM's figures hold at the joint: its torque constant of 1.2116 N m/A is here divided by the gear
+    ratio, its armature of 0.0284 kg m^2 by the ratio's square. With them the top speed is 5.4
+    rad/s, the 52 turns a minute of the data sheet.
+    """
+
+    terminal_resistance: float = constant(2.676, "ohm", BAM)
+    torque_constant: float = constant(1.2116 / 345.0, "N m/A", f"{BAM}; over the gear ratio")
+    rotor_inertia: float = constant(0.0284 / 345.0**2, "kg m^2", f"{BAM}; over its square")
+    gear_ratio: float = constant(345.0, "1", SHEET)
+    coulomb_friction: float = constant(
+        0.3,
+        "N m",
+        "recordings of an SO-101 (isaac-sim2real/sage): the elbow holds errors of 0.030 to 0.046 "
+        "rad, times 8.9 N m/rad; BAM has 0.052 N m for a servo without a load",
+    )
+    viscous_friction: float = constant(0.059, "N m s/rad", BAM)
+    battery_voltage: float = constant(7.4, "V", SHEET)
+    battery_resistance: float = constant(0.1, "ohm", f"{CHOICE}: a power supply and its wires")
+    request_period: float = constant(0.02, "s", "LeRobot on an SO-101: 50 requests a second")
+    transport_delay: float = constant(0.01, "s", f"{CHOICE}: USB and bus, half a request period")
+    proportional_gain: float = constant(
+        16 * 0.166, "1/rad", "Rhoban/bam, feetech/actuator.py: duty 0.166 per rad and unit of gain"
+    )
+    integral_gain: float = constant(0.0, "1/(rad s)", "LeRobot sets none")
+    derivative_gain: float = constant(
+        0.12,
+        "s/rad",
+        f"{CHOICE}: recorded steps of an SO-101 do not overshoot; LeRobot sets 32 in a unit that "
+        "is not known",
+    )
+    duty_steps: int = constant(1000, "1", "the register of its PWM goes to 1000 either way")
+    sensor_bits: int = constant(12, "bit", SHEET)
+    sensor_range: float = constant(2.0 * math.pi, "rad", f"{SHEET}: 4096 counts a turn")
+    sensor_noise: float = constant(0.0, "rad", f"{NONE}: a magnetic encoder before the gears")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pendulum:
+    """A ball at the end of a rod without mass; at 0 it hangs.
+
+    Attributes:
+        mass: Mass of the ball [kg].
+        length: From the joint to its middle [m].
+        reach: The joint turns so far either way [rad].
+    """
+
+    mass: float = 0.3
+    length: float = 0.2
+    reach: float = 2.5
+
+    def urdf(self) -> str:
+        """The pendulum as a URDF: link ``base``, joint ``pendulum``, links ``arm`` and ``tip``."""
+        inertia = 0.4 * self.mass * RADIUS**2
+        turning = " ".join(f'i{axis}{axis}="{inertia!r}"' for axis in "xyz")
+        return (
+            f'<robot name="pendulum"><link name="base"/><link name="arm"><inertial>'
+            f'<origin xyz="0 0 {-self.length!r}"/><mass value="{self.mass!r}"/>'
+            f'<inertia {turning} ixy="0" ixz="0" iyz="0"/></inertial></link><link name="tip"/>'
+            '<joint name="pendulum" type="revolute"><parent link="base"/><child link="arm"/>'
+            f'<axis xyz="0 -1 0"/><limit lower="{-self.reach!r}" upper="{self.reach!r}" effort="3" '
+            'velocity="5.4"/></joint><joint name="mount" type="fixed"><parent link="arm"/>'
+            f'<child link="tip"/><origin xyz="0 0 {-self.length!r}"/></joint></robot>'
+        )
+
+    def model(self, constants: Constants) -> mujoco.MjModel:
+        """The pendulum in MuJoCo, read from :meth:`urdf`, on a servo of these constants.
+
+        Raises:
+            MissingExtra: MuJoCo is not installed.
+        """
+        spec = load_mujoco().MjSpec.from_string(self.urdf())
+        spec.option.timestep = constants.control_period
+        spec.option.integrator = load_mujoco().mjtIntegrator.mjINT_IMPLICITFAST
+        joint: Any = spec.joint("pendulum")
+        drive_joint(joint, constants)
+        # MuJoCo lets a joint that friction holds creep: less than 0.1 mrad/s so.
+        joint.solimp_friction = [0.99, 0.99, 0.001, 0.5, 2.0]
+        return spec.compile()
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from planner.approximation import kernel
-from planner.approximation.descent import best_values, descend
 from planner.approximation.problem import Problem, candidate
 from planner.approximation.search import moved, with_moved_knots
+from planner.approximation.values import best_values, descend
 from tests.from_python import from_python
 
 constraint_rows, slacks = from_python(kernel.constraint_rows), from_python(kernel.slacks)

@@ -11,7 +11,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from planner.approximation.descent import best_values
 from planner.approximation.exact import (
     PROVED,
     Relaxation,
@@ -21,6 +20,7 @@ from planner.approximation.exact import (
 )
 from planner.approximation.fit import fit_pwl
 from planner.approximation.problem import Candidate, Problem
+from planner.approximation.values import best_values
 from planner.exceptions import Infeasible, InvalidInput
 from tests.approximation.enumeration import enumerated
 from tests.approximation.samples import KINDS, oracle_instance, oracle_instances, samples_of

@@ -9,9 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from planner.approximation import kernel
-from planner.approximation.descent import best_values
 from planner.approximation.problem import Problem, candidate
-from planner.approximation.values import solve_values, within_slopes
+from planner.approximation.values import best_values, solve_values, within_slopes
 from tests.from_python import from_python
 
 minimise_damped = from_python(kernel.minimise_damped)

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from planner.cli.declared import ANY, tables, toml_value, understand
 from planner.cli.settings import Run
 from planner.exceptions import InvalidFile
-from planner.files.toml import Toml, read_toml
+from planner.files.text import Toml, read_toml
 
 WALK = '[leg]\nname = "reference"\nunreachable = "clamp"\n[path.half_ellipse]\n'
 JOINTS = '[path]\nfile = "desired.csv"\n'

@@ -14,7 +14,7 @@ from planner.cli.settings import Run
 from planner.files.paths import read_joint_path, write_joint_path
 from planner.model.evidence import Evidence
 from planner.recording.recorded_path import recorded_path
-from planner.virtual.pendulum import Pendulum
+from planner.virtual.robot import Pendulum
 
 SOFT = planner.JointModel(
     v_max=4.8,

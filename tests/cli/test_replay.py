@@ -21,7 +21,7 @@ from planner.cli import settings
 from planner.cli.replay.dataset import decoded, encoded, replay_episode
 from planner.cli.replay.task import fastest_document, fastest_text, refuted_joints, tasks_of
 from planner.files.joint_model import models_text
-from planner.files.logs.recordings import recordings_in
+from planner.files.logs.read import recordings_in
 from planner.files.staging import list_files
 from planner.identification.grid import sound_rows
 from planner.model.evidence import Evidence

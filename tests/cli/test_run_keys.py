@@ -20,7 +20,7 @@ from planner.cli.declared import ANY, Unfit, fitted, markdown, tables, template,
 from planner.cli.options import SETTINGS
 from planner.cli.program import COMMANDS
 from planner.cli.settings import Export, HalfEllipse, Parameters, Plan, Replay, Run, Search
-from planner.files.toml import Toml, read_toml
+from planner.files.text import Toml, read_toml
 
 PAGE = (Path(__file__).parents[2] / "docs" / "run.md").read_text(encoding="utf-8")
 

@@ -662,7 +662,7 @@ def test_the_port_is_that_of_the_command_or_of_the_file_and_is_given_back(run, a
 
 
 def test_the_joints_of_a_lerobot_robot_have_its_names_unless_others_are_given(monkeypatch):
-    monkeypatch.setattr("planner.robot.lerobot_bus.joints", {"so101": {1: "pan", 2: "lift"}}.get)
+    monkeypatch.setattr("planner.robot.bus.joints", {"so101": {1: "pan", 2: "lift"}}.get)
     ids = {"joint_1": 1, "mine": 2, "joint_3": 3}
     assert buses.ids_by_joint({"bus": "lerobot:so101"}, ids) == {"pan": 1, "mine": 2, "joint_3": 3}
     assert buses.ids_by_joint({"bus": "virtual"}, ids) == ids

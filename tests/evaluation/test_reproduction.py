@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import planner
-from planner.evaluation import paper
+from planner.evaluation import reproduction as paper
 from planner.evaluation.reproduction import Clock, measure_step_response, plan_walk
 from planner.model.joint import JointModel
 from planner.model.response import simulate

@@ -103,7 +103,7 @@ LIMITS = {
     "rows": ("paths.MOST_SAMPLES", 2, "more than 1 rows, expected at most so many samples"),
     "joints": ("paths.MOST_JOINTS", 2, "2 joints, expected at most 1; choose some with --joint"),
     "characters": ("text.MOST_BYTES", len(PATH), "longer than 0 MiB; is it the right file?"),
-    "size": ("units.LARGEST", math.radians(4.0), "'hip_deg': got 4, expected at most 3.99"),
+    "size": ("columns.LARGEST", math.radians(4.0), "'hip_deg': got 4, expected at most 3.99"),
 }
 """The constant of a limit, what the path has, and the message of one that has more."""
 

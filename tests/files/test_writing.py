@@ -18,7 +18,7 @@ import pytest
 
 from planner.exceptions import InvalidFile
 from planner.files import staging
-from planner.files.growing_log import GrowingLog
+from planner.files.paths import GrowingLog
 from planner.files.staging import (
     all_there,
     check_folder,

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from kinematics import Leg, urdf_path
-from kinematics.dexterity import standing_pose
 from planner.exceptions import InvalidInput
-from planner.gait.pattern import LEGS, PATTERNS, gait
+from planner.gait.stride import LEGS, PATTERNS, gait, standing_pose
 
 SAMPLES = 80
 """Of a cycle: every phase is a whole number of them."""

@@ -11,10 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from kinematics import KinematicsError, Leg, Limits, UnreachableFoot
-from kinematics.dexterity import dexterity
 from planner.exceptions import Infeasible, PlannerError
 from planner.gait.half_ellipse import half_ellipse
-from planner.gait.stride import DEXTEROUS, HIGHEST, LONGEST, stride
+from planner.gait.stride import DEXTEROUS, HIGHEST, LONGEST, dexterity, stride
 from tests.kinematics.made_up_robots import Joint, X, Y, made_up_leg
 from tests.robustness.hostile import NUMBERS, OTHERS
 

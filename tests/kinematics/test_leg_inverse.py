@@ -22,10 +22,8 @@ from made_up_robots import (
 )
 
 from kinematics import UnreachableFoot
-from kinematics.branches import choose
-from kinematics.inverse import solve_inverse
-from kinematics.limits import Limits
-from kinematics.nearest import nearest_poses
+from kinematics.chain import Limits
+from kinematics.inverse import choose, nearest_poses, solve_inverse
 
 EXACT = 1e-9
 """An answer puts the foot within this of the point [m]."""

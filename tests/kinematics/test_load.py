@@ -10,7 +10,7 @@ import pytest
 from made_up_robots import LEGS, Joint, Y, ers210a_leg, made_up_leg
 
 from kinematics import InvalidInput, InvalidPath, Leg, UnsupportedLeg
-from kinematics.load import GRAVITY
+from kinematics.robot import GRAVITY
 
 ROUNDING = 1e-12
 """Two routes to the same torque agree to this [N m]; the torques are of order 1."""

@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from made_up_robots import Joint, X, Y, Z, made_up_leg, reference_leg, urdf_text
 
 from kinematics import InvalidInput, Leg, Limits, SingularLeg, UnsupportedLeg
-from kinematics.branches import choose, jumps
-from kinematics.dexterity import LEAST_DEXTERITY, dexterity, standing_pose
+from kinematics.inverse import choose, jumps
 from kinematics.scene import Scene
+from planner.gait.stride import LEAST_DEXTERITY, dexterity, standing_pose
 
 ROUNDING = 1e-12
 """Two routes through the same kinematics agree to this [m]."""
@@ -229,7 +229,7 @@ def test_the_first_pose_is_one_from_which_the_path_need_not_jump():
 def test_of_several_first_poses_the_one_with_the_fewest_jumps_is_taken(monkeypatch):
     poses = np.tile(np.array([0.0, 1.0, 2.0, 3.0])[:, None], (3, 1, 1))
     monkeypatch.setattr(
-        "kinematics.branches.jumps", lambda _, path: range([3, 1, 2, 1][round(path[0, 0])])
+        "kinematics.inverse.jumps", lambda _, path: range([3, 1, 2, 1][round(path[0, 0])])
     )
     limits = Limits(np.array([-4.0]), np.array([4.0]))  # 0 is deepest inside
     chosen = choose(poses, np.ones((3, 4), bool), limits, chain=reference_leg().chain)

@@ -11,8 +11,8 @@ import pinocchio
 import pytest
 
 from kinematics import Leg, SingularLeg, UnsupportedLeg, foot_function
-from kinematics.dexterity import standing_pose
 from kinematics.scene import Scene
+from planner.gait.stride import standing_pose
 
 ROUNDING = 1e-12
 """Two routes through the same kinematics agree to this [m, m/rad]."""

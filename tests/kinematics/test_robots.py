@@ -16,7 +16,7 @@ from made_up_robots import LEGS, ers210a_leg, reference_leg
 
 import kinematics
 from kinematics import Leg, UnknownDescription, urdf_path
-from kinematics.descriptions import SHIPPED
+from kinematics.robot import SHIPPED
 
 DRAWING = 5e-5
 """Sony's vectors are rounded and their ball fitted: they hold to this [m]."""

@@ -18,8 +18,7 @@ from made_up_robots import (
 )
 
 from kinematics import Leg, UnreachableFoot, UnsupportedLeg
-from kinematics.chain import Chain
-from kinematics.limits import Limits
+from kinematics.chain import Chain, Limits
 
 EXACT = 1e-9
 """Distances are right to this [m]."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from planner.evaluation.paper import STEP_AMPLITUDES, published
+from planner.evaluation.reproduction import STEP_AMPLITUDES, published
 from planner.report.paper.agreement import COMPARED, agreement_pairs
 from planner.report.paper.figures import paper_figures
 from planner.report.plotly_figure import plot

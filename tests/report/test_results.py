@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from planner.evaluation import paper
+from planner.evaluation import reproduction as paper
 from planner.files.paths import read_joint_path
 from planner.files.staging import list_files
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from planner.evaluation.paper import published_foot
+from planner.evaluation.reproduction import published_foot
 from planner.model.joint import JointModel
 from planner.report.figure import THIN
 from planner.report.paper.figures import HIDDEN, ROLES

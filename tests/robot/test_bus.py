@@ -11,8 +11,7 @@ from types import ModuleType, SimpleNamespace
 import pytest
 
 from planner.exceptions import BusError, InvalidInput
-from planner.robot import lerobot_bus as lerobot
-from planner.robot.bus import ATTEMPTS, Bus, SerialPort
+from planner.robot.bus import ATTEMPTS, Bus, SerialPort, joints, lerobot_bus, robot_of
 from planner.robot.protocols import DYNAMIXEL, FEETECH
 from planner.virtual.servo_bus import KINDS, VirtualServos, terminal
 
@@ -246,7 +245,7 @@ def robots(monkeypatch):
 
 
 def test_the_bus_of_a_lerobot_robot_is_connected_in_the_block(robots):
-    with lerobot.lerobot_bus("so101", "/dev/ttyA") as bus:
+    with lerobot_bus("so101", "/dev/ttyA") as bus:
         (robot,) = robots
         assert robot.config.port == "/dev/ttyA"
         assert robot.calls == [("connect", {"calibrate": False})]
@@ -260,24 +259,24 @@ def test_the_bus_of_a_lerobot_robot_is_connected_in_the_block(robots):
             with pytest.raises(BusError, match=r"^/dev/ttyA: the bus is gone; check the cable"):
                 use()
     assert robot.calls[1:] == ["disconnect"]
-    assert lerobot.joints("so101") == {1: "pan", 6: "gripper"}
-    with lerobot.lerobot_bus("koch", "/dev/ttyA") as bus:
+    assert joints("so101") == {1: "pan", 6: "gripper"}
+    with lerobot_bus("koch", "/dev/ttyA") as bus:
         assert bus.protocol is DYNAMIXEL
 
 
 def test_a_lerobot_robot_that_cannot_be_used_is_named(robots, monkeypatch):
     with pytest.raises(InvalidInput, match=r"got lerobot:so9, .* koch, reachy, so101, so101$"):
-        lerobot.robot_of("so9", "")
+        robot_of("so9", "")
     with pytest.raises(
         InvalidInput, match="lerobot:reachy: got another bus of servos, expected Feetech"
     ):
-        lerobot.robot_of("reachy", "")
+        robot_of("reachy", "")
     with (
         pytest.raises(BusError, match=r"^none: LeRobot cannot connect: no such port$"),
-        lerobot.lerobot_bus("so101", "none"),
+        lerobot_bus("so101", "none"),
     ):
         pass
     assert robots[-1].calls == [("connect", {"calibrate": False})]
     monkeypatch.setitem(sys.modules, "lerobot.robots.config", None)
     with pytest.raises(InvalidInput, match=r"--bus lerobot:so101 needs LeRobot, .*\[feetech\]"):
-        lerobot.robot_of("so101", "")
+        robot_of("so101", "")

@@ -12,15 +12,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from planner.evaluation import paper, virtual_experiment
+from planner.evaluation import reproduction as paper
+from planner.evaluation import virtual_experiment
 from planner.evaluation.virtual_experiment import execute
 from planner.exceptions import NoSteadyCycle
 from planner.files.paths import read_joint_path
 from planner.files.staging import list_files
 from planner.report.paper.tables import signed_percent
 from planner.trajectory import angle_distance
-from planner.virtual.constants import Constants
-from planner.virtual.robot import VirtualRobot
+from planner.virtual.robot import Constants, VirtualRobot
 
 METHODS = ("direct", "shift", "closed_form_plain", "closed_form", "optimal", "foot_optimal")
 PAIRS = ("Des,Dir", "Des,Plain", "Pwl,Plain", "Des,MB", "Pwl,MB", "Des,Opt", "Des,Foot")

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from kinematics import Leg
-from planner.virtual.pendulum import Pendulum, Sts3215
-from planner.virtual.robot import VirtualRobot
+from planner.virtual.robot import Pendulum, Sts3215, VirtualRobot
 
 mujoco = pytest.importorskip("mujoco", reason="needs the extra 'mujoco'")
 

@@ -7,8 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from planner.virtual.constants import Constants
-from planner.virtual.servo import Servo
+from planner.virtual.robot import Constants, Servo
 
 CONSTANTS = Constants()
 EXACT = 1e-12

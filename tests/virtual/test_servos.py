@@ -13,8 +13,7 @@ import pytest
 
 from planner.robot.bus import Bus
 from planner.robot.protocols import PROTOCOLS
-from planner.virtual.constants import Constants
-from planner.virtual.pendulum import Pendulum, Sts3215
+from planner.virtual.robot import Constants, Pendulum, Sts3215
 from planner.virtual.servo_bus import KINDS, Faults, VirtualPort, VirtualServos
 
 MOTION = {

@@ -7,8 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from planner.virtual.constants import Constants
-from planner.virtual.servo import Supply
+from planner.virtual.robot import Constants, Supply
 
 CONSTANTS = Constants()
 

@@ -96,7 +96,7 @@ def replay(
     from planner.cli.replay.dataset import replayed_before
     from planner.cli.replay.files import check_writing
     from planner.cli.replay.task import tasks_of
-    from planner.files.logs.recordings import recordings_in
+    from planner.files.logs.read import recordings_in
     from planner.parallel import executor_of
 
     options.check_parallel(workers, scheduler)

@@ -18,9 +18,9 @@ from planner.cli.desired import find_leg
 from planner.cli.replay.files import lerobot_episode
 from planner.cli.replay.task import RESENT, UNITS, ReplayTask
 from planner.exceptions import PlannerError
-from planner.files.exports.lerobot import Layout, lerobot_dataset
+from planner.files.lerobot_export import Layout, lerobot_dataset
 from planner.files.logs.lerobot import ACTION
-from planner.files.logs.recordings import Recording
+from planner.files.logs.read import Recording
 from planner.files.results import Results, Task, digest_of, finished, made_from
 from planner.files.text import to_json
 from planner.parallel import carry_out

@@ -12,9 +12,9 @@ from planner.cli.faults import BadSetting, Key
 from planner.cli.rows import FOLDERS, write_rows
 from planner.cli.settings import ReplayFormat
 from planner.exceptions import InvalidInput
-from planner.files.clock import TIME
+from planner.files.columns import TIME
 from planner.files.exports import check_format
-from planner.files.exports.lerobot import TASK, Layout, frame_rate, lerobot_dataset
+from planner.files.lerobot_export import TASK, Layout, frame_rate, lerobot_dataset
 from planner.files.logs.lerobot import ACTION, STATE, find_dataset, read_episode
 from planner.files.paths import write_joint_path
 from planner.files.table import write_table
@@ -22,7 +22,7 @@ from planner.robot.schedule import Schedule
 from planner.trajectory import Array
 
 if TYPE_CHECKING:
-    from planner.files.logs.recordings import Recording
+    from planner.files.logs.read import Recording
     from planner.recording.replaying import JointReplay, Replay
 
 

@@ -10,7 +10,7 @@ from planner.cli import settings
 from planner.cli.faults import BadSetting, Key
 from planner.exceptions import InvalidInput, PlannerError, nearest
 from planner.files.joint_model import ModelFile, read_model_file
-from planner.files.logs.recordings import Recording
+from planner.files.logs.read import Recording
 from planner.identification.identify import identify
 from planner.identification.log import Log
 from planner.model.evidence import refusal, with_reasons

@@ -16,7 +16,7 @@ from planner.cli.faults import BadSetting, Key
 from planner.cli.loads import with_load
 from planner.cli.replay.models import JointModels, first_logs, joint_models
 from planner.files.logs.lerobot import find_dataset
-from planner.files.logs.recordings import Recording
+from planner.files.logs.read import Recording
 from planner.identification.grid import measured_speed
 from planner.identification.log import Log
 from planner.model.evidence import OPEN_TOP_SPEED

@@ -33,7 +33,7 @@ from planner.cli.settings import Run, Search, Sweep, SweptParameters
 from planner.exceptions import PlannerError, importing
 from planner.files.paths import is_foot_path, path_table
 from planner.files.results import Results, Task, digest_of
-from planner.files.toml import Toml, read_toml
+from planner.files.text import Toml, read_toml
 from planner.gait.half_ellipse import walking_speed
 from planner.parallel import carry_out, reason_of
 from planner.report.sweep import Outcome, Point, Requirement, Swept

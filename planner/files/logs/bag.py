@@ -12,16 +12,17 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.exceptions import InvalidFile, InvalidInput
-from planner.files.logs.bag_file import Bag, open_bag
-from planner.files.logs.make_log import Columns, Source, Switch, make_log
-from planner.files.logs.options import LogOptions, choose_joints
-from planner.files.logs.ros_messages import (
+from planner.files.columns import scale
+from planner.files.logs.bag_file import (
+    Bag,
     MessageAngles,
     actual_angles,
     choose_topics,
+    open_bag,
     requested_angles,
 )
-from planner.files.logs.units import scale
+from planner.files.logs.make_log import Columns, Source, Switch, make_log
+from planner.files.logs.options import LogOptions, choose_joints
 from planner.identification.log import Log
 from planner.trajectory import Array
 

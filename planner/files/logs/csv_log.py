@@ -8,14 +8,26 @@ from pathlib import Path
 import numpy as np
 
 from planner.exceptions import InvalidFile, InvalidInput
-from planner.files.clock import TIME, read_clock, time_column
-from planner.files.logs.column_names import Pair, meaning, pairs, torque_columns
+from planner.files.columns import (
+    ANGLE_NAMES,
+    SECONDS,
+    TIME,
+    TIME_NAMES,
+    Pair,
+    Scale,
+    check_radians,
+    meaning,
+    pairs,
+    read_clock,
+    scale,
+    split_name,
+    time_column,
+    torque_columns,
+)
 from planner.files.logs.make_log import Columns, Source, Switch, make_log
 from planner.files.logs.options import ALL_JOINTS, LogOptions, choose_joints
-from planner.files.logs.units import ANGLE_NAMES, SECONDS, TIME_NAMES, Scale, scale, split_name
 from planner.files.paths import LOAD
 from planner.files.table import Table, read_table
-from planner.files.units import check_radians
 from planner.identification.log import Log
 from planner.trajectory import Array
 

@@ -12,8 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.exceptions import InvalidFile, InvalidInput
-from planner.files.logs.units import COUNTS, Scale
-from planner.files.units import LARGEST, LEAST_DEG
+from planner.files.columns import COUNTS, LARGEST, LEAST_DEG, Scale
 from planner.identification.log import FASTEST, FEWEST_ROWS, SLOWEST, Log, Written
 from planner.trajectory import Array, not_radians
 

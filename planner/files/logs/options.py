@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 
 from planner.exceptions import InvalidFile, InvalidInput, nearest
-from planner.files.logs.units import ANGLE_NAMES, ANGLE_UNITS, Scale, scale
+from planner.files.columns import ANGLE_NAMES, ANGLE_UNITS, Scale, scale
 from planner.validation import as_positive, shown
 
 ALL_JOINTS = "all"

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from planner.evaluation.paper import TABLE_2, published
+from planner.evaluation.reproduction import TABLE_2, published
 from planner.report.figure import Axis, Curve, Figure, Panel, Words, joined
 from planner.report.paper.tables import COMPARISONS
 from planner.report.style import CLOSED_FORM, GRID, INK

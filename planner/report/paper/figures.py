@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from planner.evaluation.paper import STEP_AMPLITUDES
+from planner.evaluation.reproduction import STEP_AMPLITUDES
 from planner.report.figure import (
     Axis,
     Curve,

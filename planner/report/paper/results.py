@@ -11,14 +11,18 @@ from typing import Any
 import numpy as np
 
 from planner._version import __version__
-from planner.evaluation.paper import SOURCE, Published, deviations, published, published_foot
 from planner.evaluation.reproduction import (
     REFINE,
     RULE,
+    SOURCE,
     JointOutcome,
     PlannedWalk,
+    Published,
     Reproduction,
     approximation,
+    deviations,
+    published,
+    published_foot,
 )
 from planner.evaluation.virtual_experiment import (
     AMPLITUDES,

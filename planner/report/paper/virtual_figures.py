@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from planner.evaluation.paper import published_foot
-from planner.evaluation.reproduction import JointOutcome, approximation
+from planner.evaluation.reproduction import JointOutcome, approximation, published_foot
 from planner.report.figure import Axis, Curve, Figure, Panel, Timeline, joined, thin
 from planner.report.paper.agreement import dumb_bells
 from planner.report.paper.figures import (

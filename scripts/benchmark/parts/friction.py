@@ -20,8 +20,7 @@ from benchmark.table import Table
 from kinematics import Leg
 from planner.identification.fit import fit_joint
 from planner.identification.grid import timing_of
-from planner.virtual.pendulum import Pendulum, Sts3215
-from planner.virtual.robot import VirtualRobot
+from planner.virtual.robot import Pendulum, Sts3215, VirtualRobot
 
 Array = npt.NDArray[np.float64]
 

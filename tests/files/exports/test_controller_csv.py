@@ -10,12 +10,9 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from planner.exceptions import InvalidInput, MissingExtra
-from planner.files.exports import check_format
-from planner.files.exports.controller_csv import Ticks, to_ticks, write_controller_csv
+from planner.files.exports import Ticks, check_format, to_ticks, write_controller_csv
 from planner.files.paths import read_joint_path
-from planner.robot import resample
-from planner.robot.resample import never_sent, repeated, resampled
-from planner.robot.schedule import Schedule
+from planner.robot.schedule import ON_TIME, Schedule, never_sent, repeated, resampled
 
 ROUNDING = 1e-10
 """Twelve decimals of a degree are written [rad]."""
@@ -113,7 +110,7 @@ def test_a_held_row_is_the_request_of_its_time(rows, period, rate):
     assume(not never_sent(given_rows, rate))
     held = resampled(given_rows, rate)
     numbers = held.requests[:, 0]
-    slack = 2.0 * resample.ON_TIME * max(period, 1.0 / rate)
+    slack = 2.0 * ON_TIME * max(period, 1.0 / rate)
     assert (held.times >= numbers * period - slack).all()
     assert (held.times <= (numbers + 1.0) * period + slack).all()
     assert held.duration - given_rows.duration + slack >= 0.0

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from planner.exceptions import InvalidFile, InvalidInput
-from planner.files.exports.ros_trajectory import (
+from planner.files.exports import (
     TOPIC,
     TYPE,
     joint_trajectory,

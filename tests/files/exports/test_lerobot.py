@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from planner.exceptions import InvalidInput
-from planner.files.exports import lerobot
-from planner.files.exports.lerobot import Layout, lerobot_dataset, write_lerobot
+from planner.files import lerobot_export
+from planner.files.lerobot_export import Layout, lerobot_dataset, write_lerobot
 from planner.files.logs.lerobot import read_lerobot
 from planner.files.logs.options import LogOptions
 from planner.files.staging import list_files
@@ -113,9 +113,9 @@ def test_less_than_one_request_a_second_is_no_rate(tmp_path, parquet, period, ra
 
 
 def test_episodes_follow_one_another(tmp_path, parquet, monkeypatch):
-    monkeypatch.setattr(lerobot, "FILE_ROWS", 9)
-    monkeypatch.setattr(lerobot, "CHUNK_FILES", 1)
-    monkeypatch.setattr(lerobot, "BATCH", 2)
+    monkeypatch.setattr(lerobot_export, "FILE_ROWS", 9)
+    monkeypatch.setattr(lerobot_export, "CHUNK_FILES", 1)
+    monkeypatch.setattr(lerobot_export, "BATCH", 2)
     rng = np.random.default_rng(2)
     actions = [rng.normal(size=(count, 2)) for count in (4, 5, 3)]
     layout = Layout(features={"action": ("a", "b"), "observation.state": ("a", "b")}, rate=30)

@@ -7,7 +7,7 @@ import pytest
 from rosbags import rosbag1, rosbag2
 
 from planner import InvalidFile, LogOptions, joints_in, read_logs
-from planner.files.logs.ros_messages import CONTROLLER_STATE
+from planner.files.logs.bag_file import CONTROLLER_STATE
 from tests.files.logs.bags import (
     HUMBLE,
     JOINTS,

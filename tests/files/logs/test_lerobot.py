@@ -267,7 +267,7 @@ def test_a_table_that_cannot_be_read_is_reported_with_its_place(tmp_path, snapsh
 
 
 def test_a_table_that_unfolds_beyond_all_bounds_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr("planner.files.logs.parquet.MOST_NUMBERS", 2**19)
+    monkeypatch.setattr("planner.files.logs.lerobot.MOST_NUMBERS", 2**19)
     root = v21(tmp_path / "set")
     file = root / "data" / "chunk-000" / "episode_000000.parquet"
     n = 100_000

@@ -10,9 +10,9 @@ import pytest
 
 from planner import LogOptions
 from planner.cli.identify import identify, to_log_options
-from planner.files import clock
-from planner.files.logs import column_names, make_log, units
-from planner.files.logs.ros_messages import ACTUAL_TYPES, REQUEST_TYPES
+from planner.files import columns
+from planner.files.logs import make_log
+from planner.files.logs.bag_file import ACTUAL_TYPES, REQUEST_TYPES
 from planner.trajectory import MOST_TURNS
 
 PAGE = (Path(__file__).parents[3] / "docs" / "logs.md").read_text(encoding="utf-8")
@@ -32,7 +32,7 @@ def test_the_page_has_a_command_for_every_format():
 
 
 def test_the_page_names_every_unit_and_type():
-    for unit in units.ANGLE_UNITS:
+    for unit in columns.ANGLE_UNITS:
         assert f"| `{unit}` |" in PAGE
     for kind in {*ACTUAL_TYPES, *REQUEST_TYPES}:
         assert f"| `{kind.replace('/msg/', '/')}` |" in PAGE
@@ -41,10 +41,10 @@ def test_the_page_names_every_unit_and_type():
 def test_every_word_that_the_page_says_is_guessed_is_known():
     bullets = dict(re.findall(r"^- (\S+ \S+)(.*?)(?:;|\.)$", PAGE, re.MULTILINE | re.DOTALL))
     known = {
-        "the time": clock.WORDS | {f"_{unit}" for unit in units.SECONDS},
-        "requested angles": column_names.REQUESTED,
-        "actual angles": column_names.ACTUAL | column_names.PLAIN,
-        "the torque,": column_names.TORQUES,
+        "the time": columns.WORDS | {f"_{unit}" for unit in columns.SECONDS},
+        "requested angles": columns.REQUESTED,
+        "actual angles": columns.ACTUAL | columns.PLAIN,
+        "the torque,": columns.TORQUES,
     }
     for bullet, words in known.items():
         told = re.findall(r"`(\w+)`", bullets[bullet])

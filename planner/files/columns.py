@@ -1,0 +1,492 @@
+"""Columns of a table: units, times and meanings by their names, or by the user's choice."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from datetime import datetime
+from decimal import Decimal, localcontext
+from typing import NamedTuple
+
+import numpy as np
+
+from planner.exceptions import InvalidFile, InvalidInput, nearest
+from planner.files.table import Table
+from planner.trajectory import Array, not_radians, turns_words
+
+ANGLE_NAMES: Mapping[str, str] = {
+    "rad": "rad",
+    "radian": "rad",
+    "radians": "rad",
+    "deg": "deg",
+    "degree": "deg",
+    "degrees": "deg",
+    "°": "deg",
+    "tick": "ticks",
+    "ticks": "ticks",
+    "us": "us",
+    "µs": "us",
+    "usec": "us",
+    "count": "counts",
+    "counts": "counts",
+    "adc": "counts",
+    "turn": "turns",
+    "turns": "turns",
+    "range": "range",
+    "percent": "percent",
+    "%": "percent",
+    "range_0_100": "percent",
+    "range_m100_100": "range_m100_100",
+}
+"""Names of the units of an angle, and the unit of each."""
+
+ANGLE_UNITS = tuple(dict.fromkeys(ANGLE_NAMES.values()))
+"""The units of an angle."""
+
+PULSE_ZERO, PULSES_PER_TURN = 1500, 4000
+"""Pulse of a hobby servo at angle 0, and pulses of a full turn [us]: most turn by 180 degrees over
+2000 us."""
+
+COUNTS = "counts"
+"""Unit of a sensor of unknown scale, such as a potentiometer at a converter."""
+
+SECONDS: Mapping[str, float] = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+"""Units of time, in seconds."""
+
+TIME_NAMES: Mapping[str, str] = {
+    **{unit: unit for unit in SECONDS},
+    "sec": "s",
+    "secs": "s",
+    "second": "s",
+    "seconds": "s",
+    "msec": "ms",
+    "millis": "ms",
+    "usec": "us",
+    "µs": "us",
+    "nsec": "ns",
+    "nanosec": "ns",
+}
+"""Names of the units of time, and the unit of each."""
+
+_BRACKETED = re.compile(r"^(.*\S)\s*[\[(]\s*([^\[\]()\s]+)\s*[\])]$")
+
+ANGLES: Mapping[str, float] = {"deg": math.pi / 180.0, "rad": 1.0}
+"""Angle units, in radians."""
+
+SHARES: Mapping[str, float] = {"percent": math.pi / 180.0, "range": 100.0 * math.pi / 180.0}
+"""Shares of a joint's range: a percent is carried as if it were a degree, and so printed as one."""
+
+LENGTHS: Mapping[str, float] = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
+"""Length units, in metres."""
+
+OTHER_UNITS = frozenset(
+    (
+        *("degree", "degrees", "radian", "radians", "turn", "turns", "tick", "ticks"),
+        *("meter", "meters", "metre", "metres", "inch", "km"),
+    )
+)
+"""Endings of names that are units too, but unsupported ones."""
+
+LARGEST = 1e6
+"""An angle or a length beyond this [rad, m] is a mistake: its square would lose all digits."""
+
+LEAST_DEG = 4.0
+"""A span below this [degrees] may be radians."""
+
+TIME = "t_s"
+"""The column of times [s]; it takes precedence over other columns."""
+
+WORDS = frozenset(("t", "time", "times", "timestamp", "stamp", "clock", "seconds"))
+"""Words for times in the name of a column."""
+
+EPOCH = 1e6
+"""Times beyond this [s], eleven days, count from the epoch and are shifted to start at 0."""
+
+MISSING = ("", "nan", "nat")
+"""Placeholder of a missing date."""
+
+REQUESTED = frozenset(
+    (
+        *("requested", "request", "req", "goal", "command", "commanded", "cmd", "target"),
+        *("desired", "des", "reference", "ref", "setpoint", "action"),
+    )
+)
+"""Words for a requested angle."""
+
+ACTUAL = frozenset(
+    (
+        *("actual", "act", "present", "measured", "meas", "measurement", "feedback", "state"),
+        *("observed", "observation"),
+    )
+)
+"""Words for an actual angle."""
+
+PLAIN = frozenset(("position", "pos", "angle"))
+"""Words for an angle; without a word for its role, it is an actual one."""
+
+OTHER = frozenset(
+    (
+        *("velocity", "vel", "speed", "effort", "load", "torque", "current", "voltage", "volts"),
+        *("temp", "temperature", "acceleration", "acc", "accel", "pwm", "error", "err", "gain"),
+        *("limit", "min", "max"),
+    )
+)
+"""Words for quantities that are no angles."""
+
+TORQUES = frozenset(("torque_on", "torque_enable", "torque_enabled"))
+"""Names for whether the torque is on."""
+
+
+class Scale(NamedTuple):
+    """How a logged number becomes an angle: ``factor * number + shift``.
+
+    Attributes:
+        name: The unit of the logged number.
+        factor: Size of the logged unit, in ``unit``.
+        shift: Its zero, in ``unit``.
+        unit: "rad", or "1" for a share of the joint's range.
+    """
+
+    name: str
+    factor: float
+    shift: float
+    unit: str
+
+
+def scale(name: str, ticks_per_turn: float | None) -> Scale:
+    """The scale of an angle's unit.
+
+    Args:
+        name: One of :data:`ANGLE_UNITS`.
+        ticks_per_turn: Steps of the sensor in one turn; needed for ticks. Of hobby servos the
+            microseconds of a turn, by default 4000.
+
+    Returns:
+        The scale; NaN for counts, whose scale is fitted to the log.
+
+    Raises:
+        InvalidInput: Ticks without their number in a turn.
+    """
+    if name == "ticks":
+        if ticks_per_turn is None:
+            raise InvalidInput(
+                "angles in ticks without the ticks of a turn; give --ticks-per-turn, such as 4096 "
+                "for Dynamixel X and Feetech STS servos"
+            )
+        return Scale(name, 2.0 * math.pi / ticks_per_turn, 0.0, "rad")
+    pulse = 2.0 * math.pi / (ticks_per_turn or PULSES_PER_TURN)
+    return {
+        "us": Scale("us", pulse, -PULSE_ZERO * pulse, "rad"),
+        COUNTS: Scale(COUNTS, math.nan, math.nan, "rad"),
+        "rad": Scale("rad", 1.0, 0.0, "rad"),
+        "deg": Scale("deg", math.pi / 180.0, 0.0, "rad"),
+        "turns": Scale("turns", 2.0 * math.pi, 0.0, "rad"),
+        "range": Scale("range", 1.0, 0.0, "1"),
+        "percent": Scale("percent", 1e-2, 0.0, "1"),
+        "range_m100_100": Scale("range_m100_100", 5e-3, 0.5, "1"),
+    }[name]
+
+
+def split_name(name: str, units: Mapping[str, str]) -> tuple[str, str | None]:
+    """A column's name without its unit, and the unit where the name ends in one.
+
+    ``knee_deg``, ``knee [deg]`` and ``knee (deg)`` all are ``knee`` in ``deg``.
+    """
+    match = _BRACKETED.match(name)
+    if match:
+        stem, word = match.groups()
+    else:
+        stem, _, word = name.rpartition("_")
+    unit = units.get(word.lower())
+    return (stem, unit) if stem and unit is not None else (name, None)
+
+
+def split_unit(column: str, units: Mapping[str, float]) -> tuple[str, str] | None:
+    """Name and unit of a column such as ``knee_deg``; None where it ends in none of ``units``."""
+    name, _, unit = column.rpartition("_")
+    return (name, unit) if name and unit in units else None
+
+
+def with_unit(
+    table: Table, columns: Sequence[str], units: Mapping[str, float]
+) -> tuple[tuple[str, ...], tuple[str, ...], Array]:
+    """Names and units of the columns, and their values in SI, shape (n, k), read-only.
+
+    All have the same unit, but for shares of a joint's range, which stand beside angles.
+
+    Raises:
+        InvalidFile: A column has no unit of these, the units differ, or a value is not finite or
+            too large to be true.
+    """
+    names, endings = [], []
+    for column in columns:
+        parts = split_unit(column, units)
+        if parts is None:
+            bare = [each for each in columns if split_unit(each, units) is None]
+            raise _without_unit(table, bare, units)
+        names.append(parts[0])
+        endings.append(parts[1])
+    if len(set(endings) - set(SHARES)) > 1 or len(set(endings) & set(SHARES)) > 1:
+        mixed = ", ".join(columns)
+        raise table.fault(f"mixed units ({mixed}); expected one unit in all columns")
+    factors = np.array([units[unit] for unit in endings])
+    values = table.numbers(columns) * factors
+    _check_size(table, columns, values, LARGEST / factors)
+    values.setflags(write=False)
+    return tuple(names), tuple(endings), values
+
+
+def pick(table: Table, names: Sequence[str], units: Mapping[str, float]) -> list[str]:
+    """Columns of the named quantities, in the order of ``names``.
+
+    Raises:
+        InvalidFile: One of them is missing, or there in two units.
+    """
+    by_name: dict[str, list[str]] = {}
+    for column in table.names:
+        parts = split_unit(column, units)
+        if parts is not None:
+            by_name.setdefault(parts[0], []).append(column)
+    columns = []
+    for name in names:
+        if names.count(name) > 1:
+            raise InvalidFile(
+                table.path, f"'{name}' is named {names.count(name)} times; name it once"
+            )
+        if name not in by_name:
+            endings = " or ".join(f"{name}_{unit}" for unit in units if unit not in SHARES)
+            raise table.fault(
+                f"no column {endings}{nearest(name, tuple(by_name))}; "
+                f"columns: {', '.join(table.names)}"
+            )
+        if len(by_name[name]) > 1:
+            raise table.fault(
+                f"'{name}' comes in mixed units ({', '.join(by_name[name])}), expected one column; "
+                "remove the others"
+            )
+        columns.extend(by_name[name])
+    return columns
+
+
+def check_radians(table: Table, column: str, angles: Array, advice: str) -> None:
+    """Refuse radians, some of which may be missing (NaN), that look like degrees."""
+    finite = np.flatnonzero(np.isfinite(angles))
+    if len(finite) and not_radians(angles[finite]):
+        k = int(finite[np.argmax(np.abs(angles[finite]))])
+        words = f"column '{column}': {turns_words(angles[k])}; if these are degrees, {advice}"
+        raise table.fault(words, k)
+
+
+def _without_unit(table: Table, columns: Sequence[str], units: Mapping[str, float]) -> InvalidFile:
+    """The error that columns have no unit of these."""
+    name = columns[0]
+    stem, _, word = name.rpartition("_")
+    if stem and word.lower() in OTHER_UNITS:
+        name = stem
+    expected = " or ".join(f"{name}_{unit}" for unit in units if unit not in SHARES)
+    if len(columns) == 1:
+        what, advice = f"column '{columns[0]}' has no unit", "rename it, or remove it"
+    else:
+        what = f"columns {', '.join(map(repr, columns))} have no unit"
+        expected, advice = f"an ending of the unit, such as {expected}", "rename or remove them"
+    return table.fault(f"{what}; expected {expected}: {advice}")
+
+
+def _check_size(table: Table, columns: Sequence[str], values: Array, largest: Array) -> None:
+    beyond = np.argwhere(~(np.abs(values) <= LARGEST))
+    if beyond.size:
+        k, j = beyond[0]
+        cell = table.rows[k][table.names.index(columns[j])].strip()
+        raise table.fault(
+            f"column '{columns[j]}': got {cell}, expected at most {largest[j]:g} either way; "
+            "check the unit",
+            k,
+        )
+
+
+_WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+")
+
+
+def time_columns(columns: Sequence[str]) -> tuple[str, ...]:
+    """The columns that may hold times."""
+    return tuple(name for name in columns if _is_time(name))
+
+
+def _is_time(column: str) -> bool:
+    stem, unit = split_name(column, TIME_NAMES)
+    if unit is None and split_name(column, ANGLE_NAMES)[1] is not None:
+        return False  # `t_deg` is a joint
+    return bool({word.lower() for word in _WORD.findall(stem)} & WORDS)
+
+
+def time_column(table: Table, *, advice: str = "") -> str | None:
+    """The column of times: ``t_s``, or the only one that may hold them; None where none may.
+
+    Args:
+        table: The table.
+        advice: How else a user may choose the column, for the message.
+
+    Raises:
+        InvalidFile: Several columns may hold times.
+    """
+    columns = time_columns(table.names)
+    if TIME in columns or not columns:
+        return TIME if columns else None
+    if len(columns) > 1:
+        raise table.fault(
+            f"{len(columns)} columns may be the time ({', '.join(columns)}); columns: "
+            f"{', '.join(table.names)}; {advice}rename it {TIME}"
+        )
+    return columns[0]
+
+
+def read_clock(
+    table: Table, column: str, unit: str | None = None, *, missing: bool = False, advice: str = ""
+) -> tuple[Array, str]:
+    """Times [s], shape (n,), and where they come from, in words.
+
+    Args:
+        table: The table.
+        column: The column that holds them.
+        unit: Its unit, one of :data:`.SECONDS`; by default from its name.
+        missing: Whether cells may be empty, or NaN: they are NaN then.
+        advice: How else a user may give the unit, for the message.
+
+    Raises:
+        InvalidFile: The unit is unknown, or a cell is not a number.
+    """
+    dates = _dates(table, column, missing=missing)
+    if dates is not None:
+        return dates, f"time from the dates in column '{column}', shifted to start at 0"
+    unit = unit or split_name(column, TIME_NAMES)[1] or TIME_NAMES.get(column.lower())
+    if unit is None:
+        raise table.fault(f"column '{column}' has no unit; {advice}rename it {column}_s")
+    seconds = SECONDS[unit]
+    numbers = table.numbers([column], missing=missing)[:, 0]
+    note = f"time from column '{column}'"
+    if not column.endswith(f"_{unit}"):
+        note += f" [{unit}]"
+    finite = np.flatnonzero(np.isfinite(numbers))
+    if not len(finite) or abs(numbers[finite[0]]) * seconds <= EPOCH:
+        return numbers * seconds, note
+    place = table.place(column)
+    with localcontext() as context:
+        context.prec = 60
+        exact = [Decimal(table.rows[k][place].strip()) for k in finite]
+        since = numbers.copy()
+        since[finite] = [float(time - exact[0]) for time in exact]
+    return since * seconds, f"{note}, shifted to start at 0"
+
+
+def _dates(table: Table, column: str, *, missing: bool) -> Array | None:
+    """Times [s] since the first of a column of dates and times (ISO 8601), shape (n,), else None.
+
+    Raises:
+        InvalidFile: The first cell is a date and another is not.
+    """
+    place = table.place(column)
+    cells = [row[place].strip() for row in table.rows]
+    first = _date(next((cell for cell in cells if cell.lower() not in MISSING), ""))
+    if first is None:
+        return None
+    times = np.full(len(cells), np.nan)
+    for k, cell in enumerate(cells):
+        if missing and cell.lower() in MISSING:
+            continue
+        date = _date(cell)
+        if date is None or (date.tzinfo is None) != (first.tzinfo is None):
+            raise table.fault(
+                f"column '{column}': got '{cell[:40]}', expected a date and time as in the rows "
+                f"before, such as {first.isoformat()}",
+                k,
+            )
+        times[k] = (date - first).total_seconds()
+    return times
+
+
+def _date(cell: str) -> datetime | None:
+    """The date and time that a cell holds; None for numbers and other text."""
+    try:
+        return datetime.fromisoformat(cell) if "-" in cell and ":" in cell else None
+    except ValueError:
+        return None
+
+
+_WORDS = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+")
+_SET_POINT = re.compile("set[ _.-]?point", re.IGNORECASE)
+_SEPARATORS = "_.-/: "
+
+
+class Pair(NamedTuple):
+    """The columns of one joint.
+
+    Attributes:
+        joint: Its name; "" where the columns name none.
+        requested: The columns that may hold its requested angles.
+        actual: The columns that may hold its actual angles.
+    """
+
+    joint: str
+    requested: tuple[str, ...]
+    actual: tuple[str, ...]
+
+
+def meaning(column: str) -> tuple[str, str] | None:
+    """Role and joint ("" for none) of an angle's column; None where the name is unclear.
+
+    The role is requested, actual, or position, which is an actual angle if no column says so.
+    """
+    stem = _SET_POINT.sub("setpoint", split_name(column, ANGLE_NAMES)[0])
+    spans = [word.span() for word in _WORDS.finditer(stem)]
+    words = [stem[start:end].lower() for start, end in spans]
+    if "current" in words and PLAIN & set(words):  # the present position, and no ampere
+        words = ["present" if word == "current" else word for word in words]
+    if OTHER & set(words):
+        return None
+    lead = _run(words)
+    trail = _run(words[::-1]) if lead < len(words) else 0
+    edge = {*words[:lead], *words[len(words) - trail :]}
+    roles = [role for role, synonyms in _ROLES if edge & synonyms]
+    if len(roles) == 2 and roles[1] == "position":
+        roles.pop()
+    if len(roles) != 1:
+        return None
+    first = spans[lead - 1][1] if lead else 0
+    last = spans[len(spans) - trail][0] if trail else len(stem)
+    return roles[0], stem[first:last].strip(_SEPARATORS)
+
+
+def pairs(columns: Sequence[str]) -> tuple[Pair, ...]:
+    """The columns by joint, in the order in which the joints appear."""
+    by_joint: dict[str, dict[str, list[str]]] = {}
+    for column in columns:
+        if each := meaning(column):
+            role, joint = each
+            by_joint.setdefault(joint, {}).setdefault(role, []).append(column)
+    by_stem: dict[str, list[str]] = {}  # for columns that only name a joint, such as elbow_deg
+    for column in columns:
+        by_stem.setdefault(split_name(column, ANGLE_NAMES)[0].lower(), []).append(column)
+    return tuple(
+        Pair(
+            joint,
+            tuple(by_role.get("requested", ())),
+            # a column that only names the joint holds actual angles if no other does
+            tuple(by_role.get("actual", by_role.get("position", by_stem.get(joint.lower(), ())))),
+        )
+        for joint, by_role in by_joint.items()
+    )
+
+
+def torque_columns(columns: Sequence[str]) -> tuple[str, ...]:
+    """The columns that may say whether the torque is on."""
+    return tuple(name for name in columns if name.lower() in TORQUES)
+
+
+def _run(words: Sequence[str]) -> int:
+    """How many of the first words name a role."""
+    role_words = REQUESTED | ACTUAL | PLAIN
+    return next((k for k, word in enumerate(words) if word not in role_words), len(words))
+
+
+_ROLES = (("requested", REQUESTED), ("actual", ACTUAL), ("position", PLAIN))
