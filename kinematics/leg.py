@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, NamedTuple, Self
+from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -17,17 +18,16 @@ from kinematics.closed_form import ClosedForm, find_closed_form
 from kinematics.exceptions import InvalidInput, InvalidPath, InvalidUrdf, UnsupportedLeg
 from kinematics.inverse import InverseSolution, Unreachable, jumps, solve_inverse
 from kinematics.robot import (
-    GRAVITY,
     TO_LIMIT,
-    Masses,
     Robot,
-    central_differences,
-    checked_period,
     find_frame,
     joints_between,
     named,
     read_robot,
 )
+
+GRAVITY = (0.0, 0.0, -9.80665)
+"""Standard gravity [m/s^2] in the frame of the URDF's root link, whose z axis points up."""
 
 FARTHEST = 1e6
 """A position or angle beyond this [m, rad] is a mistake, and its square would lose all digits."""
@@ -58,7 +58,8 @@ class Leg:
         chain: Their constants, checked against Pinocchio.
         speeds: Their top speeds by the URDF [rad/s], NaN where it has none, shape (k,); or None.
         near: A pose [rad] near which paths start, shape (k,); None to start deep inside the limits.
-        masses: Links that the joints carry; None where the leg was not read from a URDF.
+        robot: The robot with the masses of its links; None where it was not read from a URDF.
+        joints: Pinocchio's numbers of the leg's joints, from the base to the foot.
     """
 
     base: str
@@ -68,7 +69,8 @@ class Leg:
     chain: Chain
     speeds: Array | None = None
     near: Array | None = None
-    masses: Masses | None = None
+    robot: Robot | None = None
+    joints: tuple[int, ...] = ()
 
     @classmethod
     def from_urdf(
@@ -100,9 +102,41 @@ class Leg:
                 that is neither revolute nor continuous, or mimics another joint.
             InvalidInput: A joint cannot be locked at its position, or is not on the leg.
         """
-        chain, names, limits, speeds, masses = read_chain(path, base=base, foot=foot, locked=locked)
+        if not isinstance(path, str | os.PathLike) or "\0" in str(path):
+            raise InvalidInput(f"path: got {type(path).__name__}, expected that of a URDF file")
+        path = Path(path)
+        robot = read_robot(path, locked=locked)
+        model = robot.model
+        start = find_frame(model, base, role="base")
+        end = find_frame(model, foot, role="foot")
+        between = joints_between(model, start, end)
+        joints = [joint for joint in between if joint not in robot.locked]
+        names = tuple(str(model.names[joint]) for joint in joints)
+        if not names:
+            raise UnsupportedLeg(
+                f"every joint between {base!r} and {foot!r} is locked; leave one out"
+            )
+        if copies := [name for name in names if name in robot.mimics]:
+            raise UnsupportedLeg(
+                f"joint {copies[0]!r} between {base!r} and {foot!r} mimics another; every "
+                "joint of a leg must be driven: lock it, remove its <mimic> element, or choose a "
+                "foot above it"
+            )
+        axes = [_axis(model, joint) for joint in joints]
+        *placements, tip = _placements(robot, between, start, end)
+        limits = _read_limits(path, model, joints)
+        chain = Chain(
+            rotations=np.array([placement.rotation for placement in placements]),
+            translations=np.array([placement.translation for placement in placements]),
+            axes=np.array(axes),
+            tip=np.array(tip.translation),
+        )
+        if not np.all(np.isfinite(np.concatenate([chain.translations.ravel(), chain.tip]))):
+            raise InvalidUrdf(path, f"an origin between {base!r} and {foot!r} is not finite")
+        _check_against_pinocchio(robot, chain, start, end, joints)
         pose = None if near is None else _pose(near, names, limits)
-        return cls(base, foot, names, limits, chain, speeds, pose, masses)
+        speeds = _read_speeds(model, joints)
+        return cls(base, foot, names, limits, chain, speeds, pose, robot, tuple(joints))
 
     @cached_property
     def closed_form(self) -> ClosedForm | None:
@@ -196,12 +230,12 @@ class Leg:
             InvalidInput: ``gravity`` or ``period`` cannot be used.
         """
         path = self._angles(angles)
-        if self.masses is None:
+        if self.robot is None:
             raise UnsupportedLeg("the leg has no masses: make it with Leg.from_urdf")
-        if not dynamics:
-            return self.masses.load_torques(path, gravity=gravity)
-        motion = central_differences(path, checked_period(period), cyclic=cyclic)
-        return self.masses.load_torques(path, *motion, gravity=gravity)
+        motion = (np.zeros_like(path), np.zeros_like(path))
+        if dynamics:
+            motion = central_differences(path, _checked_period(period), cyclic=cyclic)
+        return self.robot.load_torques(self.joints, path, *motion, _vector(gravity))
 
     def joint_angles(self, foot: npt.ArrayLike, *, unreachable: Unreachable = "raise") -> Array:
         """Joint angles that put the foot at each point of a path: inverse kinematics.
@@ -298,6 +332,50 @@ def _pose(near: Mapping[str, float], names: tuple[str, ...], limits: Limits) -> 
     return read_only(pose)
 
 
+def central_differences(angles: Array, period: float, *, cyclic: bool) -> tuple[Array, Array]:
+    """Speeds and accelerations along a path by central differences.
+
+    ``v_k = (q_{k+1} - q_{k-1}) / 2T`` and ``a_k = (q_{k+1} - 2 q_k + q_{k-1}) / T^2``. A path that
+    is no cycle rests before its first and after its last sample.
+
+    Args:
+        angles: Joint angles [rad], shape (n, k).
+        period: Time T between samples [s].
+        cyclic: Whether the path repeats for ever.
+
+    Returns:
+        Speeds [rad/s] and accelerations [rad/s^2], shape (n, k) each.
+    """
+    beside = ((1, 1), (0, 0))
+    padded = np.pad(angles, beside, mode="wrap" if cyclic else "edge")
+    before, after = padded[:-2], padded[2:]
+    return (after - before) / (2.0 * period), (after - 2.0 * angles + before) / period**2
+
+
+def _checked_period(period: object) -> float:
+    """The time between samples [s], or InvalidInput."""
+    number = period if isinstance(period, int | float | np.number) else math.nan
+    if not (math.isfinite(number) and number > 0.0):
+        raise InvalidInput(
+            f"period: got {period!r}, expected the time between samples, more than 0 s; speeds and "
+            "accelerations need it"
+        )
+    return float(number)
+
+
+def _vector(gravity: npt.ArrayLike) -> Array:
+    """Gravity as an array of three [m/s^2]."""
+    try:
+        vector = np.asarray(gravity, dtype=np.float64)
+    except (TypeError, ValueError):
+        vector = np.empty(0)
+    if vector.shape != (3,) or not np.all(np.isfinite(vector)):
+        raise InvalidInput(
+            f"gravity: got {gravity!r}, expected three numbers [m/s^2], such as {GRAVITY}"
+        )
+    return vector
+
+
 def _as_path(values: npt.ArrayLike, *, name: str, columns: int, unit: str) -> Array:
     """The values as a finite array (n, columns), or InvalidPath."""
     try:
@@ -318,82 +396,6 @@ def _as_path(values: npt.ArrayLike, *, name: str, columns: int, unit: str) -> Ar
             f"{unit}: first index {bad[0]} ({array[bad[0]]}); mend or remove them first"
         )
     return array.astype(np.float64)
-
-
-class ChainInRobot(NamedTuple):
-    """A chain, with the URDF's data of its joints.
-
-    Attributes:
-        chain: The constants.
-        joint_names: Names of the joints, from the base to the foot.
-        limits: Their limits.
-        speeds: Their top speeds [rad/s], NaN where the URDF has none, shape (k,).
-        masses: Links that the joints carry.
-    """
-
-    chain: Chain
-    joint_names: tuple[str, ...]
-    limits: Limits
-    speeds: Array
-    masses: Masses
-
-
-def read_chain(
-    path: str | os.PathLike[str],
-    *,
-    base: str,
-    foot: str,
-    locked: Mapping[str, float] | None = None,
-) -> ChainInRobot:
-    """The joints between two frames of the robot that a URDF describes.
-
-    Args:
-        path: The URDF; meshes are not needed.
-        base: Frame (link or joint) on the chain that leads to the foot.
-        foot: Frame whose origin is the foot.
-        locked: Positions of locked joints [rad; m for a prismatic one].
-
-    Returns:
-        The chain, checked against Pinocchio's own forward kinematics at three poses.
-
-    Raises:
-        InvalidUrdf: The file cannot be read or does not describe a robot.
-        UnknownFrame: The robot has no such frame.
-        UnsupportedLeg: The base is not above the foot, no joint lies between them, or a joint that
-            is neither revolute nor continuous, or mimics another joint.
-        InvalidInput: A joint cannot be locked at its position.
-    """
-    if not isinstance(path, str | os.PathLike) or "\0" in str(path):
-        raise InvalidInput(f"path: got {type(path).__name__}, expected that of a URDF file")
-    path = Path(path)
-    robot = read_robot(path, locked=locked)
-    model = robot.model
-    start = find_frame(model, base, role="base")
-    end = find_frame(model, foot, role="foot")
-    between = joints_between(model, start, end)
-    joints = [joint for joint in between if joint not in robot.locked]
-    names = tuple(str(model.names[joint]) for joint in joints)
-    if not names:
-        raise UnsupportedLeg(f"every joint between {base!r} and {foot!r} is locked; leave one out")
-    if copies := [name for name in names if name in robot.mimics]:
-        raise UnsupportedLeg(
-            f"joint {copies[0]!r} between {base!r} and {foot!r} mimics another; every joint of a "
-            "leg must be driven: lock it, remove its <mimic> element, or choose a foot above it"
-        )
-    axes = [_axis(model, joint) for joint in joints]
-    *placements, tip = _placements(robot, between, start, end)
-    limits = _read_limits(path, model, joints)
-    chain = Chain(
-        rotations=np.array([placement.rotation for placement in placements]),
-        translations=np.array([placement.translation for placement in placements]),
-        axes=np.array(axes),
-        tip=np.array(tip.translation),
-    )
-    if not np.all(np.isfinite(np.concatenate([chain.translations.ravel(), chain.tip]))):
-        raise InvalidUrdf(path, f"an origin between {base!r} and {foot!r} is not finite")
-    _check_against_pinocchio(robot, chain, start, end, joints)
-    masses = Masses(robot, tuple(joints))
-    return ChainInRobot(chain, names, limits, _read_speeds(model, joints), masses)
 
 
 def _placements(robot: Robot, between: list[int], start: Any, end: Any) -> list[Any]:

@@ -10,7 +10,7 @@ import pytest
 from made_up_robots import LEGS, Joint, Y, ers210a_leg, made_up_leg
 
 from kinematics import InvalidInput, InvalidPath, Leg, UnsupportedLeg
-from kinematics.robot import GRAVITY
+from kinematics.leg import GRAVITY
 
 ROUNDING = 1e-12
 """Two routes to the same torque agree to this [N m]; the torques are of order 1."""
@@ -100,13 +100,13 @@ def test_the_torque_of_gravity_is_the_slope_of_the_potential_energy(name: str) -
     import pinocchio
 
     leg = ers210a_leg(name)
-    assert leg.masses is not None
-    model = leg.masses.robot.model
+    assert leg.robot is not None
+    model = leg.robot.model
     model.gravity.linear = np.array(GRAVITY)
     data = model.createData()
 
     def energy(pose: np.ndarray) -> float:
-        coordinates = leg.masses.robot.configuration(leg.masses.joints, pose)
+        coordinates = leg.robot.configuration(leg.joints, pose)
         return float(pinocchio.computePotentialEnergy(model, data, coordinates))
 
     poses = np.random.default_rng(2).uniform(*leg.limits.finite, (10, 3))
@@ -149,7 +149,7 @@ def test_a_urdf_without_masses_is_refused(tmp_path: Path) -> None:
     with pytest.raises(UnsupportedLeg, match="no link beyond joint 'joint_1' has a mass"):
         leg.load_torques([[0.1]])
     with pytest.raises(UnsupportedLeg, match=r"Leg\.from_urdf"):
-        replace(leg, masses=None).load_torques([[0.1]])
+        replace(leg, robot=None).load_torques([[0.1]])
 
 
 def test_what_cannot_be_used_is_refused(pendulum: Leg) -> None:
