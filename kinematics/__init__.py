@@ -9,12 +9,7 @@ if TYPE_CHECKING:
     from kinematics.chain import Limits
     from kinematics.exceptions import (
         InvalidInput,
-        InvalidPath,
-        InvalidUrdf,
         KinematicsError,
-        SingularLeg,
-        UnknownDescription,
-        UnknownFrame,
         UnreachableFoot,
         UnsupportedLeg,
     )
@@ -25,15 +20,10 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "InvalidInput": "exceptions",
-    "InvalidPath": "exceptions",
-    "InvalidUrdf": "exceptions",
     "InverseSolution": "inverse",
     "KinematicsError": "exceptions",
     "Leg": "leg",
     "Limits": "chain",
-    "SingularLeg": "exceptions",
-    "UnknownDescription": "exceptions",
-    "UnknownFrame": "exceptions",
     "UnreachableFoot": "exceptions",
     "UnsupportedLeg": "exceptions",
     "foot_function": "symbolic",
@@ -42,15 +32,10 @@ _HOMES = {
 
 __all__ = [
     "InvalidInput",
-    "InvalidPath",
-    "InvalidUrdf",
     "InverseSolution",
     "KinematicsError",
     "Leg",
     "Limits",
-    "SingularLeg",
-    "UnknownDescription",
-    "UnknownFrame",
     "UnreachableFoot",
     "UnsupportedLeg",
     "foot_function",

@@ -4,19 +4,13 @@
 
     KinematicsError
     └── InvalidInput (also a ValueError)   an argument is invalid; the message says why
-        ├── UnknownDescription             no such robot is shipped; carries the shipped ones
-        ├── InvalidUrdf                    not a robot description; carries the path
-        ├── UnknownFrame                   no such frame in the robot; carries its frames
-        ├── UnsupportedLeg                 a valid robot, but no such leg between the two frames
-        │   └── SingularLeg                some of its joints never move the foot
-        ├── InvalidPath                    angles or foot positions with NaN or the wrong shape
+        ├── UnsupportedLeg                 a valid robot, but no leg between the two frames, or a
+        │                                  leg of which a joint never moves the foot
         └── UnreachableFoot                points out of the leg's reach; carries their distances
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -37,73 +31,8 @@ class InvalidInput(KinematicsError, ValueError):
     """An argument is invalid; the message says what was expected and what to do."""
 
 
-class UnknownDescription(InvalidInput):
-    """No robot description of that name is shipped.
-
-    Attributes:
-        name: The requested name.
-        shipped: The shipped files.
-    """
-
-    def __init__(self, name: str, shipped: Sequence[str]) -> None:
-        """List the shipped files."""
-        self.name = name
-        self.shipped = tuple(shipped)
-        super().__init__(
-            f"robot description {name!r} is not shipped; shipped: {', '.join(shipped)}; "
-            "a file of your own goes to Leg.from_urdf directly"
-        )
-
-
-class InvalidUrdf(InvalidInput):
-    """A file does not describe a robot.
-
-    Attributes:
-        path: The file.
-    """
-
-    def __init__(self, path: Path, problem: str) -> None:
-        """Compose the message from the file and the problem."""
-        self.path = path
-        super().__init__(f"{path}: {problem}")
-
-
-class UnknownFrame(InvalidInput):
-    """The robot has no frame of that name.
-
-    Attributes:
-        name: The requested name.
-        frames: Names of the robot's frames.
-    """
-
-    def __init__(self, name: str, frames: Sequence[str], *, role: str) -> None:
-        """List the frames that the robot has; ``role`` says which argument was wrong."""
-        self.name = name
-        self.frames = tuple(frames)
-        super().__init__(
-            f"{role}: frame {name!r} is not in the URDF; frames: {', '.join(frames) or 'none'}"
-        )
-
-
 class UnsupportedLeg(InvalidInput):
     """The joints between the two frames form no leg, or none with an inverse."""
-
-
-class SingularLeg(UnsupportedLeg):
-    """The leg is singular in every pose: some of its joints never move the foot.
-
-    Attributes:
-        joints: Names of these joints.
-    """
-
-    def __init__(self, problem: str, *, joints: Sequence[str]) -> None:
-        """Keep the names beside the message."""
-        self.joints = tuple(joints)
-        super().__init__(problem)
-
-
-class InvalidPath(InvalidInput):
-    """Angles or foot positions are not a finite array of the right shape."""
 
 
 class UnreachableFoot(InvalidInput):

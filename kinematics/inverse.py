@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from kinematics.chain import TURN, Array, Chain, Indices, Limits, half_turned, read_only
 from kinematics.closed_form import ClosedForm
-from kinematics.exceptions import InvalidInput, SingularLeg, UnreachableFoot, UnsupportedLeg
+from kinematics.exceptions import InvalidInput, UnreachableFoot, UnsupportedLeg
 
 Unreachable = Literal["raise", "nearest", "clamp"]
 
@@ -91,8 +91,8 @@ def solve_inverse(
 
     Raises:
         UnreachableFoot: Some points are out of reach, and ``unreachable`` is "raise".
-        UnsupportedLeg: The leg has more than three joints, or no closed form to clamp.
-        SingularLeg: One of its joints never moves the foot.
+        UnsupportedLeg: The leg has more than three joints, or no closed form to clamp, or a joint
+            that never moves the foot.
         InvalidInput: ``unreachable`` is none of the three.
     """
     _check(chain, closed_form, unreachable)
@@ -124,15 +124,14 @@ def check_joints(chain: Chain, names: Sequence[str]) -> None:
         names: Names of the joints, for the message.
 
     Raises:
-        SingularLeg: The foot lies on the axis of a joint in every pose.
+        UnsupportedLeg: The foot lies on the axis of a joint in every pose.
     """
     moved = np.linalg.norm(chain.jacobians(TRIED[:, : len(chain.axes)]), axis=1).max(axis=0)
     unmoving = tuple(name for name, most in zip(names, moved, strict=True) if most <= UNMOVED)
     if unmoving:
-        raise SingularLeg(
+        raise UnsupportedLeg(
             f"leg: singular in every pose, as joint {unmoving[0]!r} does not move the foot, which "
-            "lies on its axis; choose a foot frame further out, or lock the joint",
-            joints=unmoving,
+            "lies on its axis; choose a foot frame further out, or lock the joint"
         )
 
 

@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from kinematics.chain import Array, Chain, Indices, Limits, read_only
 from kinematics.closed_form import ClosedForm, find_closed_form
-from kinematics.exceptions import InvalidInput, InvalidPath, InvalidUrdf, UnsupportedLeg
+from kinematics.exceptions import InvalidInput, UnsupportedLeg
 from kinematics.inverse import InverseSolution, Unreachable, jumps, solve_inverse
 from kinematics.robot import (
     TO_LIMIT,
@@ -96,11 +96,10 @@ class Leg:
                 the nearer end of their range.
 
         Raises:
-            InvalidUrdf: The file cannot be read or does not describe a robot.
-            UnknownFrame: The robot has no such frame.
+            InvalidInput: The file cannot be read, does not describe a robot or has no such frame,
+                or a joint cannot be locked at its position, or is not on the leg.
             UnsupportedLeg: The base is not above the foot, no joint lies between them, or a joint
                 that is neither revolute nor continuous, or mimics another joint.
-            InvalidInput: A joint cannot be locked at its position, or is not on the leg.
         """
         if not isinstance(path, str | os.PathLike) or "\0" in str(path):
             raise InvalidInput(f"path: got {type(path).__name__}, expected that of a URDF file")
@@ -132,7 +131,7 @@ class Leg:
             tip=np.array(tip.translation),
         )
         if not np.all(np.isfinite(np.concatenate([chain.translations.ravel(), chain.tip]))):
-            raise InvalidUrdf(path, f"an origin between {base!r} and {foot!r} is not finite")
+            raise InvalidInput(f"{path}: an origin between {base!r} and {foot!r} is not finite")
         _check_against_pinocchio(robot, chain, start, end, joints)
         pose = None if near is None else _pose(near, names, limits)
         speeds = _read_speeds(model, joints)
@@ -153,7 +152,7 @@ class Leg:
             Foot positions in the base frame [m], shape (n, 3), read-only.
 
         Raises:
-            InvalidPath: ``angles`` is not a finite array of shape (n, k).
+            InvalidInput: ``angles`` is not a finite array of shape (n, k).
         """
         turned = self._angles(angles).T
         return read_only(np.ascontiguousarray(self.chain.foot(np.cos(turned), np.sin(turned)).T))
@@ -169,7 +168,7 @@ class Leg:
             (n, k + 1, 3), read-only.
 
         Raises:
-            InvalidPath: ``angles`` is not a finite array of shape (n, k).
+            InvalidInput: ``angles`` is not a finite array of shape (n, k).
         """
         turned = self._angles(angles).T
         points = self.chain.joints_and_foot(np.cos(turned), np.sin(turned))
@@ -187,7 +186,7 @@ class Leg:
             Derivatives of the position in the base frame [m/rad], shape (n, 3, k), read-only.
 
         Raises:
-            InvalidPath: ``angles`` is not a finite array of shape (n, k).
+            InvalidInput: ``angles`` is not a finite array of shape (n, k).
         """
         return read_only(self.chain.jacobians(self._angles(angles)))
 
@@ -225,7 +224,7 @@ class Leg:
             Torques [N m], shape (n, k), read-only.
 
         Raises:
-            InvalidPath: ``angles`` is not a finite array of shape (n, k).
+            InvalidInput: ``angles`` is not a finite array of shape (n, k).
             UnsupportedLeg: The URDF has no masses, or the leg was not read from one.
             InvalidInput: ``gravity`` or ``period`` cannot be used.
         """
@@ -248,10 +247,10 @@ class Leg:
             Joint angles within the limits [rad], shape (n, 3), read-only.
 
         Raises:
-            InvalidPath: ``foot`` is not a finite array of shape (n, 3).
+            InvalidInput: ``foot`` is not a finite array of shape (n, 3).
             UnreachableFoot: Some points are out of reach, and ``unreachable`` is "raise".
-            UnsupportedLeg: The leg has more than three joints, or no closed form to clamp.
-            SingularLeg: One of its joints never moves the foot.
+            UnsupportedLeg: The leg has more than three joints, or no closed form to clamp, or a
+                joint that never moves the foot.
         """
         return self.inverse(foot, unreachable=unreachable).angles
 
@@ -280,10 +279,10 @@ class Leg:
             Angles, which points they reach, and the remaining distances.
 
         Raises:
-            InvalidPath: ``foot`` is not a finite array of shape (n, 3).
+            InvalidInput: ``foot`` is not a finite array of shape (n, 3).
             UnreachableFoot: Some points are out of reach, and ``unreachable`` is "raise".
-            UnsupportedLeg: The leg has more than three joints, or no closed form to clamp.
-            SingularLeg: One of its joints never moves the foot.
+            UnsupportedLeg: The leg has more than three joints, or no closed form to clamp, or a
+                joint that never moves the foot.
         """
         points = _as_path(foot, name="foot", columns=3, unit="m")
         return solve_inverse(
@@ -306,7 +305,7 @@ class Leg:
             Samples from which the leg would have to leap to the next one.
 
         Raises:
-            InvalidPath: ``angles`` is not a finite array of shape (n, k).
+            InvalidInput: ``angles`` is not a finite array of shape (n, k).
         """
         return read_only(jumps(self.chain, self._angles(angles)))
 
@@ -377,21 +376,21 @@ def _vector(gravity: npt.ArrayLike) -> Array:
 
 
 def _as_path(values: npt.ArrayLike, *, name: str, columns: int, unit: str) -> Array:
-    """The values as a finite array (n, columns), or InvalidPath."""
+    """The values as a finite array (n, columns), or InvalidInput."""
     try:
         array = np.asarray(values)
     except ValueError as error:  # rows of different lengths
-        raise InvalidPath(f"{name}: {error}; expected shape (n, {columns}) [{unit}]") from error
+        raise InvalidInput(f"{name}: {error}; expected shape (n, {columns}) [{unit}]") from error
     if array.dtype.kind not in "iuf":
-        raise InvalidPath(f"{name}: got an array of {array.dtype}, expected real numbers [{unit}]")
+        raise InvalidInput(f"{name}: got an array of {array.dtype}, expected real numbers [{unit}]")
     if array.ndim != 2 or array.shape[1] != columns:
         hint = f"; for a single row pass [{name}]" if array.shape == (columns,) else ""
-        raise InvalidPath(
+        raise InvalidInput(
             f"{name}: got shape {array.shape}, expected (n, {columns}) [{unit}]{hint}"
         )
     bad = np.flatnonzero(~np.all(np.abs(array) <= FARTHEST, axis=1))
     if bad.size:
-        raise InvalidPath(
+        raise InvalidInput(
             f"{name}: {bad.size} of {len(array)} rows are not finite or beyond {FARTHEST:g} "
             f"{unit}: first index {bad[0]} ({array[bad[0]]}); mend or remove them first"
         )
@@ -441,16 +440,14 @@ def _read_limits(path: Path, model: Any, joints: list[int]) -> Limits:
             index = model.joints[joint].idx_q
             lower[k], upper[k] = model.lowerPositionLimit[index], model.upperPositionLimit[index]
         if not lower[k] <= upper[k]:
-            raise InvalidUrdf(
-                path,
-                f"joint {model.names[joint]!r} has the limits {lower[k]:g} and {upper[k]:g}, "
-                "expected lower <= upper [rad]",
+            raise InvalidInput(
+                f"{path}: joint {model.names[joint]!r} has the limits {lower[k]:g} and "
+                f"{upper[k]:g}, expected lower <= upper [rad]"
             )
     if fixed := [str(model.names[joints[k]]) for k in np.flatnonzero(lower == upper)]:
-        raise InvalidUrdf(
-            path,
-            f"{named(fixed)} cannot turn: lower and upper limit are equal (one left out counts as "
-            f"0); {TO_LIMIT}; lock a joint that is to stay where it is",
+        raise InvalidInput(
+            f"{path}: {named(fixed)} cannot turn: lower and upper limit are equal (one left out "
+            f"counts as 0); {TO_LIMIT}; lock a joint that is to stay where it is"
         )
     for limit in (lower, upper):
         limit[np.abs(limit) > UNLIMITED] = np.copysign(np.inf, limit[np.abs(limit) > UNLIMITED])

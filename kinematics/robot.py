@@ -19,9 +19,6 @@ import numpy as np
 from kinematics.chain import Array, read_only
 from kinematics.exceptions import (
     InvalidInput,
-    InvalidUrdf,
-    UnknownDescription,
-    UnknownFrame,
     UnsupportedLeg,
 )
 
@@ -121,8 +118,8 @@ def read_robot(path: Path, *, locked: Mapping[str, float] | None = None) -> Robo
         locked: Positions of locked joints [rad; m for a prismatic one].
 
     Raises:
-        InvalidUrdf: The file cannot be read or does not describe a robot.
-        InvalidInput: A joint cannot be locked at its position.
+        InvalidInput: The file cannot be read or does not describe a robot, or a joint cannot be
+            locked at its position.
     """
     import pinocchio
 
@@ -143,22 +140,22 @@ def _read_model(path: Path) -> tuple[Any, set[str]]:
         with path.open("rb") as stream:
             text = stream.read(MOST_BYTES + 1)
     except OSError as error:
-        raise InvalidUrdf(
-            path, f"cannot be read ({error.strerror}); expected a URDF file"
+        raise InvalidInput(
+            f"{path}: cannot be read ({error.strerror}); expected a URDF file"
         ) from error
     if len(text) > MOST_BYTES:
-        raise InvalidUrdf(path, f"is longer than {MOST_BYTES >> 20} MiB; is it the right file?")
+        raise InvalidInput(f"{path}: is longer than {MOST_BYTES >> 20} MiB; is it the right file?")
     try:
         root = ElementTree.parse(BytesIO(text)).getroot()
     except (ElementTree.ParseError, LookupError, ValueError) as error:
-        raise InvalidUrdf(path, f"is not XML ({error}); expected a URDF file") from error
+        raise InvalidInput(f"{path}: is not XML ({error}); expected a URDF file") from error
     if root.tag != "robot":
         hint = (
             "; expand xacro files first" if "xacro" in text[:2000].decode(errors="replace") else ""
         )
-        raise InvalidUrdf(path, f"the root element is <{root.tag}>, expected <robot>{hint}")
+        raise InvalidInput(f"{path}: the root element is <{root.tag}>, expected <robot>{hint}")
     if sum(1 for _ in root.iter("joint")) > MOST_MOVING:
-        raise InvalidUrdf(path, f"has more than {MOST_MOVING} joints; is it the right file?")
+        raise InvalidInput(f"{path}: has more than {MOST_MOVING} joints; is it the right file?")
     mimics = {
         joint.get("name", "") for joint in root.iter("joint") if joint.find("mimic") is not None
     }
@@ -168,13 +165,13 @@ def _read_model(path: Path) -> tuple[Any, set[str]]:
         if joint.get("type") in ("revolute", "prismatic") and joint.find("limit") is None
     ]
     if unlimited:
-        raise InvalidUrdf(path, f"{named(unlimited)} without <limit>; {TO_LIMIT}")
+        raise InvalidInput(f"{path}: {named(unlimited)} without <limit>; {TO_LIMIT}")
     with captured_stderr() as complaints:
         try:
             model = pinocchio.buildModelFromXML(ElementTree.tostring(root, encoding="unicode"))
         except (ValueError, RuntimeError) as error:  # too deep an element among them
             complaint = next(iter(complaints()), str(error))
-            raise InvalidUrdf(path, f"is not a valid URDF: {complaint}") from error
+            raise InvalidInput(f"{path}: is not a valid URDF: {complaint}") from error
     return model, mimics
 
 
@@ -253,7 +250,9 @@ def find_frame(model: Any, name: str, *, role: str) -> Any:
         if frame.name == name:
             return frame
     names = dict.fromkeys(str(frame.name) for frame in model.frames)
-    raise UnknownFrame(name, list(names), role=role)
+    raise InvalidInput(
+        f"{role}: frame {name!r} is not in the URDF; frames: {', '.join(names) or 'none'}"
+    )
 
 
 def joints_between(model: Any, start: Any, end: Any) -> list[int]:
@@ -283,7 +282,7 @@ def urdf_path(name: str) -> Path:
         Absolute path of the file.
 
     Raises:
-        UnknownDescription: No such file is shipped.
+        InvalidInput: No such file is shipped.
 
     Example:
         >>> urdf_path("ers210a.urdf").name
@@ -292,5 +291,8 @@ def urdf_path(name: str) -> Path:
     if not isinstance(name, str):
         raise InvalidInput(f"name: got {type(name).__name__}, expected one of {', '.join(SHIPPED)}")
     if name not in SHIPPED:
-        raise UnknownDescription(name, SHIPPED)
+        raise InvalidInput(
+            f"robot description {name!r} is not shipped; shipped: {', '.join(SHIPPED)}; "
+            "a file of your own goes to Leg.from_urdf directly"
+        )
     return Path(__file__).resolve().parent.parent / "urdf" / name

@@ -14,7 +14,7 @@ from typing import Any, Self
 import numpy as np
 
 from kinematics.chain import Array, read_only
-from kinematics.exceptions import InvalidUrdf
+from kinematics.exceptions import InvalidInput
 from kinematics.robot import Robot, captured_stderr, find_frame, joints_between, read_robot
 
 THICKNESS = 0.05
@@ -144,7 +144,7 @@ def _read_shapes(path: Path, model: Any) -> Any:
             model, text, pinocchio.GeometryType.VISUAL, None, None, meshes
         )
         if wrong := complaints():
-            raise InvalidUrdf(path, f"a shape cannot be drawn: {wrong[0]}")
+            raise InvalidInput(f"{path}: a shape cannot be drawn: {wrong[0]}")
     return shapes
 
 

@@ -287,8 +287,8 @@ def standing_pose(leg: Leg) -> Array:
         Angles [rad], read-only, shape (k,); rounded to a degree where no limit is nearer.
 
     Raises:
-        UnsupportedLeg: The leg has more joints and no ``near``.
-        SingularLeg: One of its joints never moves the foot.
+        UnsupportedLeg: The leg has more joints and no ``near``, or a joint that never moves the
+            foot.
     """
     if leg.near is not None:
         return leg.near

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from made_up_robots import LEGS, Joint, Y, ers210a_leg, made_up_leg
 
-from kinematics import InvalidInput, InvalidPath, Leg, UnsupportedLeg
+from kinematics import InvalidInput, Leg, UnsupportedLeg
 from kinematics.leg import GRAVITY
 
 ROUNDING = 1e-12
@@ -153,7 +153,7 @@ def test_a_urdf_without_masses_is_refused(tmp_path: Path) -> None:
 
 
 def test_what_cannot_be_used_is_refused(pendulum: Leg) -> None:
-    with pytest.raises(InvalidPath, match="expected \\(n, 2\\)"):
+    with pytest.raises(InvalidInput, match="expected \\(n, 2\\)"):
         pendulum.load_torques([[0.1, 0.2, 0.3]])
     for period in (None, 0.0, float("nan"), "0.02"):
         with pytest.raises(InvalidInput, match="period: got"):

@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio
 import pytest
 
-from kinematics import Leg, SingularLeg, UnsupportedLeg, foot_function
+from kinematics import Leg, UnsupportedLeg, foot_function
 from kinematics.scene import Scene
 from planner.gait.stride import standing_pose
 
@@ -151,7 +151,7 @@ def test_a_frame_on_the_last_axis_is_a_singular_foot(robots):
     folder = robots / "double_pendulum_description" / "urdf"
     leg = Leg.from_urdf(folder / "double_pendulum_continuous.urdf", base="base_link", foot="link2")
     assert not np.isfinite(leg.limits).any()
-    with pytest.raises(SingularLeg, match="joint 'joint2' does not move the foot"):
+    with pytest.raises(UnsupportedLeg, match="joint 'joint2' does not move the foot"):
         leg.joint_angles([[0.0, 0.0, 0.1]])
 
 

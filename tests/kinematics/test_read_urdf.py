@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from made_up_robots import Joint, X, Y, made_up_leg, reference_leg, urdf_text
 
-from kinematics import InvalidUrdf, KinematicsError, Leg, UnknownFrame, UnsupportedLeg
+from kinematics import InvalidInput, KinematicsError, Leg, UnsupportedLeg
 from kinematics import urdf_path as shipped
 
 KNEE = Joint((0.0, 0.0, -0.2), Y)
@@ -38,9 +38,9 @@ VALID = urdf_text([Joint((0, 0, 0), X), KNEE], TIP)
     ],
 )
 def test_a_file_that_is_no_robot_is_an_error_that_says_why(text, message, tmp_path, capfd):
-    with pytest.raises(InvalidUrdf, match=message) as error:
+    with pytest.raises(InvalidInput, match=message) as error:
         leg_of(tmp_path, text)
-    assert error.value.path == tmp_path / "robot.urdf"
+    assert str(error.value).startswith(f"{tmp_path / 'robot.urdf'}: ")
     assert "\n" not in str(error.value)
     assert capfd.readouterr() == ("", "")  # the parser's own complaints are in the message
 
@@ -58,7 +58,7 @@ LIMIT = '<limit lower="-2.5" upper="2.5" effort="1" velocity="1"/>'
     ids=["no element", "no lower and upper", "equal"],
 )
 def test_revolute_joints_without_limits_are_named_with_what_to_write(limit, message, tmp_path):
-    with pytest.raises(InvalidUrdf, match=message) as error:
+    with pytest.raises(InvalidInput, match=message) as error:
         leg_of(tmp_path, VALID.replace(LIMIT, limit))
     assert 'type="continuous"' in str(error.value)
 
@@ -66,9 +66,9 @@ def test_revolute_joints_without_limits_are_named_with_what_to_write(limit, mess
 def test_of_many_joints_without_limits_six_are_named(tmp_path):
     joints = [Joint((0, 0, 0), X, kind=kind) for kind in ("prismatic", *["revolute"] * 6)]
     text = urdf_text(joints, TIP)
-    with pytest.raises(InvalidUrdf, match=r"joints 'joint_1', .* 'joint_6' and 1 more without"):
+    with pytest.raises(InvalidInput, match=r"joints 'joint_1', .* 'joint_6' and 1 more without"):
         leg_of(tmp_path, text.replace(LIMIT, ""))
-    with pytest.raises(InvalidUrdf, match=r"joints 'joint_1', .* 'joint_6' without"):
+    with pytest.raises(InvalidInput, match=r"joints 'joint_1', .* 'joint_6' without"):
         leg_of(tmp_path, text.replace(LIMIT, "", 6))
 
 
@@ -82,7 +82,7 @@ def test_a_joint_that_is_locked_or_elsewhere_needs_no_range(tmp_path):
 def test_standard_error_works_again_after_a_bad_file(tmp_path, capfd):
     import os
 
-    with pytest.raises(InvalidUrdf):
+    with pytest.raises(InvalidInput):
         leg_of(tmp_path, '<robot name="r"/>')
     os.write(2, b"still here")
     assert capfd.readouterr().err == "still here"
@@ -96,9 +96,9 @@ def test_standard_error_works_again_after_a_bad_file(tmp_path, capfd):
     ],
 )
 def test_an_unknown_frame_is_an_error_that_lists_the_frames(base, foot, message, tmp_path):
-    with pytest.raises(UnknownFrame, match=message) as error:
+    with pytest.raises(InvalidInput, match=message) as error:
         leg_of(tmp_path, VALID, base=base, foot=foot)
-    assert {"link_0", "link_1", "link_2", "tip", "arm"} <= set(error.value.frames)
+    assert all(each in str(error.value) for each in ("link_0", "link_1", "link_2", "tip", "arm"))
 
 
 @pytest.mark.parametrize(

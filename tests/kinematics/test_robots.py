@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from made_up_robots import LEGS, ers210a_leg, reference_leg
 
 import kinematics
-from kinematics import Leg, UnknownDescription, urdf_path
+from kinematics import InvalidInput, Leg, urdf_path
 from kinematics.robot import SHIPPED
 
 DRAWING = 5e-5
@@ -62,7 +62,7 @@ def test_the_shipped_robots_are_the_files_of_the_folder():
 
 
 def test_a_path_out_of_the_folder_is_not_a_shipped_robot():
-    with pytest.raises(UnknownDescription):
+    with pytest.raises(InvalidInput):
         urdf_path("../pyproject.toml")
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pinocchio
 import pytest
 
-from kinematics import InvalidUrdf, Leg, UnknownFrame, urdf_path
+from kinematics import InvalidInput, Leg, urdf_path
 from kinematics.scene import Scene
 
 SAME = 1e-12
@@ -142,14 +142,14 @@ def test_what_cannot_be_drawn_is_left_out(tmp_path):
     "geometry", ['<box size="1 2"/>', '<sphere radius="x"/>', '<cylinder radius="1"/>']
 )
 def test_a_shape_that_cannot_be_is_refused(tmp_path, geometry):
-    with pytest.raises(InvalidUrdf, match="a shape cannot be drawn: "):
+    with pytest.raises(InvalidInput, match="a shape cannot be drawn: "):
         shapes_of(_robot(tmp_path, _visual(geometry)))
 
 
 def test_a_scene_is_refused_like_a_leg(tmp_path):
-    with pytest.raises(UnknownFrame, match="foot: frame 'toe' is not in the URDF"):
+    with pytest.raises(InvalidInput, match="foot: frame 'toe' is not in the URDF"):
         Scene.from_urdf(urdf_path("reference_leg.urdf"), base="hip", foot="toe")
-    with pytest.raises(InvalidUrdf, match="cannot be read"):
+    with pytest.raises(InvalidInput, match="cannot be read"):
         Scene.from_urdf(tmp_path / "missing.urdf", base="hip", foot="foot")
 
 

@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 
-from kinematics.exceptions import UnknownFrame
+from kinematics.exceptions import UnsupportedLeg
 from planner.exceptions import InvalidInput, about, angle_text
 from planner.files.results import Results, Task
 from planner.parallel import carry_out, executor_of
@@ -56,7 +56,7 @@ def kill_always(argument):
 def fail_in_many_ways(number):
     """No result, but for the last task, which warns."""
     if number == 0:
-        raise UnknownFrame("paw", ["ball"], role="foot")
+        raise UnsupportedLeg("foot: frame 'paw' is not in the URDF; frames: ball")
     if number == 1:
         raise ValueError("two\nlines")
     if number == 2:

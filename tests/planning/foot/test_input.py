@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kinematics.exceptions import SingularLeg, UnsupportedLeg
+from kinematics.exceptions import UnsupportedLeg
 from planner.exceptions import InvalidInput, SolverFailed
 from planner.model.joint import JointModel
 from planner.planning import solve
@@ -45,7 +45,7 @@ def test_a_leg_of_four_joints_has_no_inverse(tmp_path):
 def test_a_leg_that_cannot_move_its_foot_at_all_is_refused(tmp_path):
     axes = (Y, X, Y)
     leg = made_up_leg(tmp_path, [Joint((0, 0, 0), axis) for axis in axes], (0, 0, 0))
-    with pytest.raises(SingularLeg, match=r"^leg: "):
+    with pytest.raises(UnsupportedLeg, match=r"^leg: "):
         invert_foot(ERS210A, leg, np.zeros((5, 3)))
 
 
