@@ -18,7 +18,57 @@ Kind = TypeVar("Kind", bound=np.generic)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class PiecewiseLinear(ReadOnly):
+class _Curves(ReadOnly):
+    """One curve or several over the same samples, knots along the last axis."""
+
+    knots: Array
+    values: Array
+    samples: int
+    tick: float
+    cyclic: bool
+
+    def __post_init__(self) -> None:
+        """Copy, freeze and check all but the shapes."""
+        knots, values = _reals("knots", self.knots), _reals("values", self.values)
+        if not np.all(np.abs(values) <= LARGEST):
+            curve = ""
+            if values.ndim == 2:
+                row = int(np.argmin(np.all(np.abs(values) <= LARGEST, axis=1)))
+                curve = f", curve {row} has others"
+            raise InvalidInput(f"values: expected finite angles [rad]{curve}")
+        if not np.all(np.abs(knots) <= LARGEST):
+            raise InvalidInput("knots: expected finite sample indices that increase")
+        samples = as_whole(self.samples) or 0
+        if not 0 < samples <= MOST_SAMPLES:
+            raise InvalidInput(
+                f"samples: got {shown(self.samples)}, expected a whole number, 1 to {MOST_SAMPLES}"
+            )
+        fields = {
+            "knots": _frozen(knots),
+            "values": _frozen(values),
+            "samples": samples,
+            "tick": as_positive("tick", self.tick, "a finite number above 0 [s]"),
+            "cyclic": as_flag("cyclic", self.cyclic),
+        }
+        for name, value in fields.items():
+            object.__setattr__(self, name, value)
+
+    @cached_property
+    def lengths(self) -> Array:
+        """Length of every segment [samples], shape (..., segments)."""
+        ends = [self.knots[..., :1] + self.samples] if self.cyclic else []
+        return _frozen(np.diff(np.concatenate([self.knots, *ends], axis=-1)))
+
+    @cached_property
+    def slopes(self) -> Array:
+        """Slope of every segment [rad/s], shape (..., segments)."""
+        ends = [self.values[..., :1]] if self.cyclic else []
+        rises = np.diff(np.concatenate([self.values, *ends], axis=-1))
+        return _frozen(rises / (self.lengths * self.tick))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PiecewiseLinear(_Curves):
     """Straight lines joined at knots, over time counted in samples.
 
     A cyclic curve with K knots has K segments, the last of which leads from the last knot to the
@@ -38,16 +88,9 @@ class PiecewiseLinear(ReadOnly):
             shape do not fit together.
     """
 
-    knots: Array
-    values: Array
-    samples: int
-    tick: float
-    cyclic: bool
-
     def __post_init__(self) -> None:
         """Copy, freeze and check."""
-        for name, value in checked_fields(vars(self)).items():
-            object.__setattr__(self, name, value)
+        super().__post_init__()
         fewest = 1 if self.cyclic else 2
         if self.knots.ndim != 1 or self.knots.size < fewest:
             raise InvalidInput(f"knots: got shape {self.knots.shape}, expected ({fewest} or more,)")
@@ -60,18 +103,6 @@ class PiecewiseLinear(ReadOnly):
     def segments(self) -> int:
         """Number of segments."""
         return self.knots.size if self.cyclic else self.knots.size - 1
-
-    @cached_property
-    def lengths(self) -> Array:
-        """Length of every segment [samples], shape (segments,)."""
-        ends = np.append(self.knots, self.knots[0] + self.samples) if self.cyclic else self.knots
-        return _frozen(np.diff(ends))
-
-    @cached_property
-    def slopes(self) -> Array:
-        """Slope of every segment [rad/s], shape (segments,)."""
-        ends = np.append(self.values, self.values[0]) if self.cyclic else self.values
-        return _frozen(np.diff(ends) / (self.lengths * self.tick))
 
     @cached_property
     def angles(self) -> Array:
@@ -134,7 +165,7 @@ class PiecewiseLinear(ReadOnly):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class CurveStack(ReadOnly):
+class CurveStack(_Curves):
     """Curves with the same number of knots, one a row: m times :class:`PiecewiseLinear`.
 
     Attributes:
@@ -150,16 +181,9 @@ class CurveStack(ReadOnly):
             number and shape do not fit together.
     """
 
-    knots: Array
-    values: Array
-    samples: int
-    tick: float
-    cyclic: bool
-
     def __post_init__(self) -> None:
         """Copy, freeze and check."""
-        for name, value in checked_fields(vars(self)).items():
-            object.__setattr__(self, name, value)
+        super().__post_init__()
         fewest = 1 if self.cyclic else 2
         if self.values.ndim != 2 or self.values.shape[1] < fewest:
             raise InvalidInput(
@@ -207,22 +231,6 @@ class CurveStack(ReadOnly):
             cyclic=first.cyclic,
         )
 
-    @property
-    def lengths(self) -> Array:
-        """Length of every segment [samples], shape (m, segments)."""
-        ends = self.knots
-        if self.cyclic:
-            ends = np.concatenate([ends, ends[:, :1] + self.samples], axis=1)
-        return np.asarray(np.diff(ends, axis=1))
-
-    @property
-    def slopes(self) -> Array:
-        """Slope of every segment [rad/s], shape (m, segments)."""
-        ends = self.values
-        if self.cyclic:
-            ends = np.concatenate([ends, ends[:, :1]], axis=1)
-        return np.asarray(np.diff(ends, axis=1) / (self.lengths * self.tick))
-
 
 def lines_in_force(
     first: npt.NDArray[np.intp], samples: int, *, cyclic: bool
@@ -249,41 +257,6 @@ def lines_in_force(
     # Lines of an earlier turn begin at the end of this one, after all others.
     earlier = np.count_nonzero(turn == turn[:, :1], axis=1)[:, np.newaxis]
     return np.asarray((line - 1 + earlier) % size)
-
-
-def checked_fields(fields: Mapping[str, Any]) -> dict[str, Any]:
-    """The fields of one curve or of several over the same samples, each in its own type.
-
-    Args:
-        fields: ``knots``, ``values``, ``samples``, ``tick``, ``cyclic``; other keys are ignored.
-
-    Returns:
-        The same; the arrays are read-only copies, whose shapes are not yet checked.
-
-    Raises:
-        InvalidInput: A field is invalid.
-    """
-    knots, values = _reals("knots", fields["knots"]), _reals("values", fields["values"])
-    if not np.all(np.abs(values) <= LARGEST):
-        curve = ""
-        if values.ndim == 2:
-            row = int(np.argmin(np.all(np.abs(values) <= LARGEST, axis=1)))
-            curve = f", curve {row} has others"
-        raise InvalidInput(f"values: expected finite angles [rad]{curve}")
-    if not np.all(np.abs(knots) <= LARGEST):
-        raise InvalidInput("knots: expected finite sample indices that increase")
-    samples = as_whole(fields["samples"]) or 0
-    if not 0 < samples <= MOST_SAMPLES:
-        raise InvalidInput(
-            f"samples: got {shown(fields['samples'])}, expected a whole number, 1 to {MOST_SAMPLES}"
-        )
-    return {
-        "knots": _frozen(knots),
-        "values": _frozen(values),
-        "samples": samples,
-        "tick": as_positive("tick", fields["tick"], "a finite number above 0 [s]"),
-        "cyclic": as_flag("cyclic", fields["cyclic"]),
-    }
 
 
 def _reals(name: str, values: Any) -> Array:
