@@ -53,7 +53,7 @@ from planner.approximation.problem import (
     with_pins,
 )
 from planner.approximation.search import KnotSearch, automatic, within_rms
-from planner.approximation.values import values_within, within_slopes
+from planner.approximation.values import solve_values, within_slopes
 from planner.exceptions import Infeasible, InvalidInput, SolverFailed, angle_text
 from planner.summary import Summarised, Summary
 from planner.trajectory import Array, as_trajectory
@@ -144,8 +144,8 @@ def fit_pwl(
         max_rms: Largest rms error [rad], likewise. With none of the three, the fewest segments
             whose rms error is within 2 % of the slope-bounded ideal's, 1 % of the range of
             ``desired``, or 1.1 times its noise; an exact curve within the slopes is recovered.
-        knots: All knots [samples], in place of ``segments``; a path's ends and ``required`` are
-            added. Only the values are sought: one QP, O(n).
+        knots: All knots [samples], in place of ``segments`` and errors; a path's ends and
+            ``required`` are added. Only the values are sought: one QP, O(n).
         required: Indices, whole or not, where there must be a knot; as a mapping, with the angle
             there [rad], or None where it is free. At the ends of a path, 0 and n - 1, there are
             knots in any case.
@@ -203,8 +203,9 @@ def _check(problem: Problem, question: Question, tick: float) -> None:
     segments, max_error, max_rms, knots, exact = question
     if max_error is not None and max_rms is not None:
         raise InvalidInput("max_error, max_rms: got both, expected one; leave one out")
-    if knots is not None and segments is not None:
-        raise InvalidInput("knots, segments: got both, expected one; knots say how many")
+    for name, value in (("segments", segments), ("max_error", max_error), ("max_rms", max_rms)):
+        if knots is not None and value is not None:
+            raise InvalidInput(f"knots, {name}: got both, expected one; leave one out")
     if exact:
         if max_error is not None:
             raise InvalidInput("exact: got max_error, expected segments or max_rms with it")
@@ -259,7 +260,7 @@ def _curve(problem: Problem, question: Question) -> tuple[Candidate, int | None]
     fewest = None
     if question.knots is not None:
         knots = _all_knots(problem, question.knots)
-        curve = _at_knots(scaled, knots, question, unit)
+        curve = candidate(scaled, knots, solve_values(scaled, knots))
     elif question.max_error is not None:
         search = KnotSearch(scaled)
         bound = question.max_error / unit
@@ -296,19 +297,6 @@ def _search_curve(search: KnotSearch, question: Question, unit: float) -> Candid
         f"max_rms and the number of segments: got {angle_text(max_rms)}, but {last} segments with "
         f"knots on samples reach {angle_text(least)} at best; allow more error or more segments"
     )
-
-
-def _at_knots(problem: Problem, knots: Array, question: Question, unit: float) -> Candidate:
-    """The curve of best values at given knots."""
-    bound = None if question.max_error is None else question.max_error / unit
-    curve = candidate(problem, knots, values_within(problem, knots, bound, unit))
-    least = math.sqrt(curve.error / problem.samples) * unit
-    if question.max_rms is not None and least > question.max_rms * (1.0 + BARELY):
-        raise Infeasible(
-            f"knots and max_rms: got {angle_text(question.max_rms)}, but with these knots the "
-            f"smallest rms error is {angle_text(least)}; add knots or allow more error"
-        )
-    return curve
 
 
 def _all_knots(problem: Problem, knots: Array) -> Array:

@@ -29,7 +29,7 @@ from planner.approximation.problem import (
     fixed_variables,
     residuals,
 )
-from planner.approximation.values import TUBE_ITERATIONS, ValuesQP, polished, run_osqp
+from planner.approximation.values import ValuesQP, polished, run_osqp
 from planner.exceptions import Infeasible, angle_text
 from planner.trajectory import Array, Mask
 
@@ -246,7 +246,7 @@ def _together(
     if np.any(lines.last < lines.first):
         return curve
     qp = _line_qp(problem, curve, lines, bound, margin)
-    result = run_osqp(qp, iterations=TUBE_ITERATIONS)
+    result = run_osqp(qp, iterations=2_000)
     change = np.asarray(result.x, dtype=np.float64)
     if not np.all(np.isfinite(change)):
         return curve

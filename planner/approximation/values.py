@@ -3,10 +3,9 @@
     minimise  Σ_k (P(k) - D(k))²    subject to    |y' - y| <= v (t' - t) for every segment
 
 The Hessian is tridiagonal, closed to a ring for a cycle. Few values are found by the compiled dense
-QP of the descents (:mod:`planner.approximation.kernel`). Of many, or with a bound on the largest
-error, which adds a row for every sample, OSQP gives the active bounds, and the values to its
-tolerance; :func:`polished` makes them exact. :func:`within_slopes` makes the bounds hold to the
-last digit.
+QP of the descents (:mod:`planner.approximation.kernel`). Of many, OSQP gives the active bounds, and
+the values to its tolerance; :func:`polished` makes them exact. :func:`within_slopes` makes the
+bounds hold to the last digit.
 
 A descent moves knots and values together by sequential quadratic programming. Between the knots t_j
 and t_{j+1} the curve at sample k is P(k) = (1 - u) y_j + u y_{j+1} with the share
@@ -31,20 +30,15 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.approximation.problem import (
-    BARELY,
     Candidate,
     Problem,
     candidate,
     feasible_values,
     fixed_variables,
     required_knots,
-    residuals,
 )
-from planner.exceptions import Infeasible, SolverFailed, angle_text
+from planner.exceptions import SolverFailed
 from planner.trajectory import Array, Mask
-
-TUBE_ITERATIONS = 2_000
-"""Most iterations of OSQP with a bound on every sample, where another answer is at hand."""
 
 WINDOW = 16
 """Most knots that are moved together; of more, windows of so many are moved in turn. 80 fits of 14
@@ -62,8 +56,7 @@ class ValuesQP:
     Attributes:
         P: Hessian, shape (K, K); like A sparse.
         q: Gradient at zero, shape (K,).
-        A: Rise of every segment, the values that are required and, where errors are bounded, every
-            sample's angle, shape (S + p, K) or (S + p + n, K).
+        A: Rise of every segment, and the values that are required, shape (S + p, K).
         lower: Least values of them.
         upper: Largest values of them.
     """
@@ -80,16 +73,13 @@ class ValuesQP:
         return float(np.max(np.maximum(self.lower - rows, rows - self.upper), initial=0.0))
 
 
-def solve_values(
-    problem: Problem, knots: Array, near: Array | None = None, *, tube: float | None = None
-) -> Array:
+def solve_values(problem: Problem, knots: Array, near: Array | None = None) -> Array:
     """The best values at ``knots``; slopes within the bound up to a part in 1e6.
 
     Args:
         problem: The approximation problem; samples of size one or less.
         knots: Knots, shape (K,).
         near: Values from which OSQP starts, and those of the regularisation, shape (K,).
-        tube: Largest error at any sample; ``near`` keeps it.
 
     Returns:
         Values, shape (K,). Cost O(n), and O(K) per iteration of OSQP.
@@ -99,33 +89,19 @@ def solve_values(
     """
     if knots.size == 1:
         return feasible_values(problem, knots)
-    if knots.size <= WINDOW and tube is None:
+    if knots.size <= WINDOW:
         return best_values(problem, knots, best_values(problem, knots).values).values
     near = feasible_values(problem, knots) if near is None else near
-    qp = build_values_qp(problem, knots, near)
-    values = _solved(problem, qp, near)
-    if tube is None:
-        return values
-    tube_qp = build_values_qp(problem, knots, near, tube)
-    if tube_qp.excess(values) <= 0.0:
-        return values
-    try:
-        values = _solved(problem, tube_qp, near, iterations=TUBE_ITERATIONS)
-    except SolverFailed:  # it is slow where the tube is tight; ``near`` is within it
-        return near
-    return values if tube_qp.excess(values) <= 1e-12 else near
+    return _solved(problem, build_values_qp(problem, knots, near), near)
 
 
-def build_values_qp(
-    problem: Problem, knots: Array, near: Array, tube: float | None = None
-) -> ValuesQP:
+def build_values_qp(problem: Problem, knots: Array, near: Array) -> ValuesQP:
     """The QP in the values at ``knots``, with a slight regularisation towards ``near``.
 
     Args:
         problem: The approximation problem.
         knots: Knots, shape (K,).
         near: Values of the regularisation, which undetermined ones take, shape (K,).
-        tube: Largest error at any sample, if that is bounded.
     """
     size = knots.size
     start = np.arange(problem.segments(knots))  # numbers of the knots where segments start
@@ -160,13 +136,6 @@ def build_values_qp(
         rows.append(upper.size + np.arange(pinned.size))
         columns.append(pinned)
         lower, upper = np.append(lower, pins[pinned]), np.append(upper, pins[pinned])
-    if tube is not None:
-        sample = upper.size + np.arange(problem.samples)
-        entries += [rest, share]
-        rows += [sample, sample]
-        columns += [start[segment], end[segment]]
-        lower = np.append(lower, problem.desired - tube)
-        upper = np.append(upper, problem.desired + tube)
     curvatures = [diagonal + ridge, s01, s01]
     return ValuesQP(
         P=_matrix(curvatures, [every, start, end], [every, end, start], (size, size)),
@@ -190,7 +159,7 @@ def _matrix(
     return sparse.csc_matrix((data, (row, column)), shape=shape)
 
 
-def _solved(problem: Problem, qp: ValuesQP, near: Array, *, iterations: int = 50_000) -> Array:
+def _solved(problem: Problem, qp: ValuesQP, near: Array) -> Array:
     """OSQP's answer, polished and checked."""
     # In z with y = centre + unit z, as all rises are tiny where v is.
     centre = float(np.mean(near))
@@ -206,7 +175,7 @@ def _solved(problem: Problem, qp: ValuesQP, near: Array, *, iterations: int = 50
         lower=(qp.lower - rows) / unit,
         upper=(qp.upper - rows) / unit,
     )
-    result = run_osqp(scaled, (near - centre) / unit, iterations=iterations)
+    result = run_osqp(scaled, (near - centre) / unit, iterations=50_000)
     values = centre + unit * np.asarray(result.x, dtype=np.float64)
     status = str(result.info.status)
     logging.getLogger(__name__).debug(
@@ -294,66 +263,6 @@ def _with_active(qp: ValuesQP, active: npt.NDArray[np.intp], target: Array) -> A
         y, u = exact[:size], exact[size:]
         exact = exact + solve(np.append(-qp.q - qp.P @ y - rows.T @ u, target - rows @ y))
     return np.asarray(exact[:size])
-
-
-def values_within(problem: Problem, knots: Array, bound: float | None, unit: float) -> Array:
-    """The best values at given knots, with no error above ``bound`` if there is one.
-
-    Args:
-        problem: The approximation problem, samples of size one.
-        knots: Knots, shape (K,).
-        bound: Largest error at any sample, if that is bounded.
-        unit: Unit of the samples [rad], for the message.
-
-    Returns:
-        Values, shape (K,).
-
-    Raises:
-        Infeasible: These knots cannot keep the bound; names the two samples that show it.
-        SolverFailed: A solver stopped short.
-    """
-    values = solve_values(problem, knots, feasible_values(problem, knots))
-    if bound is None or np.max(np.abs(residuals(problem, knots, values))) <= bound:
-        return values
-    closest, pair = closest_values(problem, knots)
-    least = float(np.max(np.abs(residuals(problem, knots, closest))))
-    if least > bound * (1.0 + BARELY):
-        raise Infeasible(
-            f"knots and max_error: with these knots samples {pair[0]} and {pair[1]} cannot both be "
-            f"kept within {angle_text(bound * unit)}, the smallest largest error is "
-            f"{angle_text(least * unit)}; add a knot near them or allow more error"
-        )
-    return solve_values(problem, knots, closest, tube=max(bound, least) * (1.0 - 0.5 * BARELY))
-
-
-def closest_values(problem: Problem, knots: Array) -> tuple[Array, tuple[int, int]]:
-    """Values with the smallest largest error, a linear programme, and two samples that bind it."""
-    from scipy import sparse
-    from scipy.optimize import linprog
-
-    near = feasible_values(problem, knots)
-    qp = build_values_qp(problem, knots, near, tube=0.0)
-    n, size = problem.samples, knots.size
-    A: Any = sparse.csr_matrix(qp.A)
-    basis, slopes = A[-n:], A[:-n]
-    both = sparse.vstack([basis, -basis, slopes, -slopes])
-    allowance = np.append(-np.ones(2 * n), np.zeros(2 * slopes.shape[0]))  # the error, of samples
-    rows = sparse.hstack([both, sparse.csr_array(allowance[:, np.newaxis])])
-    limits = np.concatenate([problem.desired, -problem.desired, qp.upper[:-n], -qp.lower[:-n]])
-    result = linprog(
-        np.append(np.zeros(size), 1.0),
-        A_ub=rows.tocsr(),
-        b_ub=limits,
-        bounds=[(None, None)] * size + [(0.0, None)],
-        method="highs",
-    )
-    if result.x is None:
-        raise SolverFailed("largest error at given knots, HiGHS", str(result.message))
-    limits = problem.step * np.diff(problem.ends(knots))
-    values = within_slopes(result.x[:size], limits, cyclic=problem.cyclic, towards=near)
-    pressed = np.abs(result.ineqlin.marginals[: 2 * n]).reshape(2, n).sum(axis=0)
-    first, second = sorted(np.argsort(-pressed, kind="stable")[:2].tolist())
-    return candidate(problem, knots, values).values, (first, second)
 
 
 def within_slopes(

@@ -270,7 +270,7 @@ cli.main(sys.argv[1:])
 @pytest.mark.usefixtures("in_this_process")
 @pytest.mark.parametrize(
     ("module", "name", "method", "after"),
-    [("parallel", "Results", "write", 1), ("files.exports.lerobot", "_Writer", "add", 2)],
+    [("parallel", "Results", "write", 1), ("files.lerobot_export", "_Writer", "add", 2)],
 )
 def test_a_killed_replay_is_resumed_to_the_same_bytes(
     module, name, method, after, run, dataset, model
