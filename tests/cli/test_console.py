@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import json
 import logging
 import math
 import os
@@ -35,14 +34,8 @@ from planner.exceptions import (
     angle_text,
     printable,
 )
-from planner.files.text import to_json
 
 ERASE = "\r\x1b[K"
-
-
-def test_json_has_no_numbers_that_are_none():
-    text = to_json({"gap": float("inf"), "list": [float("nan"), 1.5], "name": "Δ"})
-    assert json.loads(text) == {"gap": None, "list": [None, 1.5], "name": "Δ"}
 
 
 SHOWN = {

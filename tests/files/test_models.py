@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import tomllib
 from math import inf
 
 import pytest
+from hypothesis import given
 
 from planner.exceptions import InvalidFile
 from planner.files.joint_model import (
@@ -15,6 +17,8 @@ from planner.files.joint_model import (
     read_servos,
 )
 from planner.files.robot import legs_text, read_bus, read_legs
+from planner.model.joint import JointModel
+from tests.strategies import models
 
 ROBOT = """# an arm and two legs
 bus = "feetech"
@@ -171,9 +175,15 @@ def test_joints_called_leg_and_port_are_joints(file):
     assert list(read_model_file(file).by_joint) == ["leg", "port"]
 
 
-def test_models_of_several_joints_are_not_one(file):
-    assert read_model_file(file).one().lag == 0.03
-    model = "v_max = 5.0\ntheta_0 = 0.1\nlag = 0.03\nacceleration_time = 0.05\n"
-    file.write_text(f"[hip]\n{model}[knee]\n{model}")
-    with pytest.raises(InvalidFile, match=r"robot.toml: holds models of hip, knee, expected one"):
-        read_model_file(file).one()
+@given(models(friction=True, inertia=True, poses=True))
+def test_a_model_file_keeps_inertia_and_sag_and_leaves_them_out_where_there_are_none(
+    tmp_path_factory, model
+):
+    file = tmp_path_factory.getbasetemp() / "any.toml"
+    model.to_toml(file)
+    assert JointModel.from_toml(file) == model
+    keys = tomllib.loads(file.read_text()).keys()
+    without = {"time_constant": 0.0, "max_acceleration": inf, "sag_sin": 0.0, "sag_cos": 0.0}
+    assert {name for name, none in without.items() if getattr(model, name) != none} == {
+        *(keys & without.keys())
+    }

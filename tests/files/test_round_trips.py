@@ -11,7 +11,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from planner.exceptions import InvalidFile
 from planner.files.paths import (
     foot_path,
     is_foot_path,
@@ -126,9 +125,3 @@ def test_a_title_that_a_spreadsheet_takes_as_a_formula_is_written_as_text_and_re
     titles = (tmp_path / "path.csv").read_text().splitlines()[0].split(",")
     assert not any(title.startswith(("=", "+", "-", "@")) for title in titles)
     assert read_joint_path(tmp_path / "path.csv").names == (name, "hip")
-
-
-def test_standard_input_that_is_closed_is_said_to_be(monkeypatch):
-    monkeypatch.setattr(sys, "stdin", None)
-    with pytest.raises(InvalidFile, match="standard input is closed; give it a file or a pipe"):
-        read_joint_path("-")

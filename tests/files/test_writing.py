@@ -119,6 +119,7 @@ def test_a_name_that_no_file_can_have_is_bad_input(tmp_path):
         (tmp_path, "is a directory"),
         (tmp_path / "a\0b", "[a-z: ]*embedded null [a-z ]+"),  # a byte, or a character in a path
         (tmp_path / ("x" * 300), "file name too long"),
+        (tmp_path / "missing" / "plan.csv", "no such file or directory"),
     ):
         with pytest.raises(InvalidFile, match=rf"cannot be written \({reason}\); choose another"):
             write_text(name, "text")
@@ -135,11 +136,6 @@ def test_several_files_appear_or_none_where_one_cannot(tmp_path):
     with pytest.raises(InvalidFile, match="is a directory"), staged(tmp_path, b"text"):
         write_text(tmp_path / "other", "text")
     assert list(tmp_path.iterdir()) == []
-
-
-def test_a_folder_that_does_not_exist_is_bad_input(tmp_path):
-    with pytest.raises(InvalidFile, match=r"cannot be written \(no such file or directory\)"):
-        write_text(tmp_path / "missing" / "plan.csv", "text")
 
 
 def test_a_run_makes_its_folder_and_the_next_run_replaces_it(tmp_path):

@@ -459,27 +459,6 @@ def test_models_that_may_be_planned_with_are_read_without_a_word(tmp_path, verdi
     assert planner.read_models(tmp_path / "joint.toml")[""].evidence == known
 
 
-@pytest.mark.parametrize(
-    ("line", "message"),
-    [
-        ('verdict = "good"', "verdict: got 'good', expected one of 'holds', 'usable', "),
-        ("verdict = [1]", "verdict: got .*, expected one of 'holds', "),
-        ("verdict_reason = 3", "verdict_reason: got 3, expected the reason in words"),
-    ],
-)
-def test_a_verdict_that_is_none_is_refused(tmp_path, line, message):
-    JointModel.ers210a().to_toml(tmp_path / "joint.toml")
-    (tmp_path / "joint.toml").write_text((tmp_path / "joint.toml").read_text() + line)
-    with pytest.raises(InvalidFile, match=message):
-        planner.read_models(tmp_path / "joint.toml")
-
-
-def test_what_a_model_is_worth_beside_a_pure_delay_is_kept_in_its_file(tmp_path):
-    seen = SEEN._replace(over_delay=0.4, spread=(0.5, 1.5))
-    JointModel.ers210a().with_evidence(seen).to_toml(tmp_path / "joint.toml")
-    assert planner.read_models(tmp_path / "joint.toml")[""].evidence == seen
-
-
 def test_with_ticks_of_another_length_the_intervals_hold_the_parameters_of_the_same_joint():
     joint = JointModel(
         v_max=5.0,

@@ -81,7 +81,10 @@ def test_the_slope_of_the_speed_changes_at_the_corners_only(model, load):
         assert ends[1] - ends[0] == pytest.approx(slope * (high - low), abs=1e-11 * model.v_max)
 
 
-@given(models(friction=True, inertia=True), trajectories(), st.floats(-1.0, 1.0), st.integers(0, 9))
+ANY = models(friction=True, inertia=True, poses=True)
+
+
+@given(ANY, trajectories(), st.floats(-1.0, 1.0), st.integers(0, 9))
 def test_from_rest_friction_and_load_are_the_sum_over_overlaps(model, requests, start, seed):
     load = loads(len(requests), seed)
     expected = from_rest(model, requests, start=start, load=load)
@@ -89,7 +92,7 @@ def test_from_rest_friction_and_load_are_the_sum_over_overlaps(model, requests, 
     np.testing.assert_allclose(angles, expected, rtol=0.0, atol=SAME)
 
 
-@given(models(friction=True), trajectories(least=2), st.integers(0, 9))
+@given(models(friction=True, poses=True), trajectories(least=2), st.integers(0, 9))
 def test_a_cycle_with_friction_is_followed_by_itself(model, requests, seed):
     load = loads(len(requests), seed)
     angles = simulate(model, requests, load=load)

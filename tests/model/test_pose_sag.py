@@ -11,7 +11,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import planner
-from planner.evaluation.checks import AGREEMENT
 from planner.model.joint import MOST_POSE_SAG, JointModel
 from planner.model.response import (
     load_columns,
@@ -23,7 +22,6 @@ from planner.model.response import (
 from planner.model.sensitivity import sensitivities
 from planner.planning.line_inverse import line_offset
 from planner.trajectory import rms
-from tests.independent import from_rest, next_cycle
 from tests.model.test_symbolic import SAME, chained
 from tests.strategies import models, trajectories
 
@@ -34,20 +32,6 @@ HANGING = replace(PAPER, sag_sin=-0.06, sag_cos=0.02)
 
 PATH = np.radians(25.0) * np.cos(2.0 * np.pi * np.arange(250) / 250)
 """Slow enough to be followed, from rest, too [rad]."""
-
-
-@given(models(friction=True, poses=True), trajectories(), st.none() | st.floats(-2.0, 2.0))
-def test_from_rest_an_independent_simulation_agrees(model, requests, start):
-    angles = simulate(model, requests, cyclic=False, start=start)
-    begin = float(model.rest(requests[0])) if start is None else start
-    second = from_rest(model, requests, start=begin)
-    assert np.max(np.abs(angles - second)) <= AGREEMENT.value
-
-
-@given(models(friction=True, poses=True), trajectories())
-def test_the_cycle_is_followed_by_itself(model, requests):
-    angles = simulate(model, requests)
-    assert np.max(np.abs(next_cycle(model, requests, angles[-1]) - angles)) <= AGREEMENT.value
 
 
 @given(models(poses=True), trajectories(least=2, most=12))
@@ -179,13 +163,6 @@ def test_a_stream_compensates_for_the_sag():
     requests = np.array([stream.step(row)[0] for row in rows])
     angles = simulate(HANGING, requests, cyclic=False)
     assert rms(angles - desired[: len(angles)]) <= math.radians(0.2)
-
-
-def test_a_model_file_holds_it(tmp_path):
-    HANGING.to_toml(tmp_path / "joint.toml")
-    assert JointModel.from_toml(tmp_path / "joint.toml") == HANGING
-    PAPER.to_toml(tmp_path / "paper.toml")
-    assert "sag" not in (tmp_path / "paper.toml").read_text()
 
 
 @pytest.mark.parametrize("share", [0.0, 0.6, 1.0])

@@ -83,15 +83,6 @@ def test_the_closed_form_switches_later_by_the_time_constant():
     assert INERT.switching_time - without.switching_time == pytest.approx(0.024)
 
 
-def test_a_model_file_keeps_the_inertia_and_leaves_it_out_where_there_is_none(tmp_path):
-    for model in (PAPER, INERT, STARTING_SLOWLY):
-        model.to_toml(tmp_path / "joint.toml")
-        text = (tmp_path / "joint.toml").read_text()
-        assert planner.JointModel.from_toml(tmp_path / "joint.toml") == model
-        assert ("time_constant" in text) == (model is INERT)
-        assert ("max_acceleration" in text) == (model is STARTING_SLOWLY)
-
-
 @pytest.mark.parametrize("samples", [40, 60])
 def test_no_closed_form_does_better_on_a_square_that_an_acceleration_limit_keeps_out_of_reach(
     samples,

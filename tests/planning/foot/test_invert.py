@@ -323,13 +323,6 @@ def test_a_plan_keeps_nothing_of_its_input():
     np.testing.assert_array_equal(plan.desired_foot, kept)
 
 
-@pytest.mark.parametrize("options", [{}, {"norm": "max"}, {"cyclic": False}])
-def test_the_same_path_gets_the_same_plan_bit_for_bit(options):
-    path = WALK.desired_foot.tolist()
-    again = invert_foot(ERS210A, WALK.leg, path, **options)
-    assert np.array_equal(again.requests, reference_plan(**options).requests)
-
-
 def test_turning_the_cycle_changes_little():
     turned = invert_foot(ERS210A, WALK.leg, np.roll(WALK.desired_foot, 31, axis=0))
     assert turned.rms == pytest.approx(reference_plan().rms, rel=SAME_QUALITY)
