@@ -255,20 +255,6 @@ def test_the_model_and_the_page_are_both_written_or_neither(run, tmp_path, broke
     assert [file.name for file in tmp_path.iterdir()] == ["log.csv"]
 
 
-def test_a_recorded_gripper_is_known_sharply_in_shares_of_its_range(run, recordings, tmp_path):
-    log = recordings / "so101" / "prbs_excitation.csv"
-    asked = ("identify", log, "--joint", "Jaw", "--unit", "rad,Jaw=range")
-    result = run(*asked, "-o", "jaw.toml", "--report", "jaw.html")
-    assert result.exit_code == 0, result.stderr
-    assert "Jaw: the model holds: " in result.stderr
-    (jaw,) = read_model_file(tmp_path / "jaw.toml").for_joints(["Jaw"])
-    assert 1.0 < jaw.v_max < 1.3
-    assert "shares of the joint's range" in (tmp_path / "jaw.toml").read_text()
-    page = (tmp_path / "jaw.html").read_text()
-    assert "Jaw, identified" in page
-    assert len(page) < 3_000_000  # 6000 rows beside a plotting library of 2 million [characters]
-
-
 def test_logs_of_different_joints_are_not_thrown_together(run):
     write_log("hip.csv", joints=("hip",))
     write_log("knee.csv", joints=("knee",))

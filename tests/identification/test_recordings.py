@@ -65,7 +65,6 @@ def test_a_dropped_pendulum_is_fitted_where_it_has_torque(recordings):
     assert any("torque is off" in warning for warning in found.warnings)
 
 
-@pytest.mark.parametrize(("gain", "motion"), [(100, "sin_sin"), (800, "sin_time_square")])
 def test_an_overloaded_servo_is_refused(recordings, gain, motion):
     found = planner.identify(pendulum(recordings, "xl330", f"xl330_kp{gain}_{motion}"))
     assert not found.accepted

@@ -35,19 +35,6 @@ def instance(seed, *, hold=1):
     return model, saturating(rng, model, samples=60)
 
 
-@pytest.mark.parametrize("joint", REFERENCE_JOINTS, ids=lambda joint: joint.name)
-def test_the_reference_walk_is_planned_as_well_as_by_our_own_solver(joint):
-    plan, own = (
-        planner.invert_optimal(
-            ERS210A, joint.desired, limits=joint.limits, solver=each, smoothness=0.0
-        )
-        for each in ("ipopt", "gauss-newton")
-    )
-    assert plan.gap == pytest.approx(own.gap, abs=ALIKE / 5.0)
-    assert (plan.method, plan.solver, own.solver) == ("optimal", "ipopt", "gauss-newton")
-    assert planner.invert_closed_form(ERS210A, joint.desired).solver is None
-
-
 @CYCLIC
 @pytest.mark.parametrize(("seed", "hold"), [(0, 1), (2, 3)])
 @pytest.mark.parametrize("limited", [False, True])

@@ -76,8 +76,10 @@ def without_dead_band(model):
 )
 @settings(max_examples=5)
 @given(
-    model=st.one_of(models(), models(friction=True).map(without_dead_band)),
-    requests=trajectories(least=4, most=9, reach=0.5),
+    model=st.one_of(
+        models(holds=(1, 2)), models(holds=(1, 2), friction=True).map(without_dead_band)
+    ),
+    requests=trajectories(least=4, most=7, reach=0.5),
     seed=st.integers(0, 2**32 - 1),
 )
 def test_a_response_better_than_what_is_known_stays_in_some_part(kind, norm, model, requests, seed):
@@ -129,8 +131,8 @@ def test_what_no_response_goes_below_is_proved_to_the_full():
     assert bound == pytest.approx(known, rel=1e-3)
 
 
-@pytest.mark.parametrize("joint", REFERENCE_JOINTS[:2], ids=lambda joint: joint.name)
-def test_plans_of_the_reference_walk_are_within_a_thousandth_of_the_best(joint):
+def test_the_plan_of_the_reference_walk_is_within_a_thousandth_of_the_best():
+    joint = REFERENCE_JOINTS[0]
     certificate = certify(ERS210A, joint.desired, level="exact", time_limit=2.0)
     assert math.degrees(certificate.bound) >= joint.exact_bound_deg
     plan = invert_optimal(ERS210A, joint.desired, limits=joint.limits, smoothness=0.0)
