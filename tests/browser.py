@@ -71,6 +71,21 @@ class Browser:
         self.requests.clear()
         self._load(path.as_uri())
 
+    def read_through(self, path, **taste):
+        """Open a page, look at all of its figures, which draw themselves, and answer their names.
+
+        Nothing may be wider than the screen, complain, or ask for another file.
+        """
+        self.open(path, **taste)
+        figures = self.ask("Object.keys(live.figures)")
+        for name in figures:
+            self.ask(f"document.getElementById('{name}').scrollIntoView()")
+            self.wait_for(f"'drawn' in document.getElementById('{name}').dataset")
+        assert self.ask("document.documentElement.scrollWidth <= innerWidth")
+        assert self.complaints == self.ask("live.errors") == []
+        assert self.requests == [path.as_uri()]
+        return figures
+
     def leave(self):
         """Leave the page, which ends what it does."""
         self._load("about:blank")

@@ -24,9 +24,6 @@ set_step = from_python(gauss_newton.set_step)
 STEP = 1e-6
 """Step of the central differences [rad]."""
 
-SLOPES = 1e-7
-"""Central differences of what is about one are right to this."""
-
 AGREEMENT = 1e-5
 """A step from derivatives by differences and a dense matrix of condition 1e6 [relative]."""
 

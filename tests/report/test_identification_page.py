@@ -86,12 +86,8 @@ def test_a_page_on_data_that_says_nothing_can_still_be_drawn():
 def test_every_log_is_drawn_row_by_row_and_zoomed_by_its_button(browser, several, tmp_path):
     page = tmp_path / "report.html"
     page.write_text(several)
-    browser.open(page, width=WIDTH, height=HEIGHT, dark=True)
-    figures = browser.ask("Object.keys(live.figures)")
+    figures = browser.read_through(page, width=WIDTH, height=HEIGHT, dark=True)
     assert len(figures) == 3 * (3 + 1)  # of each joint the cloud, intervals, errors and log
-    for name in figures:
-        browser.ask(f"document.getElementById('{name}').scrollIntoView()")
-        browser.wait_for(f"'drawn' in document.getElementById('{name}').dataset")
     log = next(name for name in figures if "log" in name)
     plot = f"document.querySelector('[id=\"{log}\"] .canvas')"
     measured = f"{plot}.data.find((trace) => trace.name === 'measured')"

@@ -41,14 +41,6 @@ def test_every_constant_of_the_robot_stands_in_the_page(text, results):
 
 
 def test_every_figure_comes_to_life_without_a_complaint_or_a_request(folder, browser):
-    page = folder / "report.html"
-    browser.open(page, dark=True)
+    assert set(browser.read_through(folder / "report.html", dark=True)) == set(PICTURES)
     title = browser.ask("document.querySelector('h1').textContent")
     assert title == "The paper’s experiment on a virtual robot"
-    figures = browser.ask("Object.keys(live.figures)")
-    assert set(figures) == set(PICTURES)
-    for name in figures:
-        browser.ask(f"document.getElementById('{name}').scrollIntoView()")
-        browser.wait_for(f"'drawn' in document.getElementById('{name}').dataset")
-    assert browser.complaints == []
-    assert browser.asked_of_others == []
