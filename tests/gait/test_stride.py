@@ -151,6 +151,7 @@ def test_a_place_out_of_reach_is_an_error(leg):
         stride(leg, hip_height=0.6)
 
 
+@pytest.mark.parametrize("place", ["leg", "samples", "length", "hip_height", "heading"])
 def test_whatever_is_given_is_answered_or_refused(leg, place):
     good = {"leg": leg, "samples": 4, "length": 0.02, "height": 0.01}
     for value in (*NUMBERS, *OTHERS):

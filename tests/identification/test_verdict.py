@@ -274,6 +274,7 @@ def names_the_sign(found):
     return any("moves against" in text or "move against" in text for text in found.warnings)
 
 
+@pytest.mark.parametrize(("shape", "frequency"), [("square", 2.0), ("swept", 0.0)])
 def test_an_inverted_sign_is_refused_by_name_even_if_the_motion_repeats_itself(shape, frequency):
     log = waves(shape, frequency)
     assert not names_the_sign(planner.identify(log, hold_out=False))
