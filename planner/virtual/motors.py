@@ -106,8 +106,8 @@ XL430 = Motor(
 # actuator.py of Rhoban/bam (M4; of the MX-106 M3, as no M4 is there), each with a link of its own;
 # voltages, current limits and counts: Robotis' data sheets. BAM's gain of the MX servos, 0.158 of
 # the duty per rad and unit of P, is that of protocol 1.0, a unit of which is 16 of protocol 2.0.
-MX64 = Motor(
-    voltage=12.0,
+MX64 = replace(
+    XL430,
     resistance=3.156,
     torque_constant=1.663,
     inertia=0.011 + 0.02,
@@ -118,14 +118,10 @@ MX64 = Motor(
     viscous_friction=0.0148,
     gravity=0.8,
     current_limit=4.1,
-    duty_steps=885.0,
     proportional=0.158 / 16.0,
-    integral=1e-4,
-    derivative=2e-5,
-    delay=0.004,
 )
-MX106 = Motor(
-    voltage=12.0,
+MX106 = replace(
+    XL430,
     resistance=2.653,
     torque_constant=2.204,
     inertia=0.0248 + 0.04,
@@ -134,13 +130,10 @@ MX106 = Motor(
     viscous_friction=0.0119,
     gravity=1.2,
     current_limit=5.2,
-    duty_steps=885.0,
     proportional=0.158 / 16.0,
-    integral=1e-4,
-    derivative=2e-5,
-    delay=0.004,
 )
-XL330 = Motor(
+XL330 = replace(
+    XL430,
     voltage=5.0,
     resistance=2.0,
     torque_constant=0.2915,
@@ -152,11 +145,7 @@ XL330 = Motor(
     viscous_friction=0.0178,
     gravity=0.08,
     current_limit=1.75,
-    duty_steps=885.0,
     proportional=0.00246,
-    integral=1e-4,
-    derivative=2e-5,
-    delay=0.004,
 )
 XL320 = Motor(
     voltage=7.4,
@@ -176,27 +165,6 @@ XL320 = Motor(
     derivative=0.002,
     delay=0.004,
     counts=1228.8,
-)
-# A servo of the class of a TowerPro MG996R at 6 V by its data sheet: it stalls at 1.08 N m and
-# 2.5 A, turns by 60 degrees in 0.14 s, and has a dead band of 5 µs of 2000 in 180 degrees. It hears
-# of its goal every 20 ms, and compares it with a potentiometer.
-HOBBY = Motor(
-    voltage=6.0,
-    resistance=2.4,
-    torque_constant=0.72,
-    inertia=0.006,
-    dry_friction=0.03,
-    load_friction=0.35,
-    viscous_friction=0.02,
-    gravity=0.15,
-    current_limit=2.5,
-    duty_steps=255.0,
-    duty_dead_band=8.0 * 0.5 * math.radians(0.45),
-    proportional=8.0,
-    integral=0.0,
-    derivative=0.1,
-    delay=0.02,
-    counts=4096.0,
 )
 
 
