@@ -1,4 +1,4 @@
-"""Checks of arguments: numbers, flags and names are as expected, or refused."""
+"""Checks of arguments, and answers in a few lines."""
 
 from __future__ import annotations
 
@@ -6,8 +6,9 @@ import math
 import operator
 import textwrap
 from collections.abc import Sequence
+from html import escape
 from reprlib import Repr
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -119,3 +120,52 @@ def check_choice(name: str, value: object, choices: Sequence[str]) -> None:
 def is_one_of(value: object, names: Sequence[Any]) -> bool:
     """Whether the value is one of these names; an array or a list is none."""
     return isinstance(value, str) and value in names
+
+
+class Summary(NamedTuple):
+    """A heading, and a table with a unit beside every number or title.
+
+    Attributes:
+        head: The heading, in one line.
+        columns: Titles of the columns; that of the first may be empty.
+        rows: Their cells.
+    """
+
+    head: str
+    columns: Sequence[str] = ()
+    rows: Sequence[Sequence[str]] = ()
+
+    def text(self) -> str:
+        """The table below the heading, columns aligned."""
+        cells = [self.columns, *self.rows] if self.rows else []
+        widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
+        lines = [
+            "  " + "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True))
+            for row in cells
+        ]
+        return "\n".join([self.head, *(line.rstrip() for line in lines)])
+
+    def html(self) -> str:
+        """The same for a notebook."""
+        if not self.rows:
+            return f"<p>{escape(self.head, quote=False)}</p>"
+        rows = [
+            "".join(f"<{tag}>{escape(cell, quote=False)}</{tag}>" for cell in row)
+            for tag, row in [("th", self.columns), *(("td", row) for row in self.rows)]
+        ]
+        body = "".join(f"<tr>{row}</tr>" for row in rows)
+        return f"<p>{escape(self.head, quote=False)}</p><table>{body}</table>"
+
+
+class Summarised:
+    """An answer that Python and a notebook show by its summary."""
+
+    def _summarised(self) -> Summary:
+        """The summary."""
+        raise NotImplementedError
+
+    def __repr__(self) -> str:
+        return self._summarised().text()
+
+    def _repr_html_(self) -> str:
+        return self._summarised().html()

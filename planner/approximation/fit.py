@@ -55,9 +55,8 @@ from planner.approximation.problem import (
 from planner.approximation.search import KnotSearch, automatic, within_rms
 from planner.approximation.values import solve_values, within_slopes
 from planner.exceptions import Infeasible, InvalidInput, SolverFailed, angle_text
-from planner.summary import Summarised, Summary
 from planner.trajectory import Array, as_trajectory
-from planner.validation import as_flag
+from planner.validation import Summarised, Summary, as_flag
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)

@@ -167,7 +167,7 @@ def _shortest(run: Run, leg: Leg, path: Array, period: float) -> tuple[Array, di
     """The path in the fewest samples that keep the tolerance; the same for machines and people."""
     from planner.cli.desired import refused_models
     from planner.cli.models import models_of
-    from planner.gait.shortest_cycle import in_samples, shortest_cycle
+    from planner.gait.stride import in_samples, shortest_cycle
     from planner.model.evidence import OPEN_TOP_SPEED, expectation, untested_words
 
     assert run.tolerance.cm is not None, "the tolerance is needed"

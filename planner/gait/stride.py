@@ -1,9 +1,9 @@
-"""Walks for any leg, half ellipses around a standing pose, and gaits of four such legs."""
+"""Walks for any leg: half ellipses around a standing pose, gaits of four legs, shortest cycles."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal, NamedTuple, get_args
 
@@ -15,8 +15,11 @@ from kinematics.inverse import check_joints
 from kinematics.leg import Leg
 from planner.exceptions import Infeasible, InvalidInput, nearest
 from planner.gait.half_ellipse import half_ellipse
+from planner.model.joint import JointModel
+from planner.planning.inversion import invert_foot
+from planner.planning.result import FootInversion
 from planner.trajectory import Array
-from planner.validation import as_number, check_choice, shown
+from planner.validation import as_number, as_positive, check_choice, shown
 
 LONGEST = 0.25
 """Half of the longest stroke chosen by default, over the length of the leg."""
@@ -48,6 +51,15 @@ STILL_DEXTEROUS = 0.7
 
 MOST_GRID_JOINTS = 3
 """Most joints for a search over the whole grid: 25 angles to this power."""
+
+
+FEWEST, MOST = 12, 1000
+"""Samples of a cycle: below the fewest a path is no half ellipse any more, and the most are 8 s at
+the Aibo's rate."""
+
+PROOFS = 4
+"""Lower bounds that are computed, each up to seconds, between the shortest period found and the one
+that is proved too short."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,27 +197,16 @@ def _check_closed(leg: Leg, angles: Array) -> None:
 Pattern = Literal["walk", "trot", "pace", "bound"]
 
 
-class Footfalls(NamedTuple):
-    """When the feet of a gait are on the ground.
-
-    Attributes:
-        ground_fraction: Share of the cycle that each is on the ground.
-        phases: Share of the cycle by which each foot is later than the left hind one.
-    """
-
-    ground_fraction: float
-    phases: Mapping[str, float]
-
-
-PATTERNS: Mapping[Pattern, Footfalls] = {
-    "walk": Footfalls(0.75, dict(zip(LEGS, (0.0, 0.25, 0.5, 0.75), strict=True))),
-    "trot": Footfalls(0.5, dict(zip(LEGS, (0.0, 0.5, 0.5, 0.0), strict=True))),
-    "pace": Footfalls(0.5, dict(zip(LEGS, (0.0, 0.0, 0.5, 0.5), strict=True))),
-    "bound": Footfalls(0.4, dict(zip(LEGS, (0.0, 0.5, 0.0, 0.5), strict=True))),
+PATTERNS: Mapping[Pattern, tuple[float, tuple[float, ...]]] = {
+    "walk": (0.75, (0.0, 0.25, 0.5, 0.75)),
+    "trot": (0.5, (0.0, 0.5, 0.5, 0.0)),
+    "pace": (0.5, (0.0, 0.0, 0.5, 0.5)),
+    "bound": (0.4, (0.0, 0.5, 0.0, 0.5)),
 }
-"""Gaits by their phases (M. Hildebrand, 1965, *Science* 150; R. M. Alexander, 1984, *International
-Journal of Robotics Research* 3): the walk in lateral sequence, with three feet on the ground;
-diagonal feet in pairs, lateral ones, and front and hind ones."""
+"""By gait, the share of the cycle that each foot is on the ground, and the shares by which the feet
+of :data:`LEGS` are later than the left hind one (M. Hildebrand, 1965, *Science* 150; R. M.
+Alexander, 1984, *International Journal of Robotics Research* 3): the walk in lateral sequence, with
+three feet on the ground; diagonal feet in pairs, lateral ones, and front and hind ones."""
 
 
 class LegOfGait(NamedTuple):
@@ -242,8 +243,8 @@ def gait(legs: Mapping[str, Leg], pattern: Pattern, **walk: Any) -> dict[str, Le
     """
     check_choice("pattern", pattern, get_args(Pattern))
     check_legs(legs)
-    footfalls = PATTERNS[pattern]
-    walk = {"ground_fraction": footfalls.ground_fraction, **walk}
+    ground_fraction, phases = PATTERNS[pattern]
+    walk = {"ground_fraction": ground_fraction, **walk}
     if walk.get("hip_height") is None and len({leg.base for leg in legs.values()}) == 1:
         walk["hip_height"] = min(-float(stride(leg, **walk).centre[2]) for leg in legs.values())
     if walk.get("length") is None or walk.get("height") is None:
@@ -252,7 +253,7 @@ def gait(legs: Mapping[str, Leg], pattern: Pattern, **walk: Any) -> dict[str, Le
         walk["height"] = min(each.height for each in strides)
     walks = {}
     for name, leg in legs.items():
-        leg_stride, phase = stride(leg, **walk), footfalls.phases[name]
+        leg_stride, phase = stride(leg, **walk), phases[LEGS.index(name)]
         angles = np.roll(leg_stride.angles, round(phase * len(leg_stride.angles)), axis=0)
         angles.setflags(write=False)
         walks[name] = LegOfGait(leg_stride, phase, angles)
@@ -342,3 +343,118 @@ def dexterity(chain: Chain, angles: Array) -> Array:
     if jacobians.shape[-1] == jacobians.shape[-2]:
         return np.asarray(np.abs(np.linalg.det(jacobians)))  # a tenth of the time
     return np.asarray(np.prod(np.linalg.svd(jacobians, compute_uv=False), axis=-1))
+
+
+class TooShort(NamedTuple):
+    """The proof that a period is too short.
+
+    Attributes:
+        samples: Samples of the cycle, the most for which it is proved here.
+        bound: Lower bound on the largest distance of the foot [m].
+    """
+
+    samples: int
+    bound: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ShortestCycle:
+    """The shortest cycle found.
+
+    Attributes:
+        plan: Its requests, under which the foot stays within the tolerance.
+        too_short: A period that is proved too short; None where none is.
+    """
+
+    plan: FootInversion
+    too_short: TooShort | None
+
+    @property
+    def samples(self) -> int:
+        """Samples of the cycle."""
+        return len(self.plan.requests)
+
+    @property
+    def period(self) -> float:
+        """Time of the cycle [s]."""
+        return self.samples * self.plan.models[0].period
+
+
+def shortest_cycle(
+    models: JointModel | Sequence[JointModel],
+    leg: Leg,
+    path: Callable[[int], Array],
+    *,
+    tolerance: float,
+    samples: int = 88,
+    progress: Callable[[str], None] = lambda _: None,
+) -> ShortestCycle:
+    """The fewest samples of a cycle at which the foot never is further off than a tolerance.
+
+    Each trial is a plan for the foot, :func:`planner.invert_foot` with the norm "max", within the
+    leg's limits; the exact models decide.
+
+    Args:
+        models: One model for all joints, or one for each.
+        leg: The leg.
+        path: The foot path for a number of samples n [m], shape (n, 3).
+        tolerance: Largest distance of the foot from its path [m].
+        samples: Where to begin.
+        progress: Called with the name of each trial.
+
+    Raises:
+        Infeasible: Not even the longest cycle keeps the tolerance.
+        InvalidInput: The tolerance is not above 0.
+    """
+    as_positive("tolerance", tolerance, "more than 0 m")
+    plans: dict[int, FootInversion] = {}
+
+    def plan(count: int) -> FootInversion:
+        if count not in plans:
+            progress(f"a cycle of {count} samples")
+            plans[count] = invert_foot(models, leg, path(count), norm="max")
+        return plans[count]
+
+    low, high = FEWEST - 1, samples
+    while plan(high).max_error > tolerance:
+        low, high = high, 2 * high
+        if high > MOST:
+            raise Infeasible(
+                f"tolerance: in a cycle of {low} samples the foot still is "
+                f"{100.0 * plan(low).max_error:.3g} cm off, expected at most "
+                f"{100.0 * tolerance:g} cm; allow more, or make the steps smaller"
+            )
+    while high - low > 1:
+        middle = (low + high) // 2
+        within = plan(middle).max_error <= tolerance
+        low, high = (low, middle) if within else (middle, high)
+    return ShortestCycle(plan=plan(high), too_short=_too_short(plan, low, tolerance, progress))
+
+
+def _too_short(
+    plan: Callable[[int], FootInversion],
+    highest: int,
+    tolerance: float,
+    progress: Callable[[str], None],
+) -> TooShort | None:
+    """The longest cycle tried, of at most ``highest`` samples, that a lower bound refutes."""
+    proof, low, high = None, FEWEST, highest
+    for number in range(PROOFS):
+        if low > high:
+            break
+        count = high if number == 0 else (low + high) // 2
+        progress(f"the lower bound for {count} samples")
+        bound = plan(count).lower_bound
+        if bound > tolerance:
+            proof, low = TooShort(count, bound), count + 1
+        else:
+            high = count - 1
+    return proof
+
+
+def in_samples(path: Array, count: int) -> Array:
+    """A cyclic path in another number of samples, on straight lines between its own, (count, 3)."""
+    closed = np.vstack([path, path[:1]])
+    places = np.arange(count) * (len(path) / count)
+    columns = [np.interp(places, np.arange(len(closed)), column) for column in closed.T]
+    return np.column_stack(columns)

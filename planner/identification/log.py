@@ -11,9 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.exceptions import InvalidInput, InvalidTrajectory
-from planner.summary import Summarised, Summary
 from planner.trajectory import LARGEST, TURN, Array, as_trajectory
-from planner.validation import ReadOnly, is_one_of, shown
+from planner.validation import ReadOnly, Summarised, Summary, is_one_of, shown
 
 GAP = 10.0
 """Pause between rows, in median periods, after which nothing is assumed of what was requested."""

@@ -24,9 +24,8 @@ from planner.model.evidence import (
     under_moving_requests,
 )
 from planner.model.joint import JointModel
-from planner.summary import Summarised, Summary
 from planner.trajectory import Array
-from planner.validation import ReadOnly, freeze
+from planner.validation import ReadOnly, Summarised, Summary, freeze
 
 
 class Interval(NamedTuple):

@@ -19,9 +19,8 @@ from planner.planning.arguments import Solver
 from planner.planning.result import ErrorsOfModels, FootInversion, Inversion
 from planner.planning.task import Task
 from planner.planning.trials import Learning
-from planner.summary import Summarised, Summary
 from planner.trajectory import Array, error_norm, relative_gap, reversals, steps
-from planner.validation import ReadOnly, freeze
+from planner.validation import ReadOnly, Summarised, Summary, freeze
 
 if TYPE_CHECKING:
     from kinematics.leg import Leg

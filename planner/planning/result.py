@@ -17,9 +17,8 @@ from planner.model.joint import JointModel
 from planner.model.response import PathSpeeds
 from planner.planning.arguments import Norm, Robust, Solver
 from planner.planning.trials import Learning
-from planner.summary import Summarised, Summary
 from planner.trajectory import Array, Mask, error_norm
-from planner.validation import freeze
+from planner.validation import Summarised, Summary, freeze
 
 if TYPE_CHECKING:
     from kinematics.leg import Leg

@@ -24,9 +24,8 @@ from planner.recording.recorded_path import (
     Track,
     recorded_path,
 )
-from planner.summary import Summarised, Summary
 from planner.trajectory import Array, error_norm, most_lost
-from planner.validation import ReadOnly, as_positive, freeze
+from planner.validation import ReadOnly, Summarised, Summary, as_positive, freeze
 
 Kind = Literal["resent", "direct", "shifted", "planned"]
 """Requests of a joint: as recorded, the path as it is, that with the best time shift, a plan."""

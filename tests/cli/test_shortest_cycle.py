@@ -9,7 +9,7 @@ import pytest
 
 from planner import JointModel
 from planner.files.paths import read_foot_path
-from planner.gait import shortest_cycle
+from planner.gait import stride
 from planner.model.evidence import OPEN_TOP_SPEED, Evidence
 
 TESTED = Evidence(0.01, 1.0, 0.0, (-3.0, 3.0))
@@ -28,7 +28,7 @@ def fastest(run, tmp_path, monkeypatch):
     monkeypatch.setattr("planner.planning.bounds.foot_bound.MOST_SAMPLES_BOUNDED", 0)
 
     def fastest(evidence, proof, *more, of_knee=""):
-        monkeypatch.setattr(shortest_cycle, "_too_short", lambda *_: proof)
+        monkeypatch.setattr(stride, "_too_short", lambda *_: proof)
         model = JointModel.ers210a().with_evidence(evidence)
         model.to_toml(tmp_path / "all.toml")
         (tmp_path / "joint.toml").write_text((tmp_path / "all.toml").read_text() + of_knee)
@@ -70,7 +70,7 @@ def test_the_path_is_planned_within_the_tolerance_as_is_said(run, fastest):
 def test_a_cycle_that_is_proved_too_short_is_told_with_what_the_proof_holds_for(
     fastest, fastest_joint
 ):
-    proof, unknown = shortest_cycle.TooShort(12, 0.0022), fastest_joint == math.inf
+    proof, unknown = stride.TooShort(12, 0.0022), fastest_joint == math.inf
     evidence = Evidence(0.01, intervals={"v_max": (5.0, 5.5)})
     knee = f"[front_left_knee]\nv_max_interval = [5.0, {fastest_joint}]\n"
     said = fastest(evidence, proof, of_knee=knee).stderr

@@ -10,8 +10,8 @@ import pytest
 
 from kinematics import Leg, urdf_path
 from planner import Infeasible, InvalidInput, JointModel, invert_foot
-from planner.gait import shortest_cycle
-from planner.gait.shortest_cycle import in_samples
+from planner.gait import stride
+from planner.gait.stride import in_samples
 
 JOINT = JointModel.ers210a()
 HELD = replace(JOINT, hold=2)
@@ -32,9 +32,9 @@ def circle(leg):
 
 
 def test_the_foot_keeps_the_tolerance_and_not_in_a_sample_less(leg, circle, monkeypatch):
-    monkeypatch.setattr(shortest_cycle, "FEWEST", 11)
-    monkeypatch.setattr(shortest_cycle, "PROOFS", 0)
-    found = shortest_cycle.shortest_cycle(
+    monkeypatch.setattr(stride, "FEWEST", 11)
+    monkeypatch.setattr(stride, "PROOFS", 0)
+    found = stride.shortest_cycle(
         JOINT, leg, lambda count: in_samples(circle, count), tolerance=TOLERANCE, samples=16
     )
     assert found.plan.max_error <= TOLERANCE
@@ -56,15 +56,15 @@ def test_a_path_in_as_many_samples_is_itself(circle):
 
 def test_a_tolerance_above_0_is_needed(leg, circle):
     with pytest.raises(InvalidInput, match="expected more than 0 m"):
-        shortest_cycle.shortest_cycle(JOINT, leg, lambda _: circle, tolerance=0.0)
+        stride.shortest_cycle(JOINT, leg, lambda _: circle, tolerance=0.0)
 
 
 def test_a_path_that_any_cycle_keeps_takes_the_fewest_samples(leg, circle):
     middle = circle.mean(axis=0)
-    found = shortest_cycle.shortest_cycle(
+    found = stride.shortest_cycle(
         JOINT, leg, lambda count: np.tile(middle, (count, 1)), tolerance=TOLERANCE, samples=16
     )
-    assert (found.samples, found.too_short) == (shortest_cycle.FEWEST, None)
+    assert (found.samples, found.too_short) == (stride.FEWEST, None)
 
 
 def test_a_cycle_that_is_proved_too_short_is_one_whose_bound_exceeds_the_tolerance(
@@ -75,10 +75,10 @@ def test_a_cycle_that_is_proved_too_short_is_one_whose_bound_exceeds_the_toleran
             requests=path, models=[HELD], max_error=1.0 / len(path), lower_bound=0.9 / len(path)
         )
 
-    monkeypatch.setattr(shortest_cycle, "invert_foot", plan)
-    monkeypatch.setattr(shortest_cycle, "MOST", 50)
+    monkeypatch.setattr(stride, "invert_foot", plan)
+    monkeypatch.setattr(stride, "MOST", 50)
     for samples in (25, 88):
-        found = shortest_cycle.shortest_cycle(
+        found = stride.shortest_cycle(
             JOINT, leg, lambda count: np.zeros((count, 3)), tolerance=1.0 / 40.0, samples=samples
         )
         assert (found.samples, found.period) == (40, pytest.approx(40 * 0.016))
@@ -88,9 +88,9 @@ def test_a_cycle_that_is_proved_too_short_is_one_whose_bound_exceeds_the_toleran
 def test_a_tolerance_that_no_cycle_keeps_is_refused_with_the_largest_distance(
     leg, circle, monkeypatch
 ):
-    monkeypatch.setattr(shortest_cycle, "MOST", 20)
+    monkeypatch.setattr(stride, "MOST", 20)
     largest = invert_foot(JOINT, leg, in_samples(circle, 16), norm="max").max_error
     with pytest.raises(Infeasible, match=f"cycle of 16 samples .* {100.0 * largest:.3g} cm off"):
-        shortest_cycle.shortest_cycle(
+        stride.shortest_cycle(
             JOINT, leg, lambda count: in_samples(circle, count), tolerance=1e-9, samples=16
         )
