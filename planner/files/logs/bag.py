@@ -6,7 +6,7 @@ from array import array
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -49,10 +49,10 @@ def read_bag(path: Path | str, options: LogOptions) -> tuple[Log, ...]:
             topics.
         MissingExtra: rosbags is not installed.
     """
-    recording = _recording(path, options)
-    names = recording.joints
+    actual, requested, notes = _tracks(path, options)
+    names = _on_both(actual, requested)
     chosen = choose_joints(path, names, options.joint)
-    logs = [_log(path, recording, names[k], options) for k in chosen]
+    logs = [_log(path, actual, requested, names[k], options, notes) for k in chosen]
     origin = min(first for first, _ in logs)  # joints whose requests begin later keep their time
     return tuple(
         replace(log, times=log.times + (first - origin) * 1e-9) if first > origin else log
@@ -62,15 +62,25 @@ def read_bag(path: Path | str, options: LogOptions) -> tuple[Log, ...]:
 
 def bag_joints(path: Path | str, options: LogOptions) -> tuple[str, ...]:
     """Names of the joints of which a bag holds requested and actual angles."""
-    return _recording(path, options).joints
+    return _on_both(*_tracks(path, options)[:2])
+
+
+def _on_both(actual: Track, requested: Track) -> tuple[str, ...]:
+    """The joints of which both angles are known."""
+    return tuple(name for name in actual.joints if name in requested.joints)
 
 
 def _log(
-    path: Path | str, recording: Recording, joint: str, options: LogOptions
+    path: Path | str,
+    actual: Track,
+    requested: Track,
+    joint: str,
+    options: LogOptions,
+    notes: Sequence[str],
 ) -> tuple[int, Log]:
     """Stamp of the first row [ns], and the log with times since then."""
-    stamps, angles = recording.actual.series(joint, stamped=recording.stamped[0])
-    sent, requests = recording.requested.series(joint, stamped=recording.stamped[1])
+    stamps, angles = actual.series(joint)
+    sent, requests = requested.series(joint)
     fresh = np.ones(len(stamps), dtype=bool)  # repeated rows are kept once
     fresh[1:] = (np.diff(stamps) != 0) | (angles[1:] != angles[:-1])
     stamps, angles = stamps[fresh], angles[fresh]
@@ -81,7 +91,7 @@ def _log(
         raise InvalidFile(
             source.name,
             f"no request before the last state: {len(sent)} requests on topic "
-            f"{recording.requested.topic}; expected the same clock and time in both topics",
+            f"{requested.topic}; expected the same clock and time in both topics",
         )
     stamps, angles, requests = stamps[begun], angles[begun], requests[last[begun]]
     try:
@@ -95,7 +105,7 @@ def _log(
         request_scale=angle_scale,
         angle_scale=angle_scale,
     )
-    notes = (*recording.notes, *_left_out(fresh, begun), _unit(angle_scale.name, options, joint))
+    notes = (*notes, *_left_out(fresh, begun), _unit(angle_scale.name, options, joint))
     return int(stamps[0]), make_log(source, columns, joint=joint, notes=notes)
 
 
@@ -113,26 +123,20 @@ def _unit(name: str, options: LogOptions, joint: str) -> str:
     return f"angles in {name}, as {'--unit said' if has_unit else 'is the custom of ROS (REP 103)'}"
 
 
-class _Rows(NamedTuple):
-    """Of every message about a joint: receipt [ns], stamp [ns] and angle."""
-
-    received: array[int]
-    stamps: array[int]
-    values: array[float]
-
-
 @dataclass
 class Track:
     """The angles of the joints on one topic, as they are gathered.
 
     Attributes:
         topic: The topic.
-        stamped: Whether every message had a stamp.
+        stamped: Whether every message had a stamp; at the end, whether its times are the stamps.
+
+    Of every message about a joint there are the receipt [ns], the stamp [ns] and the angle.
     """
 
     topic: str
     stamped: bool = True
-    _by_joint: dict[str, _Rows] = field(default_factory=dict)
+    _by_joint: dict[str, tuple[array[int], array[int], array[float]]] = field(default_factory=dict)
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -145,56 +149,30 @@ class Track:
         """Add a message that was received and stamped [ns]; 0 is no stamp."""
         self.stamped = self.stamped and stamp > 0
         for joint, angle in zip(joints, angles, strict=True):
-            rows = self._by_joint.get(joint)
-            if rows is None:
-                rows = self._by_joint[joint] = _Rows(array("q"), array("q"), array("d"))
-            rows.received.append(received)
-            rows.stamps.append(stamp)
-            rows.values.append(angle)
+            rows = self._by_joint.setdefault(joint, (array("q"), array("q"), array("d")))
+            rows[0].append(received)
+            rows[1].append(stamp)
+            rows[2].append(angle)
 
     def lead(self) -> float:
         """How far the stamps are ahead of the receipt [ns], in the median."""
         leads = [
-            stamp - received
-            for rows in self._by_joint.values()
-            for stamp, received in zip(
-                rows.stamps[:MOST_COMPARED], rows.received[:MOST_COMPARED], strict=True
-            )
+            own - receipt
+            for received, stamps, _ in self._by_joint.values()
+            for receipt, own in zip(received[:MOST_COMPARED], stamps[:MOST_COMPARED], strict=True)
         ]
         return float(np.median(leads)) if leads else 0.0
 
-    def series(self, joint: str, *, stamped: bool) -> tuple[Stamps, Array]:
+    def series(self, joint: str) -> tuple[Stamps, Array]:
         """Times [ns] and angles of a joint, by the stamps or by the receipt, in order of time."""
-        rows = self._by_joint[joint]
-        stamps = np.array(rows.stamps if stamped else rows.received, dtype=np.int64)
+        received, own, values = self._by_joint[joint]
+        stamps = np.array(own if self.stamped else received, dtype=np.int64)
         order = np.argsort(stamps, kind="stable")
-        return stamps[order], np.array(rows.values)[order]
+        return stamps[order], np.array(values)[order]
 
 
-@dataclass(frozen=True)
-class Recording:
-    """The angles of the joints of a bag.
-
-    Attributes:
-        actual: The actual angles.
-        requested: The requested angles.
-        stamped: Whether the times of either are its stamps, or else those of the receipt.
-        notes: Guesses, in words.
-    """
-
-    actual: Track
-    requested: Track
-    stamped: tuple[bool, bool]
-    notes: tuple[str, ...]
-
-    @property
-    def joints(self) -> tuple[str, ...]:
-        """The joints of which both angles are known."""
-        return tuple(name for name in self.actual.joints if name in self.requested.joints)
-
-
-def _recording(path: Path | str, options: LogOptions) -> Recording:
-    """Read the messages of the topics that the options name, or that are the only ones."""
+def _tracks(path: Path | str, options: LogOptions) -> tuple[Track, Track, list[str]]:
+    """Actual and requested angles on the topics that the options name, or the only ones; notes."""
     with open_bag(path) as bag:
         actual, requested = map(Track, choose_topics(bag.path, bag.topics, options))
         notes = [f"actual from {actual.topic}, requested from {requested.topic}"]
@@ -203,20 +181,20 @@ def _recording(path: Path | str, options: LogOptions) -> Recording:
         else:
             _gather(bag, {actual_angles: actual})
             notes += _gather(bag, {requested_angles: requested}, actual.joints, options.joint)
-    if not set(actual.joints) & set(requested.joints):
+    if not _on_both(actual, requested):
         raise InvalidFile(
             bag.path,
             f"no joint is on both topics: {actual.topic} has {_listed(actual)}, "
             f"{requested.topic} has {_listed(requested)}",
         )
-    stamped = _clocks(actual, requested)
-    words = ["its header" if own else "receipt" for own in stamped]
+    actual.stamped, requested.stamped = _clocks(actual, requested)
+    words = ["its header" if each.stamped else "receipt" for each in (actual, requested)]
     notes.append(
         f"time from {words[0]}"
         if words[0] == words[1]
         else f"time of the actual angles from {words[0]}, of the requested ones from {words[1]}"
     )
-    return Recording(actual, requested, stamped, tuple(notes))
+    return actual, requested, notes
 
 
 def _clocks(actual: Track, requested: Track) -> tuple[bool, bool]:
