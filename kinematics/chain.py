@@ -45,8 +45,8 @@ class Chain:
 
     Every joint's frame is the one before it, moved by the joint's constant placement and then
     turned about the joint's axis; the foot is a point in the last frame. Nothing here is specific
-    to NumPy but the constants: the methods that take cosines and sines use plain operators on
-    columns of three, and so serve numbers, arrays and symbols.
+    to NumPy but the constants: the methods that take the cosine and the sine of each joint's angle,
+    from the base, k numbers, arrays (n,) or symbols, use plain operators on columns of three.
 
     Attributes:
         rotations: Constant rotations of the joints' frames, shape (k, 3, 3).
@@ -84,30 +84,14 @@ class Chain:
         return float(np.sum(steps) + np.linalg.norm(self.tip))
 
     def foot(self, cosines: Iterable[Any], sines: Iterable[Any]) -> Any:
-        """The foot in the base frame.
-
-        Args:
-            cosines: Cosine of each joint's angle, from the base: k numbers, arrays (n,) or symbols.
-            sines: Sine of each, likewise.
-
-        Returns:
-            Position [m]: (3, n) for arrays, a column of three for numbers and symbols.
-        """
+        """The foot in the base frame [m]: (3, n) for arrays, a column of three otherwise."""
         point: Any = self.tip[:, None]
         for link, cosine, sine in reversed(list(zip(self.links, cosines, sines, strict=True))):
             point = link.origin + _turned(link, point, cosine, sine)
         return point
 
     def joints_and_foot(self, cosines: Iterable[Any], sines: Iterable[Any]) -> list[Any]:
-        """The origin of each joint in the base frame and, last, the foot.
-
-        Args:
-            cosines: Cosine of each joint's angle, from the base: k arrays (n,).
-            sines: Sine of each, likewise.
-
-        Returns:
-            k + 1 positions [m], (3, 1) or (3, n).
-        """
+        """The origin of each joint in the base frame and, last, the foot [m]: (3, 1) or (3, n)."""
         points: list[Any] = [self.tip[:, None]]
         for link, cosine, sine in reversed(list(zip(self.links, cosines, sines, strict=True))):
             moved = [link.origin + _turned(link, point, cosine, sine) for point in points]
@@ -117,15 +101,7 @@ class Chain:
     def foot_and_jacobian(
         self, cosines: Iterable[Any], sines: Iterable[Any]
     ) -> tuple[Any, list[Any]]:
-        """The foot in the base frame, and its derivative with respect to each angle.
-
-        Args:
-            cosines: Cosine of each joint's angle, from the base: k numbers, arrays (n,) or symbols.
-            sines: Sine of each, likewise.
-
-        Returns:
-            Position [m] as from :meth:`foot`, and k derivatives [m/rad] of its shape.
-        """
+        """The foot as from :meth:`foot`, and its k derivatives by the angles [m/rad], alike."""
         point: Any = self.tip[:, None]
         columns: list[Any] = []
         for link, cosine, sine in reversed(list(zip(self.links, cosines, sines, strict=True))):
@@ -147,15 +123,7 @@ class Chain:
         return np.ascontiguousarray(np.stack(columns).transpose(2, 1, 0))
 
     def turned_axes(self, cosines: Iterable[Any], sines: Iterable[Any]) -> list[Any]:
-        """Unit axis of each joint in the base frame.
-
-        Args:
-            cosines: Cosine of each joint's angle, from the base: k numbers, arrays (n,) or symbols.
-            sines: Sine of each, likewise.
-
-        Returns:
-            k directions: (3, 1) or (3, n) for arrays, columns of three for numbers and symbols.
-        """
+        """Unit axis of each joint in the base frame, k directions like :meth:`foot`."""
         axes: list[Any] = []
         for link, axis, cosine, sine in reversed(
             list(zip(self.links, self.axes, cosines, sines, strict=True))

@@ -75,25 +75,10 @@ def solve_inverse(
     unreachable: Unreachable = "raise",
     near: Array | None = None,
 ) -> InverseSolution:
-    """Joint angles that put the foot at each point of a path; see :meth:`kinematics.Leg.inverse`.
+    """Joint angles that put the foot at each point of a path [m], (n, 3): ``Leg.inverse``.
 
-    Args:
-        chain: The leg, with three joints at most.
-        limits: Its joint limits.
-        closed_form: Its closed form, or None to search numerically.
-        foot: Points in the base frame [m], finite, shape (n, 3).
-        names: Names of the joints, for messages.
-        unreachable: What to do with points out of reach.
-        near: A pose near which to start [rad], shape (k,); by default deep inside the limits.
-
-    Returns:
-        The angles, each judged by the chain's forward kinematics.
-
-    Raises:
-        UnreachableFoot: Some points are out of reach, and ``unreachable`` is "raise".
-        UnsupportedLeg: The leg has more than three joints, or no closed form to clamp, or a joint
-            that never moves the foot.
-        InvalidInput: ``unreachable`` is none of the three.
+    Without a closed form poses are sought numerically. Each is judged by the chain's forward
+    kinematics.
     """
     _check(chain, closed_form, unreachable)
     check_joints(chain, names)
