@@ -1,35 +1,86 @@
-"""The cross-check: closed form, our own optimiser and CasADi's, each compared with the others."""
+"""The cross-check: closed form, our optimiser and CasADi's, each compared with the others.
+
+Plans of a joint are compared by its angles, those of a leg by the positions of its foot.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
 import numpy.typing as npt
 
 from kinematics.leg import Leg
-from planner.evaluation.checks import Check
-from planner.evaluation.comparison import (
-    SECOND,
-    FootComparison,
-    JointComparison,
-    compare_joint,
-    judge_foot,
-    planned_methods,
+from planner.evaluation.checks import (
+    ABOVE,
+    AGREEMENT,
+    AS_GOOD,
+    FOLLOWED,
+    FOOT_ABOVE_BOUND,
+    FOOT_NO_WORSE,
+    INSIDE,
+    NO_WORSE,
+    SOLVED,
+    SOLVES,
+    STATED,
+    WITHIN_LIMITS,
+    Answer,
+    Check,
+    answer_checks,
+    beyond_limits,
+    bound_checks,
+    check,
+    kept_within,
+    no_worse_checks,
+    second_answer,
 )
 from planner.exceptions import InvalidInput, SolverFailed, about
+from planner.model.evidence import ENCODER_STEP
 from planner.model.joint import JointModel
 from planner.planning.arguments import Norm, checked_leg
-from planner.planning.bounds.reachable_set import LEVELS, Level
+from planner.planning.bounds.certify import Certificate, certified
+from planner.planning.bounds.cvxpy_statement import stated_bound
+from planner.planning.bounds.reachable_set import LEVELS, BoundProblem, Level
 from planner.planning.closed_form import closed_forms
 from planner.planning.inversion import invert_foot, planned
 from planner.planning.line_inverse import RULES, check_rule
-from planner.planning.result import Inversion
+from planner.planning.plan import Plan
+from planner.planning.result import FootInversion, Inversion
+from planner.planning.search import known_errors
 from planner.planning.task import Task
-from planner.trajectory import as_rows
+from planner.trajectory import (
+    Array,
+    Distance,
+    angle_distance,
+    as_rows,
+    error_norm,
+    relative_gap,
+    rms,
+)
 from planner.validation import check_choice, shown
+
+METHODS: Mapping[str, str] = {
+    "closed_form_paper": "closed form, paper's rule",
+    "closed_form_exact": "closed form, exact rule",
+    "optimal": "optimised",
+    "optimal_ipopt": "optimised by IPOPT",
+    "foot_optimal": "optimised for the foot",
+}
+"""The compared plans: label by key."""
+
+CLOSED_FORMS = ("closed_form_paper", "closed_form_exact")
+"""The plans that ignore limits."""
+
+SECOND = "optimal_ipopt"
+"""The plan of CasADi's solver, a second opinion on the optimised one."""
+
+FOOT = "foot"
+"""Subject of checks of all joints together."""
+
 
 Limits = tuple[npt.ArrayLike, npt.ArrayLike]
 
@@ -214,3 +265,300 @@ def _plans(task: Task, segments: int | None) -> dict[str, Inversion]:
     with suppress(SolverFailed):
         plans[SECOND] = planned(task, solver="ipopt")
     return {method: Inversion(plan) for method, plan in plans.items()}
+
+
+@dataclass(frozen=True, eq=False)
+class JointComparison:
+    """The plans for one joint, side by side.
+
+    Attributes:
+        name: The joint.
+        plans: Plan by method; all share the model and the desired angles.
+        certificates: Bounds on the error of any plan in the plans' norm, by level proved.
+        answers: Results of an independent simulation, by method.
+        checks: Every claim about these plans, with its tolerance.
+    """
+
+    name: str
+    plans: Mapping[str, Inversion]
+    certificates: Mapping[Level, Certificate]
+    answers: Mapping[str, Answer]
+    checks: tuple[Check, ...]
+
+    @property
+    def model(self) -> JointModel:
+        """The joint's model."""
+        return self.plans["optimal"].model
+
+    @property
+    def desired(self) -> Array:
+        """The desired angles [rad], shape (n,)."""
+        return self.plans["optimal"].desired
+
+    @property
+    def bounds(self) -> dict[Level, float]:
+        """Lower bounds on the error in the plans' norm, by level [rad]."""
+        return {level: proof.bound for level, proof in self.certificates.items()}
+
+    @property
+    def bound(self) -> float:
+        """The sharpest bound [rad]."""
+        return max(self.bounds.values())
+
+    def gap(self, method: str) -> float:
+        """Relative distance of a plan from the sharpest bound; inf where only that is zero."""
+        return relative_gap(self.plans[method].error, self.bound)
+
+    def difference(self, method: str) -> Array:
+        """A plan's requests less the optimised ones [rad], shape (n,)."""
+        return self.plans[method].requests - self.plans["optimal"].requests
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values for JSON, angles in degrees."""
+        limits = self.plans["optimal"].limits
+        return {
+            "model": self.model.parameters(),
+            "limits_deg": limits and [_finite(math.degrees(limit)) for limit in limits],
+            "desired_deg": np.degrees(self.desired).tolist(),
+            "lower_bound_deg": math.degrees(self.bound),
+            "bounds_deg": {level: math.degrees(each) for level, each in self.bounds.items()},
+            "solver_gaps": {
+                level: _finite(proof.solver_gap) for level, proof in self.certificates.items()
+            },
+            "methods": {method: self._plan(method) for method in self.plans},
+        }
+
+    def _plan(self, method: str) -> dict[str, Any]:
+        plan, answer = self.plans[method], self.answers[method]
+        apart = self.difference(method)
+        return {
+            "rms_deg": math.degrees(plan.rms),
+            "max_deg": math.degrees(plan.max_error),
+            "expected_rms_deg": _finite(math.degrees(plan.expected.error)),
+            "untested": list(plan.expected.untested),
+            "gap": _finite(self.gap(method)),
+            "request_difference_rms_deg": math.degrees(rms(apart)),
+            "largest_request_difference_deg": math.degrees(float(np.max(np.abs(apart)))),
+            "largest_step_deg": math.degrees(plan.largest_step),
+            "beyond_desired_deg": math.degrees(plan.excess),
+            "agreement_rad": answer.agreement,
+            "other_cycle_deg": math.degrees(answer.elsewhere),
+            "requests_deg": np.degrees(plan.requests).tolist(),
+            "predicted_deg": np.degrees(plan.predicted).tolist(),
+        }
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def compare_joint(
+    name: str,
+    plans: Mapping[str, Inversion],
+    *,
+    levels: Sequence[Level] = LEVELS[:2],
+    failed: Sequence[str] = (),
+) -> JointComparison:
+    """Compare plans for one joint, from any method, and check them.
+
+    Args:
+        name: The joint.
+        plans: A plan for each method of one joint, all for the same desired angles.
+        levels: The bounds to compute; of a joint with friction or inertia those that hold.
+        failed: Methods that found no plan.
+    """
+    optimal = plans["optimal"]
+    problem = BoundProblem(
+        optimal.model, optimal.desired, optimal.cyclic, optimal.norm, optimal.start, optimal.load
+    )
+    proved = (certified(problem, level) for level in levels)
+    certificates = {proof.level: proof for proof in proved}
+    bounds = {level: proof.bound for level, proof in certificates.items()}
+    answers = {method: second_answer(plan.plan, plan.column) for method, plan in plans.items()}
+    closed_forms = {method: plan for method, plan in plans.items() if method in CLOSED_FORMS}
+    checks: list[Check] = []
+    for method, answer in answers.items():
+        checks += answer_checks(name, METHODS[method], answer, cyclic=optimal.cyclic)
+    rivals, known_error = {}, _known_error(_unsmoothed(optimal.plan))
+    for method, plan in closed_forms.items():
+        clipped = kept_within(plan, optimal.limits)
+        if clipped is not None:
+            rivals[METHODS[method]] = math.hypot(clipped.error, known_error)
+    robot_error = _robot_error(optimal.plan, optimal.error)
+    checks += no_worse_checks(name, METHODS["optimal"], robot_error, rivals, NO_WORSE)
+    errors = {METHODS[method]: plan.error for method, plan in plans.items()}
+    checks += bound_checks(name, bounds, errors)
+    for level in bounds:
+        if level != "exact":
+            apart = bounds[level] - stated_bound(problem, level)
+            # With a sag by the pose the statement has fewer conditions.
+            apart = max(-apart, 0.0) if problem.model.most_pose_sag else abs(apart)
+            checks.append(check(name, "", f"{level} bound agrees with CVXPY's", apart, STATED))
+    checks += [check(name, METHODS[method], SOLVED, 1.0, SOLVES) for method in failed]
+    if SECOND in plans:
+        excess = robot_error - math.hypot(plans[SECOND].error, known_error)
+        relative = 0.0 if excess <= FOLLOWED else excess / robot_error
+        checks += [
+            check(name, METHODS[SECOND], SOLVED, 0.0, SOLVES),
+            check(name, METHODS["optimal"], "as good as IPOPT's", relative, AS_GOOD),
+        ]
+    if optimal.limits is not None:
+        for method, plan in plans.items():
+            if method not in CLOSED_FORMS:
+                excess = beyond_limits(plan.requests, optimal.limits)
+                checks.append(check(name, METHODS[method], INSIDE, excess, WITHIN_LIMITS))
+    return JointComparison(
+        name=name,
+        plans=plans,
+        certificates=certificates,
+        answers=answers,
+        checks=tuple(checks),
+    )
+
+
+def planned_methods(joints: Sequence[JointComparison]) -> list[str]:
+    """The methods by which every joint is planned."""
+    return [method for method in METHODS if all(method in joint.plans for joint in joints)]
+
+
+@dataclass(frozen=True, eq=False)
+class FootComparison:
+    """The plans for a leg, by where they bring its foot.
+
+    Attributes:
+        plans: Plan by method, one more than for a joint; all judged by the foot.
+        checks: Every claim about the foot, with its tolerance.
+    """
+
+    plans: Mapping[str, Plan]
+    checks: tuple[Check, ...]
+
+    @property
+    def best(self) -> Plan:
+        """The plan for all joints at once."""
+        return self.plans["foot_optimal"]
+
+    @property
+    def desired(self) -> Array:
+        """Where the desired angles bring the foot [m], shape (n, 3)."""
+        return self.best.task.desired_foot
+
+    @property
+    def norm(self) -> Norm:
+        """The error that the plan for the foot minimises, and that the bound is about."""
+        return self.best.task.norm
+
+    @property
+    def bound(self) -> float | None:
+        """Lower bound on the foot's error for requests within the limits [m].
+
+        None where a path is too long for it.
+        """
+        return self.best.foot_bound
+
+    @property
+    def differences(self) -> dict[str, Distance]:
+        """How far each method's requests are from those for the foot, all joints [rad]."""
+        best = self.best.requests.ravel()
+        return {
+            method: angle_distance(plan.requests.ravel(), best)
+            for method, plan in self.plans.items()
+        }
+
+    def gap(self, method: str) -> float | None:
+        """Relative distance of a plan from the bound; None without a bound that applies to it.
+
+        It is about requests within the limits that, from rest, set out from the same pose.
+        """
+        plan, task = self.plans[method], self.best.task
+        beyond = beyond_limits(plan.requests, (task.lower, task.upper))
+        if not self.bound or beyond > WITHIN_LIMITS.value:
+            return None
+        began = self.best.requests[0]
+        if not task.cyclic and np.any(np.abs(plan.requests[0] - began) > AGREEMENT.value):
+            return None
+        return relative_gap(error_norm(plan.distances, self.norm), self.bound)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values for JSON, lengths in centimetres and angles in degrees."""
+        differences = self.differences
+        return {
+            "desired_cm": (100.0 * self.desired).tolist(),
+            "requests_deg": np.degrees(self.best.requests).tolist(),
+            "norm": self.norm,
+            "lower_bound_cm": None if self.bound is None else 100.0 * self.bound,
+            "methods": {
+                method: {
+                    "gap": self.gap(method),
+                    "rms_cm": 100.0 * float(plan.rms[0]),
+                    "max_cm": 100.0 * float(plan.max_error[0]),
+                    "request_difference_rms_deg": math.degrees(differences[method].rms),
+                    "largest_request_difference_deg": math.degrees(differences[method].max),
+                    "positions_cm": (100.0 * plan.foot).tolist(),
+                }
+                for method, plan in self.plans.items()
+            },
+        }
+
+
+def judge_foot(joints: Sequence[JointComparison], together: FootInversion) -> FootComparison:
+    """Compare a plan for the foot with plans for its joints, from any method."""
+    best, norm, label = together.plan, together.norm, METHODS["foot_optimal"]
+    plans, checks = {}, []
+    for column, joint in enumerate(joints):
+        answer = second_answer(best, column)
+        checks += answer_checks(joint.name, label, answer, cyclic=best.cyclic)
+    excess = beyond_limits(best.requests, together.limits)
+    checks.append(check(FOOT, label, INSIDE, excess, WITHIN_LIMITS))
+    error = error_norm(best.distances, norm)
+    if best.foot_bound is not None:
+        checks.append(check(FOOT, label, ABOVE, best.foot_bound - error, FOOT_ABOVE_BOUND))
+    rivals, known_error = {}, _known_error(_unsmoothed(best))
+    for method in planned_methods(joints):
+        single = [joint.plans[method] for joint in joints]
+        plans[method] = _foot_plan(best, single)
+        clipped = [
+            kept_within(plan, (low, high))
+            for plan, low, high in zip(single, *together.limits, strict=True)
+        ]
+        usable = [plan for plan in clipped if plan is not None]
+        if len(usable) == len(joints):
+            rival_error = error_norm(_foot_plan(best, usable).distances, norm)
+            rivals[METHODS[method]] = math.hypot(rival_error, known_error)
+    checks += no_worse_checks(FOOT, label, _robot_error(best, error), rivals, FOOT_NO_WORSE)
+    return FootComparison({**plans, "foot_optimal": best}, tuple(checks))
+
+
+def _foot_plan(together: Plan, plans: Sequence[Inversion]) -> Plan:
+    """Plans of the joints, one by one, judged by where they bring the foot, all axes alike."""
+    start = None if together.cyclic else np.array([plan.start for plan in plans])
+    task = replace(together.task, start=start, weights=np.ones(3))
+    requests = np.column_stack([plan.requests for plan in plans])
+    return replace(together, task=task, requests=requests)
+
+
+def _unsmoothed(plan: Plan) -> Plan:
+    """The best plan, whose known error counts in (12b) of ``docs/math.md``, or one with the same.
+
+    Other plans are judged with that error too: the search minimises the plan's own.
+    """
+    best = plan.task.unsmoothed
+    evidence = [model.evidence for model in plan.models]
+    if best is plan.task or not any(each and each.depends_on_motion for each in evidence):
+        return plan
+    return planned(best)
+
+
+def _known_error(plan: Plan) -> float:
+    """Error of the plan due to the models' known errors for its motion [unit], (12b)."""
+    known = known_errors(plan.models, plan.predicted, cyclic=plan.cyclic)
+    return plan.task.error_made_by(known, plan.predicted)
+
+
+def _robot_error(plan: Plan, error: float) -> float:
+    """The error that a robot may show, (12b); 0 for one that no encoder sees, if many plans do."""
+    many = plan.task.goal == "foot" or any(model.dead_band for model in plan.models)
+    unseen = np.full(len(plan.models), ENCODER_STEP)
+    if many and error <= plan.task.error_made_by(unseen, plan.predicted):
+        return 0.0
+    return math.hypot(error, _known_error(plan))

@@ -413,7 +413,6 @@ def _date(cell: str) -> datetime | None:
         return None
 
 
-_WORDS = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+")
 _SET_POINT = re.compile("set[ _.-]?point", re.IGNORECASE)
 _SEPARATORS = "_.-/: "
 
@@ -438,7 +437,7 @@ def meaning(column: str) -> tuple[str, str] | None:
     The role is requested, actual, or position, which is an actual angle if no column says so.
     """
     stem = _SET_POINT.sub("setpoint", split_name(column, ANGLE_NAMES)[0])
-    spans = [word.span() for word in _WORDS.finditer(stem)]
+    spans = [word.span() for word in _WORD.finditer(stem)]
     words = [stem[start:end].lower() for start, end in spans]
     if "current" in words and PLAIN & set(words):  # the present position, and no ampere
         words = ["present" if word == "current" else word for word in words]

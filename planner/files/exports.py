@@ -239,22 +239,17 @@ def check_times(schedule: Schedule, lead: float) -> None:
 def write_trajectory_yaml(path: Path | str, message: Mapping[str, Any]) -> None:
     """Write the message of :func:`joint_trajectory` to a file, or to standard output for ``-``.
 
+    By PyYAML, with which ROS reads it. Names such as ``on``, which YAML 1.1 would read as other
+    types, are quoted.
+
     Raises:
         MissingExtra: PyYAML is not installed.
         InvalidFile: The file cannot be written.
     """
-    write_text(path, trajectory_yaml(message))
-
-
-def trajectory_yaml(message: Mapping[str, Any]) -> str:
-    """The message's text, by PyYAML, with which ROS reads it.
-
-    Names such as ``on``, which YAML 1.1 would read as other types, are quoted.
-    """
     with importing("a trajectory as YAML", "yaml"):
         import yaml
     dumper = getattr(yaml, "CSafeDumper", yaml.SafeDumper)  # in C where there is one
-    text: str = yaml.dump(
+    text = yaml.dump(
         dict(message),
         Dumper=dumper,
         default_flow_style=None,  # a line for a row of numbers
@@ -262,7 +257,7 @@ def trajectory_yaml(message: Mapping[str, Any]) -> str:
         allow_unicode=True,
         width=10**6,
     )
-    return text
+    write_text(path, text)
 
 
 def write_bag(

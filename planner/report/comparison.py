@@ -13,8 +13,7 @@ from markupsafe import Markup
 from kinematics.leg import Leg
 from planner._version import __version__
 from planner.evaluation.checks import AGREES, beyond_limits
-from planner.evaluation.comparison import SECOND, FootComparison, JointComparison
-from planner.evaluation.cross_check import CrossCheck
+from planner.evaluation.cross_check import SECOND, CrossCheck, FootComparison, JointComparison
 from planner.report import figure
 from planner.report.comparison_tables import (
     SHOWN,

@@ -8,8 +8,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from planner.evaluation.checks import Check
-from planner.evaluation.comparison import METHODS, FootComparison, JointComparison
-from planner.evaluation.cross_check import CrossCheck
+from planner.evaluation.cross_check import METHODS, CrossCheck, FootComparison, JointComparison
 from planner.model.evidence import untested_words
 from planner.report.table import NOTHING, Column, Row, Table, number, percent
 from planner.trajectory import index_of_largest

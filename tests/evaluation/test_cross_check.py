@@ -23,8 +23,7 @@ from planner.evaluation.checks import (
     bound_checks,
     second_answer,
 )
-from planner.evaluation.comparison import METHODS, SECOND, compare_joint, judge_foot
-from planner.evaluation.cross_check import cross_check
+from planner.evaluation.cross_check import METHODS, SECOND, compare_joint, cross_check, judge_foot
 from planner.exceptions import (
     InvalidInput,
     NoSteadyCycle,

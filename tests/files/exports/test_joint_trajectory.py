@@ -13,7 +13,6 @@ from planner.files.exports import (
     TOPIC,
     TYPE,
     joint_trajectory,
-    trajectory_yaml,
     write_bag,
     write_trajectory_yaml,
 )
@@ -93,11 +92,12 @@ def test_yaml_is_read_back_by_the_parser_of_ros(schedule, tmp_path):
     assert "  time_from_start: {sec: 0, nanosec: 8000000}" in lines
 
 
-def test_small_numbers_stay_numbers_in_yaml():
+def test_small_numbers_stay_numbers_in_yaml(tmp_path):
     yaml = pytest.importorskip("yaml", reason="needs the extra yaml")
     rows = np.array([[1e-7], [-3e-12], [-1e-14], [-1e-14]])
     tiny = joint_trajectory(Schedule(("knee",), rows, 0.1), velocities=True)
-    text = trajectory_yaml(tiny)
+    write_trajectory_yaml(tmp_path / "tiny.yaml", tiny)
+    text = (tmp_path / "tiny.yaml").read_text()
     assert yaml.safe_load(text) == tiny
     assert "-0.0]" not in text
 
