@@ -14,9 +14,15 @@ import numpy as np
 import numpy.typing as npt
 
 from kinematics.chain import Array, Chain, Indices, Limits, read_only
-from kinematics.closed_form import ClosedForm, find_closed_form
 from kinematics.exceptions import InvalidInput, UnsupportedLeg
-from kinematics.inverse import InverseSolution, Unreachable, jumps, solve_inverse
+from kinematics.inverse import (
+    ClosedForm,
+    InverseSolution,
+    Unreachable,
+    find_closed_form,
+    jumps,
+    solve_inverse,
+)
 from kinematics.robot import (
     TO_LIMIT,
     Robot,
