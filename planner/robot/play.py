@@ -9,16 +9,18 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from itertools import chain, count, pairwise
 from statistics import median
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from planner.exceptions import InvalidInput
-from planner.planning.streaming.stream import Stream
 from planner.robot.schedule import MOST_ROWS, check_cycles, check_period
 from planner.trajectory import Array, as_rows
 from planner.validation import as_positive, shown
+
+if TYPE_CHECKING:
+    from planner.planning.streaming.stream import Stream
 
 Send = Callable[[Array], Any]
 """Sends one row of requests [rad], shape (k,), to the joints."""
