@@ -25,7 +25,6 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from planner.approximation.ideal import ideal_of
 from planner.approximation.problem import (
     Candidate,
     Problem,
@@ -33,7 +32,7 @@ from planner.approximation.problem import (
     residuals,
     segment_allowed,
 )
-from planner.approximation.values import best_values
+from planner.approximation.values import best_values, ideal_of
 from planner.exceptions import SolverFailed
 from planner.trajectory import Array
 

@@ -26,7 +26,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planner.approximation.ideal import envelope_below
+from planner.approximation.values import envelope_below
 from planner.trajectory import Array
 
 

@@ -31,7 +31,6 @@ import numpy.typing as npt
 
 from planner.approximation.curve import PiecewiseLinear
 from planner.approximation.exact import MOST_SAMPLES, proved_best
-from planner.approximation.ideal import slope_bounded
 from planner.approximation.largest_error import within_largest_error
 from planner.approximation.problem import (
     BARELY,
@@ -53,7 +52,7 @@ from planner.approximation.problem import (
     with_pins,
 )
 from planner.approximation.search import KnotSearch, automatic, within_rms
-from planner.approximation.values import solve_values, within_slopes
+from planner.approximation.values import slope_bounded, solve_values, within_slopes
 from planner.exceptions import Infeasible, InvalidInput, SolverFailed, angle_text
 from planner.trajectory import Array, as_trajectory
 from planner.validation import Summarised, Summary, as_flag

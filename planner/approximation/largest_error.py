@@ -18,7 +18,6 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.approximation.fewest import Course, Gates, fewest_links, fewest_links_around
-from planner.approximation.ideal import attainable_error
 from planner.approximation.problem import (
     BARELY,
     SHORTEST,
@@ -29,7 +28,7 @@ from planner.approximation.problem import (
     fixed_variables,
     residuals,
 )
-from planner.approximation.values import ValuesQP, polished, run_osqp
+from planner.approximation.values import ValuesQP, attainable_error, polished, run_osqp
 from planner.exceptions import Infeasible, angle_text
 from planner.trajectory import Array, Mask
 

@@ -18,7 +18,6 @@ from functools import cached_property
 import numpy as np
 
 from planner.approximation.curve import PiecewiseLinear
-from planner.approximation.ideal import ideal_of
 from planner.approximation.problem import (
     BARELY,
     EQUAL,
@@ -42,6 +41,7 @@ from planner.approximation.values import (
     best_values,
     descend,
     descend_by_windows,
+    ideal_of,
     solve_values,
     within_slopes,
 )

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planner.approximation.ideal import slope_bounded
+from planner.approximation.values import slope_bounded
 from planner.exceptions import SolverFailed, about, angle_text
 from planner.model.evidence import ENCODER_STEP, Evidence
 from planner.model.joint import JointModel, request_ages

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from planner.approximation.fit import choices, fit_pwl
-from planner.approximation.ideal import attainable_error
+from planner.approximation.values import attainable_error
 from planner.exceptions import Infeasible, InvalidInput
 from planner.model.joint import JointModel
 from planner.planning.bounds.certify import lower_bound

@@ -6,7 +6,7 @@ import cvxpy as cp
 import numpy as np
 import pytest
 
-from planner.approximation.ideal import attainable_error, envelopes, slope_bounded
+from planner.approximation.values import attainable_error, envelopes, slope_bounded
 from tests.approximation.samples import KINDS, samples_of
 
 SOLVED = 1e-6
