@@ -60,6 +60,9 @@ class Layout:
     robot_type: str | None = None
 
 
+Figures = dict[str, Any]
+"""Figures of a column by name, each of all of its numbers, shape (k,), and its number of rows."""
+
 AddEpisode = Callable[[Mapping[str, Array], str], None]
 """Takes the rows of an episode by feature, shape (n, k), and its task."""
 
@@ -129,7 +132,7 @@ class _Writer:
         self._folder, self._layout, self._stack = folder, layout, stack
         self._tasks: dict[str, int] = {}
         self._rows = self._episodes = 0
-        self._statistics: dict[str, Statistics] = {}
+        self._statistics: dict[str, Figures] = {}
         self._data: Any = None
         self._file, self._rows_of_file = -1, 0
         self._about: list[dict[str, Any]] = []
@@ -147,7 +150,7 @@ class _Writer:
             self._file, self._rows_of_file = self._file + 1, 0
             self._data = self._writer("data", self._file, data.schema)
         self._data.write_table(data)
-        statistics = {name: Statistics.of(column) for name, column in columns.items()}
+        statistics = {name: _statistics_of(column) for name, column in columns.items()}
         chunk, file = divmod(self._file, CHUNK_FILES)
         self._about.append(
             {
@@ -161,7 +164,7 @@ class _Writer:
                 **{
                     f"stats/{name}/{figure}": numbers
                     for name, each in statistics.items()
-                    for figure, numbers in each.to_dict().items()
+                    for figure, numbers in _as_lists(each).items()
                 },
                 "meta/episodes/chunk_index": 0,
                 "meta/episodes/file_index": 0,
@@ -169,7 +172,7 @@ class _Writer:
         )
         for name, each in statistics.items():
             total = self._statistics.get(name)
-            self._statistics[name] = each if total is None else total.with_more(each)
+            self._statistics[name] = each if total is None else _of_both(total, each)
         self._rows += len(data)
         self._rows_of_file += len(data)
         self._episodes += 1
@@ -197,7 +200,7 @@ class _Writer:
         tasks = pa.table({"task_index": [*self._tasks.values()], "task": [*self._tasks]})
         with (self._folder / "meta/tasks.parquet").open("wb") as stream:
             parquet.write_table(tasks.replace_schema_metadata(_INDEXED_BY_TASK), stream)
-        statistics = {name: each.to_dict() for name, each in self._statistics.items()}
+        statistics = {name: _as_lists(each) for name, each in self._statistics.items()}
         for name, content in {"info": self._info(), "stats": statistics}.items():
             text = json.dumps(content, indent=4) + "\n"
             write_text(self._folder / "meta" / f"{name}.json", text)
@@ -253,60 +256,43 @@ class _Writer:
         }
 
 
-@dataclass(frozen=True, eq=False)
-class Statistics:
-    """Figures of a column, of each of its numbers, shape (k,).
+def _statistics_of(column: Any) -> Figures:
+    """The figures of a column, shape (n,) or (n, k)."""
+    values = column.reshape(len(column), -1).astype(np.float64)
+    quantiles = np.quantile(values, [*QUANTILES.values()], axis=0)
+    return {
+        "min": values.min(axis=0),
+        "max": values.max(axis=0),
+        "mean": values.mean(axis=0),
+        "variance": values.var(axis=0),
+        **dict(zip(QUANTILES, quantiles, strict=True)),
+        "count": len(values),
+    }
 
-    Attributes:
-        least: The smallest.
-        most: The largest.
-        mean: The mean.
-        variance: The mean of the squared distances from it.
-        quantiles: The quantiles :data:`QUANTILES`, shape (5, k); of several columns their mean,
-            weighted by rows, as in LeRobot.
-        count: Rows.
+
+def _of_both(first: Figures, more: Figures) -> Figures:
+    """The figures of two columns, one after the other: the parallel-axis theorem.
+
+    A quantile is the mean of theirs, weighted by rows, as in LeRobot.
     """
+    count = first["count"] + more["count"]
+    share, apart = more["count"] / count, more["mean"] - first["mean"]
+    variance = (1.0 - share) * first["variance"] + share * more["variance"]
+    return {
+        "min": np.minimum(first["min"], more["min"]),
+        "max": np.maximum(first["max"], more["max"]),
+        "mean": first["mean"] + share * apart,
+        "variance": variance + share * (1.0 - share) * apart**2,
+        **{name: (1.0 - share) * first[name] + share * more[name] for name in QUANTILES},
+        "count": count,
+    }
 
-    least: Array
-    most: Array
-    mean: Array
-    variance: Array
-    quantiles: Array
-    count: int
 
-    @classmethod
-    def of(cls, column: Any) -> Statistics:
-        """The figures of a column, shape (n,) or (n, k)."""
-        values = column.reshape(len(column), -1).astype(np.float64)
-        least, most, mean = values.min(axis=0), values.max(axis=0), values.mean(axis=0)
-        quantiles = np.quantile(values, [*QUANTILES.values()], axis=0)
-        return cls(least, most, mean, values.var(axis=0), quantiles, len(values))
-
-    def with_more(self, more: Statistics) -> Statistics:
-        """The figures of both columns, one after the other: the parallel-axis theorem."""
-        count = self.count + more.count
-        share, apart = more.count / count, more.mean - self.mean
-        return Statistics(
-            np.minimum(self.least, more.least),
-            np.maximum(self.most, more.most),
-            self.mean + share * apart,
-            (1.0 - share) * self.variance
-            + share * more.variance
-            + share * (1.0 - share) * apart**2,
-            (1.0 - share) * self.quantiles + share * more.quantiles,
-            count,
-        )
-
-    def to_dict(self) -> dict[str, list[float]]:
-        """The figures as LeRobot calls them."""
-        return {
-            "min": self.least.tolist(),
-            "max": self.most.tolist(),
-            "mean": self.mean.tolist(),
-            "std": np.sqrt(self.variance).tolist(),
-            **dict(zip(QUANTILES, self.quantiles.tolist(), strict=True)),
-            "count": [self.count],
-        }
+def _as_lists(figures: Figures) -> dict[str, list[float]]:
+    """The figures as LeRobot calls them."""
+    shown = {"std" if name == "variance" else name: each for name, each in figures.items()}
+    shown["std"] = np.sqrt(shown["std"])
+    return {name: np.atleast_1d(each).tolist() for name, each in shown.items()}
 
 
 def _cells(column: Any) -> Any:
