@@ -12,7 +12,7 @@ from planner import LogOptions
 from planner.cli.identify import identify, to_log_options
 from planner.files import columns
 from planner.files.logs import make_log
-from planner.files.logs.bag_file import ACTUAL_TYPES, REQUEST_TYPES
+from planner.files.logs.bag import ACTUAL_TYPES, REQUEST_TYPES
 from planner.trajectory import MOST_TURNS
 
 PAGE = (Path(__file__).parents[3] / "docs" / "logs.md").read_text(encoding="utf-8")
