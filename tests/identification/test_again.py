@@ -20,7 +20,7 @@ WORSE = 1.02
 
 @cache
 def log():
-    requests = excite("combined", limits=(-0.8, 0.8), period=0.02, duration=8.0).requests
+    requests = excite("combined", limits=(-0.8, 0.8), period=0.02, duration=5.0).requests
     return hobby_servo(requests, 0.02)
 
 

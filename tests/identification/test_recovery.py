@@ -60,20 +60,23 @@ def assert_found(model, expected):
 # lags with other acceleration times have the same ratio.
 @pytest.mark.parametrize("model", [AIBO, SERVO, replace(AIBO, lag=0.0, acceleration_time=0.0184)])
 def test_a_log_without_noise_gives_the_model_back(model):
-    found = planner.identify(rich_log(model, amplitude=1.0), hold=model.hold)
+    hold = {} if model is AIBO else {"hold": model.hold}
+    found = planner.identify(rich_log(model, amplitude=1.0), **hold)
+    assert found.model.hold == model.hold
+    assert found.model.tick == pytest.approx(model.tick, rel=0.0 if model is AIBO else EXACT)
     assert_close(found.model, model, EXACT)
     assert found.accepted
     assert found.held_out_rms <= EXACT
 
 
-def test_the_model_keeps_the_logs_period_in_ticks_of_a_millisecond_or_those_that_are_asked_for():
-    for model, hold in ((AIBO, 1), (SERVO, 20)):
-        found = planner.identify(rich_log(model, amplitude=1.0), hold_out=False).model
-        assert found.hold == hold
-        assert math.isclose(found.period, model.period)
-    given = planner.identify(rich_log(SERVO, amplitude=1.0), hold=2, hold_out=False).model
-    assert given.hold == 2
-    assert math.isclose(given.tick, SERVO.period / 2)
+@pytest.mark.parametrize(("options", "hold"), [({}, 20), ({"hold": 2}, 2)])
+def test_the_model_keeps_the_logs_period_in_ticks_of_a_millisecond_or_those_that_are_asked_for(
+    options, hold
+):
+    log = rich_log(SERVO, rows=150, amplitude=1.0)
+    found = planner.identify(log, hold_out=False, **options).model
+    assert found.hold == hold
+    assert math.isclose(found.tick, SERVO.period / hold)
 
 
 @pytest.mark.parametrize("hold", [1, 20])
@@ -116,9 +119,8 @@ def test_a_long_window_has_fewer_ticks_than_a_model_may_have():
     assert abs(found.acceleration_time / 0.6 - 1.0) <= 0.05
 
 
-def test_logs_of_one_clock_give_models_of_one_tick_to_the_last_digit():
+def test_a_tick_that_is_asked_for_is_that_of_the_model_to_the_last_digit():
     log = rich_log(AIBO, rows=150, amplitude=1.0)
-    assert planner.identify(log, hold_out=False).model.tick == AIBO.tick
     assert planner.identify(log, tick=AIBO.tick, hold_out=False).model.tick == AIBO.tick
 
 

@@ -111,9 +111,12 @@ def test_a_top_speed_that_the_trials_do_not_show_stays_as_it_was(size, v_max):
     assert found.v_max == pytest.approx(v_max, rel=0.02)
     assert found.v_max / found.theta_0 == pytest.approx(20.0, rel=0.05)
     assert (found.tick, found.hold) == (KNOWN.tick, KNOWN.hold)
-    rng = np.random.default_rng(1)
-    of_another = replace(log, angles=size * rng.standard_normal(len(log.times)))
-    assert reidentification._identified(KNOWN, [of_another]) is None
+
+
+def test_angles_of_another_joint_give_no_model():
+    angles = 0.3 * np.random.default_rng(1).standard_normal(80)
+    log = reidentification._log(KNOWN, REQUESTS[0][:80], angles, cyclic=True, load=None)
+    assert reidentification._identified(KNOWN, [log]) is None
 
 
 def test_the_joint_whose_model_is_identified_anew_is_named_and_the_trial_kept(monkeypatch):

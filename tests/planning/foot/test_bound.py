@@ -55,7 +55,7 @@ def walk_plan(**options):
 
 @cache
 def short_plan(
-    hold, cyclic, norm, *, weights=(1.0, 1.0, 1.0), samples=16, friction=False, gravity=False
+    hold, cyclic, norm, *, weights=(1.0, 1.0, 1.0), samples=12, friction=False, gravity=False
 ):
     """A short plan for random joints of the Aibo's own leg, asked for too much, not smoothed."""
     rng = np.random.default_rng([hold, cyclic])
@@ -154,7 +154,7 @@ def test_whatever_the_multipliers_nothing_is_proved_that_is_not_so(cyclic, norm)
     plan = short_plan(2, cyclic, norm)
     task = task_of(plan)
     for size in (0.0, 0.01, 0.1, 1.0):
-        shares = rng.uniform(size=16) if norm == "max" else np.ones(16)
+        shares = rng.uniform(size=12) if norm == "max" else np.ones(12)
         guess = Multipliers(
             shares / np.sum(shares), [size * rng.exponential(size=len(s.limits)) for s in task.sets]
         )
