@@ -182,25 +182,22 @@ def test_several_files_are_several_logs_in_their_order(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "above", ["# robot 3\n", "# robot 3, at 50 Hz\n\n  #\n", "sep=,\n# rate, 50\n", "#\r\n"]
+    ("above", "between"),
+    [
+        ("# robot 3\n", ""),
+        ("# robot 3, at 50 Hz\n\n  #\n", "# paused\n"),
+        ("sep=,\n# rate, 50\n", "  # paused, 2 s\n"),
+        ("#\r\n", "#\n"),
+    ],
 )
-def test_lines_above_the_header_that_begin_with_a_hash_are_comments(tmp_path, above):
+def test_lines_that_begin_with_a_hash_are_comments_and_count_as_lines(tmp_path, above, between):
     file = tmp_path / "run.csv"
-    file.write_bytes(f"{above}t_s,req_deg,act_deg\n0,0,0\n1,10,5\n2,20,15\n3,x,0\n".encode())
-    line = above.count("\n") + 5
+    rows = f"t_s,req_deg,act_deg\n{between}0,0,0\n1,10,5\n{between}2,20,15\n3,x,0\n"
+    file.write_bytes(f"{above}{rows}".encode())
+    line = f"{above}{rows}".count("\n")
     with pytest.raises(InvalidFile, match=f"line {line}: column 'req_deg': got 'x'"):
         read_logs(file)
     file.write_bytes(file.read_bytes().replace(b"x", b"30"))
-    assert np.allclose(np.degrees(_read(file).requests), [0.0, 10.0, 20.0, 30.0])
-
-
-@pytest.mark.parametrize("note", ["# paused", "  # paused, 2 s", "#"])
-def test_a_hash_line_between_rows_is_a_comment_and_counts_as_a_line(tmp_path, note):
-    file = tmp_path / "run.csv"
-    file.write_text(f"t_s,req_deg,act_deg\n{note}\n0,0,0\n1,10,5\n{note}\n2,20,15\n3,x,0\n")
-    with pytest.raises(InvalidFile, match="line 7: column 'req_deg': got 'x'"):
-        read_logs(file)
-    file.write_text(file.read_text().replace("x", "30"))
     assert np.allclose(np.degrees(_read(file).requests), [0.0, 10.0, 20.0, 30.0])
 
 
