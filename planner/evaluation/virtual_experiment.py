@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -28,7 +28,7 @@ from planner.identification.result import Identification
 from planner.learning.refine import refine
 from planner.planning.result import FootInversion
 from planner.planning.trials import Learning
-from planner.trajectory import Array, Distance, angle_distance, foot_distance
+from planner.trajectory import Array, Distance, angle_distance
 from planner.virtual.robot import Constants, VirtualRobot
 
 AMPLITUDES = (20.0, 40.0, 70.0)
@@ -66,16 +66,13 @@ class OverCycles(NamedTuple):
     mean: Distance
     deviation: Distance
 
-    def in_units_of(self, unit: float) -> OverCycles:
-        """The same where ``unit`` counts as 1."""
-        return OverCycles(self.mean.in_units_of(unit), self.deviation.in_units_of(unit))
 
-
-def over_cycles(distances: Sequence[Distance]) -> OverCycles:
-    """Mean and standard deviation of the distances of single cycles."""
-    rows = np.array(distances)
+def over_cycles(distances: Iterable[Distance], unit: float) -> OverCycles:
+    """Mean and standard deviation of the distances of single cycles, where ``unit`` counts as 1."""
+    rows = np.array(list(distances))
     deviation = rows.std(axis=0, ddof=1) if len(rows) > 1 else np.zeros(2)
-    return OverCycles(Distance(*map(float, rows.mean(axis=0))), Distance(*map(float, deviation)))
+    mean, spread = (Distance(*map(float, each / unit)) for each in (rows.mean(axis=0), deviation))
+    return OverCycles(mean, spread)
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,23 +131,17 @@ class VirtualOutcome:
     @property
     def foot_table(self) -> dict[str, OverCycles]:
         """Distances of the foot from its desired path by method [cm], by the true angles."""
-        return self._foot_table(lambda run: run.angles)
+        return {method: self._foot_distance(run.angles) for method, run in self.runs.items()}
 
     @property
     def sensed_foot_table(self) -> dict[str, OverCycles]:
         """Distances of the foot by the sensors' readings [cm]."""
-        return self._foot_table(lambda run: run.sensed)
+        return {method: self._foot_distance(run.sensed) for method, run in self.runs.items()}
 
     @property
     def learnt_foot(self) -> list[OverCycles]:
         """Distance of the foot from its desired path in each trial [cm], by the true angles."""
-        walk = self.planned.walk
-        return [
-            over_cycles(
-                [foot_distance(walk.leg.foot_positions(c), walk.desired_foot) for c in run.angles]
-            ).in_units_of(0.01)
-            for run in self.trials
-        ]
+        return [self._foot_distance(run.angles) for run in self.trials]
 
     @cached_property
     def legs(self) -> dict[str, Array]:
@@ -180,30 +171,24 @@ class VirtualOutcome:
         return errors
 
     def _table2(self, read: Callable[[Run], Array]) -> dict[str, dict[str, OverCycles]]:
-        table: dict[str, dict[str, OverCycles]] = {}
-        for j, joint in enumerate(self.planned.joints):
-            table[joint.name] = {
+        return {
+            joint.name: {
                 pair: over_cycles(
-                    [
+                    (
                         angle_distance(cycle, joint.goals.get(pair, joint.desired))
                         for cycle in read(self.runs[method])[:, :, j]
-                    ]
-                ).in_units_of(math.radians(1.0))
+                    ),
+                    math.radians(1.0),
+                )
                 for pair, method in PAIRS.items()
             }
-        return table
-
-    def _foot_table(self, read: Callable[[Run], Array]) -> dict[str, OverCycles]:
-        walk = self.planned.walk
-        return {
-            method: over_cycles(
-                [
-                    foot_distance(walk.leg.foot_positions(cycle), walk.desired_foot)
-                    for cycle in read(run)
-                ]
-            ).in_units_of(0.01)
-            for method, run in self.runs.items()
+            for j, joint in enumerate(self.planned.joints)
         }
+
+    def _foot_distance(self, angles: Array) -> OverCycles:
+        """Distance of the foot from its desired path [cm], for angles (cycles, n, k)."""
+        distance = walk_distance(self.planned.walk)
+        return over_cycles(map(distance, angles), 0.01)
 
 
 def play_experiment(
