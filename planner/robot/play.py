@@ -137,37 +137,9 @@ def play(
     if current is not None and speed is not None:
         way = ramp(current, rows[0], speed=speed, period=period)
     player = Player(send, now, sleep, period)
-    return conduct(
-        player,
-        lambda: player.keep_to_times(timed, start=player.lead(way)),
-        on_stop=on_stop,
-        report=report,
+    return player.run(
+        lambda: player.keep_to_times(timed, start=player.lead(way)), on_stop=on_stop, report=report
     )
-
-
-def conduct(
-    player: Player,
-    run: Callable[[], object],
-    *,
-    on_stop: Callable[[], object] | None,
-    report: Callable[[Playback], object] | None,
-) -> Playback:
-    """Run a player to its end, Ctrl-C or an error, and count its requests: see :func:`play`."""
-    interrupted, failed = False, True
-    try:
-        try:
-            run()
-            failed = False
-        except KeyboardInterrupt:
-            interrupted, failed = True, False
-        finally:
-            if on_stop is not None:
-                on_stop()
-    finally:
-        playback = player.playback(interrupted=interrupted, failed=failed)
-        if report is not None:
-            report(playback)
-    return playback
 
 
 def check_functions(*, optional: bool = False, **functions: object) -> None:
@@ -190,6 +162,39 @@ class Player:
         self._send, self._now, self._sleep, self._period = send, now, sleep, period
         self._sent = self._skipped = self._held = self._overruns = 0
         self._late = self._latest = 0.0
+
+    def run(
+        self,
+        motion: Callable[[], object],
+        *,
+        on_stop: Callable[[], object] | None,
+        report: Callable[[Playback], object] | None,
+    ) -> Playback:
+        """Send a motion to its end, Ctrl-C or an error, and count requests: see :func:`play`."""
+        interrupted, failed = False, True
+        try:
+            try:
+                motion()
+                failed = False
+            except KeyboardInterrupt:
+                interrupted, failed = True, False
+            finally:
+                if on_stop is not None:
+                    on_stop()
+        finally:
+            playback = Playback(
+                sent=self._sent,
+                skipped=self._skipped,
+                held=self._held,
+                overruns=self._overruns,
+                latest=self._latest,
+                mean_lateness=self._late / max(self._sent, 1),
+                interrupted=interrupted,
+                failed=failed,
+            )
+            if report is not None:
+                report(playback)
+        return playback
 
     def lead(self, way: Iterable[Array]) -> float:
         """Send each row a full period after the one before; the time at which the next is due."""
@@ -235,19 +240,6 @@ class Player:
                 self._send_at(due, requests)
             self._overruns += self._now() >= due + self._period
             tick += 1
-
-    def playback(self, *, interrupted: bool, failed: bool) -> Playback:
-        """The counts until now, and the cause of the end."""
-        return Playback(
-            sent=self._sent,
-            skipped=self._skipped,
-            held=self._held,
-            overruns=self._overruns,
-            latest=self._latest,
-            mean_lateness=self._late / max(self._sent, 1),
-            interrupted=interrupted,
-            failed=failed,
-        )
 
     def _send_at(self, due: float, row: Array) -> float:
         """Send a row when it is due, or at once where it is late; the time at which that was."""
@@ -417,7 +409,7 @@ def follow(
         return requests, "held" in stream.status
 
     player = Player(send, now, sleep, stream.period)
-    return conduct(player, lambda: player.keep_in_step(answer), on_stop=on_stop, report=report)
+    return player.run(lambda: player.keep_in_step(answer), on_stop=on_stop, report=report)
 
 
 def _stretches(rows: Array) -> Desired:
