@@ -170,22 +170,6 @@ def _task(file: Path, rows: Rows) -> str:
         return ""
 
 
-def _task_entries(file: Path) -> list[Any]:
-    """The description of each task: lines of JSON up to v2.1, rows of Parquet from v3.0 on."""
-    if file.suffix == ".jsonl":
-        try:
-            return [json.loads(line) for line in read_text(file).splitlines() if line.strip()]
-        except (ValueError, RecursionError) as error:
-            raise InvalidFile(file, "not a line of JSON for each task") from error
-    from pyarrow import ArrowException, parquet
-
-    try:
-        entries: list[Any] = parquet.read_table(file).to_pylist()
-    except (OSError, ArrowException) as error:
-        raise InvalidFile(file, "not a Parquet file") from error
-    return entries
-
-
 def lerobot_joints(path: Path | str, options: LogOptions) -> tuple[str, ...]:
     """Names of the joints that both the action and the observation hold."""
     dataset = find_dataset(Path(path))
@@ -327,13 +311,21 @@ class Dataset:
         return next((f for name in names if (f := self.root / "meta" / name).is_file()), None)
 
     def tasks(self) -> dict[int, str]:
-        """The texts of its tasks by number; empty where their file is unreadable.
+        """The texts of its tasks by number: lines of JSON up to v2.1, rows of Parquet from v3.0 on.
 
-        An episode can be used without the text of its task.
+        Empty where their file is unreadable: an episode can be used without the text of its task.
         """
+        from pyarrow import ArrowException, parquet
+
+        file, entries = self.task_file, list[Any]()
         try:
-            entries = _task_entries(self.task_file) if self.task_file else []
-        except InvalidFile:
+            if file is not None and file.suffix == ".jsonl":
+                entries = [
+                    json.loads(line) for line in read_text(file).splitlines() if line.strip()
+                ]
+            elif file is not None:
+                entries = parquet.read_table(file).to_pylist()
+        except (OSError, ValueError, RecursionError, ArrowException):
             return {}
         words = ("task", "__index_level_0__")
         return {
