@@ -24,7 +24,7 @@ if TYPE_CHECKING:
         SolverFailed,
     )
     from planner.files.joint_model import read_models
-    from planner.files.logs.options import LogOptions
+    from planner.files.logs.make_log import LogOptions
     from planner.files.logs.read import joints_in, read_logs
     from planner.gait.half_ellipse import half_ellipse, reference_walk
     from planner.identification.excitation import step_test
@@ -126,7 +126,7 @@ _HOMES = {
         "SolverFailed",
     ),
     "planner.files.joint_model": ("read_models",),
-    "planner.files.logs.options": ("LogOptions",),
+    "planner.files.logs.make_log": ("LogOptions",),
     "planner.files.logs.read": ("joints_in", "read_logs"),
     "planner.gait.half_ellipse": ("half_ellipse", "reference_walk"),
     "planner.identification.excitation": ("step_test",),

@@ -17,7 +17,7 @@ from planner.files.staging import staged
 from planner.files.text import write_text
 
 if TYPE_CHECKING:
-    from planner.files.logs.options import LogOptions
+    from planner.files.logs.make_log import LogOptions
     from planner.files.results import Task
     from planner.identification.log import Log
     from planner.identification.result import Identification
@@ -154,7 +154,7 @@ def to_log_options(choices: Mapping[str, Any]) -> LogOptions:
     Raises:
         InvalidInput: An option has an invalid value.
     """
-    from planner.files.logs.options import LogOptions
+    from planner.files.logs.make_log import LogOptions
 
     return LogOptions(**{each.name: choices[each.name] for each in fields(LogOptions)})
 

@@ -14,8 +14,15 @@ import numpy.typing as npt
 from planner.exceptions import InvalidFile, InvalidInput, nearest
 from planner.files.columns import scale
 from planner.files.logs.bag_file import CONTROLLER_STATE, LATEST, Bag, open_bag
-from planner.files.logs.make_log import Columns, Source, Switch, make_log
-from planner.files.logs.options import ALL_JOINTS, LogOptions, choose_joints
+from planner.files.logs.make_log import (
+    ALL_JOINTS,
+    Columns,
+    LogOptions,
+    Source,
+    Switch,
+    choose_joints,
+    make_log,
+)
 from planner.identification.log import Log
 from planner.trajectory import Array
 

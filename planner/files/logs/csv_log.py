@@ -24,8 +24,15 @@ from planner.files.columns import (
     time_column,
     torque_columns,
 )
-from planner.files.logs.make_log import Columns, Source, Switch, make_log
-from planner.files.logs.options import ALL_JOINTS, LogOptions, choose_joints
+from planner.files.logs.make_log import (
+    ALL_JOINTS,
+    Columns,
+    LogOptions,
+    Source,
+    Switch,
+    choose_joints,
+    make_log,
+)
 from planner.files.paths import LOAD
 from planner.files.table import Table, read_table
 from planner.identification.log import Log

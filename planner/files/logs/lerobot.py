@@ -14,8 +14,7 @@ import numpy.typing as npt
 
 from planner.exceptions import InvalidFile, InvalidInput, importing, nearest
 from planner.files.columns import Scale
-from planner.files.logs.make_log import Columns, Source, make_log
-from planner.files.logs.options import LogOptions, choose_joints
+from planner.files.logs.make_log import Columns, LogOptions, Source, choose_joints, make_log
 from planner.files.text import read_json, read_text
 from planner.identification.log import Log
 from planner.trajectory import Array

@@ -1,23 +1,31 @@
-"""From columns of numbers to a log, with what every format has to check."""
+"""Logs from columns of numbers: the choices of a user, and what every format has to check."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from planner.exceptions import InvalidFile, InvalidInput
-from planner.files.columns import COUNTS, LARGEST, LEAST_DEG, Scale
+from planner.exceptions import InvalidFile, InvalidInput, nearest
+from planner.files.columns import ANGLE_NAMES, ANGLE_UNITS, COUNTS, LARGEST, LEAST_DEG, Scale, scale
 from planner.identification.log import FASTEST, FEWEST_ROWS, SLOWEST, Log, Written
 from planner.trajectory import Array, not_radians
+from planner.validation import as_positive, shown
 
-Switch = npt.NDArray[np.bool_]
-"""Whether the torque was on, shape (n,)."""
+ALL_JOINTS = "all"
+"""The key of all joints of a log."""
+
+ROLES = ("requested", "actual")
+"""Columns of a joint that may have units of their own."""
+
+MOST_EPISODES = 1_000_000
+"""Most episodes in a range; a longer one is a typing error."""
 
 SLOW_TIME, SLOW_SHARE = 1.0, 0.4
 """Requests are slow if they travel at most this share of their range in this time [s]: the joint
@@ -38,6 +46,143 @@ STRAIGHT = 0.1
 
 MOST_SHARE = 2.0
 """Largest magnitude of a share of the range."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class LogOptions:
+    """Choices that a log may leave open; None leaves one to the log.
+
+    Attributes:
+        joint: The joint to read, or "all".
+        time: CSV: the column of times; ``clock:ms`` says that column ``clock`` is in milliseconds.
+        requested: CSV: the column of requested angles.
+        actual: CSV: the column of actual angles.
+        torque: CSV: the column that says whether the torque is on.
+        unit: The unit of the angles: rad, deg, ticks, us (pulses of a hobby servo), counts (of a
+            sensor whose scale is fitted), turns, range (a share 0..1 of the joint's range), percent
+            (0..100 of it) or range_m100_100 (-100..100). Where joints differ, ``rad,Jaw=range``;
+            where the columns do, ``requested=us,actual=counts``.
+        ticks_per_turn: Steps of the sensor in one turn, for angles in ticks; for pulses the
+            microseconds of a turn, by default 4000.
+        topic: Bags: the topic of actual angles.
+        command_topic: Bags: the topic of requested angles.
+        episodes: LeRobot: the episodes to read, such as ``0-3,7``.
+    """
+
+    joint: str | None = None
+    time: str | None = None
+    requested: str | None = None
+    actual: str | None = None
+    torque: str | None = None
+    unit: str | None = None
+    ticks_per_turn: float | None = None
+    topic: str | None = None
+    command_topic: str | None = None
+    episodes: str | None = None
+
+    def __post_init__(self) -> None:
+        """Check the values that need no log.
+
+        Raises:
+            InvalidInput: A value that is no text, an unknown unit, ticks that are no number, or an
+                invalid list of episodes.
+        """
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if field.name != "ticks_per_turn" and not isinstance(value, str | None):
+                raise InvalidInput(f"{field.name}: got {shown(value)}, expected text")
+        _units(self.unit)
+        if self.ticks_per_turn is not None:
+            as_positive("ticks per turn", self.ticks_per_turn, "more than 0, such as 4096")
+        self.episode_numbers()
+
+    def unit_of(self, joint: str, role: str = "") -> str | None:
+        """The unit that the user gives for a joint's angles; None leaves it to the log.
+
+        Args:
+            joint: Name of the joint.
+            role: "requested" or "actual", where their columns may differ.
+        """
+        units = _units(self.unit)
+        return next((units[name] for name in (joint, role, "") if name in units), None)
+
+    def joints_with_units(self) -> tuple[str, ...]:
+        """The joints whose units the user gives by name."""
+        return tuple(joint for joint in _units(self.unit) if joint not in ("", *ROLES))
+
+    def scale_of(self, joint: str) -> Scale | None:
+        """The scale of :meth:`unit_of`.
+
+        Raises:
+            InvalidInput: Ticks without their number in a turn.
+        """
+        unit = self.unit_of(joint)
+        return None if unit is None else scale(unit, self.ticks_per_turn)
+
+    def episode_numbers(self) -> frozenset[int] | None:
+        """The episodes to read; None for all.
+
+        Raises:
+            InvalidInput: Not a list of numbers and ranges.
+        """
+        if self.episodes is None:
+            return None
+        chosen: set[int] = set()
+        for part in self.episodes.split(","):
+            match = re.fullmatch(r"\s*(\d{1,9})\s*(?:-\s*(\d{1,9})\s*)?", part, re.ASCII)
+            first, last = (int(match[1]), int(match[2] or match[1])) if match else (1, 0)
+            if last < first or last - first >= MOST_EPISODES:
+                raise InvalidInput(
+                    f"episodes: got {shown(self.episodes)}, "
+                    "expected numbers and ranges such as 0-3,7"
+                )
+            chosen.update(range(first, last + 1))
+        return frozenset(chosen)
+
+
+def choose_joints(path: Path | str, joints: Sequence[str], joint: str | None) -> tuple[int, ...]:
+    """Places of the joints to read among ``joints``.
+
+    Args:
+        path: The file, for the error.
+        joints: Names of its joints; "" where it names none.
+        joint: The name to read, "all", or None where there is only one to choose.
+
+    Raises:
+        InvalidFile: No joint of this name, or several without a choice.
+    """
+    if joint == ALL_JOINTS and joint not in joints:
+        return tuple(range(len(joints)))
+    names = ", ".join(each or "(one without a name)" for each in joints)
+    if joint is None:
+        if len(joints) == 1:
+            return (0,)
+        raise InvalidFile(
+            path, f"{len(joints)} joints ({names}); choose one with --joint NAME, or --joint all"
+        )
+    if joint not in joints:
+        raise InvalidFile(path, f"no joint '{joint}'{nearest(joint, joints)}; joints: {names}")
+    return (list(joints).index(joint),)
+
+
+def _units(text: str | None) -> dict[str, str]:
+    """Unit by joint; the key "" holds the default."""
+    units: dict[str, str] = {}
+    for part in text.split(",") if text is not None else ():
+        joint, _, word = part.rpartition("=")
+        unit = ANGLE_NAMES.get(word.strip().lower())
+        if unit is None:
+            raise InvalidInput(
+                f"unit '{word.strip()}' is unknown{nearest(word.strip(), ANGLE_UNITS)}; expected "
+                f"one of {', '.join(ANGLE_UNITS)}, or rad,Jaw=range where joints differ, or "
+                "requested=us,actual=counts where columns do"
+            )
+        units[joint.strip()] = unit
+    return units
+
+
+Switch = npt.NDArray[np.bool_]
+"""Whether the torque was on, shape (n,)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -343,15 +488,15 @@ def _doubts(columns: Columns) -> tuple[str, ...]:
     step = float(np.median(np.diff(columns.times)))
     if not FASTEST <= step <= SLOWEST:
         doubts.append(f"one row every {step:.3g} s: is the unit of time right?")
-    for what, numbers, scale in (
-        ("requested", columns.requests, columns.request_scale),
-        ("actual", columns.angles, columns.angle_scale),
+    for what, numbers, unit in (
+        ("requested", columns.requests, columns.request_scale.name),
+        ("actual", columns.angles, columns.angle_scale.name),
     ):
-        if scale.name == "rad" and not_radians(numbers):
+        if unit == "rad" and not_radians(numbers):
             doubts.append(
                 f"{what} angles reach {float(np.abs(numbers).max()):.3g} rad: are they degrees?"
             )
-        elif scale.name == "deg" and 0.0 < float(np.ptp(numbers)) < LEAST_DEG:
+        elif unit == "deg" and 0.0 < float(np.ptp(numbers)) < LEAST_DEG:
             doubts.append(
                 f"{what} angles span only {float(np.ptp(numbers)):.2g} degrees: are they radians?"
             )

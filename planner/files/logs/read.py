@@ -21,8 +21,15 @@ from planner.files.logs.lerobot import (
     lerobot_joints,
     read_lerobot,
 )
-from planner.files.logs.make_log import Columns, Source, Switch, make_log
-from planner.files.logs.options import ALL_JOINTS, LogOptions, choose_joints
+from planner.files.logs.make_log import (
+    ALL_JOINTS,
+    Columns,
+    LogOptions,
+    Source,
+    Switch,
+    choose_joints,
+    make_log,
+)
 from planner.files.text import STANDARD_STREAM, read_json
 from planner.identification.log import Log
 from planner.trajectory import Array

@@ -11,7 +11,7 @@ from planner.exceptions import InvalidInput
 from planner.files import lerobot_export
 from planner.files.lerobot_export import Layout, lerobot_dataset, write_lerobot
 from planner.files.logs.lerobot import read_lerobot
-from planner.files.logs.options import LogOptions
+from planner.files.logs.make_log import LogOptions
 from planner.files.staging import list_files
 from planner.robot.schedule import Schedule
 
