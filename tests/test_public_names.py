@@ -1,10 +1,15 @@
-"""The contract of `import planner`: what it offers, and how little it costs."""
+"""The contract of `import planner`: names, cost, examples in docstrings, and one clear error."""
 
 from __future__ import annotations
 
+import copy
+import doctest
+import inspect
+import pickle
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 
 import kinematics
@@ -54,3 +59,61 @@ def test_importing_planner_and_its_command_line_imports_nothing_heavy():
         [sys.executable, "-P", "-c", code], capture_output=True, text=True, check=True
     )
     assert done.stdout.strip() == "[]"
+
+
+ANGLES = np.sin(np.arange(30.0) / 5.0)
+
+
+CURVE = planner.PiecewiseLinear(knots=[0, 5], values=[0.0, 1.0], samples=9, tick=0.01, cyclic=True)
+
+
+VALUES = {
+    "Log": lambda: planner.Log(times=np.arange(30.0), requests=ANGLES, angles=ANGLES),
+    "PiecewiseLinear": lambda: CURVE,
+    "CurveStack": lambda: planner.CurveStack.of([CURVE]),
+    "fit": lambda: planner.fit_pwl(ANGLES, v_max=9.0, tick=0.1, segments=4),
+    "Trial": lambda: planner.Trial(
+        requests=ANGLES[:, np.newaxis], measured=ANGLES[np.newaxis, :, np.newaxis], error=0.0
+    ),
+}
+
+
+@pytest.mark.parametrize("name", VALUES)
+@pytest.mark.parametrize("copied", [copy.deepcopy, lambda value: pickle.loads(pickle.dumps(value))])
+def test_copies_of_values_cannot_be_written_to(name, copied):
+    value = VALUES[name]()
+    arrays = [each for each in vars(copied(value)).values() if isinstance(each, np.ndarray)]
+    assert arrays
+    assert not any(array.flags.writeable for array in arrays)
+
+
+FINDER = doctest.DocTestFinder(exclude_empty=True)
+
+
+def _examples():
+    for package in (planner, kinematics):
+        for name in package.__all__:
+            value = getattr(package, name)
+            module = sys.modules.get(getattr(value, "__module__", ""))
+            if module is not None:
+                yield from FINDER.find(value, name, module=module, globs=vars(module).copy())
+
+
+EXAMPLES = {test.name: test for test in _examples() if test.examples}
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_an_example_prints_what_it_says(name):
+    said: list[str] = []
+    failed, _ = doctest.DocTestRunner().run(EXAMPLES[name], out=said.append)
+    assert not failed, "".join(said)
+
+
+def test_every_public_function_has_an_example():
+    functions = {
+        name
+        for package in (planner, kinematics)
+        for name in package.__all__
+        if inspect.isfunction(getattr(package, name))
+    }
+    assert functions | {"JointModel.from_toml"} <= set(EXAMPLES)

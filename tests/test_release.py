@@ -12,16 +12,27 @@ import pytest
 import yaml
 
 from planner._version import __version__
+from planner.files.joint_model import read_model_file
 
 ROOT = Path(__file__).resolve().parent.parent
+
+
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+
+
 CITATION = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+
+
 PACKAGES = ("kinematics", "planner", "urdf")
+
+
 BESIDE = (
     *(".ci", "docs", "examples", "lerobot_robot_planned", "scripts", "tests"),
     *(".gitignore", "CHANGELOG.md", "CITATION.cff", "CONTRIBUTING.md", "LICENSE", "PKG-INFO"),
     *("README.md", "pyproject.toml"),
 )
+
+
 KINDS = {
     *("", ".cff", ".css", ".csv", ".html", ".ipynb", ".js", ".json", ".md", ".py", ".svg", ".toml"),
     *(".txt", ".typed", ".urdf"),
@@ -108,3 +119,28 @@ def test_the_extra_for_developers_has_what_the_others_need_in_the_same_versions(
     inside = {*extras["dev"]}
     for extra in ("parquet", "bags", "mujoco", "meshcat", "yaml", "cluster", "sweep"):
         assert set(extras[extra]) <= inside, extra
+
+
+README = Path(__file__).parent.parent / "README.md"
+
+
+def _block(language):
+    match = re.search(rf"```{language}\n(.*?)```", README.read_text(encoding="utf-8"), re.DOTALL)
+    assert match is not None, f"the README has no block of {language}"
+    return match[1]
+
+
+def test_the_first_screen_has_a_few_lines_of_python():
+    assert len([line for line in _block("python").splitlines() if line]) <= 10
+
+
+def test_the_model_file_of_the_readme_is_one(tmp_path):
+    file = tmp_path / "model.toml"
+    file.write_text(_block("toml"))
+    hip, knee = read_model_file(file).for_joints(["hip", "knee"])
+    assert (hip.lag, knee.lag) == pytest.approx((0.032, 0.040))
+
+
+def test_the_files_that_the_readme_names_are_there():
+    for name in re.findall(r"\]\((\w[\w/.]*)\)|`(\w+/\w+\.md|[A-Z]+\.md)`", README.read_text()):
+        assert (README.parent / (name[0] or name[1])).is_file(), name

@@ -6,11 +6,13 @@ import math
 
 import pytest
 
-from planner.exceptions import InvalidFile
+from kinematics import KinematicsError
+from planner.exceptions import InvalidFile, PlannerError
 from planner.files.joint_model import read_model_file
 from planner.files.paths import read_foot_path, read_joint_path
 
 MODEL = "v_max = 5.0\ntheta_0 = 0.1\nlag = 0.03\nacceleration_time = 0.05\n"
+
 
 JOINT_PATHS = {
     "empty": b"",
@@ -51,6 +53,7 @@ JOINT_PATHS = {
     "time that is no number": b"t_s,knee_deg\n0,1\nlater,2\n",
 }
 
+
 FOOT_PATHS = {
     "a missing axis": b"x_m,y_m\n1,2\n3,4\n",
     "mixed units": b"x_m,y_cm,z_m\n1,2,3\n4,5,6\n",
@@ -61,7 +64,9 @@ FOOT_PATHS = {
     "NaN": b"x_m,y_m,z_m\n1,2,3\n4,NaN,6\n",
 }
 
+
 KEYS = "v_max, theta_0, lag, acceleration_time, tick, hold, offset"
+
 
 MODELS = {
     "not TOML": "v_max = 5.0\nlag = = 1\n",
@@ -96,6 +101,7 @@ def test_every_bad_file_says_what_is_wrong(tmp_path, snapshot):
 
 
 PATH = "t_s,knee_deg,hip_deg\n0,1,2\n0.01,3,4\n"
+
 
 LIMITS = {
     "columns": ("table.MOST_COLUMNS", 3, "3 columns, expected at most 2; leave out"),
@@ -172,3 +178,28 @@ def test_a_joint_without_a_model_and_a_misspelt_table_are_refused(tmp_path):
     file.write_text(MODEL + "[rotater]\nlag = 0.05\n")
     with pytest.raises(InvalidFile, match="'rotator' \\(did you mean 'rotater'\\?\\)"):
         read_model_file(file).for_joints(["rotator"])
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory):
+    return tmp_path_factory.mktemp("any") / "file"
+
+
+@pytest.mark.parametrize("character", ["\u200b", "\u202e", "\U000e0001"])
+def test_a_name_without_end_that_cannot_be_printed_keeps_a_message_short_and_whole(file, character):
+    file.write_text(f"knee_deg,ankle{character * 9999}\n1,2\n3,4\n")
+    with pytest.raises(InvalidFile) as caught:
+        read_joint_path(file)
+    message = str(caught.value)
+    escaped = character.encode("unicode_escape").decode()
+    assert message.startswith(f"{file}, line 1: column 'ankle{escaped}{escaped}")
+    assert message.endswith("rename it, or remove it")
+    assert message.isprintable()
+    assert len(message) < 2000
+
+
+@pytest.mark.parametrize("error", [PlannerError, KinematicsError])
+def test_a_message_is_short_after_it_is_made_printable(error):
+    message = str(error("\0" * 10**5))
+    assert message.isprintable()
+    assert len(message) < 2000

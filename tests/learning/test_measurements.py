@@ -1,24 +1,46 @@
-"""Measured angles that cannot belong to the requests, of one of several joints."""
+"""What measured angles tell: a sensor's delay, a disturbance, and what cannot be of the joint."""
 
 from __future__ import annotations
 
 import math
 from contextlib import nullcontext
+from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+import planner
 from planner import InvalidTrajectory
+from planner.learning import sensor_delay
+from planner.learning.disturbance import OPTIONS, averaged, learnt, noise_of
 from planner.learning.measurements import check_angles, check_trial
-from planner.planning.trials import Trial
+from planner.learning.sensor_delay import (
+    delays_to_remove,
+    earlier,
+    later,
+    pure_delay,
+    remarks_on_delays,
+)
+from planner.model.joint import JointModel
+from planner.planning.trials import SensorDelay, Trial
 
 COUNT = 2.0 * math.pi / 4096.0
 """A count of a sensor of 12 bit [rad]."""
 
+
 PHASE = 2.0 * np.pi * np.arange(60) / 60
+
+
 DESIRED = np.column_stack([0.3 * np.sin(PHASE), 0.2 * np.cos(PHASE)])
+
+
 MODELLED = DESIRED + 0.01 * np.column_stack([np.cos(PHASE), np.sin(PHASE)])
+
+
 REQUESTS = DESIRED + 0.05 * np.column_stack([np.cos(PHASE), -np.sin(PHASE)])
+
+
 AWAY = 0.02 * np.sin(3.0 * PHASE)
 
 
@@ -98,3 +120,134 @@ def test_another_motion_and_the_angles_of_an_earlier_trial_are_refused_by_number
     with pytest.raises(InvalidTrajectory, match="same angles as in trial 2, whose requests were o"):
         check_trial(again, MODELLED, trials, others)
     check_trial(again, MODELLED, trials, [MODELLED] * 3)
+
+
+MODEL = JointModel(v_max=5.0, theta_0=0.3, lag=0.03, acceleration_time=0.04, tick=0.01)
+
+
+LATE = 0.03 + 0.04 / 2.0 + 0.3 / 5.0
+"""Lag, half the acceleration time and the time constant of the model's gain [s]."""
+
+
+SAMPLES = 200
+
+
+@pytest.mark.parametrize("cyclic", [True, False])
+@pytest.mark.parametrize("number", [0, 3, 10, 40, 80])
+def test_of_one_frequency_the_cosine_of_its_phase_error_is_learnt(number, cyclic):
+    k = np.arange(SAMPLES)
+    if cyclic:
+        hertz, rows = number / (SAMPLES * 0.01), np.cos(2.0 * np.pi * number * k / SAMPLES + 0.4)
+    else:
+        hertz, rows = number / (2.0 * SAMPLES * 0.01), np.cos(np.pi * number * (k + 0.5) / SAMPLES)
+    trust = np.cos(min(2.0 * np.pi * hertz * OPTIONS.latency_error * LATE, np.pi / 2.0))
+    slow = replace(MODEL, lag=0.0, acceleration_time=0.01)  # every joint has its own
+    two = np.column_stack([rows, rows])
+    nothing = np.zeros((SAMPLES // 2 + 1 if cyclic else SAMPLES, 2))
+    answer = learnt(two, nothing, [MODEL, slow], cyclic=cyclic)
+    np.testing.assert_allclose(answer[:, 0], trust * rows, rtol=0.0, atol=1e-9)
+    if 0.0 < trust < 1.0:
+        assert np.max(np.abs(answer[:, 1])) > np.max(np.abs(answer[:, 0]))
+
+
+@pytest.mark.parametrize("cyclic", [True, False])
+@pytest.mark.parametrize("cycles", [2, 3, 8])
+def test_noise_between_cycles_has_its_variance_however_few_there_are(cycles, cyclic):
+    rng = np.random.default_rng(cycles)
+    trials = [rng.normal(scale=[0.01, 0.02], size=(cycles, 400, 2)) for _ in range(4)]
+    power = noise_of(trials, np.zeros((400, 2)), cyclic=cyclic)
+    np.testing.assert_allclose(np.sqrt(power.mean(axis=0)), [0.01, 0.02], rtol=0.05)
+
+
+def test_noise_at_one_frequency_is_spread_over_four_neighbours_to_either_side():
+    line = np.cos(2.0 * np.pi * 20 * np.arange(SAMPLES) / SAMPLES)[:, np.newaxis]
+    (power,) = noise_of([np.stack([line, -line])], np.zeros((SAMPLES, 1)), cyclic=True).T
+    np.testing.assert_array_equal(np.flatnonzero(power > 1e-9), np.arange(16, 25))
+    assert power[20] == pytest.approx(SAMPLES / 2.0 / 9.0)  # 2 |X|^2 over one degree of freedom
+
+
+def test_twice_the_noise_is_taken_off_what_is_learnt_of_a_frequency():
+    """Its power is averaged over five frequencies, of which the others have none."""
+    rows = np.cos(2.0 * np.pi * 10 * np.arange(SAMPLES) / SAMPLES)[:, np.newaxis]
+    known = replace(MODEL, lag=0.0, acceleration_time=0.01, theta_0=0.05, v_max=5.0)
+    for share, left in ((0.1, 0.8), (0.45, 0.1), (0.55, 0.0)):
+        noise = np.full((SAMPLES // 2 + 1, 1), share * SAMPLES / 4.0 / 5.0)
+        answer = learnt(rows, noise, [known], cyclic=True)
+        np.testing.assert_allclose(answer, left * rows, rtol=0.0, atol=0.01)
+
+
+def test_a_power_is_averaged_over_the_neighbours_that_there_are():
+    powers = np.arange(6.0)[:, np.newaxis] ** 2
+    expected = [np.mean(powers[max(k - 2, 0) : k + 3]) for k in range(6)]
+    np.testing.assert_allclose(averaged(powers, 2)[:, 0], expected)
+
+
+PERIOD = 0.02
+
+
+def motion(time):
+    return 0.3 * np.sin(2.0 * np.pi * time / 4.0) + 0.1 * np.cos(2.0 * np.pi * time / 1.0)
+
+
+@pytest.mark.parametrize("cyclic", [True, False])
+@pytest.mark.parametrize("samples", [0.0, 0.4, -1.3, 22.7])
+def test_a_delay_is_found_to_a_tenth_of_a_sample(samples, cyclic):
+    time = PERIOD * np.arange(200)
+    before = time - samples * PERIOD
+    measured = motion(before if cyclic else np.maximum(before, 0.0)) + 0.05  # from rest or not
+    delay, share = pure_delay(measured, motion(time), PERIOD, cyclic=cyclic)
+    assert delay == pytest.approx(samples * PERIOD, abs=0.1 * PERIOD)
+    assert share == (pytest.approx(1.0, abs=0.05) if samples else 0.0)
+
+
+@pytest.mark.parametrize(
+    ("share", "latencies", "removed"),
+    [(0.91, 0.51, True), (0.89, 0.51, False), (0.91, 0.49, False), (0.91, -2.0, False)],
+)
+def test_a_delay_is_the_sensors_where_it_explains_nine_tenths_and_is_half_the_models_latency(
+    share, latencies, removed, monkeypatch
+):
+    model = planner.JointModel.ers210a()
+    plan = SimpleNamespace(models=[model, replace(model, lag=0.1)])
+    seconds = [latencies * each.latency for each in plan.models]
+    found = tuple(SensorDelay(seconds=each, share=share, removed=0.0) for each in seconds)
+    monkeypatch.setattr(sensor_delay, "delays_of", lambda *_: found)
+    cycles = np.zeros((1, 1, 2))
+    assert delays_to_remove(plan, cycles, cycles[0]) == (seconds if removed else [0.0, 0.0])
+
+
+@pytest.mark.parametrize("samples", [2.0, -3.0, 0.5])
+def test_rows_that_are_later_are_those_of_the_moments_before(samples):
+    time = PERIOD * np.arange(200)
+    rows = np.column_stack([motion(time), motion(time + 1.0)])
+    moved = later(rows, samples * PERIOD, PERIOD, cyclic=True)
+    before = time - samples * PERIOD
+    expected = np.column_stack([motion(before), motion(before + 1.0)])
+    np.testing.assert_allclose(moved, expected, rtol=0.0, atol=1e-3)  # straight lines in between
+
+
+def test_the_delay_of_one_of_several_joints_is_taken_off_its_angles_alone():
+    time = PERIOD * np.arange(200)
+    measured = np.stack([np.column_stack([motion(time), motion(time + 1.0)])] * 2)
+    moved = earlier(measured, [2 * PERIOD, 0.0], SimpleNamespace(period=PERIOD, cyclic=True))
+    expected = np.column_stack([motion(time + 2 * PERIOD), measured[0, :, 1]])
+    np.testing.assert_allclose(moved, np.stack([expected] * 2), rtol=0.0, atol=1e-12)
+
+
+def test_the_joint_whose_angles_are_late_is_named_where_that_is_clear():
+    """Where a delay makes more than twice the noise, and is a quarter of a period at least."""
+    moves = SimpleNamespace(
+        requests=PERIOD * np.outer(np.arange(9), [1.0, 1.0, 1.0]), period=PERIOD
+    )
+    found = [
+        SensorDelay(seconds=0.0051, share=0.81, removed=0.0),
+        SensorDelay(seconds=0.0049, share=0.9, removed=0.0),
+        SensorDelay(seconds=0.0051, share=0.79, removed=0.03),
+    ]
+    first, third = remarks_on_delays(moves, found, np.full(3, 0.0025))
+    assert first == (
+        "81 % of what the model misses of joint 1 is a delay of 5.1 ms: it is learnt as the "
+        "joint's. If the sensor or the log is late by it: sensor_delay=0.0051"
+    )
+    assert third.startswith("the measured angles of joint 3 are taken to be 30 ms late, by their s")
+    assert remarks_on_delays(moves, found[:2], np.full(2, 0.0026)) == []

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import inspect
 import pickle
 from dataclasses import fields, replace
 
 import numpy as np
 import pytest
 
+import planner
 from planner import (
     JointModel,
     invert_foot,
@@ -16,12 +18,19 @@ from planner import (
     reference_walk,
     simulate,
 )
+from planner.approximation.fit import choices
+from planner.evaluation.reproduction import reproduce
+from planner.evaluation.virtual_experiment import play_experiment
 from planner.exceptions import Infeasible, InvalidInput
 from planner.planning.plan import Plan, joined
-from planner.planning.task import Task
+from planner.planning.task import Task, checked_smoothness
 
 SERVO = replace(JointModel.ers210a(), compliance=0.02)
+
+
 PATH = 0.3 * np.sin(2.0 * np.pi * np.arange(40)[:, np.newaxis] / 40 + [0.0, 1.0])
+
+
 NAMES = ("hip", "knee")
 
 
@@ -257,3 +266,46 @@ def test_the_period_of_a_task_is_that_of_its_requests():
     model = replace(JointModel.ers210a(), hold=3)
     task = Task.of(model, np.zeros(20))
     assert task.period == model.period == 3.0 * model.tick
+
+
+BOUND = {"cyclic": True, "norm": "rms", "level": "envelope"}
+
+
+DEFAULTS = {
+    planner.invert_optimal: {"cyclic": True, "norm": "rms", "solver": "gauss-newton"},
+    planner.invert_foot: {
+        "cyclic": True,
+        "norm": "rms",
+        "weights": (1.0, 1.0, 1.0),
+        "unreachable": "nearest",
+    },
+    planner.plan: {"cyclic": True, "method": "optimal"},
+    planner.invert_closed_form: {"cyclic": True, "rule": "paper", "refine": True},
+    planner.invert_shift: {"cyclic": True, "norm": "rms"},
+    planner.closed_form_requests: {"rule": "paper"},
+    planner.line_offset: {"rule": "exact"},
+    planner.fit_pwl: {"cyclic": True, "required": (), "exact": False},
+    choices: {"most": 12},
+    planner.certify: {**BOUND, "time_limit": 60.0},
+    planner.lower_bound: {**BOUND, "time_limit": 60.0},
+    planner.cross_check: BOUND,
+    planner.Stream: {"on_bad": "hold"},
+    planner.Stream.step: {"missed": 0},
+    reproduce: {"segments": 6},
+    play_experiment: {"segments": 6, "cycles": 20, "seed": 0},
+}
+"""Of all options but ``progress``; those that are not here are None."""
+
+
+@pytest.mark.parametrize("function", DEFAULTS, ids=lambda each: each.__qualname__)
+def test_the_defaults_are_those_of_the_documentation(function):
+    stated = {
+        name: each.default
+        for name, each in inspect.signature(function).parameters.items()
+        if each.default not in (each.empty, None) and name != "progress"
+    }
+    assert stated == DEFAULTS[function]
+
+
+def test_half_a_per_cent_of_the_error_is_what_smoother_requests_may_cost_by_default():
+    assert checked_smoothness(None) == 0.005

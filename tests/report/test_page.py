@@ -1,10 +1,23 @@
-"""The pictures of the report, in files beside it, and its differences from the paper."""
+"""Pages: their pictures, the files that they link to, versions, and life without scrolling."""
 
 from __future__ import annotations
 
+import platform
+import shutil
+import subprocess
+from importlib.metadata import PackageNotFoundError, version
+from urllib.parse import unquote, urljoin, urlsplit
+
+import numpy as np
 import pytest
 
+from planner._version import __version__
+from planner.report.figure import Axis, Curve, Figure, Panel
+from planner.report.page import LIBRARIES, linked_files, live_head, live_scripts, versions
 from planner.report.paper.tables import difference
+from planner.report.plotly_figure import plot
+from planner.report.style import DIRECT
+from tests.browser import ARGUMENTS
 
 PICTURES = (
     "figure1_foot_direct",
@@ -37,3 +50,90 @@ def test_pictures_are_drawn_and_not_dated(folder):
         assert svg.startswith("<?xml")
         assert "<dc:date>" not in svg
         assert (folder / "figures" / f"{name}.png").read_bytes()[:4] == b"\x89PNG"
+
+
+BUDGET = 10_000
+"""Time that passes in the page before its picture is taken, on its own clock [ms]."""
+
+
+FAR = 5_000
+"""How far below the screen the last figure stands [px]."""
+
+
+@pytest.fixture
+def page(tmp_path):
+    """A page with a plot on the screen and one far below it."""
+    times = np.arange(11.0)
+    panel = Panel(Axis("angle", "deg"), (Curve(DIRECT, times, times),))
+    figure = Figure("hip", "", "", Axis("time", "ms"), (panel,), over_time=True)
+    plots = {name: plot(figure) for name in ("near", "far")}
+    figures = f'<div style="height: {FAR}px"></div>'.join(
+        f'<figure id="{name}"><div class="live"></div></figure>' for name in plots
+    )
+    file = tmp_path / "page.html"
+    file.write_text(f"<!doctype html>{live_head()}{figures}{live_scripts(plots)}")
+    return file
+
+
+def test_a_browser_that_shows_no_frame_before_its_picture_finds_the_page_alive(page, tmp_path):
+    executable = shutil.which("chromium") or shutil.which("chromium-browser")
+    if executable is None:
+        pytest.skip("Chromium is not installed")
+    done = subprocess.run(
+        [executable, *ARGUMENTS, "--enable-logging=stderr", "--dump-dom",
+         f"--user-data-dir={tmp_path / 'profile'}", f"--virtual-time-budget={BUDGET}",
+         page.as_uri()],
+        capture_output=True,
+        text=True,
+        check=True,
+    )  # fmt: skip
+    for name in ("near", "far"):
+        assert f'<figure id="{name}" class="alive" data-drawn="">' in done.stdout
+    assert "CONSOLE" not in done.stderr
+
+
+def test_a_figure_far_below_the_screen_is_drawn_before_anybody_scrolls_there(page, browser):
+    browser.open(page)
+    browser.wait_for("'drawn' in document.getElementById('far').dataset")
+    assert browser.ask("document.getElementById('far').getBoundingClientRect().top") > FAR
+    assert browser.ask("scrollY") == 0
+    assert browser.complaints == []
+
+
+@pytest.mark.parametrize(
+    "name", ["plain.csv", "with blank.csv", "a#b?c%20d.csv", "co:lon.csv", "ünï.csv", "../up.csv"]
+)
+def test_a_browser_at_the_page_finds_the_file(tmp_path, name):
+    page, file = tmp_path / "pages" / "page.html", tmp_path / "pages" / name
+    (link,) = linked_files(page, [("requests", file)])
+    seen = urlsplit(urljoin(page.as_uri(), link.href))
+    assert unquote(seen.path) == str(file.resolve())
+    assert not seen.query
+    assert not seen.fragment
+    assert (link.role, link.name) == ("requests", name)
+
+
+def test_streams_and_absent_files_are_no_links_and_none_stands_twice(tmp_path):
+    files = [("a", "-"), ("b", None), ("c", ""), ("d", tmp_path / "x"), ("e", f"{tmp_path}/./x")]
+    assert [link.role for link in linked_files(tmp_path / "page.html", files)] == ["d"]
+
+
+def test_a_page_named_without_a_folder_stands_in_the_working_one(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (link,) = linked_files("page.html", [("requests", "requests.csv")])
+    assert link.href == "requests.csv"
+
+
+def test_every_library_has_its_version_or_an_unknown_one(monkeypatch):
+    def of(name):
+        if name == "scipy":
+            raise PackageNotFoundError(name)
+        return version("numpy")
+
+    monkeypatch.setattr("planner.report.page.version", of)
+    assert versions("mujoco") == {
+        "request-planner": __version__,
+        "python": platform.python_version(),
+        **dict.fromkeys((*LIBRARIES, "mujoco"), version("numpy")),
+        "scipy": "unknown",
+    }

@@ -1,15 +1,19 @@
-"""The servo: what it asks for, when it stops asking, and the torque that follows."""
+"""The servo, its battery, and the pendulum on it: torque, voltage and statics."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
-from planner.virtual.robot import Constants, Servo
+from kinematics import Leg
+from planner.virtual.robot import Constants, Pendulum, Servo, Sts3215, Supply, VirtualRobot
 
 CONSTANTS = Constants()
+
+
 EXACT = 1e-12
 """Rounding of a few operations [1, N m]."""
 
@@ -87,3 +91,78 @@ def test_the_derivative_is_of_a_speed_that_is_filtered():
     passed = constants.control_period / (constants.derivative_filter + constants.control_period)
     expected = -0.01 * constants.proportional_gain - 10.0 * passed * constants.derivative_gain
     assert abs(servo.duty - expected) <= 0.5 / constants.duty_steps
+
+
+def voltages(constants, count, drawn=0.0, seed=0):
+    supply = Supply(constants, np.random.default_rng(seed))
+    return np.array([supply.voltage(drawn) for _ in range(count)])
+
+
+def test_the_voltage_falls_with_the_current_drawn():
+    quiet = replace(CONSTANTS, supply_noise=0.0)
+    expected = CONSTANTS.battery_voltage - 2.0 * CONSTANTS.battery_resistance
+    assert voltages(quiet, 1, drawn=2.0)[0] == pytest.approx(expected)
+
+
+def test_the_noise_has_its_deviation_and_its_memory_and_repeats_for_a_seed():
+    noise = voltages(CONSTANTS, 200_000) - CONSTANTS.battery_voltage
+    assert np.std(noise) == pytest.approx(CONSTANTS.supply_noise, rel=0.1)
+    late = round(CONSTANTS.supply_correlation_time / CONSTANTS.control_period)
+    kept = np.mean(noise[late:] * noise[:-late]) / np.var(noise)
+    assert kept == pytest.approx(np.exp(-1.0), abs=0.1)
+    assert np.array_equal(voltages(CONSTANTS, 50), voltages(CONSTANTS, 50))
+    assert not np.array_equal(voltages(CONSTANTS, 50), voltages(CONSTANTS, 50, seed=1))
+
+
+mujoco = pytest.importorskip("mujoco", reason="needs the extra 'mujoco'")
+
+
+SERVO, PENDULUM = Sts3215(), Pendulum()
+
+
+QUIET = replace(SERVO, supply_noise=0.0)
+
+
+DITHER = 0.02
+"""Torque by which rounding of sensor and duty blurs a balance [N m]: a count is 0.014."""
+
+
+def at_rest(request: float, start: float) -> VirtualRobot:
+    robot = VirtualRobot((start,), constants=QUIET, pendulum=PENDULUM)
+    robot.rest(1.0, (start,))
+    robot.rest(2.0, (request,))
+    return robot
+
+
+def test_the_free_servo_is_as_fast_as_the_data_sheet_says():
+    free = replace(SERVO, coulomb_friction=0.052, battery_resistance=0.0)
+    assert free.top_speed * 60.0 / (2.0 * math.pi) == pytest.approx(52.0, rel=0.01)
+
+
+@pytest.mark.parametrize("start", [-0.5, 0.2, 1.8])
+@pytest.mark.parametrize("request_", [0.0, 0.9, 1.5])
+def test_at_rest_motor_and_weight_differ_by_no_more_than_friction(request_, start):
+    angle = float(at_rest(request_, start).play([[request_]]).angles[0, 0])
+    stiffness = SERVO.proportional_gain * SERVO.stall_torque
+    weight = PENDULUM.mass * PENDULUM.length * 9.81 * math.sin(angle)
+    balance = stiffness * (request_ - angle) - weight
+    assert abs(balance) <= SERVO.coulomb_friction + DITHER
+
+
+def test_a_joint_that_friction_holds_does_not_creep():
+    angles = at_rest(1.2, 0.2).play(np.full((100, 1), 1.2)).angles[:, 0]
+    assert np.ptp(angles) < 2e-4  # rad in two seconds
+
+
+def test_its_description_says_which_load_it_carries(tmp_path):
+    path = tmp_path / "pendulum.urdf"
+    path.write_text(PENDULUM.urdf(), encoding="utf-8")
+    leg = Leg.from_urdf(path, base="base", foot="tip")
+    model = PENDULUM.model(SERVO)
+    data = mujoco.MjData(model)
+    gravity = (0.0, 0.0, float(model.opt.gravity[2]))
+    for angle in (-2.0, 0.0, 0.4, 1.5):
+        data.qpos[:] = angle
+        mujoco.mj_forward(model, data)
+        found = leg.load_torques([[angle]], gravity=gravity)
+        assert found[0, 0] == pytest.approx(-data.qfrc_bias[0], abs=1e-9)
