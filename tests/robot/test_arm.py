@@ -126,13 +126,6 @@ def test_a_fault_stops_the_motion_and_keeps_what_was_measured(fault, moment):
         assert torques(arm) == [0] * 6
 
 
-def test_a_stuck_joint_is_named_though_its_errors_are_never_large_for_long():
-    """Fast waves leave a joint that is stuck in their middle far behind for a moment only."""
-    arm = arm_of(count=1, faults=Faults(stall={1: 2.0}))
-    path = 0.3 * np.sin(2.0 * np.pi * 2.0 * PERIOD * np.arange(400))[:, None]
-    with pytest.raises(BusError, match="does not follow"), arm.powered():
-        arm.perform(path, period=PERIOD)
-    assert arm.bus.port.now() < 4.5
 
 
 def test_a_step_after_a_rest_is_not_taken_for_a_stuck_joint():
@@ -204,13 +197,6 @@ def test_a_joint_that_rests_beside_its_request_keeps_it_when_it_is_stopped():
     assert arm.goals()[0] == pytest.approx(0.3, abs=0.5 * TICK)
 
 
-def test_an_angle_whose_answer_was_lost_is_asked_for_again(monkeypatch):
-    arm = arm_of(count=2)
-    arm.bus.write(1, "goal", 3000)  # without torque it stays
-    angles = arm.angles()
-    lost = arm.measure()._replace(angles=np.array([math.nan, angles[1]]))
-    monkeypatch.setattr(arm, "measure", lambda: lost)
-    assert arm.angles() == pytest.approx(angles, abs=2.0 * TICK)
 
 
 def test_joints_settle_at_the_first_request_before_the_motion_begins(monkeypatch):
