@@ -121,8 +121,6 @@ def test_ctrl_c_ends_a_walk_for_ever_and_is_reported():
     assert robot.stops == 1
 
 
-
-
 def test_an_error_leaves_a_report_of_what_was_sent_until_then():
     robot, told = Robot(), []
     robot.fail_at, robot.failure = 2, OSError("the cable is out")

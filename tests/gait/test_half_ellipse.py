@@ -112,13 +112,6 @@ def test_a_walk_with_a_heading_is_the_walk_straight_on_turned_about_the_middle_o
     np.testing.assert_allclose(turned - middle, (straight - middle) @ turn.T, atol=4 * SHAPE)
 
 
-def test_a_walk_along_y_begins_far_along_y_and_one_without_heading_is_straight_on():
-    path = half_ellipse(samples=8, length=0.1, forward=0.2, sideways=0.03, heading=np.pi / 2)
-    np.testing.assert_allclose(path[0, :2], [0.2, 0.13], atol=SHAPE)
-    np.testing.assert_allclose(path[4, :2], [0.2, -0.07], atol=SHAPE)
-    np.testing.assert_array_equal(half_ellipse(heading=0.0), half_ellipse())
-
-
 def test_more_samples_refine_the_same_path():
     np.testing.assert_allclose(half_ellipse(samples=176)[::2], half_ellipse(), atol=SHAPE)
 

@@ -260,13 +260,6 @@ def test_the_remaining_error_has_no_part_that_exceeds_it() -> None:
     assert "no more than the noise of a cycle, 0.00" in after.stopped
 
 
-def test_the_remaining_error_of_angles_without_noise_has_no_part_that_is_nothing() -> None:
-    """The model itself, on a path that it can follow but for smoother requests."""
-    plan = planner.invert_optimal(KNOWN, random_path(1, 88, span=1.0, fastest=0.03))
-    after = planner.refine(plan, planner.simulate(KNOWN, plan.requests))
-    assert after.stopped.endswith(f"remaining error {after.learning.errors[0]:.5f} rad")
-
-
 @pytest.mark.parametrize("seed", [2, 4])
 def test_the_error_that_comes_next_is_near_the_one_predicted(seed: int) -> None:
     """From the third trial on: the second one shows what the model misses of changed requests."""

@@ -126,8 +126,6 @@ def test_a_fault_stops_the_motion_and_keeps_what_was_measured(fault, moment):
         assert torques(arm) == [0] * 6
 
 
-
-
 def test_a_step_after_a_rest_is_not_taken_for_a_stuck_joint():
     arm = arm_of(count=1)
     path = np.repeat([0.4, -0.4, 0.4], 150)[:, None]
@@ -195,8 +193,6 @@ def test_a_joint_that_rests_beside_its_request_keeps_it_when_it_is_stopped():
         arm.perform(np.full((50, 1), 0.3), period=PERIOD)
         assert abs(arm.angles()[0] - 0.3) > TICK  # its friction
     assert arm.goals()[0] == pytest.approx(0.3, abs=0.5 * TICK)
-
-
 
 
 def test_joints_settle_at_the_first_request_before_the_motion_begins(monkeypatch):
