@@ -72,13 +72,9 @@ FIELDS = [name for name in Parameters._fields if name not in ("acceleration", "p
 
 
 @pytest.mark.parametrize("field", FIELDS)
-def test_the_derivatives_are_slopes(field):
-    slopes_agree(PLAIN, field)
-
-
-@pytest.mark.parametrize("field", FIELDS)
-def test_the_derivatives_are_slopes_with_dry_friction_and_a_load(field):
-    slopes_agree(STICKY, field)
+@pytest.mark.parametrize("model", [PLAIN, STICKY], ids=["plain", "with dry friction and a load"])
+def test_the_derivatives_are_slopes(model, field):
+    slopes_agree(model, field)
 
 
 @pytest.mark.parametrize("field", [*FIELDS, "acceleration"])

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from hypothesis import given, reject, settings
 from hypothesis import strategies as st
-from scipy.optimize import linprog, nnls
 
 import planner
 from planner.exceptions import InvalidInput, NoSteadyCycle, SolverFailed
@@ -22,7 +21,6 @@ from planner.planning.bounds.cvxpy_statement import stated_bound
 from planner.planning.bounds.multipliers import bound_of, certified_error
 from planner.planning.bounds.reachable_set import (
     BoundProblem,
-    ReachableSet,
     distance_from_rest,
     farthest_per_period,
     linearised_set,
@@ -376,59 +374,6 @@ def test_no_multipliers_prove_nothing():
     nothing = np.zeros(reachable.matrix.shape[0])
     desired = np.array([0.0, 1.0, 0.0, 1.0, 0.0])
     assert certified_error(reachable, desired, desired, nothing, norm="rms", slack=0.1) == 0.0
-
-
-def least_distance(reachable: ReachableSet, desired):
-    """Rms distance of the set by Lawson and Hanson's least-distance programming; hold is 1."""
-    G = reachable.matrix.toarray()
-    below = G @ desired - reachable.limits  # -G z >= below for z = x - desired
-    stacked = np.vstack([-G.T, below])
-    target = np.zeros(len(desired) + 1)
-    target[-1] = 1.0
-    solution, _ = nnls(stacked, target, maxiter=100 * stacked.shape[1])
-    residual = stacked @ solution - target
-    z = -residual[:-1] / residual[-1]
-    return float(np.sqrt(np.mean(z**2)))
-
-
-def least_largest_error(reachable: ReachableSet, desired):
-    """Largest error of the nearest trajectory by linear programming."""
-    rows, ticks = reachable.matrix.shape
-    picks = np.zeros((len(desired), ticks))
-    picks[np.arange(len(desired)), reachable.sampled] = 1.0
-    ones = np.ones((len(desired), 1))
-    A = np.block(
-        [[reachable.matrix.toarray(), np.zeros((rows, 1))], [picks, -ones], [-picks, -ones]]
-    )
-    b = np.concatenate([reachable.limits, desired, -desired])
-    cost = np.append(np.zeros(ticks), 1.0)
-    return float(linprog(cost, A_ub=A, b_ub=b, bounds=(None, None)).fun)
-
-
-@pytest.mark.parametrize("level", LINEAR_LEVELS)
-@pytest.mark.parametrize("cyclic", [True, False])
-@pytest.mark.parametrize("seed", range(4))
-def test_the_bound_is_the_least_distance_by_another_method(seed, cyclic, level):
-    rng = np.random.default_rng(seed)
-    model = random_model(rng, whole=False)
-    desired = saturating(rng, model, samples=30)
-    reachable = set_of(model, 30, cyclic=cyclic, level=level)
-    expected = least_distance(reachable, desired)
-    bound = lower_bound(model, desired, cyclic=cyclic, level=level)
-    assert bound == pytest.approx(expected, abs=OPTIMAL * np.ptp(desired))
-
-
-@pytest.mark.parametrize("level", LINEAR_LEVELS)
-@pytest.mark.parametrize("cyclic", [True, False])
-@pytest.mark.parametrize("hold", [1, 4])
-def test_the_bound_on_the_largest_error_is_that_of_a_linear_program(hold, cyclic, level):
-    rng = np.random.default_rng(hold)
-    model = random_model(rng, whole=False, hold=hold)
-    desired = saturating(rng, model, samples=20)
-    reachable = set_of(model, 20, cyclic=cyclic, level=level)
-    expected = least_largest_error(reachable, desired)
-    bound = lower_bound(model, desired, cyclic=cyclic, norm="max", level=level)
-    assert bound == pytest.approx(expected, abs=OPTIMAL * np.ptp(desired))
 
 
 @pytest.mark.parametrize("norm", NORMS)
