@@ -12,16 +12,16 @@ import numpy as np
 from planner.cli.desired import Desired, leg_title
 from planner.cli.models import beside, model_words, verdict_document
 from planner.cli.settings import FROM_URDF
-from planner.model.evidence import OPEN_TOP_SPEED, Expectation, untested_words
+from planner.model.evidence import OPEN_TOP_SPEED, untested_words
 from planner.planning.plan import Plan, RequestMotion
-from planner.planning.result import ErrorsOfModels, FootInversion, Inversion
+from planner.planning.result import FootInversion, Inversion
 from planner.planning.time_shift import (
     CLEARLY,
     refining_recommended,
     shift_recommended,
     shifted,
 )
-from planner.report.plan_tables import expected_words, feet_table
+from planner.report.plan import expected_words, feet_table, models_errors_table, motions_table
 from planner.report.table import NO_BOUND, NOTHING, percent, text_table
 from planner.trajectory import Array, error_norm, rms
 
@@ -33,22 +33,19 @@ if TYPE_CHECKING:
     Written = Sequence[tuple[str, Path | str | None]]
 
 
-MOST_LISTED = 6
-"""Largest number of joints whose best time shifts are listed one by one."""
-
-
 def document(prepared: Prepared, plan: Plan, missed: list[str]) -> dict[str, Any]:
     """The plan for machines; fields that a plan for the foot does not have are null."""
     run, desired, task = prepared.settings, prepared.desired, plan.task
     joints, shift = {}, shifted(task)
     for j, name in enumerate(desired.names):
         inversion, unit = plan.inversions[j] if plan.inversions else None, desired.unit(j)
+        ends = np.degrees([plan.expected[j].low, plan.expected[j].high]).tolist()
         joints[name] = {
             **_errors(np.degrees(plan.errors[:, j]), unit),
             "norm": inversion and inversion.norm,
             "solver": inversion and inversion.solver,
             f"expected_rms_{unit}": math.degrees(plan.expected[j].error),
-            f"expected_range_{unit}": _range_in_degrees(plan.expected[j]),
+            f"expected_range_{unit}": ends if np.isfinite(ends).all() else None,
             "untested": list(plan.expected[j].untested),
             f"lower_bound_{unit}": inversion and float(np.degrees(inversion.lower_bound)),
             "gap": inversion and inversion.gap,
@@ -128,16 +125,15 @@ def summary(prepared: Prepared, plan: Plan) -> str:
         rows.append(
             [_label(desired, j), *(f"{error:.3f}" for error in errors.values()), *robot, *bounded]
         )
-    robot, formats = ["on the robot"] * has_estimate, (".2f", ".1f", ".1f", ".1f", ".2f")
+    robot = ["on the robot"] * has_estimate
     text += text_table(["joint", "rms [deg]", "max [deg]", *robot, "lower bound", "gap"], rows)
-    titles = ["requests", "largest step [deg]", "reversals/s", "length [deg]", "desired"]
-    cells = [
-        [name, *map(format, _motion(motion, "deg").values(), formats)]
-        for name, motion in zip(desired.names, plan.motions, strict=True)
-    ]
-    text += "\n\n" + text_table([*titles, "outside desired [deg]"], cells)
-    if over_models := _over_models_table(desired, plan):
-        text += f"\n\n{over_models}"
+    text += f"\n\n{motions_table(plan).text()}"
+    labels = [_label(desired, j) for j in range(len(desired.names))]
+    if over_models := models_errors_table(plan, labels):
+        text += (
+            f"\n\n{plan.task.norm} errors over the nominal model and "
+            f"{max(map(len, plan.task.models)) - 1} drawn from its intervals:\n{over_models.text()}"
+        )
     if desired.legs:
         parts = {name: plan.of_leg(leg) for name, leg in desired.legs.items()}
         text += f"\n\n{feet_table(parts).text()}\n"
@@ -158,7 +154,12 @@ def summary(prepared: Prepared, plan: Plan) -> str:
             text += ", and the range of 90 % of such motions"
     if words := untested_words(desired.names, plan.expected):
         text += f"\n{words}"
-    if unknown := _unknown_top_speeds(plan):
+    unknown = [
+        name
+        for name, model, speeds in zip(plan.names, plan.models, plan.speeds, strict=True)
+        if model.evidence and model.evidence.leaves_top_speed_open and speeds.too_fast.any()
+    ]
+    if unknown:
         text += f"\nlower bounds of the model only: {', '.join(unknown)} ({OPEN_TOP_SPEED})"
     if plan.task.load_of_pose:
         text += f"\nthere is no lower bound under {NO_BOUND}"
@@ -169,12 +170,6 @@ def summary(prepared: Prepared, plan: Plan) -> str:
     return text
 
 
-def _range_in_degrees(expected: Expectation) -> list[float] | None:
-    """Smallest and largest expected error [deg]; None if unknown."""
-    ends = np.degrees([expected.low, expected.high])
-    return ends.tolist() if np.isfinite(ends).all() else None
-
-
 def _best_shift(desired: Desired, plan: Plan) -> str:
     """Errors of the desired angles sent early by the best time: the baseline of a plan."""
     shift, each = shifted(plan.task), []
@@ -183,7 +178,7 @@ def _best_shift(desired: Desired, plan: Plan) -> str:
         robot = "" if np.isnan(expected) else f", on the robot {expected:.3f}"
         error = np.degrees(rms(shift.errors[:, j]))
         each.append(f"{_label(desired, j)} {error:.3f}{robot} ({1e3 * lead:.0f} ms early)")
-    if len(each) > MOST_LISTED:
+    if len(each) > 6:  # more are too many to list
         largest = math.degrees(max(rms(errors) for errors in shift.errors.T))
         moving = np.ptp(plan.desired, axis=0) > 0.0
         leads = np.asarray(shift.leads)[moving if moving.any() else ...]
@@ -200,15 +195,6 @@ def _best_shift(desired: Desired, plan: Plan) -> str:
     if why := refining_recommended(plan, shift):
         text += f"\nrecommended: play the requests and refine them (request-planner refine): {why}"
     return text
-
-
-def _unknown_top_speeds(plan: Plan) -> list[str]:
-    """Joints whose path is faster than a top speed that is only a lower bound."""
-    return [
-        name
-        for name, model, speeds in zip(plan.names, plan.models, plan.speeds, strict=True)
-        if model.evidence and model.evidence.leaves_top_speed_open and speeds.too_fast.any()
-    ]
 
 
 def _label(desired: Desired, joint: int) -> str:
@@ -233,29 +219,6 @@ def _over_models(
         }
         for name, plan in (("robust_plan", inversion), ("nominal_plan", inversion.nominal))
     }
-
-
-def _over_models_table(desired: Desired, plan: Plan) -> str:
-    """The same for people; empty without drawn models."""
-    unit, factor = ("deg", math.degrees(1.0)) if plan.of_foot is None else ("cm", 100.0)
-    parts: dict[str, Inversion | FootInversion] = {
-        _label(desired, j): inversion for j, inversion in enumerate(plan.inversions)
-    }
-    if plan.of_foot is not None:
-        parts = {"foot": plan.of_foot}
-    rows, norm, count = [], "", 0
-    for name, result in parts.items():
-        if result.nominal is None:
-            return ""
-        norm, count = result.norm, len(result.errors_of_models) - 1
-        for each, kind in ((result, result.robust), (result.nominal, "nominal model")):
-            errors = (f"{factor * error:.3f}" for error in each.over_models)
-            rows.append([f"{name}, for the {kind}", *errors])
-    header = ["plan", *(f"{which} [{unit}]" for which in ErrorsOfModels._fields)]
-    return (
-        f"{norm} errors over the nominal model and {count} drawn from its intervals:\n"
-        f"{text_table(header, rows)}"
-    )
 
 
 def _bounded_foot(plan: Plan) -> str:
@@ -311,7 +274,7 @@ def plan_report(
         page: The file of the page.
         written: Other files to link to: title and path of each.
     """
-    from planner.report.page import linked_files
+    from planner.report.page import sources_of
     from planner.report.plan import plan_page
 
     run, desired = prepared.settings, prepared.desired
@@ -319,8 +282,7 @@ def plan_report(
         plan,
         title=leg_title(run.leg) or ", ".join(desired.legs or desired.names),
         method=run.plan.method,
-        origins=_origins(prepared, plan.task.leg),
-        files=linked_files(page, [*_inputs(prepared), *written]),
+        sources=sources_of(page, _origins(prepared, plan.task.leg), [*_inputs(prepared), *written]),
         foot_given=desired.foot_given,
         unreachable=desired.unreachable,
         legs=desired.legs,
@@ -334,7 +296,7 @@ def comparison_report(
 ) -> str:
     """The page about a comparison, as HTML; see :func:`plan_report`."""
     from planner.report.comparison import comparison_page
-    from planner.report.page import linked_files
+    from planner.report.page import sources_of
 
     run, leg = prepared.settings, prepared.desired.leg
     names = tuple(joint.name for joint in check.joints)
@@ -345,8 +307,11 @@ def comparison_report(
         check,
         title=leg_title(run.leg) or ", ".join(names),
         leg=leg,
-        origins=[*_origins(prepared, leg), ("bounds up to", level)],
-        files=linked_files(page, [*_inputs(prepared), *written]),
+        sources=sources_of(
+            page,
+            [*_origins(prepared, leg), ("bounds up to", level)],
+            [*_inputs(prepared), *written],
+        ),
         unreachable=prepared.desired.unreachable,
         notes=_notes(prepared),
     )

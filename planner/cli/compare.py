@@ -1,9 +1,10 @@
-"""``request-planner compare``: the ways to plan, side by side, with a verdict."""
+"""``request-planner compare``: the ways to plan, and how much better one is than another."""
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,7 +19,11 @@ from planner.files.text import to_json, write_text
 from planner.report.table import fitted_to
 
 if TYPE_CHECKING:
+    from kinematics import Leg
+    from planner.cli.desired import Desired
+    from planner.cli.planning import Prepared
     from planner.evaluation.cross_check import CrossCheck
+
 
 PICTURES = (".png", ".svg")
 """Endings of picture files."""
@@ -76,12 +81,10 @@ def compare(
         request-planner compare foot.csv --leg reference --unreachable clamp --report compare.html
     """  # noqa: D301
     from planner.cli.answer import comparison_report
-    from planner.cli.comparison import comparison_of, steps_of
     from planner.cli.desired import check_angles
     from planner.cli.models import model_words
     from planner.cli.planning import load
-    from planner.report.comparison import comparison_figure
-    from planner.report.comparison_tables import comparison_text, verdict_line
+    from planner.report.comparison import comparison_figure, comparison_text, verdict_line
     from planner.report.matplotlib_figure import write_picture
 
     if figure is not None and Path(figure).suffix.lower() not in PICTURES:
@@ -91,7 +94,8 @@ def compare(
     check_angles(prepared.desired.names, prepared.desired.units)
     if out is not None:
         click.get_current_context().with_resource(claimed(out))
-    with Progress(steps_of(prepared.desired)) as progress:
+    with_foot = _in_leg_order(prepared.desired)[1] is not None
+    with Progress(len(prepared.desired.names) + with_foot) as progress:
         check = comparison_of(prepared, progress)
     unreachable = prepared.desired.unreachable
     document = {**check.to_dict(), "unreachable_samples": unreachable}
@@ -142,3 +146,42 @@ def _write_folder(
         write_text(folder / PAGE, page(page=folder / PAGE, written=files))
         manifest = {**document, "files": list_files(folder)}
         write_text(folder / MANIFEST, to_json(manifest))
+
+
+def comparison_of(
+    prepared: Prepared, progress: Callable[[str], None] = lambda _: None
+) -> CrossCheck:
+    """The plans for the desired path, compared under its load."""
+    from planner.evaluation.cross_check import cross_check
+    from planner.planning.arguments import limits_of_each
+
+    run, torques = prepared.settings, prepared.load
+    desired, leg = _in_leg_order(prepared.desired)
+    if callable(torques):
+        torques = torques(prepared.desired.angles)
+    if torques is not None:
+        torques = torques[:, [prepared.desired.names.index(name) for name in desired.names]]
+    return cross_check(
+        desired.models,
+        desired.angles,
+        cyclic=desired.cyclic,
+        limits=limits_of_each(prepared.limits, desired.names) if prepared.limits else None,
+        segments=run.plan.segments,
+        leg=leg,
+        norm=run.plan.norm or "rms",
+        level=run.output.level or "envelope",
+        names=desired.names,
+        load=torques,
+        progress=progress,
+    )
+
+
+def _in_leg_order(desired: Desired) -> tuple[Desired, Leg | None]:
+    """The joints in the order of the leg; no leg if some of its joints are missing."""
+    leg = desired.leg
+    if leg is None or set(desired.names) != set(leg.joint_names):
+        return desired, None
+    columns = [desired.names.index(name) for name in leg.joint_names]
+    models = tuple(desired.models[column] for column in columns)
+    angles = desired.angles[:, columns]
+    return replace(desired, names=leg.joint_names, models=models, angles=angles), leg

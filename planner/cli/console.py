@@ -1,26 +1,30 @@
 """Output of the command line: results on standard output, messages on standard error.
 
 ``--quiet``, ``--verbose``, NO_COLOR and FORCE_COLOR set how much, and the colours; on a terminal a
-line shows the progress of long work.
+line shows the progress of long work. Errors in settings name keys of a run file or options, as the
+user wrote them.
 """
 
 from __future__ import annotations
 
 import logging
 import os
+import re
 import shutil
 import sys
 import textwrap
 import threading
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
+from dataclasses import dataclass
 from functools import partial
 from typing import Any, Literal, TextIO
 
 import click
 
 from kinematics.exceptions import printable
+from planner.exceptions import InvalidInput, PlannerError
 from planner.files.text import STANDARD_STREAM, to_json, write_text
 
 Verbosity = Literal["quiet", "normal", "verbose"]
@@ -228,28 +232,23 @@ class Progress:
 
     def __init__(
         self,
-        expected: Mapping[str, float] | Iterable[str] = (),
-        *,
         count: int = 0,
+        *,
+        parallel: bool = False,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         """Find out whether standard error is a terminal.
 
         Args:
-            expected: The steps, in order, with relative durations; by default all take equally
-                long. Without steps there is no bar and no remaining time.
-            count: Instead, the number of steps, for many steps in parallel: each is reported
-                when it is finished, and the line is drawn twice a second.
+            count: The number of steps; with 0 there is no bar and no remaining time.
+            parallel: Whether many steps go on at once: each is then reported when it is finished,
+                and the line is drawn twice a second.
             clock: Returns the time [s].
         """
-        self._expected = (
-            dict(expected) if isinstance(expected, Mapping) else dict.fromkeys(expected, 1.0)
-        )
         on_terminal = sys.stderr is not None and sys.stderr.isatty()
         self._visible = on_terminal and verbosity() != "quiet"
         self._step = ""
-        self._finished_steps: list[str] = []
-        self._count, self._counted = count, 0
+        self._count, self._finished, self._parallel = count, 0, parallel
         self._time = clock
         self._began = self._step_began = self._time()
         self._ended = threading.Event()
@@ -257,8 +256,7 @@ class Progress:
         self._outer: Progress | None = None
 
     def __enter__(self) -> Progress:
-        if self._count:
-            self._counted = -1
+        if self._parallel:
             self("the first")  # no step is finished yet
         return self
 
@@ -267,15 +265,10 @@ class Progress:
 
     def __call__(self, step: str) -> None:
         """Begin a step; the step before it is finished."""
-        if self._count:
-            self._counted += 1
-            if self._thread is not None:
-                return  # the thread draws the line
-        else:
-            self._finish_step()
+        self._finish_step()
         self._step = step
-        if not self._visible:
-            return
+        if not self._visible or (self._parallel and self._thread is not None):
+            return  # in parallel the thread draws the line
         if self._thread is None:
             self._outer = Progress.current
         Progress.current = self
@@ -302,43 +295,23 @@ class Progress:
     def line(self) -> str:
         """The text of the line now."""
         now = self._time()
-        if self._count:
-            spent, finished = now - self._began, self._counted
-            bar = ("█" * (BAR * finished // self._count)).ljust(BAR, "░")
-            estimated = finished > 0 and spent >= BRIEF
-            ending = (
-                f"  {_duration(spent * (self._count / finished - 1.0))} left" if estimated else ""
-            )
-            return f"{finished} of {self._count} …  {bar}{ending}"
-        if not self._expected or self._step not in self._expected:
-            return f"{self._step} …{_spent(now - self._began)}"
-        total = sum(self._expected.values())
-        done = sum(self._expected.get(name, 0.0) for name in self._finished_steps)
-        remaining = self._remaining(total, done, now)
-        share = (
-            done / total
-            if remaining is None
-            else (now - self._began) / (now - self._began + remaining)
-        )
-        bar = ("█" * int(BAR * share)).ljust(BAR, "░")
-        if not remaining or now - self._began < BRIEF:
-            return f"{self._step} …  {bar}{_spent(now - self._began)}"
-        return f"{self._step} …  {bar}  {_duration(remaining)} left"
-
-    def _remaining(self, total: float, done: float, now: float) -> float | None:
-        """Estimated remaining time by the pace of the finished steps [s]; None before the first."""
-        spent = self._step_began - self._began
-        if done <= 0.0 or spent <= 0.0:
-            return None
-        pace = spent / done
-        now_of_step = min((now - self._step_began) / pace, self._expected[self._step])
-        return (total - done - now_of_step) * pace
+        spent, finished = now - self._began, self._finished
+        step = f"{finished} of {self._count}" if self._parallel else self._step
+        if not self._count:
+            return f"{step} …{_spent(spent)}"
+        bar = ("█" * (BAR * finished // self._count)).ljust(BAR, "░")
+        if spent < BRIEF or not finished:
+            return f"{step} …  {bar}{'' if self._parallel else _spent(spent)}"
+        since = now if self._parallel else self._step_began
+        left = (since - self._began) * (self._count / finished - 1.0) - (now - since)
+        return f"{step} …  {bar}  {_duration(left)} left"
 
     def _finish_step(self) -> None:
         now = self._time()
         if self._step:
-            self._finished_steps.append(self._step)
-            detail(f"{self._step}: {now - self._step_began:.3g} s")
+            self._finished += 1
+            if not self._parallel:
+                detail(f"{self._step}: {now - self._step_began:.3g} s")
         self._step = ""
         self._step_began = now
 
@@ -363,3 +336,62 @@ def _duration(seconds: float) -> str:
         return f"{max(seconds, 1.0):.0f} s"
     minutes = round(seconds / 60.0)
     return f"{minutes} min" if minutes < 100 else f"{minutes / 60.0:.1f} h"
+
+
+@dataclass(frozen=True)
+class Key:
+    """A setting in a message.
+
+    Attributes:
+        name: The key, such as ``plan.method`` or ``export[0].file``.
+        value: The value in the message; None for any value.
+        joint: The joint, for a setting by joint.
+    """
+
+    name: str
+    value: str | bool | None = None
+    joint: str | None = None
+
+    @property
+    def place(self) -> tuple[str | int, ...]:
+        """The keys and numbers that lead to it."""
+        parts = re.findall(r"([^.\[]+)|\[(\d+)\]", self.name)
+        names = tuple(part or int(number) for part, number in parts)
+        return names if self.joint is None else (*names, self.joint)
+
+
+def as_key(key: Key) -> str:
+    """A setting as a run file has it: ``plan.cyclic = false``."""
+    from planner.cli.declared import key_name, toml_value  # too slow for --help
+
+    name = key_name(key.place)
+    return name if key.value is None else f"{name} = {toml_value(key.value)}"
+
+
+class _Fault(PlannerError):
+    """A message with settings as objects, so that they can be spelt as keys or as options.
+
+    Attributes:
+        parts: Words and settings, in their order.
+    """
+
+    def __init__(self, *parts: str | Key) -> None:
+        """Spell the settings as keys by default."""
+        self.parts = parts
+        super().__init__(self.spelt(as_key))
+
+    def spelt(self, spelling: Callable[[Key], str]) -> str:
+        """The message, with the settings as the user writes them."""
+        return "".join(part if isinstance(part, str) else spelling(part) for part in self.parts)
+
+
+class BadSetting(_Fault, InvalidInput):
+    """Settings that contradict each other, or the files that they name."""
+
+
+class Remark(_Fault):
+    """A remark on a valid answer; it is not raised."""
+
+
+class FailedCheck(_Fault):
+    """A plan that fails a check."""

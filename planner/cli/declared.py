@@ -81,8 +81,8 @@ class Expected:
 
 
 @dataclass(frozen=True, eq=False)
-class About:
-    """Attributes of a key beside its type and its default.
+class Declared:
+    """A key as it is declared: the arguments of :func:`setting`, and what follows from its field.
 
     Attributes:
         help: Its purpose, in a sentence.
@@ -94,6 +94,11 @@ class About:
         by_joint: The key of the same table that takes values of the option for single joints.
         only: The methods, or formats, of its table on which it has an effect; () for all.
         click: Arguments for click that do not follow from the above.
+        annotation: Its annotation, whole.
+        default: Its default; MISSING where it has to be set.
+        type: Its type without None and annotations, such as float, or a Literal of its choices.
+        expected: The expected value, in words.
+        free: Whether it is a table of values by any name, such as ``limits.joints``.
     """
 
     help: str = ""
@@ -105,6 +110,16 @@ class About:
     by_joint: str = ""
     only: tuple[str, ...] = ()
     click: Mapping[str, Any] = field(default_factory=dict)
+    annotation: Any = None
+    default: Any = field(default_factory=lambda: MISSING)
+    type: Any = None
+    expected: str = ""
+    free: bool = False
+
+    @property
+    def required(self) -> bool:
+        """Whether a file has to set it."""
+        return self.default is MISSING
 
 
 def setting(
@@ -112,52 +127,17 @@ def setting(
     *,
     default: Any = MISSING,
     implied: Any = None,
-    otherwise: str = "",
-    example: Any = None,
-    set_to: Any = None,
-    option: str = "",
-    earlier: tuple[str, ...] = (),
-    by_joint: str = "",
-    only: tuple[str, ...] = (),
-    **click: Any,
+    **about: Any,
 ) -> Any:
-    """Declare a key of a table; see :class:`About`. Other arguments go to its option.
+    """Declare a key of a table; see :class:`Declared`. Other arguments go to its option.
 
     A key that may be None is None by default, with the effect of ``implied``; a dict is empty.
     """
     if implied is not None:
-        otherwise, example = toml_value(implied), implied
-    about = About(
-        help=help, otherwise=otherwise, example=example, set_to=set_to,
-        option=option, earlier=earlier, by_joint=by_joint, only=only, click=click,
-    )  # fmt: skip
-    return field(default=default, metadata={"about": about})
-
-
-@dataclass(frozen=True)
-class Declared:
-    """A key as it is declared.
-
-    Attributes:
-        annotation: Its annotation, whole.
-        default: Its default; MISSING where it has to be set.
-        type: Its type without None and annotations, such as float, or a Literal of its choices.
-        about: Its description.
-        expected: The expected value, in words.
-        free: Whether it is a table of values by any name, such as ``limits.joints``.
-    """
-
-    annotation: Any
-    default: Any
-    type: Any
-    about: About
-    expected: str
-    free: bool
-
-    @property
-    def required(self) -> bool:
-        """Whether a file has to set it."""
-        return self.default is MISSING
+        about |= {"otherwise": toml_value(implied), "example": implied}
+    own = {each.name: about.pop(each.name) for each in fields(Declared) if each.name in about}
+    click = {"type": own.pop("type")} if "type" in own else {}
+    return field(default=default, metadata={"declared": Declared(help, **own, click=click | about)})
 
 
 class Settings:
@@ -183,8 +163,8 @@ class Settings:
         """
         for name, key in () if optional is None else optional.keys.items():
             cls.__annotations__[name] = key.annotation | None
-            example = key.default if key.about.example is None else key.about.example
-            setattr(cls, name, field(metadata={"about": replace(key.about, example=example)}))
+            example = key.default if key.example is None else key.example
+            setattr(cls, name, field(metadata={"declared": replace(key, example=example)}))
         annotations = get_type_hints(cls)
         for name, each in vars(cls).items():
             if isinstance(each, Field) and NoneType in get_args(annotations[name]):
@@ -197,9 +177,9 @@ class Settings:
     def without_effect(self, choice: str) -> dict[str, tuple[str, ...]]:
         """The keys that are set without effect, and the choices with which they have an effect."""
         return {
-            name: key.about.only
+            name: key.only
             for name, key in self.keys.items()
-            if key.about.only and choice not in key.about.only
+            if key.only and choice not in key.only
             if (value := getattr(self, name)) is not None and value is not False and value != {}
         }
 
@@ -331,12 +311,12 @@ def _declared(cls: type[Settings]) -> dict[str, Declared]:
         default = each.default if each.default_factory is MISSING else each.default_factory()
         base, notes = _unwrapped(annotation)
         in_words = any(isinstance(note, Expected) for note in notes)
-        keys[each.name] = Declared(
-            annotation,
-            default,
-            base,
-            each.metadata.get("about", About()),
-            _expected(base, notes),
+        keys[each.name] = replace(
+            each.metadata.get("declared", Declared()),
+            annotation=annotation,
+            default=default,
+            type=base,
+            expected=_expected(base, notes),
             free=get_origin(base) is dict and not in_words,
         )
     return keys
@@ -505,16 +485,15 @@ def tables(cls: type[Settings], place: tuple[str, ...] = ()) -> Iterator[Table]:
         inner = get_args(key.type)
         if _is_table(key.type):
             first, *rest = tables(key.type, (*place, name))
-            yield replace(first, active=key.default is not None or key.about.set_to is not None)
+            yield replace(first, active=key.default is not None or key.set_to is not None)
             yield from rest
         elif get_origin(key.type) is tuple and _is_table(inner[0]):
             yield _table(inner[0], (*place, name, ANY), repeated=True)
         elif get_origin(key.type) is dict and _is_table(inner[1]):
             yield _table(inner[1], (*place, name, ANY), active=False)
         elif key.free:
-            free, about = _expected(*_unwrapped(inner[1])), key.about
-            place_of = (*place, name)
-            yield Table(place_of, about.help, {}, free=free, example=about.example, active=False)
+            free, place_of = _expected(*_unwrapped(inner[1])), (*place, name)
+            yield Table(place_of, key.help, {}, free=free, example=key.example, active=False)
 
 
 def _table(cls: type[Settings], place: tuple[str, ...], **more: Any) -> Table:
@@ -537,15 +516,15 @@ def template(cls: type[Settings], heading: Sequence[str]) -> str:
         if table.place:
             lines.append(f"{'' if table.active else '# '}{table.header.replace(ANY, JOINT)}")
         for name, key in table.keys.items():
-            default, about = None if key.required else key.default, key.about
+            default = None if key.required else key.default
             words = f" {key.expected.capitalize()}." * key.expected.startswith("one of")
             if in_words := _default_in_words(key):
-                visible = default is not None and about.set_to is None
+                visible = default is not None and key.set_to is None
                 words += "" if visible else f" Default: {in_words}."
-            lines += _comment(about.help + words)
-            value = default if about.set_to is None else about.set_to
+            lines += _comment(key.help + words)
+            value = default if key.set_to is None else key.set_to
             off = "" if table.active and value is not None else "# "
-            lines.append(f"{off}{name} = {toml_value(about.example if value is None else value)}")
+            lines.append(f"{off}{name} = {toml_value(key.example if value is None else value)}")
         if table.free:
             lines.append(f"# {JOINT} = {toml_value(table.example)}")
     return "\n".join(lines) + "\n"
@@ -565,9 +544,7 @@ def markdown(cls: type[Settings]) -> str:
             lines += ["", "| key | expected | default | what it is for |", "|---|---|---|---|"]
         for name, key in table.keys.items():
             default = "must be there" if key.required else cell(_default_in_words(key)) or "–"
-            lines.append(
-                f"| `{name}` | {cell(key.expected)} | {default} | {cell(key.about.help)} |"
-            )
+            lines.append(f"| `{name}` | {cell(key.expected)} | {default} | {cell(key.help)} |")
         if table.free:
             lines += ["", f"Any joint of the path, set to {table.free}."]
         sections.append("\n".join(lines))
@@ -590,7 +567,7 @@ def toml_value(value: Any) -> str:
 
 def _default_in_words(key: Declared) -> str:
     text = "" if key.required or key.default is None else toml_value(key.default)
-    return key.about.otherwise or text
+    return key.otherwise or text
 
 
 def _comment(text: str) -> Iterator[str]:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Literal, TypeVar
 import numpy as np
 
 from planner.cli import settings
-from planner.cli.faults import BadSetting, Key, Remark
+from planner.cli.console import BadSetting, Key, Remark
 from planner.cli.models import beside, check_joints, models_of
 from planner.exceptions import ANGLE_UNIT, JOINT_UNITS, InvalidFile
 from planner.files.columns import LEAST_DEG, SHARES

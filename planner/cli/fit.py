@@ -163,7 +163,7 @@ def _fits(path: Desired, arguments: dict[str, Any]) -> dict[str, PiecewiseLinear
     from planner.approximation.fit import fit_pwl
 
     fits = {}
-    with Progress(path.names) as progress:
+    with Progress(len(path.names)) as progress:
         for j, (name, joint) in enumerate(zip(path.names, path.models, strict=True)):
             progress(name)
             with about(name):

@@ -133,10 +133,11 @@ def identify(
     page: AbstractContextManager[None] = nullcontext()
     if report is not None:
         from planner.report.identification.page import identification_page
-        from planner.report.page import linked_files
+        from planner.report.page import sources_of
 
-        files = linked_files(report, [*(("log", file) for file in logs), ("model", output)])
-        page = staged(report, identification_page(identifications, files=files).encode())
+        named = [*(("log", file) for file in logs), ("model", output)]
+        sources = sources_of(report, files=named)
+        page = staged(report, identification_page(identifications, sources=sources).encode())
     with page:
         deliver(
             _document(identifications, every=choices["joint"] == "all"),
@@ -230,7 +231,7 @@ def _identify_joints(
         outcomes = _in_parallel(tasks)
     else:
         outcomes = []
-        with Progress(f"identifying {task.name}" for task in tasks) as progress:
+        with Progress(len(tasks)) as progress:
             for task in tasks:
                 progress(f"identifying {task.name}")
                 outcomes.append(outcome_of(task.argument))
@@ -272,7 +273,7 @@ def _in_parallel(tasks: Sequence[Task]) -> list[Identification | PlannerError]:
     from planner.parallel import executor_of, outcomes
 
     by_name: dict[str, Identification | PlannerError] = {}
-    with Progress(count=len(tasks)) as progress, executor_of() as executor:
+    with Progress(len(tasks), parallel=True) as progress, executor_of() as executor:
         for task, outcome in outcomes(pickled_outcome, tasks, executor):
             if outcome.result is None:
                 by_name[task.name] = PlannerError(outcome.reason)

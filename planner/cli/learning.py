@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from planner.cli.console import BadSetting, Key
 from planner.cli.desired import Desired, leg_title
-from planner.cli.faults import BadSetting, Key
 from planner.cli.models import model_words
 from planner.cli.planning import Prepared, plan_of, task_of
 from planner.exceptions import InvalidFile, about
@@ -25,7 +25,7 @@ from planner.model.response import load_columns
 from planner.planning.arguments import limits_of_each
 from planner.planning.plan import Plan, joined
 from planner.report.learning import Progress, learning_page
-from planner.report.page import linked_files
+from planner.report.page import sources_of
 from planner.report.table import NOTHING, text_table
 from planner.trajectory import Array
 
@@ -252,10 +252,10 @@ def refined(
     if history is not None and Path(history).is_file():
         plan_names = (FOOT, *names) if prepared.settings.plan.method == "foot-optimal" else names
         states = read_history(history, plan_names, prepared.desired.angles)
-        plans = {
-            name: _resumed(plan, states.pop(name)) if name in states else plan
-            for name, plan in plans.items()
-        }
+        for name in plans.keys() & states.keys():
+            models, learning = states.pop(name)
+            task = plans[name].task.with_models(models)
+            plans[name] = replace(plans[name], learning=(learning,), task=task)
     answer: dict[str, Plan] = {}
     for name, plan in plans.items():
         if name not in (FOOT, *measured.names):
@@ -272,12 +272,6 @@ def refined(
                 reidentify=reidentify,
             )
     return Refined(prepared, executed, measured, answer, states)
-
-
-def _resumed(plan: Plan, state: LearningState) -> Plan:
-    """The plan, with the state of learning in its history."""
-    models, learning = state
-    return replace(plan, learning=(learning,), task=plan.task.with_models(models))
 
 
 def write_states(path: str, answer: Refined) -> None:
@@ -422,6 +416,7 @@ def learning_report(
         progress=progress_of(answer),
         about_others=answer.about_not_measured,
         title=leg_title(run.leg) or ", ".join(desired.names),
-        origins=[("path", run.path.file or ""), ("model", run.model.file)],
-        files=linked_files(page, written),
+        sources=sources_of(
+            page, [("path", run.path.file or ""), ("model", run.model.file)], written
+        ),
     )

@@ -11,9 +11,8 @@ from typing import Any, Literal, get_args, get_origin
 import click
 
 from planner.cli import types
-from planner.cli.console import warn
-from planner.cli.declared import ANY, About, Declared, Unfit, tables
-from planner.cli.faults import BadSetting, FailedCheck, Key, Remark
+from planner.cli.console import BadSetting, FailedCheck, Key, Remark, warn
+from planner.cli.declared import ANY, Declared, Unfit, tables
 from planner.cli.settings import Replay, Run
 
 Command = Callable[..., Any]
@@ -74,14 +73,14 @@ SETTINGS = {
     ".".join(part for part in (*table.place, name) if part != ANY): key
     for table in (*tables(Run), *tables(Replay, ("replay",)))
     for name, key in table.keys.items()
-    if key.about.option
+    if key.option
 }
 """The settings that are options, by their keys in a run file."""
 
 BY_JOINT = {
-    f"{key.rpartition('.')[0]}.{each.about.by_joint}": key
+    f"{key.rpartition('.')[0]}.{each.by_joint}": key
     for key, each in SETTINGS.items()
-    if each.about.by_joint
+    if each.by_joint
 }
 """By key for values of single joints: the setting with the option."""
 
@@ -126,7 +125,7 @@ def settings(*keys: str, **helps: str) -> Callable[[Command], Command]:
         for key in keys:
             own = helps.get(_parameter(key)) or helps.get(key.rpartition(".")[2], "")
             if key.startswith("plan.") and "plan.method" not in keys:
-                own = own or _of_any_method(SETTINGS[key].about)
+                own = own or _of_any_method(SETTINGS[key])
             decorators.append(_option(key, SETTINGS[key], own))
         return several(*decorators)(with_settings)
 
@@ -137,25 +136,24 @@ def _parameter(key: str) -> str:
     return key.replace(".", "_")
 
 
-def _of_any_method(about: About) -> str:
+def _of_any_method(declared: Declared) -> str:
     """The help of a setting without its methods, for a command without a choice of method."""
-    words = about.help.partition(": ")[2] if about.only else about.help
+    words = declared.help.partition(": ")[2] if declared.only else declared.help
     return words[:1].upper() + words[1:]
 
 
 def _option(key: str, declared: Declared, of_command: str) -> Callable[[Command], Command]:
     """A setting as an option of click, with the command's own help text if it has one."""
-    about = declared.about
-    attributes = dict(about.click)
+    attributes = dict(declared.click)
     own = attributes.pop("option_help", "")
     default = None if declared.required else declared.default
-    default_text = about.otherwise.strip('"') or ("" if default in (None, ()) else str(default))
-    first, slash, second = about.option.partition("/")
+    default_text = declared.otherwise.strip('"') or ("" if default in (None, ()) else str(default))
+    first, slash, second = declared.option.partition("/")
     if isinstance(default, bool):
         default_text = (first if default else second).strip("-") if slash else ""
     text = of_command or own
     if not text:
-        text = f"{about.help}  [default: {default_text}]" if default_text else about.help
+        text = f"{declared.help}  [default: {default_text}]" if default_text else declared.help
     elif not own and default_text:
         text += f"  [default: {default_text}]"
     if declared.type is bool:
@@ -166,12 +164,12 @@ def _option(key: str, declared: Declared, of_command: str) -> Callable[[Command]
         attributes = {"type": str, "multiple": "type" not in attributes, **attributes}
     else:
         attributes = {"type": declared.type, **attributes}
-    if about.by_joint or get_origin(declared.type) is dict:
+    if declared.by_joint or get_origin(declared.type) is dict:
         attributes["multiple"] = True
-    if about.earlier:
-        attributes |= {"cls": types.Renamed, "earlier": about.earlier}
+    if declared.earlier:
+        attributes |= {"cls": types.Renamed, "earlier": declared.earlier}
     parameter, required = _parameter(key), declared.required
-    return click.option(about.option, parameter, help=text, required=required, **attributes)
+    return click.option(declared.option, parameter, help=text, required=required, **attributes)
 
 
 def check_parallel(workers: int | None, scheduler: str | None) -> None:
@@ -193,8 +191,7 @@ def as_option(key: Key) -> str:
         named = named.rpartition(".")[0]
     if not named:
         return {"path.file": "PATH"}.get(key.name, key.name)
-    about = SETTINGS[BY_JOINT.get(named, named)].about
-    first, _, second = about.option.partition("/")
+    first, _, second = SETTINGS[BY_JOINT.get(named, named)].option.partition("/")
     if isinstance(key.value, bool):
         return first if key.value else second
     return " ".join(str(part) for part in (first, key.value, key.joint) if part is not None)
@@ -208,7 +205,7 @@ def by_argument() -> dict[str, str]:
             continue
         table, _, name = key.rpartition(".")
         argument = table if name == "deg" else re.sub("_(deg|hz|s)$", "", name)
-        names[argument.replace("_", " ")] = declared.about.option.partition("/")[0]
+        names[argument.replace("_", " ")] = declared.option.partition("/")[0]
     return names
 
 
@@ -233,10 +230,10 @@ def put(content: dict[str, Any], key: str, value: Any) -> None:
     for part in place:
         table = table.setdefault(part, {})
     declared = SETTINGS[key]
-    if declared.about.by_joint:
+    if declared.by_joint:
         for joint, each in value:
             if joint:
-                table.setdefault(declared.about.by_joint, {})[joint] = each
+                table.setdefault(declared.by_joint, {})[joint] = each
             else:
                 table[name] = each
     elif key == "leg.lock":

@@ -66,7 +66,7 @@ def plan(*, run: Run, path: str, output: str, report: str | None, as_json: bool)
     prepared = prepare(run)
     desired = prepared.desired
     options.warn_of(desired.remarks)
-    with Progress(desired.names) as progress:
+    with Progress(len(desired.names)) as progress:
         result = plan_of(prepared, progress)
     options.warn_of(beyond_limits(result, desired))
     missed = misses(run, desired, result)

@@ -20,6 +20,8 @@ import click
 from kinematics.exceptions import KinematicsError
 from planner._version import __version__
 from planner.cli.console import (
+    BadSetting,
+    FailedCheck,
     add_verbosity,
     coloured,
     complain,
@@ -27,7 +29,6 @@ from planner.cli.console import (
     terminal_width,
     warn,
 )
-from planner.cli.faults import BadSetting, FailedCheck
 from planner.exceptions import (
     ANGLE_UNIT,
     InvalidFile,
@@ -35,11 +36,8 @@ from planner.exceptions import (
     OutsideEquation13,
     PlannerError,
 )
+from planner.files.text import STANDARD_STREAM, write_text
 from planner.report.table import fitted_to
-
-ALLOCATIONS = 200_000
-"""New objects before a garbage collection: with Python's default of 700 a tenth of a short
-command's time is spent on the definitions of packages, which are no garbage."""
 
 COMMANDS = {
     "calibrate": "Move servos, identify their joints, recommend how to plan.",
@@ -63,7 +61,19 @@ COMMANDS = {
     "view": "Show the robot moving, in the browser.",
     "virtual-bus": "Put virtual servos behind a pseudo-terminal.",
 }
-"""The commands and their help: each is the function, with _ for -, in the module of this name."""
+"""The commands and their help: each is the function of this name, with _ for -, in the module of
+this name or of :data:`MODULES`."""
+
+MODULES = {
+    "check": "calibrate",
+    "completion": "program",
+    "record": "play",
+    "virtual-bus": "buses",
+}
+"""Modules of commands that share one."""
+
+VARIABLE = "_REQUEST_PLANNER_COMPLETE"
+"""Through this variable of the environment a shell asks the command for completions."""
 
 FAILED = 1
 """Exit status of an answer that failed its own check."""
@@ -123,8 +133,8 @@ class Commands(click.Group):
         """The command of this name."""
         if cmd_name not in COMMANDS:
             return None
-        name = cmd_name.replace("-", "_")
-        command: click.Command = getattr(import_module(f"planner.cli.{name}"), name)
+        module = import_module(f"planner.cli.{MODULES.get(cmd_name, cmd_name)}")
+        command: click.Command = getattr(module, cmd_name.replace("-", "_"))
         command.short_help = COMMANDS[cmd_name]
         add_verbosity(command)
         return command
@@ -245,32 +255,46 @@ def cli(context: click.Context) -> None:
         click.echo(context.get_help())
 
 
+@click.command()
+@click.argument("shell", type=click.Choice(["bash", "zsh", "fish"]))
+@click.pass_context
+def completion(context: click.Context, *, shell: str) -> None:
+    """Print a script with which SHELL completes commands, options, their values and files.
+
+    \b
+    Example, for bash from version 4.4, this shell and from now on every new one:
+        request-planner completion bash > request-planner.bash
+        source request-planner.bash
+    For every new one, a line in ~/.bashrc or ~/.zshrc:
+        eval "$(request-planner completion bash)"
+        eval "$(request-planner completion zsh)"
+    and for fish a file in ~/.config/fish/completions:
+        request-planner completion fish > ~/.config/fish/completions/request-planner.fish
+    """  # noqa: D301
+    from click.shell_completion import get_completion_class
+
+    completion_class = get_completion_class(shell)
+    assert completion_class is not None, "click knows these shells"
+    program = context.find_root().command
+    script = completion_class(program, {}, "request-planner", VARIABLE).source()
+    write_text(STANDARD_STREAM, f"{script.strip()}\n")
+
+
 def main() -> NoReturn:
     """Run the command line on the process's own arguments."""
-    gc.set_threshold(ALLOCATIONS, 10, 10)
-    signal.signal(signal.SIGTERM, _terminate)
+    # By default a tenth of a short command's time is spent on the definitions of packages.
+    gc.set_threshold(200_000, 10, 10)
+    # An exit by an exception, so that incomplete files are removed.
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(TERMINATED))
     os.environ["MPLBACKEND"] = "agg"  # no window is opened; a backend that is set may be missing
     for library in ("OMP", "OPENBLAS", "MKL"):  # products of vectors are too short for threads
         os.environ.setdefault(f"{library}_NUM_THREADS", "1")
     for stream in (sys.stdout, sys.stderr):
-        _encode(stream)
+        if isinstance(stream, TextIOWrapper):  # a terminal keeps its encoding
+            encoding = stream.encoding if stream.isatty() else "utf-8"
+            stream.reconfigure(encoding=encoding, errors="backslashreplace")
     cli.main()
     raise AssertionError("the command line returned")
-
-
-def _terminate(*_: object) -> NoReturn:
-    """Exit by an exception, so that incomplete files are removed."""
-    sys.exit(TERMINATED)
-
-
-def _encode(stream: TextIO | None) -> None:
-    """Let a stream accept any text: a pipe or a file as UTF-8, like output files.
-
-    A terminal keeps its encoding; characters outside it are escaped.
-    """
-    if isinstance(stream, TextIOWrapper):
-        encoding = stream.encoding if stream.isatty() else "utf-8"
-        stream.reconfigure(encoding=encoding, errors="backslashreplace")
 
 
 add_verbosity(cli)

@@ -112,7 +112,7 @@ def refine(
     angles = read_measured(measured, prepared, cycles=cycles)
     if angles.unused:
         warn(f"{angles.unused} measured rows after the last whole cycle are not used")
-    with Progress([*desired.names]) as progress:
+    with Progress(len(desired.names)) as progress:
         answer = refined(
             prepared,
             executed,

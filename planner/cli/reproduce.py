@@ -21,41 +21,8 @@ if TYPE_CHECKING:
     from planner.evaluation.virtual_experiment import VirtualOutcome
     from planner.report.figure import Figure
 
-_PLANS = {
-    "the walk": 0.1,
-    "the baselines": 0.02,
-    "the optimised requests for the foot": 0.5,
-    "the lower bound for the foot": 2.0,
-    "the closed form for the rotator": 0.6,
-    "the optimised requests for the rotator": 0.04,
-    "the lower bound for the rotator": 0.9,
-    "the closed form for the abductor": 0.2,
-    "the optimised requests for the abductor": 0.04,
-    "the lower bound for the abductor": 0.1,
-    "the closed form for the knee": 0.3,
-    "the optimised requests for the knee": 0.04,
-    "the lower bound for the knee": 0.1,
-}
-
-_JOINTS = ("rotator", "abductor", "knee")
-
-_METHODS = ("direct", "closed form plain", "closed form", "optimal", "foot optimal")
-
-DURATIONS = {
-    "model": {**_PLANS, "the step tests": 0.01, "the report": 7.0},
-    "virtual": {
-        **{
-            f"{step} of the {joint}": seconds
-            for joint in _JOINTS
-            for step, seconds in (("the step tests", 0.25), ("the model", 0.4))
-        },
-        **_PLANS,
-        **{f"20 cycles of the walk: {method}": 0.5 for method in _METHODS},
-        "10 trials of learning": 8.0,
-        "the report": 6.5,
-    },
-}
-"""Seconds that each step took on two cores, by robot, in their order."""
+STEPS = {"model": 15, "virtual": 26}
+"""Number of steps that are reported, by robot."""
 
 
 @click.command()
@@ -107,7 +74,7 @@ def reproduce(*, out: str, robot: str, as_json: bool) -> None:
         request-planner reproduce --out out/paper
         request-planner reproduce --robot virtual --out out/virtual
     """  # noqa: D301
-    progress = Progress(DURATIONS[robot])
+    progress = Progress(STEPS[robot])
     experiment = on_virtual_robot if robot == "virtual" else on_model
     try:
         with output_folder(out) as folder, fitted_to(terminal_width(sys.stdout)):
@@ -134,8 +101,7 @@ def on_model(folder: Path, progress: Callable[[str], None]) -> Answer:
     from planner.evaluation.reproduction import reproduce
     from planner.report.paper.figures import paper_figures
     from planner.report.paper.page import paper_page
-    from planner.report.paper.results import paper_results
-    from planner.report.paper.tables import paper_text
+    from planner.report.paper.results import paper_results, paper_text
 
     reproduction = reproduce(progress=progress)
     progress("the report")
@@ -149,8 +115,7 @@ def on_virtual_robot(folder: Path, progress: Callable[[str], None]) -> Answer:
     """The paper's experiment on the virtual robot, whose joints are not the model."""
     from planner.evaluation.virtual_experiment import play_experiment
     from planner.report.paper.page import virtual_page
-    from planner.report.paper.results import virtual_results
-    from planner.report.paper.tables import virtual_text
+    from planner.report.paper.results import virtual_results, virtual_text
     from planner.report.paper.virtual_figures import virtual_figures
 
     outcome = play_experiment(progress=progress)

@@ -15,7 +15,8 @@ from planner.files.staging import output_folder
 from planner.files.text import STANDARD_STREAM, write_text
 
 if TYPE_CHECKING:
-    from planner.cli.run_file import RunFile
+    from planner.cli.planning import Prepared
+    from planner.files.text import Toml
 
 HEADING = (
     "A run of request-planner: `request-planner run FILE` makes it.",
@@ -51,12 +52,12 @@ def run(*, file: str | None, out: str | None, check: bool, template: bool, as_js
         raise click.UsageError("name a run file, or begin one with --template.")
     from planner.cli.run_file import read_run
 
-    run_file = read_run(file)
-    desired = run_file.prepared.desired
+    run_file, prepared = read_run(file)
+    desired = prepared.desired
     if check:
         for remark in desired.remarks:
             warn(str(remark))
-        samples, method = len(desired.angles), run_file.settings.plan.method
+        samples, method = len(desired.angles), prepared.settings.plan.method
         content = {"holds": True, "samples": samples, "period_s": desired.period}
         print_answer(
             {**content, "joints": list(desired.names), "method": method},
@@ -65,7 +66,8 @@ def run(*, file: str | None, out: str | None, check: bool, template: bool, as_js
             as_json=as_json,
         )
         return
-    carry_out_run(run_file, folder_of(file, out, run_file.settings.out), as_json=as_json)
+    place = folder_of(file, out, prepared.settings.out)
+    carry_out_run(run_file, prepared, place, as_json=as_json)
 
 
 def folder_of(file: str, out: str | None, in_file: str | None) -> str:
@@ -83,28 +85,24 @@ def folder_of(file: str, out: str | None, in_file: str | None) -> str:
     return str(Path(file).with_suffix(""))
 
 
-def carry_out_run(run_file: RunFile, out: str, *, as_json: bool) -> None:
+def carry_out_run(file: Toml, prepared: Prepared, out: str, *, as_json: bool) -> None:
     """Plan, and write the folder of the results."""
     from planner.cli.answer import summary
     from planner.cli.planning import beyond_limits, plan_of
     from planner.cli.run_file import speaking_of, write_run
 
-    settings, names = run_file.settings, run_file.prepared.desired.names
-    steps = ["the foot"] if settings.plan.method == "foot-optimal" else list(names)
-    steps += ["the comparison"] if settings.output.comparison else []
+    settings, desired = prepared.settings, prepared.desired
+    steps = 1 if settings.plan.method == "foot-optimal" else len(desired.names)
     with (
-        Progress([*steps, "the files"]) as progress,
-        speaking_of(run_file.file),
+        Progress(steps + settings.output.comparison + 1) as progress,
+        speaking_of(file),
         output_folder(out) as folder,
     ):
-        plan = plan_of(run_file.prepared, progress)
-        results, exports, failures = write_run(folder, run_file, plan, progress=progress)
-    desired = run_file.prepared.desired
+        plan = plan_of(prepared, progress)
+        results, exports, failures = write_run(folder, file.path, prepared, plan, progress=progress)
     for remark in (*desired.remarks, *beyond_limits(plan, desired)):
         warn(str(remark))
-    words = (
-        f"{summary(run_file.prepared, plan)}{exports}\n{len(results['files']) + 1} files in {out}"
-    )
+    words = f"{summary(prepared, plan)}{exports}\n{len(results['files']) + 1} files in {out}"
     print_answer(results, words, as_json=as_json)
     if failures:
         raise click.ClickException(f"{'; '.join(failures)}; the files are written all the same")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Any
 
@@ -12,11 +12,10 @@ from kinematics.exceptions import KinematicsError
 from kinematics.scene import Scene
 from planner.cli import settings
 from planner.cli.answer import document, plan_report
+from planner.cli.console import BadSetting, FailedCheck, Key, as_key
 from planner.cli.declared import flat, understand
 from planner.cli.desired import Desired, check_angles
-from planner.cli.faults import BadSetting, FailedCheck, Key, as_key
-from planner.cli.planning import Prepared, misses, prepare
-from planner.cli.rows import (
+from planner.cli.export import (
     check_export,
     check_rows,
     rows_document,
@@ -24,6 +23,7 @@ from planner.cli.rows import (
     rows_summary,
     write_rows,
 )
+from planner.cli.planning import Prepared, misses, prepare
 from planner.exceptions import InvalidFile, InvalidInput, PlannerError
 from planner.files.paths import write_foot_path, write_joint_path
 from planner.files.staging import MANIFEST, list_files
@@ -31,15 +31,12 @@ from planner.files.text import Toml, read_toml, to_json, write_text
 from planner.model.response import simulate_joints
 from planner.planning.plan import Plan
 from planner.report.page import versions
-from planner.report.scene import Motion, motions, scene_page
+from planner.report.scene import LOOKS, Motion, scene_page
 from planner.robot.schedule import Schedule
 from planner.trajectory import Array
 
 if TYPE_CHECKING:
     from kinematics import Leg
-
-COMPARISON = ("comparison.json", "comparison.png", "comparison.svg")
-"""Files of a comparison."""
 
 WRITTEN = ("requests", "angles", "desired", "foot", "report", "scene")
 """Keys of [output] that name a file."""
@@ -51,26 +48,8 @@ ARGUMENTS = {
 """Arguments that messages of the library advise, as keys of a run file."""
 
 
-@dataclass(frozen=True)
-class RunFile:
-    """A checked run file with its inputs.
-
-    Attributes:
-        file: The file.
-        prepared: Its settings and their inputs.
-    """
-
-    file: Toml
-    prepared: Prepared
-
-    @property
-    def settings(self) -> settings.Run:
-        """The settings in the file, and defaults."""
-        return self.prepared.settings
-
-
-def read_run(path: str) -> RunFile:
-    """Read a run file, or standard input for ``-``, and the files that it names.
+def read_run(path: str) -> tuple[Toml, Prepared]:
+    """Read a run file, or standard input for ``-``, and prepare the plan that it describes.
 
     Raises:
         InvalidFile: It is invalid; the message names the place.
@@ -85,7 +64,7 @@ def read_run(path: str) -> RunFile:
         _check_names(run)
         prepared = prepare(run, str(Path(path).parent))
         _check_outputs(prepared)
-    return RunFile(file, prepared)
+    return file, prepared
 
 
 @contextmanager
@@ -133,7 +112,10 @@ def _check_names(run: settings.Run) -> None:
     """Make sure that no two files of the folder have one name, or one inside the other."""
     owners = {PurePosixPath(MANIFEST): MANIFEST}
     if run.output.comparison:
-        owners |= {PurePosixPath(name): "output.comparison" for name in COMPARISON}
+        owners |= {
+            PurePosixPath(name): "output.comparison"
+            for name in ("comparison.json", "comparison.png", "comparison.svg")
+        }
     names = {f"output.{key}": getattr(run.output, key) for key in WRITTEN}
     names |= {f"export[{number}].file": each.file for number, each in enumerate(run.export)}
     for key, name in names.items():
@@ -171,41 +153,41 @@ def _check_outputs(prepared: Prepared) -> None:
 
 
 def write_run(
-    folder: Path, run: RunFile, plan: Plan, *, progress: Callable[[str], None]
+    folder: Path, file: str, prepared: Prepared, plan: Plan, *, progress: Callable[[str], None]
 ) -> tuple[dict[str, Any], str, list[str]]:
-    """Write all outputs of a run file.
+    """Write all outputs of a run file, whose path the page names.
 
     Returns:
         ``results.json``, the exports in words, and the failed checks of plan and comparison.
     """
-    failures = missed = misses(run.settings, run.prepared.desired, plan)
+    run = prepared.settings
+    failures = missed = misses(run, prepared.desired, plan)
     progress("the files")
-    _write_paths(folder, run, plan)
-    exports, words = _write_exports(folder, run, plan)
-    if run.settings.output.comparison:
-        from planner.cli.comparison import comparison_of
-        from planner.report.comparison import comparison_figure
-        from planner.report.comparison_tables import verdict_line
+    _write_paths(folder, prepared, plan)
+    exports, words = _write_exports(folder, prepared, plan)
+    if run.output.comparison:
+        from planner.cli.compare import comparison_of
+        from planner.report.comparison import comparison_figure, verdict_line
         from planner.report.matplotlib_figure import write_picture
 
         progress("the comparison")
-        check = comparison_of(run.prepared)
+        check = comparison_of(prepared)
         write_text(folder / "comparison.json", to_json(check.to_dict()))
         for ending in (".png", ".svg"):
             write_picture(folder / f"comparison{ending}", comparison_figure(check))
         failures = [*missed, *([] if check.passed else [verdict_line(check)])]
     if page := _place(folder, run, "report"):
-        scene = run.settings.output.scene
+        scene = run.output.scene
         names = [*list_files(folder), MANIFEST, *([scene] if scene else [])]
-        files: list[tuple[str, Path | str | None]] = [("run", run.file.path)]
+        files: list[tuple[str, Path | str | None]] = [("run", file)]
         files += [(Path(name).stem, folder / name) for name in names]
-        write_text(page, plan_report(run.prepared, plan, missed=missed, page=page, written=files))
+        write_text(page, plan_report(prepared, plan, missed=missed, page=page, written=files))
     if page := _place(folder, run, "scene"):
-        write_text(page, _scene(run, plan))
+        write_text(page, _scene(prepared, plan))
     results = {
         "made_by": "request-planner run",
-        "settings": flat(run.settings),
-        **document(run.prepared, plan, missed),
+        "settings": flat(run),
+        **document(prepared, plan, missed),
         "exports": exports,
         "versions": versions(),
         "files": list_files(folder),
@@ -232,13 +214,15 @@ def shown_motions(
     feet = [leg.foot_positions(each) for each in angles]
     if desired.foot is not None:
         feet[0] = desired.foot
-    first, second, third = zip(angles, feet, strict=True)
-    return motions(first, second, third)
+    return tuple(
+        Motion(role, each, foot, opacity)
+        for (role, opacity), each, foot in zip(LOOKS, angles, feet, strict=True)
+    )
 
 
-def _write_paths(folder: Path, run: RunFile, plan: Plan) -> None:
+def _write_paths(folder: Path, prepared: Prepared, plan: Plan) -> None:
     """Requests, predicted and desired angles, and positions of the foot, as CSV."""
-    desired = run.prepared.desired
+    run, desired = prepared.settings, prepared.desired
     for key, angles in (
         ("requests", plan.requests),
         ("angles", plan.predicted),
@@ -257,11 +241,13 @@ def _write_paths(folder: Path, run: RunFile, plan: Plan) -> None:
         write_foot_path(file, plan.foot, period=desired.period)
 
 
-def _write_exports(folder: Path, run: RunFile, plan: Plan) -> tuple[list[dict[str, Any]], str]:
+def _write_exports(
+    folder: Path, prepared: Prepared, plan: Plan
+) -> tuple[list[dict[str, Any]], str]:
     """The files for robots; their rows, for machines and for people."""
     documents, words = [], ""
-    for export in run.settings.export:
-        schedule = Schedule(run.prepared.desired.names, plan.requests, plan.period)
+    for export in prepared.settings.export:
+        schedule = Schedule(prepared.desired.names, plan.requests, plan.period)
         rows, skipped = rows_of(export, schedule)
         file = folder / export.file
         file.parent.mkdir(parents=True, exist_ok=True)
@@ -271,21 +257,21 @@ def _write_exports(folder: Path, run: RunFile, plan: Plan) -> tuple[list[dict[st
     return documents, words
 
 
-def _scene(run: RunFile, plan: Plan) -> str:
-    place, desired, cyclic = run.prepared.place, run.prepared.desired, plan.cyclic
+def _scene(prepared: Prepared, plan: Plan) -> str:
+    place, desired, cyclic = prepared.place, prepared.desired, plan.cyclic
     assert place is not None, "a scene without a leg is refused"
     assert desired.leg is not None, "a scene without a leg is refused"
     leg_motions = shown_motions(
         desired.leg, desired, plan.predicted, cyclic=cyclic, loads=plan.task.load
     )
     scene = Scene.from_urdf(place.urdf, base=place.base, foot=place.foot, locked=place.locked)
-    title = f"request-planner: {run.settings.leg.name or place.foot}"
+    title = f"request-planner: {prepared.settings.leg.name or place.foot}"
     return scene_page(scene, leg_motions, period=desired.period, cyclic=cyclic, title=title)
 
 
-def _place(folder: Path, run: RunFile, key: str) -> Path | None:
+def _place(folder: Path, run: settings.Run, key: str) -> Path | None:
     """The path of an output; None if the run leaves it out."""
-    name = getattr(run.settings.output, key)
+    name = getattr(run.output, key)
     if not name:
         return None
     place: Path = folder / name

@@ -1,9 +1,9 @@
-"""The page about a comparison of closed form and optimised requests."""
+"""A comparison of closed form and optimised requests: its tables, its text and its page."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -12,44 +12,41 @@ from markupsafe import Markup
 
 from kinematics.leg import Leg
 from planner._version import __version__
-from planner.evaluation.checks import AGREES, beyond_limits
-from planner.evaluation.cross_check import SECOND, CrossCheck, FootComparison, JointComparison
-from planner.report import figure
-from planner.report.comparison_tables import (
-    SHOWN,
-    checks_table,
-    failure_words,
-    foot_table,
-    notes,
-    plans_table,
-    tolerance_reasons,
+from planner.evaluation.checks import AGREES, Check, beyond_limits
+from planner.evaluation.cross_check import (
+    METHODS,
+    SECOND,
+    CrossCheck,
+    FootComparison,
+    JointComparison,
 )
-from planner.report.figure import Axis, Figure, Motion, Movie, Panel, Timeline, line, near_limits
+from planner.model.evidence import untested_words
+from planner.report import figure
+from planner.report.figure import Axis, Figure, Motion, Panel, Timeline, line, near_limits
 from planner.report.matplotlib_figure import draw_grid
 from planner.report.page import (
     Card,
-    LinkedFile,
+    Listing,
     Page,
     Section,
     heading,
     models_table,
-    origin_lists,
     sentence,
     table_section,
 )
 from planner.report.style import CLOSED_FORM, DESIRED, FOOT_OPTIMAL, INK, OPTIMAL
-from planner.report.table import percent
-from planner.trajectory import error_norm
+from planner.report.table import NOTHING, Column, Row, Table, number, percent
+from planner.trajectory import error_norm, index_of_largest
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Picture
 
 
-OUTSIDE = 1e-9
-"""A request farther than this beyond a limit is outside [rad]: rounding of degrees, no more."""
-
 MOST_COLUMNS, COLUMN = 3, 3.6
 """Joints side by side in the figure of all of them, and the width of each [inch]."""
+
+SHOWN = "closed_form_paper"
+"""The closed form that is drawn."""
 
 FOOT_ROLES = {SHOWN: CLOSED_FORM, "optimal": OPTIMAL, "foot_optimal": FOOT_OPTIMAL}
 """The plans whose feet are drawn."""
@@ -60,8 +57,7 @@ def comparison_page(
     *,
     title: str = "",
     leg: Leg | None = None,
-    origins: Sequence[tuple[str, str]] = (),
-    files: Sequence[LinkedFile] = (),
+    sources: Sequence[Listing] = (),
     unreachable: int = 0,
     notes: Sequence[str] = (),
 ) -> str:
@@ -71,8 +67,7 @@ def comparison_page(
         check: The comparison.
         title: Title of the plans; the joints' names by default.
         leg: The leg whose joints these are, in its order, if it is to be shown moving.
-        origins: Inputs of the plans: pairs of a kind and a name.
-        files: Files of the run to link to.
+        sources: The lists at its end.
         unreachable: How many samples were out of the leg's reach.
         notes: Further remarks, shown first.
     """
@@ -108,7 +103,7 @@ def comparison_page(
                 "The models", models_table(names, [joint.model for joint in check.joints])
             ),
         ],
-        listings=origin_lists(origins, files),
+        listings=sources,
         footer=Markup(FOOTER),
     ).html()
 
@@ -250,7 +245,7 @@ def remarks(check: CrossCheck, *, unreachable: int = 0) -> list[str]:
         if limits is None:
             continue
         excess = beyond_limits(requests, limits)
-        if excess > OUTSIDE:
+        if excess > 1e-9:  # more than rounding of degrees [rad]
             beyond.append(f"{joint.name} by {math.degrees(excess):.3g} degrees")
     if beyond:
         lines.append(
@@ -258,6 +253,133 @@ def remarks(check: CrossCheck, *, unreachable: int = 0) -> list[str]:
             f"{', '.join(beyond)}. A robot that clips its requests would track less well than this."
         )
     return lines + [sentence(note) for note in notes(check.joints)]
+
+
+# The tables, and the text of a terminal.
+
+
+def comparison_text(check: CrossCheck) -> str:
+    """The text for a terminal."""
+    tables = [plans_table(check.joints)]
+    if check.foot is not None:
+        tables.append(foot_table(check.foot))
+    reasons = [
+        f"  {unit}, {names}: {reason}" for unit, names, reason in tolerance_reasons(check.checks)
+    ]
+    checks = "\n".join([checks_table(check.checks).text(), "tolerances:", *reasons])
+    lines = [f"note: {note}" for note in notes(check.joints)]
+    return "\n\n".join([*(table.text() for table in tables), checks, *lines])
+
+
+def verdict_line(check: CrossCheck) -> str:
+    """The number of checks that hold, and the first that does not."""
+    count = f"{len(check.checks) - len(check.failures)} of {len(check.checks)} checks hold"
+    if check.passed:
+        return f"passed: {count}"
+    return f"failed: {count}; {failure_words(check.failures[0])}"
+
+
+def failure_words(check: Check) -> str:
+    """A check that does not hold."""
+    plan = f", {check.plan}" if check.plan else ""
+    return (
+        f"{check.subject}{plan}: {check.name}: got {check.value:.3g} {check.unit}, "
+        f"tolerance {check.tolerance:.2g} {check.unit}"
+    )
+
+
+def plans_table(joints: Sequence[JointComparison]) -> Table:
+    """How good each plan is, and the lower bounds on its error."""
+    rows = []
+    has_expected = any(math.isfinite(joint.plans["optimal"].expected.error) for joint in joints)
+    for joint in joints:
+        for method, plan in joint.plans.items():
+            apart = np.degrees(joint.difference(method))
+            most = index_of_largest(np.abs(apart))
+            difference = (NOTHING,) * 3
+            if method != "optimal":
+                rms = math.sqrt(float(np.mean(apart**2)))
+                difference = (f"{rms:.2f}", f"{abs(apart[most]):.2f}", f"{most}")
+            errors = (f"{math.degrees(plan.rms):.3f}", f"{math.degrees(plan.max_error):.3f}")
+            expected = math.degrees(plan.expected.error)
+            robot = (number(expected, 3),) * has_expected
+            row = (*errors, *robot, percent(joint.gap(method)), *difference)
+            rows.append(Row(METHODS[method], row, joint.name))
+        column = 0 if joint.plans["optimal"].norm == "rms" else 1
+        for level, bound in joint.bounds.items():
+            solver_gap = joint.certificates[level].solver_gap
+            which = f"{level}, solver gap {percent(solver_gap)}" if solver_gap else level
+            cells = _only(f"{math.degrees(bound):.3f}", column, 6 + has_expected)
+            rows.append(Row(f"lower bound ({which})", cells, joint.name, "bound"))
+    titles = (
+        *("rms [deg]", "max [deg]", *["on the robot [deg]"] * has_expected, "gap"),
+        *("requests differ: rms [deg]", "most [deg]", "at request"),
+    )
+    return Table("joint, plan", tuple(map(Column, titles)), tuple(rows), label="Plans")
+
+
+def foot_table(foot: FootComparison) -> Table:
+    """Errors of the foot under the plans."""
+    rows = []
+    for method, plan in foot.plans.items():
+        gap = foot.gap(method)
+        difference = [NOTHING] * 2
+        if method != "foot_optimal":
+            difference = [number(math.degrees(value)) for value in foot.differences[method]]
+        errors = tuple(f"{100.0 * each[0]:.3f}" for each in (plan.rms, plan.max_error))
+        cells = (*errors, NOTHING if gap is None else percent(gap), *difference)
+        rows.append(Row(METHODS[method], cells, "foot"))
+    if foot.bound is not None:
+        cells = _only(f"{100.0 * foot.bound:.3f}", 0 if foot.norm == "rms" else 1, 5)
+        rows.append(Row("lower bound within the limits", cells, "foot", "bound"))
+    titles = ("rms [cm]", "max [cm]", "gap", "requests differ: rms [deg]", "most [deg]")
+    return Table("foot, plan", tuple(map(Column, titles)), tuple(rows), label="Foot")
+
+
+def checks_table(checks: Sequence[Check]) -> Table:
+    """One row per claim: the plan that is closest to breaking it, or every one that does."""
+    claims: dict[tuple[str, str], list[Check]] = {}
+    for each in checks:
+        claims.setdefault((each.name, each.unit), []).append(each)
+    rows = []
+    for same in claims.values():
+        worst = max(same, key=lambda each: each.value - each.tolerance)
+        for each in [each for each in same if not each.passed] or [worst]:
+            where = ", ".join(part for part in (each.subject, each.plan) if part)
+            where = "nowhere, but for rounding" if each.is_rounding else where
+            tolerance = f"{each.tolerance:.1e} {each.unit}"
+            holds = "yes" if each.passed else "NO"
+            cells = (f"{each.value:.1e}", tolerance, holds, where)
+            rows.append(Row(each.name, cells, kind="" if each.passed else "broken"))
+    columns = (*map(Column, ("worst", "tolerance", "holds")), Column("where", words=True))
+    return Table("check", columns, tuple(rows), label="Checks")
+
+
+def tolerance_reasons(checks: Sequence[Check]) -> list[tuple[str, str, str]]:
+    """Every reason of a tolerance: the unit and the names of its checks, and the reason."""
+    names: dict[tuple[str, str], dict[str, None]] = {}
+    for each in checks:
+        names.setdefault((each.unit, each.reason), {})[each.name] = None
+    return [(unit, "; ".join(each), reason) for (unit, reason), each in names.items()]
+
+
+def notes(joints: Sequence[JointComparison]) -> Iterator[str]:
+    """Notes on single plans."""
+    names = [joint.name for joint in joints]
+    if words := untested_words(names, [joint.plans["optimal"].expected for joint in joints]):
+        yield words
+    for joint in joints:
+        for method, answer in joint.answers.items():
+            if answer.elsewhere > 0.0:
+                yield (
+                    f"{joint.name}, {METHODS[method]}: every request saturates the joint, "
+                    "which so keeps whatever angle it starts with; another steady cycle is "
+                    f"{math.degrees(answer.elsewhere):.2f} deg away"
+                )
+
+
+def _only(cell: str, column: int, columns: int) -> tuple[str, ...]:
+    return tuple(cell if number == column else "" for number in range(columns))
 
 
 # The figures.
@@ -339,14 +461,12 @@ def leg_figure(check: CrossCheck, foot: FootComparison, leg: Leg) -> Figure:
     for method, role in FOOT_ROLES.items():
         plan = foot.plans[method]
         motions.append(Motion(role, leg.joint_positions(plan.predicted), plan.distances))
-    return Figure(
-        "leg",
+    words = (
         "The leg under the plans",
         "Move the slider and the leg follows, drag it and it turns; the numbers are distances of "
         "the foot from its path.",
-        _timeline(check).axis,
-        movie=Movie(tuple(motions), check.period, check.cyclic),
     )
+    return _timeline(check).leg("leg", words, motions)
 
 
 def _timeline(check: CrossCheck) -> Timeline:

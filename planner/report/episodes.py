@@ -11,11 +11,11 @@ import numpy as np
 from planner.report.figure import Axis, Curve, Figure, Panel, joined
 from planner.report.page import (
     Card,
+    Listing,
     Page,
     Section,
     figures_section,
     footer,
-    origin_lists,
     sentence,
     spoken,
     table_section,
@@ -35,7 +35,7 @@ UNITS = {"deg": "deg", "percent": "%"}
 
 KINDS = {
     "resent_rms": "as recorded",
-    "direct_rms": "as it is",
+    "direct_rms": "path as it is",
     "shifted_rms": "best shift",
     "planned_rms": "plan",
     "expected_on_robot_rms": "on the robot",
@@ -49,7 +49,7 @@ def episodes_page(
     *,
     title: str,
     words: str,
-    origins: Sequence[tuple[str, str]] = (),
+    sources: Sequence[Listing] = (),
 ) -> str:
     """The whole page.
 
@@ -57,16 +57,19 @@ def episodes_page(
         document: Output of ``replay --json`` for many recordings.
         title: Title of the recordings, in a few words.
         words: The path, its purpose and the models, in words.
-        origins: Inputs of the replays: pairs of a kind and a name.
+        sources: The lists at its end.
     """
     rows, failures = document["recordings"], document["left_out"]
     total = len(rows) + len(failures)
+    off = np.argsort([-row["planned_rms"] for row in rows], kind="stable")[:MOST_ROWS]
+    shown = [rows[place] | {"recording": _short(rows[place]["recording"])} for place in sorted(off)]
+    table = episodes_table(shown, fastest=document["speed"] is None)
     units = sorted({row["unit"] for row in rows})
     sections = [
         Section(
             "The recordings",
             RECORDINGS,
-            {"table": episodes_table(document), "rest": max(len(rows) - MOST_ROWS, 0)},
+            {"table": table, "rest": max(len(rows) - MOST_ROWS, 0)},
         )
     ]
     if failures:
@@ -75,7 +78,10 @@ def episodes_page(
     if len(figures) > 1:
         sections.insert(0, figures_section("", figures[1:]))
     worst = max(rows, key=lambda row: float(row["planned_rms"]))
-    median = {kind: float(np.median([row[f"{kind}_rms"] for row in rows])) for kind in MEDIANS}
+    median = {
+        kind: float(np.median([row[f"{kind}_rms"] for row in rows]))
+        for kind in ("direct", "shifted", "planned")
+    }
     unit = UNITS[units[0]] if len(units) == 1 else "deg, or % of a range,"
     return Page(
         heading=f"Replay of {total} recordings",
@@ -98,7 +104,7 @@ def episodes_page(
         ],
         figure=figures[0],
         sections=sections,
-        listings=origin_lists(origins, []),
+        listings=sources,
         footer=footer("replay"),
     ).html()  # fmt: skip
 
@@ -106,47 +112,30 @@ def episodes_page(
 RECORDINGS = """
 {{ table }}
 <p class="note">Errors of each recording’s joint that is farthest off, rms, by the exact model. “As
-recorded” are the recorded requests at this speed, “as it is” the path itself as requests. What to
-expect on the robot is the error of plan and model together. No requests bring the error below the
-lower bound.
+recorded” are the recorded requests at this speed, “path as it is” the path itself as requests. What
+to expect on the robot is the error of plan and model together. No requests bring the error below
+the lower bound.
 {%- if rest %} {{ rest }} recordings with smaller errors are not in the table.{% endif %}
 </p>
 """
 
-MEDIANS = ("direct", "shifted", "planned")
-"""Kinds of requests whose median errors are in the verdict."""
 
-
-def episodes_table(document: Mapping[str, Any]) -> Table:
-    """Errors of every recording by kind of requests; of very many, the ones farthest off."""
-    rows = document["recordings"]
-    if len(rows) > MOST_ROWS:
-        off = np.argsort([-row["planned_rms"] for row in rows], kind="stable")[:MOST_ROWS]
-        rows = [rows[place] for place in sorted(off)]
-    fastest = document["speed"] is None
-    columns = [
-        Column("requests"),
-        *([Column("times the speed")] if fastest else []),
-        Column("joint", words=True),
-        *map(Column, KINDS.values()),
+def episodes_table(rows: Sequence[Mapping[str, Any]], *, fastest: bool) -> Table:
+    """Errors of recordings by kind of requests; with their speeds where these are the fastest."""
+    titles = ("requests", *["speed"] * fastest, "worst joint", *KINDS.values())
+    table_rows = [
+        Row(
+            str(row["recording"]),
+            (
+                f"{row['requests']}",
+                *[f"{row['speed']:.3g}"] * fastest,
+                f"{row['worst_joint']} [{row['unit']}]",
+                *(number(row[kind], 3) for kind in KINDS),
+            ),
+        )
+        for row in rows
     ]
-    return Table(
-        "recording",
-        tuple(columns),
-        tuple(
-            Row(
-                _short(row["recording"]),
-                (
-                    f"{row['requests']}",
-                    *([f"{row['speed']:.3g}"] if fastest else []),
-                    f"{row['worst_joint']} [{UNITS[row['unit']]}]",
-                    *(number(row[kind], 3) for kind in KINDS),
-                ),
-            )
-            for row in rows
-        ),
-        label="Recordings",
-    )
+    return Table("recording", tuple(map(Column, titles)), tuple(table_rows), label="Recordings")
 
 
 def failures_table(failures: Mapping[str, str]) -> Table:

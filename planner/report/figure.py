@@ -15,9 +15,6 @@ import numpy as np
 from planner.report.style import GRID, LIMIT, MUTED, Role
 from planner.trajectory import Array
 
-MOST_MILLISECONDS = 5000.0
-"""Longer motions are shown in seconds [ms]."""
-
 MARGIN = 0.06
 """Room beside the values of an axis, as a share of their span."""
 
@@ -99,7 +96,6 @@ class Words:
         y: Likewise.
         across: Which side of them is at x.
         upward: Which side of them is at y.
-        bold: Whether they are a heading.
     """
 
     text: str
@@ -107,7 +103,6 @@ class Words:
     y: float
     across: Literal["left", "center", "right"] = "center"
     upward: Literal["top", "middle", "bottom"] = "middle"
-    bold: bool = False
 
 
 @dataclass(frozen=True)
@@ -298,7 +293,7 @@ class Timeline:
     @property
     def unit(self) -> str:
         """Milliseconds, or seconds for a long motion."""
-        return "ms" if 1000.0 * self.period * self.samples <= MOST_MILLISECONDS else "s"
+        return "ms" if 1000.0 * self.period * self.samples <= 5000.0 else "s"
 
     @property
     def per_second(self) -> float:
@@ -322,7 +317,7 @@ class Timeline:
             "time",
             self.unit,
             (0.0, self.step * self.last),
-            decimals=_decimals(self.step),
+            decimals=next((k for k in range(3) if abs(round(self.step, k) - self.step) < 1e-9), 3),
             note="; it repeats" if self.cyclic else "",
         )
 
@@ -348,6 +343,11 @@ class Timeline:
         """The mean of some cycles, shape (cycles, n), and thin over it each of them."""
         mean = self.curve(values.mean(axis=0), role, label, hidden=hidden)
         return mean, thin(mean, [self.curve(row, role) for row in values])
+
+    def leg(self, name: str, words: tuple[str, str], motions: Sequence[Motion]) -> Figure:
+        """Motions of a leg, which a page shows under a slider, with title and caption."""
+        movie = Movie(tuple(motions), self.period, self.cyclic)
+        return Figure(name, *words, self.axis, movie=movie)
 
     def path(self, positions: Array, role: Role) -> Curve:
         """A path of the foot [m], shape (n, 3): x and z in cm, with the time at its points."""
@@ -474,8 +474,3 @@ def leg_sketches(poses: Array, across: int) -> list[Curve]:
         looks = GRID._replace(width=2.5 if number else 9.0)
         sketches.append(Curve(looks, points[:, across], points[:, 2], "leg", legend=False))
     return sketches[::-1]
-
-
-def _decimals(step: float) -> int:
-    """Decimals of a time that distinguish samples, three at most."""
-    return next((many for many in range(3) if abs(round(step, many) - step) < 1e-9), 3)

@@ -23,9 +23,6 @@ COLUMN = 4.2
 AT_TOP_SPEED = 0.999
 """A line at this share of the top speed, or more, is at the top speed."""
 
-FLAT = 0.05
-"""Least height of a figure of errors, relative to the lower bound: less is no difference."""
-
 LINES = APPROXIMATION._replace(label="lines", dashes="-", width=2.0)
 FAST = DIRECT._replace(label="at the top speed", dashes="-", width=2.0)
 
@@ -72,7 +69,7 @@ def choices_figure(choices: Choices, fit: PiecewiseLinearFit) -> Figure:
     numbers, errors = np.array(choices.segments, float), np.degrees(choices.rms)
     bound = float(np.degrees(choices.floor))
     top = float(np.max(errors, initial=bound))
-    room = max(top - bound, FLAT * bound, 1e-9)
+    room = max(top - bound, 0.05 * bound, 1e-9)  # less is no difference
     low, high = max(0.0, bound - 0.25 * room), bound + 1.1 * room
     ends = np.array([numbers.min(), numbers.max()])
     curves = [

@@ -13,13 +13,12 @@ from planner.report import figure
 from planner.report.figure import Axis, Curve, Figure, Panel, Timeline
 from planner.report.page import (
     Card,
-    LinkedFile,
+    Listing,
     Page,
     Section,
     figures_section,
     footer,
     heading,
-    origin_lists,
     sentence,
     spoken,
 )
@@ -50,9 +49,6 @@ LEARNT = SHIFT._replace(label="learnt: measured less modelled", width=1.8)
 
 TRIALS = "{{ table }}{% if more %}{{ figures(more) }}{% endif %}"
 """The section on the trials: the first errors stand beside the heading, the rest here."""
-
-NOTHING_LEFT = 5e-4
-"""Errors below this are shown as 0 [deg, cm]: rounding."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,8 +90,7 @@ def learning_page(
     progress: Sequence[Progress],
     about_others: str = "",
     title: str,
-    origins: Sequence[tuple[str, str]] = (),
-    files: Sequence[LinkedFile] = (),
+    sources: Sequence[Listing] = (),
 ) -> str:
     """The whole page.
 
@@ -106,8 +101,7 @@ def learning_page(
         progress: The errors of each joint, or of the foot.
         about_others: Note on other joints; empty for none.
         title: Title of the page.
-        origins: Inputs of the plan: pairs of a kind and a name.
-        files: Files to link to.
+        sources: The lists at its end.
     """
     ended = all(each.stopped for each in progress)
     trials = len(progress[0].errors)
@@ -131,7 +125,7 @@ def learning_page(
             Section("The trials", TRIALS, {"table": trials_table(progress), "more": more}),
             figures_section("The joints", joints),
         ],
-        listings=origin_lists(origins, files),
+        listings=sources,
         footer=footer("refine"),
     ).html()
 
@@ -227,7 +221,7 @@ def _worst(progress: Sequence[Progress]) -> Progress:
 
 
 def _short(value: float, digits: int = 3) -> str:
-    return f"{value:.{digits}g}" if value >= NOTHING_LEFT else "0"
+    return f"{value:.{digits}g}" if value >= 5e-4 else "0"  # rounding
 
 
 def _cards(progress: Sequence[Progress]) -> list[Card]:

@@ -19,9 +19,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure as Picture
     from matplotlib.figure import FigureBase
 
-RESOLUTION = 200
-"""Resolution of PNG files [dots per inch]."""
-
 ROW = 1.5
 """Height of a panel of height 1 [inch]."""
 
@@ -96,7 +93,7 @@ def to_png(picture: Picture) -> bytes:
 
     stream = io.BytesIO()
     with applied():
-        picture.dpi = RESOLUTION
+        picture.dpi = 200  # dots per inch
         canvas: Any = FigureCanvasAgg(picture)
         canvas.print_png(stream, metadata={"Software": None})
     return stream.getvalue()
@@ -192,7 +189,6 @@ def _write(axes: Axes, words: Words) -> None:
         ha=words.across,
         va={"middle": "center"}.get(words.upward, words.upward),
         fontsize=8.5,
-        fontweight="bold" if words.bold else "normal",
         color=INK.light,
         zorder=6.0,
     )

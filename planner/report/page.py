@@ -66,9 +66,6 @@ PARAMETERS: Mapping[str, tuple[str, str]] = {
 }
 """Descriptions of a joint's parameters, long and short; ``gain`` is v_max / theta_0."""
 
-ALWAYS = ("v_max", "theta_0", "lag", "acceleration_time", "tick", "hold", "offset")
-"""Parameters that are shown of every joint."""
-
 MANY = 6
 """So many figures stand in columns, each below the one before, and not in rows."""
 
@@ -77,9 +74,6 @@ HINTS = Markup(
     "plots over time zoom together. Double-click to see everything again. An entry of a legend "
     "hides its curve.</p>"
 )
-
-BREAKS = "/_-"
-"""After these a long name of a file may break."""
 
 
 class Card(NamedTuple):
@@ -253,7 +247,8 @@ def parameters_of(models: Sequence[Mapping[str, float]]) -> dict[str, str]:
         if each.name != "hold"
         else PARAMETERS["hold"][0]
         for each in fields(JointModel)
-        if each.name in ALWAYS or any(model.get(each.name) for model in models)
+        if each.name in ("v_max", "theta_0", "lag", "acceleration_time", "tick", "hold", "offset")
+        or any(model.get(each.name) for model in models)
     }
 
 
@@ -268,49 +263,30 @@ def versions(*more: str) -> dict[str, str]:
     return by_package
 
 
-class LinkedFile(NamedTuple):
-    """A file that a page links to.
+def sources_of(
+    page: Path | str,
+    origins: Iterable[tuple[str, str]] = (),
+    files: Iterable[tuple[str, Path | str | None]] = (),
+) -> list[Listing]:
+    """The lists at the end of a page: its inputs, the files of its run, and versions.
 
-    Attributes:
-        role: Its role, such as "requests".
-        name: Its path from the page's folder.
-        href: Its address relative to the page, for a browser.
-    """
-
-    role: str
-    name: str
-    href: str
-
-
-def linked_files(
-    page: Path | str, files: Iterable[tuple[str, Path | str | None]]
-) -> list[LinkedFile]:
-    """The files of a run as its page links to them: relative, so that they may move together.
+    Links are relative to the page, so that it may move together with the files.
 
     Args:
         page: Path of the page.
+        origins: Inputs: pairs of a kind and a name.
         files: Role and path of each file; standard input or output ("-"), missing paths (None,
             "") and duplicates are left out.
     """
-    folder = Path(page).resolve().parent
-    links: dict[str, LinkedFile] = {}
+    folder, links = Path(page).resolve().parent, dict[str, tuple[str, Markup]]()
     for role, file in files:
-        if not file or str(file) == "-":
-            continue
-        name, href = _seen_from(folder, Path(file).resolve())
-        links.setdefault(href, LinkedFile(role, name, href))
-    return list(links.values())
-
-
-def origin_lists(origins: Sequence[tuple[str, str]], linked: Sequence[LinkedFile]) -> list[Listing]:
-    """Sources of a page: its inputs, its files, and versions."""
-    links = [
-        (each.role, Markup('<a href="{}">{}</a>').format(each.href, _breakable(each.name)))
-        for each in linked
-    ]
+        if file and str(file) != "-":
+            name, href = _seen_from(folder, Path(file).resolve())
+            link = Markup('<a href="{}">{}</a>').format(href, _breakable(name))
+            links.setdefault(href, (role, link))
     lists = [
         Listing("Where it comes from", [(name, _breakable(which)) for name, which in origins]),
-        Listing("Files of this run", links),
+        Listing("Files of this run", list(links.values())),
         Listing("Versions", list(versions().items())),
     ]
     return [each for each in lists if each.pairs]
@@ -348,7 +324,7 @@ def sentence(words: str) -> str:
 
 def _breakable(name: str) -> Markup:
     """A name of a file that may break between its parts, not inside a word."""
-    parts = "".join(f"{letter}\0" if letter in BREAKS else letter for letter in name).split("\0")
+    parts = "".join(f"{letter}\0" if letter in "/_-" else letter for letter in name).split("\0")
     return Markup("<wbr>").join(escape(part) for part in parts)
 
 

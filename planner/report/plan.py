@@ -1,43 +1,30 @@
-"""The page about a plan for any joints or any leg: verdict first, sources last."""
+"""The page about a plan for any joints or any leg, and its tables: verdict first, sources last."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from planner.model.evidence import OPEN_TOP_SPEED, untested_words
+from planner.model.evidence import OPEN_TOP_SPEED, Expectation, untested_words
 from planner.planning.plan import Plan
 from planner.planning.result import ErrorsOfModels, FootInversion, Inversion
 from planner.planning.time_shift import refining_recommended, shift_recommended, shifted
 from planner.report import figure
-from planner.report.figure import Figure, Motion, Movie
+from planner.report.figure import Figure, Motion, Timeline
 from planner.report.page import (
     Card,
-    LinkedFile,
+    Listing,
     Page,
     Section,
     footer,
     heading,
     models_table,
-    origin_lists,
     sentence,
     spoken,
     table_section,
-)
-from planner.report.plan_tables import (
-    expected_errors,
-    feet_table,
-    is_bounded,
-    joint_rows,
-    joints_table,
-    models_errors_table,
-    motions_table,
-    requests_table,
-    size,
-    timeline_of,
 )
 from planner.report.style import (
     CLOSED_FORM,
@@ -49,11 +36,22 @@ from planner.report.style import (
     SHIFT,
     Role,
 )
-from planner.report.table import NO_BOUND, at_most, percent, two_digits
-from planner.trajectory import Array
+from planner.report.table import (
+    NO_BOUND,
+    NOTHING,
+    Column,
+    Row,
+    Table,
+    at_most,
+    percent,
+    signed,
+    two_digits,
+)
+from planner.trajectory import Array, Distance, error_norm, rms
 
 if TYPE_CHECKING:
     from kinematics.leg import Leg
+
 
 WITHOUT = DIRECT._replace(label="without a plan")
 """The desired angles as requests."""
@@ -65,6 +63,8 @@ METHODS = {
     "foot-optimal": FOOT_OPTIMAL,
 }
 """The role of each method's plan in all figures."""
+AT_LIMIT = math.radians(1e-6)
+"""A request this close to a limit is at it [rad]."""
 
 
 def plan_page(
@@ -72,8 +72,7 @@ def plan_page(
     *,
     title: str,
     method: str,
-    origins: Sequence[tuple[str, str]] = (),
-    files: Sequence[LinkedFile] = (),
+    sources: Sequence[Listing] = (),
     foot_given: Array | None = None,
     unreachable: int = 0,
     legs: Mapping[str, Leg] | None = None,
@@ -86,8 +85,7 @@ def plan_page(
         plan: The plan.
         title: Title of the plan.
         method: The method, by its name on the command line.
-        origins: Inputs of the plan: pairs of a kind and a name.
-        files: Files of the run to link to.
+        sources: The lists at its end.
         foot_given: Desired positions of the foot [m], shape (n, 3), before they were clamped to
             what the leg reaches; None where they were not.
         unreachable: How many positions are out of the leg's reach.
@@ -108,12 +106,11 @@ def plan_page(
         "no_bound": NO_BOUND if plan.task.load_of_pose else "",
         "bounded": bounded,
     }
-    of_joints = {each.plan.names[each.column]: _over_models(each) for each in plan.inversions}
-    of_foot = {"foot": _over_models(plan.of_foot)} if plan.of_foot else {}
+    over_models = models_errors_table(plan, plan.names)
     joints = {
         **common,
         "table": joints_table(plan, bounded=bounded),
-        "over_models": models_errors_table("joint", of_joints, "deg"),
+        "over_models": None if plan.of_foot else over_models,
         "has_expected": any(expected_errors(plan)),
         "joints": [joint_figure(plan, role, j) for j in range(len(plan.names))],
     }
@@ -130,7 +127,6 @@ def plan_page(
         feet = {"table": feet_table(parts), "feet": [distances_figure(parts, role)]}
         sections.insert(0, Section("The feet", "{{ table }}{{ figures(feet) }}", feet))
     if foot:
-        over_models = models_errors_table("", of_foot, "cm")
         values = {**common, "over_models": over_models, "foot": foot[1:]}
         sections.insert(0, Section("The foot", OVER_MODELS + "{{ figures(foot) }}", values))
     return Page(
@@ -145,7 +141,7 @@ def plan_page(
         cards=cards(plan, parts),
         figure=foot[0] if foot else None,
         sections=sections,
-        listings=origin_lists(origins, files),
+        listings=sources,
         footer=footer("plan"),
     ).html()
 
@@ -282,11 +278,6 @@ def jumps_of(plan: Plan) -> list[int]:
     return [int(sample) for sample in leg.jumps(closed)]
 
 
-def _over_models(plan: Inversion | FootInversion) -> tuple[ErrorsOfModels, ErrorsOfModels] | None:
-    """Errors over the models, of a robust plan and the nominal one; None where it is not."""
-    return None if plan.nominal is None else (plan.over_models, plan.nominal.over_models)
-
-
 def _out_of_reach(plan: Plan, foot_given: Array | None, unreachable: int) -> str:
     head = f"{unreachable} of {len(plan.desired)} positions are out of the leg's reach"
     if foot_given is None:
@@ -345,6 +336,219 @@ def cards(plan: Plan, legs: Mapping[str, Plan] | None = None) -> list[Card]:
     ]  # fmt: skip
 
 
+# The tables.
+
+
+def size(errors: Array, factor: float) -> Distance:
+    """The errors times a factor in two numbers."""
+    return Distance(factor * error_norm(errors, "rms"), factor * error_norm(errors, "max"))
+
+
+def expected_errors(plan: Plan) -> list[float]:
+    """Error to expect of each joint on the robot, rms [deg]; 0 where it is unknown."""
+    return [math.degrees(each.error) if each.error > 0.0 else 0.0 for each in plan.expected]
+
+
+def expected_words(expected: Expectation) -> str:
+    """Error to expect on the robot with its range, rms [deg], where known."""
+    if math.isnan(expected.error):
+        return NOTHING
+    error = f"{math.degrees(expected.error):.3f}"
+    low, high = (f"{math.degrees(end):.3g}" for end in (expected.low, expected.high))
+    return error if low == high else f"{error} ({low} to {high})"
+
+
+def is_bounded(plan: Plan) -> bool:
+    """Whether the error of each joint has a lower bound."""
+    return plan.task.goal == "angles" and not plan.task.load_of_pose
+
+
+class JointRow(NamedTuple):
+    """A joint under the plan: angles in degrees, speeds in degrees per second.
+
+    ``bound`` and ``gap`` are None for a plan for the foot, and the gap above a bound of zero is
+    infinite. ``speed`` and ``top_speed`` are the desired speed and the top speed in its direction,
+    where their ratio is largest; ``too_fast`` is the share of the desired path above the top speed,
+    ``at_limit`` the number of requests at one of the ``limits``, infinite where there is none, or
+    beyond it, and ``beyond`` how far they go, 0 where they stay within.
+    """
+
+    name: str
+    planned: Distance
+    direct: Distance
+    bound: float | None
+    gap: float | None
+    speed: float
+    top_speed: float
+    too_fast: float
+    limits: tuple[float, float]
+    at_limit: int
+    beyond: float
+
+    @property
+    def load(self) -> float:
+        """The speed as a share of the top speed."""
+        return self.speed / self.top_speed
+
+
+def joint_rows(plan: Plan) -> list[JointRow]:
+    """Every joint."""
+    rows = []
+    for j, name in enumerate(plan.names):
+        planned, direct = (
+            size(np.ascontiguousarray(errors[:, j]), math.degrees(1.0))
+            for errors in (plan.errors, plan.direct - plan.desired)
+        )
+        lower, upper = float(plan.task.lower[j]), float(plan.task.upper[j])
+        bound = float(plan.lower_bounds[j]) if is_bounded(plan) else None
+        requests = plan.requests[:, j]
+        speed, top_speed = plan.speeds[j].highest
+        excess = np.maximum(lower - requests, requests - upper)
+        beyond = float(excess.max())
+        rows.append(
+            JointRow(
+                name=name,
+                planned=planned,
+                direct=direct,
+                bound=None if bound is None else math.degrees(bound),
+                gap=None if bound is None else float(plan.gaps[j]),
+                speed=math.degrees(speed),
+                top_speed=math.degrees(top_speed),
+                too_fast=float(plan.too_fast[j]),
+                limits=(math.degrees(lower), math.degrees(upper)),
+                at_limit=int(np.sum(excess >= -AT_LIMIT)),
+                beyond=math.degrees(beyond) if beyond > AT_LIMIT else 0.0,
+            )
+        )
+    return rows
+
+
+def joints_table(plan: Plan, *, bounded: bool = True) -> Table:
+    """Errors, speeds and limits of joints, and lower bounds if wanted and available."""
+    bounded = bounded and is_bounded(plan)
+    has_expected = any(expected_errors(plan))
+    is_shift = plan.method == "shift"
+    columns = [
+        Column("best time shift [deg]" if is_shift else "planned [deg]", ("rms", "max")),
+        *([Column("early [ms]")] if is_shift else []),
+        *([Column("on the robot [deg]")] if has_expected else []),
+        Column("without a plan [deg]", ("rms", "max")),
+        *([] if is_shift else [Column("best time shift", ("rms [deg]", "early [ms]"))]),
+        *([Column("lower bound [deg]"), Column("gap")] if bounded else []),
+        Column("speed [deg/s]", ("desired", "top")),
+        Column("too fast"),
+        Column("limits [deg]"),
+        Column("at or beyond limits"),
+    ]
+    rows, shift = [], shifted(plan.task)
+    early = zip((np.degrees(rms(errors)) for errors in shift.errors.T), shift.leads, strict=True)
+    for row, expected, (error, lead) in zip(joint_rows(plan), plan.expected, early, strict=True):
+        bounds = [
+            NOTHING if row.bound is None else f"{row.bound:.3f}",
+            NOTHING if row.gap is None or math.isinf(row.gap) else percent(row.gap),
+        ]
+        planned, direct = (
+            tuple(f"{error:.3f}" for error in errors) for errors in (row.planned, row.direct)
+        )
+        early_by = f"{1e3 * lead:.0f}"
+        robot = expected_words(expected).replace(" (", "\n").removesuffix(")")
+        cells: list[str | tuple[str, ...]] = [
+            planned,
+            *([early_by] if is_shift else []),
+            *([robot] if has_expected else []),
+            direct,
+            *([] if is_shift else [(f"{error:.3f}", early_by)]),
+            *(bounds if bounded else []),
+            (f"{row.speed:.0f}", f"{row.top_speed:.0f}"),
+            percent(row.too_fast, 0),
+            _limits(*row.limits),
+            f"{row.at_limit}",
+        ]
+        rows.append(Row(row.name, tuple(cells)))
+    return Table("joint", tuple(columns), tuple(rows), label="Joints")
+
+
+def models_errors_table(plan: Plan, labels: Sequence[str]) -> Table | None:
+    """Errors of a robust plan over the models that joints may have, beside the nominal plan's.
+
+    Args:
+        plan: The plan, for the foot or for joints.
+        labels: The joints.
+
+    Returns:
+        The table, in the terminal's columns too; None where the plan is not robust.
+    """
+    unit, factor = ("deg", math.degrees(1.0)) if plan.of_foot is None else ("cm", 100.0)
+    results: Sequence[Inversion | FootInversion] = plan.inversions
+    if plan.of_foot is not None:
+        labels, results = ["foot"], [plan.of_foot]
+    rows = []
+    for label, robust in zip(labels, results, strict=True):
+        if robust.nominal is None:
+            return None
+        for result, kind in ((robust, robust.robust), (robust.nominal, "nominal model")):
+            errors = tuple(f"{factor * error:.3f}" for error in result.over_models)
+            rows.append(Row(f"{label}, for the {kind}", errors))
+    columns = tuple(Column(f"{which} [{unit}]") for which in ErrorsOfModels._fields)
+    return Table("plan", columns, tuple(rows), label="Errors over the models")
+
+
+def _limits(lower: float, upper: float) -> str:
+    low, high = (signed(f"{limit:.1f}").removesuffix(".0") for limit in (lower, upper))
+    if math.isfinite(lower) and math.isfinite(upper):
+        return f"{low} to {high}"
+    if math.isfinite(lower):
+        return f"at least {low}"
+    return f"at most {high}" if math.isfinite(upper) else "none"
+
+
+def motions_table(plan: Plan) -> Table:
+    """How the requests of every joint move, beside the desired path."""
+    rows = []
+    for name, motion in zip(plan.names, plan.motions, strict=True):
+        step, length, desired, beyond = np.degrees(
+            [motion.largest_step, motion.path_length, motion.desired_length, motion.beyond]
+        )
+        cells = (step, motion.reversals_per_s, length, desired, beyond)
+        rows.append(Row(name, tuple(map(format, cells, (".2f", ".1f", ".1f", ".1f", ".2f")))))
+    titles = ("largest step [deg]", "reversals/s", "length [deg]", "desired")
+    columns = tuple(map(Column, (*titles, "outside desired [deg]")))
+    return Table("requests", columns, tuple(rows), label="How the requests move")
+
+
+def feet_table(legs: Mapping[str, Plan]) -> Table:
+    """How far the foot of each leg of a robot is from its path."""
+    on_robot = all(plan.expected_foot is not None for plan in legs.values())
+    norms = ("rms", "at most")
+    columns = [Column("plan [cm]", norms), Column("without a plan [cm]", norms)]
+    columns += [Column("best shift [cm]", norms)] + [Column("on the robot, rms [cm]")] * on_robot
+    rows = []
+    for name, plan in legs.items():
+        each = (plan.distances, plan.direct_distances, shifted(plan.task).distances)
+        cells: list[str | tuple[str, ...]] = [
+            tuple(f"{error:.3f}" for error in size(distances, 100.0)) for distances in each
+        ]
+        if plan.expected_foot is not None and on_robot:
+            cells.append(f"{100.0 * plan.expected_foot:.3f}")
+        rows.append(Row(name, tuple(cells)))
+    return Table("foot", tuple(columns), tuple(rows), label="Feet")
+
+
+def requests_table(plan: Plan) -> Table:
+    """Every request."""
+    timeline = timeline_of(plan)
+    rows = (
+        Row(f"{timeline.step * k:.6g}", tuple(f"{angle:.3f}" for angle in angles))
+        for k, angles in enumerate(np.degrees(plan.requests).tolist())
+    )
+    return Table(timeline.unit, tuple(map(Column, plan.names)), tuple(rows), label="Requests")
+
+
+def timeline_of(plan: Plan) -> Timeline:
+    """The times of the samples."""
+    return Timeline(plan.period, len(plan.desired), plan.cyclic)
+
+
 # The figures.
 
 
@@ -353,14 +557,21 @@ def foot_figures(plan: Plan, role: Role) -> list[Figure]:
     leg = plan.task.leg
     if leg is None:
         return []
-    moving = Figure(
-        "leg",
+    motions = []
+    for looks, angles, distances in (
+        (DESIRED, plan.desired, None),
+        (WITHOUT, plan.direct, plan.direct_distances),
+        (role, plan.predicted, plan.distances),
+    ):
+        points = leg.joint_positions(angles)
+        if looks is DESIRED:  # the desired position may be out of reach
+            points = np.concatenate([points[:, :-1], plan.task.desired_foot[:, None]], axis=1)
+        motions.append(Motion(looks, points, distances))
+    words = (
         "The leg and the paths of its foot",
         "Move the slider and the leg follows, drag it and it turns.",
-        timeline_of(plan).axis,
-        movie=_movie(plan, leg, role),
     )
-    return [moving, distances_figure({"": plan}, role)]
+    return [timeline_of(plan).leg("leg", words, motions), distances_figure({"": plan}, role)]
 
 
 def distances_figure(legs: Mapping[str, Plan], role: Role) -> Figure:
@@ -374,20 +585,6 @@ def distances_figure(legs: Mapping[str, Plan], role: Role) -> Figure:
         for name, plan in legs.items()
     }
     return figure.foot_figure(timeline, feet)
-
-
-def _movie(plan: Plan, leg: Leg, role: Role) -> Movie:
-    motions = []
-    for looks, angles, distances in (
-        (DESIRED, plan.desired, None),
-        (WITHOUT, plan.direct, plan.direct_distances),
-        (role, plan.predicted, plan.distances),
-    ):
-        points = leg.joint_positions(angles)
-        if looks is DESIRED:  # the desired position may be out of reach
-            points = np.concatenate([points[:, :-1], plan.task.desired_foot[:, None]], axis=1)
-        motions.append(Motion(looks, points, distances))
-    return Movie(tuple(motions), plan.period, plan.cyclic)
 
 
 def joint_figure(plan: Plan, role: Role, j: int) -> Figure:

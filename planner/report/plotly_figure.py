@@ -21,9 +21,6 @@ ROW = 150
 ABOVE, BELOW, LEFT, RIGHT = 30, 46, 58, 12
 """Margins: for the buttons, for the axis, and for numbers [px]."""
 
-TITLE = 18
-"""More room above the first panel, where it has a title [px]."""
-
 GAP = 34
 """Between panels, room for a title [px]."""
 
@@ -51,7 +48,7 @@ def plot(figure: Figure) -> dict[str, Any]:
         ``data`` and ``layout`` for Plotly, ``height`` [px], ``clock``, and ``views``.
     """
     domains, inner = _domains(figure.panels)
-    above = ABOVE + (TITLE if figure.panels[0].title else 0)
+    above = ABOVE + (18 if figure.panels[0].title else 0)
     data, axes, words, shapes = list[Any](), dict[str, Any](), list[Any](), list[Any]()
     for number, (panel, domain) in enumerate(zip(figure.panels, domains, strict=True), 1):
         axis = "y" if number == 1 else f"y{number}"
@@ -297,7 +294,7 @@ def _heading(text: str, top: float) -> dict[str, Any]:
 def _words(words: Words, axis: str) -> dict[str, Any]:
     text = _escaped(words.text).replace("v_max", "v<sub>max</sub>")
     return {
-        "text": f"<b>{text}</b>" if words.bold else text,
+        "text": text,
         "x": words.x,
         "y": words.y,
         "xref": "x",

@@ -17,7 +17,6 @@ from planner.report.figure import (
     Figure,
     Moments,
     Motion,
-    Movie,
     Panel,
     Span,
     Timeline,
@@ -25,12 +24,11 @@ from planner.report.figure import (
 )
 from planner.report.page import (
     Card,
-    LinkedFile,
+    Listing,
     Page,
     Section,
     footer,
     models_table,
-    origin_lists,
     sentence,
     spoken,
     table_section,
@@ -59,12 +57,6 @@ UNITS = {"rad": ("deg", math.degrees(1.0)), "1": ("%", 100.0)}
 AS_IT_IS = DIRECT._replace(label="as it is")
 """The path itself as requests."""
 
-FAST = 0.16
-"""Opacity of the parts that are faster than the joint."""
-
-MOST_TOLERANCES = 20.0
-"""Largest error in the figure of errors over speed, in tolerances."""
-
 
 def replay_page(
     replay: Replay,
@@ -76,8 +68,7 @@ def replay_page(
     arm: Leg | None = None,
     missed: Sequence[str] = (),
     remarks: Sequence[str] = (),
-    origins: Sequence[tuple[str, str]] = (),
-    files: Sequence[LinkedFile] = (),
+    sources: Sequence[Listing] = (),
 ) -> str:
     """The whole page.
 
@@ -90,8 +81,7 @@ def replay_page(
         arm: The leg or arm whose joints these are; None for none.
         missed: Tolerances that the plan misses, in words.
         remarks: Further remarks, shown first.
-        origins: Inputs of the replay: pairs of a kind and a name.
-        files: Files of the run to link to.
+        sources: The lists at its end.
     """
     planned = replay.planned
     sections = [
@@ -136,15 +126,15 @@ def replay_page(
         cards=cards(replay),
         figure=moment_figure(replay) if arm is None else arm_figure(replay, arm),
         sections=sections,
-        listings=origin_lists(origins, files),
+        listings=sources,
         footer=footer("replay"),
     ).html()
 
 
 JOINTS = """
 {{ table }}
-<p class="note">Errors are angles minus the path at each request, by the exact models. “As
-recorded” are the recorded requests at this speed, “as it is” the path itself as requests. No
+<p class="note">Errors are angles minus the path at each request, by the exact models. “Requests as
+recorded” are those at this speed, “path as it is” the path itself as requests. No
 requests bring the rms error below the lower bound. What to expect on the robot is the error of plan
 and model together.</p>
 {{ hints }}
@@ -236,39 +226,47 @@ def cards(replay: Replay) -> list[Card]:
 
 
 def joints_table(replay: Replay) -> Table:
-    """Errors of every joint by kind of requests."""
-    columns = [
-        Column("recorded run", ("rms", "max")),
-        Column("as recorded", ("rms", "max")),
-        Column("as it is", ("rms", "max")),
-        Column("best shift", ("rms", "max", "by [ms]")),
-        Column("plan", ("rms", "max")),
-        Column("on the robot"),
-        Column("lower bound"),
-        Column("too fast [s]"),
-    ]
-    rows = []
+    """Errors of every joint by kind of requests; a terminal shows the root mean squares."""
+    norms, rows = ("rms", "max"), list[Row]()
+    columns = (
+        *(Column(title, norms) for title in ("recorded run", "requests as recorded")),
+        Column("path as it is", norms),
+        Column("best shift", (*norms, "by [ms]"), joined="{0} ({2} ms)"),
+        Column("plan", norms),
+        *map(Column, ("on the robot", "lower bound")),
+        Column("faster than the joint", words=True),
+    )
     for joint in replay.joints:
         unit, factor = UNITS[joint.path.unit]
-        recorded = _pair(joint, joint.recorded_errors)
-        nothing = (NOTHING, NOTHING)
-        cells: list[str | tuple[str, ...]] = [recorded, nothing, nothing, (*nothing, NOTHING)]
-        cells += [nothing, NOTHING, NOTHING, NOTHING]
-        if joint.inversion is not None:
+        label = joint.name if unit == "deg" else f"{joint.name} [% of its range]"
+        cells: list[str | tuple[str, ...]] = [_pair(joint, joint.recorded_errors)]
+        if joint.inversion is None:
+            cells += [(NOTHING,) * len(column.parts) or NOTHING for column in columns[1:-1]]
+            cells.append(f"{joint.path.reason}: recorded requests, re-timed")
+        else:
             pairs = {kind: _pair(joint, error) for kind, error in joint.errors.items()}
-            seconds = sum(last - first for first, last in joint.too_fast)
-            cells = [
-                recorded,
+            cells += [
                 pairs["resent"],
                 pairs["direct"],
                 (*pairs["shifted"], f"{1e3 * joint.lead:.0f}"),
                 pairs["planned"],
                 number(factor * joint.expected, 3),
                 number(factor * joint.lower_bound, 3),
-                f"{seconds:.2f}" if seconds else "0",
+                _fast_words(joint),
             ]
-        rows.append(Row(f"{joint.name} [{unit}]", tuple(cells)))
-    return Table("joint", tuple(columns), tuple(rows), label="Joints")
+        rows.append(Row(label, tuple(cells)))
+    return Table("joint [deg]", columns, tuple(rows), label="Joints")
+
+
+def _fast_words(joint: JointReplay) -> str:
+    """The parts of the path that are faster than the joint's top speed, in a few words."""
+    spans = joint.too_fast
+    if not spans:
+        return "nowhere"
+    total = sum(last - first for first, last in spans)
+    widest = max(spans, key=lambda span: span.last - span.first)
+    where = f"{widest.first:.2f} to {widest.last:.2f} s"
+    return where if len(spans) == 1 else f"{total:.2g} s in {len(spans)} parts, such as {where}"
 
 
 def moment_figure(replay: Replay) -> Figure:
@@ -309,13 +307,11 @@ def arm_figure(replay: Replay, arm: Leg) -> Figure:
         points = arm.joint_positions(np.column_stack(angles))
         distances = np.linalg.norm(points[:, -1] - path[:, -1], axis=1)
         motions.append(Motion(role, points, distances))
-    return Figure(
-        "arm",
+    words = (
         "The arm and the paths of its end",
         "Move the slider and the arm follows, drag it and it turns; the plots below follow.",
-        _timeline(replay).axis,
-        movie=Movie(tuple(motions), replay.period, cyclic=False),
     )
+    return _timeline(replay).leg("arm", words, motions)
 
 
 def joint_figure(replay: Replay, j: int) -> Figure:
@@ -340,7 +336,7 @@ def joint_figure(replay: Replay, j: int) -> Figure:
     angles = ((joint.direct, AS_IT_IS), (joint.shifted, SHIFT), (joint.predicted, OPTIMAL))
     span = replay.path.limits.get(joint.name)
     fast = (
-        Span(timeline.per_second * a, timeline.per_second * b, DIRECT, FAST)
+        Span(timeline.per_second * a, timeline.per_second * b, DIRECT, 0.16)
         for a, b in joint.too_fast
     )
     shade_note = "; shaded where the path is faster than the joint can be" if joint.too_fast else ""
@@ -376,7 +372,7 @@ def speeds_figure(fastest: Fastest) -> Figure:
         curves.append(Curve(LOWER_BOUND, speeds, bounds))
     ends = (float(speeds[0]), float(speeds[-1]))
     finite = np.concatenate([curve.y[np.isfinite(curve.y)] for curve in curves[1:]])
-    top = min(MOST_TOLERANCES * tolerance, 1.05 * max(float(np.max(finite)), tolerance))
+    top = min(20.0 * tolerance, 1.05 * max(float(np.max(finite)), tolerance))
     curves = [
         replace(each, label=f"{each.role.label}, off the scale") if np.all(each.y > top) else each
         for each in curves

@@ -23,6 +23,9 @@ if TYPE_CHECKING:
 
 PLANNED = FOOT_OPTIMAL._replace(label="planned")
 
+LOOKS = ((DESIRED, 0.55), (DIRECT, 0.45), (PLANNED, 1.0))
+"""Colours and opacities of the desired motion, the direct one and the planned one."""
+
 MOST_FRAMES = 1000
 """Most samples of a motion that are shown; of longer motions every second one, or every third."""
 
@@ -35,15 +38,8 @@ VIEWPOINT = np.array([0.5, 1.0, 0.3])
 RANDOM = re.compile(r"[0-9a-f]{8}(-[0-9a-f]{4}){3}-[0-9a-f]{12}")
 """The names that Meshcat gives to objects."""
 
-THINNER = 0.05
-"""Where legs coincide, the solid one is seen: one that is all but transparent is thinner by this
-share."""
-
 SIDES = 8
 """Sides of a trace, which is a tube: browsers draw lines one pixel wide."""
-
-SOIL = 1.3
-"""Extent of the ground, to that of the feet on it."""
 
 
 class Motion(NamedTuple):
@@ -60,17 +56,6 @@ class Motion(NamedTuple):
     angles: Array
     foot: Array
     opacity: float
-
-
-def motions(
-    desired: tuple[Array, Array], direct: tuple[Array, Array], planned: tuple[Array, Array]
-) -> tuple[Motion, ...]:
-    """The three motions as they are shown, each from its angles [rad] and foot positions [m]."""
-    return (
-        Motion(DESIRED, *desired, 0.55),
-        Motion(DIRECT, *direct, 0.45),
-        Motion(PLANNED, *planned, 1.0),
-    )
 
 
 def import_meshcat() -> Any:
@@ -188,7 +173,8 @@ def _show(viewer: Any, name: str, scene: Scene, shapes: Any, colour: list[float]
     if colour is not None:
         shapes = shapes.copy()
         for shape in shapes.geometryObjects:
-            shape.meshScale = np.full(3, 1.0 - THINNER * (1.0 - colour[3]))
+            # Where legs coincide, the solid one is seen: a transparent one is thinner.
+            shape.meshScale = np.full(3, 1.0 - 0.05 * (1.0 - colour[3]))
     visualiser = MeshcatVisualizer(scene.model, visual_model=shapes)
     visualiser.initViewer(viewer)
     visualiser.loadViewerModel(name, visual_color=colour)
@@ -207,7 +193,7 @@ def _draw_trace(node: Any, motion: Motion, radius: float, *, closed: bool) -> No
 def _draw_ground(node: Any, feet: Array, thickness: float) -> None:
     """A plate below the lowest position of the feet [m], shape (n, 3)."""
     geometry = import_meshcat().geometry
-    size = SOIL * max(float(np.ptp(feet[:, :2], axis=0).max()), 10.0 * thickness)
+    size = 1.3 * max(float(np.ptp(feet[:, :2], axis=0).max()), 10.0 * thickness)
     material = geometry.MeshLambertMaterial(color=_hex(GRID.light), opacity=0.7)
     node.set_object(geometry.Mesh(geometry.Box([size, size, thickness]), material))
     place = np.eye(4)

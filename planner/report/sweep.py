@@ -14,12 +14,10 @@ import numpy as np
 from planner.report.figure import Axis, Curve, Figure, Panel
 from planner.report.page import (
     Card,
-    LinkedFile,
+    Listing,
     Page,
     Section,
     footer,
-    heading,
-    origin_lists,
     spoken,
     table_section,
 )
@@ -195,15 +193,13 @@ class Swept:
 def sweep_page(
     swept: Swept,
     *,
-    origins: Sequence[tuple[str, str]] = (),
-    files: Sequence[LinkedFile] = (),
+    sources: Sequence[Listing] = (),
 ) -> str:
     """The whole page.
 
     Args:
         swept: The sweep.
-        origins: Inputs of the sweep: pairs of a kind and a name.
-        files: Files of the sweep to link to.
+        sources: The lists at its end.
     """
     planned = sum(each.planned for each in swept.outcomes)
     key_figures = [Card(f"{planned}", "", f"of {len(swept.outcomes)} points have a plan")]
@@ -221,14 +217,8 @@ def sweep_page(
             Card(f"{slow.direct / max(slow.error, 1e-9):.3g}", "times",
                  "that error without a plan, with the desired angles as requests"),
         ]  # fmt: skip
-        sections += [
-            Section("The front", FRONT, {"table": points_table(swept), "commands": commands}),
-            Section(
-                "Parameters along the front",
-                "{{ hints }}{{ figures(several) }}",
-                {"several": parameter_figures(swept)},
-            ),
-        ]
+        values = {"table": points_table(swept), "commands": commands}
+        sections.append(Section("The front", FRONT, values))
     if swept.failures:
         sections.append(table_section("Points without a plan", failures_table(swept)))
     head, _, tail = swept.verdict.partition(": ")
@@ -240,7 +230,7 @@ def sweep_page(
         cards=key_figures,
         figure=front_figure(swept) if swept.front else None,
         sections=sections,
-        listings=origin_lists(origins, files),
+        listings=sources,
         footer=footer("sweep"),
     ).html()
 
@@ -289,6 +279,7 @@ def front_figure(swept: Swept) -> Figure:
         return Curve(role, speeds, np.array(errors), label, notes=notes, **more)
 
     planned = [each for each in swept.outcomes if each.planned]
+    low, high = (end(each.speed for each in planned) for end in (min, max))
     curves = [
         curve(DIRECT, planned, "without a plan", marks="dots", hidden=True),
         curve(OPTIMAL, planned, "planned", marks="dots"),
@@ -308,36 +299,7 @@ def front_figure(swept: Swept) -> Figure:
         "Speed against error",
         "Each point is a plan; those on the line are best: none is faster at a smaller error. "
         "Point at one for its parameters.",
-        _speeds(swept, planned),
+        Axis("speed", swept.speed_unit, None if high > low else (0.9 * low, 1.1 * high)),
         (Panel(Axis("error", swept.error_unit, from_zero=True, decimals=3), tuple(curves),
                height=2.4),),
     )  # fmt: skip
-
-
-def parameter_figures(swept: Swept) -> list[Figure]:
-    """How each parameter changes along the front."""
-    speeds = np.array([each.speed for each in swept.front])
-    columns, figures = zip(*(each.point for each in swept.front), strict=True), []
-    for name, values in zip(swept.names, map(np.array, columns), strict=True):
-        words, unit = WORDS[name]
-        curves = tuple(
-            Curve(FOOT_OPTIMAL, speeds, values, "Pareto front", marks=marks)
-            for marks in ("", "rings")
-        )
-        least = 0.2 * float(np.max(np.abs(values))) or 1.0
-        figures.append(
-            Figure(
-                f"parameter_{name}",
-                heading(words),
-                "Of the points on the front, from the slowest to the fastest.",
-                _speeds(swept, swept.front),
-                (Panel(Axis(words, unit, decimals=4, least=least), curves, height=1.4),),
-            )
-        )
-    return figures
-
-
-def _speeds(swept: Swept, outcomes: Sequence[Outcome]) -> Axis:
-    """The axis of speeds; of a single one, with room on both sides."""
-    low, high = (end(each.speed for each in outcomes) for end in (min, max))
-    return Axis("speed", swept.speed_unit, None if high > low else (0.9 * low, 1.1 * high))

@@ -46,7 +46,7 @@ def asked(answered, monkeypatch, request):
         last.update(arguments, model=model, angles=angles, check=answered[question])
         return answered[question]
 
-    monkeypatch.setattr("planner.cli.comparison.cross_check", kept)
+    monkeypatch.setattr("planner.evaluation.cross_check.cross_check", kept)
     return last
 
 
@@ -80,7 +80,7 @@ def test_joints_of_a_leg_are_compared_in_its_order_each_with_its_own_limits_and_
         given.update(arguments, angles=angles, speeds=[each.v_max for each in models])
         raise InvalidInput("enough")
 
-    monkeypatch.setattr("planner.cli.comparison.cross_check", compared)
+    monkeypatch.setattr("planner.evaluation.cross_check.cross_check", compared)
     names = ("knee", "rotator", "abductor")
     rows = np.radians([30.0, 10.0, 20.0]) + np.linspace(0.0, 0.1, 6)[:, np.newaxis]
     write_joint_path(tmp_path / "leg.csv", names, rows, period=0.008, loads=10.0 * rows)
@@ -144,7 +144,7 @@ def test_a_page_of_a_comparison_links_to_the_files_beside_it(run, brief, tmp_pat
 def test_a_folder_at_which_another_command_is_at_work_is_refused_before_anything_is_compared(
     run, brief, tmp_path, monkeypatch
 ):
-    monkeypatch.setattr("planner.cli.comparison.cross_check", None)
+    monkeypatch.setattr("planner.evaluation.cross_check.cross_check", None)
     with at_work_on(tmp_path / "found"):
         result = run("compare", brief, "--out", "found")
     assert result.exit_code == 2

@@ -9,7 +9,7 @@ import pytest
 
 import planner
 from kinematics import Leg, urdf_path
-from planner.cli.loads import with_load
+from planner.cli.planning import with_load
 from planner.cli.settings import Run
 from planner.files.paths import read_joint_path, write_joint_path
 from planner.model.evidence import Evidence

@@ -18,7 +18,12 @@ import pytest
 from kinematics import urdf_path
 from planner import JointModel, Log, LogOptions, read_logs, replay, simulate
 from planner.cli import settings
-from planner.cli.replay.dataset import decoded, encoded, replay_episode
+from planner.cli.replay.dataset import (
+    decoded,
+    episode_figures,
+    lerobot_episode,
+    replayed,
+)
 from planner.cli.replay.task import fastest_document, fastest_text, refuted_joints, tasks_of
 from planner.files.joint_model import models_text
 from planner.files.logs.read import recordings_in
@@ -400,14 +405,12 @@ def test_an_episode_is_the_same_after_it_was_kept(dataset, model):
     recordings = recordings_in([str(dataset)], LogOptions(unit=UNITS[1]))
     made = settings.Run.of({"model": {"file": str(model)}})
     (task, *_) = tasks_of(made, settings.Replay(speed=2.0), recordings)
-    episode = replay_episode(task)
-    again = decoded(encoded(episode))
-    assert (again.task, again.layout, again.figures) == (
-        episode.task,
-        episode.layout,
-        episode.figures,
-    )
-    assert all(np.array_equal(again.rows[name], rows) for name, rows in episode.rows.items())
+    layout, rows, words = lerobot_episode(task.recording, replay := task.run())
+    kept_layout, kept_rows, head = decoded(replayed(task))
+    assert kept_layout == layout
+    assert (head["task"], head["figures"]) == (words, episode_figures(replay))
+    assert kept_rows.keys() == rows.keys()
+    assert all(np.array_equal(kept_rows[name], each) for name, each in rows.items())
 
 
 def test_recordings_at_several_rates_are_all_replayed_at_that_of_the_first(demo, model):
@@ -432,11 +435,12 @@ def test_a_task_is_a_unit_of_work_for_another_process(dataset, model, monkeypatc
     recordings = recordings_in([dataset.name], LogOptions(unit=UNITS[1]))
     tasks = tasks_of(run, settings.Replay(speed=2.0), recordings)
     monkeypatch.chdir(dataset)
-    first, again = (replay_episode(pickle.loads(pickle.dumps(tasks[1]))) for _ in range(2))
+    first, again = (decoded(replayed(pickle.loads(pickle.dumps(tasks[1])))) for _ in range(2))
     assert pickle.dumps(first) == pickle.dumps(again)
-    assert first.rows["action"].shape == (38, 3)
-    assert first.task == "drop"
-    assert first.figures["worst_joint"] in ("shoulder_pan", "elbow_flex")
+    _, rows, head = first
+    assert rows["action"].shape == (38, 3)
+    assert head["task"] == "drop"
+    assert head["figures"]["worst_joint"] in ("shoulder_pan", "elbow_flex")
 
 
 @pytest.mark.parametrize(("known", "said"), [("", 1), ("v_max_interval = [3.9, 4.1]\n", 0)])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from planner.cli.reproduce import DURATIONS
+from planner.cli.reproduce import STEPS
 from planner.files.joint_model import read_model_file
 from planner.files.paths import read_foot_path, read_joint_path
 from planner.files.table import read_table
@@ -17,7 +17,7 @@ WRITTEN = 1e-9
 
 @pytest.mark.parametrize("robot", ["model", "virtual"])
 def test_the_steps_of_the_experiment_are_those_that_are_expected(reproduction_of, robot):
-    assert [*reproduction_of(robot).told, "the report"] == list(DURATIONS[robot])
+    assert len([*reproduction_of(robot).told, "the report"]) == STEPS[robot]
 
 
 def check(folder, kept):

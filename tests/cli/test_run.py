@@ -151,7 +151,7 @@ def test_models_are_inline_or_files_for_all_joints_or_for_one(
 ):
     assert desired.exists()
     (tmp_path / "joints").write_text(f"{KNEE}[knee]\noffset = 0.01\n")
-    prepared = read_run(str(tmp_path / write(JOINTS + content))).prepared
+    _, prepared = read_run(str(tmp_path / write(JOINTS + content)))
     assert prepared.desired.models == models
     assert words is None or model_words(prepared.settings.model) == f"model: {words}"
 
@@ -418,7 +418,7 @@ def test_a_package_that_is_missing_is_reported_before_anything_is_planned(
 def test_a_walk_of_a_run_goes_where_its_heading_points(write, tmp_path, for_leg):
     leg = '[leg]\nname = "reference"\nunreachable = "nearest"\n'
     walk = f"[path.half_ellipse]\nheading_deg = 90\nfor_leg = {for_leg}\n"
-    foot = read_run(str(tmp_path / write(leg + walk))).prepared.desired.foot
+    foot = read_run(str(tmp_path / write(leg + walk)))[1].desired.foot
     x, y, _ = (foot - foot.mean(axis=0)).T
     assert np.ptp(y) > 0.05  # [m]; straight on it is 0
     assert np.ptp(x) == pytest.approx(0.0, abs=SAME)

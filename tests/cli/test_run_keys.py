@@ -68,7 +68,7 @@ def test_the_template_sets_what_it_sets_to_the_default_or_says_so():
         value = settings
         for part in place:
             value = value[0] if part == ANY else getattr(value, part)
-        expected = key.default if key.about.set_to is None else key.about.set_to
+        expected = key.default if key.set_to is None else key.set_to
         assert value == expected, place
 
 
@@ -80,8 +80,8 @@ def test_every_key_is_in_the_template_and_its_example_is_of_its_kind(place, key)
     for line in shown:
         ((_, value),) = tomllib.loads(line.removeprefix("# ")).items()
         assert value is not None
-    assert key.about.help.endswith(".")
-    example = key.about.example
+    assert key.help.endswith(".")
+    example = key.example
     if example is not None:
         fitted(key.annotation, example)
 
@@ -122,12 +122,12 @@ def test_a_number_at_an_end_of_its_range_is_taken_where_the_words_say_so(key):
 def test_a_setting_has_an_effect_with_the_choices_that_its_help_begins_with(table, choice, rest):
     choices, named = get_args(table.keys[choice].type), set()
     for name, key in table.keys.items():
-        begins, colon, _ = key.about.help.partition(":")
+        begins, colon, _ = key.help.partition(":")
         if not begins.startswith("The same"):  # as the one before
             named = {each for each in re.findall(r"[\w-]+", begins) if each in choices and colon}
-        assert {*key.about.only} == named, name
+        assert {*key.only} == named, name
         if named:
-            given = table.of({**rest, name: key.type is bool or key.about.example})
+            given = table.of({**rest, name: key.type is bool or key.example})
             without = [each for each in choices if name in given.without_effect(each)]
             assert without == [each for each in choices if each not in named]
 
@@ -140,7 +140,7 @@ def test_every_option_that_is_a_setting_is_one_of_a_command_and_keeps_its_earlie
             for name in getattr(parameter, "earlier", ()):
                 earlier.setdefault(f"{name} {parameter.opts[-1]}", []).append(command)
     for setting in SETTINGS.values():
-        assert setting.about.option.partition("/")[0] in names
+        assert setting.option.partition("/")[0] in names
     assert earlier == {
         "--limits --limits-deg": ["compare", "plan", "refine", "replay"],
         "--length --half-stroke": ["gait"],

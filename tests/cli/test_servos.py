@@ -16,7 +16,7 @@ import pytest
 from planner import JointModel
 from planner.calibration import measure
 from planner.cli import buses
-from planner.cli.check import _changes, _error
+from planner.cli.calibrate import _changes, _error
 from planner.cli.play import _a_row_each
 from planner.exceptions import BusError
 from planner.files.joint_model import read_models, read_servos
@@ -33,7 +33,7 @@ from planner.virtual import servo_bus
 from planner.virtual.servo_bus import Faults, VirtualPort, VirtualServos
 from tests.report.test_made_up_pages import calibrated as made_up
 
-CALIBRATE, CHECK = (import_module(f"planner.cli.{each}") for each in ("calibrate", "check"))
+CALIBRATE = import_module("planner.cli.calibrate")
 
 BRIEF = ("--bus", "virtual", "--duration-s", "16", "--reach-deg", "30", "--yes")
 
@@ -523,7 +523,7 @@ def test_a_joint_that_something_moves_is_warned_of(run, monkeypatch, noise, warn
     assert f"moved: at {-48 * 360 / 4096:.1f} deg" in result.stderr
 
 
-CHECKED = (
+CALIBRATEED = (
     # before, now, held out, other rows [deg]; whether the model holds
     (1.0, 1.9, 0.1, 0.1, True),
     (1.0, 2.1, 0.1, 0.1, False),
@@ -535,7 +535,7 @@ CHECKED = (
 )
 
 
-@pytest.mark.parametrize(("before", "now", "held_out", "other", "holds"), CHECKED)
+@pytest.mark.parametrize(("before", "now", "held_out", "other", "holds"), CALIBRATEED)
 def test_a_model_holds_within_twice_its_error_a_small_one_or_twice_a_new_models(
     run, arm, monkeypatch, before, now, held_out, other, holds
 ):
@@ -555,8 +555,8 @@ def test_a_model_holds_within_twice_its_error_a_small_one_or_twice_a_new_models(
 
     monkeypatch.setattr("planner.identification.identify.identify", lambda _: found)
     monkeypatch.setattr(measure, "move", move)
-    monkeypatch.setattr(CHECK, "_error", lambda *_: np.radians(now))
-    monkeypatch.setattr(CHECK, "_changes", lambda *_: ["v_max is 3, and was 5"])
+    monkeypatch.setattr(CALIBRATE, "_error", lambda *_: np.radians(now))
+    monkeypatch.setattr(CALIBRATE, "_changes", lambda *_: ["v_max is 3, and was 5"])
     asked = ("check", "--bus", "virtual", "--model", arm, "--joint", "joint_3", "--joint")
     result = run(*asked, "joint_2", "--duration-s", "3", "--rate-hz", "50")
     assert moved == ["joint_3", "joint_2"]
@@ -575,7 +575,7 @@ def test_a_model_holds_within_twice_its_error_a_small_one_or_twice_a_new_models(
 def test_settings_have_changed_where_both_are_known_and_differ():
     before = {"p_gain": 16, "d_gain": 32, "i_gain": 0, "profile_speed": 0}
     now = {"p_gain": 16, "d_gain": 30, "profile_speed": 9, "profile_acceleration": 254}
-    changed = CHECK._settings_changed(before, now)
+    changed = CALIBRATE._settings_changed(before, now)
     assert changed == ["D is 30, and was 32", "profile speed is 9, and was 0"]
 
 
@@ -767,4 +767,4 @@ def test_the_error_of_a_model_is_over_measured_rows_wherever_their_times_begin()
     angles = np.where(measured, angles[kept] + 0.1 * (kept > 0), 3.0)
     log = Log(times=7.0 + 0.02 * kept, requests=requests[kept], angles=angles, measured=measured)
     share = 1.0 - 1.0 / measured.sum()
-    assert CHECK._error(model, log) == pytest.approx(0.1 * np.sqrt(share), rel=0.05)
+    assert CALIBRATE._error(model, log) == pytest.approx(0.1 * np.sqrt(share), rel=0.05)

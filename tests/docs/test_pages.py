@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 import planner
-from planner.cli import comparison
+from planner.evaluation import cross_check
 from planner.planning.bounds import foot_bound
 from tests.docs import shell
 from tests.docs.blocks import PAGES, ROOT, blocks, prose
@@ -62,7 +62,7 @@ def asked_once(answered_before, monkeypatch):
 
         return kept
 
-    for module, name in ((foot_bound, "foot_bound"), (comparison, "cross_check")):
+    for module, name in ((foot_bound, "foot_bound"), (cross_check, "cross_check")):
         monkeypatch.setattr(module, name, once(getattr(module, name)))
 
 

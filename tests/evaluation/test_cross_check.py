@@ -35,7 +35,7 @@ from planner.planning.bounds.reachable_set import LEVELS
 from planner.planning.closed_form import invert_closed_form
 from planner.planning.direct_transcription import TranscriptionOptions
 from planner.planning.inversion import invert_foot, invert_optimal
-from planner.report.comparison_tables import comparison_text
+from planner.report.comparison import comparison_text
 from tests.instances import attainable, random_model, saturating
 from tests.plans import claiming, inversion
 from tests.strategies import models, trajectories

@@ -13,21 +13,19 @@ import planner
 from planner.evaluation.checks import AGREES, Check
 from planner.planning.bounds import foot_bound
 from planner.report.comparison import (
+    SHOWN,
     above_bound,
+    checks_table,
     comparison_page,
+    comparison_text,
     foot_figure,
+    foot_table,
     joint_figure,
     key_figures,
-    remarks,
-    verdict,
-)
-from planner.report.comparison_tables import (
-    SHOWN,
-    checks_table,
-    comparison_text,
-    foot_table,
     notes,
     plans_table,
+    remarks,
+    verdict,
 )
 from planner.report.plotly_figure import live
 from tests.report.test_figure import check_words

@@ -15,7 +15,6 @@ from planner.report.identification.figures import (
     APART,
     MOST_POINTS,
     _windows,
-    alternatives_figure,
     close_up,
     cloud_figure,
     cloud_of,
@@ -24,8 +23,9 @@ from planner.report.identification.figures import (
     speed_against_error,
     thinned,
 )
-from planner.report.identification.page import Joint, identification_page, joints_table
-from planner.report.page import LinkedFile
+from planner.report.identification.page import identification_page
+from planner.report.identification.words import joints_table
+from planner.report.page import sources_of
 from planner.report.plotly_figure import plot
 from tests.report.made_up import made_up, made_up_log, never_saturated
 from tests.report.test_figure import check_words
@@ -87,7 +87,7 @@ def test_every_log_is_drawn_row_by_row_and_zoomed_by_its_button(browser, several
     page = tmp_path / "report.html"
     page.write_text(several)
     figures = browser.read_through(page, width=WIDTH, height=HEIGHT, dark=True)
-    assert len(figures) == 3 * (3 + 1)  # of each joint the cloud, intervals, errors and log
+    assert len(figures) == 3 * (2 + 1)  # of each joint the cloud, intervals and log
     log = next(name for name in figures if "log" in name)
     plot = f"document.querySelector('[id=\"{log}\"] .canvas')"
     measured = f"{plot}.data.find((trace) => trace.name === 'measured')"
@@ -103,10 +103,11 @@ def test_every_log_is_drawn_row_by_row_and_zoomed_by_its_button(browser, several
 
 
 def test_long_names_of_files_do_not_make_the_page_wider_than_a_phone(browser, tmp_path):
-    long = f"{'../' * 5}{'folder_' * 9}/log.csv"
+    long = f"{'folder_' * 12}/log.csv"
     page = tmp_path / "report.html"
+    sources = sources_of(page, files=[("log", tmp_path / long)])
     page.write_text(
-        identification_page({"": made_up()}, files=[LinkedFile("log", long, long)]),
+        identification_page({"": made_up()}, sources=sources),
         encoding="utf-8",
     )
     browser.open(page, width=PHONE)
@@ -120,7 +121,6 @@ def test_plotly_takes_every_figure(found_by):
     found = found_by()
     check_words(plot(cloud_figure(found)))
     check_words(plot(intervals_figure(found)))
-    check_words(plot(alternatives_figure(found)))
     check_words(plot(log_figure(found, found.fits[0], "")))
 
 
@@ -158,31 +158,16 @@ def test_the_interval_of_a_sag_below_zero_is_drawn_around_it():
         assert 0.0 < bar.x[0] < mark.x[0] < bar.x[1] < 100.0
 
 
-@pytest.mark.parametrize("held_out", [True, False])
-def test_bars_and_numbers_of_the_descriptions_are_one_error_which_the_caption_names(held_out):
-    found = made_up()
-    if not held_out:
-        fitted = tuple(replace(each, held_out_rms=None) for each in found.alternatives)
-        found = made_up(held_out_rms=None, alternatives=fitted)
-    figure = alternatives_figure(found)
-    errors = [each.held_out_rms if held_out else each.rms for each in (*found.alternatives, found)]
-    (panel,) = figure.panels
-    assert [curve.x[-1] for curve in panel.curves] == pytest.approx(np.degrees(errors))
-    assert [words.text for words in panel.words] == [f"{each:.3g}" for each in np.degrees(errors)]
-    where = "on rows held out" if held_out else "on all rows"
-    assert where in figure.caption
-
-
 @pytest.mark.parametrize("found_by", [made_up, never_saturated], ids=["saturated", "never"])
 def test_the_cloud_shows_points_about_the_identified_line(found_by):
     found = found_by()
-    figure, cloud = cloud_figure(found), cloud_of(found)
+    figure, (_, reach, _) = cloud_figure(found), cloud_of(found)
     curves = {curve.name: curve for curve in figure.panels[0].curves if curve.legend}
     assert 0 < len(curves["measured"].x) <= MOST_POINTS
     line = curves["f, identified"]
     slope = found.model.v_max / found.model.theta_0
     assert line.y[4] / line.x[4] == pytest.approx(slope)
-    assert figure.x.range[1] == pytest.approx(np.degrees(cloud.reach))
+    assert figure.x.range[1] == pytest.approx(np.degrees(reach))
     if found.saturates:
         assert line.y[5] == pytest.approx(np.degrees(found.model.v_max))
 
@@ -217,20 +202,16 @@ def test_the_line_of_a_joint_with_dry_friction_is_its_speed_law_everywhere():
 
 
 def test_the_table_of_joints_has_each_number_under_its_own_title():
-    joints = [
-        Joint("hip", "hip", made_up(), "joint1_"),
-        Joint("knee", "knee", with_dead_band(made_up()), "joint2_"),
-    ]
-    table = joints_table(joints)
+    table = joints_table({"hip": made_up(), "knee": with_dead_band(made_up())})
     titles = [column.title for column in table.columns]
     hip, knee = (dict(zip(titles, row.cells, strict=True)) for row in table.rows)
-    assert (hip["dead band [deg]"], knee["dead band [deg]"]) == ("–", "0.573")
+    assert (hip["dead band"], knee["dead band"]) == ("–", "0.573 deg")
     late = replace(made_up(), verdict="worse than a delay")
-    (row,) = joints_table([Joint("hip", "hip", late, "joint1_")]).rows
+    (row,) = joints_table({"hip": late}).rows
     assert (row.cells[0], row.kind) == ("worse than a delay", "broken")
     for joint in hip, knee:
-        assert joint["rms error [deg]"] == "0.219"
-        assert joint["best delay [deg]"] == hip["best delay [deg]"] != "–"
+        assert joint["held out"] == "0.219 deg"
+        assert joint["best delay"] == hip["best delay"] != "–"
 
 
 def with_dead_band(found):

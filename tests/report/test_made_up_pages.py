@@ -14,11 +14,14 @@ from planner.calibration.candidates import WORDS, Candidate, Compared
 from planner.identification.result import Interval
 from planner.model.evidence import Evidence
 from planner.recording.retiming import Fastest, Impossible, SpeedErrors
-from planner.report.calibration import calibration_page, calibration_text
 from planner.report.episodes import MOST_REASONS, episodes_page
-from planner.report.identification.page import identification_page
-from planner.report.plan import plan_page, verdict
-from planner.report.plan_tables import feet_table
+from planner.report.identification.page import (
+    calibration_page,
+    calibration_text,
+    identification_page,
+)
+from planner.report.page import sources_of
+from planner.report.plan import feet_table, plan_page, verdict
 from planner.report.replay import replay_page, speeds_figure
 from planner.report.sweep import Outcome, Requirement, Swept, sweep_page
 from planner.report.table import at_most, two_digits
@@ -27,7 +30,7 @@ from tests.corpus.test_corpus import masked
 from tests.report.made_up import made_up, made_up_log, never_saturated
 from tests.report.test_episodes_page import document, row
 
-ORIGINS = [("recording", "walks_2.csv"), ("<model>", "arm.toml")]
+SOURCES = sources_of("page.html", [("recording", "walks_2.csv"), ("<model>", "arm.toml")])
 
 SERVO = JointModel(v_max=4.0, theta_0=0.2, lag=0.03, acceleration_time=0.05, tick=0.005, hold=4)
 
@@ -101,7 +104,7 @@ def plan_by_tested_models():
 
 def robot():
     legs = {"front-left": front_left_leg()}
-    about = {"missed": ["the foot is 2 cm off"], "notes": ["Mind the step."], "origins": ORIGINS}
+    about = {"missed": ["the foot is 2 cm off"], "notes": ["Mind the step."], "sources": SOURCES}
     return plan_page(plan_by_tested_models(), title="walk", method="optimal", legs=legs, **about)
 
 
@@ -145,7 +148,7 @@ def fastest_replay():
     about = {"title": "demo.csv", "words": "follows the state", "verdict": "v_max is 1"}
     missed, remarks = ["elbow: 3 deg off"], ["The gripper is new."]
     return replay_page(
-        made, fastest=found, missed=missed, remarks=remarks, origins=ORIGINS, **about
+        made, fastest=found, missed=missed, remarks=remarks, sources=SOURCES, **about
     )
 
 
@@ -167,13 +170,13 @@ def episodes():
     failed = [f"data/walks, episode {10 + k}" for k in range(MOST_REASONS + 1)]
     made = document(rows, left_out=failed)
     made["remarks"] = ["the models are old", "two episodes are short"]
-    return episodes_page(made, title="walks", words="follows the state", origins=ORIGINS)
+    return episodes_page(made, title="walks", words="follows the state", sources=SOURCES)
 
 
 def swept(*outcomes, required=None):
     numbered = tuple(replace(each, number=k) for k, each in enumerate(outcomes, 1))
     made = Swept("a b.toml", ("speed", "height"), numbered, "times", "deg", required)
-    return sweep_page(made, origins=ORIGINS)
+    return sweep_page(made, sources=SOURCES)
 
 
 def unplanned_sweep():

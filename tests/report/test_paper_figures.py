@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from planner.evaluation.reproduction import STEP_AMPLITUDES, published
-from planner.report.paper.agreement import COMPARED, agreement_pairs
+from planner.evaluation.reproduction import STEP_AMPLITUDES
 from planner.report.paper.figures import paper_figures
 from planner.report.plotly_figure import plot
 from tests.report.test_figure import check_words
@@ -76,18 +75,3 @@ def test_the_step_tests_shade_lag_and_acceleration_time(reproduction, figures):
         assert lag.words == f"lag {response.lag} ticks"
         angles = curve_of(panel, "actual").y[:-1]
         np.testing.assert_array_equal(angles, np.degrees(response.angles))
-
-
-def test_every_figure_of_table_2_stands_beside_the_paper_s(reproduction, figures):
-    pairs = agreement_pairs(reproduction)
-    assert len(pairs) == 18
-    assert {pair.comparison for pair in pairs} == set(COMPARED)
-    for pair in pairs:
-        ours = reproduction.table2[pair.joint][pair.comparison]
-        paper = published(pair.joint, pair.comparison)
-        distances = {"L₂": (ours.rms, paper.L2.mean), "L∞": (ours.max, paper.Linf.mean)}
-        assert (pair.ours, pair.paper) == distances[pair.norm]
-    (panel,) = figures["table2_agreement"].panels
-    drawn = curve_of(panel, "the paper's model, here")
-    np.testing.assert_array_equal(drawn.x, [pair.ours for pair in pairs])
-    assert drawn.notes[0] == f"{pairs[0].joint}, L₂"

@@ -13,16 +13,18 @@ import planner
 from kinematics import Limits
 from planner.model.evidence import Evidence
 from planner.planning.time_shift import shifted
+from planner.report.page import sources_of
 from planner.report.plan import (
     WITHOUT,
     cards,
     foot_figures,
+    joint_rows,
+    joints_table,
     jumps_of,
     plan_page,
     remarks,
     verdict,
 )
-from planner.report.plan_tables import joint_rows, joints_table
 from planner.report.style import FOOT_OPTIMAL
 from planner.report.table import NOTHING
 
@@ -246,7 +248,10 @@ def test_the_bound_on_the_foot_is_of_the_norm_of_the_plan(outcome, norm, kind):
 
 
 def test_every_name_is_escaped_and_every_request_shown(outcome):
-    page = page_of(asked(outcome, names=("a<b>", "c&d", "e")), origins=[("path", "<x>.csv")])
+    page = page_of(
+        asked(outcome, names=("a<b>", "c&d", "e")),
+        sources=sources_of("page.html", [("path", "<x>.csv")]),
+    )
     assert "<b>" not in page
     assert "leg &lt;1&gt;" in page
     assert "&lt;x&gt;.csv" in page

@@ -14,7 +14,7 @@ from hypothesis.extra.numpy import arrays
 
 from kinematics import Leg, urdf_path
 from kinematics.scene import Scene
-from planner.report.scene import MOST_FRAMES, SIDES, motions, scene_page, tube
+from planner.report.scene import LOOKS, MOST_FRAMES, SIDES, Motion, scene_page, tube
 from planner.report.style import DESIRED, DIRECT, FOOT_OPTIMAL
 
 PERIOD = 0.008
@@ -37,7 +37,10 @@ def _shown(leg, samples=40):
     phase = 2.0 * np.pi * np.arange(samples)[:, None] / samples
     desired = np.array([0.1, 0.3, 1.0]) + 0.3 * np.sin(phase + np.array([0.0, 1.0, 2.0]))
     each = [desired, 0.8 * desired, 0.95 * desired]
-    shown = motions(*((angles, leg.foot_positions(angles)) for angles in each))
+    shown = [
+        Motion(role, angles, leg.foot_positions(angles), opacity)
+        for (role, opacity), angles in zip(LOOKS, each, strict=True)
+    ]
     lower = shown[1]._replace(foot=shown[1].foot - np.array([0.0, 0.0, 0.02]))
     return shown[0], lower, shown[2]
 
@@ -164,9 +167,3 @@ def test_a_tube_has_its_radius_everywhere(points, closed):
     middles = np.stack([starts[moving], ends[moving]], axis=1)
     assert np.allclose(np.linalg.norm(rings - middles[:, :, None], axis=3), 0.01, atol=ROUNDING)
     assert faces.size == 0 or faces.max() == len(vertices) - 1
-
-
-def test_each_of_the_three_motions_has_its_own_angles_and_positions():
-    desired, direct, planned = ((np.full((2, 3), k), np.full((2, 3), 10.0 + k)) for k in range(3))
-    shown = motions(desired, direct, planned)
-    assert [(each.angles[0, 0], each.foot[0, 0]) for each in shown] == [(0, 10), (1, 11), (2, 12)]

@@ -7,12 +7,10 @@ import math
 import numpy as np
 import pytest
 
-from planner.evaluation.reproduction import published_foot
 from planner.model.joint import JointModel
 from planner.report.figure import THIN
 from planner.report.paper.figures import HIDDEN, ROLES
-from planner.report.paper.results import virtual_results
-from planner.report.paper.tables import METHODS, dropped_words, executed_table
+from planner.report.paper.results import dropped_words, executed_table, virtual_results
 from planner.report.paper.virtual_figures import PATHS, virtual_figures
 
 
@@ -60,14 +58,11 @@ def test_every_cycle_of_every_joint_is_drawn_under_its_method(outcome, figures):
 
 def test_the_foot_is_drawn_as_far_off_as_it_was(outcome, figures):
     desired = outcome.planned.walk.desired_foot
-    for panel, hidden in (
-        (figures["joints_by_method"].panels[-1], HIDDEN),
-        (figures["foot_distances"].panels[0], ()),
-    ):
-        for (method, role), curve in zip(ROLES.items(), panel.curves[1::2], strict=True):
-            distances = 100.0 * np.linalg.norm(outcome.foot_paths[method] - desired, axis=2)
-            assert (curve.name, curve.hidden) == (role.label, method in hidden)
-            assert values(curve) == pytest.approx(distances)
+    panel = figures["joints_by_method"].panels[-1]
+    for (method, role), curve in zip(ROLES.items(), panel.curves[1::2], strict=True):
+        distances = 100.0 * np.linalg.norm(outcome.foot_paths[method] - desired, axis=2)
+        assert (curve.name, curve.hidden) == (role.label, method in HIDDEN)
+        assert values(curve) == pytest.approx(distances)
     paths = {curve.name: curve for curve in figures["foot_paths"].panels[0].curves}
     for method, role in PATHS.items():
         assert values(paths[role.label]) == pytest.approx(
@@ -78,7 +73,7 @@ def test_the_foot_is_drawn_as_far_off_as_it_was(outcome, figures):
         np.testing.assert_array_equal(motions[role.label].points, outcome.legs[method][0])
 
 
-def test_step_tests_promises_and_trials_are_those_of_the_experiment(outcome, figures):
+def test_step_tests_and_trials_are_those_of_the_experiment(outcome, figures):
     samples = len(outcome.planned.walk.desired)
     above = figures["step_tests"].panels[::2]
     below = figures["step_tests"].panels[1::2]
@@ -93,19 +88,6 @@ def test_step_tests_promises_and_trials_are_those_of_the_experiment(outcome, fig
         assert drawn == pytest.approx(np.array(expected))
         assert residual.y == pytest.approx(measured.y - model.y, nan_ok=True)
         assert rest.title.endswith(f"residual, {np.degrees(found.rms):.2f} deg rms")
-    curves = {curve.name: curve for curve in figures["promises"].panels[0].curves}
-    drawn = [curve.x[np.isfinite(curve.x)] for curve in curves.values()]
-    assert figures["promises"].x.range == (0.0, pytest.approx(1.06 * np.max(np.hstack(drawn))))
-    assert curves["planned"].x == pytest.approx(
-        [outcome.planned.foot_table[method].rms for method in METHODS]
-    )
-    assert curves["executed"].x == pytest.approx(
-        [outcome.foot_table[method].mean.rms for method in METHODS]
-    )
-    papers = {k: published_foot(method) for k, method in enumerate(METHODS)}
-    assert dict(zip(curves["the paper's robot"].y, curves["the paper's robot"].x, strict=True)) == {
-        row: each.L2.mean for row, each in papers.items() if each is not None
-    }
     (panel,) = figures["learning"].panels
     bound, mean, trials = panel.curves
     assert mean.y.tolist() == trials.y.tolist() == [each.mean.rms for each in outcome.learnt_foot]

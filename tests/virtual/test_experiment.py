@@ -18,7 +18,7 @@ from planner.evaluation.virtual_experiment import execute
 from planner.exceptions import NoSteadyCycle
 from planner.files.paths import read_joint_path
 from planner.files.staging import list_files
-from planner.report.paper.tables import signed_percent
+from planner.report.paper.results import signed_percent
 from planner.trajectory import angle_distance
 from planner.virtual.robot import Constants, VirtualRobot
 

@@ -13,10 +13,8 @@ PICTURES = (
     "joints_direct",
     "trajectories",
     "foot_optimised_trajectories",
-    "foot_distances",
     "learning",
     "joints_by_method",
-    "promises",
 )
 
 

@@ -93,8 +93,7 @@ def replay(
         request-planner replay my_dataset --episodes 0-9 --unit deg --model arm.toml --speed 1.5 \\
             --as lerobot -o planned_dataset
     """  # noqa: D301
-    from planner.cli.replay.dataset import replayed_before
-    from planner.cli.replay.files import check_writing
+    from planner.cli.replay.dataset import check_writing, replayed_before
     from planner.cli.replay.task import tasks_of
     from planner.files.logs.read import recordings_in
     from planner.parallel import executor_of
@@ -122,7 +121,7 @@ def replay(
 
 
 def _replay_one(task: ReplayTask, *, output: str, report: str | None, as_json: bool) -> None:
-    from planner.cli.replay.files import write_replay
+    from planner.cli.replay.dataset import write_replay
     from planner.cli.replay.task import document, fastest_document, missed, replay_report, summary
 
     fastest = None
@@ -157,10 +156,9 @@ def _replay_all(
     tasks: Sequence[ReplayTask], executor: Executor, *, output: str, resume: bool
 ) -> Replayed:
     """Plan every recording into one dataset; failed recordings are left out."""
-    from planner.cli.replay.dataset import replay_many
-    from planner.cli.replay.files import left_out
+    from planner.cli.replay.dataset import left_out, replay_many
 
-    with Progress(count=len(tasks)) as progress:
+    with Progress(len(tasks), parallel=True) as progress:
         results = replay_many(
             tasks, output, executor, resume=resume, progress=lambda task: progress(task.name)
         )
@@ -175,6 +173,7 @@ def _print_all(
     """Print the errors of the plans of many recordings, and list the failed recordings last."""
     from planner.cli.replay.dataset import episodes_line, episodes_text
     from planner.report.episodes import episodes_page
+    from planner.report.page import sources_of
 
     document = results.document
     if results.nothing_missing:
@@ -187,7 +186,9 @@ def _print_all(
                 document,
                 title=", ".join(dict.fromkeys(PurePath(name).name for name in logs)),
                 words=episodes_line(document),
-                origins=[*(("recordings", name) for name in logs), ("track", document["track"])],
+                sources=sources_of(
+                    report, [*(("recordings", name) for name in logs), ("track", document["track"])]
+                ),
             )
             with staged(report, page.encode()):
                 pass
@@ -208,7 +209,7 @@ def _check_output(replay: ReplaySettings, output: str) -> None:
 
     A folder and the results beside it are this command's until it ends.
     """
-    from planner.cli.rows import FOLDERS
+    from planner.cli.export import FOLDERS
 
     if replay.write_as in FOLDERS:
         check_folder(output)

@@ -1,4 +1,4 @@
-"""Many recordings replayed in parallel into one dataset, resumable."""
+"""Output of replays: files of one recording, and many recordings in one dataset, resumable."""
 
 from __future__ import annotations
 
@@ -9,48 +9,152 @@ from concurrent.futures import Executor
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from planner.cli import settings
+from planner.cli.console import BadSetting, Key
 from planner.cli.desired import find_leg
-from planner.cli.replay.files import lerobot_episode
+from planner.cli.export import FOLDERS, write_rows
 from planner.cli.replay.task import RESENT, UNITS, ReplayTask
-from planner.exceptions import PlannerError
-from planner.files.lerobot_export import Layout, lerobot_dataset
-from planner.files.logs.lerobot import ACTION
+from planner.cli.settings import ReplayFormat
+from planner.exceptions import InvalidInput, PlannerError
+from planner.files.columns import TIME
+from planner.files.exports import check_format
+from planner.files.lerobot_export import TASK, Layout, frame_rate, lerobot_dataset
+from planner.files.logs.lerobot import ACTION, STATE, find_dataset, read_episode
 from planner.files.logs.read import Recording
+from planner.files.paths import write_joint_path
 from planner.files.results import Results, Task, digest_of, finished, made_from
+from planner.files.table import write_table
 from planner.files.text import to_json
 from planner.parallel import carry_out
 from planner.recording.recorded_path import WHY
 from planner.recording.replaying import Replay
-from planner.report.table import number, text_table
+from planner.report.episodes import episodes_table
+from planner.robot.schedule import Schedule
 from planner.trajectory import Array, error_norm
+
+if TYPE_CHECKING:
+    from planner.files.logs.read import Recording
+    from planner.recording.replaying import JointReplay, Replay
+
+
+def check_writing(form: ReplayFormat, recordings: Sequence[Recording], output: str) -> None:
+    """Refuse outputs that cannot be written, before anything is computed.
+
+    Raises:
+        BadSetting: The format does not go with the output, or holds one recording only.
+        MissingExtra: The format needs a package that is not installed.
+    """
+    key = Key("replay.write_as", form)
+    if form in FOLDERS and output == "-":
+        raise BadSetting(key, " is a folder: name it with --output")
+    if form != "lerobot" and len(recordings) > 1:
+        raise BadSetting(
+            f"{len(recordings)} recordings, and ",
+            key,
+            " holds one: choose one (--episodes 0), or write them all with ",
+            Key("replay.write_as", "lerobot"),
+        )
+    if form not in ("csv", "joints"):
+        check_format(form, Schedule(("joint",), np.zeros((3, 1)), 0.02))
+
+
+def write_replay(file: str, recording: Recording, replay: Replay, form: ReplayFormat) -> None:
+    """Write the requests of one recording."""
+    names, requests = replay.names, replay.requests
+    if form == "lerobot":
+        layout, rows, task = lerobot_episode(recording, replay)
+        with lerobot_dataset(file, layout) as add:
+            add(rows, task)
+    elif form == "csv":
+        columns = [column_of(joint) for joint in replay.joints]
+        times = np.arange(len(requests)) * replay.period
+        values = np.column_stack([as_written(joint, joint.requests) for joint in replay.joints])
+        write_table(file, [TIME, *columns], np.column_stack([times, values]))
+    elif form == "joints":
+        units = ["deg" if joint.path.unit == "rad" else "percent" for joint in replay.joints]
+        shares = np.array([joint.path.unit == "1" for joint in replay.joints])
+        angles = np.where(shares, np.radians(100.0 * requests), requests)
+        write_joint_path(file, names, angles, period=replay.period, units=units)
+    else:
+        export = settings.Export(format=form, file=file)
+        write_rows(file, export, Schedule(names, requests, replay.period))
+
+
+def lerobot_episode(recording: Recording, replay: Replay) -> tuple[Layout, dict[str, Array], str]:
+    """Layout of a planned dataset, as in the dataset that was read; rows and task of an episode.
+
+    Actions are planned, observations re-timed.
+
+    Raises:
+        InvalidInput: The episode has other columns than the rest of the dataset.
+    """
+    rate = frame_rate(replay.period)
+    if not recording.dataset:
+        layout = Layout(features={ACTION: replay.names, STATE: replay.names}, rate=rate)
+        action = [as_written(joint, joint.requests) for joint in replay.joints]
+        state = [as_written(joint, joint.recorded_angles) for joint in replay.joints]
+        return layout, {ACTION: np.column_stack(action), STATE: np.column_stack(state)}, TASK
+    dataset, rows = find_dataset(recording.place.file), read_episode(recording.place)
+    arrays = {ACTION: rows.action, STATE: rows.state}
+    numbers = {key: tuple(map(str, range(each.shape[1]))) for key, each in arrays.items()}
+    features = {key: dataset.written[key] or numbers[key] for key in arrays}
+    layout = Layout(features=features, rate=rate, robot_type=dataset.robot_type)
+    whole = ~np.isnan(np.column_stack([rows.times, rows.action, rows.state])).any(axis=1)
+    times = rows.times[whole]
+    moments = replay.moments + times[0]
+    values = {
+        key: np.column_stack([np.interp(moments, times, column) for column in each[whole].T])
+        for key, each in arrays.items()
+    }
+    names = dataset.names[ACTION] or numbers[ACTION]
+    if len(names) != len(numbers[ACTION]):
+        raise InvalidInput(
+            f"{recording.name}: {len(numbers[ACTION])} actions, expected {len(names)}"
+        )
+    for joint in replay.planned:
+        values[ACTION][:, names.index(joint.name)] = as_written(joint, joint.requests)
+    return layout, values, rows.task or TASK
+
+
+def left_out(recording: Recording) -> str:
+    """The parts of the read dataset that the planned one leaves out, in words; "" if complete."""
+    if not recording.dataset:
+        return ""
+    dataset = find_dataset(recording.place.file)
+    words = []
+    if dataset.others:
+        words.append(f"{', '.join(dataset.others)} left out: the frames are of other moments")
+    if dataset.task_file and not dataset.tasks():
+        words.append(f"{dataset.task_file} cannot be read: the task is called '{TASK}'")
+    return "; ".join(words)
+
+
+def as_written(joint: JointReplay, values: Array) -> Array:
+    """Angles of a joint in the numbers of the file that it was read from, shape (n,)."""
+    written = joint.path.log.written
+    if written is None:
+        return values
+    return np.asarray((values - written.shift) / written.factor)
+
+
+def column_of(joint: JointReplay) -> str:
+    """The column of a joint's requests in CSV: the recording's, or its name and unit."""
+    log = joint.path.log
+    if log.written is not None and log.written.column:
+        return log.written.column
+    unit = log.written.unit if log.written is not None else {"rad": "rad", "1": "range"}[log.unit]
+    return f"{log.joint or 'requested'}_{unit}"
+
 
 HEAD = "head"
 """The array of an encoded episode that holds all but its rows, as JSON."""
 
 ABOUT = "replay.json"
 """The file of a planned dataset with its settings and errors."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Episode:
-    """A replayed recording as a dataset takes it; small, and it can be sent between processes.
-
-    Attributes:
-        rows: Its rows by feature, shape (n, k) each, in the numbers of the recording.
-        task: The task that it shows, in words.
-        layout: The features and the rate of the dataset that takes it.
-        figures: Its row in a table of many recordings: :func:`episode_figures`.
-    """
-
-    rows: Mapping[str, Array]
-    task: str
-    layout: Layout
-    figures: Mapping[str, Any]
 
 
 @dataclass(frozen=True)
@@ -115,18 +219,18 @@ def replay_many(
             content = results.read(task)
             if content is None:
                 continue
-            episode = decoded(content)
+            of_episode, rows, head = decoded(content)
             if layout is None or add is None:
-                layout = episode.layout
+                layout = of_episode
                 add = outputs.enter_context(lerobot_dataset(output, layout, beside=about))
-            if episode.layout.features != layout.features:
+            if of_episode.features != layout.features:
                 failed[task.name] = (
-                    f"its actions are {', '.join(episode.layout.features[ACTION])}, those of the "
+                    f"its actions are {', '.join(of_episode.features[ACTION])}, those of the "
                     f"dataset {', '.join(layout.features[ACTION])}; replay it on its own"
                 )
                 continue
-            add(episode.rows, episode.task)
-            figures.append(episode.figures)
+            add(rows, head["task"])
+            figures.append(head["figures"])
         first_task = recordings[0]
         document = episodes_document(figures, failed, first_task)
         if not failed:
@@ -141,38 +245,28 @@ def replay_many(
     return Replayed(document)
 
 
-def replay_episode(task: ReplayTask) -> Episode:
-    """Read a recording, plan its replay, and make rows of it: a pure function of its task.
+def replayed(task: ReplayTask) -> bytes:
+    """A replayed recording as the bytes of an NPZ file: a task of :mod:`planner.parallel`.
 
     Raises:
         PlannerError: The recording cannot be read, or there is no plan.
     """
     replay = task.run()
     layout, rows, words = lerobot_episode(task.recording, replay)
-    return Episode(rows=rows, task=words, layout=layout, figures=episode_figures(replay))
-
-
-def replayed(task: ReplayTask) -> bytes:
-    """An episode, encoded: a task of :mod:`planner.parallel`."""
-    return encoded(replay_episode(task))
-
-
-def encoded(episode: Episode) -> bytes:
-    """An episode as the bytes of an NPZ file, from which it is made again to the last bit."""
-    head = {"task": episode.task, "layout": asdict(episode.layout), "figures": episode.figures}
+    head = {"task": words, "layout": asdict(layout), "figures": episode_figures(replay)}
     stream = io.BytesIO()
-    np.savez(stream, **{HEAD: np.array(json.dumps(head))}, **episode.rows)  # type: ignore[arg-type]
+    np.savez(stream, **{HEAD: np.array(json.dumps(head))}, **rows)  # type: ignore[arg-type]
     return stream.getvalue()
 
 
-def decoded(content: bytes) -> Episode:
-    """The episode that was encoded."""
+def decoded(content: bytes) -> tuple[Layout, dict[str, Array], dict[str, Any]]:
+    """Layout and rows of such a file, by feature, and ``task`` and ``figures``: to the last bit."""
     with np.load(io.BytesIO(content)) as arrays:
         head = json.loads(str(arrays[HEAD]))
         rows = {name: arrays[name] for name in arrays.files if name != HEAD}
     layout = head["layout"]
     layout["features"] = {name: tuple(each) for name, each in layout["features"].items()}
-    return Episode(rows=rows, task=head["task"], layout=Layout(**layout), figures=head["figures"])
+    return Layout(**layout), rows, head
 
 
 def episode_figures(replay: Replay) -> dict[str, Any]:
@@ -225,26 +319,9 @@ def episodes_line(document: Mapping[str, Any]) -> str:
 
 def episodes_text(document: Mapping[str, Any]) -> str:
     """Many recordings for people: a line each, about the joint with the largest planned error."""
-    fastest = document["speed"] is None
-    header = [
-        *("recording", "requests", *(["speed"] if fastest else []), "worst joint"),
-        *("as recorded", "path as it is", "best shift", "plan", "on the robot", "lower bound"),
-    ]
-    kinds = ("resent_rms", "direct_rms", "shifted_rms", "planned_rms")
-    cells = [
-        [
-            str(row["recording"]),
-            f"{row['requests']}",
-            *([f"{row['speed']:.3g}"] if fastest else []),
-            f"{row['worst_joint']} [{row['unit']}]",
-            *(f"{row[kind]:.3f}" for kind in kinds),
-            number(row["expected_on_robot_rms"], 3),
-            number(row["lower_bound"], 3),
-        ]
-        for row in document["recordings"]
-    ]
+    table = episodes_table(document["recordings"], fastest=document["speed"] is None)
     words = _resent_words(document["recordings"])
-    return "\n".join([episodes_line(document), text_table(header, cells), *words])
+    return "\n".join([episodes_line(document), table.text(), *words])
 
 
 def _resent_words(rows: Sequence[Mapping[str, Any]]) -> list[str]:

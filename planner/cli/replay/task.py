@@ -11,19 +11,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from planner.cli import settings
+from planner.cli.console import BadSetting, Key
 from planner.cli.desired import find_leg, load_leg
-from planner.cli.faults import BadSetting, Key
-from planner.cli.loads import with_load
-from planner.cli.replay.models import JointModels, first_logs, joint_models
+from planner.cli.models import JointModels, first_logs, joint_models
+from planner.cli.planning import with_load
 from planner.files.logs.lerobot import find_dataset
 from planner.files.logs.read import Recording
 from planner.identification.grid import measured_speed
 from planner.identification.log import Log
 from planner.model.evidence import OPEN_TOP_SPEED
 from planner.recording.recorded_path import WHY, RecordedPath, check_length, recorded_path
-from planner.recording.replaying import JointReplay, Replay, replay_at
+from planner.recording.replaying import Replay, replay_at
 from planner.recording.retiming import Fastest, Measure, fastest_at
-from planner.report.table import NOTHING, number, text_table
+from planner.report.replay import joints_table
 from planner.trajectory import error_norm
 
 if TYPE_CHECKING:
@@ -44,9 +44,6 @@ RESENT = (
     "recorded"
 )
 """A remark on replays at the recorded speed."""
-
-PASSED_ON = "recorded requests, re-timed"
-"""The requests of a joint that is not planned, in words."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -188,39 +185,13 @@ def first_line(replay: Replay, models: JointModels) -> str:
 
 def summary(replay: Replay, models: JointModels, fastest: Fastest | None = None) -> str:
     """A replay for people: each joint's errors, rms."""
-    rows = []
-    for joint in replay.joints:
-        unit, factor = UNITS[joint.path.unit]
-        label = joint.name if unit == "deg" else f"{joint.name} [% of its range]"
-        recorded = f"{factor * error_norm(joint.recorded_errors, 'rms'):.3f}"
-        if joint.inversion is None:
-            rows.append([label, recorded, *[NOTHING] * 6, f"{joint.path.reason}: {PASSED_ON}"])
-            continue
-        errors = {kind: f"{factor * error_norm(e, 'rms'):.3f}" for kind, e in joint.errors.items()}
-        rows.append(
-            [
-                label,
-                recorded,
-                errors["resent"],
-                errors["direct"],
-                f"{errors['shifted']} ({1e3 * joint.lead:.0f} ms)",
-                errors["planned"],
-                number(factor * joint.expected, 3),
-                number(factor * joint.lower_bound, 3),
-                fast_words(joint),
-            ]
-        )
     untested = [
         f"{each.name} ({', '.join(each.untested)})" for each in replay.planned if each.untested
-    ]
-    header = [
-        *("rms [deg]", "recorded run", "requests as recorded", "path as it is", "best shift"),
-        *("plan", "on the robot", "lower bound", "faster than the joint"),
     ]
     lines = [first_line(replay, models)]
     if fastest is not None:
         lines.append(fastest_text(fastest))
-    lines.append(text_table(header, rows))
+    lines.append(replace(joints_table(replay), about="rms [deg]").text())
     fast = {each.name for each in replay.planned if each.too_fast}
     if unknown := sorted(replay.path.open_top_speeds & fast):
         lines.append(f"faster by the model only of {', '.join(unknown)}: {OPEN_TOP_SPEED}")
@@ -259,17 +230,6 @@ def refuted_joints(replay: Replay) -> list[str]:
         if measured_speed(part) > FASTER * max(np.max(np.abs(limit)) for limit in limits):
             names.append(each.name)
     return names
-
-
-def fast_words(joint: JointReplay) -> str:
-    """The parts of the path that are faster than the joint's top speed, in a few words."""
-    spans = joint.too_fast
-    if not spans:
-        return "nowhere"
-    total = sum(last - first for first, last in spans)
-    widest = max(spans, key=lambda span: span.last - span.first)
-    where = f"{widest.first:.2f} to {widest.last:.2f} s"
-    return where if len(spans) == 1 else f"{total:.2g} s in {len(spans)} parts, such as {where}"
 
 
 def document(replay: Replay, models: JointModels) -> dict[str, Any]:
@@ -413,12 +373,13 @@ def replay_report(
     task: ReplayTask, replay: Replay, fastest: Fastest | None, page: str, output: str
 ) -> str:
     """The page about a replay, to be written to ``page``, with links to its files."""
-    from planner.report.page import linked_files, sentence
+    from planner.report.page import sentence, sources_of
     from planner.report.replay import replay_page
 
     arm = task.arm()
     if arm is not None and not set(arm.joint_names) <= set(replay.names):
         arm = None
+    origins = [("recording", task.recording.name), ("track", replay.path.track)]
     named = [("recording", task.recording.path), ("requests", output)]
     return replay_page(
         replay,
@@ -429,8 +390,7 @@ def replay_report(
         arm=arm,
         missed=missed(task, replay),
         remarks=[*map(sentence, filter(None, [resent_words(replay)])), *task.models.remarks],
-        origins=[("recording", task.recording.name), ("track", replay.path.track)],
-        files=linked_files(page, named),
+        sources=sources_of(page, origins, named),
     )
 
 

@@ -83,7 +83,7 @@ def sweep(
     if at:
         if out is None:
             raise click.UsageError("--at: name a folder for its results with --out.")
-        carry_out_run(space.run_file(space.point_of(at)), out, as_json=as_json)
+        carry_out_run(space.file, space.prepared(space.point_of(at)), out, as_json=as_json)
         return
     check_folder(place)
     click.get_current_context().with_resource(claimed(place))
@@ -99,7 +99,7 @@ def sweep(
     if results.removed:
         remark(f"{results.removed} results of an earlier sweep removed; --resume keeps them")
     with (
-        Progress(count=space.most_points) as progress,
+        Progress(space.most_points, parallel=True) as progress,
         executor_of(workers, scheduler) as executor,
     ):
         swept = planned_points(space, results, executor, progress=lambda task: progress(task.name))
@@ -128,7 +128,7 @@ def write_sweep(
     from planner.cli.desired import leg_title
     from planner.files.results import made_from
     from planner.files.table import csv_text, write_parquet
-    from planner.report.page import linked_files, versions
+    from planner.report.page import sources_of, versions
     from planner.report.sweep import sweep_page
 
     run, page, rows = space.settings, folder / "report.html", _rows(swept)
@@ -145,7 +145,7 @@ def write_sweep(
         ("plan", run.plan.method),
         ("search", run.sweep.method),
     ]
-    write_text(page, sweep_page(swept, origins=origins, files=linked_files(page, files)))
+    write_text(page, sweep_page(swept, sources=sources_of(page, origins, files)))
     document = {
         "made_by": "request-planner sweep",
         "made_from": "",

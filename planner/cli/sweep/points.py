@@ -23,12 +23,12 @@ import numpy as np
 
 from kinematics.exceptions import KinematicsError, UnreachableFoot
 from planner.cli import options
+from planner.cli.console import BadSetting, Key, Remark
 from planner.cli.declared import fitted, understand
 from planner.cli.desired import find_leg, load_leg, refused_models
-from planner.cli.faults import BadSetting, Key, Remark
 from planner.cli.models import beside, models_of
-from planner.cli.planning import plan_of, prepare
-from planner.cli.run_file import RunFile, speaking_of
+from planner.cli.planning import Prepared, plan_of, prepare
+from planner.cli.run_file import speaking_of
 from planner.cli.settings import Run, Search, Sweep, SweptParameters
 from planner.exceptions import PlannerError, importing
 from planner.files.paths import is_foot_path, path_table
@@ -119,21 +119,21 @@ class Space:
             options.put(content, KEYS[name], in_file)
         return content
 
-    def run_file(self, point: Point) -> RunFile:
-        """A point as a run file, ready to be planned.
+    def prepared(self, point: Point) -> Prepared:
+        """The plan of a point, ready to be computed.
 
         Raises:
             PlannerError: It has no plan.
             KinematicsError: The leg cannot follow it.
         """
         with speaking_of(self.file):
-            return RunFile(self.file, prepare(Run.of(self.content(point)), self.folder))
+            return prepare(Run.of(self.content(point)), self.folder)
 
     def refused_models(self) -> tuple[Remark, ...]:
         """A remark on joints with rejected models; the models are the same for all points."""
         for values in product(*self.values.values()):
             with suppress(PlannerError, KinematicsError):  # such as a point out of reach
-                desired = self.run_file(self.point(values)).prepared.desired
+                desired = self.prepared(self.point(values)).desired
                 return refused_models(desired.names, desired.models)
         return ()
 

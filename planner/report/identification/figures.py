@@ -15,7 +15,6 @@ from planner.identification.result import Identification, Interval, LogFit
 from planner.model.joint import JointModel
 from planner.report.figure import Axis, Curve, Figure, Panel, Span, Words, line
 from planner.report.identification.words import (
-    errors,
     estimate,
     figure,
     parameters,
@@ -45,9 +44,6 @@ rows, over three minutes at 100 Hz, is drawn row by row."""
 
 CLOSE_UP = 3.0
 """Length of the part that is drawn by itself [s]: some ten answers of a hobby servo."""
-
-DOWNWEIGHTED = 0.5
-"""Rows whose weight is below this are marked as outliers."""
 
 APART = "window across a corner of f"
 """Name of the pale dots of a cloud."""
@@ -79,16 +75,8 @@ class SpeedPoints(NamedTuple):
     apart: npt.NDArray[np.bool_]
 
 
-class Cloud(NamedTuple):
-    """The points of all logs, the largest error that is shown [rad], and the speed [rad/s]."""
-
-    points: SpeedPoints
-    reach: float
-    highest: float
-
-
-def cloud_of(identification: Identification) -> Cloud:
-    """All points of an identification, and the part of the plane with nearly all of them."""
+def cloud_of(identification: Identification) -> tuple[SpeedPoints, float, float]:
+    """All points of an identification, the largest error to show [rad], and the speed [rad/s]."""
     model = identification.model
     clouds = [speed_against_error(model, fit) for fit in identification.fits]
     points = SpeedPoints(*(np.concatenate(parts) for parts in zip(*clouds, strict=True)))
@@ -100,7 +88,7 @@ def cloud_of(identification: Identification) -> Cloud:
         reach = max(most, 1e-9) if most < corner else beyond
     speeds = np.abs(points.speeds[np.abs(points.errors) <= reach])
     most = float(np.quantile(speeds, 0.995)) if len(speeds) else 0.0
-    return Cloud(points, reach, 1.15 * max(float(model.speed(reach)), most))
+    return points, reach, 1.15 * max(float(model.speed(reach)), most)
 
 
 def speed_against_error(model: JointModel, fit: LogFit) -> SpeedPoints:
@@ -285,36 +273,6 @@ def _strip(identification: Identification, name: str, value: float) -> tuple[flo
     return 0.0, 2.0 * value if value else 1.0
 
 
-def alternatives_figure(identification: Identification, prefix: str = "") -> Figure:
-    """Error of each description, on rows held out where there are any."""
-    units, entries = units_of(identification), errors(identification)
-    where = "on all rows" if identification.held_out_rms is None else "on rows held out"
-    curves, words = list[Curve](), list[Words]()
-    for k, error in enumerate(entries):
-        y, rms = float(k), units.factor * error.telling
-        role = MUTED if error.name else CLOSED_FORM
-        curves.append(_stroke(role, (0.0, rms), (y, y), 1.5 * BAR, error.words, legend=False))
-        words.append(Words(f"{rms:.3g}", rms, y, "left"))
-    most = max(units.factor * error.telling for error in entries)
-    return Figure(
-        f"{prefix}alternatives",
-        "Error of each description",
-        "Four descriptions of the same rows: that the joint is where the request is, that it is "
-        "there later, that it follows a first-order lag, and the joint model. Each bar and its "
-        f"number is the rms error {where}.",
-        Axis("rms error", units.angle, (0.0, 1.15 * most or 1.0)),
-        (
-            Panel(
-                Axis("", range=(len(entries) - 0.5, -0.5),
-                     names={float(k): error.words for k, error in enumerate(entries)}),
-                tuple(curves),
-                words=tuple(words),
-                height=0.3 * len(entries),
-            ),
-        ),
-    )  # fmt: skip
-
-
 def _stroke(
     role: Role, x: Sequence[float], y: Sequence[float], width: float, label: str,
     *, legend: bool = True,
@@ -397,7 +355,7 @@ def _log_panels(identification: Identification, fit: LogFit) -> tuple[Panel, Pan
 
 def outliers_of(fit: LogFit) -> npt.NDArray[np.intp]:
     """The rows that the robust fit counts by less than half."""
-    return np.flatnonzero(fit.used & (fit.weights < DOWNWEIGHTED))
+    return np.flatnonzero(fit.used & (fit.weights < 0.5))
 
 
 def close_up(fit: LogFit) -> npt.NDArray[np.intp]:

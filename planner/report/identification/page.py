@@ -1,4 +1,4 @@
-"""The page about identified joints: verdict first, sources last."""
+"""The pages about identified joints and about a calibration: verdict first, sources last."""
 
 from __future__ import annotations
 
@@ -11,19 +11,20 @@ from typing import NamedTuple
 import numpy as np
 from markupsafe import Markup
 
+from planner.calibration.candidates import WORDS, Compared
 from planner.identification.result import Identification
 from planner.report.identification.figures import (
-    alternatives_figure,
     cloud_figure,
     cloud_of,
     intervals_figure,
     log_figure,
 )
+from planner.report.identification.text import next_step
 from planner.report.identification.words import (
     determined_words,
-    errors,
     errors_table,
     explained,
+    joints_table,
     of_several,
     parameters,
     parameters_table,
@@ -33,17 +34,16 @@ from planner.report.identification.words import (
     verdict,
 )
 from planner.report.page import (
-    PARAMETERS,
     Card,
-    LinkedFile,
+    Listing,
     Page,
     Section,
+    figures_section,
     footer,
     heading,
-    origin_lists,
     parameters_of,
 )
-from planner.report.table import NOTHING, Column, Row, Table, percent
+from planner.report.table import NOTHING, Column, Row, Table, number, percent
 
 
 class Joint(NamedTuple):
@@ -56,7 +56,7 @@ class Joint(NamedTuple):
 
 
 def identification_page(
-    identifications: Mapping[str, Identification], *, files: Sequence[LinkedFile] = ()
+    identifications: Mapping[str, Identification], *, sources: Sequence[Listing] = ()
 ) -> str:
     """The whole page."""
     several = len(identifications) > 1
@@ -79,7 +79,7 @@ def identification_page(
         remarks=first.identification.warnings,
         cards=cards(first.identification),
         figure=None if several else cloud_figure(first.identification, first.prefix),
-        listings=origin_lists((), files),
+        listings=sources,
     )
     if several:
         words = of_several([joint.identification for joint in joints])
@@ -96,9 +96,8 @@ def identification_page(
             remarks=(),
             cards=(),
             sections=[
-                Section("", OVERVIEW, {"joints": joints, "table": joints_table(joints),
-                                       "rare": explained(_names(joints)),
-                                       "where": telling_error(first.identification)[1]}),
+                Section("", OVERVIEW, {"joints": joints, "table": joints_table(identifications),
+                                       "rare": explained(identifications)}),
                 *(section for joint in joints for section in (_head(joint), *_sections(joint))),
             ],
         )  # fmt: skip
@@ -107,7 +106,7 @@ def identification_page(
 
 OVERVIEW = """
 {{ table }}
-<p class="note">The error is that {{ where }}{% if rare %}; {{ rare }}{% endif %}. In detail:
+<p class="note">{% if rare %}{{ rare[:1] | upper }}{{ rare[1:] }}. {% endif %}In detail:
 {% for joint in joints %}
 <a href="#{{ joint.anchor }}">{{ joint.name or "unnamed" }}</a>{{ ", " if not loop.last else "." }}
 {% endfor %}</p>
@@ -149,15 +148,10 @@ ESTIMATES = """
 """
 
 ADDS = """
-<div class="facts">
-<div>
 {{ table }}
 <p class="note">Held out: the second part of every log, predicted by a model that was fitted to the
   first part only.
   The joint moves about its mean by {{ signal }} (standard deviation).</p>
-</div>
-{{ show(alternatives) }}
-</div>
 """
 
 LOGS = """
@@ -210,7 +204,6 @@ def _sections(joint: Joint) -> list[Section]:
         Section("What the model adds", ADDS, {
             "table": errors_table(identification),
             "signal": _angle(identification, identification.signal),
-            "alternatives": alternatives_figure(identification, prefix),
         }),
         Section("Log by log", LOGS, {"logs": logs}),
         Section("Where it comes from", ORIGIN, {
@@ -264,52 +257,8 @@ def _leaves_top_speed_open(identification: Identification) -> bool:
 
 def saturated(identification: Identification) -> float:
     """Share of the measured intervals that were wholly at the top speed."""
-    points = cloud_of(identification).points
+    points, *_ = cloud_of(identification)
     return int(np.sum(points.saturated)) / max(1, len(points.errors))
-
-
-def joints_table(joints: Sequence[Joint]) -> Table:
-    """Every joint in a row; a column for each parameter that some joint has, except the sag."""
-    values_of = [
-        {row.name: row.short for row in parameters(joint.identification)} for joint in joints
-    ]
-    names = _names(joints)
-    cells = []
-    for joint, values in zip(joints, values_of, strict=True):
-        delay = [error.telling for error in errors(joint.identification) if error.name == "delay"]
-        rms = (telling_error(joint.identification)[0], delay[0] if delay else None)
-        refused = joint.identification.verdict == "refused"
-        cells.append(("does not fit" if refused else joint.identification.verdict,
-                      *(_angle(joint.identification, error) for error in rms),
-                      *(values.get(name, NOTHING) for name in names)))  # fmt: skip
-    titles = ("model", "rms error", "best delay", *(PARAMETERS[name][1] for name in names))
-    columns = list(map(_unit_above, titles, zip(*cells, strict=True)))
-    cell_rows = zip(*(column for _, column in columns), strict=True)
-    rows = tuple(
-        Row(
-            joint.name or "unnamed",
-            of_joint,
-            kind="" if joint.identification.accepted else "broken",
-        )
-        for joint, of_joint in zip(joints, cell_rows, strict=True)
-    )
-    return Table("joint", tuple(Column(title) for title, _ in columns), rows, label="Joints")
-
-
-def _unit_above(title: str, cells: Sequence[str]) -> tuple[str, list[str]]:
-    """A column, with the unit beside its title if all cells that have one have the same."""
-    numbers = [cell.removeprefix("≥ ").removeprefix("≤ ").partition(" ") for cell in cells]
-    units = {unit for number, _, unit in numbers if unit and re.match(r"−?\d", number)}
-    if len(units) != 1:
-        return title, list(cells)
-    unit = units.pop()
-    return f"{title} [{unit}]", [cell.removesuffix(f" {unit}") for cell in cells]
-
-
-def _names(joints: Sequence[Joint]) -> list[str]:
-    """The parameters that some joint has, except the sag."""
-    names = {row.name for joint in joints for row in parameters(joint.identification)}
-    return [name for name in PARAMETERS if name in names and name != "offset"]
 
 
 def logs_table(identification: Identification) -> Table:
@@ -333,3 +282,88 @@ def logs_table(identification: Identification) -> Table:
         Column("how it was read", words=True),
     )
     return Table("log", columns, rows, label="Logs")
+
+
+def candidates_table(comparisons: Mapping[str, Compared]) -> Table:
+    """Every joint and every method, with its errors measured on the test motion."""
+    rows = []
+    for joint, compared in comparisons.items():
+        for method in compared.candidates:
+            mark = "\nrecommended" if method is compared.recommended else ""
+            sizes = (method.error, method.max_error, method.expected, method.largest_step)
+            error, *rest = (number(math.degrees(each)) for each in sizes)
+            rows.append(Row(WORDS[method.way], (error + mark, *rest), subject=joint))
+    columns = tuple(
+        Column(title) for title in ("error, rms", "largest", "expected", "largest step")
+    )
+    return Table("on the test motion [deg]", columns, tuple(rows), apart=True)
+
+
+def recommendation(joint: str, each: Compared) -> str:
+    """The recommendation for a joint, in a line."""
+    best, shift = each.recommended, each.named("shift")
+    error, other = math.degrees(best.error), math.degrees(shift.error)
+    words = f"{joint}: {WORDS[best.way]}, {number(error)} deg rms"
+    if best.way == "shift":
+        return f"{words}; plan with --method shift"
+    if best.way == "direct":
+        return f"{words}; send the path as it is"
+    method = "; plan with --method closed-form" if best.way == "closed_form" else ""
+    return f"{words} (best shift: {number(other)}){method}"
+
+
+def calibration_text(comparisons: Mapping[str, Compared], output: str) -> str:
+    """The last screen: the recommendation, the errors of every method, and the next step."""
+    lines = [f"recommended, and written to {output}:"]
+    lines += [f"  {recommendation(joint, each)}" for joint, each in comparisons.items()]
+    step = next_step({joint: each.identification for joint, each in comparisons.items()}, output)
+    return "\n".join([*lines, candidates_table(comparisons).text(), step])
+
+
+def calibration_page(comparisons: Mapping[str, Compared], output: str) -> str:
+    """The same as a page, with every joint's model beside its measurements."""
+    joints = list(comparisons.items())
+    gains = [each.named("shift").error / each.recommended.error for _, each in joints]
+    errors = [math.degrees(each.recommended.error) for _, each in joints]
+    lines = [recommendation(joint, each) for joint, each in joints]
+    figures = []
+    for k, (joint, each) in enumerate(joints, 1):
+        figure = cloud_figure(each.identification, f"joint{k}_")
+        figures.append(replace(figure, title=f"{joint}: {figure.title}"))
+    step = next_step({joint: each.identification for joint, each in joints}, output)
+    return Page(
+        heading=heading(joints[0][0] if len(joints) == 1 else f"{len(joints)} joints")
+        + ", calibrated",
+        eyebrow="request-planner calibrate",
+        verdict=lines[0]
+        if len(lines) == 1
+        else f"Under the recommended requests the errors are {_range(errors, '.2f')} deg rms, "
+        f"{_range(gains, '.2g')} times less than those of the best shift.",
+        sections=(
+            Section(
+                "Recommendation",
+                "<ul>{% for line in lines %}<li>{{ line }}</li>{% endfor %}</ul><p>{{ step }}</p>",
+                {"lines": lines, "step": step[:1].upper() + step[1:]},
+            ),
+            Section("Every way", WAYS, {"table": candidates_table(comparisons)}),
+            figures_section("The joints", figures),
+        ),
+        footer="Errors are measured: every way was played on the servos.",
+        good=all(each.identification.accepted for _, each in joints),
+        cards=(
+            Card(_range(gains, ".2g"), "×", "closer than the best shift"),
+            Card(str(len(joints)), "", f"joint{'s' * (len(joints) > 1)}"),
+        ),
+    ).html()
+
+
+WAYS = """
+{{ table }}
+<p class="note">The expected error is that of the plan and of its model together; a dash where
+none was known.</p>
+"""
+
+
+def _range(values: Sequence[float], digits: str) -> str:
+    """From the smallest to the largest, once where they are the same."""
+    return "–".join(dict.fromkeys(f"{end:{digits}}" for end in (min(values), max(values))))

@@ -18,9 +18,9 @@ from planner.identification.result import Identification, Interval, Topic
 from planner.model.joint import JointModel
 from planner.report.identification.words import (
     Parameter,
-    errors,
     errors_table,
     explained,
+    joints_table,
     of_several,
     parameters,
     parameters_table,
@@ -28,8 +28,7 @@ from planner.report.identification.words import (
     units_of,
     verdict,
 )
-from planner.report.page import PARAMETERS
-from planner.report.table import NOTHING, text_table
+from planner.report.table import text_table
 
 WIDTH = 96
 """Width of the lines [characters]."""
@@ -62,7 +61,24 @@ def identification_text(
         identifications: By joint; "" for one without a name. Several share a table, and warnings.
         model: The file of the models.
     """
-    return f"{_results(identifications)}\n{next_step(identifications, model)}"
+    if len(identifications) > 1:
+        lines = [
+            of_several(list(identifications.values())),
+            joints_table(identifications).text(),
+            *filter(None, [explained(identifications)]),
+            *_shared_warnings(identifications),
+        ]
+    else:
+        ((joint, identification),) = identifications.items()
+        lines = [
+            (f"{joint}: " if joint else "") + verdict(identification),
+            parameters_table(identification).text(),
+            "",
+            errors_table(identification).text(),
+            *filter(None, [profile(identification)]),
+            *(f"warning: {warning}" for warning in identification.warnings),
+        ]
+    return "\n".join([*lines, next_step(identifications, model)])
 
 
 def next_step(identifications: Mapping[str, Identification], model: str) -> str:
@@ -117,42 +133,6 @@ def _names(joints: Sequence[str]) -> str:
     return " and ".join(filter(None, [", ".join(joints[:-1]), joints[-1]]))
 
 
-def _results(identifications: Mapping[str, Identification]) -> str:
-    if len(identifications) > 1:
-        return _several(identifications)
-    ((joint, identification),) = identifications.items()
-    head = f"{joint}: " if joint else ""
-    lines = [
-        head + verdict(identification),
-        parameters_table(identification).text(),
-        "",
-        errors_table(identification).text(),
-        *filter(None, [profile(identification)]),
-        *(f"warning: {warning}" for warning in identification.warnings),
-    ]
-    return "\n".join(lines)
-
-
-def _several(identifications: Mapping[str, Identification]) -> str:
-    values_of = {
-        joint: {row.name: row.short for row in parameters(each)}
-        for joint, each in identifications.items()
-    }
-    names = list(dict.fromkeys(name for values in values_of.values() for name in values))
-    rows = []
-    for joint, each in identifications.items():
-        holds = "DOES NOT FIT" if each.verdict == "refused" else each.verdict
-        values = [values_of[joint].get(name, NOTHING) for name in names]
-        rows.append([joint, holds, *values, *_errors(each)])
-    header = ["joint", "model", *(PARAMETERS[name][1] for name in names)]
-    lines = [
-        of_several(list(identifications.values())),
-        text_table([*header, "rms", "held out", "best delay"], rows),
-        *filter(None, [explained(names)]),
-    ]
-    return "\n".join([*lines, *_shared_warnings(identifications)])
-
-
 def _shared_warnings(identifications: Mapping[str, Identification]) -> list[str]:
     """A line for each warning, once for all its joints, with the joint whose numbers it has."""
     shared: dict[tuple[Topic, str], dict[str, str]] = {}
@@ -169,14 +149,6 @@ def _shared_warnings(identifications: Mapping[str, Identification]) -> list[str]
         whose = f" (the numbers are those of {first})" if len(set(words.values())) > 1 else ""
         lines.append(f"{_names(list(words))}: warning: {text}{whose}")
     return lines
-
-
-def _errors(identification: Identification) -> list[str]:
-    """The model's errors, and that of the best delay."""
-    units = units_of(identification)
-    delays = [error.telling for error in errors(identification) if error.name == "delay"]
-    values = (identification.rms, identification.held_out_rms, delays[0] if delays else None)
-    return [NOTHING if e is None else f"{units.factor * e:.3g} {units.angle}" for e in values]
 
 
 def excitation_text(excitation: Excitation, expected: Identification, *, model: str) -> str:

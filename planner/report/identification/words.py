@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from typing import NamedTuple
 
@@ -20,9 +20,6 @@ IN_SI = {
     if "rad" in each.metadata["unit"]
 }
 """Parameters that are shown in another unit, and their SI units."""
-
-MAY_VANISH = ("lag", "offset", "v_offset", "sag_sin", "sag_cos")
-"""Parameters that may be 0, which no percentage is of."""
 
 ALTERNATIVES = {
     "raw": "the request itself",
@@ -220,7 +217,7 @@ def judgement(identification: Identification, name: str, factor: float, unit: st
         return f"only bounded from {'below' if lower else 'above'}"
     half = 0.5 * (interval.upper - interval.lower)
     only = "only " if is_rough(identification, name) else ""
-    if name in MAY_VANISH:
+    if name in ("lag", "offset", "v_offset", "sag_sin", "sag_cos"):
         return f"{only}± {two_figures(factor * half)} {unit}"
     if half > abs(value):
         return HARDLY
@@ -312,9 +309,32 @@ def of_several(identifications: Sequence[Identification]) -> str:
     return f"the model holds for {verdicts.count('holds')} of {len(verdicts)} joints{more}"
 
 
-def explained(names: Iterable[str]) -> str:
+def joints_table(identifications: Mapping[str, Identification]) -> Table:
+    """Every joint in a row: its verdict, the parameters that some joint has, and its errors."""
+    names, rows = shown_parameters(identifications), list[Row]()
+    for joint, each in identifications.items():
+        units, values = units_of(each), {row.name: row.short for row in parameters(each)}
+        delays = [error.telling for error in errors(each) if error.name == "delay"]
+        of_rows = (each.rms, each.held_out_rms, delays[0] if delays else None)
+        cells = (
+            "DOES NOT FIT" if each.verdict == "refused" else each.verdict,
+            *(values.get(name, NOTHING) for name in names),
+            *(NOTHING if e is None else f"{units.factor * e:.3g} {units.angle}" for e in of_rows),
+        )
+        rows.append(Row(joint or "unnamed", cells, kind="" if each.accepted else "broken"))
+    titles = ("model", *(PARAMETERS[name][1] for name in names), "rms", "held out", "best delay")
+    return Table("joint", tuple(map(Column, titles)), tuple(rows), label="Joints")
+
+
+def shown_parameters(identifications: Mapping[str, Identification]) -> list[str]:
+    """The parameters that some joint has."""
+    rows = (row for each in identifications.values() for row in parameters(each))
+    return list(dict.fromkeys(row.name for row in rows))
+
+
+def explained(identifications: Mapping[str, Identification]) -> str:
     """Explanations of parameters that not every joint has, in a sentence; empty for none."""
-    rare = [name for name in names if name in TERMS.values()]
+    rare = [name for name in shown_parameters(identifications) if name in TERMS.values()]
     return "; ".join(": ".join(reversed(PARAMETERS[name])) for name in rare)
 
 

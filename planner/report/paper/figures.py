@@ -25,7 +25,6 @@ from planner.report.figure import (
     leg_sketches,
     line,
 )
-from planner.report.paper.agreement import agreement_figure
 from planner.report.style import (
     APPROXIMATION,
     CLOSED_FORM,
@@ -61,14 +60,8 @@ closed form's."""
 FEATURED = ("figure8_foot_paths", "joints_by_method")
 """The figures after the key figures: the moving leg and its joints."""
 
-SKETCHED = 22
-"""Sample at which the leg is drawn in files: in the middle of the time on the ground."""
-
 TIED = 8
 """Every so many samples, desired and actual positions are joined by a line."""
-
-FINE = 20
-"""Points of a piecewise linear curve per sample: its knots lie between samples."""
 
 SHADE = 0.16
 """Opacity of the shades of lag and acceleration time."""
@@ -91,7 +84,6 @@ def paper_figures(reproduction: Reproduction) -> tuple[Figure, ...]:
         ),
         strict=True,
     )
-    few = _distance_panel(reproduction, hidden=HIDDEN)
     return (
         direct_foot_figure(reproduction),
         _joints(reproduction, "figure2_joints_direct"),
@@ -100,13 +92,9 @@ def paper_figures(reproduction: Reproduction) -> tuple[Figure, ...]:
         _joints(reproduction, "figure6_approximation", more=_lines(reproduction)),
         _joints(reproduction, "figure7_trajectories"),
         _foot_paths(reproduction),
-        _joints(reproduction, "joints_by_method", few),
-        foot_distances_figure(
-            timeline_of(reproduction), _distance_panel(reproduction), "The foot's error over time"
-        ),
+        _joints(reproduction, "joints_by_method", _distance_panel(reproduction)),
         _joints(reproduction, "optimised_trajectories"),
         _joints(reproduction, "foot_optimised_trajectories"),
-        agreement_figure(reproduction),
     )
 
 
@@ -173,7 +161,8 @@ def foot_paths_figure(
         paths: The paths under the methods.
         legs: Joints and foot under each method [m], each of shape (n, joints + 1, 3).
     """
-    foot, pose = planned.walk.desired_foot, planned.legs["desired"][SKETCHED]
+    # The leg is drawn in files in the middle of the time on the ground, at sample 22.
+    foot, pose = planned.walk.desired_foot, planned.legs["desired"][22]
     ground = float(foot[:, 2].min())
     ends = around([100.0 * foot[:, 0]])
     joints = 100.0 * np.stack([pose[0], pose[2]])
@@ -200,26 +189,13 @@ def foot_paths_figure(
     return Figure(name, *words, ACROSS, (panel,), equal=True, movie=movie)
 
 
-def foot_distances_figure(timeline: Timeline, panel: Panel, title: str) -> Figure:
-    """The foot's distances from its desired path over time, from their panel in another figure."""
-    return timeline.figure(
-        "foot_distances",
-        [Panel(panel.y, panel.curves, height=1.8)],
-        (
-            title,
-            "Distance of the foot from its desired position at each instant. Where the swing is "
-            "faster than the joints can be, no method follows it.",
-        ),
-    )
-
-
-def _distance_panel(reproduction: Reproduction, *, hidden: Sequence[str] = ()) -> Panel:
+def _distance_panel(reproduction: Reproduction) -> Panel:
     """The foot's distances; some methods are hidden at first."""
     timeline, desired = timeline_of(reproduction), reproduction.walk.desired_foot
     curves = []
     for method, role in ROLES.items():
         distances = 100.0 * np.linalg.norm(reproduction.foot[method] - desired, axis=1)
-        curves.append(timeline.curve(distances, role, hidden=method in hidden))
+        curves.append(timeline.curve(distances, role, hidden=method in HIDDEN))
     axis = Axis("distance", "cm", from_zero=True)
     return Panel(axis, tuple(curves), "foot, from its desired path")
 
@@ -361,7 +337,7 @@ def _lines(reproduction: Reproduction) -> Curves:
     def curves(joint: JointOutcome) -> list[Curve]:
         fit = joint.closed_form_plain.approximation
         assert fit is not None, "a closed form has an approximation"
-        fine = np.linspace(0.0, fit.samples, FINE * fit.samples + 1)
+        fine = np.linspace(0.0, fit.samples, 20 * fit.samples + 1)  # knots lie between samples
         knots, values = np.mod(fit.knots, fit.samples), np.degrees(fit.values)
         return [
             Curve(APPROXIMATION, timeline.step * fine, np.degrees(fit(fine))),

@@ -20,7 +20,7 @@ from planner.report.page import (
     parameters_of,
 )
 from planner.report.paper.figures import FEATURED
-from planner.report.paper.tables import (
+from planner.report.paper.results import (
     Results,
     dropped_words,
     executed_table,

@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from planner.evaluation.reproduction import JointOutcome, approximation, published_foot
+from planner.evaluation.reproduction import JointOutcome, approximation
 from planner.report.figure import Axis, Curve, Figure, Panel, Timeline, joined, thin
-from planner.report.paper.agreement import dumb_bells
 from planner.report.paper.figures import (
     HIDDEN,
     ROLES,
-    foot_distances_figure,
     foot_paths_figure,
     joints_figure,
 )
-from planner.report.paper.tables import METHODS
 from planner.report.style import (
     APPROXIMATION,
     CLOSED_FORM,
@@ -52,10 +48,6 @@ def virtual_figures(outcome: VirtualOutcome) -> tuple[Figure, ...]:
         _trajectories(outcome),
         _foot_optimised(outcome),
         _joints_by_method(outcome),
-        foot_distances_figure(
-            _timeline(outcome), _distance_panel(outcome), "The foot's error over time, every cycle"
-        ),
-        _planned_and_executed(outcome),
         _learning(outcome),
     )
 
@@ -194,53 +186,20 @@ def _joints_by_method(outcome: VirtualOutcome) -> Figure:
                 for curve in _walked(outcome, method, joint, role, hidden=method == "optimal")
             ),
         ],
-        _distance_panel(outcome, hidden=HIDDEN),
+        _distance_panel(outcome),
         clock=True,
     )
 
 
-def _distance_panel(outcome: VirtualOutcome, *, hidden: Sequence[str] = ()) -> Panel:
+def _distance_panel(outcome: VirtualOutcome) -> Panel:
     """The foot's distances in every cycle; some methods are hidden at first."""
     desired, timeline = outcome.planned.walk.desired_foot, _timeline(outcome)
     curves: list[Curve] = []
     for method, role in ROLES.items():
         distances = np.linalg.norm(outcome.foot_paths[method] - desired, axis=2)
-        curves += timeline.cycles(100.0 * distances, role, hidden=method in hidden)
+        curves += timeline.cycles(100.0 * distances, role, hidden=method in HIDDEN)
     axis = Axis("distance", "cm", from_zero=True)
     return Panel(axis, tuple(curves), "foot, from its desired path")
-
-
-def _planned_and_executed(outcome: VirtualOutcome) -> Figure:
-    """The foot's accuracy by method: as planned, as executed, and on the paper's robot."""
-    executed, planned = outcome.foot_table, outcome.planned.foot_table
-    names = [label.split(":")[0] for label in METHODS.values()]
-    paper = [published_foot(method) for method in METHODS]
-    places = [row for row, each in enumerate(paper) if each is not None]
-    figures = np.array([each.L2.mean for each in paper if each is not None])
-    published_names = tuple(names[row] for row in places)
-    return dumb_bells(
-        "promises",
-        (
-            "Planned and executed",
-            "From what each plan predicted to what the robot made of it: the shorter the line, the "
-            "better the model.",
-        ),
-        Axis("foot error, L₂", "cm"),
-        rows=dict(enumerate(names)),
-        places=range(len(names)),
-        ends=(
-            Curve(CLOSED_FORM, np.array([planned[method].rms for method in METHODS]), np.empty(0),
-                  "planned"),
-            Curve(CLOSED_FORM, np.array([executed[method].mean.rms for method in METHODS]),
-                  np.empty(0), "executed"),
-        ),
-        notes=tuple(names),
-        more=[
-            Curve(INK, figures, np.array(places, float), "the paper's robot", marks="rings",
-                  notes=published_names)
-        ],
-        link="loss",
-    )  # fmt: skip
 
 
 def _walked(
