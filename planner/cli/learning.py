@@ -363,7 +363,6 @@ def progress_of(answer: Refined) -> list[Progress]:
                 name=name,
                 unit=unit,
                 errors=factor * learning.errors,
-                cycles=tuple(trial.cycles for trial in learning.trials),
                 predicted=factor * learning.next_error,
                 bound=factor * bound,
                 noise=factor * noise,

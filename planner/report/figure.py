@@ -12,7 +12,7 @@ from typing import Literal
 
 import numpy as np
 
-from planner.report.style import GRID, LIMIT, MUTED, Role
+from planner.report.style import LIMIT, MUTED, Role
 from planner.trajectory import Array
 
 MARGIN = 0.06
@@ -465,12 +465,3 @@ def near_limits(
         for limit in limits or ()
         if low <= limit <= high
     )
-
-
-def leg_sketches(poses: Array, across: int) -> list[Curve]:
-    """A leg's links at some moments [m], shape (poses, joints + 1, 3); the first stands out."""
-    sketches = []
-    for number, points in enumerate(100.0 * poses):
-        looks = GRID._replace(width=2.5 if number else 9.0)
-        sketches.append(Curve(looks, points[:, across], points[:, 2], "leg", legend=False))
-    return sketches[::-1]

@@ -59,7 +59,6 @@ class Progress:
         name: The joint, or "foot".
         unit: Unit of the errors: deg, percent or cm.
         errors: Error of the mean cycle of each trial, shape (trials,).
-        cycles: Measured cycles of each trial.
         predicted: Error to expect of the next requests.
         bound: Lower bound of the model on the error; NaN where there is none.
         noise: Standard deviation of one cycle about the mean of many.
@@ -72,7 +71,6 @@ class Progress:
     name: str
     unit: str
     errors: Array
-    cycles: tuple[int, ...]
     predicted: float
     bound: float
     noise: float

@@ -22,7 +22,6 @@ from planner.report.figure import (
     Words,
     around,
     joined,
-    leg_sketches,
     line,
 )
 from planner.report.style import (
@@ -165,18 +164,18 @@ def foot_paths_figure(
     foot, pose = planned.walk.desired_foot, planned.legs["desired"][22]
     ground = float(foot[:, 2].min())
     ends = around([100.0 * foot[:, 0]])
-    joints = 100.0 * np.stack([pose[0], pose[2]])
+    joints = 100.0 * pose
     panel = Panel(
         UPWARD,
         (
             line(ends, (100.0 * ground,) * 2),
-            *leg_sketches(pose[None], 0),
+            Curve(GRID._replace(width=9.0), joints[:, 0], joints[:, 2], "leg", legend=False),
             timeline_of(planned).path(foot, DESIRED),
             *paths,
         ),
         words=(
             Words("hip", joints[0, 0], joints[0, 2], across="left", upward="bottom"),
-            Words("knee", joints[1, 0], joints[1, 2], across="right", upward="bottom"),
+            Words("knee", joints[2, 0], joints[2, 2], across="right", upward="bottom"),
             Words("ground", ends[1], 100.0 * ground, across="right", upward="top"),
         ),
         height=2.5,
