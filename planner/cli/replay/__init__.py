@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import PurePath
 from typing import TYPE_CHECKING, Any
@@ -17,9 +17,8 @@ from planner.cli.settings import Replay as ReplaySettings
 from planner.files.staging import check_folder, check_writable, claimed, staged
 
 if TYPE_CHECKING:
-    from concurrent.futures import Executor
+    from pathlib import Path
 
-    from planner.cli.replay.dataset import Replayed
     from planner.cli.replay.task import ReplayTask
 
 
@@ -93,7 +92,7 @@ def replay(
         request-planner replay my_dataset --episodes 0-9 --unit deg --model arm.toml --speed 1.5 \\
             --as lerobot -o planned_dataset
     """  # noqa: D301
-    from planner.cli.replay.dataset import check_writing, replayed_before
+    from planner.cli.replay.dataset import check_writing, left_out, replay_many, replayed_before
     from planner.cli.replay.task import tasks_of
     from planner.files.logs.read import recordings_in
     from planner.parallel import executor_of
@@ -102,12 +101,13 @@ def replay(
     recordings = recordings_in(logs, to_log_options({**choices, "joint": "all"}))
     check_writing(replay.write_as, recordings, output)
     _check_output(replay, output)
-    before = None
     if len(recordings) > 1 and resume:
         before = replayed_before(output, run, replay, recordings)
-    if before is not None:
-        _print_all(before, logs, output=output, report=report, as_json=as_json)
-        return
+        if before is not None:
+            count = len(before["recordings"])
+            remark(f"nothing is missing: {output} holds all {count} recordings, planned like this")
+            _print_all(before, logs, report=report, as_json=as_json)
+            return
     with Progress() as progress:
         tasks = tasks_of(run, replay, recordings, progress)
     for each in tasks[0].models.remarks:
@@ -115,9 +115,16 @@ def replay(
     if len(tasks) == 1:
         _replay_one(tasks[0], output=output, report=report, as_json=as_json)
     else:
-        with executor_of(workers, scheduler) as executor:
-            results = _replay_all(tasks, executor, output=output, resume=resume)
-        _print_all(results, logs, output=output, report=report, as_json=as_json)
+        with (
+            executor_of(workers, scheduler) as executor,
+            Progress(len(tasks), parallel=True) as progress,
+        ):
+            document, kept = replay_many(
+                tasks, output, executor, resume=resume, progress=lambda task: progress(task.name)
+            )
+        for words in filter(None, dict.fromkeys(left_out(each.recording) for each in tasks)):
+            remark(words)
+        _print_all(document, logs, kept=kept, report=report, as_json=as_json)
 
 
 def _replay_one(task: ReplayTask, *, output: str, report: str | None, as_json: bool) -> None:
@@ -152,33 +159,19 @@ def _replay_one(task: ReplayTask, *, output: str, report: str | None, as_json: b
         raise click.ClickException(f"{'; '.join(misses)}; the requests are written all the same")
 
 
-def _replay_all(
-    tasks: Sequence[ReplayTask], executor: Executor, *, output: str, resume: bool
-) -> Replayed:
-    """Plan every recording into one dataset; failed recordings are left out."""
-    from planner.cli.replay.dataset import left_out, replay_many
-
-    with Progress(len(tasks), parallel=True) as progress:
-        results = replay_many(
-            tasks, output, executor, resume=resume, progress=lambda task: progress(task.name)
-        )
-    for words in filter(None, dict.fromkeys(left_out(each.recording) for each in tasks)):
-        remark(words)
-    return results
-
-
 def _print_all(
-    results: Replayed, logs: Sequence[str], *, output: str, report: str | None, as_json: bool
+    document: Mapping[str, Any],
+    logs: Sequence[str],
+    *,
+    kept: Path | None = None,
+    report: str | None,
+    as_json: bool,
 ) -> None:
     """Print the errors of the plans of many recordings, and list the failed recordings last."""
     from planner.cli.replay.dataset import episodes_line, episodes_text
     from planner.report.episodes import episodes_page
     from planner.report.page import sources_of
 
-    document = results.document
-    if results.nothing_missing:
-        count = len(document["recordings"])
-        remark(f"nothing is missing: {output} holds all {count} recordings, planned like this")
     if report is not None:
         with Progress() as progress:
             progress("the page")
@@ -200,7 +193,7 @@ def _print_all(
         count = len(document["recordings"]) + len(failed)
         raise click.ClickException(
             f"{len(failed)} of {count} recordings left out; the others are written, and kept in "
-            f"{results.kept} for --resume"
+            f"{kept} for --resume"
         )
 
 

@@ -7,7 +7,7 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import ExitStack
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -157,27 +157,11 @@ ABOUT = "replay.json"
 """The file of a planned dataset with its settings and errors."""
 
 
-@dataclass(frozen=True)
-class Replayed:
-    """The result of replaying many recordings.
-
-    Attributes:
-        document: The answer for machines: :func:`episodes_document`.
-        kept: The folder with the results of the written recordings, if some failed.
-        nothing_missing: Whether the dataset was already complete.
-    """
-
-    document: Mapping[str, Any]
-    kept: Path | None = None
-    nothing_missing: bool = False
-
-
 def replayed_before(
     output: str, run: settings.Run, replay: settings.Replay, recordings: Sequence[Recording]
-) -> Replayed | None:
-    """The replay of the same recordings, if the dataset is there and whole."""
-    document = finished(output, ABOUT, _origin(run, replay, recordings))
-    return None if document is None else Replayed(document, nothing_missing=True)
+) -> Mapping[str, Any] | None:
+    """The answer about the same recordings, if the dataset is there and whole."""
+    return finished(output, ABOUT, _origin(run, replay, recordings))
 
 
 def replay_many(
@@ -187,7 +171,7 @@ def replay_many(
     *,
     resume: bool = False,
     progress: Callable[[Task], None] = lambda _: None,
-) -> Replayed:
+) -> tuple[Mapping[str, Any], Path]:
     """Replay recordings, and write those that have a plan as one LeRobot dataset.
 
     The planned episodes are kept in a hidden folder beside the dataset, ``.NAME.results``, which is
@@ -200,6 +184,9 @@ def replay_many(
         executor: The executor for the replays.
         resume: Use the results of an earlier call that was killed, or in which some failed.
         progress: Called with each recording that is finished or has failed.
+
+    Returns:
+        The answer for machines, and the folder of the results, which stays if some failed.
 
     Raises:
         PlannerError: None of them can be replayed, or the dataset cannot be written.
@@ -239,10 +226,9 @@ def replay_many(
                 _origin(first_task.run_settings, first_task.replay, every), document
             )
         about[ABOUT] = to_json(document)
-    if failed:
-        return Replayed(document, kept=results.folder)
-    results.remove()
-    return Replayed(document)
+    if not failed:
+        results.remove()
+    return document, results.folder
 
 
 def replayed(task: ReplayTask) -> bytes:
