@@ -137,7 +137,7 @@ def test_the_page_and_the_terminal_say_the_figures(printed, results):
     page = (folder / "report.html").read_text()
     foot = f"{results['foot']['foot_optimal']['L2']:.2f}"
     assert f"<strong>{foot} cm</strong>" in page
-    assert page.count("<figure id=") == 9
+    assert page.count("<figure id=") == 7
     assert "http://www.w3.org" in page
     assert "src=" not in page
     assert foot in text

@@ -82,6 +82,7 @@ def identification_page(
         listings=sources,
     )
     if several:
+        table = _units_above(joints_table(identifications))
         words = of_several([joint.identification for joint in joints])
         page = replace(
             page,
@@ -96,7 +97,7 @@ def identification_page(
             remarks=(),
             cards=(),
             sections=[
-                Section("", OVERVIEW, {"joints": joints, "table": joints_table(identifications),
+                Section("", OVERVIEW, {"joints": joints, "table": table,
                                        "rare": explained(identifications)}),
                 *(section for joint in joints for section in (_head(joint), *_sections(joint))),
             ],
@@ -259,6 +260,24 @@ def saturated(identification: Identification) -> float:
     """Share of the measured intervals that were wholly at the top speed."""
     points, *_ = cloud_of(identification)
     return int(np.sum(points.saturated)) / max(1, len(points.errors))
+
+
+def _units_above(table: Table) -> Table:
+    """The table with a unit beside the title of a column whose cells all have it, if any."""
+    columns, cells = [], []
+    by_column = zip(*(row.cells for row in table.rows), strict=True)
+    for column, own in zip(table.columns, by_column, strict=True):
+        numbers = [str(cell).removeprefix("≥ ").removeprefix("≤ ").partition(" ") for cell in own]
+        units = {unit for number, _, unit in numbers if unit and re.match(r"−?\d", number)}
+        unit = units.pop() if len(units) == 1 else ""
+        columns.append(Column(f"{column.title} [{unit}]" if unit else column.title))
+        cells.append([str(cell).removesuffix(f" {unit}") if unit else cell for cell in own])
+    rows = zip(table.rows, zip(*cells, strict=True), strict=True)
+    return replace(
+        table,
+        columns=tuple(columns),
+        rows=tuple(replace(row, cells=of_row) for row, of_row in rows),
+    )
 
 
 def logs_table(identification: Identification) -> Table:
