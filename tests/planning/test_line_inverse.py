@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from planner.exceptions import InvalidInput, OutsideEquation13
@@ -94,13 +94,6 @@ def test_neither_rule_warns_without_need():
         line_offset(random_model_outside_equation_13(np.random.default_rng(0)), 0.1)
 
 
-@given(models(), st.one_of(st.floats(-1.0, 1.0), st.sampled_from([0.0, 1.0, -1.0])))
-def test_the_exact_rule_keeps_any_joint_on_the_line(model, share):
-    slope = share * model.v_max
-    error = steady_error(model, slope, line_offset(model, slope))
-    assert np.max(np.abs(error)) < STEADY
-
-
 @pytest.mark.parametrize("share", [0.2, 0.5, 0.9, 1.0])
 @pytest.mark.parametrize("lag", [0.0, 0.01, 0.025])
 @pytest.mark.parametrize("hold", [2, 3, 4])
@@ -133,15 +126,6 @@ def test_the_exact_offset_is_the_smallest_that_keeps_the_joint_on_the_line(model
     slope = share * model.v_max
     error = steady_error(model, slope, line_offset(model, slope) - 1e-6, ticks=1)
     assert error[0] < -1e-12  # some request of the window is unsaturated and the joint falls behind
-
-
-@pytest.mark.parametrize("share", [0.05, 0.12, 0.3, 0.6])
-def test_the_papers_rule_leaves_half_a_tick_of_motion(share):
-    slope = share * ERS210A.v_max  # within Equation 11, where S is linear
-    line = slope * ERS210A.period * np.arange(2000)
-    angles = simulate(ERS210A, line + line_offset(ERS210A, slope, rule="paper"), cyclic=False)
-    half_a_tick = slope * ERS210A.tick / 2.0
-    assert angles[-1] - line[-1] == pytest.approx(half_a_tick, rel=0.25)
 
 
 @pytest.mark.parametrize("hold", [1, 2, 4])
@@ -203,12 +187,13 @@ def _inside_equation_13(rng):
     )
 
 
+@settings(max_examples=60)
 @given(
-    models(friction=True),
+    st.one_of(models(), models(friction=True)),
     st.floats(-1.0, 1.0),
     st.one_of(st.floats(-1.0, 1.0), st.sampled_from([0.0, 1.0, -1.0, 1e-4, -1e-4])),
 )
-def test_the_exact_rule_keeps_a_joint_with_friction_and_load_on_the_line(model, load, share):
+def test_the_exact_rule_keeps_any_joint_on_the_line(model, load, share):
     low, high = model.speed_limits(load)
     slope = share * float(high if share > 0.0 else -low)
     error = steady_error(model, slope, line_offset(model, slope, load=load), load=load)
