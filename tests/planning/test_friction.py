@@ -115,8 +115,12 @@ def test_a_plan_that_knows_friction_and_load_is_a_twentieth_of_one_that_does_not
 
 def test_ipopt_finds_nothing_better():
     """Nor along the fast sine, by the cross check below."""
-    other = invert_optimal(SERVO, PATHS["square"], load=LOADS["gravity"], solver="ipopt")
-    assert optimal("square", "gravity").rms == pytest.approx(other.rms, rel=5e-3)
+    square, gravity = PATHS["square"][:75], LOADS["gravity"][:75]  # one of two cycles
+    ours, other = (
+        invert_optimal(SERVO, square, load=gravity, solver=each).rms
+        for each in ("gauss-newton", "ipopt")
+    )
+    assert ours == pytest.approx(other, rel=5e-3)
 
 
 @settings(max_examples=15)
@@ -192,7 +196,8 @@ def test_requests_within_limits_must_be_able_to_hold_the_angles_under_the_load()
 
 
 def test_the_cross_check_passes_for_joints_with_friction_and_load():
-    check = cross_check(SERVO, PATHS["fast sine"], cyclic=False, load=LOADS["gravity"])
+    path, gravity = PATHS["fast sine"][:60], LOADS["gravity"][:60]
+    check = cross_check(SERVO, path, cyclic=False, load=gravity)
     assert not check.failures, [failure.name for failure in check.failures]
 
 
