@@ -44,10 +44,11 @@ def of_whole_ticks(model, requests, start):
     )
 
 
-def windowed(model, request_at, ticks, before, load_at=lambda _: 0.0, speed=0.0):
+def windowed(model, request_at, ticks, before, load_at=lambda _: 0.0, moving=(0.0, 0.0)):
     """M(0), ..., M(ticks-1) with w_i the length of [i-1, i] ∩ [l, l+a]; of functions of ticks.
 
-    Section 9's law, which is Equation 3 without friction and inertia.
+    Section 9's law, which is Equation 3 without friction and inertia, and the integral of a speed
+    loop; ``moving`` is the speed and the integral before.
     """
     lag, acceleration = model.lag / model.tick, model.acceleration_time / model.tick
     window = []
@@ -61,7 +62,7 @@ def windowed(model, request_at, ticks, before, load_at=lambda _: 0.0, speed=0.0)
     friction = model.v_max * model.tick / model.theta_0 * model.dead_band
     most = model.max_acceleration * model.tick**2
     top = model.v_max * model.tick + friction
-    angles = []
+    angles, (speed, integral) = [], moving
     for t in range(ticks):
         total = 0.0
         for i, length in window:
@@ -79,9 +80,12 @@ def windowed(model, request_at, ticks, before, load_at=lambda _: 0.0, speed=0.0)
         drive = total / acceleration
         if share == 1.0:
             drive = math.copysign(max(abs(drive) - friction, 0.0), drive)
-        speed += max(min(share * (drive - speed), most), -most)
+        change = share * (drive + integral - speed)
+        speed += max(min(change, most), -most)
         if share < 1.0:
             speed = math.copysign(max(abs(speed) - share * friction, 0.0), speed)
+        if abs(change) <= most:  # else it waits
+            integral += model.integral_rate * model.tick * (drive - speed)
         before = before + speed
         angles.append(before)
     return np.array(angles)
@@ -102,7 +106,7 @@ def from_rest(model, requests, *, start=None, load=None):
     return windowed(model, request_at, ticks, before, load_at)[:: model.hold]
 
 
-def next_cycle(model, requests, last_angle, *, load=None, speed=0.0):
+def next_cycle(model, requests, last_angle, *, load=None, moving=(0.0, 0.0)):
     """Angles at the requests of the cycle that follows the one that ends in ``last_angle``."""
     hold, n = model.hold, len(requests)
 
@@ -112,5 +116,5 @@ def next_cycle(model, requests, last_angle, *, load=None, speed=0.0):
     def load_at(tick):
         return 0.0 if load is None else load[tick // hold]
 
-    every = windowed(model, request_at, n * hold, last_angle, load_at, speed)
+    every = windowed(model, request_at, n * hold, last_angle, load_at, moving)
     return every[hold - 1 :: hold]

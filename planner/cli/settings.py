@@ -151,6 +151,9 @@ class Parameters(Settings):
         "Sag by the sine of the joint's angle [rad]: gravity where no torque is known.", default=0.0
     )
     sag_cos: float = setting("Sag by the cosine of the joint's angle [rad].", default=0.0)
+    integral_rate: float = setting(
+        "Rate of the integral term of a speed loop, 1 / T_i [1/s].", default=0.0
+    )
 
 
 class OfJoint(Settings, optional=Parameters):

@@ -160,11 +160,11 @@ def second_answer(plan: Plan, column: int = 0) -> Answer:
     if not plan.cyclic:
         torque = 0.0 if load is None else load[0]
         rest = float(model.rest(requests[0], torque)) if start is None else start
-        angles = run(np.array([rest, 0.0]))[0]
+        angles = run(np.array([rest, 0.0, 0.0]))[0]
         apart = float(np.max(np.abs(predicted - angles)))
         return Answer(apart, abs(float(predicted[0]) - rest), 0.0)
-    speed = motion_under(model, requests, cyclic=True, torques=load).speeds[-1]
-    following = run(np.array([predicted[-1], speed]))[0]
+    last = motion_under(model, requests, cyclic=True, torques=load)[:, -1]
+    following = run(np.array([predicted[-1], *last[1:]]))[0]
     closure = abs(float(following[-1] - predicted[-1]))
     apart = max(float(np.max(np.abs(predicted - following))), closure)
     cycles = [_settled(run, end + model.offset) for end in (requests.min(), requests.max())]
@@ -180,7 +180,7 @@ def _settled(run: Callable[[Array], Array], begun: float) -> Array | None:
 
     So many cycles are run at most that one into which it creeps is left out.
     """
-    before = run(np.array([begun, 0.0]))
+    before = run(np.array([begun, 0.0, 0.0]))
     for _ in range(SETTLING):
         after = run(before[:, -1])
         if np.max(np.abs(after[0] - before[0])) <= 1e-3 * AGREEMENT.value:
@@ -192,7 +192,7 @@ def _settled(run: Callable[[Array], Array], begun: float) -> Array | None:
 def _symbolic_run(
     model: JointModel, requests: Array, load: Array | None, *, cyclic: bool
 ) -> Callable[[Array], Array]:
-    """Angles and speeds at the samples, (2, n), from those before: by the law in CasADi symbols.
+    """States at the samples, (3, n), from the one before: by the law in CasADi symbols.
 
     From rest only one tick passes before the first sample, and the first request has been there for
     ever.
@@ -202,12 +202,12 @@ def _symbolic_run(
     count = len(requests)
     torques = np.zeros(count) if load is None else load
     sent = requests[np.maximum(acting(request_ages(model), count, cyclic=cyclic), 0)]
-    size = 2 if model.has_inertia else 1
+    size = model.law.states
     first = 0 if cyclic else 1
     periods = period_function(model).mapaccum("run", count - first)
 
     def run(state: Array) -> Array:
-        motion, begun = np.zeros((2, count)), state[:size]
+        motion, begun = np.zeros((3, count)), state[:size]
         if not cyclic:
             tick = period_function(replace(model, hold=1))
             width = request_ages(replace(model, hold=1)).width

@@ -121,6 +121,7 @@ def servo_of(grid: Grid, at: Parameters) -> Servo:
         max_acceleration=at.max_acceleration(grid.tick),
         sag_sin=float(at.sag_sin),
         sag_cos=float(at.sag_cos),
+        integral_rate=float(at.integral_rate),
     )
     return Servo(
         law,
@@ -228,6 +229,7 @@ def _by_coordinates(grid: Grid, at: Parameters) -> Array:
         (kernel.ACCELERATION, "acceleration", tick**2),
         (kernel.SAG_SIN, "sag_sin", 1.0),
         (kernel.SAG_COS, "sag_cos", 1.0),
+        (kernel.INTEGRAL, "integral_rate", tick if at.time_constant > 0.0 else 0.0),
         (kernel.PLAY, "play", 1.0),
     ]
     if math.isfinite(at.acceleration):

@@ -56,6 +56,7 @@ class Parameters(NamedTuple):
     sag_sin: float = 0.0  # by the sine of the angle [rad]
     sag_cos: float = 0.0  # by its cosine [rad]
     time_constant: float = 0.0  # [s]
+    integral_rate: float = 0.0  # of a speed loop, 1 / T_i [1/s]
     acceleration: float = math.inf  # most from rest, beyond friction [rad/s^2]: see ``terms.py``
     play: float = 0.0  # backlash between motor and angle [rad], which no model has
 
@@ -79,6 +80,7 @@ class Parameters(NamedTuple):
             ),
             sag_sin=model.sag_sin,
             sag_cos=model.sag_cos,
+            integral_rate=model.integral_rate,
         )
 
     def faster(self, load: npt.ArrayLike = 0.0) -> Array:
@@ -126,6 +128,7 @@ class Parameters(NamedTuple):
             max_acceleration=self.max_acceleration(tick),
             sag_sin=self.sag_sin,
             sag_cos=self.sag_cos,
+            integral_rate=self.integral_rate if self.time_constant > 0.0 else 0.0,
         )
 
 
@@ -223,6 +226,12 @@ COORDINATES: dict[str, Coordinate] = {
         upper=lambda grid: grid.reach,
         scale=lambda _, at: at.whole_delay,
     ),
+    "integral_rate": Coordinate(
+        unit=lambda grid: 1.0 / grid.reach,
+        lower=lambda _: 0.0,
+        upper=lambda grid: 0.5 / grid.tick,
+        scale=lambda _, at: 1.0 / at.whole_delay,
+    ),
     "acceleration": Coordinate(
         unit=None,
         lower=lambda grid: 1e-3 * grid.span / grid.reach**2,
@@ -244,6 +253,7 @@ TERMS = {
     "sag_sin": "sag_sin",
     "sag_cos": "sag_cos",
     "time_constant": "time_constant",
+    "integral_rate": "integral_rate",
     "acceleration": "max_acceleration",
 }
 """Parameters that are 0 unless they reduce the loss, with their names in a JointModel."""

@@ -61,6 +61,12 @@ SAG = ("sag_sin", "sag_cos")
 PARTNERS = {SAG[0]: SAG[1:]}
 """Parameters that a term has beside the one that it is called by."""
 
+INTEGRAL = "integral_rate"
+"""The integral of a speed loop, tried last: it acts through the time constant of a motor."""
+
+INTEGRALS = (0.2, 1.0)
+"""Rates of an integral, times the delay of the joint, from which the search for one begins."""
+
 MOTOR = ("acceleration", "time_constant", "dead_band", "asymmetry")
 """Terms that may show only together: a slow start hides dry friction, and friction the inertia."""
 
@@ -182,6 +188,44 @@ def _with_term(name: str, fit: Fit, known: Fit | None = None) -> tuple[Fit, dict
 
 
 def with_motor(fit: Fit, terms: tuple[Term, ...]) -> tuple[Fit, tuple[Term, ...]]:
+    """The fit with the terms of a motor and the integral of its speed loop that reduce the loss.
+
+    A slow integral imitates a drift: the log has to determine it, and the time constant beside it.
+
+    Args:
+        fit: A fit with terms.
+        terms: What was tried for it.
+    """
+    fit, terms = _with_motor(fit, terms)
+    if fit.free[only(INTEGRAL)].any() or structure_of(fit) < LEAST_STRUCTURE:
+        return fit, terms
+    trial = _fitted_with_integral(fit)
+    uncertainty, known = uncertainty_of(trial), {term.name: term for term in terms}
+    ends = {name: model_interval(trial, uncertainty, name) for name in (INTEGRAL, "time_constant")}
+    kept = pays(fit, trial) and all(each.lower > 0.0 for each in ends.values())
+    for name, interval in ends.items():
+        if not fit.free[only(name)].any():
+            known[TERMS[name]] = _term(name, kept, fit, trial, interval)
+    return trial if kept else fit, tuple(known.values())
+
+
+def _fitted_with_integral(fit: Fit) -> Fit:
+    """The best fit with a time constant and the integral of a speed loop."""
+    at, free = fit.parameters, fit.free | only(INTEGRAL, "time_constant")
+    search = partial(least_squares, fit.grid, free=free, scale=fit.scale, effort=TERM)
+    begins = [
+        each._replace(integral_rate=share / at.whole_delay)
+        for each in (at, *_divisions(fit))
+        if each.time_constant > 0.0
+        for share in INTEGRALS
+    ]
+    trials = [search(begin, starts=fit.starts, effort=TRIAL) for begin in begins]
+    best = min(trials, key=lambda each: each.cost)
+    best = search(best.parameters, starts=best.starts, effort=ENOUGH)
+    return _redivided(best, search)
+
+
+def _with_motor(fit: Fit, terms: tuple[Term, ...]) -> tuple[Fit, tuple[Term, ...]]:
     """The fit with those of :data:`MOTOR` that reduce the loss, sought together; or the same fit.
 
     A sag by the angle that was not kept is tried again beside them: it may show only there. Where
@@ -294,23 +338,27 @@ def _redivided(fit: Fit, search: Callable[..., Fit]) -> Fit:
     in a local optimum in which one takes the place of another, or of the dead band.
     """
     while True:
-        at = fit.parameters
-        begins = [
-            at._replace(
-                time_constant=constant * at.whole_delay,
-                acceleration_time=max(window * at.whole_delay, fit.grid.tick),
-                lag=lag * at.whole_delay,
-                gain=gain * at.gain,
-                dead_band=max(at.dead_band, band * fit.rms),
-            )
-            for constant, window, lag, gain, band in SHARES
-        ]
-        trials = [search(begin, starts=fit.starts, effort=TRIAL) for begin in begins]
+        trials = [search(begin, starts=fit.starts, effort=TRIAL) for begin in _divisions(fit)]
         best = min(trials, key=lambda each: each.cost)
         best = search(best.parameters, starts=best.starts, effort=ENOUGH)
         if best.cost >= 0.99 * fit.cost:
             return fit
         fit = best
+
+
+def _divisions(fit: Fit) -> list[Parameters]:
+    """The joint of a fit with its delay divided by :data:`SHARES`."""
+    at = fit.parameters
+    return [
+        at._replace(
+            time_constant=constant * at.whole_delay,
+            acceleration_time=max(window * at.whole_delay, fit.grid.tick),
+            lag=lag * at.whole_delay,
+            gain=gain * at.gain,
+            dead_band=max(at.dead_band, band * fit.rms),
+        )
+        for constant, window, lag, gain, band in SHARES
+    ]
 
 
 def _motor_anywhere(fit: Fit, free: Free) -> tuple[Fit, Fit | None]:

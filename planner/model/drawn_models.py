@@ -101,8 +101,9 @@ def has_intervals(model: JointModel) -> bool:
 def _drawn_from(model: JointModel) -> dict[str, tuple[float, float]]:
     """The intervals from which parameters are drawn, with -inf or inf at unknown ends."""
     intervals = dict(model.evidence.intervals) if model.evidence else {}
-    if model.time_constant == 0.0:
-        intervals.pop("time_constant", None)
+    for name in ("time_constant", "integral_rate"):
+        if getattr(model, name) == 0.0:
+            intervals.pop(name, None)
     least, most = intervals.get("max_acceleration", (math.inf, math.inf))
     if least <= 0.0:  # a joint that hardly accelerates explains no log
         intervals["max_acceleration"] = -math.inf, most

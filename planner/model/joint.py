@@ -38,7 +38,7 @@ REST_STEPS = 8
 """Steps of Newton's method to the angle at rest: with a sag of at most 0.9 the last one is of
 1e-15 rad, begun anywhere within the sag."""
 
-LEFT_OUT = ("time_constant", "max_acceleration", "sag_sin", "sag_cos")
+LEFT_OUT = ("time_constant", "max_acceleration", "sag_sin", "sag_cos", "integral_rate")
 """Parameters that files leave out where a joint has none."""
 
 LEAST, MOST = 1e-15, 1e9
@@ -93,6 +93,9 @@ class JointModel:
             downhill. A sag of theta_0 + 2 dead_band or more exceeds its torque and its friction:
             there no request holds it.
         sag_cos: The same by the cosine [rad].
+        integral_rate: Rate of the integral term of a speed loop, 1 / T_i for its integral time T_i
+            [1/s]; 0 for none. It acts through the time_constant, overcomes friction in steady
+            motion, and waits while ``max_acceleration`` limits the speed.
 
     Raises:
         InvalidModel: A parameter is not a finite number or out of its range, or the joint could not
@@ -114,6 +117,7 @@ class JointModel:
     max_acceleration: float = field(default=math.inf, metadata={"unit": "rad/s^2"})
     sag_sin: float = field(default=0.0, metadata={"unit": "rad"})
     sag_cos: float = field(default=0.0, metadata={"unit": "rad"})
+    integral_rate: float = field(default=0.0, metadata={"unit": "1/s"})
 
     def __repr__(self) -> str:
         """The constructor call without default parameters, and the units."""
@@ -138,7 +142,14 @@ class JointModel:
                     f"{name}: got {value:g} {unit}, expected at least {LEAST:g} {unit}; is it in "
                     "SI units?"
                 )
-        for name in ("lag", "dead_band", "compliance", "speed_per_torque", "time_constant"):
+        for name in (
+            "lag",
+            "dead_band",
+            "compliance",
+            "speed_per_torque",
+            "time_constant",
+            "integral_rate",
+        ):
             if getattr(self, name) < 0.0:
                 unit = self.__dataclass_fields__[name].metadata["unit"]
                 raise InvalidModel(
@@ -148,6 +159,16 @@ class JointModel:
             raise InvalidModel(
                 f"v_offset: got {self.v_offset:g} rad/s, expected within ±v_max = "
                 f"±{self.v_max:g} rad/s; beyond it the joint could move in one direction only"
+            )
+        if self.integral_rate > 0.0 and self.time_constant == 0.0:
+            raise InvalidModel(
+                f"integral_rate: got {self.integral_rate:g} 1/s without a time_constant, through "
+                "which it acts; expected 0, or a time_constant above 0 s"
+            )
+        if self.integral_rate * self.tick >= 1.0:
+            raise InvalidModel(
+                f"integral_rate: got {self.integral_rate:g} 1/s, expected less than one in a tick, "
+                f"{1.0 / self.tick:g} 1/s; use a shorter tick (with hold > 1), or check the unit"
             )
         if self.most_pose_sag > MOST_POSE_SAG:
             raise InvalidModel(
@@ -328,10 +349,17 @@ class JointModel:
     def switching_time(self) -> float:
         """Time by which requests change to the next line before the angles: l + a/2 + T [s].
 
-        A held request acts (hold - 1) / 2 ticks later on average than its line.
+        A held request acts (hold - 1) / 2 ticks later on average than its line. The integral of a
+        speed loop makes up for T.
         """
         hold_delay = (self.hold - 1) / 2.0 * self.tick
-        return self.lag + self.acceleration_time / 2.0 + self.time_constant + hold_delay
+        inertia = 0.0 if self.integral_rate > 0.0 else self.time_constant
+        return self.lag + self.acceleration_time / 2.0 + inertia + hold_delay
+
+    @cached_property
+    def on_a_line(self) -> JointModel:
+        """The joint in steady motion, in which the integral of a speed loop overcomes friction."""
+        return replace(self, dead_band=0.0) if self.integral_rate > 0.0 else self
 
     @property
     def latency(self) -> float:
@@ -470,6 +498,7 @@ class JointModel:
             max_acceleration=self.max_acceleration,
             sag_sin=self.sag_sin,
             sag_cos=self.sag_cos,
+            integral_rate=self.integral_rate,
         )
 
     @property

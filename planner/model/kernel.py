@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from planner.compilation import compiled, inner
-from planner.model.law import Law
+from planner.model.law import Law, State
 from planner.trajectory import Array, Indices
 
 
@@ -43,26 +43,32 @@ def drive(law: Law, error: float, faster: float) -> tuple[float, float]:
 
 
 @inner
-def moved(law: Law, demand: float, speed: float) -> float:
+def moved(law: Law, demand: float, speed: float, integral: float) -> tuple[float, float]:
     """The speed after a tick: a motor's inertia, then Coulomb friction, implicit.
 
-    Without a time constant friction is a dead zone of the drive, before the acceleration limit.
+    Without a time constant friction is a dead zone of the drive, before the acceleration limit. The
+    integral of a speed loop waits while that limit acts.
 
     Args:
         law: The joint.
         demand: Demanded speed, the drive g(t) [rad/tick].
         speed: Speed in the tick before, w(t-1) [rad/tick].
+        integral: Integral z(t-1) of demanded speed less speed [rad/tick].
 
     Returns:
-        w(t) [rad/tick].
+        w(t) and z(t) [rad/tick].
     """
-    friction = law.share * law.friction
+    friction, aim, limited = law.share * law.friction, demand + integral, False
     if law.share == 1.0:
-        demand, friction = shrunk(demand, friction), 0.0
+        aim, friction = shrunk(aim, friction), 0.0
     if law.share < 1.0 or law.acceleration < np.inf:
-        change = law.share * (demand - speed)
-        demand = speed + min(max(change, -law.acceleration), law.acceleration)
-    return shrunk(demand, friction)
+        change = law.share * (aim - speed)
+        limited = abs(change) > law.acceleration
+        aim = speed + min(max(change, -law.acceleration), law.acceleration)
+    now = shrunk(aim, friction)
+    if law.integral > 0.0 and not limited:
+        integral += law.integral * (demand - now)
+    return now, integral
 
 
 @inner
@@ -97,10 +103,9 @@ def run_period(
     first: int,
     sag: float,
     faster: float,
-    angle: float,
-    speed: float,
+    state: State,
     skipped: int,
-) -> tuple[float, float]:
+) -> State:
     """One request period.
 
     Args:
@@ -110,13 +115,13 @@ def run_period(
         first: Number of the oldest one that acts.
         sag: Angle at rest less request, beside that of the pose [rad].
         faster: How much faster the joint is in the positive direction [rad/tick].
-        angle: Angle before the period [rad].
-        speed: Speed in the tick before it [rad/tick].
+        state: State before the period.
         skipped: Ticks left out.
 
     Returns:
-        Angle [rad] and speed [rad/tick] after it.
+        The state after it.
     """
+    angle, speed, integral = state
     hold, width = weights.shape
     youngest = first + width - 1
     for tick in range(skipped, hold):
@@ -126,9 +131,9 @@ def run_period(
             if weight != 0.0:
                 demand += weight * drive(law, history[youngest - j] + sag - angle, faster)[0]
         demand += law.gain * pose_sag(law, angle)
-        speed = moved(law, demand, speed)
+        speed, integral = moved(law, demand, speed, integral)
         angle += speed
-    return angle, speed
+    return State(angle, speed, integral)
 
 
 @compiled
@@ -138,12 +143,10 @@ def run(
     history: Array,
     sags: Array,
     faster: Array,
-    angle: float,
-    speed: float,
+    state: State,
     skipped: int,
-    angles: Array,
-    speeds: Array,
-) -> tuple[float, float]:
+    motion: Array,
+) -> State:
     """Run a joint through request periods.
 
     Args:
@@ -153,22 +156,18 @@ def run(
             ``history[k : k + width]`` [rad], (n + width - 1,).
         sags: Angle at rest less request in each period, beside that of the pose [rad], (n,).
         faster: How much faster the joint is in the positive direction [rad/tick], (n,).
-        angle: Angle before the first tick [rad].
-        speed: Speed in the tick before it [rad/tick].
+        state: State before the first tick.
         skipped: Ticks of the first period that are left out.
-        angles: Filled with the angle after each period [rad], (n,).
-        speeds: Filled with the speed in its last tick [rad/tick], (n,).
+        motion: Filled with the state after each period, (3, n).
 
     Returns:
-        The last angle [rad] and the last speed [rad/tick].
+        The last state.
     """
-    for k in range(len(angles)):
+    for k in range(motion.shape[1]):
         left_out = skipped if k == 0 else 0
-        angle, speed = run_period(
-            law, weights, history, k, sags[k], faster[k], angle, speed, left_out
-        )
-        angles[k], speeds[k] = angle, speed
-    return angle, speed
+        state = run_period(law, weights, history, k, sags[k], faster[k], state, left_out)
+        motion[0, k], motion[1, k], motion[2, k] = state
+    return state
 
 
 @compiled
@@ -248,6 +247,33 @@ def rounded_moved(
     return now, by_demand, by_speed, bend
 
 
+@inner
+def rounded_integral(
+    law: Law, demand: float, before: State, speed: float, rounded: float
+) -> tuple[float, float, float]:
+    """The integral after a tick where the acceleration limit has a rounded corner.
+
+    Args:
+        law: The joint.
+        demand: Demanded speed [rad/tick].
+        before: State before the tick; its angle does not count.
+        speed: Speed after it [rad/tick].
+        rounded: Square of the radius of the corners [rad^2/tick^2].
+
+    Returns:
+        The integral [rad/tick], its derivative by ``demand`` less ``speed``, and that by the
+        difference between the speed that is aimed at and the one before, with ``speed`` fixed.
+    """
+    share, closing = law.integral, 0.0
+    if law.acceleration < np.inf:
+        change = law.share * (demand + before.integral - before.speed)
+        rounded = rounded * law.share * law.share
+        _, slope, bent = rounded_clip(change, -law.acceleration, law.acceleration, rounded)
+        closing = law.integral * law.share * bent * (demand - speed)
+        share *= slope
+    return before.integral + share * (demand - speed), share, closing
+
+
 @compiled
 def periods(
     law: Law,
@@ -256,8 +282,7 @@ def periods(
     sags: Array,
     faster: Array,
     rounded: Array,
-    angles: Array,
-    speeds: Array,
+    states: Array,
     slopes: Array,
     bends: Array,
 ) -> None:
@@ -273,21 +298,24 @@ def periods(
         sags: Angle at rest less request, beside that of the pose [rad], (n,).
         faster: How much faster it is in the positive direction [rad/tick], (n,).
         rounded: Square of the radius of the corners [rad^2/tick^2], (n,).
-        angles: Angle before each period [rad]; replaced by the one after it, (n,).
-        speeds: Speed before it [rad/tick]; replaced likewise, (n,).
-        slopes: Filled with the derivatives of the angle and the speed after the period by angle,
-            speed and each request before it, (2, 2 + width, n).
-        bends: Filled with the second derivatives of both by each request's distance from the
-            angle, (2, width, n); where requests are held for several ticks, or several saturate
-            together, an estimate. Left out where it is (2, 0, n).
+        states: State before each period, as :class:`planner.model.law.State`; replaced by the one
+            after it, (2, n), or (3, n) with the integral of a speed loop.
+        slopes: Filled with the derivatives of the state after the period by the state before it and
+            by each request, (2, 2 + width, n) or (3, 3 + width, n).
+        bends: Filled with the second derivatives of the state by each request's distance from the
+            angle, (2, width, n) or (3, width, n); where requests are held for several ticks, or
+            several saturate together, an estimate. Left out where the width is 0.
     """
-    (hold, width), count = weights.shape, len(angles)
+    (hold, width), count, size = weights.shape, states.shape[1], len(slopes)
     gain, top = law.gain, law.top
     slopes[:] = 0.0
     bends[:] = 0.0
-    slopes[0, 0] = slopes[1, 1] = 1.0
+    for s in range(size):
+        slopes[s, s] = 1.0
     own, bent = window[1], window[2]
+    angles, speeds, integrals = states[0], states[1], states[size - 1]
     demand, restoring, by_demand, by_speed, bend = np.empty((5, count))
+    opened, closing = np.zeros((2, count))
     for tick in range(hold):
         demand[:] = 0.0
         restoring[:] = 0.0
@@ -304,23 +332,47 @@ def periods(
         for k in range(count):
             driven = demand[k] + gain * pose_sag(law, angles[k])
             restoring[k] -= gain * pose_sag_slope(law, angles[k])
+            before = State(angles[k], speeds[k], integrals[k] if size == 3 else 0.0)
             speeds[k], by_demand[k], by_speed[k], bend[k] = rounded_moved(
-                law, driven, speeds[k], rounded[k]
+                law, driven + before.integral, before.speed, rounded[k]
             )
             angles[k] += speeds[k]
-        for c in range(2 + width):
-            for k in range(count):
+            if size == 3:
+                integrals[k], opened[k], closing[k] = rounded_integral(
+                    law, driven, before, speeds[k], rounded[k]
+                )
+        for c in range(size + width):
+            for k in range(count if size == 2 else 0):
                 by_angle = -by_demand[k] * restoring[k]
                 change = by_speed[k] * slopes[1, c, k] + by_angle * slopes[0, c, k]
                 if c >= 2:
                     change += by_demand[k] * own[c - 2, k]
                 slopes[1, c, k] = change
                 slopes[0, c, k] += change
+            for k in range(count if size == 3 else 0):
+                driven = -restoring[k] * slopes[0, c, k]
+                if c >= 3:
+                    driven += own[c - 3, k]
+                aimed = driven + slopes[2, c, k]
+                change = by_speed[k] * slopes[1, c, k] + by_demand[k] * aimed
+                slopes[2, c, k] += closing[k] * (aimed - slopes[1, c, k])
+                slopes[2, c, k] += opened[k] * (driven - change)
+                slopes[1, c, k] = change
+                slopes[0, c, k] += change
         for j in range(bends.shape[1]):
-            for k in range(count):
+            for k in range(count if size == 2 else 0):
                 by_angle = -by_demand[k] * restoring[k]
                 change = by_speed[k] * bends[1, j, k] + by_angle * bends[0, j, k]
                 change += by_demand[k] * bent[j, k] + bend[k] * own[j, k] * restoring[k]
+                bends[1, j, k] = change
+                bends[0, j, k] += change
+            for k in range(count if size == 3 else 0):
+                driven = -restoring[k] * bends[0, j, k] + bent[j, k]
+                aimed = driven + bends[2, j, k]
+                change = by_speed[k] * bends[1, j, k] + by_demand[k] * aimed
+                change += bend[k] * own[j, k] * restoring[k]
+                bends[2, j, k] += closing[k] * (aimed - bends[1, j, k])
+                bends[2, j, k] += opened[k] * (driven - change)
                 bends[1, j, k] = change
                 bends[0, j, k] += change
 
@@ -366,10 +418,10 @@ ROUNDING = 1e-15
 """A speed below this, relative to the demand of the angles, is rounding: the joint is at rest."""
 
 GAIN, V_MAX, LAG, WINDOW, SAG, BAND, FASTER, SAG_LOAD, FASTER_LOAD = range(9)
-SHARE, ACCELERATION, PLAY, SAG_SIN, SAG_COS = range(9, 14)
+SHARE, ACCELERATION, PLAY, SAG_SIN, SAG_COS, INTEGRAL = range(9, 15)
 """Parameters by which :func:`along` takes derivatives, in its order."""
 
-START = 14
+START = 15
 """The derivative by the angle at which the run of a row starts."""
 
 
@@ -423,8 +475,8 @@ def along(
         slopes: Filled with the derivatives of these by gain [1/tick], v_max [rad/tick], lag and
             acceleration time [ticks], sag [rad], dead band [rad], ``faster`` [rad/tick], both by
             load, the motor's share [-], the acceleration limit [rad/tick^2], the play [rad], the
-            sag by sine and cosine of the angle [rad], and by the first angle of the row's run,
-            (rows, c).
+            sag by sine and cosine of the angle [rad], the integral's share [-], and by the first
+            angle of the row's run, (rows, c).
     """
     law, edges, requests, states = servo.law, track.edges, track.requests, track.states
     before, share = track.before, track.share
@@ -432,20 +484,16 @@ def along(
     has_sag_columns = bool(np.any((columns == SAG_SIN) | (columns == SAG_COS)))
     window, by_window = servo.window / track.tick, 1.0 / servo.window
     drives, kinks = np.zeros(START + 1), np.zeros(START + 1)
-    past, now, motion, fast = (
-        np.zeros(count),
-        np.zeros(count),
-        np.zeros(count),
-        np.zeros(count),
-    )
+    past, now, motion, fast, summed = np.zeros((5, count))
     first, row, way, band, speed, motor = 0, 0, 0.0, law.friction / law.gain, 0.0, 0.0
+    integral = 0.0
     for t in range(len(states)):
         state = states[t]
         angle = angles[state - 1]
         if t == 0 or states[t - 1] != state - 1:  # a run starts
-            motor, speed = angle, 0.0
+            motor, speed, integral = angle, 0.0, 0.0
             for p in range(count):
-                fast[p] = 0.0
+                fast[p] = summed[p] = 0.0
                 now[p] = motion[p] = 1.0 if columns[p] == START else 0.0
         sag = servo.sag + servo.sag_by_load * track.loads[t]
         by_pose = pose_sag(law, angle)
@@ -476,13 +524,14 @@ def along(
         driven = demand
         demand += law.gain * by_pose
         # ``free`` is what friction acts on, ``aim`` what the speed follows
-        slid, free, aim = speed, demand, demand
+        slid, aim = speed, demand + integral
+        free = aim
         if law.share == 1.0:
-            aim = shrunk(demand, law.friction)
+            aim = shrunk(aim, law.friction)
         else:
-            change = law.share * (demand - speed)
+            change = law.share * (aim - speed)
             free = speed + min(max(change, -law.acceleration), law.acceleration)
-        speed = moved(law, demand, speed)
+        speed, integral = moved(law, demand, speed, integral)
         motor += speed
         follows = half == 0.0 or abs(motor - angle) > half
         side = 1.0 if motor > angle else -1.0
@@ -522,7 +571,7 @@ def along(
             sliding = 1.0 if law.friction == 0.0 or abs(free) > law.share * law.friction else 0.0
             kinks[GAIN] = -way * law.share * band
             kinks[BAND] = -way * law.share * law.gain
-            kinks[SHARE] = accelerated * (demand - slid) - way * law.friction
+            kinks[SHARE] = accelerated * (aim - slid) - way * law.friction
             by_demand = law.share * accelerated
             by_angle = law.gain * (inside - pose_sag_slope(law, angle))
             for p in range(count):
@@ -530,8 +579,12 @@ def along(
                 past[p] = now[p]
                 pushed = drives[column] - by_angle * now[p]
                 if law.share < 1.0:
-                    pushed = by_demand * (pushed - fast[p])
-                    fast[p] = sliding * (fast[p] + pushed + kinks[column])
+                    follow = by_demand * (pushed + summed[p] - fast[p])
+                    fast[p] = sliding * (fast[p] + follow + kinks[column])
+                    if accelerated == 1.0:
+                        summed[p] += law.integral * (pushed - fast[p])
+                        if column == INTEGRAL:
+                            summed[p] += demand - speed
                 elif accelerated == 1.0:
                     fast[p] = sliding * (pushed + kinks[column])
                 elif column == ACCELERATION:

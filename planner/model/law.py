@@ -11,6 +11,14 @@ def motor_share(time_constant: float, tick: float) -> float:
     return -math.expm1(-tick / time_constant) if time_constant > 0.0 else 1.0
 
 
+class State(NamedTuple):
+    """The state of a joint between two ticks; without inertia the angle alone counts."""
+
+    angle: float  # [rad]
+    speed: float = 0.0  # in the tick before [rad/tick]
+    integral: float = 0.0  # of demanded speed less speed, by a speed loop [rad/tick]
+
+
 class Law(NamedTuple):
     """The numbers of a joint's law, (1a) or (1b) of ``docs/math.md``, by ticks: for the kernel.
 
@@ -23,6 +31,8 @@ class Law(NamedTuple):
         acceleration: Largest change of the speed in a tick [rad/tick^2].
         sag_sin: Sag by the sine of the angle [rad].
         sag_cos: Sag by its cosine [rad].
+        integral: Share of the difference between demanded speed and speed that is added to the
+            demanded speed in a tick, by the integral term of a speed loop [-].
     """
 
     gain: float
@@ -32,6 +42,14 @@ class Law(NamedTuple):
     acceleration: float = math.inf
     sag_sin: float = 0.0
     sag_cos: float = 0.0
+    integral: float = 0.0
+
+    @property
+    def states(self) -> int:
+        """Numbers in the joint's state: the angle, with inertia the speed, then the integral."""
+        if self.integral > 0.0:
+            return 3
+        return 2 if self.share < 1.0 or self.acceleration < math.inf else 1
 
     @property
     def braking(self) -> float:
@@ -50,6 +68,7 @@ class Law(NamedTuple):
         max_acceleration: float,
         sag_sin: float,
         sag_cos: float,
+        integral_rate: float,
     ) -> Self:
         """The law for ticks of this time, from numbers in SI."""
         friction = gain * dead_band
@@ -61,4 +80,5 @@ class Law(NamedTuple):
             max_acceleration * tick**2,
             sag_sin,
             sag_cos,
+            integral_rate * tick if time_constant > 0.0 else 0.0,
         )

@@ -16,6 +16,7 @@ from planner.model.joint import (
     request_ages,
     weights_by_tick,
 )
+from planner.model.law import State
 from planner.trajectory import LARGEST, SAME, Array, Mask, as_trajectory, steps
 from planner.validation import as_flag, as_number, shown
 
@@ -83,16 +84,10 @@ def simulate(
             f"{MOST_TICKS} ticks; simulate them part by part"
         )
     torques = checked_load(load, model, len(requests))
-    sampled = motion_under(model, requests, cyclic=cyclic, start=start, torques=torques).angles
+    motion = motion_under(model, requests, cyclic=cyclic, start=start, torques=torques)
+    sampled: Array = motion[0].copy()
     sampled.setflags(write=False)
     return sampled
-
-
-class Motion(NamedTuple):
-    """Angles and speeds of a joint at the samples."""
-
-    angles: Array  # [rad], (n,)
-    speeds: Array  # in the tick before each sample [rad/tick], (n,)
 
 
 def motion_under(
@@ -102,8 +97,8 @@ def motion_under(
     cyclic: bool,
     start: float | None = None,
     torques: Array | None = None,
-) -> Motion:
-    """:func:`simulate` of arguments that have been checked; the answer may be written to.
+) -> Array:
+    """:func:`simulate` of arguments that have been checked: the states at the samples, (3, n).
 
     Raises:
         NoSteadyCycle: The response does not settle.
@@ -111,13 +106,14 @@ def motion_under(
     from planner.model.steady_cycle import Cycle
 
     count = len(requests)
-    motion = Motion(np.empty(count), np.empty(count))
+    motion = np.empty((3, count))
     history = requests_acting(requests, request_ages(model), cyclic=cyclic)
     if torques is None:
         sags, faster = np.full(count, model.offset), np.full(count, model.faster_per_tick())
     else:
         sags, faster = model.sag(torques), model.faster_per_tick(torques)
-    joint = Cycle(model.law, weights_by_tick(model), history, sags, faster, *motion)
+    oldest, weights = request_ages(model).oldest, weights_by_tick(model)
+    joint = Cycle(model.law, weights, history, oldest, sags, faster, motion)
     if start is None:
         start = float(model.rest(requests[0], 0.0 if torques is None else torques[0]))
     run_from(start, joint, cyclic=cyclic)
@@ -134,7 +130,8 @@ def run_from(angle: float, joint: Cycle, *, cyclic: bool) -> None:
     from planner.model.steady_cycle import run_steady_cycle
 
     if not cyclic:
-        run(*joint[:5], angle, 0.0, len(joint.weights) - 1, *joint[5:])
+        law, weights, history, _, sags, faster, motion = joint
+        run(law, weights, history, sags, faster, State(angle), len(weights) - 1, motion)
     elif apart := run_steady_cycle(joint, angle, MOST_CYCLES):
         raise NoSteadyCycle(apart, MOST_CYCLES)
 

@@ -67,7 +67,8 @@ def sensitivities(
     motion = motion_under(model, requests, cyclic=cyclic, start=start, torques=torques)
     ages, load_at = request_ages(model), np.zeros(n) if torques is None else torques
     weights, numbers = weights_by_tick(model), np.maximum(acting(ages, n, cyclic=cyclic), 0)
-    window, slopes = np.empty((3, ages.width, n)), np.empty((2, 2 + ages.width, n))
+    own = max(model.law.states, 2)
+    window, slopes = np.empty((3, ages.width, n)), np.empty((own, own + ages.width, n))
     window[0] = requests[numbers.T]
     kernel.periods(
         model.law,
@@ -76,14 +77,13 @@ def sensitivities(
         model.sag(load_at),
         model.faster_per_tick(load_at),
         np.full(n, (model.law.gain * LEAST_RADIUS * model.theta_0) ** 2),
-        np.roll(motion.angles, 1),
-        np.roll(motion.speeds, 1),
+        np.roll(motion[:own], 1, axis=1),
         slopes,
-        np.empty((2, 0, n)),
+        np.empty((own, 0, n)),
     )
-    size = 2 if model.has_inertia else 1  # the angle, and with inertia the speed
+    size = model.law.states
     each = np.moveaxis(slopes, -1, 0)
-    kept, by_request = each[:, :size, :size], each[:, :size, 2:]
+    kept, by_request = each[:, :size, :size], each[:, :size, own:]
     driven = np.zeros((n, size, n))
     place = np.arange(n)[:, np.newaxis, np.newaxis], np.arange(size), numbers[:, :, np.newaxis]
     np.add.at(driven, place, by_request.transpose(0, 2, 1))
@@ -99,12 +99,12 @@ def sensitivities(
         rows = _recursion(kept, driven, begin)[:, 0]
     else:
         first = np.zeros((size, n))
-        angle = motion.angles[0]
+        angle = motion[0, 0]
         sag = model.sag_sin * np.cos(angle) - model.sag_cos * np.sin(angle)  # its derivative
         first[0, 0] = 1.0 / (1.0 - sag)
         if start is not None:
             torque = 0.0 if torques is None else float(torques[0])
-            first[:, 0] = _slope(model, requests[0], start, torque)
+            first[:, 0] = _slopes(model, requests[0], start, torque)[:size]
         later = _recursion(kept[1:], driven[1:], first)[:, 0]
         rows = np.vstack([first[:1], later])
     rows = np.ascontiguousarray(rows)
@@ -112,8 +112,8 @@ def sensitivities(
     return rows
 
 
-def _slope(model: JointModel, request: float, start: float, load: float) -> float:
-    """Derivative of the first speed from rest by the request; at a corner the mean of both sides.
+def _slopes(model: JointModel, request: float, start: float, load: float) -> Array:
+    """Derivatives of the first state from rest by the request; at a corner the mean of both sides.
 
     Args:
         model: The joint.
@@ -127,8 +127,10 @@ def _slope(model: JointModel, request: float, start: float, load: float) -> floa
     most = model.law.acceleration / model.law.share
     drive = abs(float(model.speed(error, load, start)) * model.tick)
     drive += model.law.friction if model.law.share < 1.0 else 0.0
-    beyond = float(np.sign(drive - most))
-    return model.law.share * slope * (1.0 - beyond) / 2.0
+    within = (1.0 - float(np.sign(drive - most))) / 2.0  # the acceleration limit
+    speed = model.law.share * slope * within
+    demand = float(model.gain_per_tick * (sides[0] - sides[3]) / 2.0)
+    return np.array([speed, speed, model.law.integral * (demand - speed) * within])
 
 
 def _recursion(kept: Array, driven: Array, before: Array) -> Array:

@@ -11,7 +11,7 @@ import numpy as np
 
 from planner.compilation import compiled, inner
 from planner.model.kernel import run
-from planner.model.law import Law
+from planner.model.law import Law, State
 from planner.trajectory import Array
 
 CYCLE_TOLERANCE = 1e-12
@@ -23,6 +23,17 @@ afterwards bisection takes its place."""
 
 SECANT_CYCLES = 10
 """Cycles of the secant method alone; afterwards every other cycle is a bisection."""
+
+SETTLING_CYCLES = 100
+"""First cycles of a joint with inertia, in which only steps to a cycle close by are taken: so the
+answer is the cycle into which the motion from rest settles, where there are several."""
+
+CONTRACTING = 0.5
+"""Largest ratio of the distance of a cycle's ends to that of the cycle before, twice in a row, with
+which such a step is tried, up to twice as far as the ratio promises."""
+
+NEAR = 1e-4
+"""Largest distance of the ends at which it is tried [rad], relative to angles beyond 1 rad."""
 
 DIFFERENCE = 1e-7
 """Step of the difference quotients of a cycle's end by its start [rad, rad/tick]."""
@@ -41,19 +52,19 @@ class Cycle(NamedTuple):
         law: The joint.
         weights: Weight of each request at each tick of a period, youngest first, (hold, width).
         history: Requests, oldest first [rad], (n + width - 1,).
+        oldest: So many of them are those of the cycle before.
         sags: Angle at rest less request in each period [rad], (n,).
         faster: How much faster the joint is in the positive direction [rad/tick], (n,).
-        angles: Filled with the angle after each period [rad], (n,).
-        speeds: Filled with the speed in its last tick [rad/tick], (n,).
+        motion: Filled with the state after each period, (3, n).
     """
 
     law: Law
     weights: Array
     history: Array
+    oldest: int
     sags: Array
     faster: Array
-    angles: Array
-    speeds: Array
+    motion: Array
 
 
 @compiled
@@ -102,10 +113,27 @@ def extremes(values: Array) -> tuple[float, float]:
 
 
 @inner
-def ended(cycle: Cycle, angle: float, speed: float) -> tuple[float, float]:
-    """Angle [rad] and speed [rad/tick] at the end of a cycle, from those at its start."""
-    law, weights, history, sags, faster, angles, speeds = cycle
-    return run(law, weights, history, sags, faster, angle, speed, 0, angles, speeds)
+def ended(cycle: Cycle, state: State) -> State:
+    """The state at the end of a cycle, from that at its start."""
+    law, weights, history, _, sags, faster, motion = cycle
+    return run(law, weights, history, sags, faster, state, 0, motion)
+
+
+@inner
+def begun(cycle: Cycle, angle: float) -> State:
+    """The state at the end of the first cycle from rest: the first request was always there."""
+    law, weights, history, oldest, sags, faster, motion = cycle
+    resting = history.copy()
+    resting[:oldest] = history[min(oldest, len(history) - 1)]
+    state = State(angle, 0.0, 0.0)
+    return run(law, weights, resting, sags, faster, state, len(weights) - 1, motion)
+
+
+@inner
+def distance(start: State, end: State) -> float:
+    """How far two states are apart [rad]: the largest of the differences of their numbers."""
+    moved = max(abs(end.angle - start.angle), abs(end.speed - start.speed))
+    return max(moved, abs(end.integral - start.integral))
 
 
 @inner
@@ -126,7 +154,7 @@ def _closed_cycle(
     """
     earlier, ended_earlier, mismatch = np.nan, np.nan, np.inf
     for turn in range(most):
-        end = ended(cycle, start, 0.0)[0]
+        end = ended(cycle, State(start, 0.0, 0.0)).angle
         mismatch = abs(end - start)
         if mismatch <= tolerance:
             return 0.0
@@ -167,14 +195,14 @@ def _nearest_cycle(
     moves. Where v_max <= theta_0 a tick the fixed-point iteration cannot pass the near end of that
     range; it is bisected. With a sag by the pose there may be several ranges: one of them is found.
     """
-    end = ended(cycle, start, 0.0)[0]
+    end = ended(cycle, State(start, 0.0, 0.0)).angle
     if abs(end - start) <= tolerance:
         return 0.0
     sign, far = (1.0, high) if end > start else (-1.0, low)
     for turn in range(1, most):
         bisecting = (turn > FIXED_POINT_CYCLES and turn % 2 == 1) or sign * (far - end) <= 0.0
         trial = (start + far) / 2.0 if bisecting else end
-        after = ended(cycle, trial, 0.0)[0]
+        after = ended(cycle, State(trial, 0.0, 0.0)).angle
         ahead = sign * (after - trial)
         if ahead > tolerance:
             start, end = trial, after
@@ -196,86 +224,81 @@ def _settled_motion(
     tolerance: float,
     most: int,
 ) -> float:
-    """Run the steady cycle of a joint with inertia, from rest near an angle.
+    """Run the steady cycle into which a joint with inertia settles from rest at an angle.
 
-    Newton's method on angle and speed, between two corners of the law exact. Where a step of it
-    does not halve the distance of a cycle's ends, bisection finds the angle at which a cycle of a
-    given speed closes; the speeds follow Mann's iteration, a mean of earlier speeds and their
-    images. With a dead band steady cycles are not isolated: the step is the shortest one.
+    The motion is followed, cycle by cycle, and shortened by steps of Newton's method between two
+    corners of the law, at first to a cycle close by alone. Where it does not settle so, any step
+    that halves the distance of a cycle's ends is taken; else bisection finds the angle at which a
+    cycle of a given speed closes, and the speeds follow Mann's iteration, a mean of earlier speeds
+    and their images. With a dead band steady cycles are not isolated: the step is the shortest one.
     """
-    angle, speed, bisected, mismatch = near, 0.0, 0, np.inf
-    end, end_speed = ended(cycle, angle, speed)
-    step = DIFFERENCE * tolerance / CYCLE_TOLERANCE
-    for _ in range(most):
-        apart, faster = end - angle, end_speed - speed
-        mismatch = max(abs(apart), abs(faster))
+    scale = tolerance / CYCLE_TOLERANCE
+    state, bisected, ratio, before = begun(cycle, near), 0, np.inf, np.inf
+    end = ended(cycle, state)
+    mismatch = distance(state, end)
+    for turn in range(most):
         if mismatch <= tolerance:
-            ended(cycle, angle, speed)
+            ended(cycle, state)
             return 0.0
-        further = ended(cycle, angle + step, speed)
-        swifter = ended(cycle, angle, speed + step)
-        turn, gain = shortest_solution(
-            1.0 - (further[0] - end) / step,
-            (end - swifter[0]) / step,
-            (end_speed - further[1]) / step,
-            1.0 - (swifter[1] - end_speed) / step,
-            apart,
-            faster,
-        )
-        trial, trial_speed = angle + turn, speed + gain
-        reached = ended(cycle, trial, trial_speed)
-        if not max(abs(reached[0] - trial), abs(reached[1] - trial_speed)) < mismatch / 2.0:
-            bisected += 1
-            trial_speed = speed + 2.0 / (1.0 + bisected) * faster
-            close = max(tolerance, CLOSER * abs(faster))
-            trial = _closing_angle(cycle, trial_speed, angle, low, high, close, most)
-            reached = ended(cycle, trial, trial_speed)
-        angle, speed = trial, trial_speed
-        end, end_speed = reached
+        trial, settling = end, turn < SETTLING_CYCLES
+        ratio, ratio_before = mismatch / before, ratio
+        if not settling or (mismatch <= NEAR * scale and max(ratio, ratio_before) <= CONTRACTING):
+            trial = newton_step(cycle, state, end, DIFFERENCE * scale)
+            if settling and distance(trial, end) > 2.0 * mismatch * ratio / (1.0 - ratio):
+                trial = end
+        reached = ended(cycle, trial)
+        if not distance(trial, reached) < mismatch / 2.0:
+            if settling:
+                trial = end
+            else:
+                bisected += 1
+                faster = end.speed - state.speed
+                speed = state.speed + 2.0 / (1.0 + bisected) * faster
+                close = max(tolerance, CLOSER * abs(faster))
+                begin = State(state.angle, speed, end.integral)
+                trial = _closing_start(cycle, begin, low, high, close, most)
+            reached = ended(cycle, trial)
+        before = mismatch
+        state, end = trial, reached
+        mismatch = distance(state, end)
     return mismatch
 
 
 @inner
-def shortest_solution(
-    a: float, b: float, c: float, d: float, right: float, below: float
-) -> tuple[float, float]:
-    """The shortest solution of ``[[a, b], [c, d]] x = [right, below]`` in least squares.
+def newton_step(cycle: Cycle, state: State, end: State, step: float) -> State:
+    """The state at which a cycle closes to first order, by difference quotients: the nearest one.
 
-    A singular value of less than :data:`SINGULAR` of the other counts as 0.
+    A singular value of less than :data:`SINGULAR` of the largest counts as 0.
     """
-    first, across, second = a * a + c * c, a * b + c * d, b * b + d * d
-    largest = (first + second) / 2.0 + np.hypot((first - second) / 2.0, across)  # squared
-    determinant = a * d - b * c
-    if abs(determinant) > SINGULAR * largest:
-        return (d * right - b * below) / determinant, (a * below - c * right) / determinant
-    if largest == 0.0:
-        return 0.0, 0.0
-    # the right singular vector of the largest singular value, from the better of two formulae
-    x, y = largest - second, across
-    if second > first:
-        x, y = across, largest - first
-    share = (a * x + b * y) * right + (c * x + d * y) * below
-    share /= largest * (x * x + y * y)
-    return share * x, share * y
+    size = 3 if cycle.law.integral > 0.0 else 2
+    matrix, right = np.eye(size), np.empty(size)
+    for s in range(size):
+        moved = State(
+            state.angle + (step if s == 0 else 0.0),
+            state.speed + (step if s == 1 else 0.0),
+            state.integral + (step if s == 2 else 0.0),
+        )
+        further = ended(cycle, moved)
+        for t in range(size):
+            matrix[t, s] -= (further[t] - end[t]) / step
+        right[s] = end[s] - state[s]
+    turn = np.linalg.lstsq(matrix, right, SINGULAR)[0]
+    integral = state.integral + turn[2] if size == 3 else 0.0
+    return State(state.angle + turn[0], state.speed + turn[1], integral)
 
 
 @inner
-def _closing_angle(
-    cycle: Cycle,
-    speed: float,
-    near: float,
-    low: float,
-    high: float,
-    close: float,
-    most: int,
-) -> float:
-    """Angle at which a cycle with a given initial speed closes, to ``close`` [rad], by bisection.
+def _closing_start(
+    cycle: Cycle, start: State, low: float, high: float, close: float, most: int
+) -> State:
+    """The state with another angle at which a cycle closes, to ``close`` [rad], by bisection.
 
-    Of several, the one nearest to ``near`` in the direction in which a cycle from there moves.
+    Of several, the one nearest to ``start`` in the direction in which a cycle from there moves.
     """
-    angle, sign, far = near, 0.0, near
+    angle, sign = start.angle, 0.0
+    near = far = angle
     for _ in range(most):
-        ahead = ended(cycle, angle, speed)[0] - angle
+        ahead = ended(cycle, State(angle, start.speed, start.integral)).angle - angle
         if sign == 0.0:
             sign, far = (1.0, high) if ahead > 0.0 else (-1.0, low)
         if sign * ahead > close:
@@ -285,4 +308,4 @@ def _closing_angle(
         if abs(far - near) <= close:
             break
         angle = (near + far) / 2.0
-    return angle
+    return State(angle, start.speed, start.integral)

@@ -13,18 +13,18 @@ from planner.model.law import Law
 
 
 class State(NamedTuple):
-    """State of a joint: its angle [rad], and with inertia its speed [rad/tick]."""
+    """State of a joint: :class:`planner.model.law.State` of CasADi expressions."""
 
     angle: Any
-    speed: Any
+    speed: Any = 0.0
+    integral: Any = 0.0
 
 
 def period(
     model: JointModel,
-    angle: Any,
+    state: State,
     requests: Any,
     *,
-    speed: Any = 0.0,
     load: Any = 0.0,
     radius: Any = None,
 ) -> State:
@@ -32,16 +32,16 @@ def period(
 
     Args:
         model: The joint.
-        angle: Angle at the sample before [rad], a CasADi expression.
+        state: State at the sample before; its speed and integral count where the joint has them.
         requests: Requests of the ages :func:`planner.model.joint.request_ages`, youngest first
             [rad], a CasADi expression of that many entries.
-        speed: Speed at the sample before [rad/tick]; it counts where the joint has inertia.
         load: Torque on the joint in this period [N m], a number or a CasADi expression.
         radius: Radius of the rounded corners of the law [rad]; None for the exact one.
 
     Returns:
-        Angle and speed at the next sample, CasADi expressions.
+        The state at the next sample.
     """
+    angle, speed, integral = state
     law, level = model.law, model.offset + model.compliance * load
     faster = (model.v_offset + model.speed_per_torque * load) * model.tick
     corner = None if radius is None else law.gain * radius
@@ -54,33 +54,31 @@ def period(
             for j, weight in enumerate(weights)
             if weight
         )
-        speed = _moved(law, demand, speed, corner)
+        speed, integral = _moved(law, demand, speed, integral, corner)
         angle = angle + speed
-    return State(angle, speed)
+    return State(angle, speed, integral)
 
 
 def period_function(model: JointModel) -> Any:
     """:func:`period` as a CasADi function, the first argument and the answer being the state.
 
-    The state is the angle [rad], and for a joint with inertia the speed [rad/tick] below it. The
-    further arguments are the acting requests, youngest first [rad], the load [N m] and the radius
-    of the corners [rad], 0 for the exact law.
+    The state is the angle [rad], and below it for a joint with inertia the speed, and the integral
+    of a speed loop [rad/tick]. The further arguments are the acting requests, youngest first [rad],
+    the load [N m] and the radius of the corners [rad], 0 for the exact law.
     """
     import casadi
 
-    state = casadi.SX.sym("x", 2 if model.has_inertia else 1)
+    state = casadi.SX.sym("x", model.law.states)
     requests = casadi.SX.sym("R", request_ages(model).width)
     load, radius = casadi.SX.sym("load"), casadi.SX.sym("e")
-    angle, *speed = casadi.vertsplit(state)
     after = period(
         model,
-        angle,
+        State(*casadi.vertsplit(state)),
         requests,
-        speed=speed[0] if speed else 0.0,
         load=load if model.feels_load else 0.0,
         radius=radius,
     )
-    reached = casadi.vertcat(*after) if speed else after.angle
+    reached = casadi.vertcat(*after[: model.law.states])
     return casadi.Function("period", [state, requests, load, radius], [reached])
 
 
@@ -93,18 +91,31 @@ def _pose_sag(law: Law, angle: Any) -> Any:
     return law.sag_sin * casadi.sin(angle) + law.sag_cos * casadi.cos(angle)
 
 
-def _moved(law: Law, demand: Any, speed: Any, corner: Any) -> Any:
-    """The speed after a tick [rad/tick]: inertia and friction, as in ``kernel.moved``."""
+def _moved(law: Law, demand: Any, speed: Any, integral: Any, corner: Any) -> tuple[Any, Any]:
+    """Speed and integral after a tick [rad/tick]: inertia and friction, as in ``kernel.moved``."""
     corner = None if corner is None else law.share * corner
-    friction = law.share * law.friction
+    friction, aim, limited = law.share * law.friction, demand + integral, 0.0
     if law.share == 1.0 and friction:
-        demand, friction = demand - _clip(demand, -friction, friction, corner), 0.0
+        aim, friction = aim - _clip(aim, -friction, friction, corner), 0.0
     if law.share < 1.0 or math.isfinite(law.acceleration):
-        change = law.share * (demand - speed)
+        change = law.share * (aim - speed)
         if math.isfinite(law.acceleration):
+            limited = _limited(change, law.acceleration, corner)
             change = _clip(change, -law.acceleration, law.acceleration, corner)
-        demand = speed + change
-    return demand - _clip(demand, -friction, friction, corner) if friction else demand
+        aim = speed + change
+    now = aim - _clip(aim, -friction, friction, corner) if friction else aim
+    return now, integral + law.integral * (1.0 - limited) * (demand - now)
+
+
+def _limited(change: Any, most: float, radius: Any) -> Any:
+    """1 where a change is beyond a limit, 0 within; with rounded corners a share of both."""
+    import casadi
+
+    if radius is None:
+        return casadi.fabs(change) > most
+    above, below = change + most, change - most
+    slope = above / (above**2 + radius**2) ** 0.5 - below / (below**2 + radius**2) ** 0.5
+    return 1.0 - slope / 2.0
 
 
 def _clip(value: Any, low: Any, high: Any, radius: Any) -> Any:

@@ -144,8 +144,8 @@ def _transcribed(problem: Problem, state: State) -> _Programme:
 
     # Dynamics, and the boundary: a cycle, or from rest
     period_of = period_function(model)
-    speeds = casadi.SX.sym("w", samples if model.has_inertia else 0)
-    states = casadi.horzcat(angles, speeds).T if speeds.numel() else angles.T
+    speeds = casadi.SX.sym("w", samples, model.law.states - 1)  # and integrals
+    states = casadi.horzcat(angles, speeds).T
     rest = np.zeros(states.shape[0])
     rest[0] = 0.0 if problem.start is None else float(problem.start[0]) / unit
     before = casadi.horzcat(states[:, -1] if cyclic else rest, states[:, :-1])
@@ -181,9 +181,12 @@ def _transcribed(problem: Problem, state: State) -> _Programme:
         lower, upper = np.append(lower, 0.0), np.append(upper, np.inf)
 
     if speeds.numel():
-        unknowns.append(speeds)
-        initial.append(np.gradient(ideal) / model.hold)
-        lower, upper = np.append(lower, -free), np.append(upper, free)
+        unknowns.append(casadi.vec(speeds))
+        moving = np.zeros((model.law.states - 1, samples))
+        moving[0] = np.gradient(ideal) / model.hold
+        initial.append(moving.ravel())
+        unbounded = np.full(moving.size, np.inf)
+        lower, upper = np.append(lower, -unbounded), np.append(upper, unbounded)
     g = casadi.vertcat(dynamics, changes, path)
     step = np.full(changes.numel(), max_step)
     closed = np.zeros(dynamics.numel())

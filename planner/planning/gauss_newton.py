@@ -356,32 +356,34 @@ def set_responses(spec: Spec, stage: Stage, point: Point, a: int, first: int, si
     drives, _, width = spec.weights.shape
     parts, cyclic, states, requests = spec.parts, spec.cyclic, point.states, point.requests
     row, derived, defects = spec.drives[a], point.slopes[a], point.defects
-    law = Law(row[0], row[1], row[2], row[3], row[4], row[5], row[6])
-    weights, unit_of_speed = spec.weights[a, : int(row[7])], row[9]
-    slopes, bends = np.empty((2, 2 + width, size)), np.empty((2, width, size))
-    window, angles, speeds = np.empty((3, width, size)), np.empty(size), np.empty(size)
-    rounded = np.full(size, (law.gain * stage.radius * row[8]) ** 2)
+    law = Law(row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7])
+    weights, unit_of_speed = spec.weights[a, : int(row[8])], row[10]
+    own = 3 if law.integral > 0.0 else 2
+    slopes, bends = np.empty((own, own + width, size)), np.empty((own, width, size))
+    window, before = np.empty((3, width, size)), np.zeros((own, size))
+    rounded = np.full(size, (law.gain * stage.radius * row[9]) ** 2)
     for i in range(size):
         k = first + i
         follows = k > 0 or cyclic
-        angles[i] = states[k - 1, a] if follows else row[10]
-        moving = parts == 2 and follows
-        speeds[i] = states[k - 1, drives + a] / unit_of_speed if moving else 0.0
+        before[0, i] = states[k - 1, a] if follows else row[11]
+        for s in range(1, min(own, parts) if follows else 1):
+            before[s, i] = states[k - 1, s * drives + a] / unit_of_speed
         for j in range(width):
             window[0, j, i] = requests[max(spec.acting[k, j], 0), a % requests.shape[1]]
     sags, faster = (
         spec.periods[0, a, first : first + size],
         spec.periods[1, a, first : first + size],
     )
-    periods(law, weights, window, sags, faster, rounded, angles, speeds, slopes, bends)
-    for i in range(size):
-        k = first + i
-        defects[k, a] = angles[i] - states[k, a]
-        if parts == 2:
-            defects[k, drives + a] = unit_of_speed * speeds[i] - states[k, drives + a]
+    periods(law, weights, window, sags, faster, rounded, before, slopes, bends)
     for s in range(parts):
         scale = unit_of_speed if s else 1.0
-        for t in range(parts):
+        for i in range(size):
+            k = first + i
+            reached = scale * before[s, i] if s < own else 0.0
+            defects[k, s * drives + a] = reached - states[k, s * drives + a]
+    for s in range(min(own, parts)):
+        scale = unit_of_speed if s else 1.0
+        for t in range(min(own, parts)):
             unit_of_state = unit_of_speed if t else 1.0
             for i in range(size):
                 derived[s, t, first + i] = slopes[s, t, i] * scale / unit_of_state
@@ -389,7 +391,7 @@ def set_responses(spec: Spec, stage: Stage, point: Point, a: int, first: int, si
                 derived[s, t, 0] = 0.0
         for j in range(width):
             for i in range(size):
-                derived[s, parts + j, first + i] = slopes[s, 2 + j, i] * scale
+                derived[s, parts + j, first + i] = slopes[s, own + j, i] * scale
                 derived[s, parts + width + j, first + i] = bends[s, j, i] * scale
 
 
@@ -576,7 +578,7 @@ def pattern_in_time(spec: Spec, *, smoothing: bool) -> Pattern:
 
     point, stage = allocated(spec, smoothing=smoothing), Stage(1.0, 1.0, 2.0, 1, smoothing)
     blocks, size = point.quadratic.shape[1:3]
-    room = samples * (joints * 10 + blocks * size**2 + states * (5 + width))
+    room = samples * (joints * 10 + blocks * size**2 + states * (4 + spec.parts + width))
     return pattern_in_order(spec, stage, point, position, room)
 
 

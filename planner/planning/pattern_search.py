@@ -20,7 +20,7 @@ from planner.approximation.curve import PiecewiseLinear
 from planner.compilation import compiled, inner
 from planner.model.joint import weights_by_tick
 from planner.model.kernel import pose_sag, run
-from planner.model.law import Law
+from planner.model.law import Law, State
 from planner.model.response import MOST_CYCLES
 from planner.model.steady_cycle import Cycle, run_steady_cycle
 from planner.planning.gauss_newton import Spec, limit
@@ -133,15 +133,16 @@ def tracked(
         low * (1.0 + AT_TOP_SPEED) * curve.tick,
         high * (1.0 + AT_TOP_SPEED) * curve.tick,
         model.offset,
-        model.dead_band,
+        model.on_a_line.dead_band,
         np.array([slopes * curve.tick, offsets]),
         model.gain_per_tick * model.hold,
         LEAST_SHARE * model.v_max * curve.tick,
         (2.0 - LEAST_SHARE) * model.v_max * curve.tick,
         by_load,
     )
-    history, motion = np.empty(count + weights.shape[1] - 1), (np.empty(count), np.empty(count))
-    joint = Cycle(model.law, weights, history, spec.periods[0, 0], spec.periods[1, 0], *motion)
+    history, motion = np.empty(count + weights.shape[1] - 1), np.empty((3, count))
+    sags, faster = spec.periods[:, 0]
+    joint = Cycle(model.law, weights, history, spec.oldest, sags, faster, motion)
     return spec, joint, lines
 
 
@@ -210,24 +211,24 @@ def squared_error(
 
     -1 where a slope is beyond the top speed, or a segment is shorter than a sample.
     """
-    law, weights, history, sags, faster, angles, speeds = joint
+    law, weights, history, oldest, sags, faster, motion = joint
     if not set_requests(lines, law, spec.cyclic, knots, values, requests):
         return -1.0
     limit(spec, requests)
     count, hold = len(requests), len(weights)
     for k in range(len(history)):
-        number = k - spec.oldest
+        number = k - oldest
         history[k] = requests[number % count if spec.cyclic else max(number, 0), 0]
     if not spec.cyclic:
         start, last = spec.drives[0, -1], hold - 1  # its angle before the first sample
-        run(law, weights, history, sags, faster, start, 0.0, last, angles, speeds)
+        run(law, weights, history, sags, faster, State(start, 0.0, 0.0), last, motion)
     else:
         rest = requests[0, 0] + sags[0]  # to first order, the angle at rest
         if run_steady_cycle(joint, rest + pose_sag(law, rest), MOST_CYCLES) > 0.0:
             return math.inf
     total = 0.0
     for k in range(count):
-        total += (angles[k] - spec.goal[k, 0]) ** 2
+        total += (motion[0, k] - spec.goal[k, 0]) ** 2
     return float(total)
 
 

@@ -98,9 +98,12 @@ class Problem:
         return self.spec.resting
 
     @cached_property
-    def has_speeds(self) -> bool:
-        """Whether any joint has inertia: then the states are angles and speeds."""
-        return any(model.has_inertia for model in self.models)
+    def parts(self) -> int:
+        """Numbers in the state of a joint: 1, with inertia 2, with the integral of a speed loop 3.
+
+        Joints with fewer have some that stay 0.
+        """
+        return max(model.law.states for model in self.models)
 
     @cached_property
     def ages(self) -> RequestAges:
@@ -115,7 +118,7 @@ class Problem:
     @cached_property
     def units(self) -> Array:
         """With inertia: the time in which a speed counts as the angle it coasts [ticks], (A,)."""
-        if not self.has_speeds:
+        if self.parts == 1:
             return np.empty(0)
         return np.array([max(1.0 / model.law.share, model.hold) for model in self.models])
 
@@ -133,7 +136,7 @@ class Problem:
                 model.faster_per_tick(torque),
             )
             start = 0.0 if self.start is None else self.start[number % self.joints]
-            unit = self.units[number] if self.has_speeds else 1.0
+            unit = self.units[number] if self.parts > 1 else 1.0
             drives.append((*model.law, model.hold, model.theta_0, unit, start))
         first, bounds = self.first_requests, np.empty((4, *self.desired.shape))
         bounds[LOWER], bounds[UPPER], bounds[LARGEST_CHANGE] = self.lower, self.upper, self.max_step
@@ -141,7 +144,7 @@ class Problem:
         spec = Spec(
             self.cyclic,
             self.ages.oldest,
-            2 if self.has_speeds else 1,
+            self.parts,
             self.norm == "max" and len(self.weights) > 1,
             bool(np.isfinite(self.lower).any() or np.isfinite(self.upper).any()),
             bool(np.isfinite(self.max_step).any()),
@@ -239,7 +242,7 @@ class Problem:
         """
         from planner.model.steady_cycle import Cycle
 
-        spec, joints, speeds = self.spec, self.joints, np.empty(len(requests))
+        spec, joints, motion = self.spec, self.joints, np.empty((3, len(requests)))
         answer = np.empty((len(self.models), len(requests)))
         histories = requests_acting(requests.T, self.ages, cyclic=self.cyclic)
         for number, (model, load) in enumerate(zip(self.models, self.loads, strict=True)):
@@ -249,10 +252,10 @@ class Problem:
                 model.law,
                 spec.weights[number, : model.hold],
                 histories[joint],
+                self.ages.oldest,
                 sags,
                 faster,
-                answer[number],
-                speeds,
+                motion,
             )
             start = 0.0 if load is None else load[0]
             angle = (
@@ -262,17 +265,19 @@ class Problem:
                 run_from(float(angle), drive, cyclic=self.cyclic)
             except NoSteadyCycle:
                 return None
+            answer[number] = motion[0]
         return np.ascontiguousarray(answer.T)
 
     def states_of(self, angles: Array) -> Array:
-        """States near angles (n, A): with inertia speeds are means over the period before."""
-        if not self.has_speeds or angles.shape[1] > len(self.models):
+        """States near angles (n, A): speeds are means over the period before, integrals 0."""
+        if self.parts == 1 or angles.shape[1] > len(self.models):
             return np.ascontiguousarray(angles)
         before = np.roll(angles, 1, axis=0)
         if self.start is not None:
             before[0] = np.resize(self.start, angles.shape[1])
         holds = np.array([model.hold for model in self.models])
-        return np.hstack([angles, self.units * (angles - before) / holds])
+        speeds = self.units * (angles - before) / holds
+        return np.hstack([angles, speeds, *(np.zeros_like(speeds) for _ in range(self.parts - 2))])
 
     def work_space(self, *, smoothing: bool) -> tuple[Pattern, Point, Point]:
         """Pattern of the search's steps, and two points; allocated once."""

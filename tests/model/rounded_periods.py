@@ -12,13 +12,13 @@ from planner.trajectory import Array
 
 
 class Periods(NamedTuple):
-    """Angle and speed after n periods of a joint, and their derivatives.
+    """The states after n periods of a joint, and their derivatives.
 
     Attributes:
-        states: Angles [rad] and speeds [rad/tick], (n, 2).
-        by_state: Derivatives by angle and speed before each period, (n, 2, 2).
-        by_request: Derivatives by the requests that act, youngest first, (n, 2, width).
-        bending: Second derivatives by a request's distance from the angle, (n, 2, width).
+        states: Angles [rad], speeds and, where the joint has one, integrals [rad/tick], (n, s).
+        by_state: Derivatives by the state before each period, (n, s, s).
+        by_request: Derivatives by the requests that act, youngest first, (n, s, width).
+        bending: Second derivatives by a request's distance from the angle, (n, s, width).
     """
 
     states: Array
@@ -27,10 +27,11 @@ class Periods(NamedTuple):
     bending: Array
 
 
-def rounded_periods(model: JointModel, angles, windows, radius, *, speeds=None, load=None):
-    """Where periods lead from angles [rad] and speeds [rad/tick], (n,), under requests (n, width).
+def rounded_periods(model: JointModel, angles, windows, radius, *, moving=None, load=None):
+    """Where periods lead from angles [rad], (n,), under requests (n, width).
 
-    The radius of the corners counts in theta_0; ``load`` is a torque in each period [N m], (n,).
+    ``moving`` is the speeds and, where the joint has one, the integrals before, (s - 1, n). The
+    radius of the corners counts in theta_0; ``load`` is a torque in each period [N m], (n,).
     """
     n, width = windows.shape
     assert width == request_ages(model).width
@@ -39,8 +40,9 @@ def rounded_periods(model: JointModel, angles, windows, radius, *, speeds=None, 
     rounded = (model.law.gain * max(radius, 1e-150) * model.theta_0) ** 2
     window = np.empty((3, width, n))
     window[0] = windows.T
-    angles, speeds = np.array(angles), np.zeros(n) if speeds is None else np.array(speeds)
-    slopes, bends = np.empty((2, 2 + width, n)), np.empty((2, width, n))
+    own = max(model.law.states, 2)
+    states = np.vstack([angles, np.zeros((own - 1, n)) if moving is None else moving])
+    slopes, bends = np.empty((own, own + width, n)), np.empty((own, width, n))
     kernel.periods(
         model.law,
         weights_by_tick(model),
@@ -48,10 +50,9 @@ def rounded_periods(model: JointModel, angles, windows, radius, *, speeds=None, 
         sags,
         faster,
         np.full(n, rounded),
-        angles,
-        speeds,
+        states,
         slopes,
         bends,
     )
     slopes, bends = np.moveaxis(slopes, -1, 0), np.moveaxis(bends, -1, 0)
-    return Periods(np.column_stack([angles, speeds]), slopes[:, :, :2], slopes[:, :, 2:], bends)
+    return Periods(states.T, slopes[:, :, :own], slopes[:, :, own:], bends)

@@ -13,8 +13,10 @@ from hypothesis import strategies as st
 
 from planner.exceptions import InvalidInput
 from planner.model.joint import JointModel, request_ages
+from planner.model.law import State
 from planner.model.response import motion_under, rest_requests, simulate
 from planner.model.sensitivity import sensitivities
+from planner.model.symbolic import State as SymbolicState
 from planner.model.symbolic import period, period_function
 from tests.independent import equation_2, from_rest, next_cycle
 from tests.instances import random_model
@@ -81,7 +83,7 @@ def test_the_slope_of_the_speed_changes_at_the_corners_only(model, load):
         assert ends[1] - ends[0] == pytest.approx(slope * (high - low), abs=1e-11 * model.v_max)
 
 
-ANY = models(friction=True, inertia=True, poses=True)
+ANY = models(friction=True, inertia=True, integral=True, poses=True)
 
 
 @given(ANY, trajectories(), st.floats(-1.0, 1.0), st.integers(0, 9))
@@ -172,8 +174,8 @@ def test_cycles_with_inertia_close_under_rough_requests():
         model = with_inertia(rng, random_dry_model(rng, whole=False))
         requests = rng.choice([-2.0, 0.0, 2.0], 20)
         motion = motion_under(model, requests, cyclic=True)
-        following = next_cycle(model, requests, motion.angles[-1], speed=float(motion.speeds[-1]))
-        np.testing.assert_allclose(following, motion.angles, rtol=0.0, atol=2.0 * CLOSED + SAME)
+        following = next_cycle(model, requests, motion[0, -1], moving=motion[1:, -1])
+        np.testing.assert_allclose(following, motion[0], rtol=0.0, atol=2.0 * CLOSED + SAME)
 
 
 def test_a_joint_with_inertia_coasts_through_its_dead_band_and_friction_stops_it():
@@ -245,45 +247,49 @@ def test_rounded_periods_and_derivatives_are_those_that_casadi_writes(smoothing,
         model = with_inertia(rng, model) if inert else model
         own = request_ages(model)
         before = rng.uniform(-1.0, 1.0, samples)
-        speeds = rng.uniform(-1.0, 1.0, samples) * model.v_max_per_tick
+        size = model.law.states
+        moving = rng.uniform(-1.0, 1.0, (max(size, 2) - 1, samples)) * model.v_max_per_tick
         errors = rng.uniform(-2.0, 2.0, (samples, own.width)) * model.theta_0
         windows = before[:, np.newaxis] + errors - model.offset
-        compiled = rounded_periods(model, before, windows, smoothing, speeds=speeds, load=load_)
-        angle, speed, load = (casadi.SX.sym(name) for name in ("angle", "speed", "load"))
+        compiled = rounded_periods(model, before, windows, smoothing, moving=moving, load=load_)
+        begin, load = casadi.SX.sym("state", size), casadi.SX.sym("load")
         requests, radius = casadi.SX.sym("requests", own.width), casadi.SX.sym("radius")
-        after = period(model, angle, requests, speed=speed, load=load, radius=radius)
-        state = casadi.vertcat(*after)
-        slopes = [
-            casadi.jacobian(state, casadi.vertcat(angle, speed)),
-            casadi.jacobian(state, requests),
-        ]
-        given_ = [angle, speed, requests, load, radius]
-        written = casadi.Function("period", given_, [state, *slopes])
-        size, whole = 2 if inert else 1, period_function(model)
+        after = period(
+            model, SymbolicState(*casadi.vertsplit(begin)), requests, load=load, radius=radius
+        )
+        state = casadi.vertcat(*after[:size])
+        slopes = [casadi.jacobian(state, begin), casadi.jacobian(state, requests)]
+        written = casadi.Function("period", [begin, requests, load, radius], [state, *slopes])
+        whole = period_function(model)
         for k in range(samples):
             torque = 0.0 if load_ is None else load_[k]
             # A corner that is not rounded at all has no derivative; none is met here.
             rounding = max(smoothing * model.theta_0, 1e-150)
-            answers = written(before[k], speeds[k], windows[k], torque, rounding)
+            state_ = [before[k], *moving[:, k]][:size]
+            answers = written(state_, windows[k], torque, rounding)
             reached, by_state, by_request = (np.asarray(answer) for answer in answers)
-            state_ = [before[k], speeds[k]][:size]
             np.testing.assert_allclose(
-                whole(state_, windows[k], torque, rounding), reached[:size], rtol=0.0, atol=1e-13
+                whole(state_, windows[k], torque, rounding), reached, rtol=0.0, atol=1e-13
             )
             np.testing.assert_allclose(
-                compiled.states[k, :size], reached[:size, 0], rtol=0.0, atol=1e-13
+                compiled.states[k, :size], reached[:, 0], rtol=0.0, atol=1e-13
             )
             np.testing.assert_allclose(
-                compiled.by_state[k, :size, :size], by_state[:size, :size], rtol=0.0, atol=1e-12
+                compiled.by_state[k, :size, :size], by_state, rtol=0.0, atol=1e-12
             )
             np.testing.assert_allclose(
-                compiled.by_request[k, :size], by_request[:size], rtol=0.0, atol=1e-12
+                compiled.by_request[k, :size], by_request, rtol=0.0, atol=1e-12
             )
 
 
 def with_inertia(rng, model):
-    """The joint with a motor's time constant and an acceleration limit."""
+    """The joint with a time constant, an acceleration limit, and half of them an integral."""
     inert = replace(model, time_constant=rng.uniform(0.5, 4.0) * model.tick)
+    slower = inert.time_constant / model.tick - 1.0 / model.gain_per_tick
+    rate = rng.uniform(0.02, min(0.2, 0.5 / max(slower, 1.0)))  # so that it comes to rest
+    if rng.random() < 0.5:  # with little friction: else it may stick and slip for ever
+        slight = min(model.dead_band, 0.1 * model.theta_0)
+        inert = replace(inert, integral_rate=rate / model.tick, dead_band=slight)
     slowed = inert.law.share * inert.law.friction / model.tick**2  # in a tick, by dry friction
     most = slowed + rng.uniform(0.2, 1.0) * model.v_max / model.tick
     return replace(inert, max_acceleration=most)
@@ -328,10 +334,9 @@ def test_periods_in_symbols_in_a_row_are_the_simulation_under_load(cyclic, hold,
     model = with_inertia(rng, model) if inert else model
     requests, load = rng.uniform(-1.0, 1.0, 40), loads(40)
     motion = motion_under(model, requests, cyclic=cyclic, torques=load)
-    start = float(motion.angles[-1] if cyclic else requests[0] + model.sag(load[0]))
-    speed = float(motion.speeds[-1]) if cyclic else 0.0
-    run = chained(model, requests, start, cyclic=cyclic, load=load, speed=speed)
-    np.testing.assert_allclose(run, motion.angles, rtol=0.0, atol=CLOSED)
+    state = State(*motion[:, -1]) if cyclic else State(requests[0] + model.sag(load[0]))
+    run = chained(model, requests, state, cyclic=cyclic, load=load)
+    np.testing.assert_allclose(run, motion[0], rtol=0.0, atol=CLOSED)
 
 
 @pytest.mark.parametrize(

@@ -30,6 +30,9 @@ INERT = planner.JointModel(
 )
 
 
+WITHOUT_INTEGRAL = tuple(name for name in Parameters._fields if name != "integral_rate")
+
+
 def test_a_time_constant_far_below_a_tick_and_an_endless_acceleration_change_nothing():
     requests = np.random.default_rng(1).uniform(-1.0, 1.0, 80)
     model = replace(planner.JointModel.ers210a(), dead_band=0.02)
@@ -45,10 +48,11 @@ def test_a_time_constant_far_below_a_tick_and_an_endless_acceleration_change_not
 
 @pytest.mark.parametrize(
     ("field", "added"),
-    [(field, {}) for field in Parameters._fields[:-2]]
-    + [(field, {"acceleration": 40.0}) for field in Parameters._fields[:-1]]
-    + [(field, {"play": 0.02}) for field in Parameters._fields if field != "acceleration"]
-    + [(field, {"sag_sin": -0.1, "sag_cos": 0.05}) for field in Parameters._fields[:-2]],
+    [(field, {"integral_rate": 8.0}) for field in Parameters._fields[:-2]]
+    + [(field, {"acceleration": 40.0}) for field in WITHOUT_INTEGRAL if field != "play"]
+    + [(field, {"acceleration": 40.0, "integral_rate": 8.0}) for field in Parameters._fields[:-1]]
+    + [(field, {"play": 0.02}) for field in WITHOUT_INTEGRAL if field != "acceleration"]
+    + [(field, {"sag_sin": -0.1, "sag_cos": 0.05}) for field in WITHOUT_INTEGRAL[:-2]],
 )
 def test_derivatives_by_parameters_along_a_log_are_slopes_with_inertia(field, added):
     at = Parameters.of(INERT)._replace(**added)
@@ -70,7 +74,7 @@ def test_derivatives_by_parameters_along_a_log_are_slopes_with_inertia(field, ad
 def test_derivatives_along_several_logs_are_those_along_each():
     smooth = replace(INERT, dead_band=0.0)  # friction would end the motion of each log
     at, free = Parameters.of(smooth), np.ones(len(Parameters._fields), dtype=bool)
-    free[-2:] = False  # which it does not have
+    free[-3:] = False  # which it does not have
     logs = [rich_log(smooth, seed=seed, rows=60 + 20 * seed) for seed in range(3)]
 
     def slopes(chosen):
@@ -120,7 +124,7 @@ def test_derivatives_by_a_request_of_one_tick_are_differences_to_second_order(
             np.zeros(1),
             np.array([0.004]),
             np.array([rounded]),
-            *state,
+            state,
             slopes,
             bends,
         )

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 import planner
 from planner.model.joint import MOST_POSE_SAG, JointModel
+from planner.model.law import State
 from planner.model.response import (
     load_columns,
     path_speeds,
@@ -37,7 +38,7 @@ PATH = np.radians(25.0) * np.cos(2.0 * np.pi * np.arange(250) / 250)
 @given(models(poses=True), trajectories(least=2, most=12))
 def test_periods_in_symbols_in_a_row_are_the_simulation(model, requests):
     angles = simulate(model, requests, cyclic=False)
-    begin = float(model.rest(requests[0]))
+    begin = State(float(model.rest(requests[0])))
     run = chained(model, requests, begin, cyclic=False)
     np.testing.assert_allclose(run, angles, rtol=0.0, atol=10.0 * SAME)
 

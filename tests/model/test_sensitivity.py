@@ -9,7 +9,7 @@ import pytest
 
 from planner.exceptions import NoSteadyCycle
 from planner.model.joint import JointModel, request_ages
-from planner.model.response import Motion, simulate
+from planner.model.response import simulate
 from planner.model.sensitivity import sensitivities
 from tests.instances import random_model_outside_equation_13
 from tests.model.rounded_periods import rounded_periods
@@ -103,7 +103,7 @@ def test_a_cycle_without_a_derivative_is_an_error(monkeypatch):
     # Between saturated requests the joint may rest anywhere in a range; put it in its middle.
     monkeypatch.setattr(
         "planner.model.sensitivity.motion_under",
-        lambda *_arguments, **_options: Motion(np.zeros(2), np.zeros(2)),
+        lambda *_arguments, **_options: np.zeros((3, 2)),
     )
     with pytest.raises(NoSteadyCycle):
         sensitivities(JointModel.ers210a(), [5.0, -5.0])

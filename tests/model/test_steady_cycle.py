@@ -1,32 +1,63 @@
-"""The steady cycle: what its Newton step solves; cycles themselves are in test_response.py."""
+"""The steady cycle of a joint with inertia: the one into which the motion from rest settles."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from planner.model import steady_cycle
-from planner.model.steady_cycle import SINGULAR
-from tests.from_python import from_python
+from planner import JointModel, line_offset, simulate
 
-shortest_solution = from_python(steady_cycle.shortest_solution)
-
-SAME = 1e-9
-"""Two ways to solve two equations whose matrix has a condition of up to 1 / SINGULAR."""
+SETTLED = 1e-9
+"""Distance of two cycles in a row that counts as none [rad]."""
 
 
-@pytest.mark.parametrize("seed", range(6))
-@pytest.mark.parametrize("ratio", [1.0, 0.1, 1e-4, 0.1 * SINGULAR, 0.0])
-def test_the_shortest_solution_is_that_of_a_singular_value_decomposition(ratio, seed):
-    rng = np.random.default_rng(seed)
-    left, right = (np.linalg.qr(rng.normal(size=(2, 2)))[0] for _ in range(2))
-    matrix = left @ np.diag([2.0, 2.0 * ratio]) @ right
-    target = rng.normal(size=2)
-    expected = np.linalg.lstsq(matrix, target, rcond=SINGULAR)[0]
-    np.testing.assert_allclose(shortest_solution(*matrix.ravel(), *target), expected, rtol=SAME)
+def ringing_joints():
+    """Joints of little damping that saturate, with requests that may have several cycles."""
+    rng = np.random.default_rng(1)
+    for _ in range(300):
+        v_max, gain = rng.uniform(2.0, 7.0), rng.uniform(15.0, 120.0)
+        model = JointModel(
+            v_max=v_max,
+            theta_0=v_max / gain,
+            lag=0.01,
+            acceleration_time=0.002,
+            tick=0.002,
+            hold=10,
+            time_constant=rng.uniform(0.02, 0.12),
+            max_acceleration=rng.uniform(20.0, 200.0),
+            integral_rate=rng.choice([0.0, 3.0]),
+        )
+        turn, size = np.linspace(0.0, 2.0 * np.pi, rng.integers(8, 60)), rng.uniform(0.05, 0.5)
+        yield model, size * (np.sin(turn[:-1]) + 0.3 * np.sin(3.0 * turn[:-1] + 1.0))
 
 
-@pytest.mark.parametrize("matrix", [np.diag([0.0, 3.0]), np.diag([3.0, 0.0]), np.zeros((2, 2))])
-def test_an_unknown_that_does_nothing_is_left_alone(matrix):
-    solution = shortest_solution(*matrix.ravel(), 1.0, 6.0)
-    np.testing.assert_allclose(solution, np.linalg.pinv(matrix) @ [1.0, 6.0])
+def test_the_cycle_is_the_one_into_which_the_motion_from_rest_settles():
+    settled = elsewhere = 0
+    for model, requests in ringing_joints():
+        run = simulate(model, np.tile(requests, 150), cyclic=False).reshape(150, -1)
+        if np.max(np.abs(run[-1] - run[-2])) <= SETTLED:
+            settled += 1
+            elsewhere += np.max(np.abs(simulate(model, requests) - run[-1])) > 100.0 * SETTLED
+    assert settled >= 200
+    assert elsewhere <= 0.01 * settled  # Newton's method alone leads elsewhere in a tenth
+
+
+def test_the_integral_of_a_speed_loop_leaves_no_error_at_rest_and_follows_lines_without_friction():
+    model = JointModel(
+        v_max=5.0,
+        theta_0=0.3,
+        lag=0.01,
+        acceleration_time=0.004,
+        tick=0.002,
+        time_constant=0.03,
+        integral_rate=15.0,
+        dead_band=0.02,
+    )
+    line = 1.5 * model.tick * np.arange(2000)
+    behind = line - simulate(model, line, cyclic=False)
+    assert behind[-1] == pytest.approx(line_offset(model, 1.5), abs=1e-9)
+    assert line_offset(model, 1.5) == line_offset(replace(model, dead_band=0.0), 1.5)
+    held = simulate(model, np.repeat([0.0, 0.015], 1500), cyclic=False)  # within the dead band
+    assert held[-1] == pytest.approx(0.015, abs=2e-3)

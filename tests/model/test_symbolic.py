@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from planner.model.joint import JointModel, acting, request_ages
 from planner.model.response import simulate
-from planner.model.symbolic import period
+from planner.model.symbolic import State, period
 from tests.strategies import models
 
 SAME = 2e-14
@@ -24,7 +24,7 @@ def test_every_request_said_to_act_acts_and_no_younger_one_does(model, seed):
     # Small errors leave every term of the window unsaturated, so that each of them counts.
     windows = rng.uniform(-0.01, 0.01, size=(1, at.width)) * model.theta_0 - model.offset
     symbols = casadi.SX.sym("angle"), casadi.SX.sym("requests", at.width)
-    by_request = casadi.jacobian(period(model, *symbols).angle, symbols[1])
+    by_request = casadi.jacobian(period(model, State(symbols[0]), symbols[1]).angle, symbols[1])
     slopes = casadi.Function("slopes", symbols, [by_request])(0.0, windows)
     assert np.all(np.asarray(slopes) != 0.0)
 
@@ -73,20 +73,20 @@ def test_from_rest_minus_one_stands_for_the_requests_before_the_first():
     ]
 
 
-def chained(model, requests, angle, *, cyclic, load=None, speed=0.0):
+def chained(model, requests, state, *, cyclic, load=None):
     """Angles of periods in CasADi symbols, one after the other."""
-    names = ("angle", "speed", "load")
-    angle_, speed_, torque = (casadi.SX.sym(name) for name in names)
+    names = ("angle", "speed", "integral", "load")
+    *before, torque = (casadi.SX.sym(name) for name in names)
     window = casadi.SX.sym("requests", request_ages(model).width)
     after = casadi.Function(
         "period",
-        [angle_, window, speed_, torque],
-        [*period(model, angle_, window, speed=speed_, load=torque)],
+        [*before, window, torque],
+        [*period(model, State(*before), window, load=torque)],
     )
     numbers = np.maximum(acting(request_ages(model), len(requests), cyclic=cyclic), 0)
     angles = []
     for k, acting_ in enumerate(requests[numbers]):
-        answer = after(angle, acting_, speed, 0.0 if load is None else load[k])
-        angle, speed = (float(value) for value in answer)
-        angles.append(angle)
+        answer = after(*state, acting_, 0.0 if load is None else load[k])
+        state = State(*map(float, answer))
+        angles.append(state.angle)
     return np.array(angles)

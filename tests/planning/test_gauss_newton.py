@@ -169,7 +169,7 @@ def constrained(problem, stage, point, damping):
     count = point.requests.size
     terms = np.zeros(len(gradient))
     terms[:count] = 2.0 * damping
-    if problem.has_speeds:
+    if problem.parts > 1:
         speeds = np.zeros(point.states.shape)
         speeds[:, len(problem.models) :] = 2.0 * SPEED_TERM
         terms[count:] += speeds.ravel()
@@ -210,7 +210,7 @@ def test_the_step_is_the_dense_solution_of_the_linearised_problem(case, cyclic, 
         right.append(problem.first_requests - point.requests[0])
     matrix = np.concatenate(conditions)
     rows = len(matrix)
-    if problem.has_speeds:
+    if problem.parts > 1:
         speeds = count + np.arange(point.states.size).reshape(point.states.shape)
         seen = speeds[:, len(problem.models) :].ravel()
         hessian[seen, seen] += 2.0 * SPEED_TERM
@@ -427,7 +427,7 @@ def test_where_the_lagrangian_curves_upwards_at_the_corners_the_step_is_damped(c
     terms = np.zeros(len(gradient))
     terms[:count] = DAMPING
     angles = count + np.arange(point.states.size).reshape(point.states.shape)
-    if problem.has_speeds:
+    if problem.parts > 1:
         terms[angles[:, 1]] = SPEED_TERM
     bends = np.moveaxis(point.slopes[0, :, spec.parts + width :], -1, 0)  # (n, s, width)
     curvature = -np.einsum("ks,ksj->kj", multipliers, bends)

@@ -326,7 +326,7 @@ def test_the_models_of_every_scenario_begin_where_their_joint_does():
     other = tuple(replace(model, lag=2.0 * model.lag) for model in problem.models)
     both = problem.in_scenarios([problem.models, other], [(None, None)] * 2, "mean")
     assert both.nominal == problem.models
-    np.testing.assert_array_equal(both.spec.drives[:, 10], np.tile(problem.start, 2))
+    np.testing.assert_array_equal(both.spec.drives[:, 11], np.tile(problem.start, 2))
     angles = both.exact_angles(requests)
     np.testing.assert_array_equal(angles[:, :2], problem.exact_angles(requests))
     for joint, model in enumerate(other):
@@ -357,8 +357,10 @@ def test_with_dry_friction_roughness_counts_how_far_requests_are_from_the_middle
 
 
 @CYCLIC
-@pytest.mark.parametrize("inertia", [0.0, 0.03])
-def test_a_joint_whose_load_makes_it_sag_and_slower_goes_where_its_simulation_does(inertia, cyclic):
+@pytest.mark.parametrize(("inertia", "integral"), [(0.0, 0.0), (0.03, 0.0), (0.03, 12.0)])
+def test_a_joint_whose_load_makes_it_sag_and_slower_goes_where_its_simulation_does(
+    inertia, integral, cyclic
+):
     """Each period has a torque of its own; the top speeds of the two directions differ, too."""
     model = replace(
         ERS210A,
@@ -367,6 +369,7 @@ def test_a_joint_whose_load_makes_it_sag_and_slower_goes_where_its_simulation_do
         speed_per_torque=0.8,
         dead_band=0.01,
         time_constant=inertia,
+        integral_rate=integral,
     )
     requests = 0.8 * np.sin(2.0 * np.pi * np.arange(60) / 30)
     torques = np.cos(0.3 * np.arange(60))
@@ -375,10 +378,9 @@ def test_a_joint_whose_load_makes_it_sag_and_slower_goes_where_its_simulation_do
     point = allocated(problem.spec, smoothing=False)
     motion = motion_under(model, requests, cyclic=cyclic, start=start, torques=torques)
     point.requests[:, 0] = requests
-    point.states[:, 0] = motion.angles
-    if inertia:
-        point.states[:, 1] = problem.units * motion.speeds
+    point.states[:, 0] = motion[0]
+    point.states[:, 1:] = problem.units * motion[1 : problem.parts].T
     evaluate(problem.spec, Stage(1e-12, 1.0), 1.0, point)
     np.testing.assert_allclose(point.defects, 0.0, rtol=0.0, atol=SAME)
     exact = problem.exact_angles(requests[:, np.newaxis])
-    np.testing.assert_array_equal(exact[:, 0], motion.angles)
+    np.testing.assert_array_equal(exact[:, 0], motion[0])

@@ -231,7 +231,7 @@ def test_a_shift_is_recommended_where_its_error_to_expect_is_clearly_smaller():
 
 
 def test_leads_at_which_a_joint_rings_for_ever_are_left_out():
-    """It overshoots, and does not settle for requests from 9 periods early on."""
+    """It overshoots, and does not settle for requests that are 11 periods early."""
     joint = JointModel(
         v_max=5.25, theta_0=0.247, lag=0.01, acceleration_time=0.02, tick=0.001, hold=20,
         dead_band=0.016, max_acceleration=22.0,
@@ -241,6 +241,6 @@ def test_leads_at_which_a_joint_rings_for_ever_are_left_out():
         18.0 * np.sin(turns) + 5.0 * np.sin(2.0 * turns + 1.0) + 3.0 * np.sin(3.0 * turns + 2.0)
     )
     with pytest.raises(NoSteadyCycle):
-        simulate(joint, shifted_by(9, path))
+        simulate(joint, shifted_by(11, path))
     errors = [rms(simulate(joint, shifted_by(samples, path)) - path) for samples in range(9)]
     assert planner.invert_shift(joint, path).rms <= min(errors) * (1.0 + NEARBY)

@@ -98,7 +98,7 @@ def certify(
     least the one before, and costs more: one and a few milliseconds, and seconds to the time limit
     for a hundred samples. All hold under a load, "exact" under a constant one. For a joint with a
     dead band, inertia or a sag by the pose "envelope" is the strongest; the answer has the level
-    used.
+    used. With the integral of a speed loop the bound is 0: it may exceed the top speed.
 
     Args:
         model: The joint.

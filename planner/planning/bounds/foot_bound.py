@@ -75,13 +75,14 @@ def foot_bound(task: Task, angles: Array) -> float:
         angles: Angles of a plan, the better the sharper is the bound [rad], shape (n, k).
 
     Returns:
-        The bound, at least 0, in the norm and the weights of the task. A solver that fails makes it
-        weaker, never wrong.
+        The bound, at least 0, in the norm and the weights of the task; 0 where a joint has the
+        integral of a speed loop. A solver that fails makes it weaker, never wrong.
     """
     models, leg, norm = task.nominal, task.leg, task.norm
     assert leg is not None, "a foot belongs to a leg"
     plan_error = float(task.errors_of(angles)[0])
-    if plan_error <= ATTAINED * leg.chain.size:
+    overshoots = any(model.integral_rate > 0.0 for model in models)
+    if plan_error <= ATTAINED * leg.chain.size or overshoots:
         return 0.0
     lower, upper = attainable_angles(
         models, (task.lower, task.upper), len(angles), start=task.start, loads=task.loads

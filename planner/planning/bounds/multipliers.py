@@ -46,7 +46,7 @@ def linear_bound(problem: BoundProblem, level: Level) -> float:
 
     Where a smooth motion through the desired angles is within the set it stays fixed: long paths
     are often out of reach at a few places alone. The free part grows until the attained distance is
-    the proved one.
+    the proved one. None of the conditions holds with the integral of a speed loop: there it is 0.
 
     Args:
         problem: The joint, and its desired angles.
@@ -55,6 +55,8 @@ def linear_bound(problem: BoundProblem, level: Level) -> float:
     Raises:
         SolverFailed: The solver proposed no multipliers.
     """
+    if problem.model.integral_rate > 0.0:  # its speed may exceed v_max
+        return 0.0
     bound = bound_of(reachable_set(problem, level), problem)
     if problem.model.most_pose_sag == 0.0 or problem.model.has_inertia:
         return bound

@@ -32,7 +32,7 @@ import numpy as np
 
 from planner.compilation import compiled, inner
 from planner.model.kernel import periods, pose_sag, run_period
-from planner.model.law import Law
+from planner.model.law import Law, State
 from planner.planning.arguments import NEGLIGIBLE_SAG, ON_THE_LIMIT
 from planner.planning.streaming.repeating_path import Repeating, continue_path
 from planner.trajectory import LARGEST, TURN, Array
@@ -79,7 +79,7 @@ def _fields(numbers: str, counts: str) -> np.dtype[np.void]:
 
 
 JOINT = _fields(
-    "gain top friction share acceleration sag_sin sag_cos "  # of its law
+    "gain top friction share acceleration sag_sin sag_cos integral "  # of its law
     "offset compliance "  # its sag [rad], and the change of that by a load [rad/(N m)]
     "faster faster_by_load "  # how much faster it is in the positive direction, likewise [/tick]
     "v_max travel theta_0 dead_band "  # [rad/tick], [rad/period], [rad], [rad]
@@ -93,6 +93,7 @@ JOINT = _fields(
 
 STATE = _fields(
     "angle speed "  # now, predicted and corrected, NaN before the first tick [rad], [rad/tick]
+    "integral "  # of a speed loop, now [rad/tick]
     "damping "
     "read believed unread "  # the last measured angle, the one that counted, ticks since then
     "measured "  # argument: the angle, NaN where there is none [rad]
@@ -127,8 +128,7 @@ class Problem(NamedTuple):
     law: Law
     weights: Array  # of its requests, (hold, W)
     samples: Any  # SAMPLE, (n,)
-    angle: float  # before the first of them [rad]
-    speed: float  # before it [rad/tick]
+    start: State  # before the first of them
     begins: bool  # whether this is the first tick, whose request stays
 
 
@@ -177,20 +177,21 @@ def tick(data: Data, path: Repeating, missed: int, strict: bool) -> bool:
         own = weights[j, : joint.hold]
         if begins:
             state.angle = desired[0, j] if np.isnan(state.measured) else state.measured
-            state.speed, state.read, state.believed = 0.0, state.measured, state.measured
+            state.speed, state.integral = 0.0, 0.0
+            state.read, state.believed = state.measured, state.measured
             sag = joint.offset + joint.compliance * load[0, j] + pose_sag(law, state.angle)
             for i in range(len(its_sent)):
                 its_sent[i] = min(max(state.angle - sag, joint.lower), joint.upper)
         else:
             elapse(joint, state, law, own, its_sent, its_plan, load[0, j], missed)
         # The motion before the first request of the plan acts is already determined
-        angle, speed = state.angle, state.speed
+        begin = State(state.angle, state.speed, state.integral)
         for row in range(1, youngest + samples):
             torque = load[min(row, preview - 1), j]
             sag = joint.offset + joint.compliance * torque
             faster = joint.faster + joint.faster_by_load * torque
             if row < youngest:
-                angle, speed = run_period(law, own, its_sent, row, sag, faster, angle, speed, 0)
+                begin = run_period(law, own, its_sent, row, sag, faster, begin, 0)
             else:
                 column, k = min(row, rows.shape[1] - 1), row - youngest
                 sample = period_samples[k]
@@ -198,7 +199,7 @@ def tick(data: Data, path: Repeating, missed: int, strict: bool) -> bool:
                 sample.pose_sag = pose_sag(law, sample.goal)
                 sample.count = 1.0 if column < preview else shares[j]
                 sample.rounded = (joint.gain * joint.theta_0 * radii[k]) ** 2
-        problem = Problem(joint, law, own, period_samples, angle, speed, begins)
+        problem = Problem(joint, law, own, period_samples, begin, begins)
         improve(problem, state, its_sent, its_plan)
         last = its_sent[-1]
         its_plan[0] = last if rested[j] or begins else within(joint, its_plan[0], last)
@@ -218,6 +219,7 @@ def law_of(joint: Record) -> Law:
         joint.acceleration,
         joint.sag_sin,
         joint.sag_cos,
+        joint.integral,
     )
 
 
@@ -267,15 +269,16 @@ def elapse(
     angle before confirms it: something has moved the joint.
     """
     sag, faster = joint.offset + joint.compliance * load, joint.faster + joint.faster_by_load * load
-    angle, speed, periods = state.angle, state.speed, 1 + min(missed, MOST_MISSED)
+    now, periods = State(state.angle, state.speed, state.integral), 1 + min(missed, MOST_MISSED)
     if missed > MOST_MISSED:
         for i in range(len(sent)):
             sent[i] = sent[-1]
     for number in range(periods):
         if number:
             append(sent, sent[-1])
-        angle, speed = run_period(law, weights, sent, 0, sag, faster, angle, speed, 0)
+        now = run_period(law, weights, sent, 0, sag, faster, now, 0)
         append(plan, plan[-1])
+    angle = now.angle
     measured = state.measured - TURN * round((state.measured - angle) / TURN)
     state.unread += periods
     off, reach = abs(measured - state.believed), 2.0 * joint.travel
@@ -288,7 +291,7 @@ def elapse(
     if not np.isnan(measured):
         state.believed, state.unread = measured, 0.0
         angle += min(max(joint.observer * (measured - angle), -joint.travel), joint.travel)
-    state.angle, state.speed = angle, speed
+    state.angle, state.speed, state.integral = angle, now.speed, now.integral
 
 
 @inner
@@ -387,17 +390,15 @@ def cost_of_request(joint: Record, change: float, away: float) -> float:
 @inner
 def cost(problem: Problem, requests: Array, enough: float) -> float:
     """The cost of a plan by the exact model [rad^2]; incomplete once beyond ``enough``."""
-    joint, law, weights, samples, angle, speed, _ = problem
+    joint, law, weights, samples, now, _ = problem
     past, first = len(requests) - len(samples), len(requests) - len(samples) + 1 - weights.shape[1]
     of_errors, of_requests = 0.0, 0.0
     for k in range(len(samples)):
         sample, request = samples[k], requests[past + k]
-        angle, speed = run_period(
-            law, weights, requests, first + k, sample.sag, sample.faster, angle, speed, 0
-        )
+        now = run_period(law, weights, requests, first + k, sample.sag, sample.faster, now, 0)
         away = request - (sample.goal - sample.sag - sample.pose_sag)
         change = request - requests[past + k - 1]
-        of_errors += sample.count * (angle - sample.goal) ** 2
+        of_errors += sample.count * (now.angle - sample.goal) ** 2
         of_requests += cost_of_request(joint, change, away)
         if of_errors + of_requests > enough:
             break
@@ -426,27 +427,25 @@ def gauss_newton_step(problem: Problem, requests: Array, damping: float, step: A
         damping: Levenberg-Marquardt term.
         step: Filled, (n,).
     """
-    joint, law, weights, samples, angle, speed, begins = problem
+    joint, law, weights, samples, state, begins = problem
     count, width = len(step), weights.shape[1]
     past, band = len(requests) - count, max(width, 2)  # requests of a period, or of a change
     inert = law.share < 1.0 or law.acceleration < np.inf
     # Forward: errors by the exact model, derivatives with rounded corners, costs
-    errors, slopes = np.empty(count), np.empty((2, 2 + width, count))
-    window, (angles, speeds, sags, faster, rounded) = (
-        np.empty((3, width, count)),
-        np.empty((5, count)),
-    )
+    own_states = 3 if law.integral > 0.0 else 2
+    errors, slopes = np.empty(count), np.empty((own_states, own_states + width, count))
+    window, (sags, faster, rounded) = np.empty((3, width, count)), np.empty((3, count))
+    states = np.empty((own_states, count))
     q, per_change, of_errors, of_requests = np.zeros(count), np.empty(count), 0.0, 0.0
     for k in range(count):
         sample, first, request = samples[k], past + k + 1 - width, requests[past + k]
         for age in range(width):
             window[0, age, k] = requests[past + k - age]
-        angles[k], speeds[k], rounded[k] = angle, speed, sample.rounded
-        sags[k], faster[k] = sample.sag, sample.faster
-        angle, speed = run_period(
-            law, weights, requests, first, sample.sag, sample.faster, angle, speed, 0
-        )
-        errors[k] = angle - sample.goal
+        for s in range(own_states):
+            states[s, k] = state[s]
+        sags[k], faster[k], rounded[k] = sample.sag, sample.faster, sample.rounded
+        state = run_period(law, weights, requests, first, sample.sag, sample.faster, state, 0)
+        errors[k] = state.angle - sample.goal
         of_errors += sample.count * errors[k] ** 2
         away = request - (sample.goal - sample.sag - sample.pose_sag)
         change = request - requests[past + k - 1]
@@ -457,8 +456,8 @@ def gauss_newton_step(problem: Problem, requests: Array, damping: float, step: A
         q[k] += force + RESTING * away
         if k:
             q[k - 1] -= force
-    bends = np.empty((2, 0, count))
-    periods(law, weights, window, sags, faster, rounded, angles, speeds, slopes, bends)
+    bends = np.empty((own_states, 0, count))
+    periods(law, weights, window, sags, faster, rounded, states, slopes, bends)
     # Backward
     gradient, by_angle, by_speed = q.copy(), 0.0, 0.0
     p_aa, p_ab, p_bb, p_a, p_b = 0.0, 0.0, 0.0, 0.0, 0.0
@@ -479,8 +478,8 @@ def gauss_newton_step(problem: Problem, requests: Array, damping: float, step: A
         older, older_a, older_b, rest = gradient[low:], c_a[low:], c_b[low:], q[low:]
         for t in range(last + 1):
             age = last - t
-            lead_a[t] = slopes[0, 2 + age, k] if age < width else 0.0
-            lead_b[t] = slopes[1, 2 + age, k] if age < width and inert else 0.0
+            lead_a[t] = slopes[0, own_states + age, k] if age < width else 0.0
+            lead_b[t] = slopes[1, own_states + age, k] if age < width and inert else 0.0
         for t in range(last + 1):
             older[t] += lead_a[t] * by_angle + lead_b[t] * by_speed
             rest[t] += lead_a[t] * p_a + lead_b[t] * p_b
@@ -550,7 +549,7 @@ def gauss_newton_step(problem: Problem, requests: Array, damping: float, step: A
         if inert:
             next_speed = changed[0] * angle + changed[1] * speed
         for age in range(min(width, k + 1)):
-            next_angle += now[2 + age] * step[k - age]
-            next_speed += changed[2 + age] * step[k - age]
+            next_angle += now[own_states + age] * step[k - age]
+            next_speed += changed[own_states + age] * step[k - age]
         angle, speed = next_angle, next_speed
     return of_errors + of_requests

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from planner.model.joint import request_ages, weights_by_tick
+from planner.model.law import State
 from planner.model.response import simulate
 from planner.planning.streaming import tick
 from planner.planning.streaming.stream import Stream
@@ -65,8 +66,7 @@ class Plan:
             model.law,
             weights_by_tick(model),
             self.samples,
-            self.angle,
-            self.speed,
+            State(self.angle, self.speed),
             begins,
         )
         self.step = np.zeros(SAMPLES)
@@ -83,7 +83,7 @@ def linearised(plan):
     def period(i, state, radius):
         at, during = slice(i, i + 1), plan.load[i : i + 1]
         angle, speed = state[np.newaxis].T
-        return rounded_periods(plan.model, angle, windows[at], radius, speeds=speed, load=during)
+        return rounded_periods(plan.model, angle, windows[at], radius, moving=speed, load=during)
 
     state, slope = np.array([plan.angle, plan.speed]), np.zeros((2, SAMPLES))
     angles, slopes = np.empty(SAMPLES), np.empty((SAMPLES, SAMPLES))
