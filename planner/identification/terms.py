@@ -64,6 +64,12 @@ PARTNERS = {SAG[0]: SAG[1:]}
 INTEGRAL = "integral_rate"
 """The integral of a speed loop, tried last: it acts through the time constant of a motor."""
 
+BESIDE_IT = ("time_constant", "dead_band")
+"""Terms that it may hide: it acts through the first, and works off the error of the second."""
+
+LEAST_INERTIA = 0.5
+"""Least time constant beside it, in ticks."""
+
 INTEGRALS = (0.2, 1.0)
 """Rates of an integral, times the delay of the joint, from which the search for one begins."""
 
@@ -191,6 +197,7 @@ def with_motor(fit: Fit, terms: tuple[Term, ...]) -> tuple[Fit, tuple[Term, ...]
     """The fit with the terms of a motor and the integral of its speed loop that reduce the loss.
 
     A slow integral imitates a drift: the log has to determine it, and the time constant beside it.
+    Without inertia it imitates play, with a dead band as wide.
 
     Args:
         fit: A fit with terms.
@@ -201,20 +208,23 @@ def with_motor(fit: Fit, terms: tuple[Term, ...]) -> tuple[Fit, tuple[Term, ...]
         return fit, terms
     trial = _fitted_with_integral(fit)
     uncertainty, known = uncertainty_of(trial), {term.name: term for term in terms}
-    ends = {name: model_interval(trial, uncertainty, name) for name in (INTEGRAL, "time_constant")}
-    kept = pays(fit, trial) and all(each.lower > 0.0 for each in ends.values())
+    ends = {name: model_interval(trial, uncertainty, name) for name in (INTEGRAL, *BESIDE_IT)}
+    inert = trial.parameters.time_constant >= LEAST_INERTIA * trial.grid.tick
+    determined = ends[INTEGRAL].lower > 0.0 and ends["time_constant"].lower > 0.0
+    kept = pays(fit, trial) and inert and determined
     for name, interval in ends.items():
         if not fit.free[only(name)].any():
-            known[TERMS[name]] = _term(name, kept, fit, trial, interval)
+            has_it = kept and bool(trial.free[only(name)].any())
+            known[TERMS[name]] = _term(name, has_it, fit, trial, interval)
     return trial if kept else fit, tuple(known.values())
 
 
 def _fitted_with_integral(fit: Fit) -> Fit:
-    """The best fit with a time constant and the integral of a speed loop."""
-    at, free = fit.parameters, fit.free | only(INTEGRAL, "time_constant")
+    """The best fit with the integral of a speed loop, a time constant and, if it pays, friction."""
+    at, free = fit.parameters, fit.free | only(INTEGRAL, *BESIDE_IT)
     search = partial(least_squares, fit.grid, free=free, scale=fit.scale, effort=TERM)
     begins = [
-        each._replace(integral_rate=share / at.whole_delay)
+        each._replace(integral_rate=share / at.whole_delay, dead_band=_some_dead_band(each, fit))
         for each in (at, *_divisions(fit))
         if each.time_constant > 0.0
         for share in INTEGRALS
@@ -222,7 +232,10 @@ def _fitted_with_integral(fit: Fit) -> Fit:
     trials = [search(begin, starts=fit.starts, effort=TRIAL) for begin in begins]
     best = min(trials, key=lambda each: each.cost)
     best = search(best.parameters, starts=best.starts, effort=ENOUGH)
-    return _redivided(best, search)
+    best = _redivided(best, search)
+    bare = best.parameters._replace(dead_band=0.0)
+    without = search(bare, starts=best.starts, free=free & ~only("dead_band"), effort=ENOUGH)
+    return best if pays(without, best) else without
 
 
 def _with_motor(fit: Fit, terms: tuple[Term, ...]) -> tuple[Fit, tuple[Term, ...]]:

@@ -210,6 +210,27 @@ def test_inertia_an_acceleration_limit_and_friction_are_found_together():
     assert found.rms <= 1.1 * math.hypot(NOISE, QUANTUM / math.sqrt(12.0))
 
 
+@pytest.mark.parametrize("limited", [False, True])
+def test_the_integral_of_a_speed_loop_is_found_beside_the_terms_of_a_motor(limited):
+    truth = planner.JointModel(
+        v_max=5.5,
+        theta_0=0.3,
+        lag=0.008,
+        acceleration_time=0.004,
+        tick=0.002,
+        hold=10,
+        dead_band=math.radians(0.5),
+        time_constant=0.035,
+        max_acceleration=50.0 if limited else math.inf,
+        integral_rate=15.0,
+    )
+    found = planner.identify(motor_logs(truth, seed=2), hold_out=False)
+    for name in ("integral_rate", "time_constant", "v_max", "theta_0", "dead_band"):
+        assert getattr(found.model, name) == pytest.approx(getattr(truth, name), rel=0.05), name
+    assert found.intervals["integral_rate"].lower <= 15.0 <= found.intervals["integral_rate"].upper
+    assert found.rms <= 1.1 * math.hypot(NOISE, QUANTUM / math.sqrt(12.0))
+
+
 def test_a_hobby_servo_is_found_with_its_dead_band_slow_start_and_unequal_speeds():
     """Its dead band is before the acceleration limit, which is below what the band would take."""
     truth = planner.JointModel(

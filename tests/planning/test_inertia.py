@@ -19,11 +19,19 @@ STARTING_SLOWLY = replace(PAPER, acceleration_time=0.008, max_acceleration=120.0
 
 STICKY = replace(INERT, dead_band=0.02, tick=0.004, hold=2)
 
+OVERSHOOTING = replace(STICKY, dead_band=0.005, max_acceleration=150.0, integral_rate=12.0)
+"""A cascade of loops, that for the speed with an integral."""
+
 SWING = 0.4 * np.sin(2.0 * np.pi * np.arange(60) / 60) ** 3
 """A path that these joints can nearly follow [rad]."""
 
 
-@pytest.mark.parametrize("model", [INERT, STARTING_SLOWLY, STICKY], ids=["T", "A", "both"])
+EVERY = pytest.mark.parametrize(
+    "model", [INERT, STARTING_SLOWLY, STICKY, OVERSHOOTING], ids=["T", "A", "both", "integral"]
+)
+
+
+@EVERY
 @pytest.mark.parametrize("cyclic", [True, False], ids=["cyclic", "from rest"])
 def test_a_plan_with_inertia_is_better_than_the_closed_form_and_keeps_the_bound(model, cyclic):
     plan = planner.invert_optimal(model, SWING, cyclic=cyclic)
@@ -44,9 +52,10 @@ def test_a_plan_for_the_window_of_the_same_delay_misses_what_the_inertia_does(mo
     assert plan.rms <= 0.5 * np.sqrt(np.mean((angles - SWING) ** 2))
 
 
-def test_casadis_transcription_finds_nothing_better():
-    plan = planner.invert_optimal(STICKY, 2.0 * SWING, smoothness=0.0)
-    other = planner.invert_optimal(STICKY, 2.0 * SWING, solver="ipopt", smoothness=0.0)
+@pytest.mark.parametrize("model", [STICKY, OVERSHOOTING], ids=["both", "integral"])
+def test_casadis_transcription_finds_nothing_better(model):
+    plan = planner.invert_optimal(model, 2.0 * SWING, smoothness=0.0)
+    other = planner.invert_optimal(model, 2.0 * SWING, solver="ipopt", smoothness=0.0)
     assert plan.rms <= 1.005 * other.rms + 1e-4
 
 
@@ -69,17 +78,20 @@ def test_a_robust_plan_is_better_over_its_models_than_the_nominal_one():
     assert missed(robust.requests) <= missed(nominal.requests)
 
 
-def test_a_stream_follows_a_path_with_the_inertia_in_mind():
+@EVERY
+def test_a_stream_follows_a_path_with_the_inertia_in_mind(model):
     path = 0.3 - 0.3 * np.cos(2.0 * np.pi * np.arange(200) / 100)[:, np.newaxis]
-    stream = planner.Stream(INERT, preview=25, limits=(-1.0, 1.0))
+    stream = planner.Stream(model, preview=25, limits=(-1.0, 1.0))
     sent = [stream.step(path[k : k + 25])[0] for k in range(len(path))]
-    angles = planner.simulate(INERT, sent, cyclic=False)
+    angles = planner.simulate(model, sent, cyclic=False)
     assert np.sqrt(np.mean((angles - path[:, 0]) ** 2)) <= 0.01
 
 
 def test_the_closed_form_switches_later_by_the_time_constant():
     without = replace(INERT, time_constant=0.0)
     assert INERT.switching_time - without.switching_time == pytest.approx(0.024)
+    followed = replace(INERT, integral_rate=12.0)  # an integral makes up for it
+    assert followed.switching_time == pytest.approx(without.switching_time)
 
 
 @pytest.mark.parametrize("samples", [40, 60])
