@@ -211,12 +211,12 @@ def with_motor(fit: Fit, terms: tuple[Term, ...]) -> tuple[Fit, tuple[Term, ...]
     ends = {name: model_interval(trial, uncertainty, name) for name in (INTEGRAL, *BESIDE_IT)}
     inert = trial.parameters.time_constant >= LEAST_INERTIA * trial.grid.tick
     determined = ends[INTEGRAL].lower > 0.0 and ends["time_constant"].lower > 0.0
-    kept = pays(fit, trial) and inert and determined
+    found = trial if pays(fit, trial) and inert and determined else fit
     for name, interval in ends.items():
-        if not fit.free[only(name)].any():
-            has_it = kept and bool(trial.free[only(name)].any())
+        had_it, has_it = (bool(each.free[only(name)].any()) for each in (fit, found))
+        if not (had_it and has_it):
             known[TERMS[name]] = _term(name, has_it, fit, trial, interval)
-    return trial if kept else fit, tuple(known.values())
+    return found, tuple(known.values())
 
 
 def _fitted_with_integral(fit: Fit) -> Fit:
