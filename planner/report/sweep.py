@@ -236,6 +236,7 @@ def sweep_page(
 
 
 FRONT = """
+{{ hints }}
 <p>No other point that was tried is both faster and closer to its path than one of these.</p>
 {{ table }}
 <p class="note">Each command plans its point again, with all files of a run; the error that it
