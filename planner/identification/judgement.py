@@ -139,6 +139,9 @@ def verdict_on(
     if against is not None:  # the rest follows from a fit to the wrong sign
         reason = Finding("sign", "the joint seems to move against its requests")
         return "refused", reason, [against]
+    if exchanged is not None and not fits:  # likewise
+        reason = Finding("columns", "the joint seems to move before it is requested to")
+        return "refused", reason, [exchanged]
     scale = _other_scale(fit.grid, unit)
     if missed > OPTIONS.suspect:
         words = "the model misses" if fits else "the model does not fit: it misses"
