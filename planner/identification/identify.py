@@ -231,12 +231,19 @@ def _without_stuck(logs: Sequence[Log]) -> tuple[Sequence[Log], list[Finding]]:
             Finding(
                 "log",
                 f"{log.name}: the joint does not move in {len(rows)} rows between {rows[0]} and "
-                f"{rows[-1]}, whichever way it is requested: something holds it, or its sensor "
-                f"stands still; {LEFT_OUT}",
+                f"{rows[-1]}, with requests up to {_farthest(log, rows)} away: something holds it, "
+                f"or its sensor stands still; {LEFT_OUT}",
             )
             for rows in (() if rest is None else found)
         ]
     return tuple(free_logs), notes
+
+
+def _farthest(log: Log, rows: Indices) -> str:
+    """The largest distance of the request from the angle in these rows, in the log's unit."""
+    return angle_in(
+        log.unit, float(np.max(np.abs(log.requests[rows] - log.angles[rows]))), digits=2
+    )
 
 
 def _left_without(log: Log, parts: Sequence[Indices], *, of: Log) -> Log | None:

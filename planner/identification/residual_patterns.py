@@ -46,6 +46,7 @@ class PatternOptions:
         still: Share of its travel within which a joint does not move.
         refused: Shares of it by which the requests are at least to either side of a joint that is
             stuck, and to one of them: no friction holds it there.
+        held: Least time for which it stays where it is requested to go to one side alone [s].
         uneven: Rows count alike where the fastest motion is missed by no more than so many times
             what the calmest is.
         around: Time over which the acceleration of a row is averaged [s].
@@ -64,6 +65,7 @@ class PatternOptions:
     some: float = 0.25
     still: float = 0.005
     refused: tuple[float, float] = (0.1, 0.3)
+    held: float = 2.0
     uneven: float = 1.25
     around: float = 0.3
 
@@ -132,6 +134,8 @@ def stops(fit: LogFit, noise: float) -> list[Stop]:
 def stuck(log: Log) -> list[npt.NDArray[np.int_]]:
     """Rows in which a joint stays where it is while it is requested far to one side and the other.
 
+    Far to one side is enough if it goes there elsewhere, from the same angle.
+
     Something holds it, or its sensor stands still. A joint on which something rests, or which its
     load overcomes, moves at least one way.
     """
@@ -147,9 +151,35 @@ def stuck(log: Log) -> list[npt.NDArray[np.int_]]:
         asked = log.requests[rows[part[:-late]]] - np.median(angles[part])
         if still[part[0]] and len(part) > late and np.ptp(asked) > 0.0:
             sides = np.sort([np.max(asked), -np.min(asked)])
-            if np.all(sides > np.multiply(OPTIONS.refused, travel)):
+            if np.all(sides > np.multiply(OPTIONS.refused, travel)) or _passed(log, rows, part):
                 found.append(rows[part])
     return found
+
+
+def _passed(log: Log, rows: npt.NDArray[np.int_], part: npt.NDArray[np.int_]) -> bool:
+    """Whether a joint that stays still for long is requested far to where it goes elsewhere.
+
+    There it passes the same angle with half of the error: no stop is there, and no load that
+    overcomes it.
+    """
+    late = max(5, round(OPTIONS.rest / log.period))
+    if len(part) * log.period < OPTIONS.held:
+        return False
+    angles, requests = log.angles[rows], log.requests[rows]
+    near, travel = OPTIONS.still * float(np.ptp(angles)), float(np.ptp(angles))
+    here, asked = float(np.median(angles[part])), requests[part[:-late]] - np.median(angles[part])
+    if not len(asked):
+        return False
+    farthest = float(asked[np.argmax(np.abs(asked))])
+    side, far = math.copysign(1.0, farthest), abs(farthest)
+    if far <= OPTIONS.refused[1] * travel:
+        return False
+    outside = np.ones(len(rows), dtype=bool)
+    outside[max(part[0] - late, 0) : part[-1] + late] = False
+    moved = side * (angles[late:] - angles[:-late])
+    error = side * (requests[:-late] - angles[:-late])
+    passes = (side * (here - angles[:-late]) >= 0.0) & (side * (angles[late:] - here) >= near)
+    return bool(np.any(passes & (moved > near) & (error <= 0.5 * far) & outside[:-late]))
 
 
 class Contact(NamedTuple):
