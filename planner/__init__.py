@@ -33,17 +33,15 @@ if TYPE_CHECKING:
     from planner.identification.result import Identification
     from planner.learning.refine import refine
     from planner.model.joint import JointModel
-    from planner.model.response import simulate
-    from planner.model.sensitivity import sensitivities
+    from planner.model.response import sensitivities, simulate
     from planner.planning.bounds.certify import Certificate, certify, lower_bound
     from planner.planning.closed_form import closed_form_requests, invert_closed_form
     from planner.planning.inversion import invert_foot, invert_optimal, plan
     from planner.planning.line_inverse import line_offset
     from planner.planning.plan import Plan
-    from planner.planning.result import FootInversion, Inversion
+    from planner.planning.result import FootInversion, Inversion, Learning, SensorDelay, Trial
     from planner.planning.streaming.stream import Stream
     from planner.planning.time_shift import invert_shift
-    from planner.planning.trials import Learning, SensorDelay, Trial
     from planner.recording.replaying import Replay, replay
     from planner.recording.retiming import Fastest, fastest
     from planner.robot.play import Playback, TimedRequest, follow, play, timed_requests
@@ -138,14 +136,18 @@ _HOMES = {
     "planner.planning.inversion": ("invert_foot", "invert_optimal", "plan"),
     "planner.planning.line_inverse": ("line_offset",),
     "planner.planning.plan": ("Plan",),
-    "planner.planning.result": ("FootInversion", "Inversion"),
+    "planner.planning.result": (
+        "FootInversion",
+        "Inversion",
+        "Learning",
+        "SensorDelay",
+        "Trial",
+    ),
     "planner.planning.streaming.stream": ("Stream",),
     "planner.planning.time_shift": ("invert_shift",),
-    "planner.planning.trials": ("Learning", "SensorDelay", "Trial"),
     "planner.learning.refine": ("refine",),
     "planner.model.joint": ("JointModel",),
-    "planner.model.response": ("simulate",),
-    "planner.model.sensitivity": ("sensitivities",),
+    "planner.model.response": ("sensitivities", "simulate"),
     "planner.recording.replaying": ("Replay", "replay"),
     "planner.recording.retiming": ("Fastest", "fastest"),
     "planner.robot.play": ("Playback", "TimedRequest", "follow", "play", "timed_requests"),

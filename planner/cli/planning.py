@@ -21,8 +21,7 @@ from planner.cli.desired import (
 )
 from planner.cli.models import model_words
 from planner.files.robot import LegPlace
-from planner.model.drawn_models import has_intervals
-from planner.planning.arguments import checked_leg, limits_of_each
+from planner.planning.arguments import checked_leg, has_intervals, limits_of_each
 from planner.planning.inversion import planned
 from planner.planning.plan import Method, Plan
 from planner.planning.result import Inversion
@@ -33,7 +32,7 @@ if TYPE_CHECKING:
     from kinematics import Leg
     from planner.cli.desired import Desired
     from planner.model.joint import JointModel
-    from planner.planning.load_of_pose import LoadOfPose
+    from planner.planning.inversion import LoadOfPose
     from planner.recording.recorded_path import RecordedPath
 
 

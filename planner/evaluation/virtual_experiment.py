@@ -26,8 +26,7 @@ from planner.identification.identify import identify
 from planner.identification.log import Log
 from planner.identification.result import Identification
 from planner.learning.refine import refine
-from planner.planning.result import FootInversion
-from planner.planning.trials import Learning
+from planner.planning.result import FootInversion, Learning
 from planner.trajectory import Array, Distance, angle_distance
 from planner.virtual.robot import Constants, VirtualRobot
 

@@ -12,7 +12,7 @@ import numpy as np
 from planner.exceptions import InvalidFile
 from planner.files.text import read_json, to_json, write_text
 from planner.model.joint import JointModel
-from planner.planning.trials import Learning, SensorDelay, Trial
+from planner.planning.result import Learning, SensorDelay, Trial
 from planner.trajectory import LARGEST, Array
 
 FORMAT = "request-planner refine 1"

@@ -1,43 +1,46 @@
-"""Measured cycles that cannot belong to the requests: refused before anything is learnt."""
+"""Measured cycles: refused where they cannot belong to the requests, delays of sensors, learning.
+
+The disturbance ``d = mean measured - modelled angles`` repeats from cycle to cycle, the noise does
+not. Its spectrum is shrunk as by a Wiener filter: where the noise, by its variance between the
+cycles, explains all of it, nothing is learnt. A pure delay that explains most of it is taken off
+the measured angles first, where it is too long to be the joint's.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
+from scipy import fft
 
 from planner.exceptions import InvalidTrajectory, angle_text
-from planner.planning.trials import Trial
+from planner.model.joint import JointModel
+from planner.planning.plan import Plan
+from planner.planning.result import SensorDelay, Trial
 from planner.trajectory import Array
 
+STILL = 1.5 * 2.0 * math.pi / 4096.0
+"""Range of a joint that does not move [rad]: its reading flips between two counts of a sensor of 12
+bit, and not more."""
 
-@dataclass(frozen=True, kw_only=True)
-class MeasurementOptions:
-    """Thresholds beyond which measured angles are refused.
+MOVING = 15.0 * 2.0 * math.pi / 4096.0
+"""Range of the modelled angles from which on the joint should have moved [rad]."""
 
-    Attributes:
-        still: Range of a joint that does not move [rad]: its reading flips between two counts of a
-            sensor of 12 bit, and not more.
-        moving: Range of the modelled angles from which on the joint should have moved [rad].
-        equal: Measured angles that differ from the requests by less, everywhere, are the requests
-            [rad]: files carry them rounded, to a hundredth of a degree or finer.
-        lagging: Range of modelled angles less requests from which on they should not be [rad].
-        repeated: Two cycles that differ by less, everywhere, are one [rad].
-        degrees: Measured over modelled motion [-] from which angles look like degrees: 57.3, a bit
-            off; and by one over it like radians that were read as degrees.
-    """
+EQUAL = 1e-4
+"""Measured angles that differ from the requests by less, everywhere, are the requests [rad]: files
+carry them rounded, to a hundredth of a degree or finer."""
 
-    still: float = 1.5 * 2.0 * math.pi / 4096.0
-    moving: float = 15.0 * 2.0 * math.pi / 4096.0
-    equal: float = 1e-4
-    lagging: float = 1e-3
-    repeated: float = 1e-9
-    degrees: tuple[float, float] = (40.0, 80.0)
+LAGGING = 1e-3
+"""Range of modelled angles less requests from which on they should not be [rad]."""
 
+REPEATED = 1e-9
+"""Two cycles that differ by less, everywhere, are one [rad]."""
 
-OPTIONS = MeasurementOptions()
+DEGREES = (40.0, 80.0)
+"""Measured over modelled motion [-] from which angles look like degrees: 57.3, a bit off; and by
+one over it like radians that were read as degrees."""
 
 
 def check_angles(
@@ -61,13 +64,13 @@ def check_angles(
     moved = modelled - modelled.mean(axis=0)
     power = float(np.vdot(moved, moved))
     ratio = float(np.vdot(cycles.mean(axis=0), moved)) / power if power else 0.0
-    least, most = OPTIONS.degrees
+    least, most = DEGREES
     if least < ratio < most:
         raise InvalidTrajectory(
             f"measured: the angles move {ratio:.0f} times as far as the model: are they degrees? "
             "expected radians; convert them with numpy.radians"
         )
-    should_move = np.ptp(modelled, axis=0) > OPTIONS.moving
+    should_move = np.ptp(modelled, axis=0) > MOVING
     if np.any(should_move) and 1.0 / most < ratio < 1.0 / least:
         raise InvalidTrajectory(
             f"measured: the angles move 1/{1.0 / ratio:.0f} as far as the model: are they radians "
@@ -75,22 +78,22 @@ def check_angles(
         )
     for j in range(modelled.shape[1]):
         of, measured = _joint(j, modelled), cycles[:, :, j]
-        if should_move[j] and np.ptp(measured) <= OPTIONS.still:
+        if should_move[j] and np.ptp(measured) <= STILL:
             raise InvalidTrajectory(
                 f"measured: {of} does not move: its angles have a range of "
                 f"{angle_text(np.ptp(measured), digits=2)}, the model's of "
                 f"{angle_text(np.ptp(modelled[:, j]), digits=2)}; check that its torque was on, "
                 "and that the recording is of this joint"
             )
-        lags = float(np.ptp(modelled[:, j] - requests[:, j])) > OPTIONS.lagging
-        if lags and np.max(np.abs(measured - requests[:, j])) <= OPTIONS.equal:
+        lags = float(np.ptp(modelled[:, j] - requests[:, j])) > LAGGING
+        if lags and np.max(np.abs(measured - requests[:, j])) <= EQUAL:
             raise InvalidTrajectory(
                 f"measured: the angles of {of} are its requests: no joint follows so exactly; give "
                 "what its sensor measured"
             )
         away = float(np.max(np.abs(expected[:, j] - desired[:, j])))
-        equal = OPTIONS.equal if away > OPTIONS.lagging else OPTIONS.repeated
-        moves = np.ptp(desired[:, j]) > OPTIONS.moving and away > equal
+        equal = EQUAL if away > LAGGING else REPEATED
+        moves = np.ptp(desired[:, j]) > MOVING and away > equal
         if moves and np.max(np.abs(measured - desired[:, j])) <= equal:
             raise InvalidTrajectory(
                 f"measured: the angles of {of} are the desired ones: no joint follows so exactly; "
@@ -119,8 +122,8 @@ def check_trial(
     """
     away = np.std(cycles.mean(axis=0) - modelled, axis=0)
     resting = np.std(modelled, axis=0)
-    should_move = np.ptp(modelled, axis=0) > OPTIONS.moving
-    for j in np.flatnonzero(should_move & (away > resting + OPTIONS.still)).tolist():
+    should_move = np.ptp(modelled, axis=0) > MOVING
+    for j in np.flatnonzero(should_move & (away > resting + STILL)).tolist():
         raise InvalidTrajectory(
             f"measured: the angles of {_joint(j, modelled)} are {angle_text(away[j], digits=2)} "
             "rms from those of the model under these requests, farther than a joint that does not "
@@ -129,8 +132,8 @@ def check_trial(
         )
     for number, (trial, angles) in enumerate(zip(trials, before, strict=True), start=1):
         apart = np.abs(trial.measured[:, np.newaxis] - cycles).max(axis=(2, 3))
-        differ = np.max(np.abs(modelled - angles)) > OPTIONS.lagging
-        if differ and np.any(apart <= OPTIONS.repeated):
+        differ = np.max(np.abs(modelled - angles)) > LAGGING
+        if differ and np.any(apart <= REPEATED):
             raise InvalidTrajectory(
                 f"measured: the same angles as in trial {number}, whose requests were others; give "
                 "what was measured while the last requests were executed"
@@ -139,3 +142,221 @@ def check_trial(
 
 def _joint(j: int, angles: Array) -> str:
     return "the joint" if angles.shape[1] == 1 else f"joint {j + 1}"
+
+
+MENTIONED, OF_SENSOR = 0.8, 0.9
+"""Shares of the squared disturbance that a delay must explain to be mentioned, and to be taken for
+a sensor's [-]."""
+
+OF_JOINT = 0.5
+"""Largest delay that is believed to be the joint's, as a share of the latency of its model:
+parameters that are 30 % off make it wrong by 46 % at most. A disturbance that a longer one explains
+is taken for a sensor's, and not learnt."""
+
+
+def delays_to_remove(joints: Plan, cycles: Array, modelled: Array) -> list[float]:
+    """The delay to take off the measured angles (cycles, n, k) of each joint [s]: a sensor's."""
+    delays = delays_of(joints, cycles, modelled, [0.0] * len(joints.models))
+    return [
+        delay.seconds
+        if delay.share >= OF_SENSOR and delay.seconds > OF_JOINT * model.latency
+        else 0.0
+        for delay, model in zip(delays, joints.models, strict=True)
+    ]
+
+
+def delays_of(
+    joints: Plan, cycles: Array, modelled: Array, removed: Sequence[float]
+) -> tuple[SensorDelay, ...]:
+    """The delay beside the removed one that explains most, for each joint."""
+    columns = zip(cycles.mean(axis=0).T, modelled.T, removed, strict=True)
+    delays = []
+    for angles, by_model, seconds in columns:
+        delay, share = pure_delay(angles, by_model, joints.period, cyclic=joints.cyclic)
+        delays.append(SensorDelay(seconds=delay, share=share, removed=seconds))
+    return tuple(delays)
+
+
+def earlier(cycles: Array, removed: Sequence[float], joints: Plan) -> Array:
+    """The cycles with the sensors' delays taken off [rad], (cycles, n, k)."""
+    if not any(removed):
+        return cycles
+    columns = [
+        later(cycles[:, :, j, np.newaxis], -seconds, joints.period, cyclic=joints.cyclic)[:, :, 0]
+        for j, seconds in enumerate(removed)
+    ]
+    return np.stack(columns, axis=-1)
+
+
+def remarks_on_delays(joints: Plan, delays: Sequence[SensorDelay], noise: Array) -> list[str]:
+    """Remarks on delays that were taken off, and on those that might be a sensor's."""
+    remarks = []
+    steps = np.diff(joints.requests, axis=0)
+    speeds = np.sqrt(np.mean(steps**2, axis=0)) / joints.period
+    for j, delay in enumerate(delays):
+        of = "" if len(delays) == 1 else f" of joint {j + 1}"
+        late = abs(delay.seconds)
+        clear = late >= 0.25 * joints.period and late * speeds[j] > 2.0 * noise[j]
+        if delay.removed:
+            remarks.append(
+                f"the measured angles{of} are taken to be {1e3 * delay.removed:.3g} ms late, by "
+                "their sensor or log; that is not learnt. If the joint itself is that late: "
+                "sensor_delay=0"
+            )
+        elif delay.share >= MENTIONED and clear:
+            share = f"{100.0 * delay.share:.0f} % of what the model misses{of} is"
+            remarks.append(
+                f"{share} that the joint answers {1e3 * late:.3g} ms earlier than the model: that "
+                "is learnt"
+                if delay.seconds < 0.0
+                else f"{share} a delay of {1e3 * late:.3g} ms: it is learnt as the joint's. If the "
+                f"sensor or the log is late by it: sensor_delay={late:.3g}"
+            )
+    return remarks
+
+
+def later(rows: Array, seconds: float, period: float, *, cyclic: bool) -> Array:
+    """Rows as they were ``seconds`` before, linear between samples, along axis -2 [rad]."""
+    if not seconds:
+        return rows
+    count = rows.shape[-2]
+    place = np.arange(count) - seconds / period
+    place = place % count if cyclic else np.clip(place, 0.0, count - 1.0)
+    below = np.floor(place).astype(int)
+    share = (place - below)[:, np.newaxis]
+    above = (below + 1) % count if cyclic else np.minimum(below + 1, count - 1)
+    below = below % count
+    moved: Array = (1.0 - share) * rows.take(below, axis=-2) + share * rows.take(above, axis=-2)
+    return moved
+
+
+def pure_delay(
+    measured: Array, modelled: Array, period: float, *, cyclic: bool
+) -> tuple[float, float]:
+    """The delay of the measured angles behind the modelled ones that explains most.
+
+    Both (n,) [rad]; a constant difference is left out of it.
+
+    Returns:
+        The delay [s], and the share of the squared disturbance about its mean that it explains.
+    """
+
+    def unexplained(seconds: float) -> float:
+        delayed = later(modelled[:, np.newaxis], seconds, period, cyclic=cyclic)[:, 0]
+        return float(np.var(measured - delayed))
+
+    whole = unexplained(0.0)
+    if whole <= np.finfo(np.float64).tiny or not np.ptp(modelled):
+        return 0.0, 0.0
+    reach = max(min(len(modelled) // 8, 50), 1)
+    grid = period * np.arange(-reach, reach + 1)
+    errors = [unexplained(seconds) for seconds in grid]
+    middle = int(np.argmin(errors))
+    best, least = float(grid[middle]), errors[middle]
+    # A parabola through the least value and its neighbours: a fraction of a sample.
+    if 0 < middle < len(grid) - 1:
+        before, after = errors[middle - 1], errors[middle + 1]
+        bend = before - 2.0 * least + after
+        if bend > 0.0:
+            trial = best + 0.5 * period * (before - after) / bend
+            least, best = min((least, best), (unexplained(trial), trial))
+    return best, max(1.0 - least / whole, 0.0)
+
+
+Spectrum = npt.NDArray[np.complex128] | Array
+
+
+NOISE_REMOVED = 2.0
+"""Multiple of the noise's power that is taken off the spectrum [-]. A periodogram averaged over a
+few frequencies exceeds its mean by that much now and then."""
+
+NEIGHBOURS, NOISE_NEIGHBOURS = 2, 4
+"""Frequencies on either side over which a power is averaged, and the variance between cycles, of
+which there are few."""
+
+LATENCY_ERROR = 0.3
+"""Share of the model's latency by which it may be wrong [-]. What is learnt falls with the cosine
+of the phase error that this makes, and is nothing from a quarter of a period on: from there a
+correction by the model could make the error larger."""
+
+
+def to_spectrum(rows: Array, *, cyclic: bool) -> Spectrum:
+    """Orthonormal spectrum along axis -2: Fourier of a cycle, cosines of a motion from rest.
+
+    White noise of variance s^2 has the mean power s^2 at every frequency.
+    """
+    if cyclic:
+        return np.asarray(fft.rfft(rows, norm="ortho", axis=-2))
+    return np.asarray(fft.dct(rows, norm="ortho", axis=-2))
+
+
+def from_spectrum(spectrum: Spectrum, samples: int, *, cyclic: bool) -> Array:
+    """The rows of a spectrum: the inverse of :func:`to_spectrum`."""
+    if cyclic:
+        return np.asarray(fft.irfft(spectrum, samples, norm="ortho", axis=-2))
+    return np.asarray(fft.idct(spectrum, norm="ortho", axis=-2))
+
+
+def noise_of(trials: Sequence[Array], error: Array, *, cyclic: bool) -> Array:
+    """Power of the noise of one measured cycle at every frequency [rad^2], (f, k).
+
+    It is the larger of two powers: of the variance between cycles, and of frequencies above half of
+    those that are sampled. There a joint hardly moves: the disturbance is noise, or the steps of a
+    sensor, which repeat. Only the second is available where no requests were measured twice.
+
+    Args:
+        trials: Measured cycles of each trial [rad], (cycles, n, k).
+        error: Disturbance of one cycle, or of the mean of several [rad], (n, k).
+        cyclic: Whether these are cycles, or motions from rest.
+    """
+    powers = np.abs(to_spectrum(error, cyclic=cyclic)) ** 2
+    upper = powers[len(powers) // 2 :]
+    median = math.log(2.0) if cyclic else 0.4549  # of a power of mean 1, chi-square distributed
+    floor = np.broadcast_to(np.median(upper, axis=0) / median, powers.shape)
+    spread, freedom = np.zeros_like(powers), 0
+    for measured in trials:
+        away = measured - measured.mean(axis=0)
+        spread += (np.abs(to_spectrum(away, cyclic=cyclic)) ** 2).sum(axis=0)
+        freedom += len(measured) - 1
+    if not freedom:
+        return np.array(floor)
+    between = averaged(spread / freedom, NOISE_NEIGHBOURS)
+    return np.asarray(np.maximum(between, floor))
+
+
+def deviation_of(noise: Array) -> Array:
+    """Standard deviation of noise of this power, rms over the samples [rad], (k,)."""
+    return np.asarray(np.sqrt(noise.mean(axis=0)))
+
+
+def averaged(powers: Array, neighbours: int) -> Array:
+    """Powers averaged over neighbouring frequencies, (f, k)."""
+    kernel = np.ones(2 * neighbours + 1)
+    count = np.convolve(np.ones(len(powers)), kernel)[neighbours:-neighbours]
+    columns = [np.convolve(column, kernel)[neighbours:-neighbours] for column in powers.T]
+    return np.column_stack(columns) / count[:, np.newaxis]
+
+
+def learnt(innovation: Array, noise: Array, models: Sequence[JointModel], *, cyclic: bool) -> Array:
+    """The part of an innovation to learn: less noise, and where the models' phase is certain.
+
+    ``F^-1 [cos(min(2 pi f e, pi/2)) max(0, 1 - c N(f) / S(f)) F [innovation]]``, with S the power
+    of the innovation, N that of its noise, and e the error that the latency may have.
+
+    Args:
+        innovation: Disturbance less the part that is learnt already [rad], (n, k).
+        noise: Power of its noise at every frequency [rad^2], (f, k).
+        models: The joints.
+        cyclic: Whether it repeats.
+    """
+    spectrum = to_spectrum(innovation, cyclic=cyclic)
+    power = averaged(np.abs(spectrum) ** 2, NEIGHBOURS)
+    tiny = np.finfo(np.float64).tiny
+    shrinkage = np.maximum(1.0 - NOISE_REMOVED * noise / np.maximum(power, tiny), 0.0)
+    count, period = len(innovation), models[0].period
+    steps = np.arange(len(spectrum)) / (count if cyclic else 2 * count)
+    hertz = steps / period
+    late = LATENCY_ERROR * np.array([model.latency for model in models])
+    phase = 2.0 * np.pi * hertz[:, np.newaxis] * late
+    trust = np.cos(np.minimum(phase, np.pi / 2.0))
+    return from_spectrum(trust * shrinkage * spectrum, len(innovation), cyclic=cyclic)

@@ -4,7 +4,7 @@ Norm-optimal iterative learning control (N. Amann, D. H. Owens, E. Rogers, 1996)
 joint, in the form of A. P. Schoellig, F. L. Mueller, R. D'Andrea (2012): the executed cycles give
 the disturbance ``d = measured - M(R)`` that the model M misses, and the next requests minimise
 ``|M(R) + d - D|`` by the optimised inversion, with its limits and saturation. Of d only the
-repeatable part is learnt, where the model can be trusted (``learning/disturbance.py``).
+repeatable part is learnt, where the model can be trusted (``learning/measurements.py``).
 """
 
 from __future__ import annotations
@@ -19,20 +19,22 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.exceptions import ANGLE_UNIT, InvalidInput, InvalidTrajectory, about
-from planner.learning.disturbance import deviation_of, learnt, noise_of
-from planner.learning.measurements import check_angles, check_trial
-from planner.learning.reidentification import reidentified
-from planner.learning.sensor_delay import (
+from planner.learning.measurements import (
+    check_angles,
+    check_trial,
     delays_of,
     delays_to_remove,
+    deviation_of,
     earlier,
+    learnt,
+    noise_of,
     remarks_on_delays,
 )
+from planner.learning.reidentification import reidentified
 from planner.model.evidence import ENCODER_STEP
 from planner.planning.inversion import planned
 from planner.planning.plan import Plan, joined
-from planner.planning.result import FootInversion, Inversion
-from planner.planning.trials import UNFORESEEN, Learning, Trial
+from planner.planning.result import UNFORESEEN, FootInversion, Inversion, Learning, Trial
 from planner.trajectory import LARGEST, Array, rms
 from planner.validation import as_flag, as_number, as_reals, freeze, shown
 

@@ -14,7 +14,7 @@ from planner.identification.log import Log
 from planner.model.joint import JointModel
 from planner.model.response import simulate
 from planner.planning.plan import Plan
-from planner.planning.trials import Trial
+from planner.planning.result import Trial
 from planner.trajectory import Array, rms
 
 

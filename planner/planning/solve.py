@@ -20,6 +20,7 @@ from planner.planning.closed_form import SAME_TIME, best_closed_form
 from planner.planning.gauss_newton import Stage
 from planner.planning.line_inverse import interpolated_offset
 from planner.planning.problem import Problem, problem_of
+from planner.planning.result import UNFORESEEN
 from planner.planning.search import (
     FOOT,
     NARROW,
@@ -35,7 +36,6 @@ from planner.planning.search import (
     smoothed,
 )
 from planner.planning.task import Task
-from planner.planning.trials import UNFORESEEN
 from planner.trajectory import Array, Mask, rms
 
 

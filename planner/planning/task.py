@@ -155,7 +155,7 @@ class Task(ReadOnly):
 
         A number counts for all joints, of an array each entry for one; a dict has some of them by
         name. Without a leg ``desired`` are angles (n, k) [rad], with one positions (n, 3) [m]. A
-        load of the pose is the caller's: see :func:`planner.planning.load_of_pose.settled`.
+        load of the pose is the caller's: see :func:`planner.planning.inversion.settled`.
 
         Raises:
             InvalidInput: An argument is invalid, or the arguments do not fit together.

@@ -15,7 +15,7 @@ from planner.identification.grid import sound_rows, timing_of
 from planner.identification.log import Log, as_logs, check_periods, pieces_of, unwrapped
 from planner.model.joint import JointModel
 from planner.planning.arguments import JointLimits, limits_of_each
-from planner.planning.load_of_pose import LoadOfPose
+from planner.planning.inversion import LoadOfPose
 from planner.trajectory import MOST_SAMPLES, Array
 from planner.validation import as_number, as_positive, check_choice, freeze, shown
 

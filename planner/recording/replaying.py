@@ -11,8 +11,7 @@ from typing import Any, Literal, NamedTuple, get_args
 import numpy as np
 
 from planner.planning.arguments import JointLimits
-from planner.planning.inversion import plan
-from planner.planning.load_of_pose import LoadOfPose
+from planner.planning.inversion import LoadOfPose, plan
 from planner.planning.plan import Plan
 from planner.planning.result import Inversion
 from planner.planning.task import Task

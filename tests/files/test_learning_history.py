@@ -10,7 +10,7 @@ import pytest
 from planner.exceptions import InvalidFile
 from planner.files.learning_history import LearningState, read_history, write_history
 from planner.model.joint import JointModel
-from planner.planning.trials import Learning, Trial
+from planner.planning.result import Learning, Trial
 
 ROWS, JOINTS = 3, ["hip", "knee", "foot"]
 

@@ -12,18 +12,22 @@ import pytest
 
 import planner
 from planner import InvalidTrajectory
-from planner.learning import sensor_delay
-from planner.learning.disturbance import OPTIONS, averaged, learnt, noise_of
-from planner.learning.measurements import check_angles, check_trial
-from planner.learning.sensor_delay import (
+from planner.learning import measurements
+from planner.learning.measurements import (
+    LATENCY_ERROR,
+    averaged,
+    check_angles,
+    check_trial,
     delays_to_remove,
     earlier,
     later,
+    learnt,
+    noise_of,
     pure_delay,
     remarks_on_delays,
 )
 from planner.model.joint import JointModel
-from planner.planning.trials import SensorDelay, Trial
+from planner.planning.result import SensorDelay, Trial
 
 COUNT = 2.0 * math.pi / 4096.0
 """A count of a sensor of 12 bit [rad]."""
@@ -140,7 +144,7 @@ def test_of_one_frequency_the_cosine_of_its_phase_error_is_learnt(number, cyclic
         hertz, rows = number / (SAMPLES * 0.01), np.cos(2.0 * np.pi * number * k / SAMPLES + 0.4)
     else:
         hertz, rows = number / (2.0 * SAMPLES * 0.01), np.cos(np.pi * number * (k + 0.5) / SAMPLES)
-    trust = np.cos(min(2.0 * np.pi * hertz * OPTIONS.latency_error * LATE, np.pi / 2.0))
+    trust = np.cos(min(2.0 * np.pi * hertz * LATENCY_ERROR * LATE, np.pi / 2.0))
     slow = replace(MODEL, lag=0.0, acceleration_time=0.01)  # every joint has its own
     two = np.column_stack([rows, rows])
     nothing = np.zeros((SAMPLES // 2 + 1 if cyclic else SAMPLES, 2))
@@ -211,7 +215,7 @@ def test_a_delay_is_the_sensors_where_it_explains_nine_tenths_and_is_half_the_mo
     plan = SimpleNamespace(models=[model, replace(model, lag=0.1)])
     seconds = [latencies * each.latency for each in plan.models]
     found = tuple(SensorDelay(seconds=each, share=share, removed=0.0) for each in seconds)
-    monkeypatch.setattr(sensor_delay, "delays_of", lambda *_: found)
+    monkeypatch.setattr(measurements, "delays_of", lambda *_: found)
     cycles = np.zeros((1, 1, 2))
     assert delays_to_remove(plan, cycles, cycles[0]) == (seconds if removed else [0.0, 0.0])
 

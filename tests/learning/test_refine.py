@@ -14,7 +14,7 @@ import planner
 from planner.files.learning_history import LearningState, read_history, write_history
 from planner.learning import refine as refining
 from planner.model.evidence import Evidence
-from planner.planning.trials import Learning, SensorDelay, Trial
+from planner.planning.result import Learning, SensorDelay, Trial
 from planner.trajectory import Array
 
 KNOWN = planner.JointModel.ers210a()

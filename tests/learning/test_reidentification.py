@@ -10,7 +10,7 @@ import pytest
 
 import planner
 from planner.learning import reidentification
-from planner.planning.trials import Trial
+from planner.planning.result import Trial
 
 KNOWN = planner.JointModel.ers210a()
 OTHER = replace(KNOWN, theta_0=1.5 * KNOWN.theta_0)

@@ -14,8 +14,7 @@ from hypothesis import strategies as st
 from planner.exceptions import InvalidInput
 from planner.model.joint import JointModel, request_ages
 from planner.model.law import State
-from planner.model.response import motion_under, rest_requests, simulate
-from planner.model.sensitivity import sensitivities
+from planner.model.response import motion_under, rest_requests, sensitivities, simulate
 from planner.model.symbolic import State as SymbolicState
 from planner.model.symbolic import period, period_function
 from tests.independent import equation_2, from_rest, next_cycle

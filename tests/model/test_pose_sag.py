@@ -18,9 +18,9 @@ from planner.model.response import (
     path_speeds,
     rest_angles,
     rest_requests,
+    sensitivities,
     simulate,
 )
-from planner.model.sensitivity import sensitivities
 from planner.planning.line_inverse import line_offset
 from planner.trajectory import rms
 from tests.model.test_symbolic import SAME, chained

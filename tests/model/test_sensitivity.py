@@ -9,8 +9,7 @@ import pytest
 
 from planner.exceptions import NoSteadyCycle
 from planner.model.joint import JointModel, request_ages
-from planner.model.response import simulate
-from planner.model.sensitivity import sensitivities
+from planner.model.response import sensitivities, simulate
 from tests.instances import random_model_outside_equation_13
 from tests.model.rounded_periods import rounded_periods
 
@@ -102,7 +101,7 @@ def test_at_a_corner_the_derivative_is_the_mean_of_both_sides():
 def test_a_cycle_without_a_derivative_is_an_error(monkeypatch):
     # Between saturated requests the joint may rest anywhere in a range; put it in its middle.
     monkeypatch.setattr(
-        "planner.model.sensitivity.motion_under",
+        "planner.model.response.motion_under",
         lambda *_arguments, **_options: np.zeros((3, 2)),
     )
     with pytest.raises(NoSteadyCycle):

@@ -11,7 +11,7 @@ import planner
 from kinematics import Leg, urdf_path
 from planner.exceptions import InvalidInput, SolverFailed
 from planner.gait.stride import stride
-from planner.planning.load_of_pose import MOVED, settled
+from planner.planning.inversion import MOVED, settled
 
 SOFT = planner.JointModel(
     v_max=4.8,

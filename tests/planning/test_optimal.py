@@ -13,8 +13,7 @@ from planner.approximation.curve import PiecewiseLinear
 from planner.exceptions import InvalidInput
 from planner.model.evidence import ENCODER_STEP
 from planner.model.joint import JointModel
-from planner.model.response import simulate
-from planner.model.sensitivity import sensitivities
+from planner.model.response import sensitivities, simulate
 from planner.planning.closed_form import closed_form_requests, invert_closed_form
 from planner.planning.inversion import invert_optimal
 from planner.planning.line_inverse import RULES

@@ -12,9 +12,9 @@ from planner.exceptions import Infeasible, InvalidFile, InvalidInput
 from planner.files.paths import read_joint_path
 from planner.model.evidence import Evidence
 from planner.planning.plan import Plan, joined, request_motion
+from planner.planning.result import Learning
 from planner.planning.solve import Solved
 from planner.planning.task import Task
-from planner.planning.trials import Learning
 
 AIBO = planner.JointModel.ers210a()
 SLOW = planner.JointModel(v_max=2.0, theta_0=0.1, lag=0.03, acceleration_time=0.05)

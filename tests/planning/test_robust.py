@@ -10,11 +10,10 @@ import pytest
 from planner.exceptions import InvalidInput
 from planner.identification.identify import identify
 from planner.identification.log import Log
-from planner.model.drawn_models import drawn_models
 from planner.model.evidence import Evidence
 from planner.model.joint import JointModel
 from planner.model.response import simulate
-from planner.planning.arguments import models_of_joints
+from planner.planning.arguments import drawn_models, models_of_joints
 from planner.planning.inversion import invert_optimal, plan
 from tests.instances import REFERENCE_JOINTS
 

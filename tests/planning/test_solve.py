@@ -17,10 +17,10 @@ from planner.model.response import simulate
 from planner.planning import closed_form
 from planner.planning import solve as searches
 from planner.planning.problem import problem_of
+from planner.planning.result import UNFORESEEN
 from planner.planning.search import State, holding
 from planner.planning.solve import Solved, below_top_speed, search, solve
 from planner.planning.task import Task
-from planner.planning.trials import UNFORESEEN
 from tests.plans import track
 
 ERS210A = JointModel.ers210a()

@@ -22,6 +22,7 @@ from planner.model.joint import JointModel
 from planner.model.response import Loads, rest_angles
 from planner.planning.bounds.bundle_method import (
     Column,
+    Distance,
     LagrangianRelaxation,
     Multipliers,
     bundle_step,
@@ -29,7 +30,6 @@ from planner.planning.bounds.bundle_method import (
     stationary_point,
     zero_multipliers,
 )
-from planner.planning.bounds.configuration_minima import Distance
 from planner.planning.bounds.reachable_set import (
     BoundProblem,
     farthest_per_period,

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from planner import invert_optimal
 from planner.model.joint import JointModel
 from planner.model.response import simulate
-from planner.planning.bounds.branch_and_bound import Node, branch, cut_off, exact_bound
+from planner.planning.bounds.branch_and_bound import Node, branch, cut_off, exact_bound, tighten
 from planner.planning.bounds.certify import certify, lower_bound, planned_error
 from planner.planning.bounds.reachable_set import BoundProblem
 from planner.planning.bounds.saturation_relaxation import (
@@ -21,7 +21,6 @@ from planner.planning.bounds.saturation_relaxation import (
     conditions,
     solve_relaxation,
 )
-from planner.planning.bounds.tightening import tighten
 from tests.instances import REFERENCE_JOINTS, random_model, saturating
 from tests.strategies import models, trajectories
 

@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from planner.planning.bounds.hull_cuts import (
+from planner.planning.bounds.saturation_relaxation import (
     UNBOUNDED,
     VIOLATION,
     RequestSet,

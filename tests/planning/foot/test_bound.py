@@ -17,13 +17,16 @@ from planner.gait.stride import stride
 from planner.model.joint import JointModel
 from planner.model.response import simulate
 from planner.planning.bounds.bundle_method import (
+    MOST_CELLS,
+    Distance,
     LagrangianRelaxation,
     Multipliers,
+    _first_cells,
     _linear_terms,
     dual_function,
+    minima,
 )
 from planner.planning.bounds.clarabel import ConicSolution
-from planner.planning.bounds.configuration_minima import MOST_CELLS, Distance, _first_cells, minima
 from planner.planning.bounds.foot_bound import attainable_angles, foot_bound
 from planner.planning.bounds.reachable_set import BoundProblem, reachable_set
 from planner.planning.inversion import invert_foot
@@ -314,7 +317,7 @@ def test_minima_are_proved_from_below_and_reached_from_above(seed, share, size):
 
 def test_the_least_is_found_at_the_rim_of_a_cell_whose_centre_is_far_away(monkeypatch):
     # [rad]: the box is one cell
-    monkeypatch.setattr("planner.planning.bounds.configuration_minima.WIDEST_CELL", 10.0)
+    monkeypatch.setattr("planner.planning.bounds.bundle_method.WIDEST_CELL", 10.0)
     leg = WALK.leg
     lower, upper = (np.tile(limit, (3, 1)) for limit in leg.limits)
     rim = np.array([lower[0], upper[0], np.where([True, False, True], lower[0], upper[0])])
