@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import reduce
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -12,7 +12,6 @@ import numpy.typing as npt
 from planner.exceptions import InvalidInput, InvalidTrajectory, NoSteadyCycle
 from planner.model.joint import (
     JointModel,
-    RequestAges,
     acting,
     checked_model,
     request_ages,
@@ -21,10 +20,6 @@ from planner.model.joint import (
 from planner.model.law import State
 from planner.trajectory import LARGEST, SAME, Array, Mask, as_trajectory, steps
 from planner.validation import as_flag, as_number, freeze, shown
-
-if TYPE_CHECKING:
-    from planner.model.steady_cycle import Cycle
-
 
 Loads = Sequence[Array | None]
 """For each joint the torque on it at every sample [N m], shape (n,), or None."""
@@ -106,47 +101,26 @@ def motion_under(
     Raises:
         NoSteadyCycle: The response does not settle.
     """
-    from planner.model.steady_cycle import Cycle
+    from planner.model.kernel import run
+    from planner.model.steady_cycle import Cycle, run_steady_cycle
 
-    count = len(requests)
-    motion = np.empty((3, count))
-    history = requests_acting(requests, request_ages(model), cyclic=cyclic)
+    count, ages = len(requests), request_ages(model)
+    law, weights, motion = model.law, weights_by_tick(model), np.empty((3, count))
+    numbers = np.arange(-ages.oldest, count - ages.youngest)  # before sample k from the k-th on
+    history = requests.take(numbers if cyclic else np.maximum(numbers, 0), mode="wrap")
     if torques is None:
         sags, faster = np.full(count, model.offset), np.full(count, model.faster_per_tick())
     else:
         sags, faster = model.sag(torques), model.faster_per_tick(torques)
-    oldest, weights = request_ages(model).oldest, weights_by_tick(model)
-    joint = Cycle(model.law, weights, history, oldest, sags, faster, motion)
     if start is None:
         start = float(model.rest(requests[0], 0.0 if torques is None else torques[0]))
-    run_from(start, joint, cyclic=cyclic)
-    return motion
-
-
-def run_from(angle: float, joint: Cycle, *, cyclic: bool) -> None:
-    """Run a joint from rest at an angle one tick before the first sample, or on a cycle near it.
-
-    Raises:
-        NoSteadyCycle: The response does not settle.
-    """
-    from planner.model.kernel import run
-    from planner.model.steady_cycle import run_steady_cycle
-
     if not cyclic:
-        law, weights, history, _, sags, faster, motion = joint
-        run(law, weights, history, sags, faster, State(angle), len(weights) - 1, motion)
-    elif apart := run_steady_cycle(joint, angle, MOST_CYCLES):
+        run(law, weights, history, sags, faster, State(start), model.hold - 1, motion)
+        return motion
+    cycle = Cycle(law, weights, history, ages.oldest, sags, faster, motion)
+    if apart := run_steady_cycle(cycle, start, MOST_CYCLES):
         raise NoSteadyCycle(apart, MOST_CYCLES)
-
-
-def requests_acting(requests: Array, ages: RequestAges, *, cyclic: bool) -> Array:
-    """Every request that acts in a run, the oldest first [rad], shape (..., n + width - 1).
-
-    Before sample k act the entries k to k + width - 1. From rest the requests before the first one
-    equal it.
-    """
-    numbers = np.arange(-ages.oldest, requests.shape[-1] - ages.youngest)
-    return requests.take(numbers if cyclic else np.maximum(numbers, 0), axis=-1, mode="wrap")
+    return motion
 
 
 def simulate_joints(
@@ -371,21 +345,26 @@ def sensitivities(
     ages, load_at = request_ages(model), np.zeros(n) if torques is None else torques
     weights, numbers = weights_by_tick(model), np.maximum(acting(ages, n, cyclic=cyclic), 0)
     own = max(model.law.states, 2)
-    window, slopes = np.empty((3, ages.width, n)), np.empty((own, own + ages.width, n))
-    window[0] = requests[numbers.T]
-    kernel.periods(
-        model.law,
-        weights,
-        window,
-        model.sag(load_at),
-        model.faster_per_tick(load_at),
-        np.full(n, (model.law.gain * LEAST_RADIUS * model.theta_0) ** 2),
-        np.roll(motion[:own], 1, axis=1),
-        slopes,
-        np.empty((own, 0, n)),
-    )
-    size = model.law.states
-    each = np.moveaxis(slopes, -1, 0)
+
+    def of_periods(weights: Array, states: Array) -> Array:
+        """Derivatives of the first periods from these states on, by them and by the requests."""
+        count = states.shape[1]
+        window, slopes = np.empty((3, ages.width, count)), np.empty((own, own + ages.width, count))
+        window[0] = requests[numbers[:count].T]
+        kernel.periods(
+            model.law,
+            weights,
+            window,
+            model.sag(load_at[:count]),
+            model.faster_per_tick(load_at[:count]),
+            np.full(count, (model.law.gain * LEAST_RADIUS * model.theta_0) ** 2),
+            states,
+            slopes,
+            np.empty((own, 0, count)),
+        )
+        return np.moveaxis(slopes, -1, 0)
+
+    size, each = model.law.states, of_periods(weights, np.roll(motion[:own], 1, axis=1))
     kept, by_request = each[:, :size, :size], each[:, :size, own:]
     driven = np.zeros((n, size, n))
     place = np.arange(n)[:, np.newaxis, np.newaxis], np.arange(size), numbers[:, :, np.newaxis]
@@ -405,35 +384,14 @@ def sensitivities(
         angle = motion[0, 0]
         sag = model.sag_sin * np.cos(angle) - model.sag_cos * np.sin(angle)  # its derivative
         first[0, 0] = 1.0 / (1.0 - sag)
-        if start is not None:
-            torque = 0.0 if torques is None else float(torques[0])
-            first[:, 0] = _slopes(model, requests[0], start, torque)[:size]
+        if start is not None:  # the last tick of the period before, from rest at the start
+            rest = np.array([[start], [0.0], [0.0]])[:own]
+            first[:, 0] = of_periods(weights[-1:], rest)[0, :size, own:].sum(axis=1)
         later = _recursion(kept[1:], driven[1:], first)[:, 0]
         rows = np.vstack([first[:1], later])
     rows = np.ascontiguousarray(rows)
     freeze(rows)
     return rows
-
-
-def _slopes(model: JointModel, request: float, start: float, load: float) -> Array:
-    """Derivatives of the first state from rest by the request; at a corner the mean of both sides.
-
-    Args:
-        model: The joint.
-        request: First request [rad].
-        start: Angle at which the joint rests before it [rad].
-        load: Torque on the joint [N m].
-    """
-    error = float(request + model.pose_sag(start) - start + model.sag(load))
-    sides = np.sign(error - model.corners(load, start))
-    slope = float(model.gain_per_tick * (sides[0] - sides[1] + sides[2] - sides[3]) / 2.0)
-    most = model.law.acceleration / model.law.share
-    drive = abs(float(model.speed(error, load, start)) * model.tick)
-    drive += model.law.friction if model.law.share < 1.0 else 0.0
-    within = (1.0 - float(np.sign(drive - most))) / 2.0  # the acceleration limit
-    speed = model.law.share * slope * within
-    demand = float(model.gain_per_tick * (sides[0] - sides[3]) / 2.0)
-    return np.array([speed, speed, model.law.integral * (demand - speed) * within])
 
 
 def _recursion(kept: Array, driven: Array, before: Array) -> Array:

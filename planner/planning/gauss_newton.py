@@ -527,27 +527,7 @@ def allocated(spec: Spec, *, smoothing: bool) -> Point:
     )
 
 
-PATTERNS: dict[tuple[object, ...], Pattern] = {}
-"""The last patterns by the shapes of their problems: those of the joints of a path are the same."""
-
-KEPT, LONGEST_KEPT = 8, 1000  # patterns, of so many samples at most: 0.4 MB each
-
-
 def pattern_of(spec: Spec, *, smoothing: bool) -> Pattern:
-    """The pattern of the steps of a problem, kept for the next one of the same shape."""
-    kinds = (spec.cyclic, spec.oldest, spec.parts, spec.together, spec.limited, smoothing)
-    shape = (*kinds, *spec.acting.shape, spec.resting.shape[1], len(spec.drives), len(spec.shares))
-    pattern = PATTERNS.get(shape)
-    if pattern is None:
-        pattern = pattern_in_time(spec, smoothing=smoothing)
-        if len(spec.resting) <= LONGEST_KEPT:
-            if len(PATTERNS) == KEPT:
-                PATTERNS.clear()
-            PATTERNS[shape] = pattern
-    return pattern
-
-
-def pattern_in_time(spec: Spec, *, smoothing: bool) -> Pattern:
     """The pattern of the steps of a problem: unknowns are eliminated in order of time.
 
     Without second differences and limits on changes requests are eliminated first, then states: a

@@ -18,7 +18,7 @@ from planner.model.joint import (
     request_ages_of_all,
     weights_of_all,
 )
-from planner.model.response import Loads, requests_acting, rest_angles, rest_requests, run_from
+from planner.model.response import Loads, motion_under, rest_angles, rest_requests
 from planner.planning.arguments import Norm
 from planner.planning.task import Task
 from planner.trajectory import Array
@@ -240,33 +240,17 @@ class Problem:
         A cycle need not be unique: as in :func:`planner.simulate` it is the one near the angles at
         which the first requests hold the joints.
         """
-        from planner.model.steady_cycle import Cycle
-
-        spec, joints, motion = self.spec, self.joints, np.empty((3, len(requests)))
-        answer = np.empty((len(self.models), len(requests)))
-        histories = requests_acting(requests.T, self.ages, cyclic=self.cyclic)
-        for number, (model, load) in enumerate(zip(self.models, self.loads, strict=True)):
-            joint = number % joints
-            sags, faster = spec.periods[:, number]
-            drive = Cycle(
-                model.law,
-                spec.weights[number, : model.hold],
-                histories[joint],
-                self.ages.oldest,
-                sags,
-                faster,
-                motion,
-            )
-            start = 0.0 if load is None else load[0]
-            angle = (
-                model.rest(requests[0, joint], start) if self.start is None else self.start[joint]
-            )
+        answer = np.empty((len(requests), len(self.models)))
+        for number, (model, torques) in enumerate(zip(self.models, self.loads, strict=True)):
+            j = number % self.joints
+            start = None if self.start is None else float(self.start[j])
+            sent = requests[:, j]
             try:
-                run_from(float(angle), drive, cyclic=self.cyclic)
+                motion = motion_under(model, sent, cyclic=self.cyclic, start=start, torques=torques)
             except NoSteadyCycle:
                 return None
-            answer[number] = motion[0]
-        return np.ascontiguousarray(answer.T)
+            answer[:, number] = motion[0]
+        return answer
 
     def states_of(self, angles: Array) -> Array:
         """States near angles (n, A): speeds are means over the period before, integrals 0."""

@@ -102,6 +102,25 @@ class _View(Summarised):
         several = task.goal == "foot" or len(task.models[self.column]) > 1
         return type(self)(nominal, self.column) if nominal is not None and several else None
 
+    @cached_property
+    def requests(self) -> Array:
+        """Requests to the joint [rad], shape (n,); for a foot to all joints, (n, k)."""
+        return self._own(self.plan.requests)
+
+    @cached_property
+    def predicted(self) -> Array:
+        """Angles of the exact models under them, plus the disturbance [rad], like ``requests``."""
+        return self._own(self.plan.predicted)
+
+    @cached_property
+    def disturbance(self) -> Array | None:
+        """Disturbance of the models' angles in executed cycles [rad], like ``requests``.
+
+        None before any was measured: see :func:`planner.refine`.
+        """
+        added = self.plan.task.disturbance
+        return None if added is None else self._own(added)
+
     @property
     def rms(self) -> float:
         """Root mean square of the errors [unit]."""
@@ -136,6 +155,14 @@ class _View(Summarised):
     def gap(self) -> float:
         """Relative distance from the lower bound; inf where only the bound is zero."""
         return float(self.plan.gaps[self.column])
+
+    def _own(self, rows: Array) -> Array:
+        """The column of the joint, (n,); for a foot all columns."""
+        if self.plan.task.goal == "foot":
+            return rows
+        column = np.ascontiguousarray(rows[:, self.column])
+        freeze(column)
+        return column
 
     @property
     def learning(self) -> Learning | None:
@@ -174,22 +201,12 @@ class Inversion(_View):
     @cached_property
     def desired(self) -> Array:
         """Desired angles [rad], shape (n,)."""
-        return self._column(self.plan.desired)
-
-    @cached_property
-    def requests(self) -> Array:
-        """Requests to the joint [rad], shape (n,)."""
-        return self._column(self.plan.requests)
-
-    @cached_property
-    def predicted(self) -> Array:
-        """Angles of the exact model under the requests, plus the disturbance [rad], (n,)."""
-        return self._column(self.plan.predicted)
+        return self._own(self.plan.desired)
 
     @cached_property
     def errors(self) -> Array:
         """Predicted minus desired angles [rad], shape (n,)."""
-        return self._column(self.plan.errors)
+        return self._own(self.plan.errors)
 
     @property
     def solver(self) -> Solver | None:
@@ -230,15 +247,6 @@ class Inversion(_View):
         """
         return self.plan.task.load_of_pose and self.load is not None
 
-    @cached_property
-    def disturbance(self) -> Array | None:
-        """Disturbance of the model's angles in executed cycles [rad], (n,): :func:`planner.refine`.
-
-        None before any was measured.
-        """
-        added = self.plan.task.disturbance
-        return None if added is None else self._column(added)
-
     @property
     def expected(self) -> Expectation:
         """Error to expect on the robot: see :attr:`planner.Plan.expected`."""
@@ -263,11 +271,6 @@ class Inversion(_View):
     def excess(self) -> float:
         """How far the requests go beyond the range of the desired angles [rad]."""
         return self.plan.motions[self.column].beyond
-
-    def _column(self, rows: Array) -> Array:
-        column = np.ascontiguousarray(rows[:, self.column])
-        freeze(column)
-        return column
 
 
 @dataclass(frozen=True, eq=False, init=False, repr=False)
@@ -310,16 +313,6 @@ class FootInversion(_View):
         return self.plan.task.reachable
 
     @property
-    def requests(self) -> Array:
-        """Requests to the joints [rad], shape (n, k)."""
-        return self.plan.requests
-
-    @property
-    def predicted(self) -> Array:
-        """Angles of the exact models under the requests, plus the disturbance [rad], (n, k)."""
-        return self.plan.predicted
-
-    @property
     def limits(self) -> tuple[Array, Array]:
         """Smallest and largest request of each joint [rad], two arrays of shape (k,)."""
         return self.plan.task.lower, self.plan.task.upper
@@ -341,14 +334,6 @@ class FootInversion(_View):
         There is no lower bound then, unless the nominal models feel no load.
         """
         return self.plan.task.load_of_pose
-
-    @property
-    def disturbance(self) -> Array | None:
-        """Disturbance of the models' angles in executed cycles [rad], (n, k): see ``refine``.
-
-        None before any was measured.
-        """
-        return self.plan.task.disturbance
 
     @property
     def foot(self) -> Array:

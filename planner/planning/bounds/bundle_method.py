@@ -92,14 +92,14 @@ def dual_function(
 ) -> tuple[float, Array]:
     """The lower bound on the squared distance by multipliers, and its minimiser, (n, k)."""
     slopes, constant = _linear_terms(relaxation, multipliers.conditions)
-    solution = minima(
+    proved, angles = minima(
         relaxation.distance,
         multipliers.weights,
         slopes,
         guesses,
         tolerance=TOLERANCE / relaxation.samples,
     )
-    return float(np.sum(solution.proved)) + constant, solution.angles
+    return float(np.sum(proved)) + constant, angles
 
 
 def _linear_terms(
@@ -344,21 +344,9 @@ class Distance(NamedTuple):
         return squared
 
 
-class Minima(NamedTuple):
-    """Lower bounds over all angles, and angles that come close to them.
-
-    Attributes:
-        proved: Lower bounds, shape (n,).
-        angles: Angles of the least values [rad], shape (n, k).
-    """
-
-    proved: Array
-    angles: Array
-
-
 def minima(
     distance: Distance, weights: Array, slopes: Array, guesses: Array, *, tolerance: float
-) -> Minima:
+) -> tuple[Array, Array]:
     """The least of ``weight * squared distance + slope @ angles`` over the box, for every sample.
 
     Args:
@@ -369,7 +357,8 @@ def minima(
         tolerance: Allowed distance of a bound below the least value.
 
     Returns:
-        The bounds, valid however early the search has to stop.
+        Lower bounds over all angles, shape (n,), valid however early the search has to stop; and
+        angles that come close to them [rad], shape (n, k).
     """
     blocks = [
         _block(
@@ -389,12 +378,12 @@ def minima(
         )
     ]
     proved, angles = (np.concatenate(column) for column in zip(*blocks, strict=True))
-    return Minima(proved, angles)
+    return proved, angles
 
 
 def _block(
     distance: Distance, weights: Array, slopes: Array, guesses: Array, tolerance: float
-) -> Minima:
+) -> tuple[Array, Array]:
     target = (distance.desired * distance.scale).T
     angles = guesses.copy()
     least = weights * distance.squared(angles) + np.sum(slopes * angles, axis=1)
@@ -423,7 +412,7 @@ def _block(
         owner = np.repeat(owner[is_open], len(halves))
         centres = np.repeat(centres[is_open], len(halves), axis=0)
         centres += np.tile(halves, (len(owner) // len(halves), 1)) * half[owner]
-    return Minima(proved, angles)
+    return proved, angles
 
 
 def _first_cells(distance: Distance) -> tuple[npt.NDArray[np.intp], Array, Array]:

@@ -7,6 +7,7 @@ the rows after the known stretch are taken from the cycle before (``repeating_pa
 
 from __future__ import annotations
 
+import copy
 import math
 import warnings
 from collections.abc import Mapping, Sequence
@@ -176,27 +177,9 @@ class Stream:
         )
         self._all_planned: tuple[Status, ...] = tuple("planned" for _ in models)
 
-    def __reduce__(self) -> tuple[Any, ...]:
-        """Copy and pickle: arguments and memory, not compiled buffers."""
-        options = {
-            "preview": self.preview,
-            "limits": self._limits,
-            "max_step": None if np.isinf(self._max_step).all() else self._max_step,
-            "cycle": self.cycle,
-            "on_bad": "raise" if self._raises else "hold",
-        }
-        models = dict(zip(self.names, self.models, strict=True))
-        return _made_again, (models, options), (self._memory(), self._status, self._problem)
-
-    def __setstate__(self, state: tuple[tuple[Any, ...], tuple[Status, ...], str]) -> None:
-        """Copy another stream's state."""
-        memory, self._status, self._problem = state
-        for array, values in zip(self._memory(), memory, strict=True):
-            array[:] = values
-
-    def _memory(self) -> tuple[Any, ...]:
-        """The arrays of a stream that change from tick to tick."""
-        return self._data.states, self._data.sent, self._data.plan, *self._path[:4]
+    def __copy__(self) -> Stream:
+        """A stream that goes on alike, and on its own."""
+        return copy.deepcopy(self)
 
     def reset(self) -> None:
         """Return to the initial state: the next step is a first one, with the joints at rest."""
@@ -476,10 +459,3 @@ def checked_cycle(cycle: object) -> int | None:
             f"from 2 to {MOST_PREVIEW}, or None"
         )
     return rows
-
-
-def _made_again(models: Mapping[str, JointModel], options: Mapping[str, Any]) -> Stream:
-    """The stream of a copy, without repeated warnings."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)
-        return Stream(models, **options)
