@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -17,29 +17,19 @@ from planner.planning.plan import Plan
 from planner.planning.result import Trial
 from planner.trajectory import Array, rms
 
+UNEXPLAINED, NEGLIGIBLE = 2.0, 0.002
+"""Error of the prediction up to which learning copes with it: in standard deviations of the
+measured cycle's noise [-], and as a share of the joint's motion [-]."""
 
-@dataclass(frozen=True, kw_only=True)
-class ReidentificationOptions:
-    """When the measured cycles identify a model anew.
+SAVING = 0.3
+"""Share of that error that another model has to save on a trial that it has not seen [-]: a model
+that is as good brings nothing, and forgets the logs it came from."""
 
-    Attributes:
-        unexplained: Error of the prediction from which on it is worth a second, in standard
-            deviations of the measured cycle's noise [-].
-        negligible: So is one beyond this share of the joint's motion [-]: learning copes with it.
-        saving: Share of that error that another model has to save on a trial that it has not seen
-            [-]: a model that is as good brings nothing, and forgets the logs it came from.
-        trials: Trials, the last ones, that are fitted.
-        resting: Rows of rest before a motion from rest: longer than any lag.
-    """
+TRIALS = 4
+"""Trials, the last ones, that are fitted."""
 
-    unexplained: float = 2.0
-    negligible: float = 0.002
-    saving: float = 0.3
-    trials: int = 4
-    resting: int = 20
-
-
-OPTIONS = ReidentificationOptions()
+RESTING = 20
+"""Rows of rest before a motion from rest: longer than any lag."""
 
 
 def reidentified(
@@ -94,7 +84,7 @@ def better_model(
         return simulate(of, requests, cyclic=cyclic, start=start, load=load)
 
     def identified(data: Sequence[tuple[Array, Array]]) -> JointModel | None:
-        logs = [_log(model, *each, cyclic=cyclic, load=load) for each in data[-OPTIONS.trials :]]
+        logs = [_log(model, *each, cyclic=cyclic, load=load) for each in data[-TRIALS:]]
         return _identified(model, logs)
 
     if len(trials) < 2:
@@ -109,11 +99,11 @@ def better_model(
 
     try:
         now = missed(model)
-        least = max(OPTIONS.unexplained * noise, OPTIONS.negligible * float(np.ptp(target)))
+        least = max(UNEXPLAINED * noise, NEGLIGIBLE * float(np.ptp(target)))
         if now <= least:
             return None
         candidate = identified(data)
-        if candidate is None or missed(candidate) > (1.0 - OPTIONS.saving) * now:
+        if candidate is None or missed(candidate) > (1.0 - SAVING) * now:
             return None
         return identified([*data, (sent, target)])
     except PlannerError:  # no motion to identify from, or no steady cycle
@@ -127,7 +117,7 @@ def _log(
     if cyclic:
         rows = np.arange(2 * len(requests)) % len(requests)
     else:
-        rows = np.maximum(np.arange(-OPTIONS.resting, len(requests)), 0)
+        rows = np.maximum(np.arange(-RESTING, len(requests)), 0)
     return Log(
         times=model.period * np.arange(len(rows), dtype=np.float64),
         requests=requests[rows],

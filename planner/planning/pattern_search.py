@@ -11,7 +11,7 @@ Import this module where it is used, inside functions, as ``model/kernel.py``.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -35,29 +35,20 @@ from planner.planning.line_inverse import (
 from planner.planning.problem import Problem
 from planner.trajectory import Array
 
+# In brackets the effect of half and twice the value on the tracking error of 22 closed forms of six
+# segments: mean and worst change in per cent. Without a search: 8 and 35.
 
-@dataclass(frozen=True, kw_only=True)
-class PatternSearchOptions:
-    """Options of the search.
+COARSEST = 2.0
+"""First size of a move [samples]; values move by as much as the joint can in that time (-0.7 and
+1.7; -0.7 and 0.1)."""
 
-    In brackets the effect of half and twice the value on the tracking error of 22 closed forms of
-    six segments: mean and worst change in per cent. Without a search: 8 and 35.
+FINEST = 0.2
+"""Size of a move below which the search ends [samples] (-0.4 and 0, for 20 % more time; 0.8 and
+3.3)."""
 
-    Attributes:
-        coarsest: First size of a move [samples]; values move by as much as the joint can in that
-            time (-0.7 and 1.7; -0.7 and 0.1).
-        finest: Size of a move below which the search ends [samples] (-0.4 and 0, for 20 % more
-            time; 0.8 and 3.3).
-        most_work: Samples simulated in one search, so that its cost does not grow with the number
-            of knots (0.6 and 6.9; 0 and 0).
-    """
-
-    coarsest: float = 2.0
-    finest: float = 0.2
-    most_work: int = 80_000
-
-
-OPTIONS = PatternSearchOptions()
+MOST_WORK = 80_000
+"""Samples simulated in one search, so that its cost does not grow with the number of knots (0.6 and
+6.9; 0 and 0)."""
 
 LOWER = 1.0 - 1e-4
 """Share of the squared error down to which a move must bring it to be kept [-]."""
@@ -111,8 +102,8 @@ def refined_curve(
         A curve with as many segments, none shorter than a sample, within the joint's speeds.
     """
     knots, values = np.array(curve.knots), np.array(curve.values)
-    steps = OPTIONS.coarsest, OPTIONS.finest, problem.models[0].v_max * curve.tick
-    search(*tracked(problem, curve, rule, ahead), knots, values, steps, OPTIONS.most_work)
+    steps = COARSEST, FINEST, problem.models[0].v_max * curve.tick
+    search(*tracked(problem, curve, rule, ahead), knots, values, steps, MOST_WORK)
     return replace(curve, knots=knots, values=values)
 
 

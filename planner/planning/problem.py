@@ -27,6 +27,10 @@ if TYPE_CHECKING:
     from kinematics.leg import Leg
     from planner.planning.gauss_newton import Pattern, Point, Spec
 
+RIDGE = 1e-4
+"""Curvature added to that of a foot's squared errors, where a joint that does not move the foot has
+none [-]; errors are in radians of a typical joint."""
+
 CENTRING = 0.1
 """Where a joint has a dead band: weight of the distance of a request from its middle, beside a
 second difference [-]. A request returns to the middle within some four periods; with half the
@@ -149,7 +153,7 @@ class Problem:
             bool(np.isfinite(self.lower).any() or np.isfinite(self.upper).any()),
             bool(np.isfinite(self.max_step).any()),
             self.centring,
-            0.0 if self.foot is None else self.foot.ridge,
+            0.0 if self.foot is None else RIDGE,
             np.array(drives, dtype=np.float64),
             weights_of_all(self.models),
             acting(self.ages, len(self.desired), cyclic=self.cyclic),
@@ -313,13 +317,9 @@ class FootGoal:
     Attributes:
         rows: Desired positions, and the disturbance of the joints' angles, as in ``Spec``.
         links: The constants of the leg, as there.
-        ridge: Curvature added to that of the squared errors, where a joint that does not move the
-            foot has none [-].
     """
 
-    def __init__(
-        self, leg: Leg, desired: Array, scale: Array, added: Array, *, ridge: float
-    ) -> None:
+    def __init__(self, leg: Leg, desired: Array, scale: Array, added: Array) -> None:
         """Set the goal of a foot.
 
         Args:
@@ -327,9 +327,7 @@ class FootGoal:
             desired: Positions of the foot [m], (n, 3).
             scale: Errors for a metre along each axis [rad/m], (3,).
             added: Added to the joints' angles before the position is computed [rad], (n, J).
-            ridge: See above.
         """
-        self.ridge = ridge
         self.rows = np.hstack([desired, added])
         self.links = np.zeros((len(leg.chain.links) + 1, 10, 3))
         for own, link in zip(self.links, leg.chain.links, strict=False):
@@ -367,10 +365,6 @@ def problem_of(task: Task) -> Problem:
 LEAST_FOOT_MOTION = 1e-9
 """Movement of the foot per radian that is rounding, relative to the last link's length."""
 
-RIDGE = 1e-4
-"""Curvature added to that of the squared errors, where a joint that does not move the foot has none
-[-]; errors are in radians of a typical joint."""
-
 
 def _foot_goal(task: Task, nearest: Array, added: Array) -> FootGoal:
     """The goal of a foot, its errors scaled by how far a radian of a joint moves it.
@@ -384,4 +378,4 @@ def _foot_goal(task: Task, nearest: Array, added: Array) -> FootGoal:
             "leg: none of its joints moves the foot along an axis that counts; choose another foot "
             "frame, or give the axis along which it moves a weight"
         )
-    return FootGoal(leg, task.desired_foot, task.axis_scales / moved, added, ridge=RIDGE)
+    return FootGoal(leg, task.desired_foot, task.axis_scales / moved, added)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from operator import itemgetter
 from typing import NamedTuple
 
@@ -38,40 +38,30 @@ from planner.planning.search import (
 from planner.planning.task import Task
 from planner.trajectory import Array, Mask, rms
 
+# Effects were measured over 109 joints, half of them outside Equation 13.
 
-@dataclass(frozen=True, kw_only=True)
-class FurtherSearchOptions:
-    """Options for further searches.
+FAR = 1.03
+"""Ratio of the error to that of the ideal from which on further searches follow. At 1.015 nothing
+is gained, at 1.06 up to 0.4 % lost."""
 
-    Measured over 109 joints, half of them outside Equation 13.
+GAIN = 2e-3
+"""Least relative gain for the answer of a wide search to be chosen, as its requests change more:
+without it the sum of squared second differences is 3 % larger."""
 
-    Attributes:
-        far: Ratio of the error to that of the ideal from which on further searches follow. At
-            1.015 nothing is gained, at 1.06 up to 0.4 % lost.
-        gain: Least relative gain for the answer of a wide search to be chosen, as its requests
-            change more. At half and twice no error changes by more than 0.01 %; without it Σ(ΔR)²
-            is 3 % larger.
-        negligible: Error up to which no further searches follow [theta_0]. Half and twice matter
-            only below 0.01 degrees.
-        compared: Samples that the ideal reaches below the top speeds up to which the search also
-            starts from the closed forms, as only the times of changes between lines are free.
-            Without it a closed form is better for 6 % of 400 joints on much faster paths of 4 to
-            69 samples, by 0.8 % at worst; with it for none. It takes 0.05 to 0.3 s.
-        accelerating: Share of the time that the ideal, which ignores the acceleration limit, would
-            accelerate at that limit, from which on the search also starts from the closed forms
-            [-], unless the plan is within an encoder's step of the ideal. Of 160 joints with such
-            a limit one in ten ends closer with that start, by 65 % at most; all are above 0.2. It
-            takes 0.1 to 0.8 s.
-    """
+NEGLIGIBLE = 5e-4
+"""Error up to which no further searches follow [theta_0]."""
 
-    far: float = 1.03
-    gain: float = 2e-3
-    negligible: float = 5e-4
-    compared: int = 16
-    accelerating: float = 0.2
+COMPARED = 16
+"""Samples that the ideal reaches below the top speeds up to which the search also starts from the
+closed forms, as only the times of changes between lines are free. Without it a closed form is
+better for 6 % of 400 joints on much faster paths of 4 to 69 samples, by 0.8 % at worst; with it for
+none. It takes 0.05 to 0.3 s."""
 
-
-OPTIONS = FurtherSearchOptions()
+ACCELERATING = 0.2
+"""Share of the time that the ideal, which ignores the acceleration limit, would accelerate at that
+limit, from which on the search also starts from the closed forms [-], unless the plan is within an
+encoder's step of the ideal. Of 160 joints with such a limit one in ten ends closer with that start,
+by 65 % at most; all are above 0.2. It takes 0.1 to 0.8 s."""
 
 BEGINNING = 20.0
 """Length of the beginning of a path, relative to a joint's settling time [-]: the first request has
@@ -289,16 +279,16 @@ def search(problem: Problem, state: State) -> Array:
     """
     (model,) = problem.models
     starts, best = [state], minimise(problem, state, NARROW)
-    near = OPTIONS.far * problem.error(state.angles)
-    limited = time_accelerating(problem, state.angles) > OPTIONS.accelerating
+    near = FAR * problem.error(state.angles)
+    limited = time_accelerating(problem, state.angles) > ACCELERATING
     limited = limited and best[1] > near + ENCODER_STEP
-    if limited or below_top_speed(problem, state.angles) <= OPTIONS.compared:
+    if limited or below_top_speed(problem, state.angles) <= COMPARED:
         starts.append(state._replace(requests=best_closed_form(problem)))
         best = min(best, minimise(problem, starts[1], NARROW), key=itemgetter(1))
     if problem.norm == "max" and best[1] > near:
         other = minimise(problem, state, NARROW, through_rms=True)
         best = min(best, other, key=itemgetter(1))
-    if best[1] > near + OPTIONS.negligible * model.theta_0:
+    if best[1] > near + NEGLIGIBLE * model.theta_0:
         short = len(problem.desired) <= 2 * problem.ages.oldest
         if short or model.v_max_per_tick > model.theta_0:
             further = [state._replace(requests=requests) for requests in early_and_late(problem)]
@@ -306,7 +296,7 @@ def search(problem: Problem, state: State) -> Array:
             best = min(best, *answers, key=itemgetter(1))
             starts += further
         other = min((minimise(problem, start, WIDE) for start in starts), key=itemgetter(1))
-        if other[1] < (1.0 - OPTIONS.gain) * best[1]:
+        if other[1] < (1.0 - GAIN) * best[1]:
             best = other
     answer, least = best
     logging.getLogger(__name__).debug(

@@ -59,7 +59,7 @@ def leg_problem(cyclic):
     desired = walk.desired[::6]
     foot = walk.leg.foot_positions(desired) + 0.01
     lower, upper = walk.leg.limits
-    goal = FootGoal(walk.leg, foot, np.array([9.0, 5.0, 7.0]), np.zeros_like(desired), ridge=1e-4)
+    goal = FootGoal(walk.leg, foot, np.array([9.0, 5.0, 7.0]), np.zeros_like(desired))
     return Problem(
         models=(JointModel.ers210a(),) * 3,
         desired=desired,

@@ -26,7 +26,7 @@ from scipy import sparse
 from kinematics.chain import Chain
 from planner.exceptions import SolverFailed
 from planner.planning.arguments import Norm
-from planner.planning.bounds.clarabel import Cones, ConicSolver
+from planner.planning.bounds.multipliers import Cones, ConicSolver
 from planner.planning.bounds.reachable_set import ReachableSet
 from planner.trajectory import Array
 

@@ -13,8 +13,16 @@ from hypothesis import strategies as st
 from planner import invert_optimal
 from planner.model.joint import JointModel
 from planner.model.response import simulate
-from planner.planning.bounds.branch_and_bound import Node, branch, cut_off, exact_bound, tighten
-from planner.planning.bounds.certify import certify, lower_bound, planned_error
+from planner.planning.bounds.certify import (
+    Node,
+    branch,
+    certify,
+    cut_off,
+    exact_bound,
+    lower_bound,
+    planned_error,
+    tighten,
+)
 from planner.planning.bounds.reachable_set import BoundProblem
 from planner.planning.bounds.saturation_relaxation import (
     ScaledProblem,

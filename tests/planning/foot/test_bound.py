@@ -26,8 +26,8 @@ from planner.planning.bounds.bundle_method import (
     dual_function,
     minima,
 )
-from planner.planning.bounds.clarabel import ConicSolution
 from planner.planning.bounds.foot_bound import attainable_angles, foot_bound
+from planner.planning.bounds.multipliers import ConicSolution
 from planner.planning.bounds.reachable_set import BoundProblem, reachable_set
 from planner.planning.inversion import invert_foot
 from planner.planning.task import Task
@@ -236,7 +236,7 @@ def test_a_solver_that_fails_makes_the_bound_weaker_and_never_wrong(monkeypatch)
 
     monkeypatch.setattr("planner.planning.bounds.bundle_method._solve", fail)
     nothing = ConicSolution(np.zeros(0), np.zeros(0), "no luck", has_multipliers=False)
-    monkeypatch.setattr("planner.planning.bounds.clarabel.ConicSolver.solve", lambda *_: nothing)
+    monkeypatch.setattr("planner.planning.bounds.multipliers.ConicSolver.solve", lambda *_: nothing)
     assert 0.0 < replace(plan).lower_bound <= sharp
 
 

@@ -37,7 +37,7 @@ def following(leg: Leg, desired, scale, added=0.0):
         upper=np.full(joints, np.inf),
         max_step=np.full(joints, np.inf),
         loads=(None,) * joints,
-        foot=FootGoal(leg, desired, scale, disturbance, ridge=0.0),
+        foot=FootGoal(leg, desired, scale, disturbance),
     )
 
 
