@@ -8,7 +8,8 @@ fail on different data:
 - `chord`: the segment joins two points of the ideal sequence; within the slopes and continuous at
   once, but sensitive to noise at the two points;
 - `line`: the segment is the best line with a slope within the bounds through its own samples of the
-  ideal; insensitive to noise, but the lines need not meet;
+  ideal; insensitive to noise, but the lines need not meet. Of 150 fits of 2 to 15 segments 7 % are
+  worse by 0.1 % or more without it, by 21 % at worst, and 13 % without chords, by 7 % at worst;
 - of a lattice, :func:`lattice_chain`: at each node a few angles around the ideal may be taken, and
   a segment between two of these states has its exact squared error as its cost, infinite if it is
   too steep. So the cheapest chain is continuous, within the slopes, and best of all on the lattice.

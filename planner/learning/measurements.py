@@ -19,7 +19,8 @@ from planner.exceptions import InvalidTrajectory, angle_text
 from planner.model.joint import JointModel
 from planner.planning.plan import Plan
 from planner.planning.result import SensorDelay, Trial
-from planner.trajectory import Array
+from planner.trajectory import LARGEST, Array, rms
+from planner.validation import as_reals
 
 STILL = 1.5 * 2.0 * math.pi / 4096.0
 """Range of a joint that does not move [rad]: its reading flips between two counts of a sensor of 12
@@ -38,9 +39,56 @@ LAGGING = 1e-3
 REPEATED = 1e-9
 """Two cycles that differ by less, everywhere, are one [rad]."""
 
+SETTLING = 4.0
+"""A first cycle that differs from the mean of the others by more than so many standard deviations
+of these is left out: the joint was on its way into the cycle."""
+
 DEGREES = (40.0, 80.0)
 """Measured over modelled motion [-] from which angles look like degrees: 57.3, a bit off; and by
 one over it like radians that were read as degrees."""
+
+
+def checked_cycles(measured: npt.ArrayLike, shape: tuple[int, ...]) -> Array:
+    """Measured cycles [rad], of the shape (cycles, *shape).
+
+    Raises:
+        InvalidTrajectory: They have another shape, or are not finite.
+    """
+    try:
+        rows = as_reals(measured)
+    except (TypeError, ValueError) as error:
+        raise InvalidTrajectory(f"measured: {error}; expected angles [rad]") from error
+    if rows.shape == shape:
+        rows = rows[np.newaxis]
+    if rows.ndim != len(shape) + 1 or rows.shape[1:] != shape or not len(rows):
+        inner = ", ".join(map(str, shape))
+        raise InvalidTrajectory(
+            f"measured: got shape {rows.shape}, expected ({inner}{',' if len(shape) == 1 else ''}) "
+            f"or (cycles, {inner}): one angle for each request of the plan"
+        )
+    bad = np.argwhere(~np.isfinite(rows))
+    if len(bad):
+        cycle, row = bad[0][:2]
+        raise InvalidTrajectory(
+            f"measured: {len(bad)} of {rows.size} angles are not finite, the first in cycle "
+            f"{cycle}, row {row}; leave out the cycles in which samples are missing"
+        )
+    if np.max(np.abs(rows), initial=0.0) > LARGEST:
+        raise InvalidTrajectory(
+            f"measured: got {np.max(np.abs(rows)):g}, expected at most {LARGEST:g} rad; check "
+            "the unit"
+        )
+    return rows
+
+
+def settled(cycles: Array) -> Array:
+    """The cycles, without the first one where it differs from the others."""
+    if len(cycles) < 3:
+        return cycles
+    later = cycles[1:]
+    spread, first = rms(later - later.mean(axis=0)), rms(cycles[0] - later.mean(axis=0))
+    count = float(np.max(np.ptp(later, axis=1)))
+    return later if first > max(SETTLING * spread, 0.01 * count) else cycles
 
 
 def check_angles(

@@ -4,7 +4,8 @@ Norm-optimal iterative learning control (N. Amann, D. H. Owens, E. Rogers, 1996)
 joint, in the form of A. P. Schoellig, F. L. Mueller, R. D'Andrea (2012): the executed cycles give
 the disturbance ``d = measured - M(R)`` that the model M misses, and the next requests minimise
 ``|M(R) + d - D|`` by the optimised inversion, with its limits and saturation. Of d only the
-repeatable part is learnt, where the model can be trusted (``learning/measurements.py``).
+repeatable part is learnt, where the model can be trusted (``learning/measurements.py``). A model is
+identified anew from the trials where it predicts a trial better that it has not seen.
 """
 
 from __future__ import annotations
@@ -18,10 +19,13 @@ from typing import TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from planner.exceptions import ANGLE_UNIT, InvalidInput, InvalidTrajectory, about
+from planner.exceptions import ANGLE_UNIT, InvalidInput, PlannerError, about
+from planner.identification.identify import identify
+from planner.identification.log import Log
 from planner.learning.measurements import (
     check_angles,
     check_trial,
+    checked_cycles,
     delays_of,
     delays_to_remove,
     deviation_of,
@@ -29,14 +33,16 @@ from planner.learning.measurements import (
     learnt,
     noise_of,
     remarks_on_delays,
+    settled,
 )
-from planner.learning.reidentification import reidentified
 from planner.model.evidence import ENCODER_STEP
+from planner.model.joint import JointModel
+from planner.model.response import simulate
 from planner.planning.inversion import planned
 from planner.planning.plan import Plan, joined
 from planner.planning.result import UNFORESEEN, FootInversion, Inversion, Learning, Trial
-from planner.trajectory import LARGEST, Array, rms
-from planner.validation import as_flag, as_number, as_reals, freeze, shown
+from planner.trajectory import Array, rms
+from planner.validation import as_flag, as_number, freeze, shown
 
 LONGEST_DELAY = 1e3
 """Longest delay of a sensor that is taken [s]: beyond any, and short of rounding in times."""
@@ -63,8 +69,6 @@ class LearningOptions:
             one before the shorter one is made. (At 1 a model that is right leaves 4 % of its error
             in each trial; at 1.1 the third trial of one servo in six that overshoots is 1.6 times
             as far off.)
-        settling: A first cycle that differs from the mean of the others by more than so many
-            standard deviations of these is left out: the joint was on its way into the cycle.
         trials: Trials that are kept, the last ones and the best.
     """
 
@@ -75,12 +79,25 @@ class LearningOptions:
     worse_noise: float = 0.2
     worthwhile: float = 0.003
     shorter: float = 1.05
-    settling: float = 4.0
     visible: float = 2.0
     trials: int = 30
 
 
 OPTIONS = LearningOptions()
+
+UNEXPLAINED, NEGLIGIBLE = 2.0, 0.002
+"""Error of the prediction up to which learning copes with it: in standard deviations of the
+measured cycle's noise [-], and as a share of the joint's motion [-]."""
+
+SAVING = 0.3
+"""Share of that error that another model has to save on a trial that it has not seen [-]: a model
+that is as good brings nothing, and forgets the logs it came from."""
+
+FITTED_TRIALS = 4
+"""Trials, the last ones, that are fitted."""
+
+RESTING_ROWS = 20
+"""Rows of rest before a motion from rest: longer than any lag."""
 
 SAME_REQUESTS = 1e-6
 """Requests that differ by less are the same [rad]: files carry them rounded, servos in counts."""
@@ -192,39 +209,6 @@ def refine(
     return joined(plans)
 
 
-def checked_cycles(measured: npt.ArrayLike, shape: tuple[int, ...]) -> Array:
-    """Measured cycles [rad], of the shape (cycles, *shape).
-
-    Raises:
-        InvalidTrajectory: They have another shape, or are not finite.
-    """
-    try:
-        rows = as_reals(measured)
-    except (TypeError, ValueError) as error:
-        raise InvalidTrajectory(f"measured: {error}; expected angles [rad]") from error
-    if rows.shape == shape:
-        rows = rows[np.newaxis]
-    if rows.ndim != len(shape) + 1 or rows.shape[1:] != shape or not len(rows):
-        inner = ", ".join(map(str, shape))
-        raise InvalidTrajectory(
-            f"measured: got shape {rows.shape}, expected ({inner}{',' if len(shape) == 1 else ''}) "
-            f"or (cycles, {inner}): one angle for each request of the plan"
-        )
-    bad = np.argwhere(~np.isfinite(rows))
-    if len(bad):
-        cycle, row = bad[0][:2]
-        raise InvalidTrajectory(
-            f"measured: {len(bad)} of {rows.size} angles are not finite, the first in cycle "
-            f"{cycle}, row {row}; leave out the cycles in which samples are missing"
-        )
-    if np.max(np.abs(rows), initial=0.0) > LARGEST:
-        raise InvalidTrajectory(
-            f"measured: got {np.max(np.abs(rows)):g}, expected at most {LARGEST:g} rad; check "
-            "the unit"
-        )
-    return rows
-
-
 def _refined(joints: Plan, cycles: Array, sensor_delay: float | None, reidentify: bool) -> Plan:
     """The next plan for one joint or one foot; ``cycles`` has shape (cycles, n, k)."""
     remarks = list[str]()
@@ -236,8 +220,8 @@ def _refined(joints: Plan, cycles: Array, sensor_delay: float | None, reidentify
     old = [joints.task.response(trial.requests) for trial in before.trials] if before else []
     error = before.trials[-1].mean - old[-1] if before else 0.0
     check_angles(cycles, requests, joints.desired, modelled, modelled + error)
-    if joints.cyclic and (settled := _settled(cycles)) is not cycles:
-        cycles = settled
+    if joints.cyclic and (later := settled(cycles)) is not cycles:
+        cycles = later
         remarks.append("the first cycle differs from the others: it is a transient and is ignored")
     if sensor_delay is not None:
         removed = [float(sensor_delay)] * len(joints.models)
@@ -473,11 +457,108 @@ def _remaining(joints: Plan, base: Trial, floor: tuple[float, float]) -> str:
     return f"{remaining}: {', '.join(words)}" if words else remaining
 
 
-def _settled(cycles: Array) -> Array:
-    """The cycles, without the first one where it differs from the others."""
-    if len(cycles) < 3:
-        return cycles
-    later = cycles[1:]
-    spread, first = rms(later - later.mean(axis=0)), rms(cycles[0] - later.mean(axis=0))
-    count = float(np.max(np.ptp(later, axis=1)))
-    return later if first > max(OPTIONS.settling * spread, 0.01 * count) else cycles
+def reidentified(
+    joints: Plan, trials: Sequence[Trial], since: Sequence[int], noise: Array
+) -> tuple[Plan, tuple[int, ...], list[str]]:
+    """The plan with the models that the trials identify anew, where these predict better.
+
+    Where the requests for such a model make the error larger, they are given up as all requests
+    that do. (The model before was taken up again once: on none of 18 joints and servos of the
+    benchmark did that happen in ten trials.)
+
+    Args:
+        joints: The plan that was executed.
+        trials: All trials, the last one of its requests.
+        since: The trial after which the model of each joint was changed last, (k,).
+        noise: Standard deviation of one cycle's noise [rad], (k,).
+
+    Returns:
+        The plan, the trials after which its models were changed last, and remarks.
+    """
+    models, last, remarks = list(joints.models), list(since), list[str]()
+    for j, model in enumerate(joints.models):
+        better = better_model(model, joints, trials, j, float(noise[j]))
+        if better is not None:
+            models[j], last[j] = better, len(trials) - 1
+            of = "" if len(models) == 1 else f" of joint {j + 1}"
+            remarks.append(
+                f"the model{of} was identified anew from the measured cycles: it predicts a trial "
+                "that it had not seen better than the model as it was and what was learnt with it"
+            )
+    if remarks:
+        joints = replace(joints, task=joints.task.with_models(models))
+    return joints, tuple(last), remarks
+
+
+def better_model(
+    model: JointModel, joints: Plan, trials: Sequence[Trial], j: int, noise: float
+) -> JointModel | None:
+    """A model of joint j identified from the trials, if it predicts the last one better; else None.
+
+    The last trial is held out. With the model as it is, its angles are predicted with the
+    disturbance of the trial before; so they are with a model that is identified from those before.
+    With that disturbance every model explains a repeated motion: the models are compared by how
+    the angles change with the requests. So there is no other model after a single trial,
+    however many cycles it has, nor where the requests have hardly changed.
+
+    ``noise`` is the standard deviation of one cycle's [rad].
+    """
+    cyclic, start, load = joints.cyclic, joints.task.starts[j], joints.task.loads[j]
+
+    def run(of: JointModel, requests: Array) -> Array:
+        return simulate(of, requests, cyclic=cyclic, start=start, load=load)
+
+    def identified(data: Sequence[tuple[Array, Array]]) -> JointModel | None:
+        logs = [_log(model, *each, cyclic=cyclic, load=load) for each in data[-FITTED_TRIALS:]]
+        return _identified(model, logs)
+
+    if len(trials) < 2:
+        return None
+    pairs = [(trial.requests[:, j], trial.mean[:, j]) for trial in trials]
+    data, (sent, target) = pairs[:-1], pairs[-1]
+    noise /= math.sqrt(trials[-1].cycles)
+
+    def missed(by: JointModel) -> float:
+        before, angles = data[-1]
+        return rms(run(by, sent) - run(by, before) + angles - target)
+
+    try:
+        now = missed(model)
+        least = max(UNEXPLAINED * noise, NEGLIGIBLE * float(np.ptp(target)))
+        if now <= least:
+            return None
+        candidate = identified(data)
+        if candidate is None or missed(candidate) > (1.0 - SAVING) * now:
+            return None
+        return identified([*data, (sent, target)])
+    except PlannerError:  # no motion to identify from, or no steady cycle
+        return None
+
+
+def _log(
+    model: JointModel, requests: Array, angles: Array, *, cyclic: bool, load: Array | None
+) -> Log:
+    """A cycle twice, or a motion after some rest: all requests that act are known."""
+    if cyclic:
+        rows = np.arange(2 * len(requests)) % len(requests)
+    else:
+        rows = np.maximum(np.arange(-RESTING_ROWS, len(requests)), 0)
+    return Log(
+        times=model.period * np.arange(len(rows), dtype=np.float64),
+        requests=requests[rows],
+        angles=angles[rows],
+        load=None if load is None else load[rows],
+        name="executed cycles",
+    )
+
+
+def _identified(model: JointModel, logs: Sequence[Log]) -> JointModel | None:
+    """The model of the logs; a top speed that they do not show remains as it was."""
+    result = identify(logs, tick=model.tick, hold=model.hold, hold_out=False)
+    if not result.accepted:
+        return None
+    candidate = replace(result.model, tick=model.tick)
+    if not result.saturates and candidate.v_max < model.v_max:
+        stretch = model.v_max / candidate.v_max
+        candidate = replace(candidate, v_max=model.v_max, theta_0=candidate.theta_0 * stretch)
+    return candidate

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import planner
-from planner.learning import reidentification
+from planner.learning import refine as refining
 from planner.planning.result import Trial
 
 KNOWN = planner.JointModel.ers210a()
@@ -42,7 +42,7 @@ def chosen(monkeypatch):
         asked.append((model, logs))
         return OTHER
 
-    monkeypatch.setattr(reidentification, "_identified", identified)
+    monkeypatch.setattr(refining, "_identified", identified)
 
     def run(off, *, noise=0.0, cycles=1, trials=2, before=1):
         made = [
@@ -55,7 +55,7 @@ def chosen(monkeypatch):
         ]
         asked.clear()
         made = [*[made[0]] * before, made[1]][: trials + before - 1]
-        found = reidentification.better_model(KNOWN, plan, made, 1, noise)
+        found = refining.better_model(KNOWN, plan, made, 1, noise)
         return found, asked
 
     return run
@@ -92,7 +92,7 @@ def test_errors_within_two_deviations_of_the_mean_or_a_five_hundredth_of_the_mot
 
 
 def test_a_motion_from_rest_is_identified_after_more_rest_than_any_lag():
-    log = reidentification._log(KNOWN, 0.1 + PHASE, PHASE, cyclic=False, load=2.0 * PHASE)
+    log = refining._log(KNOWN, 0.1 + PHASE, PHASE, cyclic=False, load=2.0 * PHASE)
     assert len(log.times) == 88 + 20
     np.testing.assert_array_equal(log.requests[:21], 0.1)
     np.testing.assert_array_equal(log.angles[20:], PHASE)
@@ -106,8 +106,8 @@ def test_a_top_speed_that_the_trials_do_not_show_stays_as_it_was(size, v_max):
     steps = size * np.sign(np.sin(2.0 * np.pi * np.arange(240) / 80 + 0.1))
     steps += 0.3 * size * np.sin(2.0 * np.pi * np.arange(240) / 21)
     answers = planner.simulate(true, steps)
-    log = reidentification._log(KNOWN, steps, answers, cyclic=True, load=None)
-    found = reidentification._identified(KNOWN, [log])
+    log = refining._log(KNOWN, steps, answers, cyclic=True, load=None)
+    found = refining._identified(KNOWN, [log])
     assert found.v_max == pytest.approx(v_max, rel=0.02)
     assert found.v_max / found.theta_0 == pytest.approx(20.0, rel=0.05)
     assert (found.tick, found.hold) == (KNOWN.tick, KNOWN.hold)
@@ -115,19 +115,19 @@ def test_a_top_speed_that_the_trials_do_not_show_stays_as_it_was(size, v_max):
 
 def test_angles_of_another_joint_give_no_model():
     angles = 0.3 * np.random.default_rng(1).standard_normal(80)
-    log = reidentification._log(KNOWN, REQUESTS[0][:80], angles, cyclic=True, load=None)
-    assert reidentification._identified(KNOWN, [log]) is None
+    log = refining._log(KNOWN, REQUESTS[0][:80], angles, cyclic=True, load=None)
+    assert refining._identified(KNOWN, [log]) is None
 
 
 def test_the_joint_whose_model_is_identified_anew_is_named_and_the_trial_kept(monkeypatch):
     plan = planner.plan(KNOWN, np.column_stack([REQUESTS[0], REQUESTS[0]]))
     monkeypatch.setattr(
-        reidentification,
+        refining,
         "better_model",
         lambda *given: OTHER if given[3:] == (1, 0.2) else None,
     )
-    after, last, (remark,) = reidentification.reidentified(plan, [None] * 4, (1, 0), [0.1, 0.2])
+    after, last, (remark,) = refining.reidentified(plan, [None] * 4, (1, 0), [0.1, 0.2])
     assert (list(after.models), last) == ([KNOWN, OTHER], (1, 3))
     assert remark.startswith("the model of joint 2 was identified anew from the measured cycles")
-    same, last, remarks = reidentification.reidentified(plan, [None] * 4, (1, 0), [0.1, 0.1])
+    same, last, remarks = refining.reidentified(plan, [None] * 4, (1, 0), [0.1, 0.1])
     assert (same, last, remarks) == (plan, (1, 0), [])
