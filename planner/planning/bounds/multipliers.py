@@ -22,31 +22,20 @@ from planner.planning.bounds.reachable_set import (
     farthest_per_period,
     linearised_set,
     reachable_set,
-    ticks_of,
 )
-from planner.trajectory import Array, Mask, error_norm
+from planner.trajectory import Array
 
 BOUND_TOLERANCE = 1e-10
 """Clarabel's gap and residuals, in units of the desired range or of a tick at top speed [-]. The
 bound is valid at any; at 1e-8 a bound of 2e-3 of the range loses 1e-5 of itself, and below 1e-10
 nothing is gained."""
 
-MARGINS = (8, 64, 0)
-"""Samples around the unreachable ones that are unknowns, tried in turn; 0 for all samples."""
-
-MOST_FREE = 0.3
-"""Share of free samples from which on all are free [-]."""
-
-AGREED = 1e-6
-"""Allowed relative excess of the attained distance over the proved one [-]."""
-
 
 def linear_bound(problem: BoundProblem, level: Level) -> float:
     """The distance of the desired angles from the joint's reachable set [rad], proved by (9).
 
-    Where a smooth motion through the desired angles is within the set it stays fixed: long paths
-    are often out of reach at a few places alone. The free part grows until the attained distance is
-    the proved one. None of the conditions holds with the integral of a speed loop: there it is 0.
+    It is 0 where a smooth motion through the desired angles is within the set, and with the
+    integral of a speed loop, for which none of the conditions holds.
 
     Args:
         problem: The joint, and its desired angles.
@@ -72,31 +61,18 @@ def bound_of(reachable: ReachableSet, problem: BoundProblem) -> float:
     matrix, sampled, curvature = reachable.matrix, reachable.sampled, reachable.curvature
     limits = (reachable.limits - matrix @ np.full(matrix.shape[1], middle)) / scale
     centred = (desired - middle) / scale
-    scaled = ReachableSet(matrix, limits, sampled)
     slack /= scale
-    through = interpolated(centred, problem)
-    beyond = matrix[matrix @ through > limits].indices  # the unknowns of violated conditions
-    if not len(beyond):
+    if not np.any(matrix @ interpolated(centred, problem) > limits):
         return 0.0
-    proved = 0.0
-    for margin in MARGINS:
-        free = near(beyond // problem.model.hold, margin, problem)
-        answer = nearest_where(free, scaled, through, centred, norm=norm)
-        proved = certified_error(
-            scaled, centred, answer.unknowns, answer.multipliers, norm=norm, slack=slack
-        )
-        met = error_norm(answer.unknowns[sampled] - centred, norm)
-        agreed = answer.solved and met - proved <= AGREED * met + BOUND_TOLERANCE
-        if agreed or np.all(free):
-            break
+    answer = nearest_point(matrix, limits, sampled, centred, norm=norm)
     if not answer.has_multipliers:
         raise SolverFailed("lower bound", answer.status)
-    if curvature is not None:
-        scaled = scaled._replace(curvature=curvature.scaled(scale))
-        proved = certified_error(
-            scaled, centred, answer.unknowns, answer.multipliers, norm=norm, slack=slack
-        )
-    return scale * proved
+    scaled = ReachableSet(
+        matrix, limits, sampled, None if curvature is None else curvature.scaled(scale)
+    )
+    return scale * certified_error(
+        scaled, centred, answer.unknowns, answer.multipliers, norm=norm, slack=slack
+    )
 
 
 def interpolated(desired: Array, problem: BoundProblem) -> Array:
@@ -112,51 +88,6 @@ def interpolated(desired: Array, problem: BoundProblem) -> Array:
     motion += share**2 * ((1.0 + 2.0 * rest) * ends[1:] - rest * slopes[1:])
     ticks = motion.T.ravel()
     return ticks if cyclic else np.append(ticks, desired[-1])
-
-
-def near(samples: npt.NDArray[np.integer], margin: int, problem: BoundProblem) -> Mask:
-    """Ticks within ``margin`` of these samples, (ticks,): all where most would be."""
-    chosen = np.zeros(len(problem.desired))
-    chosen[samples] = 1.0
-    around = np.pad(chosen, margin, mode="wrap" if problem.cyclic else "constant")
-    free = np.convolve(around, np.ones(2 * margin + 1), mode="valid") > 0.5
-    if not margin or np.mean(free) > MOST_FREE:
-        free[:] = True
-    ticks: Mask = np.repeat(free, problem.model.hold)[: ticks_of(problem)]
-    return ticks
-
-
-def nearest_where(
-    free: Mask, reachable: ReachableSet, through: Array, desired: Array, *, norm: Norm
-) -> ConicSolution:
-    """The nearest point of a set that has a given motion at all ticks but the free ones.
-
-    Args:
-        free: Which ticks are free, shape (ticks,).
-        reachable: The set.
-        through: The motion [rad]; it meets the conditions without free ticks.
-        desired: Desired angles D, shape (n,).
-        norm: Which distance.
-
-    Returns:
-        The motion at all ticks, and multipliers for all rows.
-    """
-    matrix, limits, sampled, _ = reachable
-    inner = sparse.csr_array(matrix[:, free])
-    rows = np.diff(inner.indptr) > 0
-    right = limits[rows] - matrix[rows] @ np.where(free, 0.0, through)
-    places = np.cumsum(free) - 1
-    compared = free[sampled]
-    answer = nearest_point(
-        sparse.csr_array(inner[rows]),
-        right,
-        places[sampled[compared]],
-        desired[compared],
-        norm=norm,
-    )
-    motion, multipliers = through.copy(), np.zeros(len(limits))
-    motion[free], multipliers[rows] = answer.unknowns, answer.multipliers
-    return answer._replace(unknowns=motion, multipliers=multipliers)
 
 
 def nearest_point(
