@@ -61,7 +61,7 @@ def windowed(model, request_at, ticks, before, load_at=lambda _: 0.0, moving=(0.
         share = 1.0 - math.exp(-model.tick / model.time_constant)
     friction = model.v_max * model.tick / model.theta_0 * model.dead_band
     most = model.max_acceleration * model.tick**2
-    top = model.v_max * model.tick + friction
+    top = model.v_max * model.tick + (friction if model.integral_rate == 0.0 else 0.0)
     angles, (speed, integral) = [], moving
     for t in range(ticks):
         total = 0.0

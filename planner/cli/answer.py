@@ -21,8 +21,14 @@ from planner.planning.time_shift import (
     shift_recommended,
     shifted,
 )
-from planner.report.plan import expected_words, feet_table, models_errors_table, motions_table
-from planner.report.table import NO_BOUND, NOTHING, percent, text_table
+from planner.report.plan import (
+    expected_words,
+    feet_table,
+    models_errors_table,
+    motions_table,
+    no_bound,
+)
+from planner.report.table import NOTHING, percent, text_table
 from planner.trajectory import Array, error_norm, rms
 
 if TYPE_CHECKING:
@@ -98,7 +104,7 @@ def document(prepared: Prepared, plan: Plan, missed: list[str]) -> dict[str, Any
         "robust": run.plan.robust,
         "max_step_deg": None if math.isinf(step) else math.degrees(step),
         "unreachable_samples": desired.unreachable,
-        "lower_bound_withdrawn": NO_BOUND if task.load_of_pose else None,
+        "lower_bound_withdrawn": no_bound(plan) or None,
         "joints": joints,
         "foot": foot,
         **({"legs": legs} if legs else {}),
@@ -118,7 +124,8 @@ def summary(prepared: Prepared, plan: Plan) -> str:
         errors = _errors(np.degrees(plan.errors[:, j]), "deg")
         bounded = [NOTHING, NOTHING]
         by_feet = prepared.settings.plan.method == "foot-optimal"
-        if plan.inversions and not plan.task.load_of_pose and not by_feet:
+        has_bound = not (plan.task.load_of_pose or plan.models[j].exceeds_v_max)
+        if plan.inversions and has_bound and not by_feet:
             inversion = plan.inversions[j]
             bounded = [f"{np.degrees(inversion.lower_bound):.3f}", percent(inversion.gap)]
         robot = [expected_words(plan.expected[j])] * has_estimate
@@ -161,8 +168,8 @@ def summary(prepared: Prepared, plan: Plan) -> str:
     ]
     if unknown:
         text += f"\nlower bounds of the model only: {', '.join(unknown)} ({OPEN_TOP_SPEED})"
-    if plan.task.load_of_pose:
-        text += f"\nthere is no lower bound under {NO_BOUND}"
+    if reason := no_bound(plan):
+        text += f"\nthere is no lower bound {reason}"
     if np.any(np.isfinite(plan.task.max_step)):
         text += "\nlower bounds are for requests with steps of any size"
     if desired.unreachable:

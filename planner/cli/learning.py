@@ -354,7 +354,8 @@ def progress_of(answer: Refined) -> list[Progress]:
         unit = "cm" if foot else desired.unit(desired.names.index(name))
         factor = 100.0 if foot else math.degrees(1.0)
         bound, noise = learning.floor
-        bound = math.nan if plan.task.load_of_pose else bound
+        unbounded = plan.task.load_of_pose or any(model.exceeds_v_max for model in plan.models)
+        bound = math.nan if unbounded else bound
         remarks = [as_options(text, desired.names) for text in learning.remarks]
         if not any("identified anew" in text for text in remarks):
             remarks += _other_models(plan, name, desired)

@@ -237,7 +237,7 @@ def misses(run: settings.Run, desired: Desired, plan: Plan) -> list[str]:
         for j, inversion in enumerate(plan.inversions):
             error, least = np.degrees([inversion.error, inversion.lower_bound])
             if error > tolerance.deg:
-                bound = f"; the lower bound for any requests is {least:.4g}"
+                bound = f"; the lower bound for any requests is {least:.4g}" if least else ""
                 messages.append(
                     f"{desired.names[j]} is off by {error:.4g} {desired.unit(j)} ({norm}), "
                     f"expected at most {tolerance.deg:g}{'' if plan.task.load_of_pose else bound}"

@@ -121,7 +121,7 @@ def servo_of(grid: Grid, at: Parameters) -> Servo:
         max_acceleration=at.max_acceleration(grid.tick),
         sag_sin=float(at.sag_sin),
         sag_cos=float(at.sag_cos),
-        integral_rate=float(at.integral_rate),
+        integral_rate=float(at.integral_rate) if at.time_constant > 0.0 else 0.0,
     )
     return Servo(
         law,

@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from planner.identification.grid import Grid
 from planner.model.joint import JointModel, slowed_by_friction
-from planner.model.law import motor_share
+from planner.model.law import fastest_integral, motor_share
 from planner.trajectory import Array
 
 Free = npt.NDArray[np.bool_]
@@ -91,7 +91,7 @@ class Parameters(NamedTuple):
     def inside(self, errors: Array, load: npt.ArrayLike = 0.0) -> npt.NDArray[np.bool_]:
         """Whether Equation 2 has the slope ``gain`` at each error: where it does not saturate."""
         called, faster = self.gain * errors, self.faster(load)
-        top = self.v_max + self.gain * self.dead_band
+        top = self.v_max + (0.0 if self.integral_rate > 0.0 else self.gain * self.dead_band)
         return np.asarray((called < top + faster) & (called > faster - top))
 
     @property
@@ -103,6 +103,12 @@ class Parameters(NamedTuple):
         """Acceleration limit with these ticks [rad/s^2]."""
         taken = slowed_by_friction(self.gain, self.dead_band, self.time_constant, tick)
         return self.acceleration + taken
+
+    def fastest_integral(self, tick: float) -> float:
+        """Rate of an integral from which on the joint oscillates for ever [1/s]; 0 for none."""
+        if self.time_constant <= 0.0:
+            return 0.0
+        return fastest_integral(self.gain * tick, motor_share(self.time_constant, tick)) / tick
 
     def motor_by_time_constant(self, tick: float) -> float:
         """Derivative of a motor's share of each tick, 1 - exp(-tick / time constant) [1/s]."""
@@ -128,7 +134,7 @@ class Parameters(NamedTuple):
             max_acceleration=self.max_acceleration(tick),
             sag_sin=self.sag_sin,
             sag_cos=self.sag_cos,
-            integral_rate=self.integral_rate if self.time_constant > 0.0 else 0.0,
+            integral_rate=min(self.integral_rate, 0.99 * self.fastest_integral(tick)),
         )
 
 

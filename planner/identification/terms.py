@@ -1,8 +1,8 @@
-"""What a joint has beside the paper's five numbers: terms that are kept, departures that are named.
+"""What a joint has beside the paper's four numbers: terms that are kept, departures that are named.
 
 A further parameter of the model is 0, or infinite, unless it reduces the loss: inertia, dry
-friction, asymmetry, load. Backlash is no part of a model. It is detected by fitting a joint that
-has it to the same rows::
+friction, asymmetry, load, a sag by the angle, the integral of a speed loop. Backlash is no part of
+a model. It is detected by fitting a joint that has it to the same rows::
 
     m(t) = m(t-1) + w(t),  M(t) = clip(M(t-1), m(t) - h, m(t) + h)
 
@@ -62,15 +62,16 @@ PARTNERS = {SAG[0]: SAG[1:]}
 """Parameters that a term has beside the one that it is called by."""
 
 INTEGRAL = "integral_rate"
-"""The integral of a speed loop, tried last: it acts through the time constant of a motor."""
+"""The integral of a speed loop, tried after all other terms."""
 
-BESIDE_IT = ("time_constant", "dead_band")
-"""Terms that it may hide: it acts through the first, and works off the error of the second."""
+INTEGRAL_PARTNERS = ("time_constant", "dead_band")
+"""Terms fitted together with the integral: it acts through the time constant, and removes the
+steady error by friction."""
 
 LEAST_INERTIA = 0.5
-"""Least time constant beside it, in ticks."""
+"""Least time constant beside an integral, in ticks: below it an integral reproduces play."""
 
-INTEGRALS = (0.2, 1.0)
+INTEGRAL_STARTS = (0.2, 1.0)
 """Rates of an integral, times the delay of the joint, from which the search for one begins."""
 
 MOTOR = ("acceleration", "time_constant", "dead_band", "asymmetry")
@@ -208,10 +209,14 @@ def with_motor(fit: Fit, terms: tuple[Term, ...]) -> tuple[Fit, tuple[Term, ...]
         return fit, terms
     trial = _fitted_with_integral(fit)
     uncertainty, known = uncertainty_of(trial), {term.name: term for term in terms}
-    ends = {name: model_interval(trial, uncertainty, name) for name in (INTEGRAL, *BESIDE_IT)}
-    inert = trial.parameters.time_constant >= LEAST_INERTIA * trial.grid.tick
+    ends = {
+        name: model_interval(trial, uncertainty, name) for name in (INTEGRAL, *INTEGRAL_PARTNERS)
+    }
+    at, tick = trial.parameters, trial.grid.tick
+    possible = at.time_constant >= LEAST_INERTIA * tick
+    possible &= at.integral_rate < at.fastest_integral(tick)
     determined = ends[INTEGRAL].lower > 0.0 and ends["time_constant"].lower > 0.0
-    found = trial if pays(fit, trial) and inert and determined else fit
+    found = trial if pays(fit, trial) and possible and determined else fit
     for name, interval in ends.items():
         had_it, has_it = (bool(each.free[only(name)].any()) for each in (fit, found))
         if not (had_it and has_it):
@@ -220,14 +225,14 @@ def with_motor(fit: Fit, terms: tuple[Term, ...]) -> tuple[Fit, tuple[Term, ...]
 
 
 def _fitted_with_integral(fit: Fit) -> Fit:
-    """The best fit with the integral of a speed loop, a time constant and, if it pays, friction."""
-    at, free = fit.parameters, fit.free | only(INTEGRAL, *BESIDE_IT)
+    """The best fit with the integral of a speed loop, a time constant and, by (16a), friction."""
+    at, free = fit.parameters, fit.free | only(INTEGRAL, *INTEGRAL_PARTNERS)
     search = partial(least_squares, fit.grid, free=free, scale=fit.scale, effort=TERM)
     begins = [
         each._replace(integral_rate=share / at.whole_delay, dead_band=_some_dead_band(each, fit))
         for each in (at, *_divisions(fit))
         if each.time_constant > 0.0
-        for share in INTEGRALS
+        for share in INTEGRAL_STARTS
     ]
     trials = [search(begin, starts=fit.starts, effort=TRIAL) for begin in begins]
     best = min(trials, key=lambda each: each.cost)

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from planner.exceptions import InvalidInput, InvalidModel
 from planner.model.evidence import GAIN, Evidence, check_correlations, warn_of_refused
-from planner.model.law import Law, motor_share
+from planner.model.law import Law, fastest_integral, motor_share
 from planner.trajectory import Array
 from planner.validation import as_number, as_whole, shown
 
@@ -94,12 +94,13 @@ class JointModel:
             there no request holds it.
         sag_cos: The same by the cosine [rad].
         integral_rate: Rate of the integral term of a speed loop, 1 / T_i for its integral time T_i
-            [1/s]; 0 for none. It acts through the time_constant, overcomes friction in steady
-            motion, and waits while ``max_acceleration`` limits the speed.
+            [1/s]; 0 for none. It acts through the time_constant, overcomes friction at a steady
+            speed and at rest, and is held while ``max_acceleration`` is active. Such a joint
+            overshoots, and no lower bound holds for it.
 
     Raises:
         InvalidModel: A parameter is not a finite number or out of its range, or the joint could not
-            come to rest because v_max * tick >= 2 theta_0.
+            come to rest because v_max * tick >= 2 theta_0, or by its integral_rate.
     """
 
     v_max: float = field(metadata={"unit": "rad/s"})
@@ -165,11 +166,6 @@ class JointModel:
                 f"integral_rate: got {self.integral_rate:g} 1/s without a time_constant, through "
                 "which it acts; expected 0, or a time_constant above 0 s"
             )
-        if self.integral_rate * self.tick >= 1.0:
-            raise InvalidModel(
-                f"integral_rate: got {self.integral_rate:g} 1/s, expected less than one in a tick, "
-                f"{1.0 / self.tick:g} 1/s; use a shorter tick (with hold > 1), or check the unit"
-            )
         if self.most_pose_sag > MOST_POSE_SAG:
             raise InvalidModel(
                 f"sag_sin, sag_cos: got {self.sag_sin:g} and {self.sag_cos:g} rad, expected a root "
@@ -204,6 +200,15 @@ class JointModel:
                 "ever: use a shorter tick (with hold > 1), or check the units"
             )
 
+        if self.integral_rate >= (
+            most := fastest_integral(self.law.gain, self.law.share) / self.tick
+        ):
+            raise InvalidModel(
+                f"integral_rate: got {self.integral_rate:g} 1/s, expected less than {most:g} 1/s "
+                f"with a time_constant of {self.time_constant:g} s and v_max / theta_0 = "
+                f"{gain:g} 1/s; such a joint would oscillate about a constant request for ever"
+            )
+
     @classmethod
     def ers210a(cls) -> Self:
         """Any leg joint of the Sony Aibo ERS-210A: Table 1 of the paper."""
@@ -222,6 +227,7 @@ class JointModel:
         The tick becomes the longest one that divides the period and is no longer than it was. Where
         it becomes shorter, lag, v_max / theta_0 and, with inertia and friction, max_acceleration
         change so that the response stays the same: see ``with_ticks`` and ``slowed_by_friction``.
+        With an integral_rate it changes a little.
 
         Raises:
             InvalidModel: The period is not a finite time above 0.
@@ -332,7 +338,7 @@ class JointModel:
         write_model(path, self)
 
     def parameters(self) -> dict[str, Any]:
-        """The parameters by name, as in files: inertia and sag by the angle only if not 0."""
+        """The parameters by name, as in files: those of ``LEFT_OUT`` only if not the default."""
         every = {each.name: getattr(self, each.name) for each in fields(self)}
         return {
             name: value
@@ -357,8 +363,8 @@ class JointModel:
         return self.lag + self.acceleration_time / 2.0 + inertia + hold_delay
 
     @cached_property
-    def on_a_line(self) -> JointModel:
-        """The joint in steady motion, in which the integral of a speed loop overcomes friction."""
+    def steady(self) -> JointModel:
+        """The joint at a steady speed or at rest, where an integral overcomes friction."""
         return replace(self, dead_band=0.0) if self.integral_rate > 0.0 else self
 
     @property
@@ -465,7 +471,7 @@ class JointModel:
         """
         limits = self.speed_limits(load, angle)
         low, high = (self.theta_0 * (limit / self.v_max) for limit in limits)
-        band = np.broadcast_to(self.dead_band, low.shape)
+        band = np.broadcast_to(self.steady.dead_band, low.shape)
         return np.stack([low - band, -band, band, high + band])
 
     def speed(
@@ -482,7 +488,8 @@ class JointModel:
             angle: Angle at which gravity acts, by :meth:`pose_sag` [rad]; None for no gravity.
         """
         beyond = np.asarray(error, dtype=np.float64)
-        beyond = beyond - np.clip(beyond, -self.dead_band, self.dead_band)
+        band = self.steady.dead_band
+        beyond = beyond - np.clip(beyond, -band, band)
         low, high = self.speed_limits(load, angle)
         return np.asarray(np.minimum(np.maximum(self.v_max / self.theta_0 * beyond, low), high))
 
@@ -505,6 +512,11 @@ class JointModel:
     def has_inertia(self) -> bool:
         """Whether the speed before a tick counts, a part of the joint's state."""
         return self.time_constant > 0.0 or math.isfinite(self.max_acceleration)
+
+    @property
+    def exceeds_v_max(self) -> bool:
+        """Whether its speed may exceed v_max, so that no lower bound holds: with an integral."""
+        return self.integral_rate > 0.0
 
     def faster_per_tick(self, load: npt.ArrayLike = 0.0) -> Array:
         """Excess of the top speed in the positive direction under a load [rad/tick].

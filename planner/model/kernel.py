@@ -47,7 +47,7 @@ def moved(law: Law, demand: float, speed: float, integral: float) -> tuple[float
     """The speed after a tick: a motor's inertia, then Coulomb friction, implicit.
 
     Without a time constant friction is a dead zone of the drive, before the acceleration limit. The
-    integral of a speed loop waits while that limit acts.
+    integral of a speed loop is held while that limit is active, against windup.
 
     Args:
         law: The joint.
@@ -66,8 +66,8 @@ def moved(law: Law, demand: float, speed: float, integral: float) -> tuple[float
         limited = abs(change) > law.acceleration
         aim = speed + min(max(change, -law.acceleration), law.acceleration)
     now = shrunk(aim, friction)
-    if law.integral > 0.0 and not limited:
-        integral += law.integral * (demand - now)
+    if law.integral_share > 0.0 and not limited:
+        integral += law.integral_share * (demand - now)
     return now, integral
 
 
@@ -93,6 +93,12 @@ def pose_sag_slope(law: Law, angle: float) -> float:
     if law.sag_sin == 0.0 and law.sag_cos == 0.0:
         return 0.0
     return float(law.sag_sin * np.cos(angle) - law.sag_cos * np.sin(angle))
+
+
+@inner
+def moving_states(law: Law) -> int:
+    """Numbers in the state of a joint that moves on: angle and speed, and the integral if any."""
+    return 3 if law.integral_share > 0.0 else 2
 
 
 @inner
@@ -264,12 +270,12 @@ def rounded_integral(
         The integral [rad/tick], its derivative by ``demand`` less ``speed``, and that by the
         difference between the speed that is aimed at and the one before, with ``speed`` fixed.
     """
-    share, closing = law.integral, 0.0
+    share, closing = law.integral_share, 0.0
     if law.acceleration < np.inf:
         change = law.share * (demand + before.integral - before.speed)
         rounded = rounded * law.share * law.share
         _, slope, bent = rounded_clip(change, -law.acceleration, law.acceleration, rounded)
-        closing = law.integral * law.share * bent * (demand - speed)
+        closing = law.integral_share * law.share * bent * (demand - speed)
         share *= slope
     return before.integral + share * (demand - speed), share, closing
 
@@ -306,7 +312,7 @@ def periods(
             angle, (2, width, n) or (3, width, n); where requests are held for several ticks, or
             several saturate together, an estimate. Left out where the width is 0.
     """
-    (hold, width), count, size = weights.shape, states.shape[1], len(slopes)
+    (hold, width), count, size = weights.shape, states.shape[1], len(states)
     gain, top = law.gain, law.top
     slopes[:] = 0.0
     bends[:] = 0.0
@@ -486,7 +492,7 @@ def along(
     drives, kinks = np.zeros(START + 1), np.zeros(START + 1)
     past, now, motion, fast, summed = np.zeros((5, count))
     first, row, way, band, speed, motor = 0, 0, 0.0, law.friction / law.gain, 0.0, 0.0
-    integral = 0.0
+    integral, beyond = 0.0, 0.0 if law.integral_share > 0.0 else 1.0
     for t in range(len(states)):
         state = states[t]
         angle = angles[state - 1]
@@ -547,13 +553,14 @@ def along(
                 at = number_in_force(edges, old + sign * apart, first)
                 side_old += drive(law, requests[at] + sag - angle, faster)[0] / 2.0
             # By the drive g(t)
-            # The limits are v_max + gain * dead band, and shifted by gain * the sag by the pose.
-            drives[GAIN] = mean + by_pose + band * limited
+            # The limits are v_max + gain * dead band, with an integral v_max, and shifted by gain *
+            # the sag by the pose.
+            drives[GAIN] = mean + by_pose + beyond * band * limited
             drives[V_MAX] = limited
             drives[LAG] = (side_old - side_young) / window
             drives[WINDOW] = (side_old - driven) / window
             drives[SAG] = law.gain * inside
-            drives[BAND] = law.gain * limited
+            drives[BAND] = beyond * law.gain * limited
             drives[FASTER] = saturated
             drives[SAG_LOAD] = drives[SAG] * track.loads[t]
             if has_sag_columns:
@@ -582,7 +589,7 @@ def along(
                     follow = by_demand * (pushed + summed[p] - fast[p])
                     fast[p] = sliding * (fast[p] + follow + kinks[column])
                     if accelerated == 1.0:
-                        summed[p] += law.integral * (pushed - fast[p])
+                        summed[p] += law.integral_share * (pushed - fast[p])
                         if column == INTEGRAL:
                             summed[p] += demand - speed
                 elif accelerated == 1.0:

@@ -11,6 +11,15 @@ def motor_share(time_constant: float, tick: float) -> float:
     return -math.expm1(-tick / time_constant) if time_constant > 0.0 else 1.0
 
 
+def fastest_integral(gain: float, share: float) -> float:
+    """The share of an integral from which on a joint oscillates for ever, by Jury's criterion [-].
+
+    With the gain gamma [1/tick], the share k of the motor and that of the integral i it comes to
+    rest if and only if k (gamma + i) > i gamma, and i < 1.
+    """
+    return 1.0 if gain <= share else min(1.0, share * gain / (gain - share))
+
+
 class State(NamedTuple):
     """The state of a joint between two ticks; without inertia the angle alone counts."""
 
@@ -20,19 +29,19 @@ class State(NamedTuple):
 
 
 class Law(NamedTuple):
-    """The numbers of a joint's law, (1a) or (1b) of ``docs/math.md``, by ticks: for the kernel.
+    """The numbers of a joint's law, (1a) to (1c) of ``docs/math.md``, by ticks: for the kernel.
 
     Attributes:
         gain: gamma = v_max / theta_0 [1/tick].
-        top: Limit of the drive, v_max + gamma delta [rad/tick].
+        top: Limit of the drive, v_max + gamma delta, with an integral v_max [rad/tick].
         friction: gamma delta, delta the dead band [rad/tick].
         share: Share of the difference between demanded speed and speed by which a motor changes
             its speed in a tick: k = 1 - exp(-tick / time constant) [-].
         acceleration: Largest change of the speed in a tick [rad/tick^2].
         sag_sin: Sag by the sine of the angle [rad].
         sag_cos: Sag by its cosine [rad].
-        integral: Share of the difference between demanded speed and speed that is added to the
-            demanded speed in a tick, by the integral term of a speed loop [-].
+        integral_share: Share of the difference between demanded speed and speed by which the
+            integral of a speed loop changes in a tick [-].
     """
 
     gain: float
@@ -42,12 +51,12 @@ class Law(NamedTuple):
     acceleration: float = math.inf
     sag_sin: float = 0.0
     sag_cos: float = 0.0
-    integral: float = 0.0
+    integral_share: float = 0.0
 
     @property
     def states(self) -> int:
         """Numbers in the joint's state: the angle, with inertia the speed, then the integral."""
-        if self.integral > 0.0:
+        if self.integral_share > 0.0:
             return 3
         return 2 if self.share < 1.0 or self.acceleration < math.inf else 1
 
@@ -74,11 +83,11 @@ class Law(NamedTuple):
         friction = gain * dead_band
         return cls(
             gain * tick,
-            (v_max + friction) * tick,
+            (v_max if integral_rate > 0.0 else v_max + friction) * tick,
             friction * tick,
             motor_share(time_constant, tick),
             max_acceleration * tick**2,
             sag_sin,
             sag_cos,
-            integral_rate * tick if time_constant > 0.0 else 0.0,
+            integral_rate * tick,
         )

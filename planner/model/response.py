@@ -41,11 +41,11 @@ def simulate(
 ) -> Array:
     """Angles of the joint under ``requests``: the exact model, Equation 3, which judges every plan.
 
-    Cyclic, the answer is the steady cycle, whose ends agree to 1e-12 rad; it is found by the secant
-    method on the angle at which a cycle starts, with inertia by Newton's on angle and speed. With a
-    dead band there may be many: the answer is one near where the first request holds the joint,
-    without inertia the nearest, into which the motion from there settles (``docs/math.md``,
-    section 1). From rest, the requests before the first equal the first.
+    Cyclic, the answer is the steady cycle, whose ends agree to 1e-12 rad. Without inertia it is
+    found by the secant method on the angle at which a cycle starts; with a dead band there may be
+    many, and the answer is the one nearest to where the first request holds the joint. With inertia
+    it is the one into which the motion from rest there settles (``docs/math.md``, section 1). From
+    rest, the requests before the first equal the first.
 
     Args:
         model: The joint.

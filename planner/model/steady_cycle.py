@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from planner.compilation import compiled, inner
-from planner.model.kernel import run
+from planner.model.kernel import moving_states, run
 from planner.model.law import Law, State
 from planner.trajectory import Array
 
@@ -25,15 +25,16 @@ SECANT_CYCLES = 10
 """Cycles of the secant method alone; afterwards every other cycle is a bisection."""
 
 SETTLING_CYCLES = 100
-"""First cycles of a joint with inertia, in which only steps to a cycle close by are taken: so the
-answer is the cycle into which the motion from rest settles, where there are several."""
+"""Cycles of a joint with inertia that are followed from rest before any other cycle is sought."""
 
 CONTRACTING = 0.5
-"""Largest ratio of the distance of a cycle's ends to that of the cycle before, twice in a row, with
-which such a step is tried, up to twice as far as the ratio promises."""
+"""Newton step while the motion settles: largest ratio of the distance of a cycle's ends to that of
+the cycle before, twice in a row, with which it is tried. It may be twice as long as that ratio
+predicts."""
 
 NEAR = 1e-4
-"""Largest distance of the ends at which it is tried [rad], relative to angles beyond 1 rad."""
+"""Newton step while the motion settles: largest distance of the ends [rad], relative to angles
+beyond 1 rad."""
 
 DIFFERENCE = 1e-7
 """Step of the difference quotients of a cycle's end by its start [rad, rad/tick]."""
@@ -52,7 +53,7 @@ class Cycle(NamedTuple):
         law: The joint.
         weights: Weight of each request at each tick of a period, youngest first, (hold, width).
         history: Requests, oldest first [rad], (n + width - 1,).
-        oldest: So many of them are those of the cycle before.
+        oldest: So many of them are of the cycle before.
         sags: Angle at rest less request in each period [rad], (n,).
         faster: How much faster the joint is in the positive direction [rad/tick], (n,).
         motion: Filled with the state after each period, (3, n).
@@ -81,7 +82,7 @@ def run_steady_cycle(cycle: Cycle, near: float, most: int) -> float:
         :data:`CYCLE_TOLERANCE`.
     """
     law = cycle.law
-    v_max = law.top - law.friction
+    v_max = law.top - law.friction if law.integral_share == 0.0 else law.top
     slower, faster = extremes(cycle.faster)
     by_pose = np.hypot(law.sag_sin, law.sag_cos)
     top = v_max + max(-slower, faster) + law.gain * by_pose
@@ -124,7 +125,7 @@ def begun(cycle: Cycle, angle: float) -> State:
     """The state at the end of the first cycle from rest: the first request was always there."""
     law, weights, history, oldest, sags, faster, motion = cycle
     resting = history.copy()
-    resting[:oldest] = history[min(oldest, len(history) - 1)]
+    resting[:oldest] = history[oldest % motion.shape[1]]  # the first request
     state = State(angle, 0.0, 0.0)
     return run(law, weights, resting, sags, faster, state, len(weights) - 1, motion)
 
@@ -226,11 +227,11 @@ def _settled_motion(
 ) -> float:
     """Run the steady cycle into which a joint with inertia settles from rest at an angle.
 
-    The motion is followed, cycle by cycle, and shortened by steps of Newton's method between two
-    corners of the law, at first to a cycle close by alone. Where it does not settle so, any step
-    that halves the distance of a cycle's ends is taken; else bisection finds the angle at which a
-    cycle of a given speed closes, and the speeds follow Mann's iteration, a mean of earlier speeds
-    and their images. With a dead band steady cycles are not isolated: the step is the shortest one.
+    The motion is followed, cycle by cycle; near its end a step of Newton's method finishes. Where
+    it does not settle, any such step that halves the distance of a cycle's ends is taken; else
+    bisection finds the angle at which a cycle of a given speed closes, and the speeds follow Mann's
+    iteration, a mean of earlier speeds and their images. With a dead band steady cycles are not
+    isolated: the step is the shortest one.
     """
     scale = tolerance / CYCLE_TOLERANCE
     state, bisected, ratio, before = begun(cycle, near), 0, np.inf, np.inf
@@ -241,22 +242,23 @@ def _settled_motion(
             ended(cycle, state)
             return 0.0
         trial, settling = end, turn < SETTLING_CYCLES
-        ratio, ratio_before = mismatch / before, ratio
+        ratio, ratio_before = mismatch / before if turn else np.inf, ratio
         if not settling or (mismatch <= NEAR * scale and max(ratio, ratio_before) <= CONTRACTING):
             trial = newton_step(cycle, state, end, DIFFERENCE * scale)
             if settling and distance(trial, end) > 2.0 * mismatch * ratio / (1.0 - ratio):
                 trial = end
         reached = ended(cycle, trial)
-        if not distance(trial, reached) < mismatch / 2.0:
-            if settling:
-                trial = end
-            else:
-                bisected += 1
-                faster = end.speed - state.speed
-                speed = state.speed + 2.0 / (1.0 + bisected) * faster
-                close = max(tolerance, CLOSER * abs(faster))
-                begin = State(state.angle, speed, end.integral)
-                trial = _closing_start(cycle, begin, low, high, close, most)
+        closer = distance(trial, reached) < mismatch / 2.0
+        if not closer and settling and trial != end:
+            trial = end
+            reached = ended(cycle, trial)
+        if not (closer or settling):
+            bisected += 1
+            faster = end.speed - state.speed
+            speed = state.speed + 2.0 / (1.0 + bisected) * faster
+            close = max(tolerance, CLOSER * abs(faster))
+            begin = State(state.angle, speed, end.integral)
+            trial = _closing_start(cycle, begin, low, high, close, most)
             reached = ended(cycle, trial)
         before = mismatch
         state, end = trial, reached
@@ -266,11 +268,11 @@ def _settled_motion(
 
 @inner
 def newton_step(cycle: Cycle, state: State, end: State, step: float) -> State:
-    """The state at which a cycle closes to first order, by difference quotients: the nearest one.
+    """The state at which a cycle closes to first order, by difference quotients; the nearest one.
 
     A singular value of less than :data:`SINGULAR` of the largest counts as 0.
     """
-    size = 3 if cycle.law.integral > 0.0 else 2
+    size = moving_states(cycle.law)
     matrix, right = np.eye(size), np.empty(size)
     for s in range(size):
         moved = State(

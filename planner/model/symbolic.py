@@ -6,18 +6,10 @@ The same law for numbers is in ``model/kernel.py``; tests compare the two.
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import Any
 
 from planner.model.joint import JointModel, request_ages, weights_by_tick
-from planner.model.law import Law
-
-
-class State(NamedTuple):
-    """State of a joint: :class:`planner.model.law.State` of CasADi expressions."""
-
-    angle: Any
-    speed: Any = 0.0
-    integral: Any = 0.0
+from planner.model.law import Law, State
 
 
 def period(
@@ -32,7 +24,8 @@ def period(
 
     Args:
         model: The joint.
-        state: State at the sample before; its speed and integral count where the joint has them.
+        state: State at the sample before, of CasADi expressions; its speed and integral count
+            where the joint has them.
         requests: Requests of the ages :func:`planner.model.joint.request_ages`, youngest first
             [rad], a CasADi expression of that many entries.
         load: Torque on the joint in this period [N m], a number or a CasADi expression.
@@ -68,12 +61,12 @@ def period_function(model: JointModel) -> Any:
     """
     import casadi
 
-    state = casadi.SX.sym("x", model.law.states)
+    state: Any = casadi.SX.sym("x", model.law.states)
     requests = casadi.SX.sym("R", request_ages(model).width)
     load, radius = casadi.SX.sym("load"), casadi.SX.sym("e")
     after = period(
         model,
-        State(*casadi.vertsplit(state)),
+        State(*(state[s] for s in range(model.law.states))),
         requests,
         load=load if model.feels_load else 0.0,
         radius=radius,
@@ -104,7 +97,7 @@ def _moved(law: Law, demand: Any, speed: Any, integral: Any, corner: Any) -> tup
             change = _clip(change, -law.acceleration, law.acceleration, corner)
         aim = speed + change
     now = aim - _clip(aim, -friction, friction, corner) if friction else aim
-    return now, integral + law.integral * (1.0 - limited) * (demand - now)
+    return now, integral + law.integral_share * (1.0 - limited) * (demand - now)
 
 
 def _limited(change: Any, most: float, radius: Any) -> Any:

@@ -352,7 +352,8 @@ def drawn_models(model: JointModel, *, pairs: int = PAIRS, seed: int = 0) -> tup
     rejected: with 0 in place of such a parameter the other parameters would not fit. A parameter
     does not move towards an unknown end, which for the largest acceleration is 0 as well. But where
     logs give no upper bound on the top speed, its reciprocal is drawn, down to 0, and theta_0
-    follows from the gain. A time constant of 0 stays 0: the log did not call for one.
+    follows from the gain. A time constant or an integral rate of 0 stays 0: the log did not call
+    for one.
 
     Logs with moving requests determine the switching time far better than its parts. Correlations
     do not show this for an interval that ends at 0: in models drawn from an identified one the lag

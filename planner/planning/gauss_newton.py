@@ -6,9 +6,10 @@ Methods for Optimal Control Using Nonlinear Programming*, 2010); an augmented La
 steps (J. Nocedal, S. J. Wright, *Numerical Optimization*, 2006, section 17.3).
 
 A *joint* has requests of its own. A *drive* is a model under them: there is one for each joint in
-each scenario, scenario after scenario. The states are the angles of all drives and, where one has
-inertia, then the speeds of all, in the unit of an angle. In shapes n is the number of samples, J of
-joints, A of drives, S of states; s = S / A is 1 or 2.
+each scenario, scenario after scenario. The states are the angles of all drives, where one has
+inertia then the speeds of all, and where one has the integral of a speed loop then those of all, in
+the unit of an angle. In shapes n is the number of samples, J of joints, A of drives, S of states;
+s = S / A is 1, 2 or 3.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from planner.compilation import compiled, inner
-from planner.model.kernel import periods
+from planner.model.kernel import moving_states, periods
 from planner.model.law import Law
 from planner.planning.factorisation import (
     Factor,
@@ -36,7 +37,7 @@ class Spec(NamedTuple):
     Attributes:
         cyclic: Whether the path repeats for ever.
         oldest: Age of the oldest request that acts before a sample.
-        parts: States of a drive, s: 2 with inertia.
+        parts: States of a drive, s: 2 with inertia, 3 with the integral of a speed loop.
         together: Whether the cost is a power of the errors of all scenarios together.
         bounded: Whether a request has a limit.
         limited: Whether a change of requests has a limit.
@@ -44,7 +45,7 @@ class Spec(NamedTuple):
         ridge: Curvature added to that of the goal, which may not depend on every angle.
         drives: Of each drive the numbers of its law, then ticks of its request period, unit of the
             radius of the corners [rad], time in which a speed counts as an angle [ticks], and from
-            rest the angle before the first sample [rad], (A, 11).
+            rest the angle before the first sample [rad], (A, 12).
         weights: Weight of each request at each tick of a period, youngest first, (A, ticks, width).
         acting: Number of each request that acts before a sample, youngest first; from rest -1
             before the first one, which it equals, (n, width).
@@ -358,7 +359,7 @@ def set_responses(spec: Spec, stage: Stage, point: Point, a: int, first: int, si
     row, derived, defects = spec.drives[a], point.slopes[a], point.defects
     law = Law(row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7])
     weights, unit_of_speed = spec.weights[a, : int(row[8])], row[10]
-    own = 3 if law.integral > 0.0 else 2
+    own = moving_states(law)
     slopes, bends = np.empty((own, own + width, size)), np.empty((own, width, size))
     window, before = np.empty((3, width, size)), np.zeros((own, size))
     rounded = np.full(size, (law.gain * stage.radius * row[9]) ** 2)

@@ -150,7 +150,7 @@ def offsets_of(
     upwards = model.v_offset + model.speed_per_torque * np.asarray(load, dtype=np.float64)
     if angle is not None and model.most_pose_sag > 0.0:
         upwards = _limits_at(model, load, angle)[1] - model.v_max
-    lead = _lead(model.on_a_line, np.abs(slopes), rule, sign * upwards)
+    lead = _lead(model.steady, np.abs(slopes), rule, sign * upwards)
     return np.asarray(sign * lead - model.sag(load))
 
 
@@ -179,7 +179,7 @@ def interpolated_offset(
     Returns:
         Offsets [rad], like ``slope``.
     """
-    model = model.on_a_line
+    model = model.steady
     table = offset_table(model, rule)
     by_pose = angle is not None and model.most_pose_sag > 0.0
     if model.speed_per_torque == 0.0 and not by_pose:
@@ -232,7 +232,7 @@ def advanced_load(load: Array, ahead: float, *, cyclic: bool) -> Array:
 def offset_table(model: JointModel, rule: Rule) -> tuple[Array, Array]:
     """Slopes [rad/s], dense towards top speed where C_m is steepest, and their offsets [rad]."""
     shares = 1.0 - np.linspace(1.0, 0.0, TABLE) ** 2
-    if model.on_a_line.dead_band:  # C_m jumps at 0
+    if model.steady.dead_band:  # C_m jumps at 0
         shares = np.insert(shares, 1, CREEPING)
     low, high = model.speed_limits()
     slopes = np.concatenate([float(low) * shares[:0:-1], float(high) * shares])

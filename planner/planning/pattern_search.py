@@ -124,7 +124,7 @@ def tracked(
         low * (1.0 + AT_TOP_SPEED) * curve.tick,
         high * (1.0 + AT_TOP_SPEED) * curve.tick,
         model.offset,
-        model.on_a_line.dead_band,
+        model.steady.dead_band,
         np.array([slopes * curve.tick, offsets]),
         model.gain_per_tick * model.hold,
         LEAST_SHARE * model.v_max * curve.tick,

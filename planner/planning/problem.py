@@ -241,8 +241,7 @@ class Problem:
     def exact_angles(self, requests: Array) -> Array | None:
         """Angles of the exact models, simulated, (n, A); None where a joint has no steady cycle.
 
-        A cycle need not be unique: as in :func:`planner.simulate` it is the one near the angles at
-        which the first requests hold the joints.
+        A cycle need not be unique: it is that of :func:`planner.simulate`.
         """
         answer = np.empty((len(requests), len(self.models)))
         for number, (model, torques) in enumerate(zip(self.models, self.loads, strict=True)):

@@ -120,7 +120,7 @@ def solve(
 def solve_joint(task: Task, *, solver: Solver = "gauss-newton") -> Solved:
     """The requests for one joint, (n, 1)."""
     (models,), problem = task.models, problem_of(task)
-    column, band, best = best_requests(problem, solver), models[0].dead_band, None
+    column, band, best = best_requests(problem, solver), models[0].steady.dead_band, None
     if task.start is not None and band and len(models) == 1:
         problem, column, best = first_request_freed(problem, column, solver)
     if band and problem.smoothness == 0.0:

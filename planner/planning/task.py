@@ -441,11 +441,14 @@ class Task(ReadOnly):
         if self.start is not None:
             angles, torques = np.append(angles, self.start[j]), np.append(torques, torques[0])
         sags = model.sag(torques) + model.pose_sag(angles)
-        beyond = np.maximum(lower - (angles - sags), (angles - sags) - upper) - model.dead_band
+        beyond = (
+            np.maximum(lower - (angles - sags), (angles - sags) - upper) - model.steady.dead_band
+        )
         worst = int(np.argmax(beyond - np.minimum(np.abs(sags), NEGLIGIBLE_SAG)))
         sag = float(sags[worst])
         if beyond[worst] > ON_THE_LIMIT + min(abs(sag), NEGLIGIBLE_SAG):
-            ends = np.array([lower - model.dead_band, upper + model.dead_band])
+            band = model.steady.dead_band
+            ends = np.array([lower - band, upper + band])
             least, most = model.rest(ends, torques[worst]).tolist()
             what, remedy = "start: it", "choose a start there"
             if worst < count:

@@ -103,7 +103,7 @@ def plan_page(
     common: dict[str, Any] = {
         "norm": plan.task.norm,
         "robust": plan.task.robust,
-        "no_bound": NO_BOUND if plan.task.load_of_pose else "",
+        "no_bound": no_bound(plan),
         "bounded": bounded,
     }
     over_models = models_errors_table(plan, plan.names)
@@ -159,7 +159,7 @@ JOINTS = (
 <p class="note">Errors are predicted minus desired angles at each request, by the exact models.
 {% if has_expected %}On the robot, expect the error of the plan and of its model, by what the model
   was tested on.
-{% endif %}{% if no_bound %}There is no lower bound under {{ no_bound }}.
+{% endif %}{% if no_bound %}There is no lower bound {{ no_bound }}.
 {% elif bounded %}No requests bring the {{ norm }} error below the lower bound.
 {% else %}The plan is for the foot: single joints may have errors that compensate for one
   another.{% endif %}</p>
@@ -360,7 +360,18 @@ def expected_words(expected: Expectation) -> str:
 
 def is_bounded(plan: Plan) -> bool:
     """Whether the error of each joint has a lower bound."""
-    return plan.task.goal == "angles" and not plan.task.load_of_pose
+    return plan.task.goal == "angles" and not no_bound(plan)
+
+
+def no_bound(plan: Plan) -> str:
+    """For what there is no lower bound, and why; empty where there is one."""
+    if plan.task.load_of_pose:
+        return NO_BOUND
+    pairs = zip(plan.names, plan.models, strict=True)
+    faster = [name or "the joint" for name, model in pairs if model.exceeds_v_max]
+    if not faster:
+        return ""
+    return f"for {', '.join(faster)}: with the integral of a speed loop v_max may be exceeded"
 
 
 class JointRow(NamedTuple):

@@ -15,7 +15,7 @@ from operator import attrgetter
 NOTHING = "–"
 """Content of a cell without a value."""
 
-NO_BOUND = "a load that depends on the pose: other requests would meet another load"
+NO_BOUND = "under a load that depends on the pose: other requests would meet another load"
 """Reason for a missing lower bound."""
 
 ROUNDING = 1e-12

@@ -15,7 +15,6 @@ from planner.exceptions import InvalidInput
 from planner.model.joint import JointModel, request_ages
 from planner.model.law import State
 from planner.model.response import motion_under, rest_requests, sensitivities, simulate
-from planner.model.symbolic import State as SymbolicState
 from planner.model.symbolic import period, period_function
 from tests.independent import equation_2, from_rest, next_cycle
 from tests.instances import random_model
@@ -252,9 +251,7 @@ def test_rounded_periods_and_derivatives_are_those_that_casadi_writes(smoothing,
         compiled = rounded_periods(model, before, windows, smoothing, moving=moving, load=load_)
         begin, load = casadi.SX.sym("state", size), casadi.SX.sym("load")
         requests, radius = casadi.SX.sym("requests", own.width), casadi.SX.sym("radius")
-        after = period(
-            model, SymbolicState(*casadi.vertsplit(begin)), requests, load=load, radius=radius
-        )
+        after = period(model, State(*casadi.vertsplit(begin)), requests, load=load, radius=radius)
         state = casadi.vertcat(*after[:size])
         slopes = [casadi.jacobian(state, begin), casadi.jacobian(state, requests)]
         written = casadi.Function("period", [begin, requests, load, radius], [state, *slopes])

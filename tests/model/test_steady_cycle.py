@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from planner import JointModel, line_offset, simulate
+from planner import Infeasible, InvalidModel, JointModel, invert_optimal, line_offset, simulate
 
 SETTLED = 1e-9
 """Distance of two cycles in a row that counts as none [rad]."""
@@ -42,6 +43,43 @@ def test_the_cycle_is_the_one_into_which_the_motion_from_rest_settles():
             elsewhere += np.max(np.abs(simulate(model, requests) - run[-1])) > 100.0 * SETTLED
     assert settled >= 200
     assert elsewhere <= 0.01 * settled  # Newton's method alone leads elsewhere in a tenth
+
+
+@pytest.mark.parametrize("dead_band", [0.0, 0.02])
+def test_a_joint_comes_to_rest_up_to_the_integral_that_is_refused(dead_band):
+    known = {"v_max": 5.0, "theta_0": 0.1, "lag": 0.0, "acceleration_time": 0.004, "tick": 0.004}
+    known |= {"time_constant": 0.05, "dead_band": dead_band}
+    with pytest.raises(InvalidModel, match=r"^integral_rate: got 50 1/s, .*oscillate") as refused:
+        JointModel(**known, integral_rate=50.0)
+    most = float(re.search(r"less than (\S+) 1/s", str(refused.value))[1])
+    slower = JointModel(**known, integral_rate=0.9 * most)
+    angles = simulate(slower, np.r_[0.0, np.ones(4000)], cyclic=False)
+    assert angles[-1] == pytest.approx(1.0, abs=1e-3)
+    with pytest.raises(InvalidModel, match="without a time_constant"):
+        replace(slower, time_constant=0.0)
+
+
+def test_with_an_integral_the_top_speed_is_v_max_and_no_friction_holds_the_joint():
+    model = JointModel(
+        v_max=5.0,
+        theta_0=0.2,
+        lag=0.01,
+        acceleration_time=0.004,
+        tick=0.004,
+        time_constant=0.03,
+        integral_rate=10.0,
+        dead_band=0.02,
+    )
+    far = simulate(model, np.r_[0.0, 90.0 * np.ones(2000)], cyclic=False)
+    assert np.diff(far)[-1] / model.tick == pytest.approx(5.0, rel=1e-6)
+    with pytest.raises(Infeasible, match="start"):
+        invert_optimal(
+            model,
+            0.3 + 0.1 * np.sin(0.1 * np.arange(60)),
+            cyclic=False,
+            limits=(0.05, 1.0),
+            start=0.04,
+        )
 
 
 def test_the_integral_of_a_speed_loop_leaves_no_error_at_rest_and_follows_lines_without_friction():

@@ -9,8 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from planner.model.joint import JointModel, acting, request_ages
+from planner.model.law import State
 from planner.model.response import simulate
-from planner.model.symbolic import State, period
+from planner.model.symbolic import period
 from tests.strategies import models
 
 SAME = 2e-14

@@ -1,1 +1,1 @@
-"""Logs of requested and actual angles, a module per format."""
+"""Logs of requested and actual angles, by format."""

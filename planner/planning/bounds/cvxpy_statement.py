@@ -26,8 +26,6 @@ def stated_bound(problem: BoundProblem, level: Level) -> float:
 
     cp: Any = cvxpy  # untyped: its atoms have no types
     model, desired, cyclic, norm, start, load = problem
-    if model.integral_rate > 0.0:
-        return 0.0
     v, ratio, hold = model.v_max_per_tick, model.v_max_per_tick / model.theta_0, model.hold
     ticks = len(desired) * hold if cyclic else (len(desired) - 1) * hold + 1
     by_sample = np.zeros(len(desired)) if load is None else load

@@ -81,8 +81,7 @@ def foot_bound(task: Task, angles: Array) -> float:
     models, leg, norm = task.nominal, task.leg, task.norm
     assert leg is not None, "a foot belongs to a leg"
     plan_error = float(task.errors_of(angles)[0])
-    overshoots = any(model.integral_rate > 0.0 for model in models)
-    if plan_error <= ATTAINED * leg.chain.size or overshoots:
+    if plan_error <= ATTAINED * leg.chain.size or any(model.exceeds_v_max for model in models):
         return 0.0
     lower, upper = attainable_angles(
         models, (task.lower, task.upper), len(angles), start=task.start, loads=task.loads

@@ -44,7 +44,7 @@ def linear_bound(problem: BoundProblem, level: Level) -> float:
     Raises:
         SolverFailed: The solver proposed no multipliers.
     """
-    if problem.model.integral_rate > 0.0:  # its speed may exceed v_max
+    if problem.model.exceeds_v_max:
         return 0.0
     bound = bound_of(reachable_set(problem, level), problem)
     if problem.model.most_pose_sag == 0.0 or problem.model.has_inertia:

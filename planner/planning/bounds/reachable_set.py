@@ -177,10 +177,8 @@ def proved_level(model: JointModel, level: Level) -> Level:
     """The strongest level, this one at most, whose conditions hold for a joint.
 
     "exact" needs a speed that is the sum of the requests' contributions. Friction and inertia
-    change that sum, and so does a sag by the angle. The integral of a speed loop may exceed v_max.
+    change that sum, and so does a sag by the angle.
     """
-    if model.integral_rate > 0.0:
-        return "slope"
     follows = model.dead_band == 0.0 and model.most_pose_sag == 0.0 and not model.has_inertia
     return level if follows or level != "exact" else "envelope"
 

@@ -151,7 +151,7 @@ class Stream:
         samples = max(preview + self._path.ahead - ages.youngest, ages.width)
         joints = np.zeros(count, dtype=tick.JOINT)
         for name in ("offset", "compliance", "theta_0", "dead_band", "hold"):
-            joints[name] = [getattr(model.on_a_line, name) for model in models]
+            joints[name] = [getattr(model.steady, name) for model in models]
         for j, model in enumerate(models):
             for name, number in zip(model.law._fields, model.law, strict=True):
                 joints[name][j] = number

@@ -31,7 +31,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from planner.compilation import compiled, inner
-from planner.model.kernel import periods, pose_sag, run_period
+from planner.model.kernel import moving_states, periods, pose_sag, run_period
 from planner.model.law import Law, State
 from planner.planning.arguments import NEGLIGIBLE_SAG, ON_THE_LIMIT
 from planner.planning.streaming.repeating_path import Repeating, continue_path
@@ -79,7 +79,7 @@ def _fields(numbers: str, counts: str) -> np.dtype[np.void]:
 
 
 JOINT = _fields(
-    "gain top friction share acceleration sag_sin sag_cos integral "  # of its law
+    "gain top friction share acceleration sag_sin sag_cos integral_share "  # of its law
     "offset compliance "  # its sag [rad], and the change of that by a load [rad/(N m)]
     "faster faster_by_load "  # how much faster it is in the positive direction, likewise [/tick]
     "v_max travel theta_0 dead_band "  # [rad/tick], [rad/period], [rad], [rad]
@@ -219,7 +219,7 @@ def law_of(joint: Record) -> Law:
         joint.acceleration,
         joint.sag_sin,
         joint.sag_cos,
-        joint.integral,
+        joint.integral_share,
     )
 
 
@@ -417,9 +417,10 @@ def gauss_newton_step(problem: Problem, requests: Array, damping: float, step: A
 
         p_aa a^2/2 + p_ab a b + p_bb b^2/2 + (c_a a + c_b b)'r + r'Qr/2 - p_a a - p_b b - q'r.
 
-    It is first written in the state before period k and dR_k, then minimised over dR_k. A request
-    keeps its row of Q from the last period in which it acts to the one in which it is eliminated,
-    so that all but a band of Q is zero.
+    The integral of a speed loop is not linearised; the exact model, which has it, judges every
+    step. It is first written in the state before period k and dR_k, then minimised over dR_k. A
+    request keeps its row of Q from the last period in which it acts to the one in which it is
+    eliminated, so that all but a band of Q is zero.
 
     Args:
         problem: The problem of the plan.
@@ -432,7 +433,7 @@ def gauss_newton_step(problem: Problem, requests: Array, damping: float, step: A
     past, band = len(requests) - count, max(width, 2)  # requests of a period, or of a change
     inert = law.share < 1.0 or law.acceleration < np.inf
     # Forward: errors by the exact model, derivatives with rounded corners, costs
-    own_states = 3 if law.integral > 0.0 else 2
+    own_states = moving_states(law)
     errors, slopes = np.empty(count), np.empty((own_states, own_states + width, count))
     window, (sags, faster, rounded) = np.empty((3, width, count)), np.empty((3, count))
     states = np.empty((own_states, count))

@@ -112,7 +112,7 @@ def speed_against_error(model: JointModel, fit: LogFit) -> SpeedPoints:
     errors, low, high = (values - balance for values in (mean, least, most))
     down, *band, up = model.corners(angle=here)
     saturated = (low >= up) | (high <= down)
-    edges = [down, *(band if model.dead_band else ()), up]
+    edges = [down, *(band if model.steady.dead_band else ()), up]
     one_piece = np.zeros(len(errors), dtype=bool)
     for least, most in pairwise(edges):
         one_piece |= (low >= least) & (high <= most)
@@ -170,7 +170,7 @@ def cloud_figure(identification: Identification, prefix: str = "") -> Figure:
         curves.append(line((corner, corner), (low, top), MUTED._replace(dashes=(0, (1.0, 1.5)))))
         words = (  # at the lower edge, where a joint has no dots: they lie about f
             Words(
-                "θ₀ + dead band" if model.dead_band else "θ₀",
+                "θ₀ + dead band" if model.steady.dead_band else "θ₀",
                 corner,
                 low,
                 "left" if corner < factor * reach / 3 else "right",  # within the figure
