@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 import time
 import warnings
@@ -92,7 +93,7 @@ class PlanChunk(PolicyActionProcessorStep):
         self._scale = np.array([UNITS[unit] for unit in self.units])
         self._rows = max(round(self.delay * self.rate), 2)
         self._stream = planner.Stream(models, preview=self._rows)
-        self._begin = planner.Stream(models, preview=self._rows)  # as it was where a chunk began
+        self._begin = self._stream  # as it was where a chunk began
         acts = max(model.lag + model.acceleration_time / 2.0 for model in models.values())
         self._under_way = math.ceil(
             (acts + max(m.time_constant for m in models.values())) * self.rate
@@ -127,7 +128,7 @@ class PlanChunk(PolicyActionProcessorStep):
         if self._last is not None and begin - self._last[0] < len(self._last[1]) / self.rate:
             ago = max(round((begin - self._last[0]) * self.rate), 0)
             last = self._last[1]
-            _take_over(stream, self._begin)
+            stream = self._stream = copy.copy(self._begin)
             for row in range(ago):
                 stream.step(self._ahead(last, row))
             late = round((now - begin) * self.rate)  # sent before these requests are known
@@ -135,7 +136,7 @@ class PlanChunk(PolicyActionProcessorStep):
         else:
             stream.reset()
         self._last = begin, path
-        _take_over(self._begin, stream)
+        self._begin = copy.copy(stream)
         requests = path.copy()
         for row in range(len(path)):
             seen = None
@@ -167,8 +168,3 @@ class PlanChunk(PolicyActionProcessorStep):
     def transform_features(self, features: Any) -> Any:
         """The features as they are."""
         return features
-
-
-def _take_over(stream: planner.Stream, other: planner.Stream) -> None:
-    """Put a stream where another one of the same joints is."""
-    stream.__setstate__(other.__reduce__()[2])
