@@ -24,6 +24,7 @@ fail on different data:
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cached_property
 from heapq import heapify, heappop, heappush
@@ -484,7 +485,7 @@ class MergedKnots:
         self._grid = problem.ends(every)
         self._grid = (self._grid - self._first).astype(np.intp)
         turned = np.resize(np.roll(problem.desired, -self._first), last + 1)
-        self._cost = _LineCost(turned, problem.step)
+        self._cost = _line_cost(turned, problem.step)
         fixed = nearest_samples(problem.required) - self._first
         stays = np.isin(self._grid, np.mod(fixed, n) if problem.cyclic else fixed)
         stays[[0, -1]] = True
@@ -532,23 +533,21 @@ class MergedKnots:
         return removed
 
 
-class _LineCost:
-    """Squared error of the best line within the slopes through the samples from i to j."""
+def _line_cost(desired: Array, step: float) -> Callable[[int, int], float]:
+    """The squared error of the best line within the slopes through the samples from i to j."""
+    k = np.arange(desired.size, dtype=np.float64)
+    s0, s1, s2 = (
+        np.concatenate([[0.0], np.cumsum(total)]).tolist()
+        for total in (desired, k * desired, desired**2)
+    )
 
-    def __init__(self, desired: Array, step: float) -> None:
-        k = np.arange(desired.size, dtype=np.float64)
-        self._sums: list[list[float]] = [
-            np.concatenate([[0.0], np.cumsum(total)]).tolist()
-            for total in (desired, k * desired, desired**2)
-        ]
-        self._step = step
-
-    def __call__(self, i: int, j: int) -> float:
-        s0, s1, s2 = self._sums
+    def cost(i: int, j: int) -> float:
         count = j + 1 - i
         middle, sxx = 0.5 * (i + j), count * (count * count - 1) / 12.0
         d0 = s0[j + 1] - s0[i]
         d1 = s1[j + 1] - s1[i] - middle * d0  # about the middle
-        slope = min(max(d1 / sxx, -self._step), self._step)
+        slope = min(max(d1 / sxx, -step), step)
         error: float = s2[j + 1] - s2[i] - d0 * d0 / count + slope * (slope * sxx - 2.0 * d1)
         return max(error, 0.0)
+
+    return cost

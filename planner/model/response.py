@@ -109,7 +109,7 @@ def motion_under(
     numbers = np.arange(-ages.oldest, count - ages.youngest)  # before sample k from the k-th on
     history = requests.take(numbers if cyclic else np.maximum(numbers, 0), mode="wrap")
     if torques is None:
-        sags, faster = np.full(count, model.offset), np.full(count, model.faster_per_tick())
+        sags, faster = np.full(count, model.offset), np.full(count, model.v_offset * model.tick)
     else:
         sags, faster = model.sag(torques), model.faster_per_tick(torques)
     if start is None:

@@ -23,7 +23,7 @@ from __future__ import annotations
 import logging
 import math
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -79,7 +79,7 @@ def transcribed_requests(problem: Problem, state: State) -> Array:
     if not problem.cyclic and len(problem.desired) <= problem.ages.youngest + 1:
         return state.requests  # no free request acts before the end
     samples, unit = len(problem.desired), problem.models[0].theta_0
-    programme = _transcribed(problem, state)
+    nlp, point, bounds = _transcribed(problem, state)
     settings = {"print_level": 0, "sb": "yes", "max_iter": OPTIONS.iterations}
     options: dict[str, Any] = {
         "print_time": False,
@@ -87,11 +87,11 @@ def transcribed_requests(problem: Problem, state: State) -> Array:
         "expand": True,
         "ipopt": settings,
     }
-    solve = casadi.nlpsol("inversion", "ipopt", programme.nlp, options)
+    solve = casadi.nlpsol("inversion", "ipopt", nlp, options)
     best, least = state.requests, problem.exact_error(state.requests)
-    point, solved, status = programme.initial, False, ""
+    solved, status = False, ""
     for radius in OPTIONS.radii:
-        answer = solve(x0=point, p=radius, **programme.bounds)
+        answer = solve(x0=point, p=radius, **bounds)
         status, iterations = str(solve.stats()["return_status"]), solve.stats()["iter_count"]
         unknowns = np.asarray(answer["x"], dtype=np.float64).ravel()
         outcome = f"ipopt, corners of {radius:g} theta_0: {status} after {iterations} iterations"
@@ -115,16 +115,13 @@ def transcribed_requests(problem: Problem, state: State) -> Array:
     return best
 
 
-class _Programme(NamedTuple):
-    """A nonlinear programme: min f(x, p) where x and g(x, p) are within bounds."""
+def _transcribed(problem: Problem, state: State) -> tuple[dict[str, Any], Array, dict[str, Array]]:
+    """The programme above, min f(x, p) where x and g(x, p) are within bounds, in units of theta_0.
 
-    nlp: dict[str, Any]  # x, p, f and g
-    initial: Array  # of x: angles, requests, and the largest error in the norm "max"
-    bounds: dict[str, Array]  # lbx, ubx, lbg and ubg
-
-
-def _transcribed(problem: Problem, state: State) -> _Programme:
-    """The programme above, with theta_0 as the unit of angle."""
+    Returns:
+        x, p, f and g; the initial x: angles, requests, and the largest error in the norm "max"; and
+        the bounds lbx, ubx, lbg and ubg.
+    """
     import casadi
 
     (model,), (load,) = problem.models, problem.loads
@@ -192,7 +189,7 @@ def _transcribed(problem: Problem, state: State) -> _Programme:
     closed = np.zeros(dynamics.numel())
     below = np.concatenate([closed, -step, np.zeros(path.numel())])
     above = np.concatenate([closed, step, np.full(path.numel(), np.inf)])
-    return _Programme(
+    return (
         {"x": casadi.vertcat(*unknowns), "p": radius, "f": cost, "g": g},
         np.concatenate(initial),
         {"lbx": lower, "ubx": upper, "lbg": below, "ubg": above},

@@ -211,10 +211,10 @@ def without_small_reversals(angles: Array, least: float, *, cyclic: bool) -> Arr
     points = turning_points(turned, least)
     if not points:
         return np.roll(_without_turn(turned, cyclic=cyclic)[: len(angles)], first)
-    ends = [*(point.sample for point in points), len(turned)]
+    ends = [*(sample for sample, _ in points), len(turned)]
     # Before the first turning point the path goes towards it, after each away from it.
-    pieces = [(0, ends[0], points[0].high)]
-    pieces += [(p.sample, end, not p.high) for p, end in zip(points, ends[1:], strict=True)]
+    pieces = [(0, *points[0])]
+    pieces += [(at, end, not high) for (at, high), end in zip(points, ends[1:], strict=True)]
     monotone = [
         isotonic_regression(turned[begin:end], increasing=rising).x
         for begin, end, rising in pieces
@@ -223,16 +223,12 @@ def without_small_reversals(angles: Array, least: float, *, cyclic: bool) -> Arr
     return np.roll(np.concatenate(monotone)[: len(angles)], first)
 
 
-class TurningPoint(NamedTuple):
-    """Where a path turns: the sample, and whether it is a maximum."""
+def turning_points(angles: Array, least: float) -> list[tuple[int, bool]]:
+    """Where a path turns by more than ``least``: extrema with so large moves between them.
 
-    sample: int
-    high: bool
-
-
-def turning_points(angles: Array, least: float) -> list[TurningPoint]:
-    """Where a path turns by more than ``least``: extrema with so large moves between them."""
-    points: list[TurningPoint] = []
+    Each is a sample, and whether it is a maximum.
+    """
+    points: list[tuple[int, bool]] = []
     low = high = direction = 0
     for k, angle in enumerate(angles.tolist()):
         if angle > angles[high]:
@@ -240,10 +236,10 @@ def turning_points(angles: Array, least: float) -> list[TurningPoint]:
         if angle < angles[low]:
             low = k
         if direction >= 0 and angles[high] - angle > least:
-            points.append(TurningPoint(high, True))
+            points.append((high, True))
             direction, low = -1, k
         elif direction <= 0 and angle - angles[low] > least:
-            points.append(TurningPoint(low, False))
+            points.append((low, False))
             direction, high = 1, k
     return points
 

@@ -200,48 +200,34 @@ def bundle_step(
     size = float(np.sum(around**2))
     if size == 0.0:
         return centre, 0.0
-    problem, counts = _bundle_problem(relaxation, columns, centre)
+    slope, matrix, limits, cones, counts = _bundle_problem(relaxation, columns, centre)
     # The proximal term keeps the linear terms and the weights near those of the centre.
     rates = [2.0 * RELUCTANCE / step / each for each in (size, np.sum(centre.weights**2))]
     proximal = np.repeat([0.0, rates[0], 0.0, 0.0, rates[1]], counts)
     proximal_centre = [np.zeros(count) for count in counts]
     proximal_centre[1], proximal_centre[4] = around.T.ravel(), centre.weights
-    solver = ConicSolver(
-        problem.matrix,
-        problem.limits,
-        problem.cones,
-        curvature=proximal,
-        tolerance=1e-8,
-    )
-    solution = solver.solve(problem.slope - proximal * np.concatenate(proximal_centre))
+    solver = ConicSolver(matrix, limits, cones, curvature=proximal, tolerance=1e-8)
+    solution = solver.solve(slope - proximal * np.concatenate(proximal_centre))
     if not solution.solved:
         return centre, 0.0
     conditions, *_, weights = np.split(solution.unknowns, np.cumsum(counts)[:-1])
     sample_weights = centre.weights if relaxation.norm == "rms" else _normalised(weights)
     rows = np.cumsum([len(each.limits) for each in relaxation.sets])
     multipliers = np.split(np.maximum(conditions, 0.0), rows[:-1])
-    return Multipliers(sample_weights, multipliers), -float(problem.slope @ solution.unknowns)
-
-
-class _Bundle(NamedTuple):
-    """A linear program in the form of :class:`ConicSolver`."""
-
-    slope: Array
-    matrix: sparse.csr_array
-    limits: Array
-    cones: Cones
+    return Multipliers(sample_weights, multipliers), -float(slope @ solution.unknowns)
 
 
 def _bundle_problem(
     relaxation: LagrangianRelaxation, columns: Sequence[Column], centre: Multipliers
-) -> tuple[_Bundle, list[int]]:
+) -> tuple[Array, sparse.csr_array, Array, Cones, list[int]]:
     """The predicted bound by multipliers, negated, without the proximal term.
 
     Its unknowns are the multipliers of the conditions, their linear terms at the samples, joint by
     joint, the least value of those between samples, and the least value and weight of each sample.
 
     Returns:
-        The problem, and how many unknowns of each kind there are.
+        Slope, matrix, limits and cones of :class:`ConicSolver`, and the number of unknowns of each
+        kind.
     """
     sets, samples = relaxation.sets, relaxation.samples
     gradients = sparse.block_diag([each.matrix.T for each in sets], format="csr")
@@ -273,7 +259,7 @@ def _bundle_problem(
     matrix = sparse.csr_array(sparse.block_array([*zero, *at_most]))
     limits = np.zeros(matrix.shape[0])
     limits[len(at) : zeros] = centre.weights if fixed else 1.0
-    return _Bundle(slope, matrix, limits, Cones(zeros, len(limits) - zeros)), counts
+    return slope, matrix, limits, Cones(zeros, len(limits) - zeros), counts
 
 
 def _modelling() -> Any:
@@ -391,18 +377,12 @@ def _block(
     halves = np.array(list(product((-1.0, 1.0), repeat=guesses.shape[1])))
     for _ in range(40):  # cells are then as small as rounding
         positions, jacobians = distance.by_axis(centres)
-        cells = _Cells(
-            positions - target[:, owner],
-            jacobians,
-            weights[owner],
-            slopes.T[:, owner],
-            half.T[:, owner],
-            _linearisation_error(distance, half)[owner],
-        )
-        values = cells.weights * _dot(cells.errors, cells.errors) + _dot(cells.slopes, centres.T)
+        errors, share, linear = positions - target[:, owner], weights[owner], slopes.T[:, owner]
+        values = share * _dot(errors, errors) + _dot(linear, centres.T)
         _update_least(owner, values, centres, least, angles)
         enough = (least - tolerance)[owner]
-        bounds = values - cells.depths()
+        curved = _linearisation_error(distance, half)[owner]
+        bounds = values - _depths(errors, jacobians, share, linear, half.T[:, owner], curved)
         is_open = ~(bounds >= enough)
         proved = least - tolerance
         np.minimum.at(proved, owner[is_open], bounds[is_open])
@@ -468,33 +448,22 @@ def _dot(a: Array, b: Array) -> Array:
     return total
 
 
-class _Cells(NamedTuple):
-    """Cells of angles, a column each, with the foot at their centres.
+def _depths(
+    errors: Array, jacobians: Array, weights: Array, slopes: Array, half: Array, curved: Array
+) -> Array:
+    """Bound on how far cells of angles go below the values at their centres, shape (m,): (13b).
 
-    Attributes:
-        errors: Scaled errors of the foot, shape (3, m).
-        jacobians: Derivatives of the foot [1/rad], shape (k, 3, m).
+    The slope times the width, and a term for the curvature of the foot's path.
+
+    Args:
+        errors: Scaled errors of the foot at the centres, shape (3, m).
+        jacobians: Derivatives of the foot there [1/rad], shape (k, 3, m).
         weights: Weight of each cell's sample, shape (m,).
         slopes: Linear terms [1/rad], shape (k, m).
         half: Half the widths [rad], shape (k, m).
         curved: :func:`_linearisation_error`, shape (m,).
     """
-
-    errors: Array
-    jacobians: Array
-    weights: Array
-    slopes: Array
-    half: Array
-    curved: Array
-
-    def depths(self) -> Array:
-        """Bound on how far a cell goes below the value at its centre, shape (m,): (13b).
-
-        The slope times the width, and a term for the curvature of the foot's path.
-        """
-        projected_errors = np.stack([_dot(column, self.errors) for column in self.jacobians])
-        gradients = 2.0 * self.weights * projected_errors + self.slopes
-        steps = np.sqrt(np.sum(self.jacobians**2, axis=1))
-        farthest = np.sqrt(_dot(self.errors, self.errors)) + _dot(steps, self.half)
-        bent: Array = 2.0 * self.weights * farthest * self.curved
-        return _dot(np.abs(gradients), self.half) + bent
+    gradients = 2.0 * weights * np.stack([_dot(column, errors) for column in jacobians]) + slopes
+    steps = np.sqrt(np.sum(jacobians**2, axis=1))
+    farthest = np.sqrt(_dot(errors, errors)) + _dot(steps, half)
+    return _dot(np.abs(gradients), half) + 2.0 * weights * farthest * curved

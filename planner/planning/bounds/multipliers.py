@@ -139,17 +139,12 @@ def nearest_point(
     )
 
 
-class DualValue(NamedTuple):
-    """The dual inequality ``gradient @ (reference - z) >= value`` for all z of a set."""
-
-    value: float
-    gradient: Array
-
-
 def dual_value(
     matrix: sparse.csr_array, limits: Array, multipliers: Array, reference: Array, room: Array
-) -> DualValue:
+) -> tuple[float, Array]:
     """The numerator of (9): ``lambda (G y - b) - |G' lambda| room``, and ``G' lambda``.
+
+    The product of the second with y - z is at least the first for all z of the set.
 
     Args:
         matrix: G, shape (rows, unknowns).
@@ -161,7 +156,7 @@ def dual_value(
     """
     gradient = matrix.T @ multipliers
     value = float(multipliers @ (matrix @ reference - limits) - np.abs(gradient) @ room)
-    return DualValue(value, gradient)
+    return value, gradient
 
 
 def certified_error(

@@ -353,17 +353,17 @@ def solve_relaxation(problem: ScaledProblem, ranges: Ranges, cuts: list[Cut]) ->
     )
     room[problem.sampled] = 0.0
     reference[problem.sampled] = problem.desired
-    proved = dual_value(matrix, limits, answer.multipliers, reference, room)
-    gradient = proved.gradient[problem.sampled]
+    value, slopes = dual_value(matrix, limits, answer.multipliers, reference, room)
+    gradient = slopes[problem.sampled]
     return RelaxedSolution(
         angles=angles,
         contributions=answer.unknowns[problem.ticks :],
-        bound=_distance(problem, proved.value, gradient),
+        bound=_distance(problem, value, gradient),
         matrix=matrix,
         limits=limits,
         multipliers=answer.multipliers,
         gradient=gradient,
-        dual_value=proved.value,
+        dual_value=value,
     )
 
 
