@@ -68,6 +68,9 @@ INTEGRAL_PARTNERS = ("time_constant", "dead_band")
 """Terms fitted together with the integral: it acts through the time constant, and removes the
 steady error by friction."""
 
+LEAST_SAVING = 0.1
+"""Least share of the loss that an integral explains by itself."""
+
 LEAST_INERTIA = 0.5
 """Least time constant beside an integral, in ticks: below it an integral reproduces play."""
 
@@ -207,7 +210,7 @@ def with_motor(fit: Fit, terms: tuple[Term, ...]) -> tuple[Fit, tuple[Term, ...]
     fit, terms = _with_motor(fit, terms)
     if fit.free[only(INTEGRAL)].any() or structure_of(fit) < LEAST_STRUCTURE:
         return fit, terms
-    trial = _fitted_with_integral(fit)
+    bare, trial = _fitted_with_integral(fit)
     uncertainty, known = uncertainty_of(trial), {term.name: term for term in terms}
     ends = {
         name: model_interval(trial, uncertainty, name) for name in (INTEGRAL, *INTEGRAL_PARTNERS)
@@ -216,7 +219,8 @@ def with_motor(fit: Fit, terms: tuple[Term, ...]) -> tuple[Fit, tuple[Term, ...]
     possible = at.time_constant >= LEAST_INERTIA * tick
     possible &= at.integral_rate < at.fastest_integral(tick)
     determined = ends[INTEGRAL].lower > 0.0 and ends["time_constant"].lower > 0.0
-    found = trial if pays(fit, trial) and possible and determined else fit
+    pays_alone = pays(bare, trial) and _saving(bare, trial) >= LEAST_SAVING
+    found = trial if pays(fit, trial) and pays_alone and possible and determined else fit
     for name, interval in ends.items():
         had_it, has_it = (bool(each.free[only(name)].any()) for each in (fit, found))
         if not (had_it and has_it):
@@ -224,8 +228,8 @@ def with_motor(fit: Fit, terms: tuple[Term, ...]) -> tuple[Fit, tuple[Term, ...]
     return found, tuple(known.values())
 
 
-def _fitted_with_integral(fit: Fit) -> Fit:
-    """The best fit with the integral of a speed loop, a time constant and, by (16a), friction."""
+def _fitted_with_integral(fit: Fit) -> tuple[Fit, Fit]:
+    """The best fits with a time constant and, by (16a), friction: without and with an integral."""
     at, free = fit.parameters, fit.free | only(INTEGRAL, *INTEGRAL_PARTNERS)
     search = partial(least_squares, fit.grid, free=free, scale=fit.scale, effort=TERM)
     begins = [
@@ -240,7 +244,10 @@ def _fitted_with_integral(fit: Fit) -> Fit:
     best = _redivided(best, search)
     bare = best.parameters._replace(dead_band=0.0)
     without = search(bare, starts=best.starts, free=free & ~only("dead_band"), effort=ENOUGH)
-    return best if pays(without, best) else without
+    best = best if pays(without, best) else without
+    bare = best.parameters._replace(integral_rate=0.0)
+    free = best.free & ~only(INTEGRAL)
+    return search(bare, starts=best.starts, free=free, effort=ENOUGH), best
 
 
 def _with_motor(fit: Fit, terms: tuple[Term, ...]) -> tuple[Fit, tuple[Term, ...]]:
