@@ -207,7 +207,8 @@ def _checked_text(arm: Arm, check: Check, period: float) -> str:
     from planner.robot.arm import SETTINGS
 
     lines = [
-        f"{len(arm.names)} servos answer; a tick takes {1e3 * check.tick_time:.2g} ms of "
+        f"{len(arm.names)} servo{'s answer' if len(arm.names) > 1 else ' answers'}; "
+        f"a tick takes {1e3 * check.tick_time:.2g} ms of "
         f"{1e3 * period:g} ms, {check.lost:.1%} of the answers are lost"
     ]
     for name, angle in check.angles.items():

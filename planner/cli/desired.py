@@ -54,6 +54,9 @@ FAR = 3.0
 """A path whose ends are more than this many of its largest steps apart does not repeat: the last
 sample of a cycle is about one step before the first."""
 
+RESTING = 0.01
+"""Share of the largest step up to which the first and the last one count as rest."""
+
 FEW = 10
 """Fewest samples of a path whose span is checked for a wrong unit."""
 
@@ -466,7 +469,15 @@ def repeats(rows: Array, cyclic: bool | None) -> tuple[bool, tuple[Remark, ...]]
     steps = np.abs(np.diff(rows, axis=0)).max(axis=0)
     gaps = np.abs(rows[-1] - rows[0])
     if np.all(gaps <= FAR * steps):
-        return True, ()
+        ends = np.abs(np.stack([rows[1] - rows[0], rows[-1] - rows[-2]]))
+        if not np.all(ends <= RESTING * steps):
+            return True, ()
+        remark = Remark(
+            "the path begins and ends at rest in the same place: it is taken as a cycle; ",
+            Key("plan.cyclic", False),
+            " plans a motion that is executed once",
+        )
+        return True, (remark,)
     apart = np.max(gaps / np.maximum(steps, np.finfo(float).tiny))
     remark = Remark(
         f"the path does not close, its ends are {apart:.3g} times its largest step apart: it is "

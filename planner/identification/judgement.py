@@ -153,6 +153,8 @@ def verdict_on(
         topic: Topic = "columns" if scale else "error" if fits else "fit"
         why = f"{scale} if not, {REASONS}" if scale else REASONS
         notes.append(Finding(topic, f"{words}; {why}"))
+        if topic == "columns" and not fits:  # the rest follows from the scale
+            return "refused", Finding("columns", "one column may be in another scale"), notes[-1:]
     elif scale and np.ptp(fit.grid.angles) > np.ptp(fit.grid.requests):  # taken for gravity
         notes.append(Finding("columns", f"{scale} if not, its load moves the joint so far"))
     if not fits and (span := float(np.ptp(fit.grid.angles))) < 0.2:
@@ -182,7 +184,7 @@ def verdict_on(
         )
         notes.append(Finding("friction", words))
     notes += _undetermined(fit, bounds, uncertainty, unit)
-    misses = f"it misses {missed:.0%} of the motion{where}"
+    misses = f"it misses {missed:{'.0%' if missed >= 0.01 else '.1%'}} of the motion{where}"
     doubts = {
         misses: missed > OPTIONS.suspect,
         "one column may be in another scale": any(note.topic == "columns" for note in notes),

@@ -258,7 +258,11 @@ def _refined(joints: Plan, cycles: Array, sensor_delay: float | None, reidentify
         OPTIONS.visible * _size(joints, spread) / math.sqrt(base.cycles),
         _size(joints, np.full(len(joints.models), ENCODER_STEP)),
     ):
-        stopped = "noise hides the error; a mean of more cycles may show more of it"
+        stopped = (
+            f"noise hides what is left of the error in {base.cycles} measured "
+            f"cycle{'s' if base.cycles > 1 else ''}; refine from {4 * base.cycles} cycles of these "
+            "requests to go on"
+        )
     if stopped and not new.task.keeps(base.requests, rounding=SAME_REQUESTS):
         stopped = ""
         remarks.append(OTHER_LIMITS)

@@ -458,7 +458,7 @@ def _check_times(source: Source, times: Array) -> None:
         k = int(np.argmax(steps <= 0.0)) + 1
         raise source.fault(
             f"time is {times[k]:.9g} s after {times[k - 1]:.9g} s, expected times that increase; "
-            "sort the rows and remove doubles",
+            "sort the rows and remove doubles, or cut the log there if its clock was set",
             k,
         )
 
