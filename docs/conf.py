@@ -33,7 +33,7 @@ nitpick_ignore_regex = [
     (
         "py:class",
         r"(np|npt|os|pathlib)\..*|Path|Array(Like)?|Indices|Level|Norm|Solver|Topic"
-        r"|Models|ModelOrModels|JointLimits|LoadOfPose|Robust|Rule|Scenarios|Mask|Expectation"
+        r"|Desired|Send|Models|ModelOrModels|JointLimits|LoadOfPose|Robust|Rule|Scenarios|Mask|Expectation"
         r"|Track|Retime|Progress|Method|planner\.learning\.refine\.AnyPlan"
         r"|planner\.planning\.(task\.Task|plan\.RequestMotion)"
         r"|planner\.recording\.(retiming\.(Impossible|SpeedErrors)|recorded_path\.RecordedPath)"
