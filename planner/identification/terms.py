@@ -74,8 +74,8 @@ LEAST_SAVING = 0.1
 LEAST_INERTIA = 0.5
 """Least time constant beside an integral, in ticks: below it an integral reproduces play."""
 
-INTEGRAL_STARTS = (0.2, 1.0)
-"""Rates of an integral, times the delay of the joint, from which the search for one begins."""
+INTEGRAL_START = 0.5
+"""Rate of an integral, times the delay of the joint, from which the search for one begins."""
 
 MOTOR = ("acceleration", "time_constant", "dead_band", "asymmetry")
 """Terms that may show only together: a slow start hides dry friction, and friction the inertia."""
@@ -208,9 +208,10 @@ def with_motor(fit: Fit, terms: tuple[Term, ...]) -> tuple[Fit, tuple[Term, ...]
         terms: What was tried for it.
     """
     fit, terms = _with_motor(fit, terms)
-    if fit.free[only(INTEGRAL)].any() or structure_of(fit) < LEAST_STRUCTURE:
+    excerpt = _excerpt_to_search(fit)
+    if excerpt is None or fit.free[only(INTEGRAL)].any():
         return fit, terms
-    bare, trial = _fitted_with_integral(fit)
+    bare, trial = _fitted_with_integral(fit, excerpt)
     uncertainty, known = uncertainty_of(trial), {term.name: term for term in terms}
     ends = {
         name: model_interval(trial, uncertainty, name) for name in (INTEGRAL, *INTEGRAL_PARTNERS)
@@ -228,20 +229,27 @@ def with_motor(fit: Fit, terms: tuple[Term, ...]) -> tuple[Fit, tuple[Term, ...]
     return found, tuple(known.values())
 
 
-def _fitted_with_integral(fit: Fit) -> tuple[Fit, Fit]:
-    """The best fits with a time constant and, by (16a), friction: without and with an integral."""
+def _fitted_with_integral(fit: Fit, excerpt: Excerpt) -> tuple[Fit, Fit]:
+    """The best fits with a time constant and, by (16a), friction: without and with an integral.
+
+    The first is the fit itself where the second saves little.
+    """
     at, free = fit.parameters, fit.free | only(INTEGRAL, *INTEGRAL_PARTNERS)
     search = partial(least_squares, fit.grid, free=free, scale=fit.scale, effort=TERM)
     begins = [
-        each._replace(integral_rate=share / at.whole_delay, dead_band=_some_dead_band(each, fit))
+        each._replace(
+            integral_rate=INTEGRAL_START / at.whole_delay, dead_band=_some_dead_band(each, fit)
+        )
         for each in (at, *_divisions(fit))
         if each.time_constant > 0.0
-        for share in INTEGRAL_STARTS
     ]
-    trials = [search(begin, starts=fit.starts, effort=TRIAL) for begin in begins]
+    screen = partial(least_squares, excerpt.grid, free=free, scale=fit.scale, effort=TRIAL)
+    trials = [screen(begin, starts=excerpt.starts) for begin in begins]
     best = min(trials, key=lambda each: each.cost)
-    best = search(best.parameters, starts=best.starts, effort=ENOUGH)
-    best = _redivided(best, search)
+    best = search(best.parameters, starts=fit.starts)
+    if _saving(fit, best) < 0.5 * LEAST_SAVING:  # it will not save enough
+        return fit, best
+    best = _redivided(search(best.parameters, starts=best.starts, effort=ENOUGH), search)
     bare = best.parameters._replace(dead_band=0.0)
     without = search(bare, starts=best.starts, free=free & ~only("dead_band"), effort=ENOUGH)
     best = best if pays(without, best) else without
