@@ -26,6 +26,7 @@ from planner.planning.arguments import limits_of_each
 from planner.planning.plan import Plan, joined
 from planner.report.learning import Progress, learning_page
 from planner.report.page import sources_of
+from planner.report.plan import no_bound
 from planner.report.table import NOTHING, text_table
 from planner.trajectory import Array
 
@@ -354,8 +355,7 @@ def progress_of(answer: Refined) -> list[Progress]:
         unit = "cm" if foot else desired.unit(desired.names.index(name))
         factor = 100.0 if foot else math.degrees(1.0)
         bound, noise = learning.floor
-        unbounded = plan.task.load_of_pose or any(model.exceeds_v_max for model in plan.models)
-        bound = math.nan if unbounded else bound
+        bound = math.nan if no_bound(plan) else bound
         remarks = [as_options(text, desired.names) for text in learning.remarks]
         if not any("identified anew" in text for text in remarks):
             remarks += _other_models(plan, name, desired)

@@ -151,25 +151,24 @@ def stuck(log: Log) -> list[npt.NDArray[np.int_]]:
         asked = log.requests[rows[part[:-late]]] - np.median(angles[part])
         if still[part[0]] and len(part) > late and np.ptp(asked) > 0.0:
             sides = np.sort([np.max(asked), -np.min(asked)])
-            if np.all(sides > np.multiply(OPTIONS.refused, travel)) or _passed(log, rows, part):
+            if np.all(sides > np.multiply(OPTIONS.refused, travel)) or _passed(
+                log, rows, part, length
+            ):
                 found.append(rows[part])
     return found
 
 
-def _passed(log: Log, rows: npt.NDArray[np.int_], part: npt.NDArray[np.int_]) -> bool:
+def _passed(log: Log, rows: npt.NDArray[np.int_], part: npt.NDArray[np.int_], late: int) -> bool:
     """Whether a joint that stays still for long is requested far to where it goes elsewhere.
 
     There it passes the same angle with half of the error: no stop is there, and no load that
     overcomes it.
     """
-    late = max(5, round(OPTIONS.rest / log.period))
-    if len(part) * log.period < OPTIONS.held:
+    if len(part) * log.period < OPTIONS.held or len(part) <= late:
         return False
     angles, requests = log.angles[rows], log.requests[rows]
-    near, travel = OPTIONS.still * float(np.ptp(angles)), float(np.ptp(angles))
-    here, asked = float(np.median(angles[part])), requests[part[:-late]] - np.median(angles[part])
-    if not len(asked):
-        return False
+    here, travel = float(np.median(angles[part])), float(np.ptp(angles))
+    near, asked = OPTIONS.still * travel, requests[part[:-late]] - here
     farthest = float(asked[np.argmax(np.abs(asked))])
     side, far = math.copysign(1.0, farthest), abs(farthest)
     if far <= OPTIONS.refused[1] * travel:
