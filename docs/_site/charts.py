@@ -153,7 +153,9 @@ def _with_charts(_app, name, source):
         if section["title"] not in CHARTS:
             return section[0]
         chart = f"```{{chart}} {section['title']}\n{section['table']}\n```\n\n"
-        return f"## {section['title']}\n{section['note']}{chart}{section['table']}"
+        head, rows = section["table"].split("\n", 1)
+        head = head.replace("_", "_\N{ZERO WIDTH SPACE}")  # where a narrow column breaks
+        return f"## {section['title']}\n{section['note']}{chart}{head}\n{rows}"
 
     if name == PAGE:
         source[0] = SECTION.sub(charted, source[0])

@@ -92,14 +92,23 @@ def figure_of(page, name):
             if curve["yaxis"] == panel and curve["visible"] is True:
                 looks = curve.get("line") or curve["marker"]["line"]
                 colour = colours[looks["color"].removeprefix("var(").removesuffix(")")]
-                style = (
-                    {"lw": 0.7 * looks["width"]} if "line" in curve else {"ls": "", "marker": "."}
-                )
+                style = _line(looks) if "line" in curve else {"ls": "", "marker": "."}
                 axes.plot(_numbers(curve["x"]), _numbers(curve["y"]), color=colour, **style)
     rows[-1].set_xlabel(plot["layout"]["xaxis"]["title"]["text"])
     file = io.StringIO()
     picture.savefig(file, format="svg", metadata={"Date": None})
     return file.getvalue()
+
+
+def _line(looks):
+    """The looks of a line in Matplotlib's terms."""
+    width, dashes = looks["width"], looks["dash"].replace("px", "").split(",")
+    solid = looks["dash"] == "solid"
+    return {
+        "lw": 0.7 * width,
+        "ls": "-" if solid else (0, [float(each) / width for each in dashes]),
+        "drawstyle": "steps-post" if looks["shape"] == "hv" else "default",
+    }
 
 
 def _numbers(packed):

@@ -27,6 +27,9 @@ from planner.trajectory import Array
 MOST_ROWS = 500
 """Most rows of the table, for the recordings that are farthest off: a page of some 200 kB."""
 
+FEW = 12
+"""So many recordings have their numbers on the axis, which has round numbers for more."""
+
 MOST_REASONS = 20
 """Most recordings without a plan that are listed."""
 
@@ -155,9 +158,17 @@ def errors_figure(rows: Sequence[Mapping[str, Any]], unit: str) -> Figure:
     def values(kind: str) -> Array:
         return np.array([np.nan if row[kind] is None else row[kind] for _, row in own])
 
+    numbers = {float(k): str(k) for k in range(1, len(rows) + 1)} if len(rows) <= FEW else None
     looks = {"direct_rms": DIRECT, "shifted_rms": SHIFT, "planned_rms": OPTIMAL}
     curves = [
-        Curve(role, places, values(kind), marks="dots", notes=notes, hidden=role is DIRECT)
+        Curve(
+            role,
+            places,
+            values(kind),
+            marks="rings" if role is SHIFT else "dots",
+            notes=notes,
+            hidden=role is DIRECT,
+        )
         for kind, role in looks.items()
     ]
     if np.isfinite(bounds := values("lower_bound")).any():
@@ -168,7 +179,7 @@ def errors_figure(rows: Sequence[Mapping[str, Any]], unit: str) -> Figure:
         f"errors_{unit}",
         "Error of each recording",
         "Of its joint that is farthest off. Point at a dot for its recording and joint.",
-        Axis("recording", "", (0.5, len(rows) + 0.5)),
+        Axis("recording", "", (0.5, len(rows) + 0.5), names=numbers),
         (Panel(Axis("error, rms", UNITS[unit], from_zero=True), tuple(curves), height=2.2),),
     )
 

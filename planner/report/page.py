@@ -240,13 +240,13 @@ def _parameter(value: float) -> str:
 
 
 def parameters_of(models: Sequence[Mapping[str, float]]) -> dict[str, str]:
-    """The parameters to show for some models, by name, in words."""
+    """The parameters to show for some models, by name, in a few words."""
     from planner.model.joint import JointModel
 
     return {
-        each.name: f"{PARAMETERS[each.name][0]} [{raised(each.metadata['unit'])}]"
+        each.name: f"{PARAMETERS[each.name][1]} [{raised(each.metadata['unit'])}]"
         if each.name != "hold"
-        else PARAMETERS["hold"][0]
+        else "hold"
         for each in fields(JointModel)
         if each.name in ("v_max", "theta_0", "lag", "acceleration_time", "tick", "hold", "offset")
         or any(model.get(each.name) for model in models)
@@ -295,7 +295,7 @@ def sources_of(
 
 def file_links(files: Sequence[str]) -> Listing:
     """The files of a folder, relative to its page."""
-    links = [(Markup('<a href="{0}">{0}</a>').format(file), "") for file in files]
+    links = [(Markup('<a href="{}">{}</a>').format(file, _breakable(file)), "") for file in files]
     return Listing("Files of this run", links)
 
 
@@ -320,7 +320,8 @@ def heading(name: str) -> str:
 
 def sentence(words: str) -> str:
     """Words, names in them as they are, to begin a line with and to end with a stop."""
-    return f"{words[:1].upper()}{words[1:]}."
+    name = not words.split(" ", 1)[0].replace("_", "A").islower()
+    return f"{words}." if name else f"{words[:1].upper()}{words[1:]}."
 
 
 def _breakable(name: str) -> Markup:

@@ -145,6 +145,14 @@ def test_a_colour_that_the_page_does_not_know_is_refused():
         plot(figure_of(Panel(Axis("angle", "deg"), (strange,))))
 
 
+def test_there_is_no_room_below_an_axis_without_words_and_numbers():
+    panel = Panel(Axis("angle"), (Curve(DIRECT, np.arange(2.0), np.arange(2.0)),))
+    bare, usual = (
+        plot(Figure("a", "", "", Axis("", names=names), (panel,))) for names in ({}, None)
+    )
+    assert bare["height"] < usual["height"] - 30
+
+
 def test_the_same_figure_is_the_same_bytes():
     figure = figure_of(*everything(), clock=1000.0)
     assert json.dumps(plot(figure)) == json.dumps(plot(figure))

@@ -206,6 +206,21 @@ def test_a_table_is_copied_as_a_spreadsheet_reads_it(quiet, report, results):
     quiet.wait_for(f"{button}.textContent === 'copied'")
 
 
+def test_a_table_that_is_wider_than_a_phone_shows_every_row_as_a_list(quiet, report, results):
+    table = "document.querySelector('[aria-label=\"Table 2\"]')"
+    cells = f"{table}.querySelectorAll('tbody tr:first-child td')"
+    quiet.open(report, width=PHONE)
+    assert quiet.ask(f"{table}.scrollWidth <= {table}.clientWidth")
+    assert quiet.ask(f"[...{cells}].slice(0, 2).map((each) => each.dataset.title)") == [
+        "rotator, ours",
+        "paper",
+    ]
+    direct = results["table2"]["rotator"]["Des,Dir"]
+    assert quiet.ask(f"{cells}[0].innerText") == f"{direct['L2']:.2f}"
+    quiet.open(report)
+    assert quiet.ask(f"getComputedStyle({table}.querySelector('tr')).display") == "table-row"
+
+
 def test_a_page_that_is_printed_before_a_plot_was_near_has_its_plots(quiet, tmp_path):
     curve = Curve(DIRECT, np.arange(2.0), np.arange(2.0))
     panel = Panel(Axis("angle", "deg"), (curve,))

@@ -15,7 +15,7 @@ import pytest
 
 from planner._version import __version__
 from planner.report.figure import Axis, Curve, Figure, Panel
-from planner.report.page import LIBRARIES, live_head, live_scripts, sources_of, versions
+from planner.report.page import LIBRARIES, live_head, live_scripts, sentence, sources_of, versions
 from planner.report.paper.results import difference
 from planner.report.plotly_figure import plot
 from planner.report.style import DIRECT
@@ -118,6 +118,18 @@ def test_a_browser_at_the_page_finds_the_file(tmp_path, name):
     assert not seen.query
     assert not seen.fragment
     assert (role, html.unescape(shown.replace("<wbr>", ""))) == ("requests", name)
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        ("knee: slow", "Knee: slow."),
+        ("kLeftElbow: slow", "kLeftElbow: slow."),
+        ("a_b is", "a_b is."),
+    ],
+)
+def test_a_sentence_leaves_the_name_that_it_begins_with_as_it_is(words, told):
+    assert sentence(words) == told
 
 
 def test_streams_and_absent_files_are_no_links_and_none_stands_twice(tmp_path):

@@ -50,7 +50,7 @@ APART = "window across a corner of f"
 
 MEASURED = DESIRED._replace(label="measured")
 FITTED = CLOSED_FORM._replace(label="model, fitted", width=1.4)
-UNSEEN = OPTIMAL._replace(label="model, rows held out", width=1.4, dashes="-")
+UNSEEN = OPTIMAL._replace(label="model, rows held out", width=1.4)
 BAR = 9.0
 """Width of a bar [pt]."""
 
@@ -288,7 +288,9 @@ def log_figure(identification: Identification, fit: LogFit, prefix: str) -> Figu
     times = log.times - log.times[0]
     close = close_up(fit)
     has_held_out = fit.held_out.any()
-    colours = "; where the model is green, it was fitted without these rows" if has_held_out else ""
+    colours = (
+        "; where the model is dashed, it was fitted without these rows" if has_held_out else ""
+    )
     shade_note = " The shaded part was held out." if has_held_out else ""
     outlier_note = ""
     if len(outliers_of(fit)):

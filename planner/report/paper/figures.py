@@ -322,8 +322,8 @@ def _joints(
 
     def curves(joint: JointOutcome) -> list[Curve]:
         return [
-            *(draw(attrgetter(each.values)(joint), each.role, each.label, hidden=each.hidden)
-              for each in specs),
+            *(draw(attrgetter(each.values)(joint), each.role, each.label,
+                   held=each.role is REQUESTED, hidden=each.hidden) for each in specs),
             *more(joint),
         ]  # fmt: skip
 

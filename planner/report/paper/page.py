@@ -57,7 +57,7 @@ def paper_page(results: Results, figures: Sequence[Figure], files: Sequence[str]
     featured, rest = _split(figures, FEATURED)
     parameters = results["parameters"]
     parameter_rows = [
-        *((Markup("<code>{}</code> {}").format(name, words), f"{parameters['model'][name]:.6g}")
+        *((words, f"{parameters['model'][name]:.6g}")
           for name, words in parameters_of([parameters["model"]]).items()),
         ("samples in a step of the walk", parameters["samples"]),
         ("of these clamped into the leg’s reach", parameters["clamped_samples"]),

@@ -142,7 +142,7 @@ def _trajectories(outcome: VirtualOutcome) -> Figure:
         ),
         lambda joint: [
             draw(joint.desired, DESIRED),
-            draw(joint.closed_form_plain.requests, REQUESTED),
+            draw(joint.closed_form_plain.requests, REQUESTED, held=True),
             draw(approximation(joint.closed_form_plain), APPROXIMATION),
             *_walked(outcome, "closed_form_plain", joint, PLAIN, "actual"),
         ],
@@ -161,7 +161,7 @@ def _foot_optimised(outcome: VirtualOutcome) -> Figure:
         ),
         lambda joint: [
             draw(joint.desired, DESIRED),
-            draw(requests[:, _index(outcome, joint)], REQUESTED),
+            draw(requests[:, _index(outcome, joint)], REQUESTED, held=True),
             *_walked(outcome, "foot_optimal", joint, FOOT_OPTIMAL, "actual"),
             draw(joint.foot_optimal, PREDICTED),
         ],

@@ -8,7 +8,7 @@ const live = {
   touch: matchMedia("(pointer: coarse)").matches,
   MARGIN: 600, // a figure that comes so near to the screen is about to be seen [px]
   MOST: 24, // figures that are drawn before they are about to be seen
-  PAPER: 600, // width for which plots are drawn on paper, which scales them [px]
+  PAPER: 560, // width for which plots of half a page are drawn on paper, which scales them [px]
   PAUSE: 40, // between such figures, for what the reader does meanwhile [ms]
   kinds: {}, // how to draw a figure, by kind: (place, description) => a promise
   errors: [],
@@ -49,7 +49,7 @@ const live = {
   // An entry of a legend: a button that hides and shows what it names.
   entry({ name, colour, width, dashes, hidden, filled }, toggle) {
     const dots = dashes === "dots";
-    const looks = `stroke: ${colour}; stroke-width: ${Math.max(width + 0.6, 1.8)}; stroke-dasharray: ${dots ? "none" : dashes}`;
+    const looks = `stroke: ${colour}; stroke-width: ${Math.max(width + 0.6, 1.8)}; stroke-dasharray: ${dots ? "none" : dashes}; stroke-dashoffset: ${parseFloat(dashes) / 2 || 0}`;
     const mark = dots ? live.svg("circle", { cx: 13, cy: 5, r: 3.6, fill: filled ? colour : "none", style: looks })
       : live.svg("line", { x1: 0, x2: 26, y1: 5, y2: 5, style: looks });
     const button = live.element("button", { type: "button", className: "entry", ariaPressed: String(!hidden) },

@@ -60,7 +60,7 @@ live.kinds.plot = async (figure, { data, layout, clock, height, views }) => {
   // What the reader has hidden or zoomed stays so when the colours change: uirevision.
   const draw = () => {
     const shapes = (place.layout?.shapes ?? layout.shapes).slice(0, 1);
-    const width = live.PAPER * (figure.closest(".wide") ? 2 : 1);
+    const width = live.PAPER * (figure.closest(".wide, .pictures > :only-child, section > figure") ? 2 : 1);
     const paper = matchMedia("print").matches ? { autosize: false, width } : {};
     const now = live.coloured({ ...looks, ...layout, ...paper });
     if (clock && place.layout) Object.assign(now.shapes[0], { x0: shapes[0].x0, x1: shapes[0].x1 });

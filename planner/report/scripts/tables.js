@@ -1,22 +1,47 @@
-// A button under every table that copies it as tab-separated values, for a spreadsheet.
+// A button under every table that copies it as tab-separated values, for a spreadsheet; and rows as
+// blocks of titles and values where a table is wider than the screen.
 "use strict";
 
-// The cells as a grid: what spans rows or columns stands in the first, the others are empty.
-function tableText(table) {
+// The cells as a grid, in which a cell stands in every row and column that it spans.
+function cellGrid(table) {
   const grid = [...table.rows].map(() => []);
   [...table.rows].forEach((row, r) => {
     let c = 0;
     for (const cell of row.cells) {
-      while (grid[r][c] !== undefined) c += 1;
-      const text = cell.innerText.replace(/\s+/g, " ").replace(/−/g, "-").trim();
+      while (grid[r][c]) c += 1;
       for (let down = 0; down < cell.rowSpan; down += 1) {
-        for (let along = 0; along < cell.colSpan; along += 1) {
-          grid[r + down][c + along] = down || along ? "" : text;
-        }
+        for (let along = 0; along < cell.colSpan; along += 1) grid[r + down][c + along] = cell;
       }
     }
   });
-  return grid.map((row) => row.join("\t")).join("\n") + "\n";
+  return grid;
+}
+
+const cellText = (cell) => cell.innerText.replace(/\s+/g, " ").replace(/−/g, "-").trim();
+
+// Where a cell spans several places, its text stands in the first.
+function tableText(table) {
+  const grid = cellGrid(table);
+  return grid.map((row, r) => row.map((cell, c) =>
+    cell === row[c - 1] || cell === grid[r - 1]?.[c] ? "" : cellText(cell)).join("\t")).join("\n") + "\n";
+}
+
+// Long lists of numbers, in details, scroll instead.
+function stackIfWide(frame) {
+  frame.classList.remove("stack");
+  frame.classList.toggle("stack", !frame.closest("details") && frame.scrollWidth > frame.clientWidth);
+}
+
+function titleCells(table) {
+  const grid = cellGrid(table), heads = table.tHead.rows.length;
+  for (const row of grid.slice(heads)) {
+    row.forEach((cell, c) => {
+      const more = c > 0 && grid[0][c] === grid[0][c - 1]; // under the title of the cell before
+      cell.dataset.title = grid.slice(more, heads).map((head) => cellText(head[c])).filter(Boolean).join(", ");
+      cell.classList.toggle("more", more);
+      cell.classList.toggle("none", ["", "–"].includes(cellText(cell)));
+    });
+  }
 }
 
 async function copyText(text) {
@@ -42,5 +67,8 @@ document.addEventListener("DOMContentLoaded", () => {
         setTimeout(() => { button.textContent = "copy table"; }, 2000);
       });
     frame.after(button);
+    titleCells(frame.querySelector("table"));
+    stackIfWide(frame);
+    addEventListener("resize", () => stackIfWide(frame));
   }
 });
