@@ -35,14 +35,14 @@ DESIRED = Role("desired", "#b4becb", "#66717e", width=5.0)
 """Wide and pale: the curves that should lie on it are drawn over it, and both are seen."""
 
 REQUESTED = Role("requested", "#d18b00", "#f2b441", width=1.4)
-DIRECT = Role("direct", "#c8501a", "#f28a54", dashes=(0, (9, 1.6)))
+DIRECT = Role("direct", "#c8501a", "#f28a54", dashes=(0, (4, 2.4)))
 SHIFT = Role("best time shift", "#8a4b9f", "#cc96dd", width=1.4, dashes=(0, (1.2, 1.2)))
 APPROXIMATION = Role(
     "approximation", "#8a5a2b", "#cfa274", width=1.4, dashes=(0, (6, 1.5, 1.2, 1.5))
 )
 CLOSED_FORM = Role("closed form", "#0067a8", "#58b4f0", width=1.5)
 PLAIN = CLOSED_FORM._replace(label="closed form, as in the paper")
-OPTIMAL = Role("optimised", "#00805f", "#3ecb9c", width=1.6, dashes=(0, (5, 1.4)))
+OPTIMAL = Role("optimised", "#00805f", "#3ecb9c", width=1.6, dashes=(0, (8, 1.4)))
 FOOT_OPTIMAL = Role("foot-optimised", "#b3126b", "#ff7ab8", width=3.0)
 LOWER_BOUND = APPROXIMATION._replace(label="lower bound", dashes=(0, (5, 2)))
 LIMIT = MUTED._replace(label="limit", width=1.0, dashes=(0, (1.5, 2.0)))
