@@ -177,10 +177,10 @@ def test_what_is_not_determined_is_named():
     )
     hardly = dataclasses.replace(never_saturated(), gain_interval=Interval(0.0, 100.0))
     assert determined_words(hardly).startswith("The logs do not determine: top speed")
-    assert determined_words(hardly).count("speed per error") == 1
+    assert determined_words(hardly).count("v_max / theta_0") == 1
     some = dataclasses.replace(some, intervals={**some.intervals, "lag": vague["lag"]})
     assert determined_words(some) == (
-        "The logs do not determine: top speed, error that calls for top speed, lag."
+        "The logs do not determine: top speed v_max, threshold theta_0, lag."
     )
     assert "say little" in determined_words(made_up(verdict="refused"))
 

@@ -362,8 +362,8 @@ def determined_words(identification: Identification) -> str:
     if identification.verdict == "refused":
         return "Its parameters say little about the joint."
     rows = parameters(identification)
-    missing = {row.name: row.words for row in rows if not row.determined}
-    roughly = {row.name: row.words for row in rows if row.determined and row.rough}
+    missing = {row.name: row.brief for row in rows if not row.determined}
+    roughly = {row.name: row.brief for row in rows if row.determined and row.rough}
     ratio_only = set(missing) == {"v_max", "theta_0"}
     only = " only roughly" if ratio_only and roughly.pop("gain", "") else ""
     rough = ", ".join(roughly.values())
