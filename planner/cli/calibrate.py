@@ -336,8 +336,8 @@ def _document(results: Mapping[str, Compared], arm: Arm, checked: Check) -> dict
 
 
 WORSE = 2.0
-"""A model still holds while it misses the motion by at most this factor over its own test, by
-:data:`SMALL`, or by at most this factor over rows that a model of this motion had not seen."""
+"""A model still holds while it misses the motion by at most this factor over the error that its
+own test predicts, by :data:`SMALL`, or by at most this factor over a new model of this motion."""
 
 SMALL = math.radians(0.3)
 """Error that is never worth a new calibration [rad]: three counts of a sensor of 12 bits."""
@@ -382,6 +382,7 @@ def check(
     """Move each joint briefly, and say whether its model still holds and what has changed.
 
     A battery, wear or a load changes a joint. The exit status is 1 where a model no longer holds.
+    Parts of the motion that go beyond the logs of the calibration are not compared.
 
     \b
     Example:
@@ -400,9 +401,12 @@ def check(
         if name not in servos:
             raise click.UsageError(f"--joint: got {name}, expected one of {', '.join(servos)}.")
     models = dict(zip(joints, read_model_file(model).for_joints(joints), strict=True))
-    befores = {
-        name: _error_before(model, name, joint_model) for name, joint_model in models.items()
-    }
+    for name, joint_model in models.items():
+        if joint_model.evidence is None or math.isnan(joint_model.evidence.error):
+            raise InvalidFile(
+                model,
+                f"[{name}] has no expected_error to compare with; calibrate the joint first",
+            )
     document, lines, outdated = {}, [], []
     with (
         buses.open_arm(choices, servos, model) as arm,
@@ -415,27 +419,27 @@ def check(
             for name in joints:
                 progress(f"{name}: moving, {duration_s:g} s")
                 period = models[name].period if rate_hz is None else 1.0 / rate_hz
-                requests = excitation(arm, name, period=period, duration=duration_s)
+                twice = excitation(arm, name, period=period, duration=2.0 * duration_s)
+                requests = twice[: (len(twice) + 1) // 2]  # as slow as a calibration of twice that
                 log = move(arm, name, requests, period=period, log=Path(folder, "log.csv"))
-                before = befores[name]
-                error = _error(models[name].requested_every(period), log)
+                error, before, beyond = _errors(models[name].requested_every(period), log)
                 holds = error <= max(WORSE * before, SMALL)
                 changes = _settings_changed(servos[name].settings, checked.settings[name])
                 if not holds:
                     progress(f"{name}: identifying")
                     identification = identify(log)
-                    reference = (
-                        identification.rms
-                        if identification.held_out_rms is None
-                        else identification.held_out_rms
-                    )
-                    holds = error <= WORSE * reference  # the motion is hard for any model
-                    if not holds:
+                    holds = error <= WORSE * identification.rms  # the motion is hard for any model
+                    if not holds and beyond < 1.0:
                         changes += _changes(models[name], identification)
                         outdated.append(name)
-                verdict = "holds" if holds else "no longer holds"
+                if beyond:
+                    changes.append(
+                        f"{beyond:.0%} of the motion is beyond the logs of the calibration"
+                        + (" and was not compared" if beyond < 1.0 else ": choose a longer one")
+                    )
+                verdict = "holds" if holds else "no longer holds" if beyond < 1.0 else "is unknown"
                 document[name] = {
-                    "holds": holds,
+                    "holds": holds if holds or beyond < 1.0 else None,
                     "rms_deg": math.degrees(error),
                     "rms_before_deg": math.degrees(before),
                     "changes": changes,
@@ -450,26 +454,37 @@ def check(
         raise click.ClickException(f"calibrate {', '.join(outdated)} again")
 
 
-def _error(model: JointModel, log: Log) -> float:
-    """How far the model misses the measured angles, rms [rad]; a servo holds its last request."""
+def _errors(model: JointModel, log: Log) -> tuple[float, float, float]:
+    """How far the model misses the log, how far it was to, both rms [rad], and what is left out.
+
+    Left out are parts whose motion is outside the tested range, unless all are. Their share of the
+    rows is the third number. A servo holds its last request over rows that were lost.
+    """
     import numpy as np
 
+    from planner.model.evidence import OPTIONS, TRACKING, Evidence
     from planner.model.response import simulate
+    from planner.trajectory import rms
 
-    due = np.rint((log.times - log.times[0]) / model.period).astype(int)
+    evidence, period = model.evidence or Evidence(), model.period
+    due = np.rint((log.times - log.times[0]) / period).astype(int)
     requests = log.requests[np.searchsorted(due, np.arange(due[-1] + 1), side="right") - 1]
-    predicted = simulate(model, requests, cyclic=False, start=float(log.angles[0]))[due]
-    return float(np.sqrt(np.mean((predicted - log.angles)[log.measured] ** 2)))
-
-
-def _error_before(path: str, name: str, model: JointModel) -> float:
-    """The test error in a model file, rms [rad]."""
-    error = math.nan if model.evidence is None else model.evidence.error
-    if math.isnan(error):
-        raise InvalidFile(
-            path, f"[{name}] has no expected_error to compare with; calibrate the joint first"
-        )
-    return error
+    predicted = simulate(model, requests, cyclic=False, start=float(log.angles[0]))
+    length = min(round(OPTIONS.window / period), len(predicted))
+    within = np.zeros(len(predicted), dtype=bool)
+    told: dict[bool, list[float]] = {False: [], True: []}
+    for begin in {*range(0, len(predicted) - length, length // 2), len(predicted) - length}:
+        part = slice(begin, begin + length)
+        outside = evidence.exceeded(predicted[part], period=period, cyclic=False)
+        inside = not {*outside} - {TRACKING}
+        within[part] |= inside
+        told[inside].append(evidence.error_of(predicted[part], period=period, cyclic=False))
+    compared = log.measured & (within[due] if within.any() else True)
+    return (
+        rms((predicted[due] - log.angles)[compared]),
+        rms(np.array(told[bool(within.any())])),
+        float(np.mean(~within)),
+    )
 
 
 def _settings_changed(before: Any, now: Any) -> list[str]:

@@ -539,7 +539,6 @@ def _answer(
     verdict, reason, findings = verdict_on(
         fit,
         intervals,
-        uncertainty,
         held,
         errors,
         against=opposite_sign(alike),

@@ -27,7 +27,6 @@ from planner.identification.parameters import (
     bounds_of,
     model_derivatives,
     only,
-    units,
 )
 from planner.identification.result import Interval
 from planner.trajectory import Array, rms
@@ -92,27 +91,6 @@ def model_interval(fit: Fit, uncertainty: Uncertainty, name: str) -> Interval:
     variance = float(way @ uncertainty.covariance[np.ix_(known, known)] @ way)
     half = uncertainty.quantile * math.sqrt(max(variance, 0.0))
     return Interval(max(value - half, open_end), value + half)
-
-
-def middle_known_within(fit: Fit, uncertainty: Uncertainty, window: Interval) -> float:
-    """How well lag + acceleration_time / 2, the middle of the window, is known [s].
-
-    Where lag and acceleration time can be exchanged for one another it is known far better than
-    either, or than their sum. It is half the width of its 95 % interval by the covariance, and by
-    how much it moves where the window has another length: the joint closes in on a step by
-    exp(-K t), K being the gain, and the mean of that over a window of length a is that of its
-    middle times sinh(K a/2) / (K a/2), or 1 + (K a)^2 / 24: a window K a^2 / 24 later.
-
-    Args:
-        fit: The fit.
-        uncertainty: Its covariance.
-        window: Interval of the acceleration time [s].
-    """
-    both = [Parameters._fields.index(name) for name in ("lag", "acceleration_time")]
-    way = np.array([1.0, 0.5]) * units(fit.grid, fit.parameters)[both]
-    variance = float(way @ uncertainty.covariance[np.ix_(both, both)] @ way)
-    half = uncertainty.quantile * math.sqrt(max(variance, 0.0))
-    return half + fit.parameters.gain * (window.upper**2 - window.lower**2) / 24.0
 
 
 def _certain(uncertainty: Uncertainty, index: int) -> bool:

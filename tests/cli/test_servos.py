@@ -16,7 +16,7 @@ import pytest
 from planner import JointModel
 from planner.calibration import measure
 from planner.cli import buses
-from planner.cli.calibrate import _changes, _error
+from planner.cli.calibrate import _changes, _errors
 from planner.cli.play import _a_row_each
 from planner.exceptions import BusError
 from planner.files.joint_model import read_models, read_servos
@@ -357,7 +357,8 @@ def test_a_check_holds_the_last_request_over_rows_that_were_lost():
     angles = simulate(model, requests, cyclic=False)
     kept = np.arange(400) % 40 < 37
     columns = {"times": 0.01 * np.arange(400), "requests": requests, "angles": angles}
-    assert _error(model, Log(**{name: each[kept] for name, each in columns.items()})) < 1e-12
+    error, *_ = _errors(model, Log(**{name: each[kept] for name, each in columns.items()}))
+    assert error < 1e-12
 
 
 def test_a_model_without_a_tested_error_is_refused_before_anything_moves(run, arm):
@@ -523,21 +524,21 @@ def test_a_joint_that_something_moves_is_warned_of(run, monkeypatch, noise, warn
     assert f"moved: at {-48 * 360 / 4096:.1f} deg" in result.stderr
 
 
-CALIBRATEED = (
-    # before, now, held out, other rows [deg]; whether the model holds
-    (1.0, 1.9, 0.1, 0.1, True),
-    (1.0, 2.1, 0.1, 0.1, False),
-    (0.1, 0.29, 0.1, 0.1, True),  # small
-    (0.1, 0.31, 0.1, 0.9, False),
-    (0.1, 0.31, 0.16, 0.1, True),  # hard for any model
-    (0.1, 0.31, None, 0.16, True),
-    (0.1, 0.31, None, 0.1, False),
+CHECKED = (
+    # before, now, by a new model [deg], share beyond the tested motion; the verdict
+    (1.0, 1.9, 0.1, 0.0, "holds"),
+    (1.0, 2.1, 0.1, 0.0, "no longer holds"),
+    (0.1, 0.29, 0.1, 0.0, "holds"),  # small
+    (0.1, 0.31, 0.16, 0.0, "holds"),  # hard for any model
+    (0.1, 0.31, 0.1, 0.9, "no longer holds"),
+    (0.1, 0.31, 0.16, 1.0, "holds"),
+    (0.1, 0.31, 0.1, 1.0, "is unknown"),
 )
 
 
-@pytest.mark.parametrize(("before", "now", "held_out", "other", "holds"), CALIBRATEED)
+@pytest.mark.parametrize(("before", "now", "other", "beyond", "verdict"), CHECKED)
 def test_a_model_holds_within_twice_its_error_a_small_one_or_twice_a_new_models(
-    run, arm, monkeypatch, before, now, held_out, other, holds
+    run, arm, monkeypatch, before, now, other, beyond, verdict
 ):
     table = ARM.replace("[joint_1.servo]", f"expected_error = {np.radians(before)}\n\n&")
     table = table.replace("&", "[joint_1.servo]").replace("d_gain = 32", "d_gain = 30")
@@ -545,8 +546,7 @@ def test_a_model_holds_within_twice_its_error_a_small_one_or_twice_a_new_models(
         table.replace("joint_1", f"joint_{k}").replace("id = 1", f"id = {k}") for k in (1, 2, 3)
     ]
     arm.write_text("\n".join(tables))
-    rows = {"held_out_rms": None if held_out is None else np.radians(held_out)}
-    found = SimpleNamespace(model=None, intervals={}, rms=np.radians(other), **rows)
+    found = SimpleNamespace(model=None, intervals={}, rms=np.radians(other))
     moved, rates = [], []
 
     def move(arm, name, requests, *, period, log):  # noqa: ARG001
@@ -555,21 +555,25 @@ def test_a_model_holds_within_twice_its_error_a_small_one_or_twice_a_new_models(
 
     monkeypatch.setattr("planner.identification.identify.identify", lambda _: found)
     monkeypatch.setattr(measure, "move", move)
-    monkeypatch.setattr(CALIBRATE, "_error", lambda *_: np.radians(now))
+    errors = np.radians(now), np.radians(before), beyond
+    monkeypatch.setattr(CALIBRATE, "_errors", lambda *_: errors)
     monkeypatch.setattr(CALIBRATE, "_changes", lambda *_: ["v_max is 3, and was 5"])
     asked = ("check", "--bus", "virtual", "--model", arm, "--joint", "joint_3", "--joint")
     result = run(*asked, "joint_2", "--duration-s", "3", "--rate-hz", "50")
     assert moved == ["joint_3", "joint_2"]
     assert rates == [(0.02, 150)] * 2
-    verdict = "holds" if holds else "no longer holds"
-    changed = "; D is 32, and was 30" + ("" if holds else "; v_max is 3, and was 5")
+    changed = "; D is 32, and was 30"
+    changed += "; v_max is 3, and was 5" if verdict == "no longer holds" else ""
+    whole = "choose a longer one" if beyond == 1.0 else " and was not compared"
+    changed += f"; {beyond:.0%} of the motion is beyond the logs of the calibration" * bool(beyond)
     for name in moved:
         assert (
             f"{name}: the model {verdict}: misses {now:.2f} deg rms, {before:.2f} when it was "
-            f"calibrated{changed}\n"
+            f"calibrated{changed}"
         ) in result.stderr
-    assert result.exit_code == (0 if holds else 1)
-    assert ("calibrate joint_3, joint_2 again" in result.stderr) == (not holds)
+    assert (whole in result.stderr) == (beyond > 0.0)
+    assert result.exit_code == (verdict == "no longer holds")
+    assert ("calibrate joint_3, joint_2 again" in result.stderr) == (result.exit_code == 1)
 
 
 def test_settings_have_changed_where_both_are_known_and_differ():
@@ -767,4 +771,21 @@ def test_the_error_of_a_model_is_over_measured_rows_wherever_their_times_begin()
     angles = np.where(measured, angles[kept] + 0.1 * (kept > 0), 3.0)
     log = Log(times=7.0 + 0.02 * kept, requests=requests[kept], angles=angles, measured=measured)
     share = 1.0 - 1.0 / measured.sum()
-    assert CALIBRATE._error(model, log) == pytest.approx(0.1 * np.sqrt(share), rel=0.05)
+    assert _errors(model, log)[0] == pytest.approx(0.1 * np.sqrt(share), rel=0.05)
+
+
+@pytest.mark.parametrize(("gentle", "beyond"), [(4.0, 0.6), (0.0, 1.0)])
+def test_a_check_compares_the_parts_of_a_motion_that_the_logs_of_the_model_tested(gentle, beyond):
+    """The predicted motion accelerates fourfold in the second part."""
+    model = JointModel(v_max=9.0, theta_0=0.2, lag=0.02, acceleration_time=0.02, tick=0.02)
+    model = model.with_evidence(Evidence(0.01, by_acceleration=((0.0, 0.01), (15.0, 0.02))))
+    times = 0.02 * np.arange(round((gentle + 6.0) / 0.02))
+    slow = times < gentle
+    requests = 0.3 * np.sin(np.where(slow, 2.0 * np.pi, 4.0 * np.pi) * times)
+    angles = simulate(model, requests, cyclic=False, start=0.0) + np.where(
+        slow, 0.03, 0.5 * (times > 0.0)
+    )
+    error, expected, share = _errors(model, Log(times=times, requests=requests, angles=angles))
+    assert error == pytest.approx(0.03 if gentle else 0.5, rel=0.02)
+    assert expected == pytest.approx(0.016 if gentle else 0.04, rel=0.2)
+    assert share == pytest.approx(beyond, abs=0.01)

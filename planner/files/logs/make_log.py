@@ -15,6 +15,7 @@ import numpy.typing as npt
 from planner.exceptions import InvalidFile, InvalidInput, nearest
 from planner.files.columns import ANGLE_NAMES, ANGLE_UNITS, COUNTS, LARGEST, LEAST_DEG, Scale, scale
 from planner.identification.log import FASTEST, FEWEST_ROWS, SLOWEST, Log, Written
+from planner.model.evidence import ENCODER_STEP
 from planner.trajectory import Array, not_radians
 from planner.validation import as_positive, shown
 
@@ -26,6 +27,11 @@ ROLES = ("requested", "actual")
 
 MOST_EPISODES = 1_000_000
 """Most episodes in a range; a longer one is a typing error."""
+
+FEWEST_STEPS, ON_STEPS = 100, 0.4
+"""Steps of a sensor that angles have to reach, and mean of the unit vectors of their deviations
+from these, for angles to be in its steps. Numbers elsewhere have 0.1; those rounded to a thousandth
+of a radian 0.44."""
 
 SLOW_TIME, SLOW_SHARE = 1.0, 0.4
 """Requests are slow if they travel at most this share of their range in this time [s]: the joint
@@ -269,6 +275,13 @@ def make_log(source: Source, columns: Columns, *, joint: str, notes: tuple[str, 
     _check_times(source, columns.times)
     requests = _checked(source, "requested angle", columns.requests, columns.request_scale)
     angles = _checked(source, "actual angle", columns.angles, columns.angle_scale)
+    if columns.angle_scale.name == "deg" and _in_radian_steps(columns.angles):
+        raise InvalidFile(
+            source.path,
+            f"{joint}{': ' if joint else ''}the actual angles are named degrees, but they are in "
+            f"steps of {ENCODER_STEP:.5f}, a turn of 2 pi over 4096: they are radians; rename "
+            "the columns, or correct --unit",
+        )
     if np.array_equal(requests[measured], angles[measured]) and np.ptp(angles) > 0.0:
         raise InvalidFile(
             source.path,
@@ -480,6 +493,18 @@ def _checked(source: Source, what: str, numbers: Array, scale: Scale) -> Array:
             f"{what}: got {numbers[k]:g}, expected {expected} in {scale.name}; check the unit", k
         )
     return values
+
+
+def _in_radian_steps(numbers: Array) -> bool:
+    """Whether numbers lie on the steps of a sensor of 12 bits in radians, as no degrees do.
+
+    The deviations from these steps are averaged step by step, as a joint rests on some for long.
+    """
+    steps = numbers / ENCODER_STEP
+    whole, number = np.unique(np.rint(steps), return_inverse=True)
+    counts = np.bincount(number)
+    ways = [np.bincount(number, way(2.0 * np.pi * steps)) / counts for way in (np.cos, np.sin)]
+    return len(whole) >= FEWEST_STEPS and bool(np.hypot(*np.mean(ways, axis=1)) > ON_STEPS)
 
 
 def _doubts(columns: Columns) -> tuple[str, ...]:

@@ -383,3 +383,45 @@ def test_counts_may_be_a_tenth_of_their_spread_beside_a_line_and_no_more(tmp_pat
     assert len(read(0.08).times) == len(table)
     with pytest.raises(InvalidFile, match=r"counts are 1[2-5]% of their spread beside"):
         read(0.12)
+
+
+def _swinging(reach, step, digits):
+    """Rows of a joint that swings so far, rests, and whose sensor has such steps."""
+    times = 0.02 * np.arange(600)
+    requests = reach * np.sin(0.01 * np.minimum(np.arange(600), 400) ** 1.3)
+    angles = step * np.round(0.9 * requests / step) if step else 0.9 * requests
+    return "".join(
+        f"{time:.2f},{request:.6f},{angle:.{digits}f}\n"
+        for time, request, angle in zip(times, requests, angles, strict=True)
+    )
+
+
+@pytest.mark.parametrize(
+    ("reach", "step", "digits", "refused"),
+    [
+        (0.7, 2.0 * np.pi / 4096, 9, True),
+        (0.7, 2.0 * np.pi / 4096, 3, True),
+        (1.5, 2.0 * np.pi / 1024, 6, True),
+        (0.7, 0.0, 9, False),  # no sensor has so fine steps, but a simulation may
+        (0.7, 0.001, 6, False),
+        (0.7, 360.0 / 2**20, 6, False),
+        (40.0, 360.0 / 4096, 9, False),
+        (40.0, 360.0 / 4096, 2, False),
+        (40.0, 0.1, 1, False),
+        (40.0, 0.0, 9, False),
+    ],
+)
+def test_radians_under_a_heading_in_degrees_are_refused_where_their_steps_show_it(
+    tmp_path, reach, step, digits, refused
+):
+    file = tmp_path / "log.csv"
+    file.write_text("t_s,requested_deg,actual_deg\n" + _swinging(reach, step, digits))
+    if not refused:
+        (log,) = read_logs([str(file)])
+        assert log.unit == "rad"
+        return
+    with pytest.raises(InvalidFile, match=r"in steps of 0\.00153.*: they are radians; rename"):
+        read_logs([str(file)])
+    file.write_text(file.read_text().replace("_deg", "_rad"))
+    (log,) = read_logs([str(file)])
+    assert np.ptp(log.angles) > 0.8 * reach
