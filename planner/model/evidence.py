@@ -222,7 +222,7 @@ class Evidence(NamedTuple):
         tested, by_delay = self._errors_of(motion)
         checks = {
             "speed": np.max(np.abs(motion.speeds), initial=0.0) > OPTIONS.spare * self.speed,
-            "acceleration": rms(motion.accelerations) > OPTIONS.spare * size,
+            "acceleration": _hardest(motion, period, cyclic=cyclic) > OPTIONS.spare * size,
             "angle": bool(np.any((angles < low - spare) | (angles > high + spare))),
             "load": np.max(np.abs(load), initial=0.0) > OPTIONS.spare * self.load,
             TRACKING: by_delay > max(tested, ENCODER_STEP),
@@ -517,6 +517,14 @@ def _motion(angles: Array, period: float, *, cyclic: bool) -> _Motion:
     ends = [angles[-1:], angles, angles[:1]] if cyclic else [angles]
     speeds = np.diff(np.concatenate(ends)) / period
     return _Motion(speeds, np.diff(speeds) / period)
+
+
+def _hardest(motion: _Motion, period: float, *, cyclic: bool) -> float:
+    """Acceleration of the part, as long as those of the tests, that accelerates most, rms."""
+    length = max(min(round(OPTIONS.window / period), len(motion.accelerations)), 1)
+    ends = motion.accelerations[: length - 1] if cyclic else motion.accelerations[:0]
+    sums = np.cumsum(np.concatenate([[0.0], motion.accelerations, ends]) ** 2)
+    return math.sqrt(float(np.max(sums[length:] - sums[:-length], initial=0.0)) / length)
 
 
 def _parts(run: Run) -> list[tuple[float, float, float]]:

@@ -393,6 +393,13 @@ class Replay(ReadOnly, Summarised):
         return tuple(joint for joint in self.joints if joint.inversion is not None)
 
     @property
+    def untested(self) -> str:
+        """The joints that move outside the tested range of their models, and how, in words."""
+        return ", ".join(
+            f"{each.name} ({', '.join(each.untested)})" for each in self.planned if each.untested
+        )
+
+    @property
     def resent_may_serve(self) -> tuple[JointReplay, ...]:
         """The planned joints that the recorded requests may move better than the plan.
 

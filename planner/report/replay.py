@@ -185,9 +185,8 @@ def _remarks(replay: Replay, fastest: Fastest | None) -> list[str]:
         reason = "" if proof and proof.of_model_only else f": {OPEN_TOP_SPEED}"
         only = f" That is by the model only of {unknown}{reason}." if unknown else ""
         lines.append(f"The path is faster than the joint can be: {parts}; shaded below.{only}")
-    if untested := [each for each in replay.planned if each.untested]:
-        names = ", ".join(f"{each.name} ({', '.join(each.untested)})" for each in untested)
-        lines.append(f"Outside what the models were tested on: {names}.")
+    if fastest is None and (untested := replay.untested):
+        lines.append(f"Outside what the models were tested on: {untested}.")
     unplanned = [each for each in replay.joints if each.inversion is None]
     if unplanned:
         names = ", ".join(f"{each.name} ({each.path.reason})" for each in unplanned)

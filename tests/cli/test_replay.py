@@ -553,7 +553,12 @@ def test_a_model_is_refuted_by_the_part_that_is_replayed_alone(begin, end, v_max
 
 def test_all_models_that_a_recording_contradicts_are_named():
     found = SimpleNamespace(
-        contradicted=("elbow", "wrist"), speed=0.8, retime="constant", tolerance=0.02, foot=False
+        replay=SimpleNamespace(untested=""),
+        contradicted=("elbow", "wrist"),
+        speed=0.8,
+        retime="constant",
+        tolerance=0.02,
+        foot=False,
     )
     said = fastest_text(found)
     assert "the recording contradicts the models of elbow, wrist: at its own speed" in said
@@ -564,6 +569,7 @@ def test_all_models_that_a_recording_contradicts_are_named():
 
 def test_a_varying_factor_is_told_from_its_least_to_its_largest():
     found = SimpleNamespace(
+        replay=SimpleNamespace(untested=""),
         contradicted=(),
         speed=1.2,
         constant=1.0,
@@ -582,4 +588,9 @@ def test_a_varying_factor_is_told_from_its_least_to_its_largest():
     found.retime, found.tolerance = "constant", np.radians(1.0)
     assert fastest_text(found) == (
         "within 1 degree at 1.2 times the speed; no speed is proved too high"
+    )
+    found.replay.untested = "elbow (speed, acceleration)"
+    assert fastest_text(found).startswith(
+        "within 1 degree at 1.2 times the speed by the models, but outside what these were tested "
+        "on: elbow (speed, acceleration); no speed"
     )

@@ -72,6 +72,18 @@ def test_motion_is_outside_where_it_exceeds_what_was_tested_by_10_percent(
     assert SEEN.exceeded(angles, period=period, cyclic=True, load=load) == outside
 
 
+@pytest.mark.parametrize(("beyond", "outside"), [(0.98, ()), (1.02, ("acceleration",))])
+def test_motion_is_outside_by_the_part_that_accelerates_most_however_long_it_rests(beyond, outside):
+    """A part lasts as long as those of the tests, two seconds."""
+    times = 0.005 * np.arange(4000)
+    size = beyond * 1.1 * 4.0 * ROOT / (4.0 * np.pi) ** 2
+    angles = size * (np.cos(4.0 * np.pi * times) - 1.0) * (times <= 2.0)
+    seen = SEEN._replace(speed=9.0)
+    for cyclic, shift in ((False, 0), (False, 1500), (True, -200), (True, 0)):
+        moved = np.roll(angles, shift)
+        assert seen.exceeded(moved, period=0.005, cyclic=cyclic) == outside
+
+
 @pytest.mark.parametrize(
     ("middle", "outside"), [(-1.2, True), (-1.18, False), (1.18, False), (1.2, True)]
 )

@@ -34,6 +34,9 @@ NEARBY = 1e-3
 PATH = 0.3 * np.sin(2.0 * np.pi * np.arange(80) / 80)
 """A path that the ERS-210A follows [rad]."""
 
+SIZE = rms(np.diff(PATH, 2)) / ERS210A.period**2
+"""Its acceleration [rad/s^2]."""
+
 
 def shifted_by(samples, path=PATH):
     """A cyclic path a whole number of samples early."""
@@ -168,13 +171,20 @@ def test_an_error_of_the_model_is_no_reason_for_a_shift_whose_lead_is_that_model
 
 
 def test_a_shift_is_recommended_beyond_tested_accelerations_where_the_largest_is_unknown():
-    servo = replace(ERS210A, max_acceleration=150.0)
-    for tested, least, recommended in ((1.0, 0.0, True), (1.0, 20.0, False), (100.0, 0.0, False)):
+    """Far beyond these where the model has no limit."""
+    for limit, tested, least, recommended in (
+        (150.0, 1.0, 0.0, True),
+        (150.0, 1.0, 20.0, False),
+        (150.0, 100.0, 0.0, False),
+        (math.inf, 0.48 * SIZE, None, True),
+        (math.inf, 0.52 * SIZE, None, False),
+    ):
+        servo = replace(ERS210A, max_acceleration=limit)
         evidence = Evidence(
             error=1e-4,
             over_delay=0.1,
             by_acceleration=((0.0, 1e-4), (tested, 1e-4)),
-            intervals={"max_acceleration": (least, 300.0)},
+            intervals={} if least is None else {"max_acceleration": (least, 300.0)},
         )
         plan = planner.invert_optimal(servo.with_evidence(evidence), PATH).plan
         why = shift_recommended(plan, shifted(plan.task))

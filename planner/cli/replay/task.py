@@ -185,9 +185,6 @@ def first_line(replay: Replay, models: JointModels) -> str:
 
 def summary(replay: Replay, models: JointModels, fastest: Fastest | None = None) -> str:
     """A replay for people: each joint's errors, rms."""
-    untested = [
-        f"{each.name} ({', '.join(each.untested)})" for each in replay.planned if each.untested
-    ]
     lines = [first_line(replay, models)]
     if fastest is not None:
         lines.append(fastest_text(fastest))
@@ -202,8 +199,8 @@ def summary(replay: Replay, models: JointModels, fastest: Fastest | None = None)
         )
     if words := resent_words(replay):
         lines.append(words)
-    if untested:
-        lines.append(f"outside what the models were tested on: {', '.join(untested)}")
+    if fastest is None and (untested := replay.untested):
+        lines.append(f"outside what the models were tested on: {untested}")
     return "\n".join(lines)
 
 
@@ -284,6 +281,8 @@ def fastest_text(fastest: Fastest) -> str:
         low, high = float(np.min(fastest.factors)), float(np.max(fastest.factors))
         speed += f" in all, {low:.3g} to {high:.3g} along it ({fastest.constant:.3g} constant)"
     words = f"within {size} at {speed}"
+    if untested := fastest.replay.untested:
+        words += f" by the models, but outside what these were tested on: {untested}"
     if fastest.contradicted:
         names = ", ".join(fastest.contradicted)
         plural = "models" if len(fastest.contradicted) > 1 else "model"
