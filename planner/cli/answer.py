@@ -27,6 +27,7 @@ from planner.report.plan import (
     models_errors_table,
     motions_table,
     no_bound,
+    start_words,
 )
 from planner.report.table import NOTHING, percent, text_table
 from planner.trajectory import Array, error_norm, rms
@@ -160,6 +161,8 @@ def summary(prepared: Prepared, plan: Plan) -> str:
         if any(np.isfinite(each.high) for each in plan.expected):
             text += ", and the range of 90 % of such motions"
     if words := untested_words(desired.names, plan.expected):
+        text += f"\n{words}"
+    if words := start_words(plan):
         text += f"\n{words}"
     unknown = [
         name

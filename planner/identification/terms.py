@@ -206,7 +206,8 @@ def with_motor(fit: Fit, terms: tuple[Term, ...]) -> tuple[Fit, tuple[Term, ...]
     """The fit with the terms of a motor and the integral of its speed loop that reduce the loss.
 
     A slow integral imitates a drift: it has to act in a time not far above the joint's delay, and
-    the log has to determine it, and the time constant beside it. Without inertia it imitates play, with a dead band as wide.
+    the log has to determine it, and the time constant beside it. Without inertia it imitates play,
+    with a dead band as wide.
 
     Args:
         fit: A fit with terms.

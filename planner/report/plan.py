@@ -231,6 +231,8 @@ def remarks(
             lines.append(f"The best time shift is recommended instead (--method shift): {why}.")
         if why := refining_recommended(plan, shift):
             lines.append(f"Play the requests, and refine them by what is measured: {why}.")
+    if words := start_words(plan):
+        lines.append(sentence(words))
     if unreachable:
         lines.append(_out_of_reach(plan, foot_given, unreachable))
     if jumps := jumps_of(plan):
@@ -372,6 +374,32 @@ def no_bound(plan: Plan) -> str:
     if not faster:
         return ""
     return f"for {', '.join(faster)}: with the integral of a speed loop v_max may be exceeded"
+
+
+def start_words(plan: Plan) -> str:
+    """How to bring joints to the start of a plan from rest; "" where it makes no difference.
+
+    The first request holds a joint at its start in the middle of its dead band. A joint that comes
+    to rest under it stops by that band before, or stays as far beyond: worth saying where that is
+    more than the error to expect.
+    """
+    if plan.cyclic:
+        return ""
+    off = {
+        name or "the joint": math.degrees(model.dead_band)
+        for name, model, expected, own in zip(
+            plan.names, plan.models, plan.expected, plan.rms, strict=True
+        )
+        if model.dead_band > np.nan_to_num(expected.error, nan=own)
+    }
+    if not off:
+        return ""
+    joints = ", ".join(f"{name} by up to {size:.2g} degrees" for name, size in off.items())
+    return (
+        f"by dry friction a joint may rest beside the start that the plan assumes ({joints}): lead "
+        "it there slowly, from below to a request as much above the first one, or from above to "
+        "one as much below"
+    )
 
 
 class JointRow(NamedTuple):

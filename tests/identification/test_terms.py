@@ -231,6 +231,23 @@ def test_the_integral_of_a_speed_loop_is_found_beside_the_terms_of_a_motor(limit
     assert found.rms <= 1.1 * math.hypot(NOISE, QUANTUM / math.sqrt(12.0))
 
 
+def test_an_integral_far_slower_than_the_joint_is_left_out():
+    """Of a motor that rings: the fit without one is nearly as good, and plans have a bound."""
+    truth = planner.JointModel(
+        v_max=8.0,
+        theta_0=0.05,
+        lag=0.008,
+        acceleration_time=0.004,
+        tick=0.002,
+        hold=10,
+        time_constant=0.12,
+        integral_rate=1.0,
+    )
+    found = planner.identify(motor_logs(truth, seed=2), hold_out=False)
+    assert found.model.integral_rate == 0.0
+    assert found.rms <= 1.5 * found.noise
+
+
 def test_a_hobby_servo_is_found_with_its_dead_band_slow_start_and_unequal_speeds():
     """Its dead band is before the acceleration limit, which is below what the band would take."""
     truth = planner.JointModel(

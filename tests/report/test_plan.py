@@ -23,6 +23,7 @@ from planner.report.plan import (
     jumps_of,
     plan_page,
     remarks,
+    start_words,
     verdict,
 )
 from planner.report.style import FOOT_OPTIMAL
@@ -287,3 +288,31 @@ def test_every_figure_comes_to_life_and_fits_a_phone(page, browser, tmp_path):
 def test_a_path_from_rest_has_a_page_too(outcome):
     once = asked(outcome, cyclic=False, start=WALK.desired[0])
     assert "it repeats" not in page_of(once)
+
+
+@pytest.mark.parametrize(
+    ("dead_band", "error", "cyclic", "told"),
+    [
+        (0.02, 0.019, False, True),
+        (0.02, 0.022, False, False),
+        (0.02, math.nan, False, True),  # the plan's own error is smaller
+        (0.0, 0.0, False, False),
+        (0.02, 0.0, True, False),
+    ],
+)
+def test_a_plan_from_rest_says_how_to_come_to_its_start_where_friction_exceeds_its_error(
+    dead_band, error, cyclic, told
+):
+    model = replace(SERVO, dead_band=dead_band, time_constant=0.02).with_evidence(Evidence(error))
+    desired = 0.1 - 0.1 * np.cos(2.0 * np.pi * np.arange(250) / 250)
+    plan = planner.plan([model], desired[:, None], cyclic=cyclic, names=["knee"])
+    said = start_words(plan)
+    assert ("(knee by up to 1.1 degrees): lead it there slowly" in said) == told
+    assert bool(said) == told
+    assert any("dry friction" in line for line in remarks(plan, unreachable=0, missed=[])) == told
+    if told:  # the joint that is led there as it says is where the plan begins
+        slow = np.minimum(np.linspace(-0.4, 0.1, 1000), 0.0)
+        for way in (1.0, -1.0):
+            led = plan.requests[0, 0] + way * (dead_band + slow)
+            angles = planner.simulate(model, led, cyclic=False, start=-0.4 * way)
+            assert angles[-1] == pytest.approx(desired[0], abs=0.1 * dead_band)
