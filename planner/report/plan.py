@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from planner.model.evidence import OPEN_TOP_SPEED, Expectation, untested_words
+from planner.model.evidence import ENCODER_STEP, OPEN_TOP_SPEED, Expectation, untested_words
 from planner.planning.plan import Plan
 from planner.planning.result import ErrorsOfModels, FootInversion, Inversion
 from planner.planning.time_shift import refining_recommended, shift_recommended, shifted
@@ -381,16 +381,16 @@ def start_words(plan: Plan) -> str:
 
     The first request holds a joint at its start in the middle of its dead band. A joint that comes
     to rest under it stops by that band before, or stays as far beyond: worth saying where that is
-    more than the error to expect.
+    more than the error to expect, and than a step of an encoder.
     """
     if plan.cyclic:
         return ""
     off = {
         name or "the joint": math.degrees(model.dead_band)
         for name, model, expected, own in zip(
-            plan.names, plan.models, plan.expected, plan.rms, strict=True
+            plan.names, plan.models, plan.expected, map(rms, plan.errors.T), strict=True
         )
-        if model.dead_band > np.nan_to_num(expected.error, nan=own)
+        if model.dead_band > max(np.nan_to_num(expected.error, nan=own), ENCODER_STEP)
     }
     if not off:
         return ""

@@ -296,7 +296,7 @@ def test_a_path_from_rest_has_a_page_too(outcome):
         (0.02, 0.019, False, True),
         (0.02, 0.022, False, False),
         (0.02, math.nan, False, True),  # the plan's own error is smaller
-        (0.0, 0.0, False, False),
+        (0.0015, 0.0, False, False),  # less than a step of an encoder
         (0.02, 0.0, True, False),
     ],
 )
