@@ -61,7 +61,10 @@ def windowed(model, request_at, ticks, before, load_at=lambda _: 0.0, moving=(0.
         share = 1.0 - math.exp(-model.tick / model.time_constant)
     friction = model.v_max * model.tick / model.theta_0 * model.dead_band
     most = model.max_acceleration * model.tick**2
-    top = model.v_max * model.tick + (friction if model.integral_rate == 0.0 else 0.0)
+    loop, position = (
+        model.tick * rate for rate in (model.integral_rate, model.position_integral_rate)
+    )
+    top = model.v_max * model.tick + (friction if loop + position == 0.0 else 0.0)
     angles, (speed, integral) = [], moving
     for t in range(ticks):
         total = 0.0
@@ -85,7 +88,7 @@ def windowed(model, request_at, ticks, before, load_at=lambda _: 0.0, moving=(0.
         if share < 1.0:
             speed = math.copysign(max(abs(speed) - share * friction, 0.0), speed)
         if abs(change) <= most:  # else it waits
-            integral += model.integral_rate * model.tick * (drive - speed)
+            integral += loop * (drive - speed) + position * drive
         before = before + speed
         angles.append(before)
     return np.array(angles)

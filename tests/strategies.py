@@ -65,9 +65,12 @@ def models(
         dry["time_constant"] = constant * TICK
         dry["max_acceleration"] = draw(st.one_of(st.just(np.inf), limit))
         if integral and constant:  # slow enough for the joint to come to rest
-            most = min(0.3, 0.5 / max(constant - 1.0 / ratio, 1.0))
-            rate = draw(st.one_of(st.just(0.0), st.floats(0.001, most)))
-            dry["integral_rate"] = rate / TICK
+            most = {
+                "integral_rate": min(0.3, 0.5 / max(constant - 1.0 / ratio, 1.0)),
+                "position_integral_rate": min(0.3, 0.5 * share),
+            }
+            name = draw(st.sampled_from(sorted(most)))
+            dry[name] = draw(st.one_of(st.just(0.0), st.floats(0.001, most[name]))) / TICK
     if poses:
         phase = draw(st.floats(-np.pi, np.pi))
         slowed = abs(dry.get("v_offset", 0.0)) + dry.get("speed_per_torque", 0.0)

@@ -154,6 +154,9 @@ class Parameters(Settings):
     integral_rate: float = setting(
         "Rate of the integral term of a speed loop, 1 / T_i [1/s].", default=0.0
     )
+    position_integral_rate: float = setting(
+        "Rate of the integral term of a position controller, k_I / k_P [1/s].", default=0.0
+    )
 
 
 class OfJoint(Settings, optional=Parameters):

@@ -122,6 +122,9 @@ def servo_of(grid: Grid, at: Parameters) -> Servo:
         sag_sin=float(at.sag_sin),
         sag_cos=float(at.sag_cos),
         integral_rate=float(at.integral_rate) if at.time_constant > 0.0 else 0.0,
+        position_integral_rate=(
+            float(at.position_integral_rate) if at.time_constant > 0.0 else 0.0
+        ),
     )
     return Servo(
         law,
@@ -213,6 +216,7 @@ def _by_coordinates(grid: Grid, at: Parameters) -> Array:
     from planner.model import kernel
 
     tick, v_max = grid.tick, 0.0 if math.isinf(at.v_max) else at.v_max
+    by_integral = tick if at.time_constant > 0.0 else 0.0
     entries = [
         (kernel.GAIN, "gain", tick),
         (kernel.V_MAX, "v_max", tick),
@@ -229,7 +233,8 @@ def _by_coordinates(grid: Grid, at: Parameters) -> Array:
         (kernel.ACCELERATION, "acceleration", tick**2),
         (kernel.SAG_SIN, "sag_sin", 1.0),
         (kernel.SAG_COS, "sag_cos", 1.0),
-        (kernel.INTEGRAL, "integral_rate", tick if at.time_constant > 0.0 else 0.0),
+        (kernel.INTEGRAL, "integral_rate", by_integral),
+        (kernel.POSITION_INTEGRAL, "position_integral_rate", by_integral),
         (kernel.PLAY, "play", 1.0),
     ]
     if math.isfinite(at.acceleration):

@@ -57,6 +57,7 @@ class Parameters(NamedTuple):
     sag_cos: float = 0.0  # by its cosine [rad]
     time_constant: float = 0.0  # [s]
     integral_rate: float = 0.0  # of a speed loop, 1 / T_i [1/s]
+    position_integral_rate: float = 0.0  # of a position controller, k_I / k_P [1/s]
     acceleration: float = math.inf  # most from rest, beyond friction [rad/s^2]: see ``terms.py``
     play: float = 0.0  # backlash between motor and angle [rad], which no model has
 
@@ -81,6 +82,7 @@ class Parameters(NamedTuple):
             sag_sin=model.sag_sin,
             sag_cos=model.sag_cos,
             integral_rate=model.integral_rate,
+            position_integral_rate=model.position_integral_rate,
         )
 
     def faster(self, load: npt.ArrayLike = 0.0) -> Array:
@@ -91,8 +93,13 @@ class Parameters(NamedTuple):
     def inside(self, errors: Array, load: npt.ArrayLike = 0.0) -> npt.NDArray[np.bool_]:
         """Whether Equation 2 has the slope ``gain`` at each error: where it does not saturate."""
         called, faster = self.gain * errors, self.faster(load)
-        top = self.v_max + (0.0 if self.integral_rate > 0.0 else self.gain * self.dead_band)
+        top = self.v_max + (0.0 if self.integral > 0.0 else self.gain * self.dead_band)
         return np.asarray((called < top + faster) & (called > faster - top))
+
+    @property
+    def integral(self) -> float:
+        """Rate of both integrals [1/s]."""
+        return self.integral_rate + self.position_integral_rate
 
     @property
     def whole_delay(self) -> float:
@@ -105,10 +112,11 @@ class Parameters(NamedTuple):
         return self.acceleration + taken
 
     def fastest_integral(self, tick: float) -> float:
-        """Rate of an integral from which on the joint oscillates for ever [1/s]; 0 for none."""
-        if self.time_constant <= 0.0:
+        """Rate of both integrals from which on the joint oscillates for ever [1/s]; 0 for none."""
+        if self.time_constant <= 0.0 or self.integral <= 0.0:
             return 0.0
-        return fastest_integral(self.gain * tick, motor_share(self.time_constant, tick)) / tick
+        share, fed_back = motor_share(self.time_constant, tick), self.integral_rate / self.integral
+        return fastest_integral(self.gain * tick, share, fed_back) / tick
 
     def motor_by_time_constant(self, tick: float) -> float:
         """Derivative of a motor's share of each tick, 1 - exp(-tick / time constant) [1/s]."""
@@ -117,7 +125,9 @@ class Parameters(NamedTuple):
         return -tick / self.time_constant**2 * math.exp(-tick / self.time_constant)
 
     def model(self, *, tick: float, hold: int) -> JointModel:
-        """The model with these parameters."""
+        """The model with these parameters; one that comes to rest."""
+        most = 0.99 * self.fastest_integral(tick)
+        kept = min(1.0, most / self.integral) if self.integral > 0.0 else 0.0
         return JointModel(
             v_max=self.v_max,
             theta_0=self.v_max / self.gain,
@@ -134,7 +144,8 @@ class Parameters(NamedTuple):
             max_acceleration=self.max_acceleration(tick),
             sag_sin=self.sag_sin,
             sag_cos=self.sag_cos,
-            integral_rate=min(self.integral_rate, 0.99 * self.fastest_integral(tick)),
+            integral_rate=kept * self.integral_rate,
+            position_integral_rate=kept * self.position_integral_rate,
         )
 
 
@@ -238,6 +249,12 @@ COORDINATES: dict[str, Coordinate] = {
         upper=lambda grid: 0.5 / grid.tick,
         scale=lambda _, at: 1.0 / at.whole_delay,
     ),
+    "position_integral_rate": Coordinate(
+        unit=lambda grid: 1.0 / grid.reach,
+        lower=lambda _: 0.0,
+        upper=lambda grid: 0.5 / grid.tick,
+        scale=lambda _, at: 1.0 / at.whole_delay,
+    ),
     "acceleration": Coordinate(
         unit=None,
         lower=lambda grid: 1e-3 * grid.span / grid.reach**2,
@@ -260,6 +277,7 @@ TERMS = {
     "sag_cos": "sag_cos",
     "time_constant": "time_constant",
     "integral_rate": "integral_rate",
+    "position_integral_rate": "position_integral_rate",
     "acceleration": "max_acceleration",
 }
 """Parameters that are 0 unless they reduce the loss, with their names in a JointModel."""

@@ -12,6 +12,7 @@ M. It is named where it explains the rows much better than the motor's inertia a
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
@@ -61,11 +62,12 @@ SAG = ("sag_sin", "sag_cos")
 PARTNERS = {SAG[0]: SAG[1:]}
 """Parameters that a term has beside the one that it is called by."""
 
-INTEGRAL = "integral_rate"
-"""The integral of a speed loop, tried after all other terms."""
+INTEGRALS = ("integral_rate", "position_integral_rate")
+"""The integrals of a speed loop and of a position controller, tried after all other terms, one of
+them at most."""
 
 INTEGRAL_PARTNERS = ("time_constant", "dead_band")
-"""Terms fitted together with the integral: it acts through the time constant, and removes the
+"""Terms fitted together with an integral: it acts through the time constant, and removes the
 steady error by friction."""
 
 LEAST_SAVING = 0.1
@@ -75,7 +77,7 @@ LEAST_INERTIA = 0.5
 """Least time constant beside an integral, in ticks: below it an integral reproduces play."""
 
 LEAST_RATE = 0.3
-"""Least rate of an integral, times the delay of the joint: a slower one reproduces drifts and small
+"""Least rate of a speed loop's integral, times the delay of the joint: a slower one reproduces drifts and small
 errors of a joint that rings. (Of seven simulated cascades it is 1.1 to 2.9, of such a joint 0.1 to
 0.2.)"""
 
@@ -203,10 +205,10 @@ def _with_term(name: str, fit: Fit, known: Fit | None = None) -> tuple[Fit, dict
 
 
 def with_motor(fit: Fit, terms: tuple[Term, ...]) -> tuple[Fit, tuple[Term, ...]]:
-    """The fit with the terms of a motor and the integral of its speed loop that reduce the loss.
+    """The fit with the terms of a motor and the integrals of its loops that reduce the loss.
 
-    A slow integral imitates a drift: it has to act in a time not far above the joint's delay, and
-    the log has to determine it, and the time constant beside it. Without inertia it imitates play,
+    A slow integral imitates a drift: a speed loop's has to act in a time not far above the joint's
+    delay, and the log has to determine it, and the time constant beside it. Without inertia it imitates play,
     with a dead band as wide.
 
     Args:
@@ -215,17 +217,19 @@ def with_motor(fit: Fit, terms: tuple[Term, ...]) -> tuple[Fit, tuple[Term, ...]
     """
     fit, terms = _with_motor(fit, terms)
     excerpt = _excerpt_to_search(fit)
-    if excerpt is None or fit.free[only(INTEGRAL)].any():
+    if excerpt is None or fit.free[only(*INTEGRALS)].any():
         return fit, terms
     bare, trial = _fitted_with_integral(fit, excerpt)
     uncertainty, known = uncertainty_of(trial), {term.name: term for term in terms}
     ends = {
-        name: model_interval(trial, uncertainty, name) for name in (INTEGRAL, *INTEGRAL_PARTNERS)
+        name: model_interval(trial, uncertainty, name) for name in (*INTEGRALS, *INTEGRAL_PARTNERS)
     }
+    needed = ("time_constant", *(name for name in INTEGRALS if trial.free[only(name)].any()))
     at, tick = trial.parameters, trial.grid.tick
     possible = at.time_constant >= LEAST_INERTIA * tick
-    possible &= LEAST_RATE / at.whole_delay <= at.integral_rate < at.fastest_integral(tick)
-    determined = ends[INTEGRAL].lower > 0.0 and ends["time_constant"].lower > 0.0
+    possible &= at.integral < at.fastest_integral(tick)
+    possible &= not 0.0 < at.integral_rate < LEAST_RATE / at.whole_delay
+    determined = all(ends[name].lower > 0.0 for name in needed)
     pays_alone = pays(bare, trial) and _saving(bare, trial) >= LEAST_SAVING
     found = trial if pays(fit, trial) and pays_alone and possible and determined else fit
     for name, interval in ends.items():
@@ -240,27 +244,28 @@ def _fitted_with_integral(fit: Fit, excerpt: Excerpt) -> tuple[Fit, Fit]:
 
     The first is the fit itself where the second saves little.
     """
-    at, free = fit.parameters, fit.free | only(INTEGRAL, *INTEGRAL_PARTNERS)
-    search = partial(least_squares, fit.grid, free=free, scale=fit.scale, effort=TERM)
-    begins = [
-        each._replace(
-            integral_rate=INTEGRAL_START / at.whole_delay, dead_band=_some_dead_band(each, fit)
-        )
-        for each in (at, *_divisions(fit))
-        if each.time_constant > 0.0
-    ]
-    screen = partial(least_squares, excerpt.grid, free=free, scale=fit.scale, effort=TRIAL)
-    trials = [screen(begin, starts=excerpt.starts) for begin in begins]
+    at, trials = fit.parameters, []
+    search = partial(least_squares, scale=fit.scale)
+    for name, each in itertools.product(INTEGRALS, (at, *_divisions(fit))):
+        if each.time_constant > 0.0:
+            begin = each._replace(dead_band=_some_dead_band(each, fit))
+            begin = begin._replace(**{name: INTEGRAL_START / at.whole_delay})
+            free = fit.free | only(name, *INTEGRAL_PARTNERS)
+            trials.append(
+                search(excerpt.grid, begin, free=free, starts=excerpt.starts, effort=TRIAL)
+            )
     best = min(trials, key=lambda each: each.cost)
-    best = search(best.parameters, starts=fit.starts)
+    search = partial(search, fit.grid, free=best.free)
+    best = search(best.parameters, starts=fit.starts, effort=TERM)
     if _saving(fit, best) < 0.5 * LEAST_SAVING:  # it will not save enough
         return fit, best
     best = _redivided(search(best.parameters, starts=best.starts, effort=ENOUGH), search)
     bare = best.parameters._replace(dead_band=0.0)
-    without = search(bare, starts=best.starts, free=free & ~only("dead_band"), effort=ENOUGH)
+    free = best.free & ~only("dead_band")
+    without = search(bare, starts=best.starts, free=free, effort=ENOUGH)
     best = best if pays(without, best) else without
-    bare = best.parameters._replace(integral_rate=0.0)
-    free = best.free & ~only(INTEGRAL)
+    bare = best.parameters._replace(**dict.fromkeys(INTEGRALS, 0.0))
+    free = best.free & ~only(*INTEGRALS)
     return search(bare, starts=best.starts, free=free, effort=ENOUGH), best
 
 

@@ -38,7 +38,14 @@ REST_STEPS = 8
 """Steps of Newton's method to the angle at rest: with a sag of at most 0.9 the last one is of
 1e-15 rad, begun anywhere within the sag."""
 
-LEFT_OUT = ("time_constant", "max_acceleration", "sag_sin", "sag_cos", "integral_rate")
+LEFT_OUT = (
+    "time_constant",
+    "max_acceleration",
+    "sag_sin",
+    "sag_cos",
+    "integral_rate",
+    "position_integral_rate",
+)
 """Parameters that files leave out where a joint has none."""
 
 LEAST, MOST = 1e-15, 1e9
@@ -97,10 +104,12 @@ class JointModel:
             [1/s]; 0 for none. It acts through the time_constant, overcomes friction at a steady
             speed and at rest, and is held while ``max_acceleration`` is active. Such a joint
             overshoots, and no lower bound holds for it.
+        position_integral_rate: Rate of the integral term of a position controller, k_I / k_P
+            [1/s]; 0 for none. It acts likewise; in a steady motion it makes up for theta_0, too.
 
     Raises:
         InvalidModel: A parameter is not a finite number or out of its range, or the joint could not
-            come to rest because v_max * tick >= 2 theta_0, or by its integral_rate.
+            come to rest because v_max * tick >= 2 theta_0, or by its integral terms.
     """
 
     v_max: float = field(metadata={"unit": "rad/s"})
@@ -119,6 +128,7 @@ class JointModel:
     sag_sin: float = field(default=0.0, metadata={"unit": "rad"})
     sag_cos: float = field(default=0.0, metadata={"unit": "rad"})
     integral_rate: float = field(default=0.0, metadata={"unit": "1/s"})
+    position_integral_rate: float = field(default=0.0, metadata={"unit": "1/s"})
 
     def __repr__(self) -> str:
         """The constructor call without default parameters, and the units."""
@@ -150,6 +160,7 @@ class JointModel:
             "speed_per_torque",
             "time_constant",
             "integral_rate",
+            "position_integral_rate",
         ):
             if getattr(self, name) < 0.0:
                 unit = self.__dataclass_fields__[name].metadata["unit"]
@@ -161,9 +172,10 @@ class JointModel:
                 f"v_offset: got {self.v_offset:g} rad/s, expected within ±v_max = "
                 f"±{self.v_max:g} rad/s; beyond it the joint could move in one direction only"
             )
-        if self.integral_rate > 0.0 and self.time_constant == 0.0:
+        integral = self.integral_rate + self.position_integral_rate
+        if integral > 0.0 and self.time_constant == 0.0:
             raise InvalidModel(
-                f"integral_rate: got {self.integral_rate:g} 1/s without a time_constant, through "
+                f"{self._integral_names}: got {integral:g} 1/s without a time_constant, through "
                 "which it acts; expected 0, or a time_constant above 0 s"
             )
         if self.most_pose_sag > MOST_POSE_SAG:
@@ -200,14 +212,21 @@ class JointModel:
                 "ever: use a shorter tick (with hold > 1), or check the units"
             )
 
-        if self.integral_rate >= (
-            most := fastest_integral(self.law.gain, self.law.share) / self.tick
+        fed_back = self.integral_rate / integral if integral > 0.0 else 1.0
+        if integral >= (
+            most := fastest_integral(self.law.gain, self.law.share, fed_back) / self.tick
         ):
             raise InvalidModel(
-                f"integral_rate: got {self.integral_rate:g} 1/s, expected less than {most:g} 1/s "
+                f"{self._integral_names}: got {integral:g} 1/s, expected less than {most:g} 1/s "
                 f"with a time_constant of {self.time_constant:g} s and v_max / theta_0 = "
                 f"{gain:g} 1/s; such a joint would oscillate about a constant request for ever"
             )
+
+    @property
+    def _integral_names(self) -> str:
+        """Its rates of integral terms, as a message names them."""
+        names = ("integral_rate", "position_integral_rate")
+        return " + ".join(name for name in names if getattr(self, name) > 0.0)
 
     @classmethod
     def ers210a(cls) -> Self:
@@ -227,7 +246,7 @@ class JointModel:
         The tick becomes the longest one that divides the period and is no longer than it was. Where
         it becomes shorter, lag, v_max / theta_0 and, with inertia and friction, max_acceleration
         change so that the response stays the same: see ``with_ticks`` and ``slowed_by_friction``.
-        With an integral_rate it changes a little.
+        With an integral term it changes a little.
 
         Raises:
             InvalidModel: The period is not a finite time above 0.
@@ -355,17 +374,17 @@ class JointModel:
     def switching_time(self) -> float:
         """Time by which requests change to the next line before the angles: l + a/2 + T [s].
 
-        A held request acts (hold - 1) / 2 ticks later on average than its line. The integral of a
-        speed loop makes up for T.
+        A held request acts (hold - 1) / 2 ticks later on average than its line. An integral term
+        makes up for T.
         """
         hold_delay = (self.hold - 1) / 2.0 * self.tick
-        inertia = 0.0 if self.integral_rate > 0.0 else self.time_constant
+        inertia = 0.0 if self.exceeds_v_max else self.time_constant
         return self.lag + self.acceleration_time / 2.0 + inertia + hold_delay
 
     @cached_property
     def steady(self) -> JointModel:
         """The joint at a steady speed or at rest, where an integral overcomes friction."""
-        return replace(self, dead_band=0.0) if self.integral_rate > 0.0 else self
+        return replace(self, dead_band=0.0) if self.exceeds_v_max else self
 
     @property
     def latency(self) -> float:
@@ -506,6 +525,7 @@ class JointModel:
             sag_sin=self.sag_sin,
             sag_cos=self.sag_cos,
             integral_rate=self.integral_rate,
+            position_integral_rate=self.position_integral_rate,
         )
 
     @property
@@ -516,7 +536,7 @@ class JointModel:
     @property
     def exceeds_v_max(self) -> bool:
         """Whether its speed may exceed v_max, so that no lower bound holds: with an integral."""
-        return self.integral_rate > 0.0
+        return self.integral_rate > 0.0 or self.position_integral_rate > 0.0
 
     def faster_per_tick(self, load: npt.ArrayLike = 0.0) -> Array:
         """Excess of the top speed in the positive direction under a load [rad/tick].

@@ -47,13 +47,13 @@ def moved(law: Law, demand: float, speed: float, integral: float) -> tuple[float
     """The speed after a tick: a motor's inertia, then Coulomb friction, implicit.
 
     Without a time constant friction is a dead zone of the drive, before the acceleration limit. The
-    integral of a speed loop is held while that limit is active, against windup.
+    integral of a servo's loops is held while that limit is active, against windup.
 
     Args:
         law: The joint.
         demand: Demanded speed, the drive g(t) [rad/tick].
         speed: Speed in the tick before, w(t-1) [rad/tick].
-        integral: Integral z(t-1) of demanded speed less speed [rad/tick].
+        integral: Integral z(t-1) of the servo's loops [rad/tick].
 
     Returns:
         w(t) and z(t) [rad/tick].
@@ -67,7 +67,7 @@ def moved(law: Law, demand: float, speed: float, integral: float) -> tuple[float
         aim = speed + min(max(change, -law.acceleration), law.acceleration)
     now = shrunk(aim, friction)
     if law.integral_share > 0.0 and not limited:
-        integral += law.integral_share * (demand - now)
+        integral += law.integral_share * demand - law.integral_feedback * now
     return now, integral
 
 
@@ -267,17 +267,17 @@ def rounded_integral(
         rounded: Square of the radius of the corners [rad^2/tick^2].
 
     Returns:
-        The integral [rad/tick], its derivative by ``demand`` less ``speed``, and that by the
-        difference between the speed that is aimed at and the one before, with ``speed`` fixed.
+        The integral [rad/tick], the share of its change that the limit leaves [-], and its
+        derivative by the difference between the speed that is aimed at and the one before, with
+        ``demand`` and ``speed`` fixed.
     """
-    share, closing = law.integral_share, 0.0
+    change, opened, closing = law.integral_share * demand - law.integral_feedback * speed, 1.0, 0.0
     if law.acceleration < np.inf:
-        change = law.share * (demand + before.integral - before.speed)
+        faster = law.share * (demand + before.integral - before.speed)
         rounded = rounded * law.share * law.share
-        _, slope, bent = rounded_clip(change, -law.acceleration, law.acceleration, rounded)
-        closing = law.integral_share * law.share * bent * (demand - speed)
-        share *= slope
-    return before.integral + share * (demand - speed), share, closing
+        _, opened, bent = rounded_clip(faster, -law.acceleration, law.acceleration, rounded)
+        closing = law.share * bent * change
+    return before.integral + opened * change, opened, closing
 
 
 @compiled
@@ -305,7 +305,7 @@ def periods(
         faster: How much faster it is in the positive direction [rad/tick], (n,).
         rounded: Square of the radius of the corners [rad^2/tick^2], (n,).
         states: State before each period, as :class:`planner.model.law.State`; replaced by the one
-            after it, (2, n), or (3, n) with the integral of a speed loop.
+            after it, (2, n), or (3, n) with an integral.
         slopes: Filled with the derivatives of the state after the period by the state before it and
             by each request, (2, 2 + width, n) or (3, 3 + width, n).
         bends: Filled with the second derivatives of the state by each request's distance from the
@@ -313,7 +313,7 @@ def periods(
             several saturate together, an estimate. Left out where the width is 0.
     """
     (hold, width), count, size = weights.shape, states.shape[1], len(states)
-    gain, top = law.gain, law.top
+    gain, top, fed = law.gain, law.top, law.integral_feedback
     slopes[:] = 0.0
     bends[:] = 0.0
     for s in range(size):
@@ -362,7 +362,7 @@ def periods(
                 aimed = driven + slopes[2, c, k]
                 change = by_speed[k] * slopes[1, c, k] + by_demand[k] * aimed
                 slopes[2, c, k] += closing[k] * (aimed - slopes[1, c, k])
-                slopes[2, c, k] += opened[k] * (driven - change)
+                slopes[2, c, k] += opened[k] * (law.integral_share * driven - fed * change)
                 slopes[1, c, k] = change
                 slopes[0, c, k] += change
         for j in range(bends.shape[1]):
@@ -378,7 +378,7 @@ def periods(
                 change = by_speed[k] * bends[1, j, k] + by_demand[k] * aimed
                 change += bend[k] * own[j, k] * restoring[k]
                 bends[2, j, k] += closing[k] * (aimed - bends[1, j, k])
-                bends[2, j, k] += opened[k] * (driven - change)
+                bends[2, j, k] += opened[k] * (law.integral_share * driven - fed * change)
                 bends[1, j, k] = change
                 bends[0, j, k] += change
 
@@ -424,10 +424,10 @@ ROUNDING = 1e-15
 """A speed below this, relative to the demand of the angles, is rounding: the joint is at rest."""
 
 GAIN, V_MAX, LAG, WINDOW, SAG, BAND, FASTER, SAG_LOAD, FASTER_LOAD = range(9)
-SHARE, ACCELERATION, PLAY, SAG_SIN, SAG_COS, INTEGRAL = range(9, 15)
+SHARE, ACCELERATION, PLAY, SAG_SIN, SAG_COS, INTEGRAL, POSITION_INTEGRAL = range(9, 16)
 """Parameters by which :func:`along` takes derivatives, in its order."""
 
-START = 15
+START = 16
 """The derivative by the angle at which the run of a row starts."""
 
 
@@ -481,8 +481,8 @@ def along(
         slopes: Filled with the derivatives of these by gain [1/tick], v_max [rad/tick], lag and
             acceleration time [ticks], sag [rad], dead band [rad], ``faster`` [rad/tick], both by
             load, the motor's share [-], the acceleration limit [rad/tick^2], the play [rad], the
-            sag by sine and cosine of the angle [rad], the integral's share [-], and by the first
-            angle of the row's run, (rows, c).
+            sag by sine and cosine of the angle [rad], the shares of a speed loop's and a position
+            controller's integral [-], and by the first angle of the row's run, (rows, c).
     """
     law, edges, requests, states = servo.law, track.edges, track.requests, track.states
     before, share = track.before, track.share
@@ -589,9 +589,11 @@ def along(
                     follow = by_demand * (pushed + summed[p] - fast[p])
                     fast[p] = sliding * (fast[p] + follow + kinks[column])
                     if accelerated == 1.0:
-                        summed[p] += law.integral_share * (pushed - fast[p])
+                        summed[p] += law.integral_share * pushed - law.integral_feedback * fast[p]
                         if column == INTEGRAL:
                             summed[p] += demand - speed
+                        elif column == POSITION_INTEGRAL:
+                            summed[p] += demand
                 elif accelerated == 1.0:
                     fast[p] = sliding * (pushed + kinks[column])
                 elif column == ACCELERATION:

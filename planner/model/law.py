@@ -11,13 +11,15 @@ def motor_share(time_constant: float, tick: float) -> float:
     return -math.expm1(-tick / time_constant) if time_constant > 0.0 else 1.0
 
 
-def fastest_integral(gain: float, share: float) -> float:
+def fastest_integral(gain: float, share: float, fed_back: float = 1.0) -> float:
     """The share of an integral from which on a joint oscillates for ever, by Jury's criterion [-].
 
-    With the gain gamma [1/tick], the share k of the motor and that of the integral i it comes to
-    rest if and only if k (gamma + i) > i gamma, and i < 1.
+    With the gain gamma [1/tick], the share k of the motor, that of the integral i, and the part p
+    of it from which the speed is subtracted, it comes to rest if and only if
+    k (gamma + p i) > i gamma, and i < 1.
     """
-    return 1.0 if gain <= share else min(1.0, share * gain / (gain - share))
+    least = gain - share * fed_back
+    return min(1.0, share * gain / least) if least > 0.0 else 1.0
 
 
 class State(NamedTuple):
@@ -25,7 +27,7 @@ class State(NamedTuple):
 
     angle: float  # [rad]
     speed: float = 0.0  # in the tick before [rad/tick]
-    integral: float = 0.0  # of demanded speed less speed, by a speed loop [rad/tick]
+    integral: float = 0.0  # of the loops of a servo [rad/tick]
 
 
 class Law(NamedTuple):
@@ -40,8 +42,10 @@ class Law(NamedTuple):
         acceleration: Largest change of the speed in a tick [rad/tick^2].
         sag_sin: Sag by the sine of the angle [rad].
         sag_cos: Sag by its cosine [rad].
-        integral_share: Share of the difference between demanded speed and speed by which the
-            integral of a speed loop changes in a tick [-].
+        integral_share: Share of the demanded speed by which the integral of the servo's loops
+            changes in a tick [-].
+        integral_feedback: Share of the speed that is subtracted from that change [-]: in a speed
+            loop the same, in a position controller 0.
     """
 
     gain: float
@@ -52,6 +56,7 @@ class Law(NamedTuple):
     sag_sin: float = 0.0
     sag_cos: float = 0.0
     integral_share: float = 0.0
+    integral_feedback: float = 0.0
 
     @property
     def states(self) -> int:
@@ -78,16 +83,19 @@ class Law(NamedTuple):
         sag_sin: float,
         sag_cos: float,
         integral_rate: float,
+        position_integral_rate: float,
     ) -> Self:
         """The law for ticks of this time, from numbers in SI."""
         friction = gain * dead_band
+        integral = integral_rate + position_integral_rate
         return cls(
             gain * tick,
-            (v_max if integral_rate > 0.0 else v_max + friction) * tick,
+            (v_max if integral > 0.0 else v_max + friction) * tick,
             friction * tick,
             motor_share(time_constant, tick),
             max_acceleration * tick**2,
             sag_sin,
             sag_cos,
+            integral * tick,
             integral_rate * tick,
         )

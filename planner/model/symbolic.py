@@ -97,7 +97,8 @@ def _moved(law: Law, demand: Any, speed: Any, integral: Any, corner: Any) -> tup
             change = _clip(change, -law.acceleration, law.acceleration, corner)
         aim = speed + change
     now = aim - _clip(aim, -friction, friction, corner) if friction else aim
-    return now, integral + law.integral_share * (1.0 - limited) * (demand - now)
+    change = law.integral_share * demand - law.integral_feedback * now
+    return now, integral + (1.0 - limited) * change
 
 
 def _limited(change: Any, most: float, radius: Any) -> Any:

@@ -418,7 +418,7 @@ def has_intervals(model: JointModel) -> bool:
 def _drawn_from(model: JointModel) -> dict[str, tuple[float, float]]:
     """The intervals from which parameters are drawn, with -inf or inf at unknown ends."""
     intervals = dict(model.evidence.intervals) if model.evidence else {}
-    for name in ("time_constant", "integral_rate"):
+    for name in ("time_constant", "integral_rate", "position_integral_rate"):
         if getattr(model, name) == 0.0:
             intervals.pop(name, None)
     least, most = intervals.get("max_acceleration", (math.inf, math.inf))

@@ -357,16 +357,16 @@ def set_responses(spec: Spec, stage: Stage, point: Point, a: int, first: int, si
     drives, _, width = spec.weights.shape
     parts, cyclic, states, requests = spec.parts, spec.cyclic, point.states, point.requests
     row, derived, defects = spec.drives[a], point.slopes[a], point.defects
-    law = Law(row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7])
-    weights, unit_of_speed = spec.weights[a, : int(row[8])], row[10]
+    law = Law(row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7], row[8])
+    weights, unit_of_speed = spec.weights[a, : int(row[9])], row[11]
     own = moving_states(law)
     slopes, bends = np.empty((own, own + width, size)), np.empty((own, width, size))
     window, before = np.empty((3, width, size)), np.zeros((own, size))
-    rounded = np.full(size, (law.gain * stage.radius * row[9]) ** 2)
+    rounded = np.full(size, (law.gain * stage.radius * row[10]) ** 2)
     for i in range(size):
         k = first + i
         follows = k > 0 or cyclic
-        before[0, i] = states[k - 1, a] if follows else row[11]
+        before[0, i] = states[k - 1, a] if follows else row[12]
         for s in range(1, min(own, parts) if follows else 1):
             before[s, i] = states[k - 1, s * drives + a] / unit_of_speed
         for j in range(width):

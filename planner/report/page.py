@@ -64,6 +64,7 @@ PARAMETERS: Mapping[str, tuple[str, str]] = {
     "sag_sin": ("sag by the sine of the angle (gravity)", "sag by sine"),
     "sag_cos": ("sag by the cosine of the angle (gravity)", "sag by cosine"),
     "integral_rate": ("rate of the speed loop's integral", "integral rate"),
+    "position_integral_rate": ("rate of the position's integral", "position integral"),
 }
 """Descriptions of a joint's parameters, long and short; ``gain`` is v_max / theta_0."""
 

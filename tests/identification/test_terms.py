@@ -211,7 +211,9 @@ def test_inertia_an_acceleration_limit_and_friction_are_found_together():
 
 
 @pytest.mark.parametrize("limited", [False, True])
-def test_the_integral_of_a_speed_loop_is_found_beside_the_terms_of_a_motor(limited):
+@pytest.mark.parametrize("integral", ["integral_rate", "position_integral_rate"])
+def test_the_integral_of_a_loop_is_found_beside_the_terms_of_a_motor(integral, limited):
+    rate = 15.0 if integral == "integral_rate" else 4.0
     truth = planner.JointModel(
         v_max=5.5,
         theta_0=0.3,
@@ -222,12 +224,12 @@ def test_the_integral_of_a_speed_loop_is_found_beside_the_terms_of_a_motor(limit
         dead_band=math.radians(0.5),
         time_constant=0.035,
         max_acceleration=50.0 if limited else math.inf,
-        integral_rate=15.0,
+        **{integral: rate},
     )
     found = planner.identify(motor_logs(truth, seed=2), hold_out=False)
-    for name in ("integral_rate", "time_constant", "v_max", "theta_0", "dead_band"):
+    for name in (integral, "time_constant", "v_max", "theta_0", "dead_band"):
         assert getattr(found.model, name) == pytest.approx(getattr(truth, name), rel=0.05), name
-    assert found.intervals["integral_rate"].lower <= 15.0 <= found.intervals["integral_rate"].upper
+    assert found.intervals[integral].lower <= rate <= found.intervals[integral].upper
     assert found.rms <= 1.1 * math.hypot(NOISE, QUANTUM / math.sqrt(12.0))
 
 

@@ -30,7 +30,8 @@ INERT = planner.JointModel(
 )
 
 
-WITHOUT_INTEGRAL = tuple(name for name in Parameters._fields if name != "integral_rate")
+INTEGRALS = {"integral_rate": 8.0, "position_integral_rate": 4.0}
+WITHOUT_INTEGRAL = tuple(name for name in Parameters._fields if name not in INTEGRALS)
 
 
 def test_a_time_constant_far_below_a_tick_and_an_endless_acceleration_change_nothing():
@@ -48,9 +49,9 @@ def test_a_time_constant_far_below_a_tick_and_an_endless_acceleration_change_not
 
 @pytest.mark.parametrize(
     ("field", "added"),
-    [(field, {"integral_rate": 8.0}) for field in Parameters._fields[:-2]]
+    [(field, INTEGRALS) for field in Parameters._fields[:-2]]
     + [(field, {"acceleration": 40.0}) for field in WITHOUT_INTEGRAL if field != "play"]
-    + [(field, {"acceleration": 40.0, "integral_rate": 8.0}) for field in Parameters._fields[:-1]]
+    + [(field, INTEGRALS | {"acceleration": 40.0}) for field in Parameters._fields[:-1]]
     + [(field, {"play": 0.02}) for field in WITHOUT_INTEGRAL if field != "acceleration"]
     + [(field, {"sag_sin": -0.1, "sag_cos": 0.05}) for field in WITHOUT_INTEGRAL[:-2]],
 )

@@ -14,6 +14,9 @@ SETTLED = 1e-9
 """Distance of two cycles in a row that counts as none [rad]."""
 
 
+INTEGRALS = ("integral_rate", "position_integral_rate")
+
+
 def ringing_joints():
     """Joints of little damping that saturate, with requests that may have several cycles."""
     rng = np.random.default_rng(1)
@@ -28,7 +31,7 @@ def ringing_joints():
             hold=10,
             time_constant=rng.uniform(0.02, 0.12),
             max_acceleration=rng.uniform(20.0, 200.0),
-            integral_rate=rng.choice([0.0, 3.0]),
+            **{rng.choice(INTEGRALS): rng.choice([0.0, 3.0])},
         )
         turn, size = np.linspace(0.0, 2.0 * np.pi, rng.integers(8, 60)), rng.uniform(0.05, 0.5)
         yield model, size * (np.sin(turn[:-1]) + 0.3 * np.sin(3.0 * turn[:-1] + 1.0))
@@ -46,13 +49,14 @@ def test_the_cycle_is_the_one_into_which_the_motion_from_rest_settles():
 
 
 @pytest.mark.parametrize("dead_band", [0.0, 0.02])
-def test_a_joint_comes_to_rest_up_to_the_integral_that_is_refused(dead_band):
+@pytest.mark.parametrize("name", INTEGRALS)
+def test_a_joint_comes_to_rest_up_to_the_integral_that_is_refused(name, dead_band):
     known = {"v_max": 5.0, "theta_0": 0.1, "lag": 0.0, "acceleration_time": 0.004, "tick": 0.004}
     known |= {"time_constant": 0.05, "dead_band": dead_band}
-    with pytest.raises(InvalidModel, match=r"^integral_rate: got 50 1/s, .*oscillate") as refused:
-        JointModel(**known, integral_rate=50.0)
+    with pytest.raises(InvalidModel, match=rf"^{name}: got 50 1/s, .*oscillate") as refused:
+        JointModel(**known, **{name: 50.0})
     most = float(re.search(r"less than (\S+) 1/s", str(refused.value))[1])
-    slower = JointModel(**known, integral_rate=0.9 * most)
+    slower = JointModel(**known, **{name: 0.9 * most})
     angles = simulate(slower, np.r_[0.0, np.ones(4000)], cyclic=False)
     assert angles[-1] == pytest.approx(1.0, abs=1e-3)
     with pytest.raises(InvalidModel, match="without a time_constant"):
@@ -97,5 +101,23 @@ def test_the_integral_of_a_speed_loop_leaves_no_error_at_rest_and_follows_lines_
     behind = line - simulate(model, line, cyclic=False)
     assert behind[-1] == pytest.approx(line_offset(model, 1.5), abs=1e-9)
     assert line_offset(model, 1.5) == line_offset(replace(model, dead_band=0.0), 1.5)
+    held = simulate(model, np.repeat([0.0, 0.015], 1500), cyclic=False)  # within the dead band
+    assert held[-1] == pytest.approx(0.015, abs=2e-3)
+
+
+def test_the_integral_of_a_position_controller_leaves_only_the_lag_behind_a_line():
+    model = JointModel(
+        v_max=5.0,
+        theta_0=0.3,
+        lag=0.01,
+        acceleration_time=0.004,
+        tick=0.002,
+        time_constant=0.03,
+        position_integral_rate=5.0,
+        dead_band=0.02,
+    )
+    line = 1.5 * model.tick * np.arange(3000)
+    behind = line - simulate(model, line, cyclic=False)
+    assert behind[-1] == pytest.approx(1.5 * (model.lag + 0.5 * (model.acceleration_time - model.tick)), abs=1e-6)
     held = simulate(model, np.repeat([0.0, 0.015], 1500), cyclic=False)  # within the dead band
     assert held[-1] == pytest.approx(0.015, abs=2e-3)

@@ -326,7 +326,7 @@ def test_the_models_of_every_scenario_begin_where_their_joint_does():
     other = tuple(replace(model, lag=2.0 * model.lag) for model in problem.models)
     both = problem.in_scenarios([problem.models, other], [(None, None)] * 2, "mean")
     assert both.nominal == problem.models
-    np.testing.assert_array_equal(both.spec.drives[:, 11], np.tile(problem.start, 2))
+    np.testing.assert_array_equal(both.spec.drives[:, 12], np.tile(problem.start, 2))
     angles = both.exact_angles(requests)
     np.testing.assert_array_equal(angles[:, :2], problem.exact_angles(requests))
     for joint, model in enumerate(other):
@@ -357,9 +357,12 @@ def test_with_dry_friction_roughness_counts_how_far_requests_are_from_the_middle
 
 
 @CYCLIC
-@pytest.mark.parametrize(("inertia", "integral"), [(0.0, 0.0), (0.03, 0.0), (0.03, 12.0)])
+@pytest.mark.parametrize(
+    ("inertia", "integral", "position"),
+    [(0.0, 0.0, 0.0), (0.03, 0.0, 0.0), (0.03, 12.0, 0.0), (0.03, 0.0, 4.0)],
+)
 def test_a_joint_whose_load_makes_it_sag_and_slower_goes_where_its_simulation_does(
-    inertia, integral, cyclic
+    inertia, integral, position, cyclic
 ):
     """Each period has a torque of its own; the top speeds of the two directions differ, too."""
     model = replace(
@@ -370,6 +373,7 @@ def test_a_joint_whose_load_makes_it_sag_and_slower_goes_where_its_simulation_do
         dead_band=0.01,
         time_constant=inertia,
         integral_rate=integral,
+        position_integral_rate=position,
     )
     requests = 0.8 * np.sin(2.0 * np.pi * np.arange(60) / 30)
     torques = np.cos(0.3 * np.arange(60))

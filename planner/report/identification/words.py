@@ -142,6 +142,7 @@ def unit_of(identification: Identification, name: str) -> tuple[float, str]:
         "v_max": (units.factor, units.speed),
         "gain": (1.0, "1/s"),
         "integral_rate": (1.0, "1/s"),
+        "position_integral_rate": (1.0, "1/s"),
         "lag": (1e3, "ms"),
         "acceleration_time": (1e3, "ms"),
         "time_constant": (1e3, "ms"),

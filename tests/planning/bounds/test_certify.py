@@ -201,9 +201,10 @@ def test_the_answer_says_that_envelope_is_proved_of_a_joint_with_friction_or_ine
     assert certificate.level == "envelope"
 
 
-def test_no_bound_is_proved_of_a_joint_whose_speed_loop_has_an_integral():
+@pytest.mark.parametrize("integral", ["integral_rate", "position_integral_rate"])
+def test_no_bound_is_proved_of_a_joint_with_an_integral(integral):
     """It overshoots: its speed exceeds v_max, and its acceleration what condition 2a allows."""
-    model = replace(ERS210A, time_constant=0.03, integral_rate=20.0)
+    model = replace(ERS210A, time_constant=0.03, **{integral: 20.0})
     step = np.repeat([0.0, 2.0], 40)
     speeds = np.diff(planner.simulate(model, step, cyclic=False)) / model.period
     assert np.max(speeds) > 1.01 * model.v_max
