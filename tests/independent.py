@@ -64,7 +64,7 @@ def windowed(model, request_at, ticks, before, load_at=lambda _: 0.0, moving=(0.
     loop, position = (
         model.tick * rate for rate in (model.integral_rate, model.position_integral_rate)
     )
-    top = model.v_max * model.tick + (friction if loop + position == 0.0 else 0.0)
+    top = model.v_max * model.tick + (friction if loop == 0.0 else 0.0)
     angles, (speed, integral) = [], moving
     for t in range(ticks):
         total = 0.0
@@ -72,6 +72,8 @@ def windowed(model, request_at, ticks, before, load_at=lambda _: 0.0, moving=(0.
             by_pose = model.sag_sin * math.sin(before) + model.sag_cos * math.cos(before)
             sag = model.offset + model.compliance * load_at(t) + by_pose
             error = request_at(t - i) + sag - before
+            if position:
+                error += integral / (model.v_max * model.tick / model.theta_0)
             faster = model.v_offset + model.speed_per_torque * load_at(t)
             faster += model.v_max / model.theta_0 * by_pose
             total += length * equation_2(
@@ -83,12 +85,12 @@ def windowed(model, request_at, ticks, before, load_at=lambda _: 0.0, moving=(0.
         drive = total / acceleration
         if share == 1.0:
             drive = math.copysign(max(abs(drive) - friction, 0.0), drive)
-        change = share * (drive + integral - speed)
+        change = share * (drive + (0.0 if position else integral) - speed)
         speed += max(min(change, most), -most)
         if share < 1.0:
             speed = math.copysign(max(abs(speed) - share * friction, 0.0), speed)
         if abs(change) <= most:  # else it waits
-            integral += loop * (drive - speed) + position * drive
+            integral += loop * (drive - speed) + position * (drive - integral)
         before = before + speed
         angles.append(before)
     return np.array(angles)

@@ -11,6 +11,8 @@ from planner.model.joint import JointModel
 TICK = 0.01
 """Time step of the models [s]."""
 
+INTEGRALS = ("integral_rate", "position_integral_rate")
+
 whole_ticks = st.integers(0, 7).map(float)
 # Times within 1e-9 ticks of whole ones are whole to the model: no finer than this.
 FINEST = 6  # decimals of a tick
@@ -31,7 +33,7 @@ def models(
     friction=False,
     overshoots=True,
     inertia=False,
-    integral=False,
+    integrals=(),
     poses=False,
     overcome=False,
 ):
@@ -64,12 +66,12 @@ def models(
         limit = st.floats(0.05, 2.0).map(lambda a: slowed + a * v_max / TICK)
         dry["time_constant"] = constant * TICK
         dry["max_acceleration"] = draw(st.one_of(st.just(np.inf), limit))
-        if integral and constant:  # slow enough for the joint to come to rest
+        if integrals and constant:  # slow enough for the joint to come to rest
             most = {
                 "integral_rate": min(0.3, 0.5 / max(constant - 1.0 / ratio, 1.0)),
                 "position_integral_rate": min(0.3, 0.5 * share),
             }
-            name = draw(st.sampled_from(sorted(most)))
+            name = draw(st.sampled_from(integrals))
             dry[name] = draw(st.one_of(st.just(0.0), st.floats(0.001, most[name]))) / TICK
     if poses:
         phase = draw(st.floats(-np.pi, np.pi))

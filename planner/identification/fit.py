@@ -218,7 +218,7 @@ def peak_command(fit: Fit) -> float:
 def commanded_speed(parameters: Parameters, response: Response) -> float:
     """Highest speed that the requests called for in any run, limited or not [rad/s]."""
     largest = float(np.max(np.abs(response.errors)))
-    held = 0.0 if parameters.integral > 0.0 else parameters.dead_band
+    held = 0.0 if parameters.integral_rate > 0.0 else parameters.dead_band
     return parameters.gain * max(largest - held, 0.0)
 
 

@@ -217,6 +217,7 @@ def _by_coordinates(grid: Grid, at: Parameters) -> Array:
 
     tick, v_max = grid.tick, 0.0 if math.isinf(at.v_max) else at.v_max
     by_integral = tick if at.time_constant > 0.0 else 0.0
+    integral = "position_integral_rate" if at.position_integral_rate > 0.0 else "integral_rate"
     entries = [
         (kernel.GAIN, "gain", tick),
         (kernel.V_MAX, "v_max", tick),
@@ -233,8 +234,7 @@ def _by_coordinates(grid: Grid, at: Parameters) -> Array:
         (kernel.ACCELERATION, "acceleration", tick**2),
         (kernel.SAG_SIN, "sag_sin", 1.0),
         (kernel.SAG_COS, "sag_cos", 1.0),
-        (kernel.INTEGRAL, "integral_rate", by_integral),
-        (kernel.POSITION_INTEGRAL, "position_integral_rate", by_integral),
+        (kernel.INTEGRAL, integral, by_integral),
         (kernel.PLAY, "play", 1.0),
     ]
     if math.isfinite(at.acceleration):

@@ -93,12 +93,12 @@ class Parameters(NamedTuple):
     def inside(self, errors: Array, load: npt.ArrayLike = 0.0) -> npt.NDArray[np.bool_]:
         """Whether Equation 2 has the slope ``gain`` at each error: where it does not saturate."""
         called, faster = self.gain * errors, self.faster(load)
-        top = self.v_max + (0.0 if self.integral > 0.0 else self.gain * self.dead_band)
+        top = self.v_max + (0.0 if self.integral_rate > 0.0 else self.gain * self.dead_band)
         return np.asarray((called < top + faster) & (called > faster - top))
 
     @property
     def integral(self) -> float:
-        """Rate of both integrals [1/s]."""
+        """Rate of the one integral, or 0 [1/s]."""
         return self.integral_rate + self.position_integral_rate
 
     @property
@@ -112,11 +112,11 @@ class Parameters(NamedTuple):
         return self.acceleration + taken
 
     def fastest_integral(self, tick: float) -> float:
-        """Rate of both integrals from which on the joint oscillates for ever [1/s]; 0 for none."""
-        if self.time_constant <= 0.0 or self.integral <= 0.0:
+        """Rate of an integral from which on the joint oscillates for ever [1/s]; 0 for none."""
+        if self.time_constant <= 0.0:
             return 0.0
-        share, fed_back = motor_share(self.time_constant, tick), self.integral_rate / self.integral
-        return fastest_integral(self.gain * tick, share, fed_back) / tick
+        share, inside = motor_share(self.time_constant, tick), self.position_integral_rate > 0.0
+        return fastest_integral(self.gain * tick, share, inside=inside) / tick
 
     def motor_by_time_constant(self, tick: float) -> float:
         """Derivative of a motor's share of each tick, 1 - exp(-tick / time constant) [1/s]."""
@@ -127,7 +127,6 @@ class Parameters(NamedTuple):
     def model(self, *, tick: float, hold: int) -> JointModel:
         """The model with these parameters; one that comes to rest."""
         most = 0.99 * self.fastest_integral(tick)
-        kept = min(1.0, most / self.integral) if self.integral > 0.0 else 0.0
         return JointModel(
             v_max=self.v_max,
             theta_0=self.v_max / self.gain,
@@ -144,8 +143,8 @@ class Parameters(NamedTuple):
             max_acceleration=self.max_acceleration(tick),
             sag_sin=self.sag_sin,
             sag_cos=self.sag_cos,
-            integral_rate=kept * self.integral_rate,
-            position_integral_rate=kept * self.position_integral_rate,
+            integral_rate=min(self.integral_rate, most),
+            position_integral_rate=min(self.position_integral_rate, most),
         )
 
 

@@ -105,7 +105,8 @@ class JointModel:
             speed and at rest, and is held while ``max_acceleration`` is active. Such a joint
             overshoots, and no lower bound holds for it.
         position_integral_rate: Rate of the integral term of a position controller, k_I / k_P
-            [1/s]; 0 for none. It acts likewise; in a steady motion it makes up for theta_0, too.
+            [1/s]; 0 for none, and beside an ``integral_rate``. It acts likewise, but within the
+            limits of the drive; in a steady motion it makes up for theta_0, too.
 
     Raises:
         InvalidModel: A parameter is not a finite number or out of its range, or the joint could not
@@ -173,9 +174,16 @@ class JointModel:
                 f"±{self.v_max:g} rad/s; beyond it the joint could move in one direction only"
             )
         integral = self.integral_rate + self.position_integral_rate
+        if self.integral_rate > 0.0 and self.position_integral_rate > 0.0:
+            raise InvalidModel(
+                f"integral_rate, position_integral_rate: got {self.integral_rate:g} and "
+                f"{self.position_integral_rate:g} 1/s, expected one of them to be 0; give the one "
+                "whose loop is the slower"
+            )
+        integral_name = "position_integral_rate" if self.position_integral_rate else "integral_rate"
         if integral > 0.0 and self.time_constant == 0.0:
             raise InvalidModel(
-                f"{self._integral_names}: got {integral:g} 1/s without a time_constant, through "
+                f"{integral_name}: got {integral:g} 1/s without a time_constant, through "
                 "which it acts; expected 0, or a time_constant above 0 s"
             )
         if self.most_pose_sag > MOST_POSE_SAG:
@@ -212,21 +220,15 @@ class JointModel:
                 "ever: use a shorter tick (with hold > 1), or check the units"
             )
 
-        fed_back = self.integral_rate / integral if integral > 0.0 else 1.0
+        inside = self.position_integral_rate > 0.0
         if integral >= (
-            most := fastest_integral(self.law.gain, self.law.share, fed_back) / self.tick
+            most := fastest_integral(self.law.gain, self.law.share, inside=inside) / self.tick
         ):
             raise InvalidModel(
-                f"{self._integral_names}: got {integral:g} 1/s, expected less than {most:g} 1/s "
+                f"{integral_name}: got {integral:g} 1/s, expected less than {most:g} 1/s "
                 f"with a time_constant of {self.time_constant:g} s and v_max / theta_0 = "
                 f"{gain:g} 1/s; such a joint would oscillate about a constant request for ever"
             )
-
-    @property
-    def _integral_names(self) -> str:
-        """Its rates of integral terms, as a message names them."""
-        names = ("integral_rate", "position_integral_rate")
-        return " + ".join(name for name in names if getattr(self, name) > 0.0)
 
     @classmethod
     def ers210a(cls) -> Self:
@@ -378,13 +380,13 @@ class JointModel:
         makes up for T.
         """
         hold_delay = (self.hold - 1) / 2.0 * self.tick
-        inertia = 0.0 if self.exceeds_v_max else self.time_constant
+        inertia = 0.0 if self.has_integral else self.time_constant
         return self.lag + self.acceleration_time / 2.0 + inertia + hold_delay
 
     @cached_property
     def steady(self) -> JointModel:
         """The joint at a steady speed or at rest, where an integral overcomes friction."""
-        return replace(self, dead_band=0.0) if self.exceeds_v_max else self
+        return replace(self, dead_band=0.0) if self.has_integral else self
 
     @property
     def latency(self) -> float:
@@ -535,7 +537,12 @@ class JointModel:
 
     @property
     def exceeds_v_max(self) -> bool:
-        """Whether its speed may exceed v_max, so that no lower bound holds: with an integral."""
+        """Whether its speed may exceed v_max, so that no bound holds: by a speed loop's integral."""
+        return self.integral_rate > 0.0
+
+    @property
+    def has_integral(self) -> bool:
+        """Whether its servo has an integral term, which overcomes friction."""
         return self.integral_rate > 0.0 or self.position_integral_rate > 0.0
 
     def faster_per_tick(self, load: npt.ArrayLike = 0.0) -> Array:

@@ -58,7 +58,8 @@ def moved(law: Law, demand: float, speed: float, integral: float) -> tuple[float
     Returns:
         w(t) and z(t) [rad/tick].
     """
-    friction, aim, limited = law.share * law.friction, demand + integral, False
+    friction, limited = law.share * law.friction, False
+    aim = demand + (1.0 - law.integral_inside) * integral
     if law.share == 1.0:
         aim, friction = shrunk(aim, friction), 0.0
     if law.share < 1.0 or law.acceleration < np.inf:
@@ -67,8 +68,15 @@ def moved(law: Law, demand: float, speed: float, integral: float) -> tuple[float
         aim = speed + min(max(change, -law.acceleration), law.acceleration)
     now = shrunk(aim, friction)
     if law.integral_share > 0.0 and not limited:
-        integral += law.integral_share * demand - law.integral_feedback * now
+        paid = integral if law.integral_inside > 0.0 else now
+        integral += law.integral_share * (demand - paid)
     return now, integral
+
+
+@inner
+def lifted(law: Law, integral: float) -> float:
+    """By how much the integral of a position controller shifts the error of its drive [rad]."""
+    return law.integral_inside * integral / law.gain if law.integral_inside > 0.0 else 0.0
 
 
 @inner
@@ -131,11 +139,11 @@ def run_period(
     hold, width = weights.shape
     youngest = first + width - 1
     for tick in range(skipped, hold):
-        demand = 0.0
+        demand, level = 0.0, sag + lifted(law, integral)
         for j in range(width):
             weight = weights[tick, j]
             if weight != 0.0:
-                demand += weight * drive(law, history[youngest - j] + sag - angle, faster)[0]
+                demand += weight * drive(law, history[youngest - j] + level - angle, faster)[0]
         demand += law.gain * pose_sag(law, angle)
         speed, integral = moved(law, demand, speed, integral)
         angle += speed
@@ -271,9 +279,11 @@ def rounded_integral(
         derivative by the difference between the speed that is aimed at and the one before, with
         ``demand`` and ``speed`` fixed.
     """
-    change, opened, closing = law.integral_share * demand - law.integral_feedback * speed, 1.0, 0.0
+    paid = before.integral if law.integral_inside > 0.0 else speed
+    change, opened, closing = law.integral_share * (demand - paid), 1.0, 0.0
     if law.acceleration < np.inf:
-        faster = law.share * (demand + before.integral - before.speed)
+        aim = demand + (1.0 - law.integral_inside) * before.integral
+        faster = law.share * (aim - before.speed)
         rounded = rounded * law.share * law.share
         _, opened, bent = rounded_clip(faster, -law.acceleration, law.acceleration, rounded)
         closing = law.share * bent * change
@@ -313,7 +323,7 @@ def periods(
             several saturate together, an estimate. Left out where the width is 0.
     """
     (hold, width), count, size = weights.shape, states.shape[1], len(states)
-    gain, top, fed = law.gain, law.top, law.integral_feedback
+    gain, top, inside = law.gain, law.top, law.integral_inside
     slopes[:] = 0.0
     bends[:] = 0.0
     for s in range(size):
@@ -321,7 +331,7 @@ def periods(
     own, bent = window[1], window[2]
     angles, speeds, integrals = states[0], states[1], states[size - 1]
     demand, restoring, by_demand, by_speed, bend = np.empty((5, count))
-    opened, closing = np.zeros((2, count))
+    opened, closing, raising = np.zeros((3, count))
     for tick in range(hold):
         demand[:] = 0.0
         restoring[:] = 0.0
@@ -329,7 +339,8 @@ def periods(
             weight = weights[tick, j]
             for k in range(count):
                 low, high = faster[k] - top, faster[k] + top
-                error = gain * (window[0, j, k] + sags[k] - angles[k])
+                level = sags[k] + (lifted(law, integrals[k]) if size == 3 else 0.0)
+                error = gain * (window[0, j, k] + level - angles[k])
                 value, slope, bending = rounded_clip(error, low, high, rounded[k])
                 own[j, k] = weight * gain * slope
                 bent[j, k] = weight * gain * gain * bending
@@ -337,10 +348,11 @@ def periods(
                 restoring[k] += own[j, k]
         for k in range(count):
             driven = demand[k] + gain * pose_sag(law, angles[k])
+            raising[k] = inside * restoring[k] / gain
             restoring[k] -= gain * pose_sag_slope(law, angles[k])
             before = State(angles[k], speeds[k], integrals[k] if size == 3 else 0.0)
             speeds[k], by_demand[k], by_speed[k], bend[k] = rounded_moved(
-                law, driven + before.integral, before.speed, rounded[k]
+                law, driven + (1.0 - inside) * before.integral, before.speed, rounded[k]
             )
             angles[k] += speeds[k]
             if size == 3:
@@ -356,13 +368,14 @@ def periods(
                 slopes[1, c, k] = change
                 slopes[0, c, k] += change
             for k in range(count if size == 3 else 0):
-                driven = -restoring[k] * slopes[0, c, k]
+                driven = raising[k] * slopes[2, c, k] - restoring[k] * slopes[0, c, k]
                 if c >= 3:
                     driven += own[c - 3, k]
-                aimed = driven + slopes[2, c, k]
+                aimed = driven + (1.0 - inside) * slopes[2, c, k]
                 change = by_speed[k] * slopes[1, c, k] + by_demand[k] * aimed
                 slopes[2, c, k] += closing[k] * (aimed - slopes[1, c, k])
-                slopes[2, c, k] += opened[k] * (law.integral_share * driven - fed * change)
+                paid = slopes[2, c, k] if inside > 0.0 else change
+                slopes[2, c, k] += opened[k] * law.integral_share * (driven - paid)
                 slopes[1, c, k] = change
                 slopes[0, c, k] += change
         for j in range(bends.shape[1]):
@@ -373,12 +386,13 @@ def periods(
                 bends[1, j, k] = change
                 bends[0, j, k] += change
             for k in range(count if size == 3 else 0):
-                driven = -restoring[k] * bends[0, j, k] + bent[j, k]
-                aimed = driven + bends[2, j, k]
+                driven = raising[k] * bends[2, j, k] - restoring[k] * bends[0, j, k] + bent[j, k]
+                aimed = driven + (1.0 - inside) * bends[2, j, k]
                 change = by_speed[k] * bends[1, j, k] + by_demand[k] * aimed
                 change += bend[k] * own[j, k] * restoring[k]
                 bends[2, j, k] += closing[k] * (aimed - bends[1, j, k])
-                bends[2, j, k] += opened[k] * (law.integral_share * driven - fed * change)
+                paid = bends[2, j, k] if inside > 0.0 else change
+                bends[2, j, k] += opened[k] * law.integral_share * (driven - paid)
                 bends[1, j, k] = change
                 bends[0, j, k] += change
 
@@ -424,10 +438,10 @@ ROUNDING = 1e-15
 """A speed below this, relative to the demand of the angles, is rounding: the joint is at rest."""
 
 GAIN, V_MAX, LAG, WINDOW, SAG, BAND, FASTER, SAG_LOAD, FASTER_LOAD = range(9)
-SHARE, ACCELERATION, PLAY, SAG_SIN, SAG_COS, INTEGRAL, POSITION_INTEGRAL = range(9, 16)
+SHARE, ACCELERATION, PLAY, SAG_SIN, SAG_COS, INTEGRAL = range(9, 15)
 """Parameters by which :func:`along` takes derivatives, in its order."""
 
-START = 16
+START = 15
 """The derivative by the angle at which the run of a row starts."""
 
 
@@ -481,8 +495,8 @@ def along(
         slopes: Filled with the derivatives of these by gain [1/tick], v_max [rad/tick], lag and
             acceleration time [ticks], sag [rad], dead band [rad], ``faster`` [rad/tick], both by
             load, the motor's share [-], the acceleration limit [rad/tick^2], the play [rad], the
-            sag by sine and cosine of the angle [rad], the shares of a speed loop's and a position
-            controller's integral [-], and by the first angle of the row's run, (rows, c).
+            sag by sine and cosine of the angle [rad], the integral's share [-], and by the first
+            angle of the row's run, (rows, c).
     """
     law, edges, requests, states = servo.law, track.edges, track.requests, track.states
     before, share = track.before, track.share
@@ -492,7 +506,7 @@ def along(
     drives, kinks = np.zeros(START + 1), np.zeros(START + 1)
     past, now, motion, fast, summed = np.zeros((5, count))
     first, row, way, band, speed, motor = 0, 0, 0.0, law.friction / law.gain, 0.0, 0.0
-    integral, beyond = 0.0, 0.0 if law.integral_share > 0.0 else 1.0
+    integral, beyond = 0.0, 0.0 if law.integral_share > 0.0 and law.integral_inside == 0.0 else 1.0
     for t in range(len(states)):
         state = states[t]
         angle = angles[state - 1]
@@ -501,7 +515,8 @@ def along(
             for p in range(count):
                 fast[p] = summed[p] = 0.0
                 now[p] = motion[p] = 1.0 if columns[p] == START else 0.0
-        sag = servo.sag + servo.sag_by_load * track.loads[t]
+        raised, summed_before = lifted(law, integral), integral
+        sag = servo.sag + servo.sag_by_load * track.loads[t] + raised
         by_pose = pose_sag(law, angle)
         faster = servo.faster + servo.faster_by_load * track.loads[t]
         young = track.ticks[t] - servo.lag
@@ -518,7 +533,7 @@ def along(
             least, most = min(least, error), max(most, error)
             if side == 0.0:
                 inside += weight
-                mean += weight * error
+                mean += weight * (error - raised)
             else:
                 limited += weight * side
                 saturated += weight
@@ -530,7 +545,7 @@ def along(
         driven = demand
         demand += law.gain * by_pose
         # ``free`` is what friction acts on, ``aim`` what the speed follows
-        slid, aim = speed, demand + integral
+        slid, aim = speed, demand + (1.0 - law.integral_inside) * integral
         free = aim
         if law.share == 1.0:
             aim = shrunk(aim, law.friction)
@@ -553,7 +568,7 @@ def along(
                 at = number_in_force(edges, old + sign * apart, first)
                 side_old += drive(law, requests[at] + sag - angle, faster)[0] / 2.0
             # By the drive g(t)
-            # The limits are v_max + gain * dead band, with an integral v_max, and shifted by gain *
+            # The limits are v_max + gain * dead band, in a speed loop v_max, and shifted by gain *
             # the sag by the pose.
             drives[GAIN] = mean + by_pose + beyond * band * limited
             drives[V_MAX] = limited
@@ -584,16 +599,19 @@ def along(
             for p in range(count):
                 column = columns[p]
                 past[p] = now[p]
-                pushed = drives[column] - by_angle * now[p]
+                pushed = (
+                    drives[column] - by_angle * now[p] + law.integral_inside * inside * summed[p]
+                )
                 if law.share < 1.0:
-                    follow = by_demand * (pushed + summed[p] - fast[p])
+                    aimed = pushed + (1.0 - law.integral_inside) * summed[p]
+                    follow = by_demand * (aimed - fast[p])
                     fast[p] = sliding * (fast[p] + follow + kinks[column])
                     if accelerated == 1.0:
-                        summed[p] += law.integral_share * pushed - law.integral_feedback * fast[p]
+                        paid = summed[p] if law.integral_inside > 0.0 else fast[p]
+                        summed[p] += law.integral_share * (pushed - paid)
                         if column == INTEGRAL:
-                            summed[p] += demand - speed
-                        elif column == POSITION_INTEGRAL:
                             summed[p] += demand
+                            summed[p] -= summed_before if law.integral_inside > 0.0 else speed
                 elif accelerated == 1.0:
                     fast[p] = sliding * (pushed + kinks[column])
                 elif column == ACCELERATION:

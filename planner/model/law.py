@@ -11,14 +11,14 @@ def motor_share(time_constant: float, tick: float) -> float:
     return -math.expm1(-tick / time_constant) if time_constant > 0.0 else 1.0
 
 
-def fastest_integral(gain: float, share: float, fed_back: float = 1.0) -> float:
+def fastest_integral(gain: float, share: float, *, inside: bool) -> float:
     """The share of an integral from which on a joint oscillates for ever, by Jury's criterion [-].
 
-    With the gain gamma [1/tick], the share k of the motor, that of the integral i, and the part p
-    of it from which the speed is subtracted, it comes to rest if and only if
-    k (gamma + p i) > i gamma, and i < 1.
+    With the gain gamma [1/tick] and the share k of the motor it comes to rest if and only if the
+    share i of the integral is below 1 and, in a position controller (``inside`` the drive), below
+    k, in a speed loop i gamma < k (gamma + i).
     """
-    least = gain - share * fed_back
+    least = gain if inside else gain - share
     return min(1.0, share * gain / least) if least > 0.0 else 1.0
 
 
@@ -31,21 +31,22 @@ class State(NamedTuple):
 
 
 class Law(NamedTuple):
-    """The numbers of a joint's law, (1a) to (1c) of ``docs/math.md``, by ticks: for the kernel.
+    """The numbers of a joint's law, (1a) to (1d) of ``docs/math.md``, by ticks: for the kernel.
 
     Attributes:
         gain: gamma = v_max / theta_0 [1/tick].
-        top: Limit of the drive, v_max + gamma delta, with an integral v_max [rad/tick].
+        top: Limit of the drive, v_max + gamma delta, in a speed loop v_max [rad/tick].
         friction: gamma delta, delta the dead band [rad/tick].
         share: Share of the difference between demanded speed and speed by which a motor changes
             its speed in a tick: k = 1 - exp(-tick / time constant) [-].
         acceleration: Largest change of the speed in a tick [rad/tick^2].
         sag_sin: Sag by the sine of the angle [rad].
         sag_cos: Sag by its cosine [rad].
-        integral_share: Share of the demanded speed by which the integral of the servo's loops
-            changes in a tick [-].
-        integral_feedback: Share of the speed that is subtracted from that change [-]: in a speed
-            loop the same, in a position controller 0.
+        integral_share: Share of the difference between demanded speed and speed by which the
+            integral of a speed loop changes in a tick [-]; in a position controller of that between
+            demanded speed and integral.
+        integral_inside: Part of the integral that is added within the limits of the drive [-]: 0 in
+            a speed loop, 1 in a position controller.
     """
 
     gain: float
@@ -56,7 +57,7 @@ class Law(NamedTuple):
     sag_sin: float = 0.0
     sag_cos: float = 0.0
     integral_share: float = 0.0
-    integral_feedback: float = 0.0
+    integral_inside: float = 0.0
 
     @property
     def states(self) -> int:
@@ -90,12 +91,12 @@ class Law(NamedTuple):
         integral = integral_rate + position_integral_rate
         return cls(
             gain * tick,
-            (v_max if integral > 0.0 else v_max + friction) * tick,
+            (v_max if integral_rate > 0.0 else v_max + friction) * tick,
             friction * tick,
             motor_share(time_constant, tick),
             max_acceleration * tick**2,
             sag_sin,
             sag_cos,
             integral * tick,
-            integral_rate * tick,
+            float(position_integral_rate > 0.0),
         )

@@ -82,7 +82,8 @@ def run_steady_cycle(cycle: Cycle, near: float, most: int) -> float:
         :data:`CYCLE_TOLERANCE`.
     """
     law = cycle.law
-    v_max = law.top - law.friction if law.integral_share == 0.0 else law.top
+    beyond_drive = law.integral_share > 0.0 and law.integral_inside == 0.0
+    v_max = law.top if beyond_drive else law.top - law.friction
     slower, faster = extremes(cycle.faster)
     by_pose = np.hypot(law.sag_sin, law.sag_cos)
     top = v_max + max(-slower, faster) + law.gain * by_pose

@@ -39,10 +39,14 @@ def period(
     faster = (model.v_offset + model.speed_per_torque * load) * model.tick
     corner = None if radius is None else law.gain * radius
     for weights in weights_by_tick(model).tolist():
+        raised = level + law.integral_inside * integral / law.gain
         demand = law.gain * _pose_sag(law, angle) + sum(
             weight
             * _clip(
-                law.gain * (requests[j] + level - angle), faster - law.top, faster + law.top, corner
+                law.gain * (requests[j] + raised - angle),
+                faster - law.top,
+                faster + law.top,
+                corner,
             )
             for j, weight in enumerate(weights)
             if weight
@@ -87,7 +91,8 @@ def _pose_sag(law: Law, angle: Any) -> Any:
 def _moved(law: Law, demand: Any, speed: Any, integral: Any, corner: Any) -> tuple[Any, Any]:
     """Speed and integral after a tick [rad/tick]: inertia and friction, as in ``kernel.moved``."""
     corner = None if corner is None else law.share * corner
-    friction, aim, limited = law.share * law.friction, demand + integral, 0.0
+    friction, limited = law.share * law.friction, 0.0
+    aim = demand + (1.0 - law.integral_inside) * integral
     if law.share == 1.0 and friction:
         aim, friction = aim - _clip(aim, -friction, friction, corner), 0.0
     if law.share < 1.0 or math.isfinite(law.acceleration):
@@ -97,8 +102,8 @@ def _moved(law: Law, demand: Any, speed: Any, integral: Any, corner: Any) -> tup
             change = _clip(change, -law.acceleration, law.acceleration, corner)
         aim = speed + change
     now = aim - _clip(aim, -friction, friction, corner) if friction else aim
-    change = law.integral_share * demand - law.integral_feedback * now
-    return now, integral + (1.0 - limited) * change
+    paid = integral if law.integral_inside else now
+    return now, integral + law.integral_share * (1.0 - limited) * (demand - paid)
 
 
 def _limited(change: Any, most: float, radius: Any) -> Any:

@@ -373,7 +373,7 @@ def no_bound(plan: Plan) -> str:
     faster = [name or "the joint" for name, model in pairs if model.exceeds_v_max]
     if not faster:
         return ""
-    return f"for {', '.join(faster)}: with an integral term v_max may be exceeded"
+    return f"for {', '.join(faster)}: with the integral of a speed loop v_max may be exceeded"
 
 
 def start_words(plan: Plan) -> str:

@@ -20,7 +20,7 @@ from tests.independent import equation_2, from_rest, next_cycle
 from tests.instances import random_model
 from tests.model.rounded_periods import rounded_periods
 from tests.model.test_symbolic import chained
-from tests.strategies import models, trajectories
+from tests.strategies import INTEGRALS, models, trajectories
 
 SAME = 1e-12
 """Two ways to run the same recursion over a few hundred ticks agree to this [rad]."""
@@ -81,7 +81,7 @@ def test_the_slope_of_the_speed_changes_at_the_corners_only(model, load):
         assert ends[1] - ends[0] == pytest.approx(slope * (high - low), abs=1e-11 * model.v_max)
 
 
-ANY = models(friction=True, inertia=True, integral=True, poses=True)
+ANY = models(friction=True, inertia=True, integrals=INTEGRALS, poses=True)
 
 
 @given(ANY, trajectories(), st.floats(-1.0, 1.0), st.integers(0, 9))

@@ -9,12 +9,10 @@ import numpy as np
 import pytest
 
 from planner import Infeasible, InvalidModel, JointModel, invert_optimal, line_offset, simulate
+from tests.strategies import INTEGRALS
 
 SETTLED = 1e-9
 """Distance of two cycles in a row that counts as none [rad]."""
-
-
-INTEGRALS = ("integral_rate", "position_integral_rate")
 
 
 def ringing_joints():
@@ -31,7 +29,7 @@ def ringing_joints():
             hold=10,
             time_constant=rng.uniform(0.02, 0.12),
             max_acceleration=rng.uniform(20.0, 200.0),
-            **{rng.choice(INTEGRALS): rng.choice([0.0, 3.0])},
+            integral_rate=rng.choice([0.0, 3.0]),
         )
         turn, size = np.linspace(0.0, 2.0 * np.pi, rng.integers(8, 60)), rng.uniform(0.05, 0.5)
         yield model, size * (np.sin(turn[:-1]) + 0.3 * np.sin(3.0 * turn[:-1] + 1.0))
@@ -118,6 +116,8 @@ def test_the_integral_of_a_position_controller_leaves_only_the_lag_behind_a_line
     )
     line = 1.5 * model.tick * np.arange(3000)
     behind = line - simulate(model, line, cyclic=False)
-    assert behind[-1] == pytest.approx(1.5 * (model.lag + 0.5 * (model.acceleration_time - model.tick)), abs=1e-6)
+    assert behind[-1] == pytest.approx(
+        1.5 * (model.lag + 0.5 * (model.acceleration_time - model.tick)), abs=1e-6
+    )
     held = simulate(model, np.repeat([0.0, 0.015], 1500), cyclic=False)  # within the dead band
     assert held[-1] == pytest.approx(0.015, abs=2e-3)

@@ -135,7 +135,9 @@ def _conditions_of_speed(
         later <= shrunk(corner) + cp.multiply(rise, free(now) - corner),
     ]
     # Condition 2b: the window's, through the motor; friction may turn from one side to the other.
-    if math.isinf(a) or a + s <= np.min(drive_change(cp.Constant(highest)).value):
+    # An integral moves the drive without its requests.
+    moved = problem.model.position_integral_rate > 0.0
+    if not moved and (math.isinf(a) or a + s <= np.min(drive_change(cp.Constant(highest)).value)):
         before = cp.hstack([w[-1:], w[:-1]]) if cyclic else w[:-2]
         released = 2.0 * s * (1.0 + cp.multiply(-1.0 / lowest, now))
         gained = (now + k * drive_change(now) + released)[0 if cyclic else 1 :]

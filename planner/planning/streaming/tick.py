@@ -80,7 +80,7 @@ def _fields(numbers: str, counts: str) -> np.dtype[np.void]:
 
 JOINT = _fields(
     "gain top friction share acceleration sag_sin sag_cos "  # of its law
-    "integral_share integral_feedback "
+    "integral_share integral_inside "
     "offset compliance "  # its sag [rad], and the change of that by a load [rad/(N m)]
     "faster faster_by_load "  # how much faster it is in the positive direction, likewise [/tick]
     "v_max travel theta_0 dead_band "  # [rad/tick], [rad/period], [rad], [rad]
@@ -221,7 +221,7 @@ def law_of(joint: Record) -> Law:
         joint.sag_sin,
         joint.sag_cos,
         joint.integral_share,
-        joint.integral_feedback,
+        joint.integral_inside,
     )
 
 
