@@ -77,9 +77,9 @@ LEAST_INERTIA = 0.5
 """Least time constant beside an integral, in ticks: below it an integral reproduces play."""
 
 LEAST_RATE = 0.3
-"""Least rate of a speed loop's integral, times the delay of the joint: a slower one reproduces drifts and small
-errors of a joint that rings. (Of seven simulated cascades it is 1.1 to 2.9, of such a joint 0.1 to
-0.2.)"""
+"""Least rate of a speed loop's integral, times the delay of the joint: a slower one reproduces
+drifts and small errors of a joint that rings. (Of seven simulated cascades it is 1.1 to 2.9, of
+such a joint 0.1 to 0.2.)"""
 
 INTEGRAL_START = 0.5
 """Rate of an integral, times the delay of the joint, from which the search for one begins."""
@@ -208,8 +208,8 @@ def with_motor(fit: Fit, terms: tuple[Term, ...]) -> tuple[Fit, tuple[Term, ...]
     """The fit with the terms of a motor and the integrals of its loops that reduce the loss.
 
     A slow integral imitates a drift: a speed loop's has to act in a time not far above the joint's
-    delay, and the log has to determine it, and the time constant beside it. Without inertia it imitates play,
-    with a dead band as wide.
+    delay, and the log has to determine it, and the time constant beside it. Without inertia it
+    imitates play, with a dead band as wide.
 
     Args:
         fit: A fit with terms.
