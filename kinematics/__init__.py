@@ -14,9 +14,8 @@ if TYPE_CHECKING:
         UnsupportedLeg,
     )
     from kinematics.inverse import InverseSolution
-    from kinematics.leg import Leg
+    from kinematics.leg import Leg, foot_function
     from kinematics.robot import urdf_path
-    from kinematics.symbolic import foot_function
 
 _HOMES = {
     "InvalidInput": "exceptions",
@@ -26,7 +25,7 @@ _HOMES = {
     "Limits": "chain",
     "UnreachableFoot": "exceptions",
     "UnsupportedLeg": "exceptions",
-    "foot_function": "symbolic",
+    "foot_function": "leg",
     "urdf_path": "robot",
 }
 

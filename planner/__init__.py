@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from planner.planning.line_inverse import line_offset
     from planner.planning.plan import Plan
     from planner.planning.result import FootInversion, Inversion, Learning, SensorDelay, Trial
-    from planner.planning.streaming.stream import Stream
+    from planner.planning.stream import Stream
     from planner.planning.time_shift import invert_shift
     from planner.recording.replaying import Replay, replay
     from planner.recording.retiming import Fastest, fastest
@@ -143,7 +143,7 @@ _HOMES = {
         "SensorDelay",
         "Trial",
     ),
-    "planner.planning.streaming.stream": ("Stream",),
+    "planner.planning.stream": ("Stream",),
     "planner.planning.time_shift": ("invert_shift",),
     "planner.learning.refine": ("refine",),
     "planner.model.joint": ("JointModel",),

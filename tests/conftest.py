@@ -41,7 +41,7 @@ SLOWEST = (
     "tests/docs/test_pages.py",
     "tests/approximation/test_search.py",
     "tests/identification/test_terms.py",
-    "tests/planning/streaming/test_stream.py",
+    "tests/planning/test_stream.py",
     "tests/corpus/test_corpus.py",
     "tests/report/test_in_a_browser.py",
     "tests/robustness/test_killed.py",

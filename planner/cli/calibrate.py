@@ -18,12 +18,12 @@ from planner.exceptions import InvalidFile, about
 from planner.files.text import write_text
 
 if TYPE_CHECKING:
-    from planner.calibration.candidates import Compared
-    from planner.calibration.measure import Check
     from planner.identification.log import Log
     from planner.identification.result import Identification
     from planner.model.joint import JointModel
     from planner.robot.arm import Arm, Servo
+    from planner.robot.candidates import Compared
+    from planner.robot.measure import Check
     from planner.robot.protocols import ServoProtocol
 
 
@@ -127,7 +127,7 @@ def calibrate(
         request-planner plan path.csv --model arm.toml -o requests.csv
         request-planner play requests.csv --bus virtual --model arm.toml -o log.csv
     """  # noqa: D301
-    from planner.calibration import measure
+    from planner.robot import measure
     from planner.robot.arm import Arm
 
     if choices["rate_hz"] < SLOWEST:
@@ -240,7 +240,7 @@ def _wants_hand(ranges: Mapping[str, Any]) -> bool:
 
 
 def _by_hand(arm: Arm) -> dict[str, Any]:
-    from planner.calibration.measure import ranges_by_hand
+    from planner.robot.measure import ranges_by_hand
 
     for servo in arm.servos.values():
         arm.bus.write(servo.id, "torque", 0)
@@ -262,9 +262,9 @@ def _calibrate_joint(
     resume: bool,
     progress: Progress,
 ) -> Compared:
-    from planner.calibration.candidates import WORDS, compare
-    from planner.calibration.measure import angles_of, excitation, move
     from planner.identification.identify import identify
+    from planner.robot.candidates import WORDS, compare
+    from planner.robot.measure import angles_of, excitation, move
 
     def measured(way: str, requests: Any) -> Any:
         progress(f"{joint}: test motion, {WORDS[way]}")  # type: ignore[index]
@@ -390,10 +390,10 @@ def check(
     """  # noqa: D301
     from tempfile import TemporaryDirectory
 
-    from planner.calibration.measure import check as look
-    from planner.calibration.measure import excitation, move
     from planner.files.joint_model import read_model_file, read_servos
     from planner.identification.identify import identify
+    from planner.robot.measure import check as look
+    from planner.robot.measure import excitation, move
 
     servos = read_servos(model)
     joints = chosen or tuple(servos)

@@ -20,7 +20,7 @@ from planner.trajectory import Array, as_rows
 from planner.validation import as_positive, shown
 
 if TYPE_CHECKING:
-    from planner.planning.streaming.stream import Stream
+    from planner.planning.stream import Stream
 
 Send = Callable[[Array], Any]
 """Sends one row of requests [rad], shape (k,), to the joints."""

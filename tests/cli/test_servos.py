@@ -14,7 +14,6 @@ import numpy as np
 import pytest
 
 from planner import JointModel
-from planner.calibration import measure
 from planner.cli import buses
 from planner.cli.calibrate import _changes, _errors
 from planner.cli.play import _a_row_each
@@ -27,6 +26,7 @@ from planner.identification.log import Log
 from planner.identification.result import Interval
 from planner.model.evidence import Evidence
 from planner.model.response import simulate
+from planner.robot import measure
 from planner.robot.arm import Arm
 from planner.robot.play import Playback
 from planner.virtual import servo_bus

@@ -17,7 +17,7 @@ from made_up_robots import (
 )
 
 from kinematics import Leg
-from kinematics.symbolic import foot_function
+from kinematics.leg import foot_function
 
 ROUNDING = 1e-12
 """Two routes through the same kinematics agree to this [m, m/rad]."""

@@ -10,7 +10,6 @@ import pytest
 
 from kinematics import Leg, urdf_path
 from planner import JointModel, Log, plan, replay, simulate
-from planner.calibration.candidates import WORDS, Candidate, Compared
 from planner.identification.result import Interval
 from planner.model.evidence import Evidence
 from planner.recording.retiming import Fastest, Impossible, SpeedErrors
@@ -25,6 +24,7 @@ from planner.report.plan import feet_table, plan_page, verdict
 from planner.report.replay import replay_page, speeds_figure
 from planner.report.sweep import Outcome, Requirement, Swept, sweep_page
 from planner.report.table import at_most, two_digits
+from planner.robot.candidates import WORDS, Candidate, Compared
 from tests.corpus.page_text import check_needs_nothing_else, figures_of, text_of
 from tests.corpus.test_corpus import masked
 from tests.report.made_up import made_up, made_up_log, never_saturated

@@ -11,7 +11,6 @@ from typing import NamedTuple
 import numpy as np
 from markupsafe import Markup
 
-from planner.calibration.candidates import WORDS, Compared
 from planner.identification.result import Identification
 from planner.report.identification.figures import (
     cloud_figure,
@@ -44,6 +43,7 @@ from planner.report.page import (
     parameters_of,
 )
 from planner.report.table import NOTHING, Column, Row, Table, number, percent
+from planner.robot.candidates import WORDS, Compared
 
 
 class Joint(NamedTuple):

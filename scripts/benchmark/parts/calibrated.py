@@ -16,14 +16,14 @@ import numpy as np
 from benchmark.parts import Options
 from benchmark.parts.servos import Array, early, motions
 from benchmark.table import Table
-from planner.calibration.candidates import Compared, compare
-from planner.calibration.measure import angles_of, check, excitation, move, with_ranges
 from planner.identification.identify import identify
 from planner.planning.closed_form import invert_closed_form
 from planner.planning.inversion import invert_optimal
 from planner.planning.time_shift import invert_shift
 from planner.robot.arm import Arm, Servo
 from planner.robot.bus import Bus, SerialPort
+from planner.robot.candidates import Compared, compare
+from planner.robot.measure import angles_of, check, excitation, move, with_ranges
 from planner.robot.protocols import FEETECH, PROTOCOLS
 from planner.trajectory import rms
 from planner.virtual.motors import Motor

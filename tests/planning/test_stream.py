@@ -15,8 +15,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import planner
-from planner.planning.streaming.stream import HORIZON
-from planner.planning.streaming.tick import MOST_MISSED
+from planner.planning.stream import HORIZON
+from planner.planning.tick import MOST_MISSED
 from tests.instances import attainable, random_model, saturating
 from tests.pid_servo import PidServo
 

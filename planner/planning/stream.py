@@ -141,8 +141,8 @@ class Stream:
 
     def _lay_out(self) -> None:
         """Allocate, and compute the constants of all ticks."""
-        from planner.planning.streaming import tick
-        from planner.planning.streaming.repeating_path import repeating_path
+        from planner.planning import tick
+        from planner.planning.repeating_path import repeating_path
 
         models, count, preview = self.models, len(self.models), self.preview
         ages = request_ages_of_all(models)
@@ -183,7 +183,7 @@ class Stream:
 
     def reset(self) -> None:
         """Return to the initial state: the next step is a first one, with the joints at rest."""
-        from planner.planning.streaming.tick import LEAST_DAMPING
+        from planner.planning.tick import LEAST_DAMPING
 
         states, path = self._data.states, self._path
         for array in (states["angle"], states["read"], states["believed"], *path[:3]):
@@ -278,7 +278,7 @@ class Stream:
 
     def _plan(self, missed: int) -> bool:
         """Whether the tick has planned; it has not where arguments are invalid."""
-        from planner.planning.streaming.tick import tick
+        from planner.planning.tick import tick
 
         return tick(self._data, self._path, min(missed, 10_000), self._raises)
 
@@ -343,7 +343,7 @@ class Stream:
 
     def _error(self, faults: Sequence[int]) -> InvalidInput:
         """The problem of a joint's arguments; a desired angle comes before a measured one."""
-        from planner.planning.streaming import tick
+        from planner.planning import tick
 
         fault = min(each for each in faults if each)
         amounts = np.where(np.equal(faults, fault), self._data.states["amount"], -1.0)

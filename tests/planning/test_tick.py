@@ -10,9 +10,9 @@ import pytest
 from planner.model.joint import request_ages, weights_by_tick
 from planner.model.law import State
 from planner.model.response import simulate
-from planner.planning.streaming import tick
-from planner.planning.streaming.stream import Stream
-from planner.planning.streaming.tick import EXCEEDING, JOINT, RESTING, SAMPLE, STATE, Problem
+from planner.planning import tick
+from planner.planning.stream import Stream
+from planner.planning.tick import EXCEEDING, JOINT, RESTING, SAMPLE, STATE, Problem
 from tests.from_python import from_python
 from tests.instances import random_model
 from tests.model.rounded_periods import rounded_periods

@@ -8,7 +8,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from planner.calibration.measure import (
+from planner.exceptions import BusError, InvalidInput
+from planner.identification.log import Log
+from planner.robot.arm import Arm, Servo
+from planner.robot.bus import Bus
+from planner.robot.measure import (
     LOOKS,
     angles_of,
     check,
@@ -17,10 +21,6 @@ from planner.calibration.measure import (
     servo_ranges,
     with_ranges,
 )
-from planner.exceptions import BusError, InvalidInput
-from planner.identification.log import Log
-from planner.robot.arm import Arm, Servo
-from planner.robot.bus import Bus
 from planner.robot.protocols import FEETECH
 from planner.virtual.servo_bus import KINDS, Faults, VirtualPort, VirtualServos
 

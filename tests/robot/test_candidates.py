@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from planner import JointModel, invert_optimal
-from planner.calibration import candidates
 from planner.files.joint_model import read_model_file
 from planner.model.evidence import Evidence
 from planner.report.identification.page import WORDS, candidates_table
+from planner.robot import candidates
 
 LIMITS = (-0.7, 0.7)
 INTERVALS = {"v_max": (4.9, 5.1), "dead_band": (0.008, 0.012), "v_offset": (0.01, 0.03)}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from planner.planning.streaming.repeating_path import continue_path, repeating_path
+from planner.planning.repeating_path import continue_path, repeating_path
 
 KNOWN, CYCLE, AHEAD = 10, 40, 15
 

@@ -34,7 +34,7 @@ from planner.compilation import compiled, inner
 from planner.model.kernel import moving_states, periods, pose_sag, run_period
 from planner.model.law import Law, State
 from planner.planning.arguments import NEGLIGIBLE_SAG, ON_THE_LIMIT
-from planner.planning.streaming.repeating_path import Repeating, continue_path
+from planner.planning.repeating_path import Repeating, continue_path
 from planner.trajectory import LARGEST, TURN, Array
 
 STEPS, FIRST_STEPS = 2, 10

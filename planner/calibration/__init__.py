@@ -1,1 +1,0 @@
-"""From servos on a bus to models of their joints: measure, identify, compare, recommend."""

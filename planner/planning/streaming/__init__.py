@@ -1,1 +1,0 @@
-"""Requests while the desired path becomes known: one optimised step at every period."""
