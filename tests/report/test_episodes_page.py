@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from planner.report.episodes import MOST_ROWS, episodes_page
+from planner.report.replay import MOST_ROWS, episodes_page
 
 
 def row(number, planned=0.2, unit="deg", **others):

@@ -13,7 +13,6 @@ from planner import JointModel, Log, plan, replay, simulate
 from planner.identification.result import Interval
 from planner.model.evidence import Evidence
 from planner.recording.retiming import Fastest, Impossible, SpeedErrors
-from planner.report.episodes import MOST_REASONS, episodes_page
 from planner.report.identification.page import (
     calibration_page,
     calibration_text,
@@ -21,7 +20,7 @@ from planner.report.identification.page import (
 )
 from planner.report.page import sources_of
 from planner.report.plan import feet_table, plan_page, verdict
-from planner.report.replay import replay_page, speeds_figure
+from planner.report.replay import MOST_REASONS, episodes_page, replay_page, speeds_figure
 from planner.report.sweep import Outcome, Requirement, Swept, sweep_page
 from planner.report.table import at_most, two_digits
 from planner.robot.candidates import WORDS, Candidate, Compared

@@ -169,8 +169,8 @@ def _print_all(
 ) -> None:
     """Print the errors of the plans of many recordings, and list the failed recordings last."""
     from planner.cli.replay.dataset import episodes_line, episodes_text
-    from planner.report.episodes import episodes_page
     from planner.report.page import sources_of
+    from planner.report.replay import episodes_page
 
     if report is not None:
         with Progress() as progress:

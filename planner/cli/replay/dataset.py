@@ -32,7 +32,7 @@ from planner.files.text import to_json
 from planner.parallel import carry_out
 from planner.recording.recorded_path import WHY
 from planner.recording.replaying import Replay
-from planner.report.episodes import episodes_table
+from planner.report.replay import episodes_table
 from planner.robot.schedule import Schedule
 from planner.trajectory import Array, error_norm
 
