@@ -331,16 +331,17 @@ def periods(
     own, bent = window[1], window[2]
     angles, speeds, integrals = states[0], states[1], states[size - 1]
     demand, restoring, by_demand, by_speed, bend = np.empty((5, count))
-    opened, closing, raising = np.zeros((3, count))
+    (opened, closing, raising), level = np.zeros((3, count)), sags.copy()
     for tick in range(hold):
         demand[:] = 0.0
         restoring[:] = 0.0
+        for k in range(count if inside > 0.0 else 0):
+            level[k] = sags[k] + lifted(law, integrals[k])
         for j in range(width):
             weight = weights[tick, j]
             for k in range(count):
                 low, high = faster[k] - top, faster[k] + top
-                level = sags[k] + (lifted(law, integrals[k]) if size == 3 else 0.0)
-                error = gain * (window[0, j, k] + level - angles[k])
+                error = gain * (window[0, j, k] + level[k] - angles[k])
                 value, slope, bending = rounded_clip(error, low, high, rounded[k])
                 own[j, k] = weight * gain * slope
                 bent[j, k] = weight * gain * gain * bending
@@ -373,8 +374,8 @@ def periods(
                     driven += own[c - 3, k]
                 aimed = driven + (1.0 - inside) * slopes[2, c, k]
                 change = by_speed[k] * slopes[1, c, k] + by_demand[k] * aimed
-                slopes[2, c, k] += closing[k] * (aimed - slopes[1, c, k])
                 paid = slopes[2, c, k] if inside > 0.0 else change
+                slopes[2, c, k] += closing[k] * (aimed - slopes[1, c, k])
                 slopes[2, c, k] += opened[k] * law.integral_share * (driven - paid)
                 slopes[1, c, k] = change
                 slopes[0, c, k] += change
@@ -390,8 +391,8 @@ def periods(
                 aimed = driven + (1.0 - inside) * bends[2, j, k]
                 change = by_speed[k] * bends[1, j, k] + by_demand[k] * aimed
                 change += bend[k] * own[j, k] * restoring[k]
-                bends[2, j, k] += closing[k] * (aimed - bends[1, j, k])
                 paid = bends[2, j, k] if inside > 0.0 else change
+                bends[2, j, k] += closing[k] * (aimed - bends[1, j, k])
                 bends[2, j, k] += opened[k] * law.integral_share * (driven - paid)
                 bends[1, j, k] = change
                 bends[0, j, k] += change
@@ -515,7 +516,7 @@ def along(
             for p in range(count):
                 fast[p] = summed[p] = 0.0
                 now[p] = motion[p] = 1.0 if columns[p] == START else 0.0
-        raised, summed_before = lifted(law, integral), integral
+        raised, held_integral = lifted(law, integral), integral
         sag = servo.sag + servo.sag_by_load * track.loads[t] + raised
         by_pose = pose_sag(law, angle)
         faster = servo.faster + servo.faster_by_load * track.loads[t]
@@ -611,7 +612,7 @@ def along(
                         summed[p] += law.integral_share * (pushed - paid)
                         if column == INTEGRAL:
                             summed[p] += demand
-                            summed[p] -= summed_before if law.integral_inside > 0.0 else speed
+                            summed[p] -= held_integral if law.integral_inside > 0.0 else speed
                 elif accelerated == 1.0:
                     fast[p] = sliding * (pushed + kinks[column])
                 elif column == ACCELERATION:
