@@ -231,7 +231,7 @@ def test_a_cycle_that_stays_in_the_dead_band_moves_with_the_first_request():
 
 @pytest.mark.parametrize("hold", [1, 3])
 @pytest.mark.parametrize("smoothing", [0.0, 0.01, 0.4])
-@pytest.mark.parametrize("inert", [False, True])
+@pytest.mark.parametrize("inert", ["", *INTEGRALS])
 def test_rounded_periods_and_derivatives_are_those_that_casadi_writes(smoothing, hold, inert):
     rng = np.random.default_rng([3, hold])
     samples = 9
@@ -241,7 +241,7 @@ def test_rounded_periods_and_derivatives_are_those_that_casadi_writes(smoothing,
         (plain, None),
         (replace(plain, sag_sin=0.3 * plain.theta_0, sag_cos=-0.4 * plain.theta_0), None),
     ):
-        model = with_inertia(rng, model) if inert else model
+        model = with_inertia(rng, model, inert) if inert else model
         own = request_ages(model)
         before = rng.uniform(-1.0, 1.0, samples)
         size = model.law.states
@@ -277,14 +277,15 @@ def test_rounded_periods_and_derivatives_are_those_that_casadi_writes(smoothing,
             )
 
 
-def with_inertia(rng, model):
+def with_inertia(rng, model, integral="integral_rate"):
     """The joint with a time constant, an acceleration limit, and half of them an integral."""
     inert = replace(model, time_constant=rng.uniform(0.5, 4.0) * model.tick)
     slower = inert.time_constant / model.tick - 1.0 / model.gain_per_tick
     rate = rng.uniform(0.02, min(0.2, 0.5 / max(slower, 1.0)))  # so that it comes to rest
     if rng.random() < 0.5:  # with little friction: else it may stick and slip for ever
         slight = min(model.dead_band, 0.1 * model.theta_0)
-        inert = replace(inert, integral_rate=rate / model.tick, dead_band=slight)
+        rate = min(rate, 0.5 * inert.law.share) if integral != "integral_rate" else rate
+        inert = replace(inert, **{integral: rate / model.tick}, dead_band=slight)
     slowed = inert.law.share * inert.law.friction / model.tick**2  # in a tick, by dry friction
     most = slowed + rng.uniform(0.2, 1.0) * model.v_max / model.tick
     return replace(inert, max_acceleration=most)
