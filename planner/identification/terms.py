@@ -228,7 +228,7 @@ def with_motor(fit: Fit, terms: tuple[Term, ...]) -> tuple[Fit, tuple[Term, ...]
     at, tick = trial.parameters, trial.grid.tick
     possible = at.time_constant >= LEAST_INERTIA * tick
     possible &= at.integral < at.fastest_integral(tick)
-    possible &= not 0.0 < at.integral_rate < LEAST_RATE / at.whole_delay
+    possible &= not _imitates_drift(at)
     determined = all(ends[name].lower > 0.0 for name in needed)
     pays_alone = pays(bare, trial) and _saving(bare, trial) >= LEAST_SAVING
     found = trial if pays(fit, trial) and pays_alone and possible and determined else fit
@@ -237,6 +237,11 @@ def with_motor(fit: Fit, terms: tuple[Term, ...]) -> tuple[Fit, tuple[Term, ...]
         if not (had_it and has_it):
             known[TERMS[name]] = _term(name, has_it, fit, trial, interval)
     return found, tuple(known.values())
+
+
+def _imitates_drift(at: Parameters) -> bool:
+    """Whether the integral of a speed loop is far slower than the joint."""
+    return 0.0 < at.integral_rate < LEAST_RATE / at.whole_delay
 
 
 def _fitted_with_integral(fit: Fit, excerpt: Excerpt) -> tuple[Fit, Fit]:
@@ -254,7 +259,7 @@ def _fitted_with_integral(fit: Fit, excerpt: Excerpt) -> tuple[Fit, Fit]:
             trials.append(
                 search(excerpt.grid, begin, free=free, starts=excerpt.starts, effort=TRIAL)
             )
-    best = min(trials, key=lambda each: each.cost)
+    best = min(trials, key=lambda each: (_imitates_drift(each.parameters), each.cost))
     search = partial(search, fit.grid, free=best.free)
     best = search(best.parameters, starts=fit.starts, effort=TERM)
     if _saving(fit, best) < 0.5 * LEAST_SAVING:  # it will not save enough
