@@ -10,16 +10,18 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d
 
 from planner.cli.console import BadSetting, Key
 from planner.cli.desired import Desired, leg_title
 from planner.cli.models import model_words
 from planner.cli.planning import Prepared, plan_of, task_of
 from planner.exceptions import InvalidFile, about
-from planner.files.columns import split_unit
+from planner.files.columns import pairs, split_unit
 from planner.files.learning_history import LearningState, read_history, write_history
-from planner.files.paths import JOINT_UNITS, JointPath, joint_path, read_joint_path
-from planner.files.table import read_table
+from planner.files.paths import UNEVEN, JOINT_UNITS, JointPath, joint_path, read_joint_path
+from planner.files.table import Table, read_table
+from planner.identification.grid import mean_period
 from planner.learning.refine import refine
 from planner.model.response import load_columns
 from planner.planning.arguments import limits_of_each
@@ -35,6 +37,12 @@ Plans = Mapping[str, Plan]
 
 FOOT = "foot"
 """Name of the plan of a foot."""
+
+MOST_LOST = 3
+"""Measured rows in sequence that may be missing, and are interpolated."""
+
+AVERAGED = 21
+"""Rows whose times make that of a request."""
 
 
 class Measured(NamedTuple):
@@ -125,22 +133,20 @@ def read_executed(path: str, prepared: Prepared) -> Array:
     """
     desired = prepared.desired
     request_path = read_joint_path(path, joints=desired.names)
-    _check_rate(request_path, desired.period)
+    _check_rate(path, request_path.step, desired.period)
     request_path.check_samples(len(desired.angles))
     return request_path.angles
 
 
-def _check_rate(path: JointPath, period: float) -> None:
-    """Raise InvalidFile if the rows of a file are not ``period`` [s] apart."""
-    try:
-        path.check_period(period)
-    except InvalidFile as error:
+def _check_rate(path: str, step: float, period: float) -> None:
+    """Raise InvalidFile if the rows of a file, ``step`` [s] apart, are not ``period`` apart."""
+    if abs(step - period) > UNEVEN * period:
         raise InvalidFile(
-            path.path,
-            f"one row every {path.step:.6g} s, expected one every {period:.6g} s, the time "
-            f"between requests; refine with --rate-hz {1.0 / path.step:.6g} if that is the rate "
+            path,
+            f"one row every {step:.6g} s, expected one every {period:.6g} s, the time "
+            f"between requests; refine with --rate-hz {1.0 / step:.6g} if that is the rate "
             "at which they were planned and sent, else record a row for each request",
-        ) from error
+        )
 
 
 def read_measured(paths: Sequence[str], prepared: Prepared, *, cycles: int | None) -> Measured:
@@ -155,42 +161,85 @@ def read_measured(paths: Sequence[str], prepared: Prepared, *, cycles: int | Non
         InvalidFile: Rows are missing, or at another rate, or no joint was measured.
     """
     desired, blocks, unused_rows = prepared.desired, [], 0
-    samples, tables = len(desired.angles), [read_table(path) for path in paths]
+    samples = len(desired.angles)
+    tables = [_of_a_path(read_table(path), desired.names) for path in paths]
     columns = [
         {parts[0] for each in table.names if (parts := split_unit(each, JOINT_UNITS))}
         for table in tables
     ]
     names = tuple(name for name in desired.names if all(name in each for each in columns))
     for path, table in zip(paths, tables, strict=True):
-        log = joint_path(table, joints=names or desired.names)
-        _check_rate(log, desired.period)
+        log = joint_path(table, joints=names or desired.names, even=False)
+        angles = _a_row_each(table, log, desired.period)
         for name, got in zip(log.names, log.units, strict=True):
             expected = got if desired.units is None else desired.units[desired.names.index(name)]
             if got != expected and {got, expected} - {"deg", "rad"}:
                 raise InvalidFile(
                     path, f"'{name}' is in {got}, expected {expected} as in the path", line=1
                 )
-        count, extra = divmod(len(log.angles), samples)
+        count, extra = divmod(len(angles), samples)
         if not count:
             raise InvalidFile(
                 path,
-                f"got {len(log.angles)} rows, expected {samples} a cycle, one for each request; "
+                f"got {len(angles)} rows, expected {samples} a cycle, one for each request; "
                 "record whole cycles, or cut the file where a cycle begins",
             )
         if extra and (cycles is None or not desired.cyclic):
             raise InvalidFile(
                 path,
-                f"got {len(log.angles)} rows, {extra} more than {count} cycles of {samples}: cut "
-                "the file where cycles begin and end, or say with --cycles how many to take",
+                f"got {len(angles)} rows, {extra} more than {count} cycles of {samples}: cut "
+                "the file where cycles begin and end, or say with --cycles how many to take"
+                + (", or give the times in t_s if rows were lost" if log.times is None else ""),
             )
         unused_rows += extra
-        blocks.append(log.angles[: count * samples].reshape(count, samples, -1))
+        blocks.append(angles[: count * samples].reshape(count, samples, -1))
     angles = np.concatenate(blocks)
     if cycles is not None and cycles > len(angles):
         raise InvalidFile(
             paths[0], f"got {len(angles)} of {samples} rows, expected {cycles} cycles"
         )
     return Measured(names or desired.names, angles[: cycles or len(angles)], unused_rows)
+
+
+def _of_a_path(table: Table, joints: Sequence[str]) -> Table:
+    """The table, where it is a log with its actual angles in columns as a path has them."""
+    names = list(table.names)
+    for pair in pairs(table.names):
+        joint = pair.joint or (joints[0] if len(joints) == 1 else "")
+        parts = split_unit(pair.actual[0], JOINT_UNITS) if len(pair.actual) == 1 else None
+        if pair.requested and joint in joints and parts and f"{joint}_{parts[1]}" not in names:
+            names[table.place(pair.actual[0])] = f"{joint}_{parts[1]}"
+    return replace(table, names=tuple(names))
+
+
+def _a_row_each(table: Table, log: JointPath, period: float) -> Array:
+    """Measured angles [rad], (n, k), a row for each request; rows may come early or late, or miss.
+
+    A row belongs to the request that is whole periods after that of the row before. The time of a
+    request is the mean of those of the rows around it: a clock's jitter is not learnt, and a loop
+    that falls behind keeps its rows.
+
+    Raises:
+        InvalidFile: The rows are at another rate, or have a hole.
+    """
+    if log.times is None:
+        return log.angles
+    steps = np.diff(log.times)
+    step = mean_period(steps, float(np.median(steps)))
+    _check_rate(log.path, step, period)
+    places = np.concatenate([[0.0], np.cumsum(np.rint(steps / step))])
+    longest = int(np.argmax(steps))
+    if places[longest + 1] - places[longest] > MOST_LOST + 1:
+        raise table.fault(
+            f"{steps[longest]:.3g} s after the row before, expected a row every {step:.3g} s, of "
+            f"which at most {MOST_LOST} in sequence may be missing; leave out the cycle with the "
+            "hole, such as by two files of whole cycles",
+            longest + 1,
+        )
+    every = np.arange(places[-1] + 1.0)
+    late = np.interp(every, places, log.times - step * places)
+    due = step * every + uniform_filter1d(late, AVERAGED, mode="nearest")
+    return np.column_stack([np.interp(due, log.times, column) for column in log.angles.T])
 
 
 def executed_plans(

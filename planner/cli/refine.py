@@ -77,9 +77,9 @@ def refine(
 ) -> None:
     """Learn from executed REQUESTS and the angles MEASURED meanwhile: write the next requests.
 
-    REQUESTS is what `plan` or `refine` wrote. MEASURED has the same columns, a row for each
-    request, and as many cycles as were recorded; several files are several recordings of the same
-    requests. Joints that MEASURED has no column for keep their requests. Give the path, the leg,
+    REQUESTS is what `plan` or `refine` wrote. MEASURED has the same columns, or those of a log, a
+    row for each request, and as many cycles as were recorded; by its times single lost rows are
+    filled. Several files are several recordings of the same requests. Joints that MEASURED has no column for keep their requests. Give the path, the leg,
     the models and the limits as to `plan`. After `plan --robust` what was measured takes the place
     of the drawn models: the next requests are for the nominal model and what was learnt.
 

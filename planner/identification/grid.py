@@ -79,7 +79,7 @@ def timing_of(logs: Sequence[Log], *, tick: float | None, hold: int | None) -> T
     """
     pauses = np.concatenate([np.diff(log.times) for log in logs])
     median = float(np.median(pauses))
-    mean = _mean_period(pauses, median)
+    mean = mean_period(pauses, median)
     period = mean if all(_keeps_to(mean, log.times) for log in logs) else median
     unsure = SURE * min(float(np.std(pauses)) / math.sqrt(len(pauses)), 0.01 * period)
     period = round(period, 9) or period  # differences of times that count up are no better
@@ -111,7 +111,7 @@ def unequal(logs: Sequence[Log]) -> bool:
     return max(periods) > 1.05 * min(periods)
 
 
-def _mean_period(pauses: Array, median: float) -> float:
+def mean_period(pauses: Array, median: float) -> float:
     """The mean of pauses that are about whole numbers of their median, up to ten [s]."""
     period = median
     for _ in range(3):

@@ -202,6 +202,60 @@ def test_measured_angles_at_another_rate_are_refused_with_the_option_of_refine(
     assert "refine with --rate-hz 50 if that is the rate" in result.stderr
 
 
+@pytest.fixture
+def late(run, desired, execute):
+    """A line that refines from three cycles whose rows come early or late and are lost."""
+    run("plan", desired, "-o", "requests.csv")
+    angles = np.degrees(execute())
+    count = len(angles)
+
+    def late(*names, jitter=0.2, lost=(100,), drift=1.0):
+        rows = np.arange(3 * count)
+        at = rows + jitter * np.sin(rows**2)  # as uneven as it gets
+        columns = [np.interp(at % count, np.arange(count + 1), np.append(a, a[0])) for a in angles.T]
+        table = np.column_stack([drift * 0.008 * at + 7.0, *columns])
+        np.savetxt("late.csv", np.delete(table, lost, 0), "%.5f", ",", header=",".join(names), comments="")
+        line = ("refine", "requests.csv", "late.csv", "--desired", desired, "--no-reidentify")
+        return run(*line, "-o", "next.csv")
+
+    return late
+
+
+def test_measured_rows_at_uneven_times_are_those_at_even_ones(run, desired, late):
+    """Clocks jitter by a fifth of a period here, one of 264 rows is lost, and loops fall behind."""
+    line = ("refine", "requests.csv", "measured.csv", "--desired", desired, "--no-reidentify")
+    run(*line, "-o", "next.csv")
+    even = read_joint_path("next.csv").angles
+    for changed in ({}, {"drift": 1.005}):
+        result = late("t_s", "hip_deg", "knee_deg", **changed)
+        assert "3 measured cycles of 88 requests" in result.stderr
+        assert read_joint_path("next.csv").angles == pytest.approx(even, abs=np.radians(0.3))
+
+
+def test_measured_rows_with_a_hole_are_refused(late):
+    result = late("t_s", "hip_deg", "knee_deg", lost=(100, 101, 102, 103))
+    assert result.exit_code == 2
+    assert "late.csv, line 102: 0.0" in result.stderr
+    assert "leave out the cycle with the hole" in result.stderr
+
+
+def test_the_actual_angles_of_a_log_are_measured_ones(run, desired, execute):
+    run("plan", desired, "-o", "requests.csv")
+    requests, angles = read_joint_path("requests.csv").angles, execute()
+    names = ("hip_requested", "hip_actual", "knee_requested", "knee_actual")
+    rows = np.stack([requests, angles], axis=2).reshape(len(angles), 4)
+    write_joint_path("log.csv", names, rows, period=0.008)
+    said = [
+        run("refine", "requests.csv", file, "--desired", desired, "--no-reidentify").stdout
+        for file in ("measured.csv", "log.csv")
+    ]
+    assert said[0] == said[1] != ""
+    write_joint_path("log.csv", ("requested", "actual"), rows[:, 2:], period=0.008)
+    line = ("refine", "requests.csv", "log.csv", "--desired", desired, "--no-reidentify")
+    alone = run(*line, "--joint", "knee")
+    assert alone.exit_code == 0, alone.output
+
+
 def keep_columns(file, *names):
     """Leave only some joints in a file of angles."""
     path = read_joint_path(file, joints=names)
