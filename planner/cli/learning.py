@@ -19,7 +19,7 @@ from planner.cli.planning import Prepared, plan_of, task_of
 from planner.exceptions import InvalidFile, about
 from planner.files.columns import pairs, split_unit
 from planner.files.learning_history import LearningState, read_history, write_history
-from planner.files.paths import UNEVEN, JOINT_UNITS, JointPath, joint_path, read_joint_path
+from planner.files.paths import JOINT_UNITS, UNEVEN, JointPath, joint_path, read_joint_path
 from planner.files.table import Table, read_table
 from planner.identification.grid import mean_period
 from planner.learning.refine import refine

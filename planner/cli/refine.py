@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import click
 
 from planner.cli import options, types
@@ -79,9 +81,10 @@ def refine(
 
     REQUESTS is what `plan` or `refine` wrote. MEASURED has the same columns, or those of a log, a
     row for each request, and as many cycles as were recorded; by its times single lost rows are
-    filled. Several files are several recordings of the same requests. Joints that MEASURED has no column for keep their requests. Give the path, the leg,
-    the models and the limits as to `plan`. After `plan --robust` what was measured takes the place
-    of the drawn models: the next requests are for the nominal model and what was learnt.
+    filled. Several files are several recordings of the same requests. Joints that MEASURED has no
+    column for keep their requests. Give the path, the leg, the models and the limits as to `plan`.
+    After `plan --robust` what was measured takes the place of the drawn models: the next requests
+    are for the nominal model and what was learnt.
 
     \b
     Example, the same line after every execution:
@@ -102,7 +105,8 @@ def refine(
 
     prepared = prepare(run)
     desired = prepared.desired
-    options.warn_of(desired.remarks)
+    if history is None or not Path(history).is_file():  # else the first trial has said it
+        options.warn_of(desired.remarks)
     if desired.foot is not None and "method" not in run.plan.keys_set:
         warn(
             f"learning joint by joint, as --method is {run.plan.method}: after a plan for the foot "

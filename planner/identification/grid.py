@@ -83,6 +83,9 @@ def timing_of(logs: Sequence[Log], *, tick: float | None, hold: int | None) -> T
     period = mean if all(_keeps_to(mean, log.times) for log in logs) else median
     unsure = SURE * min(float(np.std(pauses)) / math.sqrt(len(pauses)), 0.01 * period)
     period = round(period, 9) or period  # differences of times that count up are no better
+    plain = float(f"{period:.3g}")  # of 100 Hz with jitter no 99.9981 Hz is known
+    if abs(plain - period) <= 3.0 * float(np.std(pauses)) / len(pauses):
+        period = plain
     longest = max(float(log.times[-1] - log.times[0]) for log in logs)
     reach = max(min(max(50.0 * period, 0.75), 0.25 * longest), 4.0 * period)
     step = math.nan if tick is None else as_number(tick)

@@ -12,7 +12,13 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.identification.log import Log
-from planner.identification.result import Finding, LogFit, angle_in, runs_of_fits
+from planner.identification.result import (
+    Finding,
+    LogFit,
+    angle_in,
+    at_even_times,
+    runs_of_fits,
+)
 from planner.identification.terms import Backlash
 from planner.model.evidence import errors_of_motion
 from planner.model.joint import JointModel
@@ -304,7 +310,8 @@ def with_weights(fits: Sequence[LogFit], noise: float) -> tuple[Log, ...] | None
         for rows in np.split(used, np.flatnonzero(np.diff(used) > 1) + 1):
             if len(rows) < 3:
                 continue
-            changes = np.diff(fit.predicted[rows], 2) / fit.log.period**2
+            angles, period = at_even_times(fit.log.times[rows], fit.predicted[rows])
+            changes = np.diff(angles, 2) / period**2
             around = uniform_filter1d(np.pad(changes**2, 1, mode="edge"), count, mode="nearest")
             sizes = np.sqrt(np.maximum(around, 0.0))
             weights[rows] = calm / np.maximum(calm, np.interp(sizes, (0.0, largest), (calm, most)))

@@ -243,7 +243,7 @@ def _refined(joints: Plan, cycles: Array, sensor_delay: float | None, reidentify
     remarks += remarks_on_delays(joints, delays, spread)
     disturbance, best, gain = _estimated(joints, trials, max(since), noise)
     base = trials[best]
-    new = _next(joints, disturbance)
+    new = _next(joints, disturbance, base)
     change = _change(joints, new, base)
     saving = base.error - _error(joints, base.mean + change)
     stopped = ""
@@ -297,11 +297,14 @@ def _refined(joints: Plan, cycles: Array, sensor_delay: float | None, reidentify
     return replace(new, learning=(learning,))
 
 
-def _next(joints: Plan, disturbance: Array) -> Plan:
-    """The requests for which the nominal models and the disturbance (n, k) make the least error."""
+def _next(joints: Plan, disturbance: Array, base: Trial) -> Plan:
+    """The requests for which the nominal models and the disturbance (n, k) make the least error.
+
+    Of those with about the least error they are the ones near the requests of the trial ``base``.
+    """
     freeze(disturbance)
     task = replace(joints.task.with_models(joints.models), disturbance=disturbance)
-    return planned(task, solver=joints.solver or "gauss-newton")
+    return planned(task, solver=joints.solver or "gauss-newton", executed=base.requests)
 
 
 def _change(joints: Plan, plan: Plan, base: Trial) -> Array:

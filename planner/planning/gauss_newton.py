@@ -41,6 +41,7 @@ class Spec(NamedTuple):
         together: Whether the cost is a power of the errors of all scenarios together.
         bounded: Whether a request has a limit.
         limited: Whether a change of requests has a limit.
+        changes: Whether second differences are those of the distances from ``resting``.
         centring: Weight of distances from ``resting`` beside second differences [-].
         ridge: Curvature added to that of the goal, which may not depend on every angle.
         drives: Of each drive the numbers of its law, then ticks of its request period, unit of the
@@ -66,6 +67,7 @@ class Spec(NamedTuple):
     together: bool
     bounded: bool
     limited: bool
+    changes: bool
     centring: float
     ridge: float
     drives: Array
@@ -319,23 +321,23 @@ def around(sample: int, samples: int, cyclic: bool) -> tuple[int, int, int]:
 
 
 @inner
-def set_away(
-    requests: Array, resting: Array, centring: float, cyclic: bool, smoothing: bool, away: Array
-) -> None:
+def set_away(spec: Spec, requests: Array, smoothing: bool, away: Array) -> None:
     """Fill S applied to the requests, less their centre: distances, or second differences.
 
     There is a second difference for every sample, from rest none for the last one; with a centring
     the distances from ``resting`` follow.
     """
     samples, joints = requests.shape
-    rows = 0
+    resting, rows = spec.resting, 0
     if smoothing:
-        rows = samples if cyclic else samples - 1
+        rows = samples if spec.cyclic else samples - 1
         for k in range(rows):
-            before, here, after = around(k, samples, cyclic)
+            before, here, after = around(k, samples, spec.cyclic)
             for j in range(joints):
                 away[k, j] = requests[before, j] - 2.0 * requests[here, j] + requests[after, j]
-    scale = centring if smoothing else 1.0
+                if spec.changes:
+                    away[k, j] -= resting[before, j] - 2.0 * resting[here, j] + resting[after, j]
+    scale = spec.centring if smoothing else 1.0
     for k in range(len(away) - rows):
         for j in range(joints):
             away[rows + k, j] = scale * (requests[k, j] - resting[k, j])
@@ -408,7 +410,7 @@ def evaluate(spec: Spec, stage: Stage, unit: float, point: Point) -> None:
     jacobians = np.empty((samples, len(spec.shares), axes, joints))
     errors_of(spec, point.states, values, jacobians)
     set_cost(spec, stage, unit, values, jacobians, point)
-    set_away(point.requests, spec.resting, spec.centring, spec.cyclic, stage.smoothing, point.away)
+    set_away(spec, point.requests, stage.smoothing, point.away)
     point.costs[1] = point.costs[0] + stage.weight * squares(point.away)
 
 
@@ -699,7 +701,7 @@ def set_step(
     for number in range(state):
         k, j = number // joints, number % joints
         moved_requests[k, j] = requests[k, j] + step[number]
-    set_away(moved_requests, spec.resting, spec.centring, cyclic, smoothing, further)
+    set_away(spec, moved_requests, smoothing, further)
     return True, predicted + stage.weight * squares(further)
 
 

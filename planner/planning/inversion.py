@@ -351,6 +351,7 @@ def planned(
     method: Method = "optimal",
     solver: Solver = "gauss-newton",
     lines: Mapping[str, Any] | None = None,
+    executed: Array | None = None,
     progress: Callable[[str], None] = lambda _: None,
 ) -> Plan:
     """The plan for a task.
@@ -362,6 +363,7 @@ def planned(
         method: How joints are planned; a foot is optimised.
         solver: Solver of an optimised joint.
         lines: Options of the closed form: segments, rule and refine.
+        executed: Executed requests [rad], (n, k), near which optimised ones stay where they can.
         progress: Called with the name of each joint before it is planned.
 
     Raises:
@@ -381,7 +383,7 @@ def planned(
             return _closed_form(task, lines or {}, progress)
         if method == "shift":
             return shifted(task)
-        solution = solve(task, solver=solver, progress=progress)
+        solution = solve(task, solver=solver, executed=executed, progress=progress)
         foot = task.goal == "foot"
         return Plan(
             task=task,

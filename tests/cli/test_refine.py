@@ -212,9 +212,9 @@ def late(run, desired, execute):
     def late(*names, jitter=0.2, lost=(100,), drift=1.0):
         rows = np.arange(3 * count)
         at = rows + jitter * np.sin(rows**2)  # as uneven as it gets
-        columns = [np.interp(at % count, np.arange(count + 1), np.append(a, a[0])) for a in angles.T]
-        table = np.column_stack([drift * 0.008 * at + 7.0, *columns])
-        np.savetxt("late.csv", np.delete(table, lost, 0), "%.5f", ",", header=",".join(names), comments="")
+        columns = [np.interp(at, rows, np.tile(column, 3)) for column in angles.T]
+        table = np.delete(np.column_stack([0.008 * drift * at + 7.0, *columns]), lost, axis=0)
+        np.savetxt("late.csv", table, "%.5f", ",", header=",".join(names), comments="")
         line = ("refine", "requests.csv", "late.csv", "--desired", desired, "--no-reidentify")
         return run(*line, "-o", "next.csv")
 
@@ -237,6 +237,21 @@ def test_measured_rows_with_a_hole_are_refused(late):
     assert result.exit_code == 2
     assert "late.csv, line 102: 0.0" in result.stderr
     assert "leave out the cycle with the hole" in result.stderr
+
+
+def test_remarks_on_the_path_are_made_at_the_first_trial_alone(run, tmp_path):
+    path, time = tmp_path / "path.csv", np.arange(125) / 125
+    rows = np.radians(20) * (1.0 - np.cos(2 * np.pi * time)) * (np.abs(time - 0.5) < 0.4)
+    write_joint_path(path, ["elbow"], rows[:, np.newaxis], period=0.008)
+    run("plan", path, "-o", "requests.csv")
+    said = []
+    for factor in (1.0, 0.99):
+        requests = read_joint_path("requests.csv").angles[:, 0]
+        angles = factor * simulate(TRUE, requests)[:, np.newaxis]
+        write_joint_path("measured.csv", ["elbow"], angles, period=0.008)
+        line = ("refine", "requests.csv", "measured.csv", "--desired", path, "--no-reidentify")
+        said.append(run(*line, "--history", "all.json", "-o", "requests.csv").stderr)
+    assert ["taken as a cycle" in each for each in said] == [True, False]
 
 
 def test_the_actual_angles_of_a_log_are_measured_ones(run, desired, execute):

@@ -21,8 +21,9 @@ from planner.identification.residual_patterns import (
     stuck,
     with_weights,
 )
-from planner.identification.result import LogFit
+from planner.identification.result import LogFit, runs_of_fits
 from planner.identification.terms import with_calm_friction, with_terms
+from planner.model.evidence import errors_of_motion
 from tests.identification.made import (
     AIBO,
     NOISE,
@@ -274,6 +275,24 @@ def test_rows_weigh_by_the_error_to_expect_of_their_acceleration():
     for share in (0.5, 1.0, 1.1):
         assert with_weights([uneven(share)], 1e-5) is None
     assert with_weights([uneven(8.0)], 1.0) is None
+
+
+def test_rows_at_uneven_times_accelerate_as_those_at_even_ones():
+    """The times of the rows jitter by a tenth of a period, and the angles are those at them."""
+    even = uneven(8.0)
+    rng = np.random.default_rng(1)
+    times = even.log.times + 1e-3 * rng.uniform(-1.0, 1.0, size=2400)
+    late = np.interp(times, even.log.times, even.predicted)
+    angles = even.log.angles + late - even.predicted
+    log = changed(even.log, times=times, angles=angles, requests=angles)
+    jittered = replace(even, log=log, predicted=late, held_out_predicted=late)
+    one, other = (
+        errors_of_motion(runs_of_fits([each], held_out=False)).by_acceleration
+        for each in (even, jittered)
+    )
+    np.testing.assert_allclose(other[-1], one[-1], rtol=0.1)
+    weights = [with_weights([each], 1e-5)[0].weights for each in (even, jittered)]
+    assert np.mean(np.abs(weights[1] - weights[0])) <= 0.05
 
 
 def test_rows_that_are_not_fitted_keep_their_weight_and_part_what_is_beside_them():

@@ -774,3 +774,26 @@ def test_the_bound_of_a_foot_is_computed_once_and_where_learning_ends(a_foot, mo
         bound, _ = refining._floor(a_foot.plan, disturbed, noise, learning, ended=ended)
         assert bound == pytest.approx(floor, nan_ok=True)
     assert bounds == [None, None]  # of the models alone
+
+
+def test_a_small_error_changes_requests_of_a_saturated_joint_little() -> None:
+    """Requests 5 degrees away have about the same error by the model, and others by the joint."""
+    time = np.arange(100) * 0.01
+    wave = 16 * np.sin(2 * np.pi * time) + 5 * np.sin(4 * np.pi * time + 1)
+    desired = np.radians(11 + 1.1 * wave + 2.2 * np.sin(6 * np.pi * time))
+    joint = planner.JointModel(
+        v_max=4.1,
+        theta_0=0.163,
+        lag=0.0,
+        acceleration_time=0.01,
+        tick=0.01,
+        dead_band=0.013,
+        v_offset=-0.41,
+        time_constant=0.068,
+    )
+    plan = planner.invert_optimal(joint, desired)
+    angles = planner.simulate(joint, plan.requests)
+    for phase in (0.0, 2.0, 3.0):
+        error = np.radians(0.2) * np.sin(2 * np.pi * time + phase)
+        change = planner.refine(plan, angles + error).requests - plan.requests
+        assert np.max(np.abs(change)) <= np.radians(1.0)
