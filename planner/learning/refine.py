@@ -180,7 +180,7 @@ def refine(
         ...     print(f"{np.degrees(np.sqrt(np.mean((angles - desired) ** 2))):.2f} deg rms")
         ...     plan = refine(plan, angles)
         1.10 deg rms
-        0.06 deg rms
+        0.08 deg rms
         0.01 deg rms
     """
     reidentify = as_flag("reidentify", reidentify)

@@ -92,6 +92,11 @@ HARDLY = 1.25
 """Ratio of the errors up to which the best requests are hardly better than those near executed
 ones. At 1.05 four of nine series of trials of servos with an integral term go astray."""
 
+ROUGHER = 3.0
+"""Ratio of the sums of squared second differences beyond which the best requests are smoother: of
+a joint far beyond its top speed requests near the executed ones may have a hundred times theirs,
+of six servos within their speeds at most 2.1 times."""
+
 NEAR = tuple(Stage(radius, 1e-2) for radius in (0.1, 0.04, 0.02, 0.008, 0.006))
 """Stages near executed requests. (With a third of the weight the third trials of one servo in two
 with an integral term are twice as far off, with three times the weight those of a hobby servo.)"""
@@ -184,8 +189,9 @@ def nearer(problem: Problem, requests: Array, executed: Array) -> Array:
         return requests
     nearby = replace(problem, near=start)
     answer = smoothed(nearby, minimise(nearby, State(start, angles), NEAR)[0])
-    hardly = problem.exact_error(answer) <= HARDLY * problem.error(best)
-    return answer if hardly else requests
+    worse = problem.exact_error(answer) > HARDLY * problem.error(best)
+    rougher = problem.roughness(answer) > ROUGHER * problem.roughness(requests)
+    return requests if worse or rougher else answer
 
 
 def first_request_freed(
