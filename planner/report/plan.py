@@ -380,17 +380,18 @@ def start_words(plan: Plan) -> str:
     """How to bring joints to the start of a plan from rest; "" where it makes no difference.
 
     The first request holds a joint at its start in the middle of its dead band. A joint that comes
-    to rest under it stops by that band before, or stays as far beyond: worth saying where that is
-    more than the error to expect, and than a step of an encoder.
+    to rest under it stops short of its start by that band, on either side. An integral term
+    overcomes the friction. It is said where that is more than the error to expect, and than a step
+    of an encoder.
     """
     if plan.cyclic:
         return ""
     off = {
-        name or "the joint": math.degrees(model.dead_band)
+        name or "the joint": math.degrees(model.steady.dead_band)
         for name, model, expected, own in zip(
             plan.names, plan.models, plan.expected, map(rms, plan.errors.T), strict=True
         )
-        if model.dead_band > max(np.nan_to_num(expected.error, nan=own), ENCODER_STEP)
+        if model.steady.dead_band > max(np.nan_to_num(expected.error, nan=own), ENCODER_STEP)
     }
     if not off:
         return ""

@@ -316,3 +316,9 @@ def test_a_plan_from_rest_says_how_to_come_to_its_start_where_friction_exceeds_i
             led = plan.requests[0, 0] + way * (dead_band + slow)
             angles = planner.simulate(model, led, cyclic=False, start=-0.4 * way)
             assert angles[-1] == pytest.approx(desired[0], abs=0.1 * dead_band)
+
+
+def test_an_integral_term_leads_a_joint_with_friction_to_its_start():
+    model = replace(SERVO, dead_band=0.1, time_constant=0.02, position_integral_rate=3.0)
+    desired = 0.1 - 0.1 * np.cos(2.0 * np.pi * np.arange(250) / 250)
+    assert not start_words(planner.plan([model], desired[:, None], cyclic=False, names=["knee"]))
