@@ -382,7 +382,8 @@ def check(
     """Move each joint briefly, and say whether its model still holds and what has changed.
 
     A battery, wear or a load changes a joint. The exit status is 1 where a model no longer holds.
-    Parts of the motion that go beyond the logs of the calibration are not compared.
+    Parts of the motion that are beyond the logs of the calibration are not compared; where all of
+    it is, a large error is no verdict.
 
     \b
     Example:
@@ -422,8 +423,8 @@ def check(
                 twice = excitation(arm, name, period=period, duration=2.0 * duration_s)
                 requests = twice[: (len(twice) + 1) // 2]  # as slow as a calibration of twice that
                 log = move(arm, name, requests, period=period, log=Path(folder, "log.csv"))
-                error, before, beyond = _errors(models[name].requested_every(period), log)
-                holds = error <= max(WORSE * before, SMALL)
+                error, expected, beyond = _errors(models[name].requested_every(period), log)
+                holds = error <= max(WORSE * expected, SMALL)
                 changes = _settings_changed(servos[name].settings, checked.settings[name])
                 if not holds:
                     progress(f"{name}: identifying")
@@ -433,20 +434,24 @@ def check(
                         changes += _changes(models[name], identification)
                         outdated.append(name)
                 if beyond:
-                    changes.append(
-                        f"{beyond:.0%} of the motion is beyond the logs of the calibration"
-                        + (" and was not compared" if beyond < 1.0 else ": choose a longer one")
+                    then = (
+                        " and was not compared" if beyond < 1.0 else ": use a longer --duration-s"
                     )
-                verdict = "holds" if holds else "no longer holds" if beyond < 1.0 else "is unknown"
+                    changes.append(
+                        f"{beyond:.0%} of the motion is beyond the logs of the calibration{then}"
+                    )
+                verdict = (
+                    "holds" if holds else "no longer holds" if beyond < 1.0 else "is not judged"
+                )
                 document[name] = {
                     "holds": holds if holds or beyond < 1.0 else None,
                     "rms_deg": math.degrees(error),
-                    "rms_before_deg": math.degrees(before),
+                    "rms_before_deg": math.degrees(expected),
                     "changes": changes,
                 }
                 lines.append(
                     f"{name}: the model {verdict}: misses {math.degrees(error):.2f} deg rms, "
-                    f"{math.degrees(before):.2f} when it was calibrated"
+                    f"{math.degrees(expected):.2f} expected by its test"
                     + "".join(f"; {change}" for change in changes)
                 )
     print_answer({"joints": document}, "\n".join(lines), as_json=as_json)
@@ -455,10 +460,10 @@ def check(
 
 
 def _errors(model: JointModel, log: Log) -> tuple[float, float, float]:
-    """How far the model misses the log, how far it was to, both rms [rad], and what is left out.
+    """Error of the model in a log, error to expect of it, both rms [rad], and share left out [-].
 
-    Left out are parts whose motion is outside the tested range, unless all are. Their share of the
-    rows is the third number. A servo holds its last request over rows that were lost.
+    Parts whose motion is outside the tested range are left out, unless all are: the share is then
+    1. A servo holds its last request over rows that were lost.
     """
     import numpy as np
 
@@ -472,17 +477,17 @@ def _errors(model: JointModel, log: Log) -> tuple[float, float, float]:
     predicted = simulate(model, requests, cyclic=False, start=float(log.angles[0]))
     length = min(round(OPTIONS.window / period), len(predicted))
     within = np.zeros(len(predicted), dtype=bool)
-    told: dict[bool, list[float]] = {False: [], True: []}
+    expected: dict[bool, list[float]] = {False: [], True: []}
     for begin in {*range(0, len(predicted) - length, length // 2), len(predicted) - length}:
         part = slice(begin, begin + length)
         outside = evidence.exceeded(predicted[part], period=period, cyclic=False)
         inside = not {*outside} - {TRACKING}
         within[part] |= inside
-        told[inside].append(evidence.error_of(predicted[part], period=period, cyclic=False))
+        expected[inside].append(evidence.error_of(predicted[part], period=period, cyclic=False))
     compared = log.measured & (within[due] if within.any() else True)
     return (
         rms((predicted[due] - log.angles)[compared]),
-        rms(np.array(told[bool(within.any())])),
+        rms(np.array(expected[bool(within.any())])),
         float(np.mean(~within)),
     )
 

@@ -532,7 +532,7 @@ CHECKED = (
     (0.1, 0.31, 0.16, 0.0, "holds"),  # hard for any model
     (0.1, 0.31, 0.1, 0.9, "no longer holds"),
     (0.1, 0.31, 0.16, 1.0, "holds"),
-    (0.1, 0.31, 0.1, 1.0, "is unknown"),
+    (0.1, 0.31, 0.1, 1.0, "is not judged"),
 )
 
 
@@ -564,12 +564,12 @@ def test_a_model_holds_within_twice_its_error_a_small_one_or_twice_a_new_models(
     assert rates == [(0.02, 150)] * 2
     changed = "; D is 32, and was 30"
     changed += "; v_max is 3, and was 5" if verdict == "no longer holds" else ""
-    whole = "choose a longer one" if beyond == 1.0 else " and was not compared"
+    whole = ": use a longer --duration-s" if beyond == 1.0 else " and was not compared"
     changed += f"; {beyond:.0%} of the motion is beyond the logs of the calibration" * bool(beyond)
     for name in moved:
         assert (
-            f"{name}: the model {verdict}: misses {now:.2f} deg rms, {before:.2f} when it was "
-            f"calibrated{changed}"
+            f"{name}: the model {verdict}: misses {now:.2f} deg rms, {before:.2f} expected by "
+            f"its test{changed}"
         ) in result.stderr
     assert (whole in result.stderr) == (beyond > 0.0)
     assert result.exit_code == (verdict == "no longer holds")
