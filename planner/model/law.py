@@ -15,11 +15,12 @@ def fastest_integral(gain: float, share: float, *, inside: bool) -> float:
     """The share of an integral from which on a joint oscillates for ever, by Jury's criterion [-].
 
     With the gain gamma [1/tick] and the share k of the motor it comes to rest if and only if the
-    share i of the integral is below 1 and, in a position controller (``inside`` the drive), below
-    k, in a speed loop i gamma < k (gamma + i).
+    share i of the integral is below k in a position controller (``inside`` the drive), and in a
+    speed loop below 1 with i gamma < k (gamma + i).
     """
-    least = gain if inside else gain - share
-    return min(1.0, share * gain / least) if least > 0.0 else 1.0
+    if inside:
+        return share
+    return 1.0 if gain <= share else min(1.0, share * gain / (gain - share))
 
 
 class State(NamedTuple):

@@ -295,7 +295,7 @@ class SpeedCondition(NamedTuple):
 
 
 def speed_conditions(model: JointModel, side: Side) -> list[SpeedCondition]:
-    """Bounds on the speed after a tick: conditions 2 or, with inertia, 2a and mostly 2b."""
+    """Bounds on the speed after a tick: condition 2 or, with inertia, 2a and where derived 2b."""
     slope, most = drive_change(model, side)
     if not model.has_inertia:
         return [SpeedCondition(1.0 - slope, 0.0, most)]
@@ -303,11 +303,10 @@ def speed_conditions(model: JointModel, side: Side) -> list[SpeedCondition]:
     law = model.law
     friction = law.braking
     # Condition 2b is derived where the acceleration limit is below what the window allows, and
-    # no integral moves the drive.
+    # no integral term moves the drive.
     least = np.min(most - slope * side.fastest)
-    if model.position_integral_rate > 0.0:
-        return conditions
-    if law.acceleration + friction <= least or np.isinf(law.acceleration):
+    limited = law.acceleration + friction <= least or np.isinf(law.acceleration)
+    if limited and model.position_integral_rate == 0.0:
         kept = 1.0 - law.share
         released = 2.0 * friction / -side.slowest
         now = 1.0 + kept - law.share * slope + released
