@@ -537,7 +537,7 @@ class JointModel:
 
     @property
     def exceeds_v_max(self) -> bool:
-        """Whether its speed may exceed v_max, so that no bound holds, by an integral."""
+        """Whether a speed loop's integral may take it beyond v_max, so that no bound holds."""
         return self.integral_rate > 0.0
 
     @property

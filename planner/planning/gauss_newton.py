@@ -7,7 +7,7 @@ steps (J. Nocedal, S. J. Wright, *Numerical Optimization*, 2006, section 17.3).
 
 A *joint* has requests of its own. A *drive* is a model under them: there is one for each joint in
 each scenario, scenario after scenario. The states are the angles of all drives, where one has
-inertia then the speeds of all, and where one has the integral of a speed loop then those of all, in
+inertia then the speeds of all, and where one has an integral term then the integrals of all, in
 the unit of an angle. In shapes n is the number of samples, J of joints, A of drives, S of states;
 s = S / A is 1, 2 or 3.
 """
@@ -37,7 +37,7 @@ class Spec(NamedTuple):
     Attributes:
         cyclic: Whether the path repeats for ever.
         oldest: Age of the oldest request that acts before a sample.
-        parts: States of a drive, s: 2 with inertia, 3 with the integral of a speed loop.
+        parts: States of a drive, s: 2 with inertia, 3 with an integral term.
         together: Whether the cost is a power of the errors of all scenarios together.
         bounded: Whether a request has a limit.
         limited: Whether a change of requests has a limit.

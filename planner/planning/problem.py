@@ -110,7 +110,7 @@ class Problem:
 
     @cached_property
     def parts(self) -> int:
-        """Numbers in the state of a joint: 1, with inertia 2, with the integral of a speed loop 3.
+        """Numbers in the state of a joint: 1, with inertia 2, with an integral term 3.
 
         Joints with fewer have some that stay 0.
         """

@@ -94,7 +94,7 @@ JOINT = _fields(
 
 STATE = _fields(
     "angle speed "  # now, predicted and corrected, NaN before the first tick [rad], [rad/tick]
-    "integral "  # of a speed loop, now [rad/tick]
+    "integral "  # of its servo, now [rad/tick]
     "damping "
     "read believed unread "  # the last measured angle, the one that counted, ticks since then
     "measured "  # argument: the angle, NaN where there is none [rad]
@@ -419,10 +419,10 @@ def gauss_newton_step(problem: Problem, requests: Array, damping: float, step: A
 
         p_aa a^2/2 + p_ab a b + p_bb b^2/2 + (c_a a + c_b b)'r + r'Qr/2 - p_a a - p_b b - q'r.
 
-    The integral of a speed loop is not linearised; the exact model, which has it, judges every
-    step. It is first written in the state before period k and dR_k, then minimised over dR_k. A
-    request keeps its row of Q from the last period in which it acts to the one in which it is
-    eliminated, so that all but a band of Q is zero.
+    An integral term is not linearised; the exact model, which has it, judges every step. The cost
+    is first written in the state before period k and dR_k, then minimised over dR_k. A request
+    keeps its row of Q from the last period in which it acts to the one in which it is eliminated,
+    so that all but a band of Q is zero.
 
     Args:
         problem: The problem of the plan.

@@ -35,7 +35,7 @@ CLEARLY = 0.98
 """Share of the error of a plan below which a shift is the better one."""
 
 FAR_BEYOND = 2.0
-"""Factor over the tested acceleration from which on a joint without a limit of it may have one. (Of
+"""Factor over the tested acceleration above which a model without a limit may lack one. (Of
 simulated joints whose limit of 15 or 30 rad/s^2 the model lacks, plans of pick and place had 6 to 9
 times the shift's error; of three other servos, beyond their logs, 0.5 to 1.03 times.)"""
 
@@ -122,11 +122,11 @@ def shift_recommended(plan: Plan, shift: Plan) -> str:
     """Why the best time shift is recommended instead of a plan, in words; empty where it is not.
 
     A model may be hardly better than a pure delay. Or a joint may move faster, or accelerate more,
-    than in its logs, though these do not determine how fast it can be; where the model has no limit
-    of the acceleration, it has to accelerate far more. Or the errors to expect may
-    tell it, as those of robust plans, and of smooth ones for a path that no joint could follow. An
-    error of the model above that of the shift is no reason, since the lead is that model's, too: of
-    nine such motions of simulated servos the plan was closer in seven.
+    than in its logs, though these do not determine how fast it can be; far more, where the model
+    has no limit of the acceleration. Or the errors to expect may differ, as those of robust plans,
+    and of smooth ones for a path that no joint could follow. An error of the model above that of
+    the shift is no reason, since the lead is that model's, too: of nine such motions of simulated
+    servos the plan was closer in seven.
 
     Args:
         plan: A plan by another method.
