@@ -551,7 +551,8 @@ def _answer(
     )
     gain = intervals.pop("gain")
     if reason.topic == "fit":  # else what a fit to this log shows is not of the joint
-        findings += [*notes, *patterns(model, fits, noise, backlash_of(fit))]
+        asymmetry = intervals.get("v_offset")
+        findings += [*notes, *patterns(model, fits, noise, asymmetry, backlash_of(fit))]
     return Identification(
         model=model,
         fits=fits,

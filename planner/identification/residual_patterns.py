@@ -14,6 +14,7 @@ import numpy.typing as npt
 from planner.identification.log import Log
 from planner.identification.result import (
     Finding,
+    Interval,
     LogFit,
     angle_in,
     at_even_times,
@@ -320,7 +321,11 @@ def with_weights(fits: Sequence[LogFit], noise: float) -> tuple[Log, ...] | None
 
 
 def patterns(
-    model: JointModel, fits: Sequence[LogFit], noise: float, backlash: Backlash | None = None
+    model: JointModel,
+    fits: Sequence[LogFit],
+    noise: float,
+    asymmetry: Interval | None = None,
+    backlash: Backlash | None = None,
 ) -> list[Finding]:
     """A note for each pattern that shows.
 
@@ -328,10 +333,12 @@ def patterns(
         model: The identified joint.
         fits: What it makes of each log.
         noise: Standard deviation of the noise [rad].
+        asymmetry: 95 % interval of its v_offset, where it was identified [rad/s].
         backlash: What :func:`planner.identification.terms.backlash_of` found.
     """
     found = [] if backlash is None else [_backlash(backlash, fits)]
-    if abs(model.v_offset) > 0.05 * model.v_max:
+    determined = asymmetry is not None and asymmetry.lower * asymmetry.upper > 0.0
+    if determined and abs(model.v_offset) > 0.05 * model.v_max:
         up, down = (model.v_max + way * model.v_offset for way in (1.0, -1.0))
         up_words, down_words = (angle_in(fits[0].log.unit, each, "/s") for each in (up, down))
         found.append(

@@ -17,11 +17,12 @@ from planner.identification.residual_patterns import (
     _drift,
     _ringing,
     contacts,
+    patterns,
     stops,
     stuck,
     with_weights,
 )
-from planner.identification.result import LogFit, runs_of_fits
+from planner.identification.result import Interval, LogFit, runs_of_fits
 from planner.identification.terms import with_calm_friction, with_terms
 from planner.model.evidence import errors_of_motion
 from tests.identification.made import (
@@ -84,6 +85,16 @@ def test_a_loaded_hobby_servo_is_predicted_and_its_asymmetry_named():
     up, down = (found.model.v_max + way * found.model.v_offset for way in (1.0, -1.0))
     assert abs(np.degrees(up) / 220.0 - 1.0) <= 0.1
     assert 250.0 <= np.degrees(down) <= 360.0  # seldom reached: it still accelerates
+
+
+@pytest.mark.parametrize(("ends", "said"), [((-1.2, -0.1), 1), ((-1.2, 0.1), 0)])
+def test_top_speeds_that_may_be_alike_are_no_asymmetry(ends, said):
+    model = planner.JointModel(
+        v_max=5.0, theta_0=0.2, lag=0.02, acceleration_time=0.01, v_offset=-0.6
+    )
+    fits = [seen(np.zeros(60), np.zeros(60))]
+    found = patterns(model, fits, 1e-3, Interval(*ends))
+    assert sum("asymmetry" in str(each) for each in found) == said
 
 
 def seen(angles, predicted, requests=None, *, name="log", period=0.02):
