@@ -290,25 +290,19 @@ def _write(
     choices: Mapping[str, Any],
 ) -> None:
     """Write bus, models and servos of the calibrated joints; keep other joints of the file."""
-    from planner.files.joint_model import models_text, read_model_file, read_servos
-    from planner.files.robot import BUS, legs_text
+    from planner.files.joint_model import updated_text
+    from planner.files.robot import BUS
     from planner.report.identification.text import model_comments, remarks
 
-    models, servos, legs = {}, {}, ""
-    if Path(output).exists():
-        legs = legs_text(output)
-        file = read_model_file(output)
-        models = ({} if file.common is None else {"": file.common}) | dict(file.by_joint)
-        try:
-            servos = read_servos(output)
-        except InvalidFile:  # no servos
-            servos = {}
-    models |= {name: each.model for name, each in results.items()}
-    servos |= {name: replace(arm.servos[name], settings=settings[name]) for name in results}
-    about = model_comments({name: each.identification for name, each in results.items()})
-    bus = {name: choices[name] for name in BUS if choices[name]}
-    text = models_text(models, remarks=remarks(), about=about, servos=servos, bus=bus)
-    write_text(output, text + legs)
+    text = updated_text(
+        output,
+        {name: each.model for name, each in results.items()},
+        remarks=remarks(),
+        about=model_comments({name: each.identification for name, each in results.items()}),
+        servos={name: replace(arm.servos[name], settings=settings[name]) for name in results},
+        bus={name: choices[name] for name in BUS if choices[name]},
+    )
+    write_text(output, text)
 
 
 def _document(results: Mapping[str, Compared], arm: Arm, checked: Check) -> dict[str, Any]:

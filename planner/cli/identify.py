@@ -104,7 +104,8 @@ def identify(
 
     A LOG is CSV with columns such as t_s, requested_deg and actual_deg, a LeRobot dataset, a JSON
     of BAM, or a ROS bag; several of one joint are fitted together. With --joint all every joint
-    gets a table in the model file. A model that is not to be planned with is written all the
+    gets a table in the model file. Of a model file that -o replaces, other joints, servos, legs and
+    the bus stay. A model that is not to be planned with is written all the
     same, with its verdict; the exit status is 1.
 
     \b
@@ -114,18 +115,25 @@ def identify(
         request-planner identify log.csv -o joint.toml --report report.html
         request-planner plan desired.csv --model joint.toml -o requests.csv
     """  # noqa: D301
-    from planner.files.joint_model import models_text
+    from planner.files.joint_model import updated_text
     from planner.report.identification.text import identification_text, model_comments, remarks
 
     if report == "-":
         raise click.UsageError("--report: standard output takes the model; name a file.")
+    others = _tables(output)
     by_joint = _by_joint(logs, choices)
     identifications = _identify_joints(by_joint, choices)
-    # A single model is written above all tables: it then holds for a joint of any name.
-    tables = (
-        identifications if choices["joint"] == "all" else {"": next(iter(identifications.values()))}
-    )
-    text = models_text(
+    tables = identifications
+    if choices["joint"] != "all":
+        ((joint, identification),) = identifications.items()
+        # A single model is written above all tables: it then holds for a joint of any name.
+        # Beside the tables of other joints it gets its own.
+        own = joint or (others[0] if len(others) == 1 else "")
+        tables = {own if others else "": identification}
+    if kept := [joint for joint in others if joint not in tables]:
+        remark(f"{output}: the models of {', '.join(kept)} stay")
+    text = updated_text(
+        output,
         {joint: each.model for joint, each in tables.items()},
         remarks=remarks(),
         about=model_comments(tables),
@@ -147,6 +155,17 @@ def identify(
             as_json=as_json,
         )
     _check(by_joint, identifications)
+
+
+def _tables(output: str) -> list[str]:
+    """The joints with tables in the model file that is replaced.
+
+    Raises:
+        InvalidFile: There is a file, but no valid model file.
+    """
+    from planner.files.joint_model import has_content, read_model_file
+
+    return list(read_model_file(output).by_joint) if has_content(output) else []
 
 
 def to_log_options(choices: Mapping[str, Any]) -> LogOptions:
@@ -202,7 +221,8 @@ def _echo_notes(logs: Sequence[Log]) -> None:
     """Print the reader's assumptions, each once for all logs."""
     about: dict[str, list[str]] = {}
     for log in logs:
-        for note in log.notes:
+        rate = f"{len(log.times)} rows, one every {1e3 * log.period:.3g} ms"
+        for note in (*log.notes, rate):
             about.setdefault(note, []).append(
                 f"{log.name} ({log.joint})" if log.joint else log.name
             )

@@ -13,7 +13,7 @@ from typing import Any, get_args
 import numpy as np
 
 from planner.exceptions import InvalidFile, InvalidInput, InvalidModel, nearest
-from planner.files.robot import is_of_robot
+from planner.files.robot import is_of_robot, legs_text, read_bus
 from planner.files.text import Toml, read_toml, write_text
 from planner.model.evidence import ACCEPTED, GAIN, Evidence, Verdict, warn_of_refused
 from planner.model.joint import JointModel
@@ -233,6 +233,45 @@ def models_text(
             lines += _servo_lines(joint, servos[joint])
         blocks.append("\n".join(lines))
     return "\n\n".join(blocks) + "\n"
+
+
+def updated_text(
+    path: Path | str,
+    models: Mapping[str, JointModel],
+    *,
+    remarks: Sequence[str] = (),
+    about: Mapping[str, Mapping[str, str]] | None = None,
+    servos: Mapping[str, Servo] | None = None,
+    bus: Mapping[str, str | int] | None = None,
+) -> str:
+    """Models as :func:`models_text` writes them, with what else the model file at ``path`` holds.
+
+    Other joints, servos and legs of the file stay, and its bus where none is named. A joint whose
+    table changes nothing of the model above all tables keeps to that model, also to a new one.
+
+    Raises:
+        InvalidFile: There is a file, but no valid model file.
+    """
+    if not has_content(path):
+        return models_text(models, remarks=remarks, about=about, servos=servos, bus=bus)
+    file = read_model_file(path)
+    kept = {} if file.common is None else {"": file.common}
+    for joint, model in file.by_joint.items():
+        kept[joint] = models.get("", model) if model == file.common else model
+    servos = (read_servos(path) if has_servos(path) else {}) | dict(servos or {})
+    text = models_text(
+        kept | dict(models),
+        remarks=remarks,
+        about=about,
+        servos=servos,
+        bus=read_bus(path) if bus is None else bus,
+    )
+    return text + legs_text(path)
+
+
+def has_content(path: Path | str) -> bool:
+    """Whether there is a file that is not empty; not on standard output, ``-``."""
+    return str(path) != "-" and Path(path).is_file() and Path(path).stat().st_size > 0
 
 
 def _comment(text: str) -> str:

@@ -25,6 +25,7 @@ from planner.identification.excitation import excite
 from planner.model.evidence import Evidence
 from planner.model.joint import JointModel
 from planner.model.response import simulate
+from planner.robot.arm import Servo
 
 TRUE = JointModel.ers210a()
 
@@ -242,6 +243,82 @@ def test_answers_for_machines_have_the_verdict_on_each_model(run, desired, tmp_p
     assert joints["hip"]["verdict"] == "refused"
     assert joints["hip"]["verdict_reason"] == "it misses 41% of the motion"
     assert "verdict" not in joints["knee"], "nothing is known of it"
+
+
+@pytest.mark.parametrize(
+    ("verdict", "recommended"), [("refused", None), ("worse than a delay", "shift")]
+)
+def test_text_page_and_json_recommend_the_same_of_a_model_not_to_be_planned_with(
+    run, desired, tmp_path, verdict, recommended
+):
+    known = Evidence(error=1e-3, over_delay=1.2, verdict=verdict, reason="it misses 41%")
+    TRUE.with_evidence(known).to_toml(tmp_path / "bad.toml")
+    line = ["plan", desired, "--model", "bad.toml", "--method", "closed-form", "-o", "out.csv"]
+    document = json.loads(run(*line, "--json").stdout)
+    assert document["recommended_method"] == recommended
+    assert recommended or not document["refining_recommended"]
+    told = run(*line, "--report", "page.html")
+    by_shift = "do not plan with the models of hip, knee (it misses 41%): use --method shift, or"
+    assert (by_shift in told.stderr) == (recommended is not None)
+    assert ("recommended: --method shift" in told.output) == (recommended is not None)
+    page = Path("page.html").read_text()
+    assert ("The best time shift is recommended instead" in page) == (recommended is not None)
+
+
+def tables_of(file):
+    return tomllib.loads(Path(file).read_text())
+
+
+def test_a_model_file_that_is_replaced_keeps_all_but_the_model_of_the_joint(run):
+    write_log("knee.csv")
+    other = JointModel(v_max=3.0, theta_0=0.3, lag=0.01, acceleration_time=0.02)
+    servos = {"hip": Servo(id=1), "knee": Servo(id=2, zero_tick=2000, settings={"p_gain": 16})}
+    old = other.with_evidence(Evidence(error=0.1, verdict="refused", reason="it is old"))
+    models = {"hip": other, "knee": old}
+    leg = '[leg.left]\nurdf = "leg.urdf"\nbase = "hip"\nfoot = "foot"\n'
+    Path("arm.toml").write_text(models_text(models, servos=servos, bus={"bus": "virtual"}) + leg)
+    before = tables_of("arm.toml")
+    for more in ((), ("--joint", "all")):
+        result = run("identify", "knee.csv", "-o", "arm.toml", *more)
+        assert result.exit_code == 0, result.stderr
+        assert "arm.toml: the models of hip stay" in result.stderr
+        after = tables_of("arm.toml")
+        assert {**after, "knee": 0} == {**before, "knee": 0}
+        assert after["knee"]["servo"] == before["knee"]["servo"]
+        assert after["knee"]["v_max"] == pytest.approx(TRUE.v_max, rel=0.02)
+        assert after["knee"]["verdict"] == "holds"
+        assert after["knee"]["verdict_reason"] != "it is old"
+
+
+def test_a_joint_that_takes_the_model_above_all_tables_takes_a_new_one_too(run):
+    write_log("log.csv", joints=("",))
+    old = "v_max = 3.0\ntheta_0 = 0.3\nlag = 0.01\nacceleration_time = 0.02\n"
+    Path("arm.toml").write_text(f"{old}[hip.servo]\nid = 1\n[knee]\nv_max = 2.0\n")
+    assert run("identify", "log.csv", "-o", "arm.toml").exit_code == 0
+    assert tables_of("arm.toml")["hip"]["servo"]["id"] == 1
+    file = read_model_file("arm.toml")
+    assert file.common == file.by_joint["hip"]
+    assert file.common.v_max == pytest.approx(TRUE.v_max, rel=0.02)
+    assert file.by_joint["knee"].v_max == 2.0
+
+
+def test_a_file_that_is_no_model_is_not_replaced_by_one(run):
+    write_log("log.csv")
+    before = Path("log.csv").read_text()
+    result = run("identify", "log.csv", "-o", "log.csv")
+    assert (result.exit_code, Path("log.csv").read_text()) == (2, before)
+
+
+def test_rows_and_their_rate_are_told_and_times_that_may_be_row_numbers_asked_about(run):
+    write_log("log.csv")
+    told = run("identify", "log.csv", "--no-hold-out").stderr
+    assert "log.csv (knee): 1000 rows, one every 8 ms" in told
+    assert "in seconds" not in told
+    lines = Path("log.csv").read_text().splitlines()
+    lines[1:] = [f"{k},{line.partition(',')[2]}" for k, line in enumerate(lines[1:])]
+    Path("log.csv").write_text("\n".join(lines))
+    told = run("identify", "log.csv", "--no-hold-out").stderr
+    assert "log.csv (knee): one row every 1 s: are the times in seconds?" in told
 
 
 @pytest.mark.parametrize("broken", ["-o", "--report"])

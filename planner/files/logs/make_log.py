@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from planner.exceptions import InvalidFile, InvalidInput, nearest
 from planner.files.columns import ANGLE_NAMES, ANGLE_UNITS, COUNTS, LARGEST, LEAST_DEG, Scale, scale
-from planner.identification.log import FASTEST, FEWEST_ROWS, SLOWEST, Log, Written
+from planner.identification.log import FASTEST, FEWEST_ROWS, Log, Written
 from planner.model.evidence import ENCODER_STEP
 from planner.trajectory import Array, not_radians
 from planner.validation import as_positive, shown
@@ -49,6 +49,9 @@ SLOW_RANGE = 0.5
 
 STRAIGHT = 0.1
 """Share of their spread by which slow rows may miss a straight line, rms."""
+
+SPARSE = 0.5
+"""Rows so far apart [s] hardly show how a joint moves: their times may be numbers of rows."""
 
 MOST_SHARE = 2.0
 """Largest magnitude of a share of the range."""
@@ -280,7 +283,7 @@ def make_log(source: Source, columns: Columns, *, joint: str, notes: tuple[str, 
             source.path,
             f"{joint}{': ' if joint else ''}the actual angles are named degrees, but they are in "
             f"steps of {ENCODER_STEP:.5f}, a turn of 2 pi over 4096: they are radians; rename "
-            "the columns, or correct --unit",
+            "the columns",
         )
     if np.array_equal(requests[measured], angles[measured]) and np.ptp(angles) > 0.0:
         raise InvalidFile(
@@ -511,8 +514,9 @@ def _doubts(columns: Columns) -> tuple[str, ...]:
     """Signs of a wrong unit, in words."""
     doubts = []
     step = float(np.median(np.diff(columns.times)))
-    if not FASTEST <= step <= SLOWEST:
-        doubts.append(f"one row every {step:.3g} s: is the unit of time right?")
+    if not FASTEST <= step < SPARSE:
+        doubt = "is the unit of time right" if step < FASTEST else "are the times in seconds"
+        doubts.append(f"one row every {step:.3g} s: {doubt}?")
     for what, numbers, unit in (
         ("requested", columns.requests, columns.request_scale.name),
         ("actual", columns.angles, columns.angle_scale.name),

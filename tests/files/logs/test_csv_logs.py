@@ -420,7 +420,9 @@ def test_radians_under_a_heading_in_degrees_are_refused_where_their_steps_show_i
         (log,) = read_logs([str(file)])
         assert log.unit == "rad"
         return
-    with pytest.raises(InvalidFile, match=r"in steps of 0\.00153.*: they are radians; rename"):
+    with pytest.raises(
+        InvalidFile, match=r"in steps of 0\.00153.*: they are radians; rename the columns$"
+    ):
         read_logs([str(file)])
     file.write_text(file.read_text().replace("_deg", "_rad"))
     (log,) = read_logs([str(file)])
