@@ -17,6 +17,7 @@ from planner.planning.plan import Plan, RequestMotion
 from planner.planning.result import FootInversion, Inversion
 from planner.planning.time_shift import (
     CLEARLY,
+    has_refused,
     refining_recommended,
     shift_recommended,
     shifted,
@@ -94,11 +95,12 @@ def document(prepared: Prepared, plan: Plan, missed: list[str]) -> dict[str, Any
             "without_plan_rms_cm": 100.0 * rms(part.direct_distances),
             "best_shift_rms_cm": 100.0 * rms(leg_shift.distances),
         }
+    recommended = "shift" if shift_recommended(plan, shift) else run.plan.method
     step = float(np.min(task.max_step))
     has_tolerance = run.tolerance.deg is not None or run.tolerance.cm is not None
     return {
         "method": run.plan.method,
-        "recommended_method": "shift" if shift_recommended(plan, shift) else run.plan.method,
+        "recommended_method": None if has_refused(plan) else recommended,
         "refining_recommended": bool(refining_recommended(plan, shift)),
         "cyclic": desired.cyclic,
         "period_s": desired.period,
@@ -200,7 +202,7 @@ def _best_shift(desired: Desired, plan: Plan) -> str:
     pairs = zip(plan.expected, shift.expected, strict=True)
     if why := shift_recommended(plan, shift):
         text += f"\nrecommended: --method shift, as {why}"
-    elif any(early.error < CLEARLY * planned.error for planned, early in pairs):
+    elif not has_refused(plan) and any(e.error < CLEARLY * planned.error for planned, e in pairs):
         text += "; on the robot that is better for some joints: see --method shift"
     if why := refining_recommended(plan, shift):
         text += f"\nrecommended: play the requests and refine them (request-planner refine): {why}"

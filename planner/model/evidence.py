@@ -275,9 +275,13 @@ def refusal(evidence: Mapping[str, Evidence | None]) -> str:
     if not refused:
         return ""
     if "" in refused:
-        return f"do not plan with the model ({' '.join(refused[''].split())}): identify it anew"
-    which, them = ("model", "it") if len(refused) == 1 else ("models", "them")
-    return f"do not plan with the {which} of {with_reasons(refused)}: identify {them} anew"
+        which, them = f"model ({' '.join(refused[''].split())})", "it"
+    else:
+        which, them = ("model", "it") if len(refused) == 1 else ("models", "them")
+        which += f" of {with_reasons(refused)}"
+    verdicts = {each.verdict for each in evidence.values() if each is not None and each.refused}
+    instead = "" if "refused" in verdicts else "use --method shift, or "
+    return f"do not plan with the {which}: {instead}identify {them} anew"
 
 
 def unproven_gains(names: Sequence[str], evidence: Sequence[Evidence | None]) -> str:

@@ -118,6 +118,14 @@ def shifted(task: Task) -> Plan:
     )
 
 
+def has_refused(plan: Plan) -> bool:
+    """Whether a model is refused: neither a plan by it nor its best time shift is recommended.
+
+    Of a model that is worse than a delay the best time shift is.
+    """
+    return any(model.evidence and model.evidence.verdict == "refused" for model in plan.models)
+
+
 def shift_recommended(plan: Plan, shift: Plan) -> str:
     """Why the best time shift is recommended instead of a plan, in words; empty where it is not.
 
@@ -132,6 +140,8 @@ def shift_recommended(plan: Plan, shift: Plan) -> str:
         plan: A plan by another method.
         shift: The best time shift for the same task.
     """
+    if has_refused(plan):
+        return ""
     evidence, period = [model.evidence for model in plan.models], plan.task.period
     if why := unproven_gains(plan.names, evidence):
         return why
@@ -170,7 +180,7 @@ def refining_recommended(plan: Plan, shift: Plan) -> str:
         shift: The best time shift for the same task.
     """
     names = []
-    for j, name in enumerate(plan.names):
+    for j, name in enumerate(() if has_refused(plan) else plan.names):
         error, own = plan.expected[j].error, rms(plan.errors[:, j])
         moves = np.ptp(plan.desired[:, j]) > LITTLE_MOTION * error
         least = max(2.0 * own, ENCODER_STEP, WORTH_REFINING * shift.expected[j].error)

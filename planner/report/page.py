@@ -56,7 +56,7 @@ PARAMETERS: Mapping[str, tuple[str, str]] = {
     "hold": ("ticks for which a request is held", "hold"),
     "offset": ("static sag", "static sag"),
     "dead_band": ("error that does not move it (dry friction, play)", "dead band"),
-    "v_offset": ("top speed upwards, less v_max", "top speed up"),
+    "v_offset": ("top speed up less v_max", "up less v_max"),
     "compliance": ("sag per torque", "compliance"),
     "speed_per_torque": ("top speed per torque", "speed per torque"),
     "time_constant": ("time constant of the speed", "time constant"),

@@ -451,10 +451,12 @@ def test_a_model_that_a_delay_beats_is_refused_and_one_alone_is_named_in_the_sin
     worse = Evidence(verdict="worse than a delay")
     assert worse.refused
     assert worse.leaves_top_speed_open
-    words = "do not plan with the model of hip (worse than a delay): identify it anew"
-    assert refusal({"hip": worse, "knee": SEEN, "ankle": None}) == words
-    words = "do not plan with the model of every other joint (worse than a delay): identify it anew"
-    assert refusal({"": worse, "knee": SEEN}) == words
+    words = "do not plan with the model of {} (worse than a delay): "
+    words += "use --method shift, or identify it anew"
+    assert refusal({"hip": worse, "knee": SEEN, "ankle": None}) == words.format("hip")
+    assert refusal({"": worse, "knee": SEEN}) == words.format("every other joint")
+    of_two = refusal({"hip": worse, "knee": REFUSED})
+    assert of_two.endswith(": identify them anew"), "no shift is recommended for the knee"
     assert not refusal({"hip": None, "knee": SEEN})
 
 

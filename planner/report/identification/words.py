@@ -283,12 +283,10 @@ def verdict(identification: Identification) -> str:
     """Whether the model holds, and what it adds, in one sentence."""
     units = units_of(identification)
     error, where = telling_error(identification)
-    sentence = f"{units.factor * error:.3g} {units.angle} rms {where}"
+    share = f"{percent_of(error, identification.signal)} of the motion"
+    sentence = f"{units.factor * error:.3g} {units.angle} rms {where}, {share}"
     by_name = {each.name: each.telling for each in errors(identification)}
-    phrases = []
-    if by_name.get("raw", 0.0) > 0.0:
-        phrases.append(f"{percent_of(error, by_name['raw'])} of the error of the request itself")
-    phrases += [
+    phrases = [
         f"{compared_with(error, by_name[name])} {words}"
         for name, words in COMPARED.items()
         if name in by_name
