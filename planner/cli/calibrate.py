@@ -209,7 +209,7 @@ def _checked_text(arm: Arm, check: Check, period: float) -> str:
     lines = [
         f"{len(arm.names)} servo{'s answer' if len(arm.names) > 1 else ' answers'}; "
         f"a tick takes {1e3 * check.tick_time:.2g} ms of "
-        f"{1e3 * period:g} ms, {check.lost:.1%} of the answers are lost"
+        f"{1e3 * period:g} ms, {100.0 * check.lost:.1f} % of the answers are lost"
     ]
     for name, angle in check.angles.items():
         settings = ", ".join(
@@ -432,7 +432,8 @@ def check(
                         " and was not compared" if beyond < 1.0 else ": use a longer --duration-s"
                     )
                     changes.append(
-                        f"{beyond:.0%} of the motion is beyond the logs of the calibration{then}"
+                        f"{100.0 * beyond:.0f} % of the motion is beyond the logs of the "
+                        f"calibration{then}"
                     )
                 verdict = (
                     "holds" if holds else "no longer holds" if beyond < 1.0 else "is not judged"

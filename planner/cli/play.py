@@ -216,4 +216,6 @@ def record(
                 row = max(row + 1, int((port.now() - begin) * rate_hz))
         log.finish()
     lost = arm.bus.lost / max(1, arm.bus.asked)
-    summarise(f"{log.rows} rows of {', '.join(servos)} in {output}; {lost:.1%} of answers lost")
+    summarise(
+        f"{log.rows} rows of {', '.join(servos)} in {output}; {100.0 * lost:.1f} % of answers lost"
+    )

@@ -143,11 +143,12 @@ def verdict_on(
     scale = _other_scale(fit.grid, unit)
     if missed > OPTIONS.suspect:
         words = "the model misses" if fits else "the model does not fit: it misses"
-        words += f" {missed:.0%} of the motion's standard deviation{where} (rms {angle(error)})"
+        words += f" {100.0 * missed:.0f} % of the motion's standard deviation{where}"
+        words += f" (rms {angle(error)})"
         if useless:
             words += f", and a mere delay hardly more ({angle(mere)} in place of {angle(fit.rms)})"
         elif not fits:
-            words += f"; more than {OPTIONS.refused:.0%} is not accepted"
+            words += f"; more than {100.0 * OPTIONS.refused:.0f} % is not accepted"
         topic: Topic = "columns" if scale else "error" if fits else "fit"
         why = f"{scale} if not, {REASONS}" if scale else REASONS
         notes.append(Finding(topic, f"{words}; {why}"))
@@ -182,7 +183,9 @@ def verdict_on(
         )
         notes.append(Finding("friction", words))
     notes += _undetermined(fit, bounds, unit)
-    misses = f"it misses {missed:{'.0%' if missed >= 0.01 else '.1%'}} of the motion{where}"
+    misses = (
+        f"it misses {100.0 * missed:{'.0f' if missed >= 0.01 else '.1f'}} % of the motion{where}"
+    )
     doubts = {
         misses: missed > OPTIONS.suspect,
         "one column may be in another scale": any(note.topic == "columns" for note in notes),
@@ -200,7 +203,8 @@ def verdict_on(
     elif ours > OPTIONS.delay_wins * others["delay"]:
         of_test = "" if held is None else " on rows held out"
         verdict = "worse than a delay"
-        why = f"the error of a pure delay is {others['delay'] / ours:.0%} of its own{of_test}"
+        share = 100.0 * others["delay"] / ours
+        why = f"the error of a pure delay is {share:.0f} % of its own{of_test}"
     elif any(doubts.values()):
         verdict, why = "usable", "; ".join(words for words, doubted in doubts.items() if doubted)
     else:
@@ -363,7 +367,9 @@ def notes_on(logs: Sequence[Log], timing: Timing, jumps: Sequence[int]) -> list[
             )
         if not log.torque_on.all():
             off = 1.0 - float(np.mean(log.torque_on))
-            words.append(f"{log.name}: torque is off in {off:.0%} of the rows, which are left out")
+            words.append(
+                f"{log.name}: torque is off in {100.0 * off:.0f} % of the rows, which are left out"
+            )
         if count := int(np.sum(log.measured & ~sound_rows(log))):
             words.append(
                 f"{log.name}: left out are {count} measured angles that no joint takes: they jump "

@@ -475,9 +475,9 @@ def _ringing(model: JointModel, fit: LogFit, noise: float) -> list[Finding]:
     return [
         Finding(
             "pattern",
-            f"{log.name}: ringing: after {len(over)} of {steps} steps the joint goes {share:.0%} "
-            f"too far before it rests, first after row {over[0][0]}; the model goes "
-            f"{modelled:.0%} too far",
+            f"{log.name}: ringing: after {len(over)} of {steps} steps the joint goes "
+            f"{100.0 * share:.0f} % too far before it rests, first after row {over[0][0]}; "
+            f"the model goes {100.0 * modelled:.0f} % too far",
         )
     ]
 

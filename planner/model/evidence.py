@@ -263,8 +263,8 @@ def refusal(evidence: Mapping[str, Evidence | None]) -> str:
         evidence: Evidence of the models by joint; the key "" is every other joint.
 
     Example:
-        >>> refusal({"knee": Evidence(verdict="refused", reason="it misses 41% of the motion")})
-        'do not plan with the model of knee (it misses 41% of the motion): identify it anew'
+        >>> refusal({"knee": Evidence(verdict="refused", reason="it misses 41 % of the motion")})
+        'do not plan with the model of knee (it misses 41 % of the motion): identify it anew'
     """
     default = "every other joint" if len(evidence) > 1 else ""
     refused = {
@@ -293,10 +293,10 @@ def unproven_gains(names: Sequence[str], evidence: Sequence[Evidence | None]) ->
 
     Example:
         >>> unproven_gains(["hip", "knee"], [Evidence(over_delay=0.93), Evidence(over_delay=0.2)])
-        'on rows held out the error of the model is 93% of a pure delay's: hip'
+        'on rows held out the error of the model is 93 % of a pure delay's: hip'
     """
     shares = {
-        name: f"{each.over_delay:.0%}"
+        name: f"{100.0 * each.over_delay:.0f} %"
         for name, each in zip(names, evidence, strict=True)
         if each is not None and each.over_delay > PROVEN
     }

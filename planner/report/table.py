@@ -271,5 +271,6 @@ def _noted(text: str) -> str:
     """Words as HTML, a note in small letters."""
     from markupsafe import escape
 
+    text = re.sub(r"(?<![\w.=])-(?=\d)", "−", text)
     value, _, note = text.partition("\n")
     return f"{escape(value)} <small>{escape(note)}</small>" if note else str(escape(value))

@@ -139,7 +139,7 @@ def test_a_model_that_a_pure_delay_beats_is_not_accepted_and_its_file_says_why(r
     assert result.exit_code == 1
     document = json.loads(result.stdout)
     assert (document["accepted"], document["verdict"]) == (False, "worse than a delay")
-    reason = "the error of a pure delay is 0% of its own on rows held out"
+    reason = "the error of a pure delay is 0 % of its own on rows held out"
     assert f"do not plan with the model of the joint ({reason})" in result.stderr
     keys = tomllib.loads((tmp_path / "late.toml").read_text())
     assert (keys["verdict"], keys["verdict_reason"]) == ("worse than a delay", reason)
@@ -212,7 +212,7 @@ speed = [1.0]
 def test_every_command_says_once_of_all_joints_that_a_model_is_not_to_be_planned_with(
     run, desired, tmp_path, line
 ):
-    known = Evidence(verdict="refused", reason="it misses 41% of the motion")
+    known = Evidence(verdict="refused", reason="it misses 41 % of the motion")
     TRUE.with_evidence(known).to_toml(tmp_path / "bad.toml")
     (tmp_path / "run.toml").write_text(RUN_FILE)
     (tmp_path / "sweep.toml").write_text(SWEEP_FILE)
@@ -226,14 +226,14 @@ def test_every_command_says_once_of_all_joints_that_a_model_is_not_to_be_planned
     assert result.exit_code == 0, result.output
     (said,) = [line for line in result.stderr.splitlines() if "not plan with" in line]
     assert said == (
-        "request-planner: warning: do not plan with the models of hip, knee (it misses 41% of the "
+        "request-planner: warning: do not plan with the models of hip, knee (it misses 41 % of the "
         "motion): identify them anew"
     )
 
 
 @pytest.mark.parametrize("command", ["plan", "simulate"])
 def test_answers_for_machines_have_the_verdict_on_each_model(run, desired, tmp_path, command):
-    known = Evidence(verdict="refused", reason="it misses 41% of the motion")
+    known = Evidence(verdict="refused", reason="it misses 41 % of the motion")
     models = {"hip": TRUE.with_evidence(known), "knee": TRUE}
     (tmp_path / "leg.toml").write_text(models_text(models))
     method = ["--method", "closed-form"] if command == "plan" else []
@@ -241,7 +241,7 @@ def test_answers_for_machines_have_the_verdict_on_each_model(run, desired, tmp_p
     assert result.exit_code == 0, result.stderr
     joints = json.loads(result.stdout)["joints"]
     assert joints["hip"]["verdict"] == "refused"
-    assert joints["hip"]["verdict_reason"] == "it misses 41% of the motion"
+    assert joints["hip"]["verdict_reason"] == "it misses 41 % of the motion"
     assert "verdict" not in joints["knee"], "nothing is known of it"
 
 

@@ -525,7 +525,9 @@ def test_a_gripper_that_is_recorded_alone_is_identified(run, demo):
 
 
 def test_only_models_of_joints_that_are_planned_are_warned_of(run, demo):
-    refused = SERVO.with_evidence(Evidence(verdict="refused", reason="it misses 41% of the motion"))
+    refused = SERVO.with_evidence(
+        Evidence(verdict="refused", reason="it misses 41 % of the motion")
+    )
     models = {"elbow": refused, "jaw": SERVO, "knee": refused}
     demo.with_name("arm.toml").write_text(models_text(models))
     for joints, said in (((), "the model of elbow ("), (("--joint", "jaw"), None)):

@@ -519,7 +519,7 @@ def test_a_joint_that_something_moves_is_warned_of(run, monkeypatch, noise, warn
     words = f"moved: its angle varies by {noise:.2f} deg at rest; is something moving it?"
     assert (words in result.stderr) == warned
     assert "still: its angle varies" not in result.stderr
-    assert "12.5% of the answers are lost" in result.stderr
+    assert "12.5 % of the answers are lost" in result.stderr
     assert f"still: at {8 * 360 / 4096:.1f} deg" in result.stderr
     assert f"moved: at {-48 * 360 / 4096:.1f} deg" in result.stderr
 
@@ -565,7 +565,10 @@ def test_a_model_holds_within_twice_its_error_a_small_one_or_twice_a_new_models(
     changed = "; D is 32, and was 30"
     changed += "; v_max is 3, and was 5" if verdict == "no longer holds" else ""
     whole = ": use a longer --duration-s" if beyond == 1.0 else " and was not compared"
-    changed += f"; {beyond:.0%} of the motion is beyond the logs of the calibration" * bool(beyond)
+    changed += (
+        f"; {100.0 * beyond:.0f} % of the motion is beyond the logs of the calibration"
+        * bool(beyond)
+    )
     for name in moved:
         assert (
             f"{name}: the model {verdict}: misses {now:.2f} deg rms, {before:.2f} expected by "
@@ -748,7 +751,7 @@ def test_ctrl_c_stops_a_motion_and_ends_a_record(run, arm, requests, monkeypatch
     monkeypatch.setattr(VirtualServos, "feed", interrupted)
     result = run("record", "--bus", "virtual", "--model", arm)
     assert result.exit_code == 0
-    assert result.stderr == "19 rows of joint_1 in log.csv; 0.0% of answers lost\n"
+    assert result.stderr == "19 rows of joint_1 in log.csv; 0.0 % of answers lost\n"
     assert len((tmp_path / "log.csv").read_text().splitlines()) == 20
 
     def perform(self, rows, *, keep, **_):  # noqa: ARG001

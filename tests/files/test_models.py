@@ -36,7 +36,7 @@ delay_error = 0.004
 error_spread = [0.5, 1.5]
 error_over_delay = 0.6
 verdict = "usable"
-verdict_reason = 'it "misses" 4% of the motion'
+verdict_reason = 'it "misses" 4 % of the motion'
 
 [knee]
 lag = 0.02
@@ -122,7 +122,7 @@ BAD = {
     "a value above its interval": ("[4.5, inf]", "[4.5, 4.9]"),
     "a value below its interval": ("[50.00000000001, 51.5]", "[50.1, 51.5]"),
     "an unknown verdict": ('"usable"', '"good"'),
-    "a reason that is no text": ("""'it "misses" 4% of the motion'""", "4"),
+    "a reason that is no text": ("""'it "misses" 4 % of the motion'""", "4"),
     "times of another unit": ("lag = 0.03", "lag = 9.96"),
     "degrees in a table": ("dead_band = 0.02", "v_max = 60.1\ntheta_0 = 3.2"),
     "degrees beside inherited intervals": (

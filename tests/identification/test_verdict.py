@@ -225,7 +225,7 @@ def test_rows_without_torque_are_not_used():
     assert not fit.used[~torque].any()
     assert np.isnan(fit.predicted[~fit.used]).all()
     assert found.rms <= WHITE * NOISE
-    assert any("torque is off in 20% of the rows" in warning for warning in found.warnings)
+    assert any("torque is off in 20 % of the rows" in warning for warning in found.warnings)
 
 
 def test_of_a_log_of_noise_one_warning_says_that_it_holds_no_motion():
@@ -391,7 +391,7 @@ def test_a_model_that_is_tested_and_misses_little_holds(fitted):
     found = judged(fitted, held={})
     assert (found.verdict, found.reason) == (
         "holds",
-        "it misses 1% of the motion in the part that was held out; the log shows neither dry "
+        "it misses 1 % of the motion in the part that was held out; the log shows neither dry "
         "friction nor gravity",
     )
     assert topics(found) == []
@@ -402,7 +402,7 @@ def test_a_delay_that_is_five_percent_closer_to_held_out_rows_wins(share, verdic
     found = judged(fitted, held={"delay": share})
     assert found.verdict.startswith(verdict)
     if verdict == "worse":
-        assert found.reason == "the error of a pure delay is 94% of its own on rows held out"
+        assert found.reason == "the error of a pure delay is 94 % of its own on rows held out"
     # On all rows only where none are held out.
     alone = judged(fitted, simple={"delay": share})
     assert alone.verdict.startswith(verdict)
@@ -426,10 +426,10 @@ def test_the_larger_error_of_all_rows_and_of_those_held_out_decides(fitted):
     signal = fit.rms / 0.08
     worse = judged(fitted, held={"sound_rms": 2.0}, signal=signal)
     assert (worse.verdict, topics(worse)) == ("usable", ["error"])
-    assert worse.reason == "it misses 16% of the motion in the part that was held out"
+    assert worse.reason == "it misses 16 % of the motion in the part that was held out"
     better = judged(fitted, held={"sound_rms": 0.5}, signal=signal)
     assert better.verdict == "holds"
-    assert better.reason.startswith("it misses 8% of the motion; ")
+    assert better.reason.startswith("it misses 8 % of the motion; ")
 
 
 @pytest.mark.parametrize(

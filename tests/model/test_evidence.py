@@ -420,7 +420,7 @@ REFUSED = Evidence(verdict="refused", reason='the joint is "stuck"')
 def test_models_near_pure_delays_and_motion_beyond_the_tests_are_listed_by_joint():
     shares = (0.93, 0.8, 0.85, math.nan)
     known = [*(Evidence(over_delay=share) for share in shares), None]
-    near = "on rows held out the errors of models are near those of pure delays: a (93%), c (85%)"
+    near = "on rows held out the errors of models are near those of pure delays: a (93 %), c (85 %)"
     assert unproven_gains("abcde", known) == near
     assert not unproven_gains("b", known[1:2])
     ways = (("speed", "load"), (), ("moving requests",))
@@ -468,7 +468,7 @@ def test_the_only_model_of_a_file_is_warned_of_as_the_model(tmp_path):
 
 @pytest.mark.parametrize("verdict", [None, "holds", "usable"])
 def test_models_that_may_be_planned_with_are_read_without_a_word(tmp_path, verdict):
-    known = SEEN._replace(verdict=verdict, reason="it misses 3% of the motion" if verdict else "")
+    known = SEEN._replace(verdict=verdict, reason="it misses 3 % of the motion" if verdict else "")
     JointModel.ers210a().with_evidence(known).to_toml(tmp_path / "joint.toml")
     assert planner.read_models(tmp_path / "joint.toml")[""].evidence == known
 

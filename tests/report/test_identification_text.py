@@ -221,7 +221,7 @@ def test_the_warnings_of_an_identification_are_ordered_the_most_important_first(
 def test_warnings_of_many_joints_come_once_ordered_and_one_line_says_what_to_do_next():
     finding = never_saturated().findings[0]
     friction = Finding("friction", "the log does not determine dry friction")
-    log, drift = Finding("log", "a.csv: torque is off in 20%"), Finding("pattern", "backlash")
+    log, drift = Finding("log", "a.csv: torque is off in 20 %"), Finding("pattern", "backlash")
     turned = Finding("pattern", "wraps around")
     every = {
         f"joint{k}": made_up(findings=(log, friction, finding) if k else (drift, turned, log))

@@ -217,6 +217,11 @@ def test_a_page_says_and_draws_what_it_did(name, snapshot, tmp_path):
     snapshot.check(name, masked(f"{text_of(page)}\n{figures_of(page)}\n"))
 
 
+def test_the_next_command_of_a_calibration_is_set_as_code():
+    page = one_calibration()
+    assert "Next: <code>request-planner plan PATH --model arm.toml -o requests.csv</code>" in page
+
+
 @pytest.mark.parametrize(
     ("errors", "top", "direct"),
     [

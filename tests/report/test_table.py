@@ -54,6 +54,17 @@ def test_a_page_has_every_part_in_a_cell_and_every_subject_once():
     assert [len(row) for row in rows] == [3, 5, 6, 5, 6]
 
 
+def test_a_page_writes_minus_signs_and_leaves_names_alone():
+    cells = ("-0.26", "\u22125.8 to -3.2\n-7 %", "1e-05", "log-2", "--at height=-0.1")
+    rows = (Row("-1 V", cells),)
+    html = str(Table("", tuple(map(Column, "abcde")), rows).__html__())
+    assert "−0.26" in html
+    assert "−5.8 to −3.2 <small>−7 %" in html
+    assert "1e-05" in html
+    assert "log-2" in html
+    assert "height=-0.1" in html
+
+
 def test_a_share_of_nothing_is_no_percentage():
     assert percent(0.0125) == "1.25 %"
     assert percent(0.5, 0) == "50 %"

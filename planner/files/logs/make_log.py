@@ -378,9 +378,10 @@ def _with_fitted_scale(
         raise InvalidFile(
             source.name,
             f"the scale of actual angles in counts cannot be found: {len(inputs)} rows have slow "
-            f"requests, over {_share(inputs, requests):.0%} of their range; expected requests over "
-            f"{SLOW_RANGE:.0%} of it that move by at most {SLOW_SHARE:.0%} of it in {SLOW_TIME:g} "
-            "s, up and down, such as excite's slow triangle; or give the unit of the actual angles",
+            f"requests, over {100.0 * _share(inputs, requests):.0f} % of their range; expected "
+            f"requests over {100.0 * SLOW_RANGE:g} % of it that move by at most "
+            f"{100.0 * SLOW_SHARE:g} % of it in {SLOW_TIME:g} s, up and "
+            "down, such as excite's slow triangle; or give the unit of the actual angles",
         )
     basis = np.column_stack([np.ones_like(inputs), inputs, behind, speeds])
     line, *_ = np.linalg.lstsq(basis, counts)
@@ -389,8 +390,9 @@ def _with_fitted_scale(
     if not missed <= STRAIGHT:
         raise InvalidFile(
             source.name,
-            f"actual angles in counts are {missed:.0%} of their spread beside a straight line of "
-            f"slow requests, expected at most {STRAIGHT:.0%}; is this the sensor of this joint?",
+            f"actual angles in counts are {100.0 * missed:.0f} % of their spread beside a straight "
+            f"line of slow requests, expected at most {100.0 * STRAIGHT:g} %; is this "
+            "the sensor of this joint?",
         )
     fit = Scale(COUNTS, 1.0 / slope, -zero / slope, "rad")
     note = (

@@ -296,7 +296,9 @@ def log_figure(identification: Identification, fit: LogFit, prefix: str) -> Figu
     if len(outliers_of(fit)):
         outlier_note = "; outliers are rows that the robust fit counted by less than half"
     least = float(np.min(log.weights[fit.used], initial=1.0))
-    weight_note = f"; rows of the fastest motion counted by {least:.0%}" if least < 1.0 else ""
+    weight_note = (
+        f"; rows of the fastest motion counted by {100.0 * least:.0f} %" if least < 1.0 else ""
+    )
     level = f"{units.factor * noise:.2g} {units.angle}" if math.isfinite(noise) else "unknown"
     below = f"Below, measured minus predicted, and twice the noise ({level}) either way"
     return Figure(

@@ -328,7 +328,7 @@ def recommendation(joint: str, each: Compared) -> str:
     if best.way == "direct":
         return f"{words}; send the path as it is"
     method = "; plan with --method closed-form" if best.way == "closed_form" else ""
-    return f"{words} (best shift: {number(other)}){method}"
+    return f"{words} (best shift: {number(other)} deg){method}"
 
 
 def calibration_text(comparisons: Mapping[str, Compared], output: str) -> str:
@@ -350,6 +350,8 @@ def calibration_page(comparisons: Mapping[str, Compared], output: str) -> str:
         figure = cloud_figure(each.identification, f"joint{k}_")
         figures.append(replace(figure, title=f"{joint}: {figure.title}"))
     step = next_step({joint: each.identification for joint, each in joints}, output)
+    parts = re.split("(request-planner [^;]+)", step[:1].upper() + step[1:])
+    parts[1::2] = map(Markup("<code>{}</code>").format, parts[1::2])
     return Page(
         heading=heading(joints[0][0] if len(joints) == 1 else f"{len(joints)} joints")
         + ", calibrated",
@@ -362,7 +364,7 @@ def calibration_page(comparisons: Mapping[str, Compared], output: str) -> str:
             Section(
                 "Recommendation",
                 "<ul>{% for line in lines %}<li>{{ line }}</li>{% endfor %}</ul><p>{{ step }}</p>",
-                {"lines": lines, "step": step[:1].upper() + step[1:]},
+                {"lines": lines, "step": Markup().join(parts)},
             ),
             Section("Every way", WAYS, {"table": candidates_table(comparisons)}),
             figures_section("The joints", figures),

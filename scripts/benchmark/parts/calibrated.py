@@ -115,8 +115,8 @@ def measure(_: Options) -> list[Table]:
                 ratios.append(row[3])
     fair = np.mean([abs(each - 1.0) <= FAIR for each in ratios if math.isfinite(each)])
     table.note += (
-        f" The median is {np.median(shares):.2f}, the largest {max(shares):.2f}; in {fair:.0%} of "
-        f"the rows the error is told within {FAIR:.0%}."
+        f" The median is {np.median(shares):.2f}, the largest {max(shares):.2f}; in "
+        f"{100.0 * fair:.0f} % of the rows the error is told within {100.0 * FAIR:.0f} %."
     )
     return [table, loops()]
 

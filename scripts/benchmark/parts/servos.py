@@ -124,11 +124,11 @@ def summary(rows: list[Row]) -> str:
     ratios = [each for row in rows for each in row.predicted]
     within = np.mean([1.0 / 1.5 <= each <= 1.5 for each in ratios])
     return (
-        f" The plan's median is {median(1)}, its largest {max(plans):.2f}; in {near:.0%} of the "
-        f"rows 0.7 to 1.4 of the error met is told, in {inside:.0%} it is in the range. The third "
-        f"trial's median is "
+        f" The plan's median is {median(1)}, its largest {max(plans):.2f}; in "
+        f"{100.0 * near:.0f} % of the rows 0.7 to 1.4 of the error met is told, in "
+        f"{100.0 * inside:.0f} % it is in the range. The third trial's median is "
         f"{median(TRIALS + 1)}; a trial's error is at most {max(steps):.2f} of the one before, "
-        f"and in {within:.0%} of the trials within a factor of 1.5 of what was predicted."
+        f"and in {100.0 * within:.0f} % of the trials within a factor of 1.5 of what was predicted."
     )
 
 

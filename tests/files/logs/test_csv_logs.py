@@ -349,7 +349,7 @@ def test_names_of_columns_say_pulses_and_counts(tmp_path):
     ("unit", "slow", "message"),
     [
         ("requested=us,actual=counts", 0.0, "the scale of actual angles in counts cannot be found"),
-        ("requested=us,actual=counts", 0.49, "slow requests, over 49% of their range; expected"),
+        ("requested=us,actual=counts", 0.49, "slow requests, over 49 % of their range; expected"),
         ("counts", 1.0, "requests in counts, whose scale is unknown"),
         ("requested=counts,actual=us", 1.0, "requests in counts"),
     ],
@@ -381,7 +381,7 @@ def test_counts_may_be_a_tenth_of_their_spread_beside_a_line_and_no_more(tmp_pat
         return _read(file)
 
     assert len(read(0.08).times) == len(table)
-    with pytest.raises(InvalidFile, match=r"counts are 1[2-5]% of their spread beside"):
+    with pytest.raises(InvalidFile, match=r"counts are 1[2-5] % of their spread beside"):
         read(0.12)
 
 
