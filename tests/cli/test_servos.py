@@ -323,8 +323,8 @@ def test_a_model_that_holds_is_said_to_hold_and_another_gain_to_be_the_reason(
     assert holds.exit_code == 0, holds.stderr
     known = json.loads(run(*asked, "--json").stdout)["joints"]["joint_1"]
     assert known["rms_before_deg"] == pytest.approx(np.degrees(0.01))
-    misses = f"misses {known['rms_deg']:.2f} deg rms, {known['rms_before_deg']:.2f} when"
-    assert f"joint_1: the model holds: {misses} it was calibrated" in holds.stderr
+    misses = f"misses {known['rms_deg']:.2f} deg rms, {known['rms_before_deg']:.2f} expected"
+    assert f"joint_1: the model holds: {misses} by its test" in holds.stderr
     monkeypatch.setitem(servo_bus.KINDS["sts3215"].registers, "p_gain", 6)
     gone = run(*asked)
     assert gone.exit_code == 1
@@ -725,7 +725,7 @@ def test_a_record_keeps_its_rate_where_rows_are_late(run, arm, faulty, tmp_path)
     assert 50 < len(times) < 390
     faulty(drop=0.1)
     said = run("record", "--bus", "virtual", "--model", arm, "--duration-s", "3").stderr
-    assert 5.0 < float(re.search(r"; ([\d.]+)% of answers lost", said)[1]) < 40.0
+    assert 5.0 < float(re.search(r"; ([\d.]+) % of answers lost", said)[1]) < 40.0
 
 
 @pytest.mark.parametrize("by_hand", [True, False])

@@ -396,8 +396,8 @@ def brief(page: str, printed: str) -> str:
 
 
 def _cells(line: str) -> str:
-    """A row without what is between its cells."""
-    return re.sub(r"\{[\w ]*\}|[\s|,–]", "", line)
+    """A row without what is between its cells, its minus signs as a terminal has them."""
+    return re.sub(r"\{[\w ]*\}|[\s|,–]", "", line).replace("−", "-")
 
 
 def _kind(line: str, known: str) -> str:
@@ -406,7 +406,7 @@ def _kind(line: str, known: str) -> str:
         return "text"
     if len(_cells(line)) > 8 and f"{_cells(line)}\n" in known:
         return "printed"
-    return "numbers" if re.fullmatch(r"[\d.−-]+", _cells(line)) else "text"
+    return "numbers" if re.fullmatch(r"[\d.-]+", _cells(line)) else "text"
 
 
 def masked(text: str) -> str:
