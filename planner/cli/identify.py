@@ -12,7 +12,7 @@ import click
 
 from planner.cli import options, types
 from planner.cli.console import Progress, deliver, remark, warn
-from planner.exceptions import PlannerError, about
+from planner.exceptions import InvalidFile, PlannerError, about
 from planner.files.staging import staged
 from planner.files.text import write_text
 
@@ -165,7 +165,11 @@ def _tables(output: str) -> list[str]:
     """
     from planner.files.joint_model import has_content, read_model_file
 
-    return list(read_model_file(output).by_joint) if has_content(output) else []
+    try:
+        return list(read_model_file(output).by_joint) if has_content(output) else []
+    except InvalidFile as error:
+        words = "remove the file to replace it, or choose another name for the model"
+        raise InvalidFile(output, f"is no valid model file ({error}); {words}") from error
 
 
 def to_log_options(choices: Mapping[str, Any]) -> LogOptions:

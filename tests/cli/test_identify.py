@@ -304,9 +304,11 @@ def test_a_joint_that_takes_the_model_above_all_tables_takes_a_new_one_too(run):
 
 def test_a_file_that_is_no_model_is_not_replaced_by_one(run):
     write_log("log.csv")
-    before = Path("log.csv").read_text()
-    result = run("identify", "log.csv", "-o", "log.csv")
-    assert (result.exit_code, Path("log.csv").read_text()) == (2, before)
+    Path("notes.toml").write_text('servo = "of the knee"\n')
+    result = run("identify", "log.csv", "-o", "notes.toml")
+    assert result.exit_code == 2
+    assert "notes.toml: is no valid model file" in result.stderr
+    assert Path("notes.toml").read_text() == 'servo = "of the knee"\n'
 
 
 def test_rows_and_their_rate_are_told_and_times_that_may_be_row_numbers_asked_about(run):
