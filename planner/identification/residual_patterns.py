@@ -311,7 +311,7 @@ def with_weights(fits: Sequence[LogFit], noise: float) -> tuple[Log, ...] | None
         for rows in np.split(used, np.flatnonzero(np.diff(used) > 1) + 1):
             if len(rows) < 3:
                 continue
-            angles, period = at_even_times(fit.log.times[rows], fit.predicted[rows])
+            angles, period = at_even_times(fit.log, rows, fit.predicted[rows])
             changes = np.diff(angles, 2) / period**2
             around = uniform_filter1d(np.pad(changes**2, 1, mode="edge"), count, mode="nearest")
             sizes = np.sqrt(np.maximum(around, 0.0))

@@ -425,19 +425,24 @@ def runs_of_fits(fits: Sequence[LogFit], *, held_out: bool) -> list[Run]:
         edges = np.flatnonzero(np.diff(np.concatenate([[False], rows, [False]]).astype(int)))
         for first, end in edges.reshape(-1, 2).tolist():
             known = np.array([predicted, fit.predicted] if held_out else [predicted])[:, first:end]
-            angles, period = at_even_times(fit.log.times[first:end], known[0])
+            angles, period = at_even_times(fit.log, slice(first, end), known[0])
             found.append(Run(angles, fit.log.angles[first:end] - known, period))
     return found
 
 
-def at_even_times(times: Array, angles: Array) -> tuple[Array, float]:
-    """Angles of rows as they were at even times [rad], and the time between these [s].
+def at_even_times(
+    log: Log, rows: slice | npt.NDArray[np.int64], angles: Array
+) -> tuple[Array, float]:
+    """Angles of rows of a log as they were at even times [rad], and the time between these [s].
 
     Rows come early or late. Differences as if they did not make accelerations of that: of an arm
     in calm motion 13 times the true ones, with a tenth of a period of jitter.
     """
+    times = log.times[rows]
+    if len(times) < 2:
+        return angles, log.period
     even = np.linspace(times[0], times[-1], len(times))
-    return np.interp(even, times, angles), float(times[-1] - times[0]) / max(len(times) - 1, 1)
+    return np.interp(even, times, angles), float(times[-1] - times[0]) / (len(times) - 1)
 
 
 def _holds_steps_only(fits: Sequence[LogFit]) -> bool:
