@@ -461,7 +461,8 @@ def unsearched(monkeypatch):
     """What is asked of the search, which answers with the desired angles."""
     asked = []
 
-    def solved(task, *, solver, progress):
+    def solved(task, *, solver, executed, progress):
+        assert executed is None
         asked.append((task, solver))
         for name in task.names:
             progress(name)
