@@ -1,4 +1,4 @@
-"""Servos from their physics, compiled: five kinds, none of which is the planner's model."""
+"""Servos from their physics, compiled: kinds of which none is the planner's model."""
 
 from __future__ import annotations
 
@@ -66,6 +66,22 @@ def proportional(numbers: Array, error: float, angle: float, speed: float, memor
 
 
 @_compile
+def integrating(numbers: Array, error: float, angle: float, speed: float, memory: float) -> Any:
+    """A position controller with an integral term, limited voltage, back-EMF, friction, gravity.
+
+    Numbers: voltage per error, rate of the integral, largest voltage, motor constant, resistance,
+    inertia, Coulomb friction, gravity.
+    """
+    gain, rate, supply, constant, resistance, inertia, coulomb, gravity = numbers[:8]
+    asked = gain * error + memory
+    voltage = min(max(asked, -supply), supply)
+    if asked == voltage:
+        memory += rate * gain * error * STEP
+    torque = constant * (voltage - constant * speed) / resistance - gravity * math.sin(angle)
+    return _slowed(speed + torque * STEP / inertia, coulomb * STEP / inertia), memory
+
+
+@_compile
 def hobby(numbers: Array, error: float, _: float, speed: float, memory: float) -> Any:
     """A dead zone of the controller, unequal top speeds, a slow start.
 
@@ -106,7 +122,7 @@ class CompiledServo:
 
     Attributes:
         name: Its name.
-        law: :func:`cascaded`, :func:`proportional` or :func:`hobby`.
+        law: :func:`cascaded`, :func:`integrating`, :func:`proportional` or :func:`hobby`.
         numbers: Its constants.
         delay: Before a request arrives [s].
         period: Between requests [s].
@@ -161,6 +177,12 @@ CASCADED = CompiledServo(
     cascaded,
     (20.0, 5.5, 0.6, 4.0, 2.0, 7.0, 0.012, 0.08, 0.02, 0.3),
     0.012,
+)
+INTEGRATING = CompiledServo(
+    "position controller with an integral term",
+    integrating,
+    (60.0, 5.0, 12.0, 1.6, 4.0, 0.02, 0.1, 0.3),
+    0.008,
 )
 PROPORTIONAL = CompiledServo(
     "P control, current limit, gravity, play",
@@ -296,6 +318,7 @@ def overloaded(servo: CompiledServo, times: int) -> CompiledServo:
 
 SERVOS: Sequence[CompiledServo] = (
     CASCADED,
+    INTEGRATING,
     PROPORTIONAL,
     HOBBY,
     *map(with_friction, (0.49, 0.9, 1.23)),
