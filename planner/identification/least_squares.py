@@ -112,6 +112,7 @@ def servo_of(grid: Grid, at: Parameters) -> Servo:
     from planner.model.kernel import Servo
 
     faster = 0.0 if math.isinf(at.v_max) else grid.tick * at.v_max
+    acting = float(at.time_constant > 0.0)  # an integral acts through it
     law = Law.of(
         tick=grid.tick,
         gain=at.gain,
@@ -121,10 +122,8 @@ def servo_of(grid: Grid, at: Parameters) -> Servo:
         max_acceleration=at.max_acceleration(grid.tick),
         sag_sin=float(at.sag_sin),
         sag_cos=float(at.sag_cos),
-        integral_rate=float(at.integral_rate) if at.time_constant > 0.0 else 0.0,
-        position_integral_rate=(
-            float(at.position_integral_rate) if at.time_constant > 0.0 else 0.0
-        ),
+        integral_rate=acting * float(at.integral_rate),
+        position_integral_rate=acting * float(at.position_integral_rate),
     )
     return Servo(
         law,

@@ -59,7 +59,7 @@ def moved(law: Law, demand: float, speed: float, integral: float) -> tuple[float
         w(t) and z(t) [rad/tick].
     """
     friction, limited = law.share * law.friction, False
-    aim = demand + (1.0 - law.integral_inside) * integral
+    aim = aimed(law, demand, integral)
     if law.share == 1.0:
         aim, friction = shrunk(aim, friction), 0.0
     if law.share < 1.0 or law.acceleration < np.inf:
@@ -68,9 +68,26 @@ def moved(law: Law, demand: float, speed: float, integral: float) -> tuple[float
         aim = speed + min(max(change, -law.acceleration), law.acceleration)
     now = shrunk(aim, friction)
     if law.integral_share > 0.0 and not limited:
-        paid = integral if law.integral_inside > 0.0 else now
-        integral += law.integral_share * (demand - paid)
+        integral += law.integral_share * (demand - fed_back(law, now, integral))
     return now, integral
+
+
+@inner
+def aimed(law: Law, demand: float, integral: float) -> float:
+    """The speed that a motor follows: the demanded one, and a speed loop's integral."""
+    return demand if law.integral_inside > 0.0 else demand + integral
+
+
+@inner
+def fed_back(law: Law, speed: float, integral: float) -> float:
+    """What an integral subtracts from the demanded speed: the speed, or the integral itself."""
+    return integral if law.integral_inside > 0.0 else speed
+
+
+@inner
+def exceeds_drive(law: Law) -> bool:
+    """Whether the speed may exceed the limits of the drive: with the integral of a speed loop."""
+    return law.integral_share > 0.0 and law.integral_inside == 0.0
 
 
 @inner
@@ -279,11 +296,10 @@ def rounded_integral(
         derivative by the difference between the speed that is aimed at and the one before, with
         ``demand`` and ``speed`` fixed.
     """
-    paid = before.integral if law.integral_inside > 0.0 else speed
-    change, opened, closing = law.integral_share * (demand - paid), 1.0, 0.0
+    change = law.integral_share * (demand - fed_back(law, speed, before.integral))
+    opened, closing = 1.0, 0.0
     if law.acceleration < np.inf:
-        aim = demand + (1.0 - law.integral_inside) * before.integral
-        faster = law.share * (aim - before.speed)
+        faster = law.share * (aimed(law, demand, before.integral) - before.speed)
         rounded = rounded * law.share * law.share
         _, opened, bent = rounded_clip(faster, -law.acceleration, law.acceleration, rounded)
         closing = law.share * bent * change
@@ -353,7 +369,7 @@ def periods(
             restoring[k] -= gain * pose_sag_slope(law, angles[k])
             before = State(angles[k], speeds[k], integrals[k] if size == 3 else 0.0)
             speeds[k], by_demand[k], by_speed[k], bend[k] = rounded_moved(
-                law, driven + (1.0 - inside) * before.integral, before.speed, rounded[k]
+                law, aimed(law, driven, before.integral), before.speed, rounded[k]
             )
             angles[k] += speeds[k]
             if size == 3:
@@ -372,11 +388,11 @@ def periods(
                 driven = raising[k] * slopes[2, c, k] - restoring[k] * slopes[0, c, k]
                 if c >= 3:
                     driven += own[c - 3, k]
-                aimed = driven + (1.0 - inside) * slopes[2, c, k]
-                change = by_speed[k] * slopes[1, c, k] + by_demand[k] * aimed
-                paid = slopes[2, c, k] if inside > 0.0 else change
-                slopes[2, c, k] += closing[k] * (aimed - slopes[1, c, k])
-                slopes[2, c, k] += opened[k] * law.integral_share * (driven - paid)
+                aim = aimed(law, driven, slopes[2, c, k])
+                change = by_speed[k] * slopes[1, c, k] + by_demand[k] * aim
+                back = fed_back(law, change, slopes[2, c, k])
+                slopes[2, c, k] += closing[k] * (aim - slopes[1, c, k])
+                slopes[2, c, k] += opened[k] * law.integral_share * (driven - back)
                 slopes[1, c, k] = change
                 slopes[0, c, k] += change
         for j in range(bends.shape[1]):
@@ -388,12 +404,12 @@ def periods(
                 bends[0, j, k] += change
             for k in range(count if size == 3 else 0):
                 driven = raising[k] * bends[2, j, k] - restoring[k] * bends[0, j, k] + bent[j, k]
-                aimed = driven + (1.0 - inside) * bends[2, j, k]
-                change = by_speed[k] * bends[1, j, k] + by_demand[k] * aimed
+                aim = aimed(law, driven, bends[2, j, k])
+                change = by_speed[k] * bends[1, j, k] + by_demand[k] * aim
                 change += bend[k] * own[j, k] * restoring[k]
-                paid = bends[2, j, k] if inside > 0.0 else change
-                bends[2, j, k] += closing[k] * (aimed - bends[1, j, k])
-                bends[2, j, k] += opened[k] * law.integral_share * (driven - paid)
+                back = fed_back(law, change, bends[2, j, k])
+                bends[2, j, k] += closing[k] * (aim - bends[1, j, k])
+                bends[2, j, k] += opened[k] * law.integral_share * (driven - back)
                 bends[1, j, k] = change
                 bends[0, j, k] += change
 
@@ -507,7 +523,7 @@ def along(
     drives, kinks = np.zeros(START + 1), np.zeros(START + 1)
     past, now, motion, fast, summed = np.zeros((5, count))
     first, row, way, band, speed, motor = 0, 0, 0.0, law.friction / law.gain, 0.0, 0.0
-    integral, beyond = 0.0, 0.0 if law.integral_share > 0.0 and law.integral_inside == 0.0 else 1.0
+    integral, beyond = 0.0, 0.0 if exceeds_drive(law) else 1.0
     for t in range(len(states)):
         state = states[t]
         angle = angles[state - 1]
@@ -546,7 +562,7 @@ def along(
         driven = demand
         demand += law.gain * by_pose
         # ``free`` is what friction acts on, ``aim`` what the speed follows
-        slid, aim = speed, demand + (1.0 - law.integral_inside) * integral
+        slid, aim = speed, aimed(law, demand, integral)
         free = aim
         if law.share == 1.0:
             aim = shrunk(aim, law.friction)
@@ -604,15 +620,13 @@ def along(
                     drives[column] - by_angle * now[p] + law.integral_inside * inside * summed[p]
                 )
                 if law.share < 1.0:
-                    aimed = pushed + (1.0 - law.integral_inside) * summed[p]
-                    follow = by_demand * (aimed - fast[p])
+                    follow = by_demand * (aimed(law, pushed, summed[p]) - fast[p])
                     fast[p] = sliding * (fast[p] + follow + kinks[column])
                     if accelerated == 1.0:
-                        paid = summed[p] if law.integral_inside > 0.0 else fast[p]
-                        summed[p] += law.integral_share * (pushed - paid)
+                        back = fed_back(law, fast[p], summed[p])
+                        summed[p] += law.integral_share * (pushed - back)
                         if column == INTEGRAL:
-                            summed[p] += demand
-                            summed[p] -= held_integral if law.integral_inside > 0.0 else speed
+                            summed[p] += demand - fed_back(law, speed, held_integral)
                 elif accelerated == 1.0:
                     fast[p] = sliding * (pushed + kinks[column])
                 elif column == ACCELERATION:

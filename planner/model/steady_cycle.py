@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from planner.compilation import compiled, inner
-from planner.model.kernel import moving_states, run
+from planner.model.kernel import exceeds_drive, moving_states, run
 from planner.model.law import Law, State
 from planner.trajectory import Array
 
@@ -82,8 +82,7 @@ def run_steady_cycle(cycle: Cycle, near: float, most: int) -> float:
         :data:`CYCLE_TOLERANCE`.
     """
     law = cycle.law
-    beyond_drive = law.integral_share > 0.0 and law.integral_inside == 0.0
-    v_max = law.top if beyond_drive else law.top - law.friction
+    v_max = law.top if exceeds_drive(law) else law.top - law.friction
     slower, faster = extremes(cycle.faster)
     by_pose = np.hypot(law.sag_sin, law.sag_cos)
     top = v_max + max(-slower, faster) + law.gain * by_pose

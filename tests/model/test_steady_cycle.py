@@ -84,40 +84,37 @@ def test_with_an_integral_the_top_speed_is_v_max_and_no_friction_holds_the_joint
         )
 
 
+STICKY = JointModel(
+    v_max=5.0,
+    theta_0=0.3,
+    lag=0.01,
+    acceleration_time=0.004,
+    tick=0.002,
+    time_constant=0.03,
+    dead_band=0.02,
+)
+
+
+def rests_where_requested(model):
+    """Whether friction leaves no error after a step within the dead band."""
+    held = simulate(model, np.repeat([0.0, 0.015], 1500), cyclic=False)
+    return held[-1] == pytest.approx(0.015, abs=2e-3)
+
+
 def test_the_integral_of_a_speed_loop_leaves_no_error_at_rest_and_follows_lines_without_friction():
-    model = JointModel(
-        v_max=5.0,
-        theta_0=0.3,
-        lag=0.01,
-        acceleration_time=0.004,
-        tick=0.002,
-        time_constant=0.03,
-        integral_rate=15.0,
-        dead_band=0.02,
-    )
+    model = replace(STICKY, integral_rate=15.0)
     line = 1.5 * model.tick * np.arange(2000)
     behind = line - simulate(model, line, cyclic=False)
     assert behind[-1] == pytest.approx(line_offset(model, 1.5), abs=1e-9)
     assert line_offset(model, 1.5) == line_offset(replace(model, dead_band=0.0), 1.5)
-    held = simulate(model, np.repeat([0.0, 0.015], 1500), cyclic=False)  # within the dead band
-    assert held[-1] == pytest.approx(0.015, abs=2e-3)
+    assert rests_where_requested(model)
 
 
 def test_the_integral_of_a_position_controller_leaves_only_the_lag_behind_a_line():
-    model = JointModel(
-        v_max=5.0,
-        theta_0=0.3,
-        lag=0.01,
-        acceleration_time=0.004,
-        tick=0.002,
-        time_constant=0.03,
-        position_integral_rate=5.0,
-        dead_band=0.02,
-    )
+    model = replace(STICKY, position_integral_rate=5.0)
     line = 1.5 * model.tick * np.arange(3000)
     behind = line - simulate(model, line, cyclic=False)
     assert behind[-1] == pytest.approx(
         1.5 * (model.lag + 0.5 * (model.acceleration_time - model.tick)), abs=1e-6
     )
-    held = simulate(model, np.repeat([0.0, 0.015], 1500), cyclic=False)  # within the dead band
-    assert held[-1] == pytest.approx(0.015, abs=2e-3)
+    assert rests_where_requested(model)
