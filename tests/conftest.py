@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import fcntl
 import functools
+import gc
 import importlib
 import inspect
 import os
@@ -95,6 +96,12 @@ def pytest_configure():
     with suppress(BlockingIOError):  # the process that started this one has done it
         package = os.open(Path(planner.__file__).parent, os.O_RDONLY)
         fcntl.flock(package, fcntl.LOCK_EX | fcntl.LOCK_NB)
+
+
+def pytest_collection_finish():
+    """Spare the garbage collection what is imported and collected, which no test frees."""
+    gc.freeze()
+    gc.set_threshold(100_000, 50)
 
 
 def pytest_collection_modifyitems(items):

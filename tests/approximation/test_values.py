@@ -53,11 +53,7 @@ def test_values_between_which_no_sample_lies_are_determinate():
     assert np.all(np.isfinite(values))
 
 
-@given(
-    st.lists(st.floats(-1e3, 1e3), min_size=2, max_size=8),
-    st.floats(1e-9, 1e3),
-    st.booleans(),
-)
+@given(st.lists(st.floats(-1e3, 1e3), min_size=2, max_size=8), st.floats(1e-9, 1e3), st.booleans())
 def test_repaired_values_keep_every_limit_in_floating_point(values, limit, cyclic):
     values = np.array(values)
     limits = np.full(values.size if cyclic else values.size - 1, limit)

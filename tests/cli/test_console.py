@@ -26,14 +26,7 @@ from planner.cli.console import (
     terminal_width,
     warn,
 )
-from planner.exceptions import (
-    ANGLE_UNIT,
-    JOINT_UNITS,
-    PlannerError,
-    about,
-    angle_text,
-    printable,
-)
+from planner.exceptions import ANGLE_UNIT, JOINT_UNITS, PlannerError, about, angle_text, printable
 
 ERASE = "\r\x1b[K"
 

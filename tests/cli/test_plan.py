@@ -24,8 +24,7 @@ def walk():
 
 
 @pytest.mark.parametrize(
-    ("more", "words"),
-    [(("--norm", "max"), "at most"), (("--weights", 1, 1, 2), "rms as weighted")],
+    ("more", "words"), [(("--norm", "max"), "at most"), (("--weights", 1, 1, 2), "rms as weighted")]
 )
 def test_the_bound_of_a_foot_is_told_in_its_norm_and_as_weighted(
     run, foot, monkeypatch, more, words

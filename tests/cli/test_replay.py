@@ -18,12 +18,7 @@ import pytest
 from kinematics import urdf_path
 from planner import JointModel, Log, LogOptions, read_logs, replay, simulate
 from planner.cli import settings
-from planner.cli.replay.dataset import (
-    decoded,
-    episode_figures,
-    lerobot_episode,
-    replayed,
-)
+from planner.cli.replay.dataset import decoded, episode_figures, lerobot_episode, replayed
 from planner.cli.replay.task import fastest_document, fastest_text, refuted_joints, tasks_of
 from planner.files.joint_model import models_text
 from planner.files.logs.read import recordings_in

@@ -132,10 +132,7 @@ def test_the_server_is_fed_and_ends_with_ctrl_c(run, foot, meshcat, monkeypatch,
 
 
 WRONG = {
-    "no leg": (
-        ["desired.csv"],
-        "name the leg with --leg. See 'request-planner view --help'.",
-    ),
+    "no leg": (["desired.csv"], "name the leg with --leg. See 'request-planner view --help'."),
     "some of the joints": (
         ["some.csv", "--leg", "reference"],
         "some.csv: got joints knee, expected those of the leg: rotator, abductor, knee. "

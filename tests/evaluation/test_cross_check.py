@@ -24,11 +24,7 @@ from planner.evaluation.checks import (
     second_answer,
 )
 from planner.evaluation.cross_check import METHODS, SECOND, compare_joint, cross_check, judge_foot
-from planner.exceptions import (
-    InvalidInput,
-    NoSteadyCycle,
-    SolverFailed,
-)
+from planner.exceptions import InvalidInput, NoSteadyCycle, SolverFailed
 from planner.model.evidence import Evidence
 from planner.model.joint import JointModel
 from planner.planning.bounds.reachable_set import LEVELS
@@ -154,12 +150,7 @@ def test_bounds_are_shown_under_the_level_that_was_proved(changes):
     plan = invert_optimal(replace(JOINT, **changes), BRIEF, smoothness=0.0)
     comparison = compare_joint("hip", {"optimal": plan}, levels=LEVELS)
     assert (
-        list(comparison.bounds)
-        == list(comparison.to_dict()["bounds_deg"])
-        == [
-            "slope",
-            "envelope",
-        ]
+        list(comparison.bounds) == list(comparison.to_dict()["bounds_deg"]) == ["slope", "envelope"]
     )
     assert not _broken(comparison)
 

@@ -33,12 +33,7 @@ def _written(file, column, values, times=None):
 
 @pytest.mark.parametrize(
     "degrees",
-    [
-        45.0 * np.sin(PHASE),
-        80.0 + np.sin(PHASE),
-        0.3 * np.arange(100) ** 2,
-        2.0 * np.arange(100),
-    ],
+    [45.0 * np.sin(PHASE), 80.0 + np.sin(PHASE), 0.3 * np.arange(100) ** 2, 2.0 * np.arange(100)],
 )
 def test_a_column_of_radians_that_holds_degrees_is_refused(tmp_path, degrees):
     file = _written(tmp_path / "path.csv", "pan_rad", degrees)

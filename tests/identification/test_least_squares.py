@@ -20,12 +20,7 @@ from planner.identification.least_squares import (
     respond,
     slopes_of,
 )
-from planner.identification.parameters import (
-    Parameters,
-    coordinates_of,
-    only,
-    parameters_at,
-)
+from planner.identification.parameters import Parameters, coordinates_of, only, parameters_at
 from planner.model import kernel
 from tests.identification.made import AIBO, NOISE, hobby_servo, rich_log, step_logs
 

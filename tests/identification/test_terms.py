@@ -20,12 +20,8 @@ from tests.identification.made import (
     step_logs,
     swung,
 )
-from tests.identification.made import (
-    FINE_NOISE as NOISE,
-)
-from tests.identification.made import (
-    FINE_QUANTUM as QUANTUM,
-)
+from tests.identification.made import FINE_NOISE as NOISE
+from tests.identification.made import FINE_QUANTUM as QUANTUM
 
 EXACT = 1e-6
 """Without noise terms are found to this, relative to their size."""

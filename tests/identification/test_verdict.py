@@ -13,10 +13,7 @@ import planner
 from planner.exceptions import ANGLE_UNIT
 from planner.identification.fit import fit_joint
 from planner.identification.grid import resampled, timing_of
-from planner.identification.intervals import (
-    intervals_of,
-    uncertainty_of,
-)
+from planner.identification.intervals import intervals_of, uncertainty_of
 from planner.identification.judgement import (
     exchanged_columns,
     is_loose,

@@ -85,8 +85,7 @@ def test_the_ball_is_where_the_published_vectors_have_it(name):
 
 
 @pytest.mark.parametrize(
-    ("name", "paw"),
-    [("front_left", (53.42, 59.7, -130.0)), ("hind_left", (-42.94, 59.7, -134.88))],
+    ("name", "paw"), [("front_left", (53.42, 59.7, -130.0)), ("hind_left", (-42.94, 59.7, -134.88))]
 )
 def test_the_paw_is_where_the_drawing_has_it(name, paw):
     found = ers210a_leg(name, "paw").foot_positions([[0.0, 0.0, 0.0]])
@@ -135,11 +134,7 @@ def test_the_reference_leg_is_its_formula(angles):
     upper, lower = 0.064, 0.069
     (c1, c2, c3), (s1, s2, s3) = np.cos(angles), np.sin(angles)
     reach = upper + lower * c3
-    expected = [
-        lower * c1 * s3 + reach * c2 * s1,
-        reach * s2,
-        lower * s1 * s3 - reach * c2 * c1,
-    ]
+    expected = [lower * c1 * s3 + reach * c2 * s1, reach * s2, lower * s1 * s3 - reach * c2 * c1]
     found = reference_leg().foot_positions([angles])
     np.testing.assert_allclose(found, [expected], atol=1e-15)
 

@@ -7,14 +7,7 @@ import pinocchio
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from made_up_robots import (
-    LEGS,
-    Joint,
-    ers210a_leg,
-    made_up_leg,
-    reference_leg,
-    urdf_text,
-)
+from made_up_robots import LEGS, Joint, ers210a_leg, made_up_leg, reference_leg, urdf_text
 
 from kinematics import Leg
 from kinematics.leg import foot_function

@@ -8,14 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from made_up_robots import (
-    CLOSED,
-    LEGS,
-    SHAPES,
-    ers210a_leg,
-    made_up_leg,
-    reference_leg,
-)
+from made_up_robots import CLOSED, LEGS, SHAPES, ers210a_leg, made_up_leg, reference_leg
 
 from kinematics import Leg, UnreachableFoot, UnsupportedLeg
 from kinematics.chain import Chain, Limits

@@ -122,9 +122,7 @@ def test_angles_of_another_joint_give_no_model():
 def test_the_joint_whose_model_is_identified_anew_is_named_and_the_trial_kept(monkeypatch):
     plan = planner.plan(KNOWN, np.column_stack([REQUESTS[0], REQUESTS[0]]))
     monkeypatch.setattr(
-        refining,
-        "better_model",
-        lambda *given: OTHER if given[3:] == (1, 0.2) else None,
+        refining, "better_model", lambda *given: OTHER if given[3:] == (1, 0.2) else None
     )
     after, last, (remark,) = refining.reidentified(plan, [None] * 4, (1, 0), [0.1, 0.2])
     assert (list(after.models), last) == ([KNOWN, OTHER], (1, 3))

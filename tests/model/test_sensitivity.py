@@ -101,8 +101,7 @@ def test_at_a_corner_the_derivative_is_the_mean_of_both_sides():
 def test_a_cycle_without_a_derivative_is_an_error(monkeypatch):
     # Between saturated requests the joint may rest anywhere in a range; put it in its middle.
     monkeypatch.setattr(
-        "planner.model.response.motion_under",
-        lambda *_arguments, **_options: np.zeros((3, 2)),
+        "planner.model.response.motion_under", lambda *_arguments, **_options: np.zeros((3, 2))
     )
     with pytest.raises(NoSteadyCycle):
         sensitivities(JointModel.ers210a(), [5.0, -5.0])

@@ -80,9 +80,7 @@ def chained(model, requests, state, *, cyclic, load=None):
     *before, torque = (casadi.SX.sym(name) for name in names)
     window = casadi.SX.sym("requests", request_ages(model).width)
     after = casadi.Function(
-        "period",
-        [*before, window, torque],
-        [*period(model, State(*before), window, load=torque)],
+        "period", [*before, window, torque], [*period(model, State(*before), window, load=torque)]
     )
     numbers = np.maximum(acting(request_ages(model), len(requests), cyclic=cyclic), 0)
     angles = []

@@ -43,11 +43,7 @@ PATHS = {
     "holds": np.clip(0.75 * np.sin(PHASE), -0.5, 0.5),
 }
 
-LOADS = {
-    "none": None,
-    "constant": 0.5,
-    "gravity": 0.8 * np.cos(0.5 * np.sin(PHASE)),
-}
+LOADS = {"none": None, "constant": 0.5, "gravity": 0.8 * np.cos(0.5 * np.sin(PHASE))}
 
 
 @cache

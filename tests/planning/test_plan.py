@@ -115,11 +115,7 @@ def test_a_plan_without_a_leg_has_no_foot(plan, name):
     ("models", "options", "message"),
     [
         ({"hip": AIBO}, {}, "desired: got 2 columns for the models of hip"),
-        (
-            AIBO,
-            {"load": [1.0, 2.0, 3.0]},
-            r"load: got .* of shape \(60, 2\) or \(2,\)",
-        ),
+        (AIBO, {"load": [1.0, 2.0, 3.0]}, r"load: got .* of shape \(60, 2\) or \(2,\)"),
         (AIBO, {"load": {"jaw": 1.0}}, "load: no joint 'jaw'"),
         (AIBO, {"start": "a", "cyclic": False}, "start: got 'a'"),
     ],

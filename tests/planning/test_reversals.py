@@ -80,11 +80,7 @@ def test_a_hold_with_noise_is_a_hold():
 
 def test_turning_points_are_the_extrema_of_a_zigzag():
     zigzag = np.array([0.0, 1.0, 0.9, 2.0, 0.5, 0.6, 0.4, 3.0])
-    assert turning_points(zigzag, 0.3) == [
-        (0, False),
-        (3, True),
-        (6, False),
-    ]
+    assert turning_points(zigzag, 0.3) == [(0, False), (3, True), (6, False)]
 
 
 @pytest.mark.parametrize("load", [None, LOAD], ids=["no load", "gravity"])

@@ -10,14 +10,7 @@ import numpy as np
 import pytest
 
 import planner
-from planner import (
-    JointModel,
-    invert_foot,
-    invert_optimal,
-    plan,
-    reference_walk,
-    simulate,
-)
+from planner import JointModel, invert_foot, invert_optimal, plan, reference_walk, simulate
 from planner.approximation.fit import choices
 from planner.evaluation.reproduction import reproduce
 from planner.evaluation.virtual_experiment import play_experiment

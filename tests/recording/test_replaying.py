@@ -212,8 +212,7 @@ def test_recorded_requests_may_serve_by_half_of_their_error_where_the_torque_was
 
 
 @pytest.mark.parametrize(
-    ("changed", "serve"),
-    [({}, True), ({"speed": 1.25}, False), ({"track": "action"}, False)],
+    ("changed", "serve"), [({}, True), ({"speed": 1.25}, False), ({"track": "action"}, False)]
 )
 def test_recorded_requests_may_serve_only_along_the_recorded_angles_at_their_speed(changed, serve):
     made = replay(recorded(), SERVO.with_evidence(Evidence(0.5)), **changed)

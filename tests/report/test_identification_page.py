@@ -106,10 +106,7 @@ def test_long_names_of_files_do_not_make_the_page_wider_than_a_phone(browser, tm
     long = f"{'folder_' * 12}/log.csv"
     page = tmp_path / "report.html"
     sources = sources_of(page, files=[("log", tmp_path / long)])
-    page.write_text(
-        identification_page({"": made_up()}, sources=sources),
-        encoding="utf-8",
-    )
+    page.write_text(identification_page({"": made_up()}, sources=sources), encoding="utf-8")
     browser.open(page, width=PHONE)
     assert browser.ask(f"document.querySelector('a[href=\"{long}\"]').textContent") == long
     assert browser.ask("document.documentElement.scrollWidth") <= PHONE

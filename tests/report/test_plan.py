@@ -186,10 +186,7 @@ def test_requests_at_a_limit_are_counted(outcome):
     free = limited(outcome, 0, (-np.inf, np.inf))
     assert joint_rows(free)[0].at_limit == 0
     assert "none" in joints_table(free).rows[0].cells
-    for limits, words in (
-        ((-np.inf, 10.0), "at most 573"),
-        ((-10.0, np.inf), "at least −573"),
-    ):
+    for limits, words in (((-np.inf, 10.0), "at most 573"), ((-10.0, np.inf), "at least −573")):
         half = joints_table(limited(outcome, 0, limits)).rows[0].cells
         assert words in half
 

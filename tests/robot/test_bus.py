@@ -232,9 +232,7 @@ def robots(monkeypatch):
     modules = {
         "lerobot": {},
         "lerobot.robots": {},
-        "lerobot.robots.config": {
-            "RobotConfig": SimpleNamespace(get_known_choices=lambda: known),
-        },
+        "lerobot.robots.config": {"RobotConfig": SimpleNamespace(get_known_choices=lambda: known)},
         "lerobot.robots.utils": {"make_robot_from_config": Robot},
     }
     for name, content in modules.items():

@@ -312,10 +312,7 @@ ENTRANCES: Mapping[str, tuple[Callable[..., Any], Callable[[], dict[str, Any]]]]
     ),
     "joints_in": (planner.joints_in, lambda: {"path": MISSING, "options": planner.LogOptions()}),
     "read_logs": (planner.read_logs, lambda: {"paths": MISSING, "options": planner.LogOptions()}),
-    "line_offset": (
-        planner.line_offset,
-        lambda: {"model": MODEL, "slope": 1.0, "rule": "exact"},
-    ),
+    "line_offset": (planner.line_offset, lambda: {"model": MODEL, "slope": 1.0, "rule": "exact"}),
     "play": (
         _play,
         lambda: {
@@ -353,10 +350,7 @@ ENTRANCES: Mapping[str, tuple[Callable[..., Any], Callable[[], dict[str, Any]]]]
         lambda: {"desired": ANGLES[:7], "measured": ANGLES[:1], "load": 0.0, "missed": 0},
     ),
     "timed_requests": (_timed, lambda: {"requests": ANGLES, "period": 0.01, "cycles": 2}),
-    "sensitivities": (
-        planner.sensitivities,
-        lambda: {**JOINT, "requests": ANGLES, "start": None},
-    ),
+    "sensitivities": (planner.sensitivities, lambda: {**JOINT, "requests": ANGLES, "start": None}),
     "simulate": (
         planner.simulate,
         lambda: {**JOINT, "requests": ANGLES, "start": None, "load": None},

@@ -146,11 +146,7 @@ def test_the_leg_sags_toward_where_it_hangs(joint, angle):
 
 def test_a_leg_that_is_left_alone_never_gains_energy():
     constants = replace(
-        QUIET,
-        proportional_gain=0.0,
-        integral_gain=0.0,
-        derivative_gain=0.0,
-        coulomb_friction=0.0,
+        QUIET, proportional_gain=0.0, integral_gain=0.0, derivative_gain=0.0, coulomb_friction=0.0
     )
     start = (1.2, 0.6, 0.3)
     robot = VirtualRobot(start, constants=constants)

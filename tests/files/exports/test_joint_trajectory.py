@@ -9,13 +9,7 @@ import numpy as np
 import pytest
 
 from planner.exceptions import InvalidFile, InvalidInput
-from planner.files.exports import (
-    TOPIC,
-    TYPE,
-    joint_trajectory,
-    write_bag,
-    write_trajectory_yaml,
-)
+from planner.files.exports import TOPIC, TYPE, joint_trajectory, write_bag, write_trajectory_yaml
 from planner.files.staging import list_files
 from planner.robot.schedule import Schedule
 

@@ -65,8 +65,7 @@ def folder(tmp_path_factory):
 @settings(max_examples=100)
 @given(
     content=st.one_of(
-        st.binary(max_size=200),
-        st.lists(CSV_PIECES, max_size=60).map("".join).map(str.encode),
+        st.binary(max_size=200), st.lists(CSV_PIECES, max_size=60).map("".join).map(str.encode)
     ),
     unit=st.sampled_from([None, "rad", "range"]),
 )

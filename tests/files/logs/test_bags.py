@@ -491,10 +491,7 @@ def test_fields_that_the_type_should_not_have_are_refused(tmp_path):
     number = Kit(types).number(1.0)
     with rosbag2.Writer(tmp_path / "run", version=9) as bag:
         connection = bag.add_connection(
-            "/s",
-            CONTROLLER_STATE,
-            msgdef="float64 data",
-            rihs01="RIHS01_" + 64 * "0",
+            "/s", CONTROLLER_STATE, msgdef="float64 data", rihs01="RIHS01_" + 64 * "0"
         )
         bag.write(connection, START, types.serialize_cdr(number, number.__msgtype__))
     message = _refused(tmp_path / "run")

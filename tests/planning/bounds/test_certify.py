@@ -126,11 +126,7 @@ def at_every_tick(model, requests, load, *, cyclic, start=None):
 
 @pytest.mark.parametrize("cyclic", [True, False])
 @settings(max_examples=40)
-@given(
-    model=ANY_MODEL,
-    requests=trajectories(least=4),
-    seed=st.integers(0, 2**32 - 1),
-)
+@given(model=ANY_MODEL, requests=trajectories(least=4), seed=st.integers(0, 2**32 - 1))
 def test_every_response_meets_the_conditions_of_every_level(cyclic, model, requests, seed):
     """The derivation itself, tick by tick, on requests that switch hard."""
     rng = np.random.default_rng(seed)
@@ -174,11 +170,7 @@ def test_a_joint_at_rest_meets_the_conditions_of_its_start(model, requests, seed
 @pytest.mark.parametrize("norm", NORMS)
 @pytest.mark.parametrize("cyclic", [True, False])
 @settings(max_examples=25)
-@given(
-    model=ANY_MODEL,
-    desired=trajectories(least=3, most=14),
-    seed=st.integers(0, 2**32 - 1),
-)
+@given(model=ANY_MODEL, desired=trajectories(least=3, most=14), seed=st.integers(0, 2**32 - 1))
 def test_slope_is_below_envelope_and_envelope_below_every_plan(norm, cyclic, model, desired, seed):
     load = loads_of(model, len(desired), seed)
     slope = lower_bound(model, desired, cyclic=cyclic, norm=norm, level="slope", load=load)
