@@ -30,6 +30,13 @@ def samples_of(kind, n, rng):
     return (np.arange(n) == rng.integers(n)).astype(float)
 
 
+def closed(fit):
+    """Knots and values of a fit with the end of the cycle, from its public fields."""
+    if not fit.cyclic:
+        return fit.knots, fit.values
+    return np.append(fit.knots, fit.knots[0] + fit.samples), np.append(fit.values, fit.values[0])
+
+
 @st.composite
 def problems(draw, least=3, most=60):
     """Samples [rad], the largest rise per sample [rad], and whether they are a cycle."""

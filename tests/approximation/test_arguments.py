@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from planner.approximation.fit import fit_pwl
 from planner.exceptions import Infeasible, InvalidInput
-from tests.approximation.samples import KINDS, problems, samples_of
+from tests.approximation.samples import KINDS, closed, problems, samples_of
 
 SLOPE_ROUNDING = 1e-12
 """Relative excess over v_max that a slope may have."""
@@ -18,13 +18,6 @@ PLACE = 1e-9
 """Rounding of the length of a segment and of a knot [samples]."""
 
 SINE = np.sin(2.0 * np.pi * np.arange(60) / 60)
-
-
-def closed(fit):
-    """Knots and values with the end of the cycle."""
-    if not fit.cyclic:
-        return fit.knots, fit.values
-    return np.append(fit.knots, fit.knots[0] + fit.samples), np.append(fit.values, fit.values[0])
 
 
 def check(fit, v_max):

@@ -16,6 +16,7 @@ from tests.approximation.samples import (
     EXACT_KNOTS,
     EXACT_VALUES,
     KINDS,
+    closed,
     on_a_cycle,
     on_a_path,
     problems,
@@ -34,13 +35,6 @@ WORSE = 5e-3
 kinds at n = 60 and 88, and above 5e-4 for single impulses only."""
 
 ERS210A = JointModel.ers210a()
-
-
-def closed(fit):
-    """Knots and values with the end of the cycle, recomputed from the public fields."""
-    if not fit.cyclic:
-        return fit.knots, fit.values
-    return np.append(fit.knots, fit.knots[0] + fit.samples), np.append(fit.values, fit.values[0])
 
 
 @pytest.mark.parametrize("joint", REFERENCE_JOINTS, ids=lambda joint: joint.name)

@@ -9,6 +9,9 @@ import pytest
 MODEL = "v_max = 5.0\ntheta_0 = 0.2\nlag = 0.03\nacceleration_time = 0.05\n"
 GOOD = "t_s,hip_deg,knee_deg\n0,1,20\n0.008,2,30\n0.016,3,10\n0.024,1,10\n"
 
+LEG = ",".join(f"front_left_{name}_deg" for name in ("rotator", "abductor", "knee"))
+GAITS = '[leg]\nname = "reference"\n[path.half_ellipse]\n[sweep.parameters]\nlength = [0.02]\n'
+
 FILES = {
     "d.csv": GOOD.encode(),
     "e.csv": GOOD.encode(),
@@ -42,6 +45,14 @@ FILES = {
     "slow.toml": MODEL.encode() + b"tick = 0.02\n",
     "mixed.toml": MODEL.encode() + b"[knee]\ntick = 0.02\n",
     "short.csv": b"hip_deg,knee_deg\n1,2\n3,4\n",
+    "some.csv": b"knee_deg\n1\n2\n",
+    "leg_short.csv": f"{LEG}\n1,2,3\n1,2,3\n".encode(),
+    "leg_slow.csv": f"t_s,{LEG}\n0,1,2,3\n0.02,1,2,3\n0.04,1,2,3\n".encode(),
+    "hip_log.csv": b"t_s,hip_requested_deg,hip_actual_deg\n0,1,0\n1,2,1\n2,3,2\n",
+    "knee_log.csv": b"t_s,knee_requested_deg,knee_actual_deg\n0,1,0\n1,2,1\n2,3,2\n",
+    "gaits": GAITS.encode(),
+    "gaits.toml": f"out = 'o'\n{GAITS}height = [0.02]\n".encode(),
+    "soft.toml": MODEL.encode() + b"tick = 0.008\ncompliance = 0.1\n",
 }
 """What the commands find, beside ``desired.csv``, ``foot.csv`` and an empty ``folder``."""
 
@@ -73,12 +84,17 @@ BAD = {
     "a bus that is none": "calibrate --bus modbus --ids 1",
     "a virtual servo of no kind": "calibrate --bus virtual:ax-12 --ids 1",
     "a kind that speaks otherwise": "virtual-bus --kind xl-320 --protocol feetech",
+    "a bus with a kind that it has not": "calibrate --bus feetech:so101 --ids 1",
+    "a robot without a name": "calibrate --bus lerobot: --ids 1",
+    "a rate too low for the test motion": "calibrate --bus virtual --ids 1 --yes --rate-hz 15",
     "a port of no bus": "calibrate --bus virtual --port p --ids 1",
     "a port that is not there": "calibrate --bus feetech --port p --baud-rate 12345 --ids 1",
     "identifiers backwards": "calibrate --bus virtual --ids 6-1",
     "an identifier twice": "calibrate --bus virtual --ids a=1,b=1",
     "a joint without a servo": "calibrate --bus virtual --ids 1 --joint knee",
     "a zero without a servo": "calibrate --bus virtual --ids 1 --zero-tick knee=3",
+    "a reversed joint without a servo": "calibrate --bus virtual --ids 1 --reverse knee",
+    "a model that was not tested": "check --bus virtual --model ankle.toml",
     "models without servos": "play d.csv --bus virtual --model held.toml",
     "a servo of another joint": "play d.csv --bus virtual --model ankle.toml",
     "a servo without an identifier": "record --bus virtual --model no_id.toml",
@@ -255,7 +271,26 @@ BAD = {
     "a run without a name for its folder": "run named",
     "workers here and there": "replay log.csv log.csv --model from-log --workers 2 --scheduler tcp://a:1",
     "a reproduction into a file": "reproduce --out d.csv",
+    "a run into a folder that is not ours": "run named --out .",
+    "a sweep of nothing": "sweep",
+    "a sweep from a pipe": "sweep -",
+    "a sweep without a name for its folder": "sweep gaits",
+    "a sweep here and there": "sweep gaits.toml --workers 2 --scheduler tcp://a:1",
+    "a point without a folder": "sweep gaits.toml --at length=0.02",
+    "a point without all of its values": "sweep gaits.toml --at height=0.02 --out it",
     "a view of nothing": "view no.csv --leg reference",
+    "a view without a leg": "view desired.csv",
+    "a view of some of the joints": "view some.csv --leg reference",
+    "a view of requests at another rate": "view foot.csv --leg front-left --requests leg_slow.csv",
+    "a view of requests of another path": "view foot.csv --leg front-left --requests leg_short.csv",
+    "a load that the path does not have": "plan desired.csv --model soft.toml --load column",
+    "a load without an arm": "replay log.csv --model soft.toml --load urdf",
+    "a torque that was not recorded": "replay log.csv --model soft.toml --load column",
+    "a leg that was not recorded": "replay log.csv --model soft.toml --load urdf --leg front-left",
+    "logs of different joints": "identify -q hip_log.csv knee_log.csv",
+    "a model in place of what is none": "identify log.csv -o lost.toml",
+    "a model in no folder": "identify log.csv -o nowhere/joint.toml --report page.html",
+    "quiet and verbose at once": "-q gait -v",
     "a knot at no time": "fit d.csv --knot-s nan",
     "a knot at the end of time": "fit d.csv --knot-s 1e400",
     "cycles beyond counting": f"export d.csv --format csv --cycles 1{'0' * 400}",

@@ -46,6 +46,10 @@ AT_ONCE = f"{FOOT} --method foot-optimal"
 
 LEARN = "brief.csv measured.csv --no-reidentify"
 
+NAMED, COLUMNS = "columns.csv --unit deg", "--time s:s --requested a --actual b"
+
+TURNS = "--ticks-per-turn 4000", "--ticks-per-turn 5000"
+
 PATH = {
     "--joint": Case(JOINTS, "--joint knee"),
     "--model": Case(JOINTS, "--model fast.toml"),
@@ -84,6 +88,14 @@ ASKED = {
     "--limits-deg": Case(JOINTS, "--limits-deg knee=-69:69"),
 }
 
+BESIDE = {
+    "--norm max": "--end-s 0.3",
+    "--solver ipopt": "--end-s 0.3",
+    "--fastest": "--tolerance-deg 9",
+    "--retime varying": "--fastest --tolerance-deg 9",
+}
+"""Options of a replay that need others."""
+
 CASES = {
     "plan": {
         **PATH,
@@ -118,17 +130,11 @@ CASES = {
     "gait": {
         **{
             f"--{name}": Case("", f"--{name} {value}")
-            for name, value in {
-                "samples": 40,
-                "half-stroke": 0.03,
-                "height": 0.02,
-                "forward": 0.04,
-                "sideways": 0.02,
-                "hip-height": 0.08,
-                "ground-fraction": 0.6,
-                "heading-deg": 20,
-                "period": 0.01,
-            }.items()
+            for name, value in (
+                *(("samples", 40), ("half-stroke", 0.03), ("height", 0.02), ("forward", 0.04)),
+                *(("sideways", 0.02), ("hip-height", 0.08), ("ground-fraction", 0.6)),
+                *(("heading-deg", 20), ("period", 0.01)),
+            )
         },
         "--leg": Case("", "--leg front-left"),
     },
@@ -171,90 +177,46 @@ CASES = {
     "replay": {
         "--model": Case("demo.csv", "--model fast.toml", "--model soft.toml"),
         **{
-            each.split()[0]: Case(f"demo.csv --model fast.toml {common}", each)
-            for each, common in {
-                "--speed 0.8": "",
-                "--track action": "",
-                "--joint knee": "",
-                "--begin-s 0.1": "",
-                "--end-s 0.5": "",
-                "--rate-hz 62.5": "",
-                "--limits-deg -29:29": "",
-                "--norm max": "--end-s 0.3",
-                "--solver ipopt": "--end-s 0.3",
-                "--max-step-deg 1": "",
-                "--max-request-speed-deg-s 30": "",
-                "--smoothness 0.3": "",
-                "--fastest": "--tolerance-deg 9",
-                "--tolerance-deg 0.01": "",
-                "--retime varying": "--fastest --tolerance-deg 9",
-                "--as yaml": "",
-                "--report page.html": "",
-            }.items()
+            each.split()[0]: Case(f"demo.csv --model fast.toml {BESIDE.get(each, '')}", each)
+            for each in (
+                *("--speed 0.8", "--track action", "--joint knee", "--begin-s 0.1", "--end-s 0.5"),
+                *("--rate-hz 62.5", "--limits-deg -29:29", "--max-step-deg 1", "--smoothness 0.3"),
+                *("--max-request-speed-deg-s 30", "--tolerance-deg 0.01", "--as yaml"),
+                *("--report page.html", *BESIDE),
+            )
         },
     },
     "refine": {
         "--desired": Case(LEARN, "--desired brief.csv", "--desired other.csv"),
         **{
-            each.split()[0]: Case(f"{LEARN} --desired brief.csv {common}", each)
-            for each, common in {
-                "--model fast.toml": "",
-                "--joint knee": "",
-                "--start-deg 9": "--no-cyclic",
-                "--norm max": "",
-                "--solver ipopt": "--joint hip",
-                "--max-step-deg 3": "",
-                "--max-request-speed-deg-s 300": "",
-                "--smoothness 0.3": "",
-                "--limits-deg -30:30": "",
-                "--history trials.json": "",
-                "--cycles 1": "",
-                "--sensor-delay-ms 4": "",
-                "--report page.html": "",
-            }.items()
+            each.split()[0]: Case(f"{LEARN} --desired brief.csv", each)
+            for each in (
+                *("--model fast.toml", "--joint knee", "--norm max", "--max-step-deg 3"),
+                *("--max-request-speed-deg-s 300", "--smoothness 0.3", "--limits-deg -30:30"),
+                *("--history trials.json", "--cycles 1", "--sensor-delay-ms 4"),
+                "--report page.html",
+            )
         },
+        "--start-deg": Case(f"{LEARN} --desired brief.csv --no-cyclic", "--start-deg 9"),
+        "--solver": Case(f"{LEARN} --desired brief.csv --joint hip", "--solver ipopt"),
         "--cyclic": Case(f"{LEARN} --desired brief.csv", "--no-cyclic"),
         "--load": Case(f"{LEARN} --desired heavy.csv --model soft.toml", "--load column"),
     },
     "identify": {
         name: Case(f"{common} -o out.toml", one, other)
-        for name, (common, one, other) in {
-            "--joint": ("demo.csv", "--joint hip", "--joint knee"),
-            "--time": (
-                "columns.csv --unit deg --requested a --actual b",
-                "--time s:s",
-                "--time t:s",
-            ),
-            "--requested": (
-                "columns.csv --unit deg --time s:s --actual b",
-                "--requested a",
-                "--requested c",
-            ),
-            "--actual": (
-                "columns.csv --unit deg --time s:s --requested a",
-                "--actual b",
-                "--actual d",
-            ),
-            "--torque": (
-                "columns.csv --unit deg --time s:s --requested a --actual b",
-                "--torque on",
-                "",
-            ),
-            "--unit": (
-                "columns.csv --time s:s --requested a --actual b",
-                "--unit deg",
-                "--unit percent",
-            ),
-            "--ticks-per-turn": (
-                "columns.csv --time s:s --requested a --actual b --unit ticks",
-                "--ticks-per-turn 4000",
-                "--ticks-per-turn 5000",
-            ),
-            "--tick-ms": ("demo.csv --joint hip", "--tick-ms 8", "--tick-ms 4"),
-            "--hold": ("demo.csv --joint hip", "--hold 1", "--hold 2"),
-            "--hold-out": ("demo.csv --joint hip", "--no-hold-out", ""),
-            "--report": ("demo.csv --joint hip", "--report page.html", ""),
-        }.items()
+        for name, common, one, other in (
+            ("--joint", "demo.csv", "--joint hip", "--joint knee"),
+            ("--time", f"{NAMED} --requested a --actual b", "--time s:s", "--time t:s"),
+            ("--requested", f"{NAMED} --time s:s --actual b", "--requested a", "--requested c"),
+            ("--actual", f"{NAMED} --time s:s --requested a", "--actual b", "--actual d"),
+            ("--torque", f"{NAMED} {COLUMNS}", "--torque on", ""),
+            ("--unit", f"columns.csv {COLUMNS}", "--unit deg", "--unit percent"),
+            ("--ticks-per-turn", f"columns.csv {COLUMNS} --unit ticks", *TURNS),
+            ("--tick-ms", "demo.csv --joint hip", "--tick-ms 8", "--tick-ms 4"),
+            ("--hold", "demo.csv --joint hip", "--hold 1", "--hold 2"),
+            ("--hold-out", "demo.csv --joint hip", "--no-hold-out", ""),
+            ("--report", "demo.csv --joint hip", "--report page.html", ""),
+        )
     },
 }
 """An entry for every option of these commands but those of :data:`ELSEWHERE`."""
@@ -281,17 +243,8 @@ ELSEWHERE = {
     "replay": SAME_AS_LEG
     | OF_DATASETS
     | {"--leg", "--base", "--foot", "--lock", "--near", "--urdf-joint", "--load", "--tolerance-cm"}
-    | {
-        "--time",
-        "--requested",
-        "--actual",
-        "--torque",
-        "--unit",
-        "--ticks-per-turn",
-        "--workers",
-        "--scheduler",
-        "--resume",
-    },
+    | {"--time", "--requested", "--actual", "--torque", "--unit", "--ticks-per-turn"}
+    | {"--workers", "--scheduler", "--resume"},
 }
 """What ``test_export`` reads back from bags and datasets, and what ``test_any_leg``,
 ``test_shortest_cycle``, ``test_whole_robot``, ``test_load``, ``test_refine``, ``test_replay`` and

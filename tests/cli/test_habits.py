@@ -112,12 +112,6 @@ def test_verbose_says_how_long_it_took_and_what_the_solvers_said(run, desired, a
     assert "s in all" not in run("plan", desired).stderr
 
 
-def test_quiet_and_verbose_contradict_each_other(run):
-    result = run("-q", "gait", "-v")
-    assert result.exit_code == 2
-    assert "--quiet and --verbose contradict each other: leave one out." in result.stderr
-
-
 @pytest.mark.parametrize("asked", ["NO_COLOR", "FORCE_COLOR"])
 def test_colours_are_for_those_who_ask_and_not_in_data(run, monkeypatch, asked):
     for name in ("NO_COLOR", "FORCE_COLOR", "TERM"):

@@ -302,15 +302,6 @@ def test_a_joint_that_takes_the_model_above_all_tables_takes_a_new_one_too(run):
     assert file.by_joint["knee"].v_max == 2.0
 
 
-def test_a_file_that_is_no_model_is_not_replaced_by_one(run):
-    write_log("log.csv")
-    Path("notes.toml").write_text('servo = "of the knee"\n')
-    result = run("identify", "log.csv", "-o", "notes.toml")
-    assert result.exit_code == 2
-    assert "notes.toml: is no valid model file" in result.stderr
-    assert Path("notes.toml").read_text() == 'servo = "of the knee"\n'
-
-
 def test_rows_and_their_rate_are_told_and_times_that_may_be_row_numbers_asked_about(run):
     write_log("log.csv")
     told = run("identify", "log.csv", "--no-hold-out").stderr
@@ -321,25 +312,6 @@ def test_rows_and_their_rate_are_told_and_times_that_may_be_row_numbers_asked_ab
     Path("log.csv").write_text("\n".join(lines))
     told = run("identify", "log.csv", "--no-hold-out").stderr
     assert "log.csv (knee): one row every 1 s: are the times in seconds?" in told
-
-
-@pytest.mark.parametrize("broken", ["-o", "--report"])
-def test_the_model_and_the_page_are_both_written_or_neither(run, tmp_path, broken):
-    write_log(tmp_path / "log.csv")
-    places = {"-o": "joint.toml", "--report": "report.html", broken: "no/such/folder/x"}
-    options = [part for option in places.items() for part in option]
-    result = run("identify", "log.csv", *options, "--no-hold-out")
-    assert result.exit_code == 2
-    assert "no/such/folder/x: cannot be written" in result.stderr
-    assert [file.name for file in tmp_path.iterdir()] == ["log.csv"]
-
-
-def test_logs_of_different_joints_are_not_thrown_together(run):
-    write_log("hip.csv", joints=("hip",))
-    write_log("knee.csv", joints=("knee",))
-    result = run("identify", "hip.csv", "knee.csv")
-    assert result.exit_code == 2
-    assert "the logs are of different joints (hip, knee)" in result.stderr
 
 
 def test_a_joint_whose_process_died_is_left_out_with_the_reason(run, tmp_path, monkeypatch):

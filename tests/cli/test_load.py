@@ -51,20 +51,6 @@ def test_a_plan_for_gravity_is_that_of_the_library_and_carries_its_load(run):
     np.testing.assert_allclose(written.loads[:, 0], made.inversions[0].load, rtol=0.0, atol=1e-9)
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        (("--model", "soft.toml", "--load", "column"), "the path has no columns <joint>_load_Nm"),
-        (("--model", "soft.toml", "--load", "urdf"), "needs a path of all joints of a leg"),
-        ((*ARM, "--rate-hz", "50", "--load", "urdf"), "speed_per_torque of the models are 0"),
-    ],
-)
-def test_a_load_that_cannot_be_known_or_felt_is_refused(run, options, message):
-    result = run("plan", "path.csv", *options, "-o", "requests.csv")
-    assert result.exit_code == 2
-    assert message in result.stderr
-
-
 def test_the_methods_are_compared_under_the_load_of_the_desired_pose(run):
     loaded = run("compare", "path.csv", *LEG, "--load", "urdf", "--json")
     assert loaded.exit_code == 0, loaded.output
@@ -192,21 +178,6 @@ def test_a_joint_that_is_not_planned_weighs_where_it_was_recorded():
     given = Run.of({"path": {"file": "path.csv"}, "plan": {"load": "urdf"}}).plan
     torques = with_load(given, path, leg).load_at(path.moments(1.0))(angles[:, :2])
     np.testing.assert_allclose(torques, leg.load_torques(angles)[:, :2], atol=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (("--load", "urdf"), "--load urdf: needs the leg or arm; name it with --urdf"),
-        ((*ARM, "--load", "urdf"), "the recording has no joint 'pendulum', which the leg has"),
-        (("--load", "column"), "--load column: the recording has no torque"),
-    ],
-)
-def test_a_load_that_a_recording_does_not_tell_is_refused(run, swing, arguments, message):  # noqa: ARG001
-    result = run(*REPLAY, *arguments)
-    assert result.exit_code == 2
-    assert message in result.stderr
-    assert result.stderr.count("\n") == 1
 
 
 def test_every_joint_is_simulated_under_its_own_column(run):

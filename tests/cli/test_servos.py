@@ -205,21 +205,12 @@ def test_at_most_two_questions_are_asked_and_no_is_an_answer(run, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-FAULTS = {
-    "stall": ({"stall": {1: 8.0}}, "joint_1: does not follow"),
-    "overheat": ({"overheat": {2: 8.0}}, "joint_2: the servo reports overheating"),
-    "disconnect": ({"disconnect": 8.0}, "the bus is gone"),
-}
-
-
-@pytest.mark.parametrize("fault", FAULTS)
-def test_a_fault_ends_it_in_one_line_and_keeps_every_row(run, faulty, tmp_path, fault):
-    faults, message = FAULTS[fault]
-    faulty(**faults)
+def test_a_fault_ends_it_in_one_line_and_keeps_every_row(run, faulty, tmp_path):
+    faulty(stall={1: 8.0})
     result = run("-q", "calibrate", *BRIEF, "--ids", "1-2")
     assert result.exit_code == 1
     (line,) = result.stderr.splitlines()
-    assert message in line
+    assert "joint_1: does not follow" in line
     assert line.endswith("what was measured is in arm_logs; go on with --resume")
     rows = (tmp_path / "arm_logs" / "joint_1.csv.part").read_text().splitlines()
     assert len(rows) > 500
@@ -358,18 +349,6 @@ def test_a_check_holds_the_last_request_over_rows_that_were_lost():
     assert error < 1e-12
 
 
-def test_a_model_without_a_tested_error_is_refused_before_anything_moves(run, arm):
-    result = run("check", "--bus", "virtual", "--model", arm)
-    assert result.exit_code == 2
-    assert "[joint_1] has no expected_error to compare with; calibrate the joint" in result.stderr
-
-
-def test_a_rate_too_low_for_the_test_motion_is_refused_before_anything_moves(run):
-    result = run("calibrate", "--bus", "virtual", "--ids", "1", "--yes", "--rate-hz", "15")
-    assert result.exit_code == 2
-    assert "--rate-hz: got 15, expected 16 Hz or more." in result.stderr
-
-
 def test_a_parameter_has_changed_where_the_intervals_before_and_now_are_apart():
     before = JointModel(v_max=5.0, theta_0=0.5, lag=0.02, acceleration_time=0.02, dead_band=0.02)
     before = before.with_evidence(Evidence(intervals={"v_max": (4.0, 6.0), "lag": (0.01, 0.03)}))
@@ -459,13 +438,6 @@ def test_joints_that_are_done_are_in_the_file_where_a_later_one_fails(
     CALIBRATE._write("new.toml", fake_calibration, servos, settings, choices)
     written = (tmp_path / "new.toml").read_text()
     assert 'bus = "feetech"\nport = "/dev/ttyA"\nbaud_rate = 57600\n' in written
-
-
-@pytest.mark.parametrize("option", ["--joint nope", "--reverse nope", "--zero-tick nope=9"])
-def test_an_option_of_a_joint_that_has_no_servo_is_refused(run, option):
-    result = run("calibrate", *BRIEF, "--ids", "pan=1,lift=2", *option.split())
-    assert result.exit_code == 2
-    assert f"{option.split()[0]}: got nope, expected one of pan, lift." in result.stderr
 
 
 @pytest.mark.parametrize("answer", ["", "h"])
@@ -603,18 +575,6 @@ def test_identifiers_are_numbers_ranges_and_names_each_once(text, ids):
             buses.ids_type().convert(text, None, None)
     else:
         assert buses.ids_type().convert(text, None, None) == ids
-
-
-@pytest.mark.parametrize(
-    "text",
-    ["virtual:", "virtual:xl", "feetech:so101", "lerobot", "lerobot:", "dynamixel:", "can", ""],
-)
-def test_what_names_no_bus_is_refused(run, text):
-    result = run("calibrate", "--bus", text, "--ids", "1")
-    assert result.exit_code == 2
-    assert f"--bus: got '{text}', expected virtual, feetech, dynamixel, xl320, lerobot:ROBOT" in (
-        result.stderr
-    )
 
 
 @pytest.fixture

@@ -274,27 +274,6 @@ def test_the_command_of_a_point_gives_its_error(tmp_path, run):
     assert not (tmp_path / ".gaits.results").exists()
 
 
-def test_what_a_sweep_needs_is_asked_for(tmp_path, run):
-    (tmp_path / "gaits.toml").write_text(
-        "out = 'o'\n" + GAIT + "length = [0.02]\nheight = [0.02]\n"
-    )
-    (tmp_path / "gaits").write_text(GAIT + "length = [0.02]\n")
-    for arguments, message in (
-        (("gaits",), "name a folder for the results with --out"),
-        (("gaits.toml", "--workers", 2, "--scheduler", "tcp://a:1"), "leave out --workers or"),
-        ((), "name a sweep file, or begin one with --template"),
-        (("-",), "a sweep is read from a file"),
-        (("gaits.toml", "--at", "length=0.02"), "--at: name a folder for its results with --out"),
-        (
-            ("gaits.toml", "--at", "height=0.02", "--out", "it"),
-            "--at: got height, expected a value for each of length, height",
-        ),
-    ):
-        result = run("sweep", *arguments)
-        assert result.exit_code == 2
-        assert message in result.stderr
-
-
 @pytest.mark.usefixtures("in_this_process")
 def test_a_sweep_that_is_complete_is_resumed_without_a_plan_unless_it_has_changed(
     tmp_path, monkeypatch, run

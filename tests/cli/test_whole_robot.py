@@ -133,21 +133,6 @@ def test_ticks_beyond_the_range_of_a_servo_are_refused(run, robot, tmp_path):
     assert not (tmp_path / "ticks.csv").exists()
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        (("--unit", "deg"), "--model needs --unit ticks"),
-        (("--unit", "ticks", "--zero-tick", "5"), "leave out --zero-tick"),
-    ],
-)
-def test_an_export_that_contradicts_the_servos_is_refused(run, robot, tmp_path, options, message):
-    (tmp_path / "path.csv").write_text("t_s,front_left_knee_deg\n0,1\n0.01,2\n0.02,3\n")
-    arguments = ("export", "path.csv", "--format", "csv", "--model", robot, "-o", "out.csv")
-    result = run(*arguments, *options)
-    assert result.exit_code == 2
-    assert message in result.stderr
-
-
 def test_requests_stay_within_the_ranges_of_the_servos_or_each_joint_is_named(run, robot, tmp_path):
     time = 0.02 * np.arange(50)
     angles = np.radians(20.0) * np.sin(2.0 * np.pi * np.column_stack([time, time + 0.1]))

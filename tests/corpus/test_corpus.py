@@ -60,6 +60,7 @@ CASES = {
         "record --model joint.toml --duration-s 1",
         "export played.csv --model arm.toml --format csv",
         "export played.csv --model arm.toml --format csv --unit ticks --joint-names a,b",
+        "export played.csv --model arm.toml --format csv --unit ticks --zero-tick 5",
         "sweep speeds.toml --at speed=0.7",
         "plan stride.csv --leg front-left",
         "plan loaded.csv --load column",

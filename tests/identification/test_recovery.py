@@ -32,6 +32,9 @@ ROUNDING = 1e-14
 SAME_FIT = 2e-3
 """Two fits of the same rows, scaled or shifted, stop at the same parameters to this share."""
 
+OF_ANGLES, OF_TIMES = ("v_max", "theta_0", "offset"), ("lag", "acceleration_time", "tick")
+"""Parameters that scale with the angles of a log, and with its times."""
+
 QUARTER = 0.25
 """Share of a tick within which lag and acceleration time are to be found."""
 
@@ -124,59 +127,26 @@ def test_a_tick_that_is_asked_for_is_that_of_the_model_to_the_last_digit():
     assert planner.identify(log, tick=AIBO.tick, hold_out=False).model.tick == AIBO.tick
 
 
-def test_scaling_the_angles_scales_speeds_and_angles_of_the_model():
-    log = rich_log(noise=NOISE)
-    one, three = (
-        planner.identify(
-            changed(log, requests=k * log.requests, angles=k * log.angles), hold_out=False
-        )
-        for k in (1.0, 3.0)
-    )
-    scaled = replace(
-        one.model,
-        v_max=3.0 * one.model.v_max,
-        theta_0=3.0 * one.model.theta_0,
-        offset=3.0 * one.model.offset,
-    )
-    assert_close(three.model, scaled, SAME_FIT)
-    assert math.isclose(three.rms, 3.0 * one.rms, rel_tol=SAME_FIT)
-
-
-def test_shifting_requests_and_angles_together_changes_nothing():
-    log = rich_log(noise=NOISE)
-    moved = changed(log, requests=log.requests + 2.0, angles=log.angles + 2.0)
-    assert_close(planner.identify(moved, hold_out=False).model, identified_rich().model, SAME_FIT)
-
-
-def test_shifting_the_angles_alone_shifts_the_offset():
-    log = rich_log(noise=NOISE)
-    moved = changed(log, angles=log.angles + 0.1)
-    one = identified_rich().model
-    assert_close(
-        planner.identify(moved, hold_out=False).model,
-        replace(one, offset=one.offset + 0.1),
-        SAME_FIT,
-    )
-
-
-def test_a_slower_clock_slows_the_model():
-    log = rich_log(noise=NOISE)
-    slow = changed(log, times=0.5 * log.times)  # 4 ms: still a tick a row
-    one = identified_rich().model
-    half = replace(
-        one,
-        v_max=2.0 * one.v_max,
-        lag=0.5 * one.lag,
-        acceleration_time=0.5 * one.acceleration_time,
-        tick=0.5 * one.tick,
-    )
-    assert_close(planner.identify(slow, hold_out=False).model, half, SAME_FIT)
-
-
-def test_when_the_log_began_does_not_matter():
-    log = rich_log(noise=NOISE)
-    later = changed(log, times=log.times + 1.7e9)  # seconds since 1970, good to 0.2 us
-    assert_close(planner.identify(later, hold_out=False).model, identified_rich().model, SAME_FIT)
+@pytest.mark.parametrize(
+    ("changes", "factors", "raised"),
+    [
+        ({"requests": (3.0, 0.0), "angles": (3.0, 0.0)}, dict.fromkeys(OF_ANGLES, 3.0), 0.0),
+        ({"requests": (1.0, 2.0), "angles": (1.0, 2.0)}, {}, 0.0),
+        ({"angles": (1.0, 0.1)}, {}, 0.1),
+        ({"times": (0.5, 0.0)}, {"v_max": 2.0} | dict.fromkeys(OF_TIMES, 0.5), 0.0),
+        ({"times": (1.0, 1.7e9)}, {}, 0.0),  # seconds since 1970, good to 0.2 us
+    ],
+    ids=["scaled", "shifted together", "angles shifted", "a slower clock", "begun later"],
+)
+def test_what_is_scaled_or_shifted_in_a_log_is_so_in_its_model(changes, factors, raised):
+    """The slower clock has rows of 4 ms: still a tick a row."""
+    log, one = rich_log(noise=NOISE), identified_rich()
+    columns = {name: a * getattr(log, name) + b for name, (a, b) in changes.items()}
+    found = planner.identify(changed(log, **columns), hold_out=False)
+    scaled = {name: factor * getattr(one.model, name) for name, factor in factors.items()}
+    scaled["offset"] = scaled.get("offset", one.model.offset) + raised
+    assert_close(found.model, replace(one.model, **scaled), SAME_FIT)
+    assert math.isclose(found.rms, factors.get("offset", 1.0) * one.rms, rel_tol=SAME_FIT)
 
 
 def test_single_glitches_do_not_move_the_answer():

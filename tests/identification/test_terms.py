@@ -28,6 +28,8 @@ EXACT = 1e-6
 
 STICKY = replace(AIBO, dead_band=math.radians(2.0))
 
+MOTOR = ("time_constant", "max_acceleration", "dead_band")
+
 
 def noisy_log(model, *, seed=0, rows=1500, load=None):
     log = rich_log(model, seed=seed, rows=rows, amplitude=0.4, load=load)
@@ -206,8 +208,9 @@ def test_inertia_an_acceleration_limit_and_friction_are_found_together():
     assert found.rms <= 1.1 * math.hypot(NOISE, QUANTUM / math.sqrt(12.0))
 
 
-@pytest.mark.parametrize("limited", [False, True])
-@pytest.mark.parametrize("integral", ["integral_rate", "position_integral_rate"])
+@pytest.mark.parametrize(
+    ("integral", "limited"), [("integral_rate", True), ("position_integral_rate", False)]
+)
 def test_the_integral_of_a_loop_is_found_beside_the_terms_of_a_motor(integral, limited):
     rate = 15.0 if integral == "integral_rate" else 4.0
     truth = planner.JointModel(
@@ -311,38 +314,29 @@ def test_an_acceleration_limit_is_found_in_a_log_whose_first_half_is_too_slow_to
     assert found.model.max_acceleration == pytest.approx(15.0, rel=0.05)
 
 
-def test_friction_that_nearly_holds_a_motor_leaves_one_that_moves_on_its_own_ticks():
-    """Shorter ticks take more of its acceleration limit, which once held the fit where it was."""
-    truth = planner.JointModel(
-        v_max=6.027,
-        theta_0=0.33,
-        lag=0.0253,
-        acceleration_time=0.0093,
-        tick=0.0005,
-        time_constant=0.0154,
-        max_acceleration=57.59,
-        dead_band=0.04622,
-    )
-    found = planner.identify(logged(truth, period=0.02, rows=1500, seed=13), hold_out=False)
-    assert found.rms <= 3.0 * found.noise
-    assert found.model.dead_band == pytest.approx(truth.dead_band, rel=0.05)
-
-
-def test_the_delay_of_a_motor_is_divided_into_lag_and_inertia_as_it_is():
-    """Lag and window in place of the inertia once were a local optimum, five times worse."""
-    truth = planner.JointModel(
-        v_max=5.4645,
-        theta_0=0.34282,
-        lag=0.006725,
-        acceleration_time=0.02168,
-        tick=0.0005,
-        time_constant=0.03233,
-        max_acceleration=35.254,
-        dead_band=0.06863,
-    )
-    log = logged(truth, period=0.02, rows=1500, seed=37)
-    found = planner.identify(log, hold_out=False)
-    assert found.rms <= 1.2 * found.noise
-    assert found.model.time_constant == pytest.approx(truth.time_constant, rel=0.1)
-    gain = found.model.v_max / found.model.theta_0
-    assert gain == pytest.approx(truth.v_max / truth.theta_0, rel=0.1)
+@pytest.mark.parametrize(
+    ("numbers", "seed", "noise", "known"),
+    [
+        # Shorter ticks take more of its acceleration limit, which once held the fit where it was.
+        ((6.027, 0.33, 0.0253, 0.0093, 0.0154, 57.59, 0.04622), 13, 3.0, {"dead_band": 0.05}),
+        # Lag and window in place of the inertia once were a local optimum, five times worse.
+        (
+            (5.4645, 0.34282, 0.006725, 0.02168, 0.03233, 35.254, 0.06863),
+            37,
+            1.2,
+            {"time_constant": 0.1, "gain": 0.1},
+        ),
+    ],
+    ids=["friction nearly holds it", "its delay is lag and inertia"],
+)
+def test_a_motor_that_moves_on_its_own_ticks_is_found(numbers, seed, noise, known):
+    names = ("v_max", "theta_0", "lag", "acceleration_time", *MOTOR)
+    truth = planner.JointModel(tick=0.0005, **dict(zip(names, numbers, strict=True)))
+    found = planner.identify(logged(truth, period=0.02, rows=1500, seed=seed), hold_out=False)
+    assert found.rms <= noise * found.noise
+    for name, rel in known.items():
+        value, true = (
+            each.v_max / each.theta_0 if name == "gain" else getattr(each, name)
+            for each in (found.model, truth)
+        )
+        assert value == pytest.approx(true, rel=rel), name

@@ -22,6 +22,8 @@ from tests.pid_servo import PidServo
 
 pytestmark = pytest.mark.filterwarnings("ignore:preview:UserWarning")  # short ones are quick
 
+AIBO = planner.JointModel.ers210a()
+
 PREVIEW = 25
 
 
@@ -60,8 +62,7 @@ def random_joint(seed):
 
 @pytest.mark.parametrize("rows", [2, 10])
 def test_a_preview_no_longer_than_lag_and_acceleration_time_is_warned_of(rows):
-    knee = planner.JointModel.ers210a()
-    models = {"hip": replace(knee, lag=0.0), "knee": knee, "toe": replace(knee, lag=0.008)}
+    models = {"hip": replace(AIBO, lag=0.0), "knee": AIBO, "toe": replace(AIBO, lag=0.008)}
     told = rf"preview: got {rows} rows, .* of knee take 10 rows of 8 ms: .* 200 ms are 25$"
     with pytest.warns(UserWarning, match=told):
         planner.Stream(models, preview=rows)
@@ -69,16 +70,15 @@ def test_a_preview_no_longer_than_lag_and_acceleration_time_is_warned_of(rows):
 
 
 def test_a_path_in_degrees_is_held_and_said_and_a_joint_that_winds_is_planned():
-    joint = planner.JointModel.ers210a()
     degrees = np.degrees(smooth_path(300))
-    stream = planner.Stream(joint, preview=PREVIEW)
+    stream = planner.Stream(AIBO, preview=PREVIEW)
     told = [(stream.step(rows), stream.problem, stream.status)[1:] for rows in stretches(degrees)]
     assert any("joint_1 got" in text and "degrees" in text for text, _ in told)
     assert all((status == ("held",)) == (text != "") for text, status in told)
     assert np.max(np.abs(stream.angles)) < 4.0 * np.pi
     with pytest.raises(planner.InvalidInput, match=r"desired: joint_1 got 45 rad, 7\.2 turns"):
-        planner.Stream(joint, preview=PREVIEW, on_bad="raise").step(np.full(PREVIEW, 45.0))
-    stream = planner.Stream({"hip": joint, "knee": joint}, preview=PREVIEW)
+        planner.Stream(AIBO, preview=PREVIEW, on_bad="raise").step(np.full(PREVIEW, 45.0))
+    stream = planner.Stream({"hip": AIBO, "knee": AIBO}, preview=PREVIEW)
     stream.step(np.tile([0.1, 0.2], (PREVIEW, 1)))
     stream.step(np.tile([0.1, 45.0], (PREVIEW, 1)), "here")
     assert stream.status == ("planned", "held")
@@ -87,14 +87,12 @@ def test_a_path_in_degrees_is_held_and_said_and_a_joint_that_winds_is_planned():
     assert "knee got 45 rad, 7.2 turns" in stream.problem
     assert "where it is at 0.2 rad; if these are degrees" in stream.problem
     winding = 0.04 * np.arange(600)[:, np.newaxis]
-    stream = planner.Stream(joint, preview=PREVIEW)
+    stream = planner.Stream(AIBO, preview=PREVIEW)
     assert [(stream.step(rows), stream.problem)[1] for rows in stretches(winding)] == 600 * [""]
 
 
 def test_a_first_measured_angle_in_degrees_is_taken_as_missing_and_said():
-    stream = planner.Stream(
-        dict.fromkeys(("hip", "knee"), planner.JointModel.ers210a()), preview=PREVIEW
-    )
+    stream = planner.Stream({"hip": AIBO, "knee": AIBO}, preview=PREVIEW)
     rows = np.tile([0.1, 0.5], (PREVIEW, 1))
     requests = stream.step(rows, [0.12, 28.0])
     assert np.abs(requests - [0.12, 0.5]).max() < 0.05
@@ -106,7 +104,7 @@ def test_a_first_measured_angle_in_degrees_is_taken_as_missing_and_said():
 
 def test_a_path_in_degrees_that_falls_steadily_is_held_where_the_joint_is():
     degrees = np.linspace(34.0, 3.0, PREVIEW)[:, np.newaxis]
-    stream = planner.Stream(planner.JointModel.ers210a(), preview=PREVIEW)
+    stream = planner.Stream(AIBO, preview=PREVIEW)
     stream.step(np.zeros((PREVIEW, 1)))
     assert stream.step(degrees)[0] == pytest.approx(0.0, abs=1e-9)
     assert stream.status == ("held",)
@@ -118,14 +116,14 @@ def test_requests_depend_on_the_preview_and_the_past_only(cycle):
     path = smooth_path(120)
     other = path.copy()
     other[70:] += 0.5
-    one, two = (streamed(planner.JointModel.ers210a(), each, cycle=cycle) for each in (path, other))
+    one, two = (streamed(AIBO, each, cycle=cycle) for each in (path, other))
     first = 70 - PREVIEW + 1  # the first tick that knows of row 70
     assert np.array_equal(one[:first], two[:first])
     assert not np.array_equal(one[first:], two[first:])
 
 
 def test_rows_beyond_the_preview_have_no_effect_and_the_last_of_too_few_is_held():
-    one, two = (planner.Stream(planner.JointModel.ers210a(), preview=20) for _ in range(2))
+    one, two = (planner.Stream(AIBO, preview=20) for _ in range(2))
     path = smooth_path(80)
     for k in range(30):
         assert np.array_equal(one.step(path[k : k + 20]), two.step(path[k : k + 45]))
@@ -175,9 +173,7 @@ def walked(phase):
 
 def test_a_walk_at_top_speed_is_followed_as_the_whole_plan_where_its_cycle_is_known():
     path = walked(np.arange(4 * 88) / 88.0)
-    whole, without, exact, guessed = whole_and_streamed(
-        planner.JointModel.ers210a(), path, (None, 88, 80)
-    )
+    whole, without, exact, guessed = whole_and_streamed(AIBO, path, (None, 88, 80))
     assert without >= 1.12 * whole
     assert exact <= 1.1 * whole
     assert guessed <= 1.1 * whole
@@ -185,9 +181,7 @@ def test_a_walk_at_top_speed_is_followed_as_the_whole_plan_where_its_cycle_is_kn
 
 def test_a_walk_at_top_speed_for_moments_is_followed_as_the_whole_plan():
     path = walked(np.arange(2 * 88) / 88.0)
-    whole, streamed_alone = whole_and_streamed(
-        planner.JointModel.ers210a(), path[0] + 0.4 * (path - path[0]), (None,)
-    )
+    whole, streamed_alone = whole_and_streamed(AIBO, path[0] + 0.4 * (path - path[0]), (None,))
     assert streamed_alone <= 1.05 * whole  # 1.2 where the plan does not go on beyond its end
 
 
@@ -195,9 +189,8 @@ def test_a_walk_that_slows_down_and_stops_is_followed_no_worse_for_an_expected_c
     tick = np.arange(330)
     speed = 1.0 - 0.2 * np.sin(2.0 * np.pi * tick / 250.0)
     speed[250:] *= np.clip((275.0 - tick[250:]) / 25.0, 0.0, 1.0)
-    whole, without, expected = whole_and_streamed(
-        planner.JointModel.ers210a(), walked(np.cumsum(speed) / 88.0), (None, 88)
-    )
+    path = walked(np.cumsum(speed) / 88.0)
+    whole, without, expected = whole_and_streamed(AIBO, path, (None, 88))
     assert expected <= 1.03 * without
     assert expected >= 0.99 * whole
 
@@ -211,7 +204,7 @@ def test_a_path_that_does_not_repeat_is_followed_no_worse_for_an_expected_cycle(
 
 
 def test_random_walks_are_followed_about_as_well_where_a_cycle_is_expected_in_vain():
-    model, ratios = planner.JointModel.ers210a(), []
+    model, ratios = AIBO, []
     for seed in range(4):
         path = 0.05 * np.cumsum(np.random.default_rng(seed).normal(size=400))[:, np.newaxis]
         errors = []
@@ -223,7 +216,7 @@ def test_random_walks_are_followed_about_as_well_where_a_cycle_is_expected_in_va
 
 
 def test_ticks_that_are_missed_or_bad_do_not_end_what_is_known_of_a_cycle():
-    model, path = planner.JointModel.ers210a(), walked(np.arange(4 * 88) / 88.0)
+    model, path = AIBO, walked(np.arange(4 * 88) / 88.0)
     errors = []
     for cycle in (None, 88):
         stream, sent, k = planner.Stream([model] * 3, preview=PREVIEW, cycle=cycle), [], 0
@@ -243,7 +236,7 @@ def test_ticks_that_are_missed_or_bad_do_not_end_what_is_known_of_a_cycle():
 
 
 def test_a_cycle_makes_no_difference_to_a_preview_that_is_as_long_as_the_horizon():
-    model, path = planner.JointModel.ers210a(), smooth_path(40)
+    model, path = AIBO, smooth_path(40)
     rows = round(HORIZON / model.period)
     one, two = (streamed(model, path, preview=rows, cycle=each) for each in (None, 20))
     assert np.array_equal(one, two)
@@ -278,7 +271,7 @@ def test_limits_and_steps_are_kept_to_the_last_bit(seed, cycle):
 def test_a_request_that_jumps_to_its_limit_does_not_exceed_it_by_rounding():
     rng = np.random.default_rng(0)
     lower, upper = -rng.uniform(1.0, 3.0, 40), rng.uniform(0.1, 0.3, 40)
-    stream = planner.Stream([planner.JointModel.ers210a()] * 40, preview=20, limits=(lower, upper))
+    stream = planner.Stream([AIBO] * 40, preview=20, limits=(lower, upper))
     reached = np.zeros(40, dtype=bool)
     for k in range(8):
         sent = stream.step(np.tile(lower if k < 4 else upper, (20, 1)), None if k else lower)
@@ -290,18 +283,18 @@ def test_a_request_that_jumps_to_its_limit_does_not_exceed_it_by_rounding():
 def test_a_jump_of_the_path_is_met_in_steps():
     path = smooth_path(160)
     path[80:] += 0.6
-    stream = planner.Stream(planner.JointModel.ers210a(), preview=PREVIEW, max_step=0.05)
+    stream = planner.Stream(AIBO, preview=PREVIEW, max_step=0.05)
     sent = []
     for k in range(160):  # the jump is not seen before it is there: a new chunk of actions
         known = path[k : k + PREVIEW] if k >= 80 else path[k : min(k + PREVIEW, 80)]
         sent.append(stream.step(known)[0])
     assert np.max(np.abs(np.diff(sent))) <= 0.05
-    angles = planner.simulate(planner.JointModel.ers210a(), sent, cyclic=False)
+    angles = planner.simulate(AIBO, sent, cyclic=False)
     assert rms(angles[120:] - path[120:, 0]) <= 0.01
 
 
 def test_the_largest_step_is_planned_for_and_not_only_cut():
-    model, path = planner.JointModel.ers210a(), smooth_path(200)
+    model, path = AIBO, smooth_path(200)
     path[100:] = path[100]  # a corner
     free, bound = (streamed(model, path, max_step=each)[:, 0] for each in (None, np.radians(3.0)))
     assert np.max(np.abs(np.diff(free))) > np.radians(4.0)
@@ -331,7 +324,7 @@ NO_ROWS = ("another shape", "one row", "no row", "ragged", "nothing", "text")
 @pytest.mark.parametrize("bad", BAD)
 def test_what_cannot_be_used_is_held_and_said(bad):
     desired, status = BAD[bad]
-    models = [planner.JointModel.ers210a()] * 2
+    models = [AIBO] * 2
     stream = planner.Stream(models, preview=10, limits=(-1.0, 1.0))
     strict = planner.Stream(models, preview=10, limits=(-1.0, 1.0), on_bad="raise")
     path = smooth_path(60, 2)
@@ -355,18 +348,16 @@ def test_what_cannot_be_used_is_held_and_said(bad):
 
 
 def test_nothing_is_sent_before_anything_is_known():
-    stream = planner.Stream(planner.JointModel.ers210a(), preview=10)
+    stream = planner.Stream(AIBO, preview=10)
     for bad in (np.nan, np.inf, 1e200):
         assert np.isnan(stream.step(np.full((10, 1), bad))).all()
         assert stream.status == ("held",)
     assert np.array_equal(stream.step(np.full((10, 1), np.nan), [0.2]), [0.2])
-    assert np.array_equal(
-        planner.Stream(planner.JointModel.ers210a(), preview=10).step([0.3]), [0.3]
-    )
+    assert np.array_equal(planner.Stream(AIBO, preview=10).step([0.3]), [0.3])
 
 
 def test_the_first_request_holds_the_joints_where_they_are():
-    model = replace(planner.JointModel.ers210a(), offset=0.05)
+    model = replace(AIBO, offset=0.05)
     stream = planner.Stream(model, preview=10)
     assert stream.step(np.ones((10, 1)), [0.2])[0] == pytest.approx(0.15, abs=1e-15)
     assert stream.angles[0] == 0.2
@@ -383,29 +374,28 @@ def test_the_first_request_holds_the_joints_where_they_are():
     ],
 )
 def test_a_stream_that_cannot_be_is_refused_where_it_is_made(arguments, message):
-    good = {"models": planner.JointModel.ers210a(), "preview": 10}
+    good = {"models": AIBO, "preview": 10}
     with pytest.raises(planner.InvalidInput, match=message):
         planner.Stream(**{**good, **arguments})
 
 
 @pytest.mark.parametrize(("preview", "cycle"), [(1, 2), (1000, 1000)])
 def test_previews_and_cycles_are_taken_from_the_shortest_to_the_longest(preview, cycle):
-    stream = planner.Stream(planner.JointModel.ers210a(), preview=preview, cycle=cycle)
+    stream = planner.Stream(AIBO, preview=preview, cycle=cycle)
     assert (stream.preview, stream.cycle) == (preview, cycle)
     assert stream.step(np.full((preview, 1), 0.3))[0] == 0.3
 
 
 def test_joints_with_different_periods_are_refused():
-    joint = planner.JointModel.ers210a()
     with pytest.raises(planner.InvalidInput, match=r"from 0\.008 to 0\.02 s"):
-        planner.Stream({"hip": joint, "knee": joint.requested_every(0.02)}, preview=10)
-    nearly = joint.requested_every(joint.period * 1.0005)  # as logs of one robot differ
-    assert planner.Stream([joint, nearly], preview=10).period == joint.period
+        planner.Stream({"hip": AIBO, "knee": AIBO.requested_every(0.02)}, preview=10)
+    nearly = AIBO.requested_every(AIBO.period * 1.0005)  # as logs of one robot differ
+    assert planner.Stream([AIBO, nearly], preview=10).period == AIBO.period
 
 
 def test_of_several_joints_at_fault_the_worst_of_the_first_kind_is_named():
     """What is desired comes before what is measured, and a joint far off before one less so."""
-    joint, path = planner.JointModel.ers210a(), np.zeros((10, 3))
+    joint, path = AIBO, np.zeros((10, 3))
     options = {"preview": 10, "limits": (-1.0, 1.0)}
     strict, stream = (planner.Stream([joint] * 3, **options, on_bad=b) for b in ("raise", "hold"))
     for each in (strict, stream):
@@ -429,7 +419,7 @@ def test_of_several_joints_at_fault_the_worst_of_the_first_kind_is_named():
 
 
 def test_bad_extras_of_a_step_are_said_and_left_out():
-    stream = planner.Stream(planner.JointModel.ers210a(), preview=10)
+    stream = planner.Stream(AIBO, preview=10)
     path = smooth_path(40)
     for bad, word in (
         ({"measured": [1.0, 2.0, 3.0]}, "measured"),
@@ -439,7 +429,7 @@ def test_bad_extras_of_a_step_are_said_and_left_out():
     ):
         assert np.isfinite(stream.step(path[:10], **bad)).all()
         assert word in stream.problem
-    both = planner.Stream([planner.JointModel.ers210a()] * 2, preview=10)
+    both = planner.Stream([AIBO] * 2, preview=10)
     for bad in (0.7, [0.7], np.full((2, 2), 0.7)):
         both.step(np.zeros((10, 2)), bad)
         assert both.problem.endswith("expected 2 angles [rad], or NaN")
@@ -448,7 +438,7 @@ def test_bad_extras_of_a_step_are_said_and_left_out():
 
 @pytest.mark.parametrize("cycle", [None, 20])
 def test_missed_ticks_are_simulated_with_the_last_request_held(cycle):
-    model, path = planner.JointModel.ers210a(), smooth_path(120)
+    model, path = AIBO, smooth_path(120)
     stream, sent, k = planner.Stream(model, preview=PREVIEW, cycle=cycle), [], 0
     for missed in [0] * 30 + [3] + [0] * 20 + [7] + [0] * 20:
         k += missed
@@ -474,7 +464,7 @@ def test_predicted_angles_are_those_of_the_exact_models():
 
 
 def test_answers_are_copies_and_arguments_are_left_alone():
-    stream, path = planner.Stream(planner.JointModel.ers210a(), preview=10), smooth_path(60)
+    stream, path = planner.Stream(AIBO, preview=10), smooth_path(60)
     path.setflags(write=False)
     requests = stream.step(path)
     kept = requests.copy()
@@ -486,10 +476,7 @@ def test_answers_are_copies_and_arguments_are_left_alone():
 
 @pytest.mark.parametrize("cycle", [None, 60])
 def test_memory_does_not_grow(cycle):
-    stream, path = (
-        planner.Stream([planner.JointModel.ers210a()] * 3, preview=10, cycle=cycle),
-        smooth_path(400, 3),
-    )
+    stream, path = planner.Stream([AIBO] * 3, preview=10, cycle=cycle), smooth_path(400, 3)
     for k in range(100):
         stream.step(path[k : k + 10], path[k])
     tracemalloc.start()
@@ -529,9 +516,7 @@ def test_a_dead_band_is_not_crossed_for_noise():
 
 
 def test_a_load_at_every_step_is_planned_for():
-    model = replace(
-        planner.JointModel.ers210a(), compliance=0.1, speed_per_torque=0.8, dead_band=0.01
-    )
+    model = replace(AIBO, compliance=0.1, speed_per_torque=0.8, dead_band=0.01)
     path = smooth_path(200)
     torques = 0.8 * np.sin(path)
     stream = planner.Stream(model, preview=PREVIEW)
@@ -550,7 +535,7 @@ def test_a_load_at_every_step_is_planned_for():
         assert np.array_equal(sent, three.step(rows, load=np.full((PREVIEW, 2), 0.3)))
     assert np.array_equal(one.step(rows), two.step(rows, load=0.0))  # a load ends with its step
     assert one.status == two.status == ("planned", "planned")
-    both = planner.Stream([planner.JointModel.ers210a(), model], preview=PREVIEW)
+    both = planner.Stream([AIBO, model], preview=PREVIEW)
     alone = planner.Stream(model, preview=PREVIEW)
     for k in range(20):  # a joint beside it that feels no load
         rows = np.repeat(path[k : k + PREVIEW], 2, axis=1)
@@ -564,7 +549,7 @@ def test_a_load_at_every_step_is_planned_for():
 
 
 def test_a_load_that_is_no_number_is_held_where_it_only_makes_the_joint_sag():
-    stream = planner.Stream(replace(planner.JointModel.ers210a(), compliance=0.1), preview=PREVIEW)
+    stream = planner.Stream(replace(AIBO, compliance=0.1), preview=PREVIEW)
     last = stream.step([0.3], load=0.2)
     for load in (math.nan, math.inf):
         assert np.array_equal(stream.step([0.4], load=load), last)
@@ -572,7 +557,7 @@ def test_a_load_that_is_no_number_is_held_where_it_only_makes_the_joint_sag():
 
 
 def test_an_angle_that_friction_holds_is_within_reach_of_the_limits():
-    model = replace(planner.JointModel.ers210a(), dead_band=0.05)
+    model = replace(AIBO, dead_band=0.05)
     stream = planner.Stream(model, preview=PREVIEW, limits=(-1.0, 1.0))
     for angle, status in ((1.04, "planned"), (-1.04, "planned"), (1.06, "unreachable")):
         stream.step([angle])
@@ -637,7 +622,7 @@ def test_a_glitch_of_the_sensor_moves_the_joint_little(pid_servo):
 
 @pytest.mark.parametrize("hold", [1, 4])
 def test_a_measured_angle_far_off_moves_the_predicted_one_by_what_the_joint_turns_in_a_period(hold):
-    model = replace(planner.JointModel.ers210a(), hold=hold)
+    model = replace(AIBO, hold=hold)
     stream = planner.Stream(model, preview=10)
     for measured in (0.4, 0.4, 2.4):
         stream.step([[0.4]], [measured])
@@ -658,7 +643,7 @@ def test_many_missed_ticks_are_simulated_for_a_slow_joint_too():
 
 def measuring(path, readings):
     """Requests along a path, and problems, where the encoder reads ``readings(tick, angle)``."""
-    joint = planner.JointModel.ers210a()
+    joint = AIBO
     slower = replace(joint, v_max=0.95 * joint.v_max)  # the joint is not quite its model
     stream = planner.Stream(joint, preview=PREVIEW)
     sent, problems = [], []
@@ -691,7 +676,7 @@ def test_a_measured_angle_that_no_joint_could_have_reached_is_missing_and_said(j
 
 
 def test_a_joint_that_was_moved_counts_at_its_second_reading():
-    joint, path = planner.JointModel.ers210a(), np.zeros((60, 1))
+    joint, path = AIBO, np.zeros((60, 1))
     stream = planner.Stream(joint, preview=PREVIEW)
     problems = []
     for k, rows in enumerate(stretches(path)):
@@ -708,7 +693,7 @@ def test_a_joint_that_was_moved_counts_at_its_second_reading():
     "options", [{"on_bad": "raise"}, {"cycle": 50, "max_step": 0.1, "limits": (-1.0, 1.0)}]
 )
 def test_a_copy_of_a_stream_goes_on_alike_and_on_its_own(copied, options):
-    joint, path = planner.JointModel.ers210a(), smooth_path(140)
+    joint, path = AIBO, smooth_path(140)
     stream = planner.Stream({"knee": joint}, preview=PREVIEW, **options)
     rows = stretches(path)
     for each in rows[:80]:
@@ -724,7 +709,7 @@ def test_a_copy_of_a_stream_goes_on_alike_and_on_its_own(copied, options):
 
 @pytest.mark.parametrize("copied", [copy.copy, lambda stream: pickle.loads(pickle.dumps(stream))])
 def test_a_copy_of_a_stream_knows_the_speed_and_the_last_measured_angle(copied):
-    joint = replace(planner.JointModel.ers210a(), time_constant=0.08)
+    joint = replace(AIBO, time_constant=0.08)
     stream, path = planner.Stream(joint, preview=PREVIEW), smooth_path(140)
     rows = stretches(path)
     for k, each in enumerate(rows[:80]):
@@ -739,7 +724,7 @@ def test_a_copy_of_a_stream_knows_the_speed_and_the_last_measured_angle(copied):
 
 
 def test_a_copy_of_a_stream_keeps_the_largest_step_of_each_joint_that_has_one():
-    joint, path = planner.JointModel.ers210a(), np.array([[0.0, 0.0], [0.5, 0.5]])
+    joint, path = AIBO, np.array([[0.0, 0.0], [0.5, 0.5]])
     steps = np.array([0.01, np.inf])
     again = copy.copy(planner.Stream([joint, joint], preview=PREVIEW, max_step=steps))
     first, second = again.step(path[:1]), again.step(path[1:])
@@ -749,9 +734,7 @@ def test_a_copy_of_a_stream_keeps_the_largest_step_of_each_joint_that_has_one():
 
 def test_predicted_angles_are_exact_where_a_load_decides_the_top_speeds():
     """Steps that saturate the joint both ways, under torques that change from tick to tick."""
-    model = replace(
-        planner.JointModel.ers210a(), compliance=0.05, v_offset=0.6, speed_per_torque=0.8
-    )
+    model = replace(AIBO, compliance=0.05, v_offset=0.6, speed_per_torque=0.8)
     path = np.repeat([0.0, 1.0, -0.5, 0.8], 25)[:, np.newaxis]
     torques = np.cos(0.2 * np.arange(100))[:, np.newaxis]
     stream, sent, angles = planner.Stream(model, preview=20), [], []

@@ -18,7 +18,9 @@ from planner.exceptions import Infeasible, InvalidInput
 from planner.planning.plan import Plan, joined
 from planner.planning.task import Task, checked_smoothness
 
-SERVO = replace(JointModel.ers210a(), compliance=0.02)
+AIBO = JointModel.ers210a()
+
+SERVO = replace(AIBO, compliance=0.02)
 
 
 PATH = 0.3 * np.sin(2.0 * np.pi * np.arange(40)[:, np.newaxis] / 40 + [0.0, 1.0])
@@ -90,7 +92,7 @@ def test_a_view_with_other_requests_or_options_is_that_of_another_plan():
     assert late.error == late.max_error > one.max_error
     assert (late.norm, one.norm) == ("max", "rms")
     np.testing.assert_array_equal(late.desired, PATH[:, 1])
-    foot = invert_foot(JointModel.ers210a(), walk.leg, walk.desired_foot[::4], smoothness=0.0)
+    foot = invert_foot(AIBO, walk.leg, walk.desired_foot[::4], smoothness=0.0)
     up = replace(foot, weights=np.array([0.0, 0.0, 1.0]), norm="max")
     assert up.error == pytest.approx(np.max(np.abs((foot.foot - foot.desired_foot)[:, 2])))
 
@@ -107,8 +109,8 @@ def test_a_task_that_was_copied_is_read_only():
 def test_the_desired_angles_sent_as_they_are_begin_where_the_plan_does():
     phase = 2.0 * np.pi * np.arange(60) / 60
     desired = 0.3 * np.sin(phase)
-    made = invert_optimal(JointModel.ers210a(), desired, cyclic=False, start=0.5)
-    expected = simulate(JointModel.ers210a(), desired, cyclic=False, start=0.5)
+    made = invert_optimal(AIBO, desired, cyclic=False, start=0.5)
+    expected = simulate(AIBO, desired, cyclic=False, start=0.5)
     np.testing.assert_array_equal(made.plan.direct[:, 0], expected)
 
 
@@ -125,7 +127,7 @@ def test_the_load_of_the_first_sample_decides_where_a_joint_may_rest_before():
 
 
 def test_dry_friction_holds_a_joint_beyond_its_limits_by_the_dead_band():
-    sticky = replace(JointModel.ers210a(), dead_band=0.05, offset=-0.1)
+    sticky = replace(AIBO, dead_band=0.05, offset=-0.1)
     for reached in (0.249, -0.449):
         desired = np.array([[0.0], [reached], [0.0]])
         Task.of(sticky, desired, limits=(-0.3, 0.3))
@@ -139,7 +141,7 @@ def test_dry_friction_holds_a_joint_beyond_its_limits_by_the_dead_band():
 def test_a_sag_of_a_thousandth_of_a_radian_is_left_out_of_the_limits():
     """The joint stays that little short of the limit; a sag of more has to fit within."""
     for sag, fits in ((0.0009, True), (0.0012, False)):
-        sagging = replace(JointModel.ers210a(), offset=-sag)
+        sagging = replace(AIBO, offset=-sag)
         desired = np.array([[0.0], [0.3], [0.0]])
         if fits:
             assert Task.of(sagging, desired, limits=(-0.3, 0.3)).limits == ((-0.3, 0.3),)
@@ -182,7 +184,7 @@ def test_a_joint_with_one_model_has_it_beside_every_model_of_the_others():
 
 
 def test_a_load_is_kept_where_any_model_of_a_joint_feels_it():
-    plain = JointModel.ers210a()
+    plain = AIBO
     load = np.column_stack([np.arange(40.0), np.full(40, 0.5)]) / 100.0
     task = Task.of([[plain, SERVO], [plain, plain]], PATH, names=NAMES, load=load)
     np.testing.assert_array_equal(task.loads[0], load[:, 0])
@@ -223,7 +225,7 @@ def test_from_rest_a_leg_begins_as_near_to_the_first_point_as_its_limits_let_it_
 
 def test_joined_tasks_have_what_any_of_them_has():
     load = np.column_stack([np.arange(40.0), np.zeros(40)]) / 100.0
-    models = [[SERVO], [JointModel.ers210a(), replace(JointModel.ers210a(), lag=0.05)]]
+    models = [[SERVO], [AIBO, replace(AIBO, lag=0.05)]]
     options = {"cyclic": False, "start": [0.1, 0.2], "max_step": [0.1, 0.2], "robust": "worst"}
     task = Task.of(
         models, PATH, names=NAMES, limits={"knee": (-1.0, 2.0)}, load=load, **options
@@ -243,7 +245,7 @@ def test_joined_tasks_have_what_any_of_them_has():
 
 def test_the_view_of_a_foot_has_the_models_of_all_joints_in_each_scenario():
     walk = reference_walk()
-    servo = JointModel.ers210a()
+    servo = AIBO
     late = replace(servo, lag=0.05)
     task = Task.of([[servo, late]] * 3, walk.desired_foot[::8], leg=walk.leg)
     made = Plan(
@@ -256,7 +258,7 @@ def test_the_view_of_a_foot_has_the_models_of_all_joints_in_each_scenario():
 
 
 def test_the_period_of_a_task_is_that_of_its_requests():
-    model = replace(JointModel.ers210a(), hold=3)
+    model = replace(AIBO, hold=3)
     task = Task.of(model, np.zeros(20))
     assert task.period == model.period == 3.0 * model.tick
 
