@@ -14,7 +14,7 @@ from planner.model.joint import JointModel
 from planner.planning.closed_form import closed_form_requests
 from planner.planning.line_inverse import RULES, line_offset
 from tests.independent import from_rest, next_cycle
-from tests.instances import REFERENCE_JOINTS, random_model
+from tests.instances import random_model
 
 ERS210A = JointModel.ers210a()
 
@@ -107,13 +107,6 @@ def test_every_request_lies_on_the_line_in_force_raised_by_its_offset(cyclic):
         lines = curve(later) - slopes * ahead * curve.tick
         raised = lines + line_offset(ERS210A, slopes, rule="paper")
         np.testing.assert_allclose(row, raised, rtol=0.0, atol=SAME)
-
-
-@pytest.mark.parametrize("joint", REFERENCE_JOINTS, ids=lambda joint: joint.name)
-def test_a_known_fit_gives_the_requests_of_the_whole_inversion(joint):
-    plan = planner.invert_closed_form(ERS210A, joint.desired)
-    requests = closed_form_requests(ERS210A, plan.approximation)
-    np.testing.assert_allclose(requests, plan.requests, rtol=0.0, atol=SAME)
 
 
 @pytest.mark.parametrize(

@@ -94,18 +94,6 @@ def test_neither_rule_warns_without_need():
         line_offset(random_model_outside_equation_13(np.random.default_rng(0)), 0.1)
 
 
-@pytest.mark.parametrize("share", [0.2, 0.5, 0.9, 1.0])
-@pytest.mark.parametrize("lag", [0.0, 0.01, 0.025])
-@pytest.mark.parametrize("hold", [2, 3, 4])
-def test_the_exact_rule_holds_for_joints_that_overshoot_a_held_request(hold, lag, share):
-    model = JointModel(
-        v_max=43.75, theta_0=0.25, lag=lag, acceleration_time=0.01, tick=0.01, hold=hold
-    )
-    slope = share * model.v_max
-    error = steady_error(model, slope, line_offset(model, slope))
-    assert np.max(np.abs(error)) < STEADY
-
-
 @pytest.mark.parametrize("hold", [1, 4])
 @pytest.mark.parametrize("share", [-0.9, -0.3, 0.0, 0.5, 0.85])
 @pytest.mark.parametrize("kind", ["whole", "fractional", "outside Equation 13"])

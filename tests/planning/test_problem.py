@@ -97,18 +97,6 @@ def test_from_rest_nothing_comes_before_the_first_sample():
 
 
 @CYCLIC
-def test_joints_answer_together_as_they_do_alone(cyclic):
-    problem, requests = stacked(4, 3, cyclic=cyclic)
-    together = problem.exact_angles(requests)
-    for joint, model in enumerate(problem.models):
-        start = None if cyclic else float(problem.start[joint])
-        single = track(model, np.zeros(len(requests)), cyclic=cyclic, start=start)
-        column = requests[:, joint : joint + 1]
-        alone = single.exact_angles(column)
-        np.testing.assert_array_equal(together[:, joint], alone[:, 0])
-
-
-@CYCLIC
 def test_a_joint_at_top_speed_throughout_is_judged_as_it_is_simulated(cyclic):
     # Its cycles are many: each may begin higher or lower than another.
     requests = np.repeat([5.0, -5.0], 20)

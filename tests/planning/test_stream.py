@@ -366,7 +366,6 @@ def test_the_first_request_holds_the_joints_where_they_are():
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"max_step": 0.0}, r"max_step: got 0\.0, expected an angle above 0 \[rad\]"),
         ({"max_step": [0.1, 0.1]}, "max_step: got"),
         ({"cycle": 1}, "cycle: got 1, expected the number of rows after which the path repeats"),
         ({"preview": 1001}, "preview: got 1001, expected a number of rows from 1 to 1000"),
