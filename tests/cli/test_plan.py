@@ -155,32 +155,6 @@ def test_a_robust_plan_for_the_foot_tells_the_errors_of_the_foot_over_the_models
         assert row.split()[-3:] == [f"{100.0 * error:.3f}" for error in made.over_models]
 
 
-def test_a_robust_plan_needs_intervals_and_the_method_that_takes_them(run, desired, uncertain):
-    for model in ((), ("--model", uncertain.parent / "bare.toml")):
-        JOINT.to_toml(uncertain.parent / "bare.toml")
-        refused = run("plan", desired, *model, "--robust", "mean")
-        assert (refused.exit_code, refused.stdout) == (2, "")
-        assert "--robust mean draws models from intervals, and the model of hip, knee has none" in (
-            refused.stderr
-        )
-        assert "identify the joint" in refused.stderr
-    method = ("--method", "closed-form")
-    refused = run("plan", desired, "--model", uncertain, "--robust", "mean", *method)
-    assert refused.exit_code == 2
-    assert "--robust has no effect with --method closed-form" in refused.stderr
-    run_file = uncertain.parent / "run.toml"
-    run_file.write_text(
-        '[model]\nfile = "uncertain.toml"\n[path]\nfile = "desired.csv"\n'
-        '[plan]\nrobust = "mean"\n[model.joints.knee]\nlag = 0.04\n'
-    )
-    refused = run("run", run_file, "--check")
-    assert refused.exit_code == 2
-    assert (
-        'line 6: plan.robust = "mean" draws models from intervals, and the model of knee has'
-        in (refused.stderr)
-    )
-
-
 def test_joints_in_shares_of_their_range_are_answered_in_percent(run, tmp_path):
     model = planner.JointModel(v_max=1.1, theta_0=0.11, lag=0.03, acceleration_time=0.05)
     model.to_toml(tmp_path / "jaw.toml")
@@ -204,12 +178,6 @@ def test_joints_in_shares_of_their_range_are_answered_in_percent(run, tmp_path):
     assert told == pytest.approx(100.0 * errors.errors_of_models, abs=1e-3)
     beyond = run("plan", tmp_path / "jaw.csv", *arguments, "--limits-deg", "0:55")
     assert re.search(r"jaw: desired: sample 20 is 60 percent, 5 percent beyond", beyond.stderr)
-    nameless = run("plan", tmp_path / "jaw.csv")
-    assert (nameless.exit_code, nameless.stdout) == (2, "")
-    assert "of which the ERS-210A's model says nothing" in nameless.stderr
-    refused = run("fit", tmp_path / "out.csv", *arguments[:2])
-    assert refused.exit_code == 2
-    assert "'jaw' is in shares of its range, expected an angle" in refused.stderr
 
 
 @pytest.mark.parametrize(
