@@ -21,7 +21,7 @@ from tests.docs.printed import difference, rewritten
 
 RUN = [page for page in PAGES if blocks(page)]
 
-BRIEF = {"README.md": {"calibrate": {"duration_s": 16.0}}}
+BRIEF = {"README.md": {"calibrate": {"duration_s": 8.0}}}
 """Defaults with which commands of a page take less time, where it does not tell what they print."""
 
 UNBOUNDED = ("any_leg.md",)
