@@ -47,8 +47,8 @@ def of_whole_ticks(model, requests, start):
 def windowed(model, request_at, ticks, before, load_at=lambda _: 0.0, moving=(0.0, 0.0)):
     """M(0), ..., M(ticks-1) with w_i the length of [i-1, i] ∩ [l, l+a]; of functions of ticks.
 
-    Section 9's law, which is Equation 3 without friction and inertia, and the integral of a speed
-    loop; ``moving`` is the speed and the integral before.
+    Section 1's law, which is Equation 3 without friction and inertia, and the integral of a servo;
+    ``moving`` is the speed and the integral before.
     """
     lag, acceleration = model.lag / model.tick, model.acceleration_time / model.tick
     window = []
@@ -83,6 +83,7 @@ def windowed(model, request_at, ticks, before, load_at=lambda _: 0.0, moving=(0.
                 v_offset=faster * model.tick,
             )
         drive = total / acceleration
+        sagged = model.v_max * model.tick / model.theta_0 * (sag - model.offset)
         if share == 1.0:
             drive = math.copysign(max(abs(drive) - friction, 0.0), drive)
         change = share * (drive + (0.0 if position else integral) - speed)
@@ -90,7 +91,7 @@ def windowed(model, request_at, ticks, before, load_at=lambda _: 0.0, moving=(0.
         if share < 1.0:
             speed = math.copysign(max(abs(speed) - share * friction, 0.0), speed)
         if abs(change) <= most:  # else it waits
-            integral += loop * (drive - speed) + position * (drive - integral)
+            integral += loop * (drive - sagged - speed) + position * (drive - sagged - integral)
         before = before + speed
         angles.append(before)
     return np.array(angles)
@@ -99,7 +100,14 @@ def windowed(model, request_at, ticks, before, load_at=lambda _: 0.0, moving=(0.
 def from_rest(model, requests, *, start=None, load=None):
     """Angles at the requests, one entry each, the first request having been there for ever."""
     load = np.zeros(len(requests)) if load is None else load
-    before = requests[0] + model.offset + model.compliance * load[0] if start is None else start
+    before, moving = start, (0.0, 0.0)
+    if start is None:
+        before = requests[0] + model.offset + model.compliance * load[0]
+    if model.integral_rate + model.position_integral_rate > 0.0:  # it makes up for the sag
+        before = requests[0] + model.offset if start is None else start
+        by_pose = model.sag_sin * math.sin(before) + model.sag_cos * math.cos(before)
+        sag = model.compliance * load[0] + by_pose
+        moving = (0.0, -model.v_max * model.tick / model.theta_0 * sag)
 
     def request_at(tick):
         return requests[max(tick // model.hold, 0)]
@@ -108,7 +116,7 @@ def from_rest(model, requests, *, start=None, load=None):
         return load[-(-tick // model.hold) % len(load)]
 
     ticks = len(requests) * model.hold
-    return windowed(model, request_at, ticks, before, load_at)[:: model.hold]
+    return windowed(model, request_at, ticks, before, load_at, moving)[:: model.hold]
 
 
 def next_cycle(model, requests, last_angle, *, load=None, moving=(0.0, 0.0)):

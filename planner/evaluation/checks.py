@@ -160,14 +160,17 @@ def second_answer(plan: Plan, column: int = 0) -> Answer:
     if not plan.cyclic:
         torque = 0.0 if load is None else load[0]
         rest = float(model.rest(requests[0], torque)) if start is None else start
-        angles = run(np.array([rest, 0.0, 0.0]))[0]
+        angles = run(np.array([rest, 0.0, float(model.rest_integral(rest, torque))]))[0]
         apart = float(np.max(np.abs(predicted - angles)))
         return Answer(apart, abs(float(predicted[0]) - rest), 0.0)
     last = motion_under(model, requests, cyclic=True, torques=load)[:, -1]
     following = run(np.array([predicted[-1], *last[1:]]))[0]
     closure = abs(float(following[-1] - predicted[-1]))
     apart = max(float(np.max(np.abs(predicted - following))), closure)
-    cycles = [_settled(run, end + model.offset) for end in (requests.min(), requests.max())]
+    ends = [end + model.offset for end in (requests.min(), requests.max())]
+    torque = 0.0 if load is None else load[0]
+    rests = [np.array([end, 0.0, float(model.rest_integral(end, torque))]) for end in ends]
+    cycles = [_settled(run, rest) for rest in rests]
     elsewhere = max(
         (float(np.max(np.abs(c - predicted))) for c in cycles if c is not None), default=0.0
     )
@@ -175,12 +178,12 @@ def second_answer(plan: Plan, column: int = 0) -> Answer:
     return Answer(apart, closure, 0.0 if same else elsewhere)
 
 
-def _settled(run: Callable[[Array], Array], begun: float) -> Array | None:
-    """Angles of the cycle into which a joint settles that begins at rest; None where it does not.
+def _settled(run: Callable[[Array], Array], begun: Array) -> Array | None:
+    """Angles of the cycle into which a joint settles from a state; None where it does not settle.
 
     So many cycles are run at most that one into which it creeps is left out.
     """
-    before = run(np.array([begun, 0.0, 0.0]))
+    before = run(begun)
     for _ in range(SETTLING):
         after = run(before[:, -1])
         if np.max(np.abs(after[0] - before[0])) <= 1e-3 * AGREEMENT.value:

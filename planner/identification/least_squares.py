@@ -124,12 +124,12 @@ def servo_of(grid: Grid, at: Parameters) -> Servo:
         sag_cos=float(at.sag_cos),
         integral_rate=acting * float(at.integral_rate),
         position_integral_rate=acting * float(at.position_integral_rate),
+        offset=float(at.offset),
     )
     return Servo(
         law,
         float(at.lag),
         float(at.acceleration_time),
-        float(at.offset),
         float(at.compliance),
         faster * at.asymmetry,
         faster * at.slowing,

@@ -116,7 +116,8 @@ class Parameters(NamedTuple):
         if self.time_constant <= 0.0:
             return 0.0
         share, inside = motor_share(self.time_constant, tick), self.position_integral_rate > 0.0
-        return fastest_integral(self.gain * tick, share, inside=inside) / tick
+        slope = math.hypot(self.sag_sin, self.sag_cos)
+        return fastest_integral(self.gain * tick, share, inside=inside, slope=slope) / tick
 
     def motor_by_time_constant(self, tick: float) -> float:
         """Derivative of a motor's share of each tick, 1 - exp(-tick / time constant) [1/s]."""

@@ -220,10 +220,9 @@ class JointModel:
                 "ever: use a shorter tick (with hold > 1), or check the units"
             )
 
-        inside = self.position_integral_rate > 0.0
-        if integral >= (
-            most := fastest_integral(self.law.gain, self.law.share, inside=inside) / self.tick
-        ):
+        inside, slope = self.position_integral_rate > 0.0, self.most_pose_sag
+        share = fastest_integral(self.law.gain, self.law.share, inside=inside, slope=slope)
+        if integral >= (most := share / self.tick):
             raise InvalidModel(
                 f"{integral_name}: got {integral:g} 1/s, expected less than {most:g} 1/s "
                 f"with a time_constant of {self.time_constant:g} s and v_max / theta_0 = "
@@ -432,19 +431,31 @@ class JointModel:
         """The largest sag by gravity at any angle, and its largest slope by the angle [rad]."""
         return math.hypot(self.sag_sin, self.sag_cos)
 
-    def pose_sag(self, angle: npt.ArrayLike) -> Array:
-        """The sag by gravity at an angle [rad], beside :meth:`sag`: g(q) of (2)."""
+    def gravity(self, angle: npt.ArrayLike) -> Array:
+        """By which error gravity shifts the drive at an angle [rad]: g(q) of (2a)."""
         if self.most_pose_sag == 0.0:
             return np.zeros(np.shape(angle))
         return np.asarray(self.sag_sin * np.sin(angle) + self.sag_cos * np.cos(angle))
 
+    def pose_sag(self, angle: npt.ArrayLike) -> Array:
+        """The sag by gravity at an angle [rad], beside :meth:`sag`; none with an integral term."""
+        return np.zeros(np.shape(angle)) if self.has_integral else self.gravity(angle)
+
+    def rest_integral(self, angle: npt.ArrayLike, load: npt.ArrayLike = 0.0) -> Array:
+        """The integral of the servo at rest [rad/tick]: what makes up for load and gravity."""
+        if not self.has_integral:
+            return np.zeros(np.shape(angle))
+        by_load = self.compliance * np.asarray(load, dtype=np.float64)
+        return np.asarray(-self.gain_per_tick * (by_load + self.gravity(angle)))
+
     def rest(self, request: npt.ArrayLike, load: npt.ArrayLike = 0.0) -> Array:
         """Angle q at which a request holds the joint [rad]: q = R + c + kappa tau + g(q).
 
+        With an integral term it is R + c.
         It is held there where the sag by the pose is below theta_0 + 2 dead_band, without v_offset.
         """
         level = np.asarray(np.asarray(request, dtype=np.float64) + self.sag(load))
-        if self.most_pose_sag == 0.0:
+        if self.most_pose_sag == 0.0 or self.has_integral:
             return level
         angle = level.copy()
         for _ in range(REST_STEPS):  # Newton's method
@@ -463,12 +474,13 @@ class JointModel:
     def sag(self, load: npt.ArrayLike = 0.0) -> Array:
         """Angle at rest under a load, less the request [rad]: c + kappa tau of (2).
 
-        The sag by the angle is :meth:`pose_sag`.
+        The sag by the angle is :meth:`pose_sag`. An integral term makes up for both: c.
 
         Args:
             load: Torque on the joint in the direction of positive angles [N m].
         """
-        return np.asarray(self.offset + self.compliance * np.asarray(load, dtype=np.float64))
+        compliance = 0.0 if self.has_integral else self.compliance
+        return np.asarray(self.offset + compliance * np.asarray(load, dtype=np.float64))
 
     def speed_limits(
         self, load: npt.ArrayLike = 0.0, angle: npt.ArrayLike | None = None
@@ -477,11 +489,11 @@ class JointModel:
 
         Args:
             load: Torque on the joint in the direction of positive angles [N m].
-            angle: Angle at which gravity acts, by :meth:`pose_sag` [rad]; None for no gravity.
+            angle: Angle at which gravity acts, by :meth:`gravity` [rad]; None for no gravity.
         """
         faster = self.v_offset + self.speed_per_torque * np.asarray(load, dtype=np.float64)
         if angle is not None and self.most_pose_sag > 0.0:
-            faster = faster + self.v_max / self.theta_0 * self.pose_sag(angle)
+            faster = faster + self.v_max / self.theta_0 * self.gravity(angle)
         return np.asarray(-(self.v_max - faster)), np.asarray(self.v_max + faster)
 
     def corners(self, load: npt.ArrayLike = 0.0, angle: npt.ArrayLike | None = None) -> Array:
@@ -506,7 +518,7 @@ class JointModel:
         Args:
             error: Request plus :meth:`sag` and :meth:`pose_sag` minus angle [rad].
             load: Torque on the joint in the direction of positive angles [N m].
-            angle: Angle at which gravity acts, by :meth:`pose_sag` [rad]; None for no gravity.
+            angle: Angle at which gravity acts, by :meth:`gravity` [rad]; None for no gravity.
         """
         beyond = np.asarray(error, dtype=np.float64)
         band = self.steady.dead_band
@@ -528,6 +540,7 @@ class JointModel:
             sag_cos=self.sag_cos,
             integral_rate=self.integral_rate,
             position_integral_rate=self.position_integral_rate,
+            offset=self.offset,
         )
 
     @property

@@ -43,7 +43,9 @@ def drive(law: Law, error: float, faster: float) -> tuple[float, float]:
 
 
 @inner
-def moved(law: Law, demand: float, speed: float, integral: float) -> tuple[float, float]:
+def moved(
+    law: Law, demand: float, sagging: float, speed: float, integral: float
+) -> tuple[float, float]:
     """The speed after a tick: a motor's inertia, then Coulomb friction, implicit.
 
     Without a time constant friction is a dead zone of the drive, before the acceleration limit. The
@@ -52,6 +54,7 @@ def moved(law: Law, demand: float, speed: float, integral: float) -> tuple[float
     Args:
         law: The joint.
         demand: Demanded speed, the drive g(t) [rad/tick].
+        sagging: What of it is by gravity and a torque, by :func:`sag_speed` [rad/tick].
         speed: Speed in the tick before, w(t-1) [rad/tick].
         integral: Integral z(t-1) of the servo's loops [rad/tick].
 
@@ -68,7 +71,7 @@ def moved(law: Law, demand: float, speed: float, integral: float) -> tuple[float
         aim = speed + min(max(change, -law.acceleration), law.acceleration)
     now = shrunk(aim, friction)
     if law.integral_share > 0.0 and not limited:
-        integral += law.integral_share * (demand - fed_back(law, now, integral))
+        integral += law.integral_share * (demand - sagging - fed_back(law, now, integral))
     return now, integral
 
 
@@ -79,9 +82,30 @@ def aimed(law: Law, demand: float, integral: float) -> float:
 
 
 @inner
+def sag_speed(law: Law, sag: float, by_pose: float) -> float:
+    """What the sags under a load and by the pose add to a demand, behind the servo [rad/tick]."""
+    return law.gain * (sag + by_pose)
+
+
+@inner
 def fed_back(law: Law, speed: float, integral: float) -> float:
-    """What an integral subtracts from the demanded speed: the speed, or the integral itself."""
+    """What an integral subtracts from the servo's demand: the speed, or the integral itself."""
     return integral if law.integral_inside > 0.0 else speed
+
+
+@inner
+def at_rest(law: Law, angle: float, sag: float) -> State:
+    """The state at rest at an angle [rad], under a load's sag [rad]: integrals make up for sags."""
+    integral = 0.0
+    if law.integral_share > 0.0:
+        integral -= sag_speed(law, sag, pose_sag(law, angle))
+    return State(angle, 0.0, integral)
+
+
+@inner
+def left_at_rest(law: Law, sag: float) -> float:
+    """What of a sag under a load or by the pose is left at rest: with an integral nothing."""
+    return 0.0 if law.integral_share > 0.0 else sag
 
 
 @inner
@@ -144,7 +168,7 @@ def run_period(
         weights: Weight of each request at each tick of the period, youngest first, (hold, width).
         history: Requests, oldest first [rad].
         first: Number of the oldest one that acts.
-        sag: Angle at rest less request, beside that of the pose [rad].
+        sag: Sag under the load, kappa tau [rad].
         faster: How much faster the joint is in the positive direction [rad/tick].
         state: State before the period.
         skipped: Ticks left out.
@@ -156,13 +180,14 @@ def run_period(
     hold, width = weights.shape
     youngest = first + width - 1
     for tick in range(skipped, hold):
-        demand, level = 0.0, sag + lifted(law, integral)
+        demand, level = 0.0, law.offset + sag + lifted(law, integral)
+        by_pose = pose_sag(law, angle)
         for j in range(width):
             weight = weights[tick, j]
             if weight != 0.0:
                 demand += weight * drive(law, history[youngest - j] + level - angle, faster)[0]
-        demand += law.gain * pose_sag(law, angle)
-        speed, integral = moved(law, demand, speed, integral)
+        demand += law.gain * by_pose
+        speed, integral = moved(law, demand, sag_speed(law, sag, by_pose), speed, integral)
         angle += speed
     return State(angle, speed, integral)
 
@@ -185,7 +210,7 @@ def run(
         weights: Weight of each request at each tick of a period, youngest first, (hold, width).
         history: Requests, oldest first: those acting before sample k are
             ``history[k : k + width]`` [rad], (n + width - 1,).
-        sags: Angle at rest less request in each period, beside that of the pose [rad], (n,).
+        sags: Sag under the load in each period, kappa tau [rad], (n,).
         faster: How much faster the joint is in the positive direction [rad/tick], (n,).
         state: State before the first tick.
         skipped: Ticks of the first period that are left out.
@@ -280,13 +305,14 @@ def rounded_moved(
 
 @inner
 def rounded_integral(
-    law: Law, demand: float, before: State, speed: float, rounded: float
+    law: Law, demand: float, sagging: float, before: State, speed: float, rounded: float
 ) -> tuple[float, float, float]:
     """The integral after a tick where the acceleration limit has a rounded corner.
 
     Args:
         law: The joint.
         demand: Demanded speed [rad/tick].
+        sagging: What of it is by gravity and a torque [rad/tick].
         before: State before the tick; its angle does not count.
         speed: Speed after it [rad/tick].
         rounded: Square of the radius of the corners [rad^2/tick^2].
@@ -296,7 +322,7 @@ def rounded_integral(
         derivative by the difference between the speed that is aimed at and the one before, with
         ``demand`` and ``speed`` fixed.
     """
-    change = law.integral_share * (demand - fed_back(law, speed, before.integral))
+    change = law.integral_share * (demand - sagging - fed_back(law, speed, before.integral))
     opened, closing = 1.0, 0.0
     if law.acceleration < np.inf:
         faster = law.share * (aimed(law, demand, before.integral) - before.speed)
@@ -327,7 +353,7 @@ def periods(
         law: The joint.
         weights: Weight of each request at each tick, youngest first, (hold, width).
         window: Requests that act, youngest first [rad], then work space, (3, width, n).
-        sags: Angle at rest less request, beside that of the pose [rad], (n,).
+        sags: Sag under the load, kappa tau [rad], (n,).
         faster: How much faster it is in the positive direction [rad/tick], (n,).
         rounded: Square of the radius of the corners [rad^2/tick^2], (n,).
         states: State before each period, as :class:`planner.model.law.State`; replaced by the one
@@ -347,12 +373,12 @@ def periods(
     own, bent = window[1], window[2]
     angles, speeds, integrals = states[0], states[1], states[size - 1]
     demand, restoring, by_demand, by_speed, bend = np.empty((5, count))
-    (opened, closing, raising), level = np.zeros((3, count)), sags.copy()
+    (opened, closing, raising, turning), level = np.zeros((4, count)), law.offset + sags
     for tick in range(hold):
         demand[:] = 0.0
         restoring[:] = 0.0
         for k in range(count if inside > 0.0 else 0):
-            level[k] = sags[k] + lifted(law, integrals[k])
+            level[k] = law.offset + sags[k] + lifted(law, integrals[k])
         for j in range(width):
             weight = weights[tick, j]
             for k in range(count):
@@ -364,17 +390,19 @@ def periods(
                 demand[k] += weight * value
                 restoring[k] += own[j, k]
         for k in range(count):
-            driven = demand[k] + gain * pose_sag(law, angles[k])
+            by_pose, turning[k] = pose_sag(law, angles[k]), gain * pose_sag_slope(law, angles[k])
+            driven = demand[k] + gain * by_pose
             raising[k] = inside * restoring[k] / gain
-            restoring[k] -= gain * pose_sag_slope(law, angles[k])
+            restoring[k] -= turning[k]
             before = State(angles[k], speeds[k], integrals[k] if size == 3 else 0.0)
             speeds[k], by_demand[k], by_speed[k], bend[k] = rounded_moved(
                 law, aimed(law, driven, before.integral), before.speed, rounded[k]
             )
             angles[k] += speeds[k]
             if size == 3:
+                sagging = sag_speed(law, sags[k], by_pose)
                 integrals[k], opened[k], closing[k] = rounded_integral(
-                    law, driven, before, speeds[k], rounded[k]
+                    law, driven, sagging, before, speeds[k], rounded[k]
                 )
         for c in range(size + width):
             for k in range(count if size == 2 else 0):
@@ -390,9 +418,10 @@ def periods(
                     driven += own[c - 3, k]
                 aim = aimed(law, driven, slopes[2, c, k])
                 change = by_speed[k] * slopes[1, c, k] + by_demand[k] * aim
-                back = fed_back(law, change, slopes[2, c, k])
+                fed = driven - turning[k] * slopes[0, c, k]
+                fed -= fed_back(law, change, slopes[2, c, k])
                 slopes[2, c, k] += closing[k] * (aim - slopes[1, c, k])
-                slopes[2, c, k] += opened[k] * law.integral_share * (driven - back)
+                slopes[2, c, k] += opened[k] * law.integral_share * fed
                 slopes[1, c, k] = change
                 slopes[0, c, k] += change
         for j in range(bends.shape[1]):
@@ -407,9 +436,10 @@ def periods(
                 aim = aimed(law, driven, bends[2, j, k])
                 change = by_speed[k] * bends[1, j, k] + by_demand[k] * aim
                 change += bend[k] * own[j, k] * restoring[k]
-                back = fed_back(law, change, bends[2, j, k])
+                fed = driven - turning[k] * bends[0, j, k]
+                fed -= fed_back(law, change, bends[2, j, k])
                 bends[2, j, k] += closing[k] * (aim - bends[1, j, k])
-                bends[2, j, k] += opened[k] * law.integral_share * (driven - back)
+                bends[2, j, k] += opened[k] * law.integral_share * fed
                 bends[1, j, k] = change
                 bends[0, j, k] += change
 
@@ -420,7 +450,6 @@ class Servo(NamedTuple):
     law: Law
     lag: float  # [s]
     window: float  # acceleration time [s]
-    sag: float  # angle at rest less request [rad]
     sag_by_load: float  # [rad/(N m)]
     faster: float  # how much faster the joint is in the positive direction [rad/tick]
     faster_by_load: float  # [rad/(N m tick)]
@@ -520,21 +549,22 @@ def along(
     count, last, half = len(columns), len(edges) - 1, servo.play / 2.0
     has_sag_columns = bool(np.any((columns == SAG_SIN) | (columns == SAG_COS)))
     window, by_window = servo.window / track.tick, 1.0 / servo.window
-    drives, kinks = np.zeros(START + 1), np.zeros(START + 1)
+    drives, kinks, sagging = np.zeros((3, START + 1))
     past, now, motion, fast, summed = np.zeros((5, count))
     first, row, way, band, speed, motor = 0, 0, 0.0, law.friction / law.gain, 0.0, 0.0
     integral, beyond = 0.0, 0.0 if exceeds_drive(law) else 1.0
     for t in range(len(states)):
         state = states[t]
         angle = angles[state - 1]
-        if t == 0 or states[t - 1] != state - 1:  # a run starts
-            motor, speed, integral = angle, 0.0, 0.0
+        load_sag, by_pose = servo.sag_by_load * track.loads[t], pose_sag(law, angle)
+        starts = t == 0 or states[t - 1] != state - 1
+        if starts:
+            motor, speed, integral = at_rest(law, angle, load_sag)
             for p in range(count):
                 fast[p] = summed[p] = 0.0
                 now[p] = motion[p] = 1.0 if columns[p] == START else 0.0
         raised, held_integral = lifted(law, integral), integral
-        sag = servo.sag + servo.sag_by_load * track.loads[t] + raised
-        by_pose = pose_sag(law, angle)
+        sag = law.offset + load_sag + raised
         faster = servo.faster + servo.faster_by_load * track.loads[t]
         young = track.ticks[t] - servo.lag
         old = young - servo.window
@@ -562,14 +592,14 @@ def along(
         driven = demand
         demand += law.gain * by_pose
         # ``free`` is what friction acts on, ``aim`` what the speed follows
-        slid, aim = speed, aimed(law, demand, integral)
+        sags, slid, aim = sag_speed(law, load_sag, by_pose), speed, aimed(law, demand, integral)
         free = aim
         if law.share == 1.0:
             aim = shrunk(aim, law.friction)
         else:
             change = law.share * (aim - speed)
             free = speed + min(max(change, -law.acceleration), law.acceleration)
-        speed, integral = moved(law, demand, speed, integral)
+        speed, integral = moved(law, demand, sags, speed, integral)
         motor += speed
         follows = half == 0.0 or abs(motor - angle) > half
         side = 1.0 if motor > angle else -1.0
@@ -595,10 +625,13 @@ def along(
             drives[BAND] = beyond * law.gain * limited
             drives[FASTER] = saturated
             drives[SAG_LOAD] = drives[SAG] * track.loads[t]
-            if has_sag_columns:
-                drives[SAG_SIN] = law.gain * np.sin(angle)
-                drives[SAG_COS] = law.gain * np.cos(angle)
             drives[FASTER_LOAD] = saturated * track.loads[t]
+            # What of it is by gravity and a torque
+            sagging[GAIN] = load_sag + by_pose
+            sagging[SAG_LOAD] = law.gain * track.loads[t]
+            if has_sag_columns:
+                sagging[SAG_SIN] = drives[SAG_SIN] = law.gain * np.sin(angle)
+                sagging[SAG_COS] = drives[SAG_COS] = law.gain * np.cos(angle)
             # By the demanded speed, and by the speed before
             accelerated = 1.0
             kinks[ACCELERATION] = 0.0
@@ -612,10 +645,14 @@ def along(
             kinks[BAND] = -way * law.share * law.gain
             kinks[SHARE] = accelerated * (aim - slid) - way * law.friction
             by_demand = law.share * accelerated
-            by_angle = law.gain * (inside - pose_sag_slope(law, angle))
+            by_pose_slope = pose_sag_slope(law, angle)
+            by_angle = law.gain * (inside - by_pose_slope)
             for p in range(count):
                 column = columns[p]
                 past[p] = now[p]
+                sagged = sagging[column] + law.gain * by_pose_slope * now[p]
+                if starts and law.integral_share > 0.0:
+                    summed[p] = -sagged
                 pushed = (
                     drives[column] - by_angle * now[p] + law.integral_inside * inside * summed[p]
                 )
@@ -624,9 +661,9 @@ def along(
                     fast[p] = sliding * (fast[p] + follow + kinks[column])
                     if accelerated == 1.0:
                         back = fed_back(law, fast[p], summed[p])
-                        summed[p] += law.integral_share * (pushed - back)
+                        summed[p] += law.integral_share * (pushed - sagged - back)
                         if column == INTEGRAL:
-                            summed[p] += demand - fed_back(law, speed, held_integral)
+                            summed[p] += demand - sags - fed_back(law, speed, held_integral)
                 elif accelerated == 1.0:
                     fast[p] = sliding * (pushed + kinks[column])
                 elif column == ACCELERATION:

@@ -11,20 +11,24 @@ def motor_share(time_constant: float, tick: float) -> float:
     return -math.expm1(-tick / time_constant) if time_constant > 0.0 else 1.0
 
 
-def fastest_integral(gain: float, share: float, *, inside: bool) -> float:
+def fastest_integral(gain: float, share: float, *, inside: bool, slope: float) -> float:
     """The share of an integral from which on a joint oscillates for ever, by Jury's criterion [-].
 
-    With the gain gamma [1/tick] and the share k of the motor it comes to rest if and only if the
-    share i of the integral is below k in a position controller (``inside`` the drive), and in a
-    speed loop below 1 with i gamma < k (gamma + i).
+    With the gain gamma [1/tick], the share k of the motor and the slope s of the sag by the angle
+    it comes to rest if and only if the share i of the integral is below k (1 - s) in a position
+    controller (``inside`` the drive), and in a speed loop below 1 with
+    i gamma < k (gamma (1 - s) + i).
     """
     if inside:
-        return share
-    return 1.0 if gain <= share else min(1.0, share * gain / (gain - share))
+        return share * (1.0 - slope)
+    return 1.0 if gain <= share else min(1.0, share * (gain * (1.0 - slope)) / (gain - share))
 
 
 class State(NamedTuple):
-    """The state of a joint between two ticks; without inertia the angle alone counts."""
+    """The state of a joint between two ticks; without inertia the angle alone counts.
+
+    At rest an integral is what makes up for the sags, ``-law.gain * sag``.
+    """
 
     angle: float  # [rad]
     speed: float = 0.0  # in the tick before [rad/tick]
@@ -48,6 +52,7 @@ class Law(NamedTuple):
             demanded speed and integral.
         integral_inside: Part of the integral that is added within the limits of the drive [-]: 0 in
             a speed loop, 1 in a position controller.
+        offset: Static offset c [rad], beside the sag under a load.
     """
 
     gain: float
@@ -59,6 +64,7 @@ class Law(NamedTuple):
     sag_cos: float = 0.0
     integral_share: float = 0.0
     integral_inside: float = 0.0
+    offset: float = 0.0
 
     @property
     def states(self) -> int:
@@ -86,6 +92,7 @@ class Law(NamedTuple):
         sag_cos: float,
         integral_rate: float,
         position_integral_rate: float,
+        offset: float,
     ) -> Self:
         """The law for ticks of this time, from numbers in SI."""
         friction = gain * dead_band
@@ -100,4 +107,5 @@ class Law(NamedTuple):
             sag_cos,
             integral * tick,
             float(position_integral_rate > 0.0),
+            offset,
         )

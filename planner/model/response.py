@@ -109,13 +109,13 @@ def motion_under(
     numbers = np.arange(-ages.oldest, count - ages.youngest)  # before sample k from the k-th on
     history = requests.take(numbers if cyclic else np.maximum(numbers, 0), mode="wrap")
     if torques is None:
-        sags, faster = np.full(count, model.offset), np.full(count, model.v_offset * model.tick)
-    else:
-        sags, faster = model.sag(torques), model.faster_per_tick(torques)
+        torques = np.zeros(count)
+    sags, faster = model.compliance * torques, model.faster_per_tick(torques)
     if start is None:
-        start = float(model.rest(requests[0], 0.0 if torques is None else torques[0]))
+        start = float(model.rest(requests[0], torques[0]))
     if not cyclic:
-        run(law, weights, history, sags, faster, State(start), model.hold - 1, motion)
+        state = State(start, 0.0, float(model.rest_integral(start, torques[0])))
+        run(law, weights, history, sags, faster, state, model.hold - 1, motion)
         return motion
     cycle = Cycle(law, weights, history, ages.oldest, sags, faster, motion)
     if apart := run_steady_cycle(cycle, start, MOST_CYCLES):
@@ -355,7 +355,7 @@ def sensitivities(
             model.law,
             weights,
             window,
-            model.sag(load_at[:count]),
+            model.compliance * load_at[:count],
             model.faster_per_tick(load_at[:count]),
             np.full(count, (model.law.gain * LEAST_RADIUS * model.theta_0) ** 2),
             states,
@@ -383,9 +383,13 @@ def sensitivities(
         first = np.zeros((size, n))
         angle = motion[0, 0]
         sag = model.sag_sin * np.cos(angle) - model.sag_cos * np.sin(angle)  # its derivative
-        first[0, 0] = 1.0 / (1.0 - sag)
+        if model.has_integral:
+            first[0, 0], first[2, 0] = 1.0, -model.law.gain * sag
+        else:
+            first[0, 0] = 1.0 / (1.0 - sag)
         if start is not None:  # the last tick of the period before, from rest at the start
-            rest = np.array([[start], [0.0], [0.0]])[:own]
+            integral = float(model.rest_integral(start, load_at[0]))
+            rest = np.array([[start], [0.0], [integral]])[:own]
             first[:, 0] = of_periods(weights[-1:], rest)[0, :size, own:].sum(axis=1)
         later = _recursion(kept[1:], driven[1:], first)[:, 0]
         rows = np.vstack([first[:1], later])

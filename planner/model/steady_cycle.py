@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from planner.compilation import compiled, inner
-from planner.model.kernel import exceeds_drive, moving_states, run
+from planner.model.kernel import at_rest, exceeds_drive, moving_states, run
 from planner.model.law import Law, State
 from planner.trajectory import Array
 
@@ -54,7 +54,7 @@ class Cycle(NamedTuple):
         weights: Weight of each request at each tick of a period, youngest first, (hold, width).
         history: Requests, oldest first [rad], (n + width - 1,).
         oldest: So many of them are of the cycle before.
-        sags: Angle at rest less request in each period [rad], (n,).
+        sags: Sag under the load in each period, kappa tau [rad], (n,).
         faster: How much faster the joint is in the positive direction [rad/tick], (n,).
         motion: Filled with the state after each period, (3, n).
     """
@@ -95,7 +95,7 @@ def run_steady_cycle(cycle: Cycle, near: float, most: int) -> float:
     if law.gain * by_pose >= v_max - max(-slower, faster):
         beyond += 2.0 * np.pi  # no request holds it at some angles: it falls to others
     (low, high), (least, most_sag) = extremes(cycle.history), extremes(cycle.sags)
-    low, high = low + least - beyond, high + most_sag + beyond
+    low, high = low + (law.offset + least) - beyond, high + (law.offset + most_sag) + beyond
     tolerance = CYCLE_TOLERANCE * max(1.0, abs(low), abs(high))
     if inert:
         return _settled_motion(cycle, near, low, high, tolerance, most)
@@ -126,7 +126,7 @@ def begun(cycle: Cycle, angle: float) -> State:
     law, weights, history, oldest, sags, faster, motion = cycle
     resting = history.copy()
     resting[:oldest] = history[oldest % motion.shape[1]]  # the first request
-    state = State(angle, 0.0, 0.0)
+    state = at_rest(law, angle, sags[0])
     return run(law, weights, resting, sags, faster, state, len(weights) - 1, motion)
 
 

@@ -35,12 +35,13 @@ def period(
         The state at the next sample.
     """
     angle, speed, integral = state
-    law, level = model.law, model.offset + model.compliance * load
+    law, sag = model.law, model.compliance * load
     faster = (model.v_offset + model.speed_per_torque * load) * model.tick
     corner = None if radius is None else law.gain * radius
     for weights in weights_by_tick(model).tolist():
-        raised = level + law.integral_inside * integral / law.gain
-        demand = law.gain * _pose_sag(law, angle) + sum(
+        raised = law.offset + sag + law.integral_inside * integral / law.gain
+        by_pose = _pose_sag(law, angle)
+        demand = law.gain * by_pose + sum(
             weight
             * _clip(
                 law.gain * (requests[j] + raised - angle),
@@ -51,7 +52,8 @@ def period(
             for j, weight in enumerate(weights)
             if weight
         )
-        speed, integral = _moved(law, demand, speed, integral, corner)
+        sagging = law.gain * (sag + by_pose)
+        speed, integral = _moved(law, demand, sagging, speed, integral, corner)
         angle = angle + speed
     return State(angle, speed, integral)
 
@@ -88,7 +90,9 @@ def _pose_sag(law: Law, angle: Any) -> Any:
     return law.sag_sin * casadi.sin(angle) + law.sag_cos * casadi.cos(angle)
 
 
-def _moved(law: Law, demand: Any, speed: Any, integral: Any, corner: Any) -> tuple[Any, Any]:
+def _moved(
+    law: Law, demand: Any, sagging: Any, speed: Any, integral: Any, corner: Any
+) -> tuple[Any, Any]:
     """Speed and integral after a tick [rad/tick]: inertia and friction, as in ``kernel.moved``."""
     corner = None if corner is None else law.share * corner
     friction, limited = law.share * law.friction, 0.0
@@ -103,7 +107,7 @@ def _moved(law: Law, demand: Any, speed: Any, integral: Any, corner: Any) -> tup
         aim = speed + change
     now = aim - _clip(aim, -friction, friction, corner) if friction else aim
     paid = integral if law.integral_inside else now
-    return now, integral + law.integral_share * (1.0 - limited) * (demand - paid)
+    return now, integral + law.integral_share * (1.0 - limited) * (demand - sagging - paid)
 
 
 def _limited(change: Any, most: float, radius: Any) -> Any:

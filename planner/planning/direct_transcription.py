@@ -144,10 +144,11 @@ def _transcribed(problem: Problem, state: State) -> tuple[dict[str, Any], Array,
     speeds = casadi.SX.sym("w", samples, model.law.states - 1)  # and integrals
     states = casadi.horzcat(angles, speeds).T
     rest = np.zeros(states.shape[0])
+    torques = np.zeros(samples) if load is None else load
     rest[0] = 0.0 if problem.start is None else float(problem.start[0]) / unit
+    rest[2:] = model.rest_integral(unit * rest[0], torques[0]) / unit
     before = casadi.horzcat(states[:, -1] if cyclic else rest, states[:, :-1])
     sent = np.maximum(acting(request_ages(model), samples, cyclic=cyclic), 0).tolist()
-    torques = np.zeros(samples) if load is None else load
     reached = [
         period_of(unit * before[:, k], unit * requests[sent[k]], torques[k], unit * radius) / unit
         for k in range(samples)
@@ -181,6 +182,7 @@ def _transcribed(problem: Problem, state: State) -> tuple[dict[str, Any], Array,
         unknowns.append(casadi.vec(speeds))
         moving = np.zeros((model.law.states - 1, samples))
         moving[0] = np.gradient(ideal) / model.hold
+        moving[1:] = model.rest_integral(unit * ideal, torques) / unit
         initial.append(moving.ravel())
         unbounded = np.full(moving.size, np.inf)
         lower, upper = np.append(lower, -unbounded), np.append(upper, unbounded)

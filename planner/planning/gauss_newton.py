@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from planner.compilation import compiled, inner
-from planner.model.kernel import moving_states, periods
+from planner.model.kernel import at_rest, moving_states, periods
 from planner.model.law import Law
 from planner.planning.factorisation import (
     Factor,
@@ -46,12 +46,12 @@ class Spec(NamedTuple):
         ridge: Curvature added to that of the goal, which may not depend on every angle.
         drives: Of each drive the numbers of its law, then ticks of its request period, unit of the
             radius of the corners [rad], time in which a speed counts as an angle [ticks], and from
-            rest the angle before the first sample [rad], (A, 12).
+            rest the angle before the first sample [rad], (A, 14).
         weights: Weight of each request at each tick of a period, youngest first, (A, ticks, width).
         acting: Number of each request that acts before a sample, youngest first; from rest -1
             before the first one, which it equals, (n, width).
-        periods: In each period angle at rest less request, beside that by the angle [rad], and how
-            much faster the drive is in the positive direction [rad/tick], (2, A, n).
+        periods: In each period the sag under the load [rad], and how much faster the drive is in
+            the positive direction [rad/tick], (2, A, n).
         bounds: First requests from rest, lower and upper limits, largest changes [rad], (4, n, J).
         resting: Requests that would hold the desired angles [rad], (n, J).
         goal: Desired angle [rad], (n, 1); or desired position of the foot [m], and the disturbance
@@ -359,18 +359,19 @@ def set_responses(spec: Spec, stage: Stage, point: Point, a: int, first: int, si
     drives, _, width = spec.weights.shape
     parts, cyclic, states, requests = spec.parts, spec.cyclic, point.states, point.requests
     row, derived, defects = spec.drives[a], point.slopes[a], point.defects
-    law = Law(row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7], row[8])
-    weights, unit_of_speed = spec.weights[a, : int(row[9])], row[11]
+    law = Law(row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7], row[8], row[9])
+    weights, unit_of_speed = spec.weights[a, : int(row[10])], row[12]
     own = moving_states(law)
     slopes, bends = np.empty((own, own + width, size)), np.empty((own, width, size))
     window, before = np.empty((3, width, size)), np.zeros((own, size))
-    rounded = np.full(size, (law.gain * stage.radius * row[10]) ** 2)
+    rounded = np.full(size, (law.gain * stage.radius * row[11]) ** 2)
+    rest = at_rest(law, row[13], spec.periods[0, a, 0])
     for i in range(size):
         k = first + i
         follows = k > 0 or cyclic
-        before[0, i] = states[k - 1, a] if follows else row[12]
-        for s in range(1, min(own, parts) if follows else 1):
-            before[s, i] = states[k - 1, s * drives + a] / unit_of_speed
+        before[0, i] = states[k - 1, a] if follows else rest.angle
+        for s in range(1, min(own, parts)):
+            before[s, i] = states[k - 1, s * drives + a] / unit_of_speed if follows else rest[s]
         for j in range(width):
             window[0, j, i] = requests[max(spec.acting[k, j], 0), a % requests.shape[1]]
     sags, faster = (

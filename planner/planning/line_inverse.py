@@ -183,7 +183,8 @@ def interpolated_offset(
     table = offset_table(model, rule)
     by_pose = angle is not None and model.most_pose_sag > 0.0
     if model.speed_per_torque == 0.0 and not by_pose:
-        return np.asarray(np.interp(slope, *table) - model.compliance * np.asarray(load))
+        by_load = 0.0 if model.has_integral else model.compliance * np.asarray(load)
+        return np.asarray(np.interp(slope, *table) - by_load)
     limits = model.speed_limits(load) if angle is None else _limits_at(model, load, angle)
     pairs = zip(limits, model.speed_limits(), strict=True)
     down, up = (under / without for under, without in pairs)

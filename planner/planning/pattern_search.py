@@ -19,8 +19,8 @@ import numpy as np
 from planner.approximation.curve import PiecewiseLinear
 from planner.compilation import compiled, inner
 from planner.model.joint import weights_by_tick
-from planner.model.kernel import pose_sag, run
-from planner.model.law import Law, State
+from planner.model.kernel import at_rest, left_at_rest, pose_sag, run
+from planner.model.law import Law
 from planner.model.response import MOST_CYCLES
 from planner.model.steady_cycle import Cycle, run_steady_cycle
 from planner.planning.gauss_newton import Spec, limit
@@ -118,7 +118,7 @@ def tracked(
     if load is not None:
         torques = advanced_load(load, ahead, cyclic=curve.cyclic)
         scales = np.array(model.speed_limits(torques)) / np.array(model.speed_limits())[:, None]
-        by_load = np.vstack([scales, model.offset + model.compliance * torques])
+        by_load = np.vstack([scales, model.sag(torques)])
     lines = Lines(
         ahead,
         low * (1.0 + AT_TOP_SPEED) * curve.tick,
@@ -212,10 +212,11 @@ def squared_error(
         history[k] = requests[number % count if spec.cyclic else max(number, 0), 0]
     if not spec.cyclic:
         start, last = spec.drives[0, -1], hold - 1  # its angle before the first sample
-        run(law, weights, history, sags, faster, State(start, 0.0, 0.0), last, motion)
+        run(law, weights, history, sags, faster, at_rest(law, start, sags[0]), last, motion)
     else:
-        rest = requests[0, 0] + sags[0]  # to first order, the angle at rest
-        if run_steady_cycle(joint, rest + pose_sag(law, rest), MOST_CYCLES) > 0.0:
+        rest = requests[0, 0] + (law.offset + left_at_rest(law, sags[0]))
+        rest += left_at_rest(law, pose_sag(law, rest))  # to first order
+        if run_steady_cycle(joint, rest, MOST_CYCLES) > 0.0:
             return math.inf
     total = 0.0
     for k in range(count):
@@ -257,7 +258,7 @@ def set_requests(
             band = 0.0 if slope == 0.0 else math.copysign(lines.dead_band, slope)
             offset = interpolated(slope / scale, lines.table) + lines.sag - band
             offset = band + scale * offset - sag
-        requests[k, 0] = values[s] + slope * past + offset - by_pose
+        requests[k, 0] = values[s] + slope * past + offset - left_at_rest(law, by_pose)
     return True
 
 

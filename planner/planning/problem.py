@@ -144,10 +144,8 @@ class Problem:
         drives = []
         for number, (model, load) in enumerate(zip(self.models, self.loads, strict=True)):
             torque = 0.0 if load is None else load
-            periods[0, number], periods[1, number] = (
-                model.sag(torque),
-                model.faster_per_tick(torque),
-            )
+            periods[0, number] = model.compliance * torque
+            periods[1, number] = model.faster_per_tick(torque)
             start = 0.0 if self.start is None else self.start[number % self.joints]
             unit = self.units[number] if self.parts > 1 else 1.0
             drives.append((*model.law, model.hold, model.theta_0, unit, start))
@@ -272,7 +270,10 @@ class Problem:
         return answer
 
     def states_of(self, angles: Array) -> Array:
-        """States near angles (n, A): speeds are means over the period before, integrals 0."""
+        """States near angles (n, A): speeds are means over the period before.
+
+        Integrals are those at rest there.
+        """
         if self.parts == 1 or angles.shape[1] > len(self.models):
             return np.ascontiguousarray(angles)
         before = np.roll(angles, 1, axis=0)
@@ -280,7 +281,13 @@ class Problem:
             before[0] = np.resize(self.start, angles.shape[1])
         holds = np.array([model.hold for model in self.models])
         speeds = self.units * (angles - before) / holds
-        return np.hstack([angles, speeds, *(np.zeros_like(speeds) for _ in range(self.parts - 2))])
+        if self.parts == 2:
+            return np.hstack([angles, speeds])
+        rests = [
+            model.rest_integral(column, 0.0 if load is None else load)
+            for model, column, load in zip(self.models, angles.T, self.loads, strict=True)
+        ]
+        return np.hstack([angles, speeds, self.units * np.column_stack(rests)])
 
     def work_space(self, *, smoothing: bool) -> tuple[Pattern, Point, Point]:
         """Pattern of the search's steps, and two points; allocated once."""

@@ -31,7 +31,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from planner.compilation import compiled, inner
-from planner.model.kernel import moving_states, periods, pose_sag, run_period
+from planner.model.kernel import (
+    at_rest,
+    left_at_rest,
+    moving_states,
+    periods,
+    pose_sag,
+    run_period,
+)
 from planner.model.law import Law, State
 from planner.planning.arguments import NEGLIGIBLE_SAG, ON_THE_LIMIT
 from planner.planning.repeating_path import Repeating, continue_path
@@ -103,10 +110,10 @@ STATE = _fields(
 )
 """State of a joint, with a tick's arguments and answer."""
 
-SAMPLE = _fields("sag pose_sag faster goal count rounded", "")
-"""Data of one joint's plan in a period: its sag, and the further sag by the desired angle [rad],
-how much faster it is [rad/tick], the desired angle D [rad], the weight w, and the squared radius of
-the corners [rad^2/tick^2]."""
+SAMPLE = _fields("load_sag sag pose_sag faster goal count rounded", "")
+"""Data of one joint's plan in a period: its sag under the load, at rest its sag, and the further
+one by the desired angle [rad], how much faster it is [rad/tick], the desired angle D [rad], the
+weight w, and the squared radius of the corners [rad^2/tick^2]."""
 
 
 class Data(NamedTuple):
@@ -178,9 +185,11 @@ def tick(data: Data, path: Repeating, missed: int, strict: bool) -> bool:
         own = weights[j, : joint.hold]
         if begins:
             state.angle = desired[0, j] if np.isnan(state.measured) else state.measured
-            state.speed, state.integral = 0.0, 0.0
+            load_sag = joint.compliance * load[0, j]
+            state.speed, state.integral = 0.0, at_rest(law, state.angle, load_sag).integral
             state.read, state.believed = state.measured, state.measured
-            sag = joint.offset + joint.compliance * load[0, j] + pose_sag(law, state.angle)
+            sag = joint.offset + left_at_rest(law, load_sag)
+            sag += left_at_rest(law, pose_sag(law, state.angle))
             for i in range(len(its_sent)):
                 its_sent[i] = min(max(state.angle - sag, joint.lower), joint.upper)
         else:
@@ -189,15 +198,16 @@ def tick(data: Data, path: Repeating, missed: int, strict: bool) -> bool:
         begin = State(state.angle, state.speed, state.integral)
         for row in range(1, youngest + samples):
             torque = load[min(row, preview - 1), j]
-            sag = joint.offset + joint.compliance * torque
+            load_sag = joint.compliance * torque
             faster = joint.faster + joint.faster_by_load * torque
             if row < youngest:
-                begin = run_period(law, own, its_sent, row, sag, faster, begin, 0)
+                begin = run_period(law, own, its_sent, row, load_sag, faster, begin, 0)
             else:
                 column, k = min(row, rows.shape[1] - 1), row - youngest
                 sample = period_samples[k]
-                sample.sag, sample.faster, sample.goal = sag, faster, rows[j, column]
-                sample.pose_sag = pose_sag(law, sample.goal)
+                sample.load_sag, sample.faster, sample.goal = load_sag, faster, rows[j, column]
+                sample.sag = joint.offset + left_at_rest(law, load_sag)
+                sample.pose_sag = left_at_rest(law, pose_sag(law, sample.goal))
                 sample.count = 1.0 if column < preview else shares[j]
                 sample.rounded = (joint.gain * joint.theta_0 * radii[k]) ** 2
         problem = Problem(joint, law, own, period_samples, begin, begins)
@@ -222,13 +232,14 @@ def law_of(joint: Record) -> Law:
         joint.sag_cos,
         joint.integral_share,
         joint.integral_inside,
+        joint.offset,
     )
 
 
 @inner
 def check(joint: Record, state: Record, desired: Array, load: Array, j: int) -> None:
     """Set the fault of a joint's arguments; a load that blocks the joint is replaced by 0."""
-    finite, blocked, far = True, False, 0.0
+    law, finite, blocked, far = law_of(joint), True, False, 0.0
     for row in range(len(desired)):
         faster = joint.faster + joint.faster_by_load * load[row, j]
         if not abs(faster) < joint.v_max:  # also where the load is no number
@@ -238,8 +249,8 @@ def check(joint: Record, state: Record, desired: Array, load: Array, j: int) -> 
     for row in range(len(desired)):
         if blocked:
             load[row, j] = 0.0
-        sag = joint.offset + joint.compliance * load[row, j]
-        sag += pose_sag(law_of(joint), desired[row, j])
+        sag = joint.offset + left_at_rest(law, joint.compliance * load[row, j])
+        sag += left_at_rest(law, pose_sag(law, desired[row, j]))
         room = joint.dead_band + ON_THE_LIMIT + min(abs(sag), NEGLIGIBLE_SAG)
         request = desired[row, j] - sag
         far = max(far, max(request - joint.upper, joint.lower - request) - room)
@@ -270,7 +281,7 @@ def elapse(
     one exceeds twice the largest move of the model plus 0.1 rad, it counts as missing, unless the
     angle before confirms it: something has moved the joint.
     """
-    sag, faster = joint.offset + joint.compliance * load, joint.faster + joint.faster_by_load * load
+    load_sag, faster = joint.compliance * load, joint.faster + joint.faster_by_load * load
     now, periods = State(state.angle, state.speed, state.integral), 1 + min(missed, MOST_MISSED)
     if missed > MOST_MISSED:
         for i in range(len(sent)):
@@ -278,7 +289,7 @@ def elapse(
     for number in range(periods):
         if number:
             append(sent, sent[-1])
-        now = run_period(law, weights, sent, 0, sag, faster, now, 0)
+        now = run_period(law, weights, sent, 0, load_sag, faster, now, 0)
         append(plan, plan[-1])
     angle = now.angle
     measured = state.measured - TURN * round((state.measured - angle) / TURN)
@@ -397,7 +408,7 @@ def cost(problem: Problem, requests: Array, enough: float) -> float:
     of_errors, of_requests = 0.0, 0.0
     for k in range(len(samples)):
         sample, request = samples[k], requests[past + k]
-        now = run_period(law, weights, requests, first + k, sample.sag, sample.faster, now, 0)
+        now = run_period(law, weights, requests, first + k, sample.load_sag, sample.faster, now, 0)
         away = request - (sample.goal - sample.sag - sample.pose_sag)
         change = request - requests[past + k - 1]
         of_errors += sample.count * (now.angle - sample.goal) ** 2
@@ -446,8 +457,8 @@ def gauss_newton_step(problem: Problem, requests: Array, damping: float, step: A
             window[0, age, k] = requests[past + k - age]
         for s in range(own_states):
             states[s, k] = state[s]
-        sags[k], faster[k], rounded[k] = sample.sag, sample.faster, sample.rounded
-        state = run_period(law, weights, requests, first, sample.sag, sample.faster, state, 0)
+        sags[k], faster[k], rounded[k] = sample.load_sag, sample.faster, sample.rounded
+        state = run_period(law, weights, requests, first, sample.load_sag, sample.faster, state, 0)
         errors[k] = state.angle - sample.goal
         of_errors += sample.count * errors[k] ** 2
         away = request - (sample.goal - sample.sag - sample.pose_sag)

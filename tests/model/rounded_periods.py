@@ -36,7 +36,7 @@ def rounded_periods(model: JointModel, angles, windows, radius, *, moving=None, 
     n, width = windows.shape
     assert width == request_ages(model).width
     torques = np.zeros(n) if load is None else load
-    sags, faster = model.sag(torques), model.faster_per_tick(torques)
+    sags, faster = model.compliance * torques, model.faster_per_tick(torques)
     rounded = (model.law.gain * max(radius, 1e-150) * model.theta_0) ** 2
     window = np.empty((3, width, n))
     window[0] = windows.T

@@ -132,7 +132,7 @@ def linearised_set(problem: BoundProblem, level: Level) -> ReachableSet:
     low, high = (limit * model.tick for limit in model.speed_limits(load_by_tick(problem, ticks)))
     before = (moved - 1) % ticks  # the tick whose angle gravity depends on
     at = problem.desired[before // hold]
-    sag = gain * model.pose_sag(at)
+    sag = gain * model.gravity(at)
     slope = gain * (model.sag_sin * np.cos(at) - model.sag_cos * np.sin(at))
     shape = (len(moved), ticks)
     by_angle = sparse.csr_array((slope, (np.arange(len(moved)), before)), shape=shape)
@@ -163,7 +163,7 @@ def pose_sags(model: JointModel, angles: tuple[float, float] | None = None) -> t
     if most == 0.0 or angles is None or not np.all(np.isfinite(angles)):
         return -most, most
     low, high = angles
-    ends = model.pose_sag(np.array([low, high]))
+    ends = model.gravity(np.array([low, high]))
     turn, top = 2.0 * math.pi, math.atan2(model.sag_sin, model.sag_cos)  # its largest value
     least, largest = float(np.min(ends)), float(np.max(ends))
     if math.ceil((low - top) / turn) <= math.floor((high - top) / turn):
