@@ -78,6 +78,7 @@ from planner.identification.terms import (
     has_large_sag,
     pays,
     with_calm_friction,
+    with_integral,
     with_motor,
     with_terms,
 )
@@ -305,6 +306,7 @@ def _with_motor(logs: Sequence[Log], timing: Timing, plain: Sequence[_Fitted]) -
     """The joint fitted to all rows with the better ticks, with the terms of a motor if they pay."""
     full = [_Fitted(*with_motor(*each)) for each in plain]
     k = 1 if len(full) > 1 and better(full[0].fit, full[1].fit) else 0
+    full[k] = _Fitted(*with_integral(*full[k]))
     motor = full[k].fit is not plain[k].fit
     bare = plain[k]._replace(fit=refitted(logs, plain[k].fit))
     joint = full[k]._replace(fit=refitted(logs, full[k].fit)) if motor else bare
@@ -389,7 +391,7 @@ def _with_shorter_ticks(search: _Search) -> _Search:
     tick = timing.period / fine_hold(timing.period, fit.parameters.acceleration_time)
     fine = refitted(logs, fit, tick=tick)
     if search.motor and fine.cost > (1.0 + LOST) * fit.cost:
-        fine, terms = with_motor(fine, terms)
+        fine, terms = with_integral(*with_motor(fine, terms))
     paper = abs(fit.grid.tick - PAPER_TICK) <= 1e-3 * PAPER_TICK
     likely = paper and fit.parameters.time_constant <= 0.0
     if timing.hold == 1 and (not better(fit, fine) if likely else pays(fine, fit)):

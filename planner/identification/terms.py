@@ -12,7 +12,6 @@ M. It is named where it explains the rows much better than the motor's inertia a
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
@@ -65,10 +64,6 @@ PARTNERS = {SAG[0]: SAG[1:]}
 INTEGRALS = ("integral_rate", "position_integral_rate")
 """The integrals of a speed loop and of a position controller, tried after all other terms, one of
 them at most."""
-
-INTEGRAL_PARTNERS = ("time_constant", "dead_band")
-"""Terms fitted together with an integral: it acts through the time constant, and removes the
-steady error by friction."""
 
 LEAST_SAVING = 0.1
 """Least share of the loss that an integral explains by itself."""
@@ -205,76 +200,6 @@ def _with_term(name: str, fit: Fit, known: Fit | None = None) -> tuple[Fit, dict
 
 
 def with_motor(fit: Fit, terms: tuple[Term, ...]) -> tuple[Fit, tuple[Term, ...]]:
-    """The fit with the terms of a motor and the integrals of its loops that reduce the loss.
-
-    A slow integral imitates a drift: a speed loop's has to act in a time not far above the joint's
-    delay, and the log has to determine it, and the time constant beside it. Without inertia it
-    imitates play, with a dead band as wide.
-
-    Args:
-        fit: A fit with terms.
-        terms: What was tried for it.
-    """
-    fit, terms = _with_motor(fit, terms)
-    excerpt = _excerpt_to_search(fit)
-    if excerpt is None or fit.free[only(*INTEGRALS)].any():
-        return fit, terms
-    bare, trial = _fitted_with_integral(fit, excerpt)
-    uncertainty, known = uncertainty_of(trial), {term.name: term for term in terms}
-    ends = {
-        name: model_interval(trial, uncertainty, name) for name in (*INTEGRALS, *INTEGRAL_PARTNERS)
-    }
-    needed = ("time_constant", *(name for name in INTEGRALS if trial.free[only(name)].any()))
-    at, tick = trial.parameters, trial.grid.tick
-    possible = at.time_constant >= LEAST_INERTIA * tick
-    possible &= at.integral < at.fastest_integral(tick)
-    possible &= not _imitates_drift(at)
-    determined = all(ends[name].lower > 0.0 for name in needed)
-    pays_alone = pays(bare, trial) and _saving(bare, trial) >= LEAST_SAVING
-    found = trial if pays(fit, trial) and pays_alone and possible and determined else fit
-    for name, interval in ends.items():
-        had_it, has_it = (bool(each.free[only(name)].any()) for each in (fit, found))
-        if not (had_it and has_it):
-            known[TERMS[name]] = _term(name, has_it, fit, trial, interval)
-    return found, tuple(known.values())
-
-
-def _imitates_drift(at: Parameters) -> bool:
-    """Whether the integral of a speed loop is far slower than the joint."""
-    return 0.0 < at.integral_rate < LEAST_RATE / at.whole_delay
-
-
-def _fitted_with_integral(fit: Fit, excerpt: Excerpt) -> tuple[Fit, Fit]:
-    """The best fits with a time constant and, by (16a), friction: without and with an integral.
-
-    The first is the fit itself where the second saves little.
-    """
-    at, trials = fit.parameters, []
-    search = partial(least_squares, scale=fit.scale)
-    for name, each in itertools.product(INTEGRALS, (at, *_divisions(fit))):
-        if each.time_constant > 0.0:
-            begin = each._replace(dead_band=_some_dead_band(each, fit))
-            begin = begin._replace(**{name: INTEGRAL_START / at.whole_delay})
-            free = fit.free | only(name, *INTEGRAL_PARTNERS)
-            trials.append(
-                search(excerpt.grid, begin, free=free, starts=excerpt.starts, effort=TRIAL)
-            )
-    best = min(trials, key=lambda each: (_imitates_drift(each.parameters), each.cost))
-    search = partial(search, fit.grid, free=best.free)
-    best = search(best.parameters, starts=fit.starts, effort=TERM)
-    if _saving(fit, best) < 0.5 * LEAST_SAVING:  # it will not save enough
-        return fit, best
-    best = _redivided(search(best.parameters, starts=best.starts, effort=ENOUGH), search)
-    bare = best.parameters._replace(dead_band=0.0)
-    free = best.free & ~only("dead_band")
-    without = search(bare, starts=best.starts, free=free, effort=ENOUGH)
-    best = best if pays(without, best) else without
-    bare = best.parameters._replace(**dict.fromkeys(INTEGRALS, 0.0))
-    free = best.free & ~only(*INTEGRALS)
-    return search(bare, starts=best.starts, free=free, effort=ENOUGH), best
-
-
-def _with_motor(fit: Fit, terms: tuple[Term, ...]) -> tuple[Fit, tuple[Term, ...]]:
     """The fit with those of :data:`MOTOR` that reduce the loss, sought together; or the same fit.
 
     A sag by the angle that was not kept is tried again beside them: it may show only there. Where
@@ -311,6 +236,87 @@ def _with_motor(fit: Fit, terms: tuple[Term, ...]) -> tuple[Fit, tuple[Term, ...
             interval = _with_term(name, motor)[1][TERMS[name]].interval
         known[TERMS[name]] = _term(name, kept, fit, motor, interval)
     return motor, tuple(known.values())
+
+
+def with_integral(fit: Fit, terms: tuple[Term, ...]) -> tuple[Fit, tuple[Term, ...]]:
+    """The fit with the integral of one of the servo's loops, if it reduces the loss.
+
+    It is sought together with the terms of a motor and with the sag, which it hides at rest.
+    A slow integral imitates a drift: a speed loop's has to act in a time not far above the joint's
+    delay, and the log has to determine it, and the time constant beside it. Without inertia it
+    imitates play, with a dead band as wide.
+
+    Args:
+        fit: A fit with the terms of a motor that are kept.
+        terms: What was tried for it.
+    """
+    excerpt = _excerpt_to_search(fit)
+    if excerpt is None or fit.free[only(*INTEGRALS)].any():
+        return fit, terms
+    bare, trial = _fitted_with_integral(fit, excerpt)
+    uncertainty, known = uncertainty_of(trial), {term.name: term for term in terms}
+    names = (*INTEGRALS, *MOTOR, *SAG)
+    ends = {name: model_interval(trial, uncertainty, name) for name in names}
+    needed = ("time_constant", *(name for name in INTEGRALS if trial.free[only(name)].any()))
+    at, tick = trial.parameters, trial.grid.tick
+    possible = at.time_constant >= LEAST_INERTIA * tick
+    possible &= at.integral < at.fastest_integral(tick)
+    possible &= not _imitates_drift(at)
+    determined = all(ends[name].lower > 0.0 for name in needed)
+    pays_alone = pays(bare, trial) and _saving(bare, trial) >= LEAST_SAVING
+    found = trial if pays(fit, trial) and pays_alone and possible and determined else fit
+    for name, interval in ends.items():
+        had_it, has_it = (bool(each.free[only(name)].any()) for each in (fit, found))
+        if had_it != has_it or name in INTEGRALS:
+            known[TERMS[name]] = _term(name, has_it, fit, trial, interval)
+    return found, tuple(known.values())
+
+
+def _imitates_drift(at: Parameters) -> bool:
+    """Whether the integral of a speed loop is far slower than the joint."""
+    return 0.0 < at.integral_rate < LEAST_RATE / at.whole_delay
+
+
+def _fitted_with_integral(fit: Fit, excerpt: Excerpt) -> tuple[Fit, Fit]:
+    """The best fits of a motor, with the terms of (16a): without and with an integral.
+
+    The first is the fit itself where the second saves little.
+    """
+    at, trials, sag = fit.parameters, [], SAG if fit.grid.unloaded else ()
+    sag = (*sag, *(["compliance"] if _shows("compliance", fit) else []))
+    motors = [each for each in (at, *_divisions(fit)) if each.time_constant > 0.0]
+    begins = [each._replace(dead_band=_some_dead_band(each, fit)) for each in motors]
+    search = partial(least_squares, scale=fit.scale)
+    for name in INTEGRALS:
+        starts = [each._replace(**{name: INTEGRAL_START / at.whole_delay}) for each in begins]
+        if name == "position_integral_rate":  # that of a speed loop is found without
+            starts += _integrals(fit, excerpt)
+        free = fit.free | only(name, *MOTOR, *sag)
+        trials += [
+            search(excerpt.grid, each, free=free, starts=excerpt.starts, effort=TRIAL)
+            for each in starts
+        ]
+    best = min(trials, key=lambda each: (_imitates_drift(each.parameters), each.cost))
+    best = search(fit.grid, best.parameters, free=best.free, starts=fit.starts, effort=TERM)
+    if _saving(fit, best) < 0.5 * LEAST_SAVING:  # it will not save enough
+        return fit, best
+    search = partial(search, fit.grid)
+    best = search(best.parameters, free=best.free, starts=best.starts, effort=ENOUGH)
+    best = _redivided(best, partial(search, free=best.free))
+    for names in (SAG, ("compliance",), *((name,) for name in MOTOR if name != "time_constant")):
+        if best.free[only(*names)].all():
+            without = _left_out(best, names)
+            believed = names != SAG or not has_large_sag(best)
+            best = best if believed and pays(without, best) else without
+    return _left_out(best, INTEGRALS), best
+
+
+def _left_out(fit: Fit, names: Sequence[str]) -> Fit:
+    """The fit without some terms."""
+    absent = {name: Parameters._field_defaults[name] for name in names}
+    at, free = fit.parameters._replace(**absent), fit.free & ~only(*names)
+    search = partial(least_squares, fit.grid, at, free=free, starts=fit.starts)
+    return search(scale=fit.scale, effort=ENOUGH)
 
 
 def with_calm_friction(logs: Sequence[Log], fit: Fit) -> Fit:
@@ -630,22 +636,7 @@ def _beginnings(fit: Fit, excerpt: Excerpt, free: Free) -> list[Parameters]:
     ways: by derivatives, which is better where little but noise is left, and by differential
     evolution, where a motor is rougher.
     """
-    at, grid = fit.parameters, fit.grid
-    delay, speed = at.whole_delay, min(at.v_max, grid.fastest)
-    size = _some_dead_band(at, fit)
-
-    def joint(place: Array) -> Parameters:
-        lag, window, constant, gain, limit, band, top = place.tolist()
-        return at._replace(
-            lag=0.9 * lag * delay,
-            acceleration_time=max(0.8 * window**2 * delay, grid.tick),
-            time_constant=0.94 * max(constant - 0.2, 0.0) ** 2 * delay,  # a fifth without
-            gain=0.5 * 20.0**gain / delay,
-            acceleration=0.03 * 1000.0**limit * speed / delay,
-            dead_band=0.01 * 200.0**band * size,
-            v_max=max(at.v_max, grid.fastest) * 0.8 * 4.0**top,
-        )
-
+    joint = partial(_near, fit)
     loss, points = _screened(joint, 7, excerpt.grid, excerpt.starts, fit.scale)
     trials = [
         least_squares(
@@ -742,6 +733,41 @@ def _even_points(count: int, dimensions: int) -> Array:
 def _some_dead_band(at: Parameters, fit: Fit) -> float:
     """Where the search for a dead band begins [rad]."""
     return max(at.dead_band, 2.0 * fit.scale)
+
+
+def _near(fit: Fit, place: Array) -> Parameters:
+    """The motor at a point of a box of seven dimensions that the delay of a fit scales."""
+    at, grid = fit.parameters, fit.grid
+    delay, speed = at.whole_delay, min(at.v_max, grid.fastest)
+    lag, window, constant, gain, limit, band, top = place.tolist()
+    return at._replace(
+        lag=0.9 * lag * delay,
+        acceleration_time=max(0.8 * window**2 * delay, grid.tick),
+        time_constant=0.94 * max(constant - 0.2, 0.0) ** 2 * delay,  # a fifth without
+        gain=0.5 * 20.0**gain / delay,
+        acceleration=0.03 * 1000.0**limit * speed / delay,
+        dead_band=0.01 * 200.0**band * _some_dead_band(at, fit),
+        v_max=max(at.v_max, grid.fastest) * 0.8 * 4.0**top,
+    )
+
+
+def _integrals(fit: Fit, excerpt: Excerpt) -> list[Parameters]:
+    """Motors with the integral of a position controller that are good on an excerpt."""
+    delay, tick = fit.parameters.whole_delay, fit.grid.tick
+
+    def joint(place: Array) -> Parameters:
+        found, (rate, by_sine, by_cosine) = _near(fit, place[:7]), place[7:].tolist()
+        found = found._replace(
+            time_constant=max(found.time_constant, tick),
+            position_integral_rate=0.01 * 200.0**rate / delay,
+        )
+        if not fit.grid.unloaded:
+            return found
+        sags = [0.5 * LARGE_SAG * (2.0 * each - 1.0) for each in (by_sine, by_cosine)]
+        return found._replace(offset=0.0, asymmetry=0.0, sag_sin=sags[0], sag_cos=sags[1])
+
+    loss, points = _screened(joint, 10, excerpt.grid, excerpt.starts, fit.scale)
+    return [joint(each) for each in _evolved(loss, points[:POPULATION], GENERATIONS)]
 
 
 class Excerpt(NamedTuple):
