@@ -304,7 +304,7 @@ def plan_report(
 
 
 def comparison_report(
-    prepared: Prepared, check: CrossCheck, *, page: Path | str, written: Written = ()
+    prepared: Prepared, check: CrossCheck, *, level: str, page: str, written: Written
 ) -> str:
     """The page about a comparison, as HTML; see :func:`plan_report`."""
     from planner.report.comparison import comparison_page
@@ -314,7 +314,6 @@ def comparison_report(
     names = tuple(joint.name for joint in check.joints)
     if leg is not None and leg.joint_names != names:
         leg = None
-    level = run.output.level or "envelope"
     return comparison_page(
         check,
         title=leg_title(run.leg) or ", ".join(names),

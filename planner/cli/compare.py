@@ -5,17 +5,15 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
 from planner.cli import options, types
 from planner.cli.console import Progress, print_json, summarise, terminal_width
-from planner.cli.settings import Run
-from planner.files.staging import MANIFEST, claimed, list_files, output_folder
-from planner.files.text import to_json, write_text
+from planner.cli.settings import Level, Run
+from planner.files.text import write_text
 from planner.report.table import fitted_to
 
 if TYPE_CHECKING:
@@ -27,9 +25,6 @@ if TYPE_CHECKING:
 
 PICTURES = (".png", ".svg")
 """Endings of picture files."""
-
-PAGE = "report.html"
-"""The page in a folder of results."""
 
 
 @click.command()
@@ -44,29 +39,28 @@ PAGE = "report.html"
     "plan.load",
     "plan.segments",
     "plan.norm",
-    "output.level",
     "limits.deg",
     segments="Lines of the approximation.",
     norm="Error that optimised requests make small.",
     load="Torque on the joints: gravity at the desired angles by the masses of the leg's URDF, all "
     "of its dynamics, or columns <joint>_load_Nm of the path.",
-    level="Sharpest bound to compute; 'exact' takes seconds to a minute.",
+)
+@click.option(
+    "--level",
+    type=click.Choice(["slope", "envelope", "exact"]),
+    default="envelope",
+    help="Sharpest bound to compute; 'exact' takes seconds to a minute.",
 )
 @click.option("--figure", type=types.OUTPUT, help="Write the picture; .png or .svg.")
 @click.option("--report", type=types.OUTPUT, help="Write a page (HTML) about the comparison.")
-@click.option(
-    "--out",
-    type=types.FOLDER,
-    help="Write JSON, requests (CSV), pictures and the page to a folder.",
-)
 @options.as_json
 def compare(
     *,
     run: Run,
     path: str,  # noqa: ARG001
+    level: Level,
     figure: str | None,
     report: str | None,
-    out: str | None,
     as_json: bool,
 ) -> None:
     """Plan PATH by the closed form, by optimisation, and by CasADi with IPOPT, and compare.
@@ -92,23 +86,19 @@ def compare(
     prepared = load(run)
     options.warn_of(prepared.desired.remarks)
     check_angles(prepared.desired.names, prepared.desired.units)
-    if out is not None:
-        click.get_current_context().with_resource(claimed(out))
     with_foot = _in_leg_order(prepared.desired)[1] is not None
     with Progress(len(prepared.desired.names) + with_foot) as progress:
-        check = comparison_of(prepared, progress)
+        check = comparison_of(prepared, level, progress)
     unreachable = prepared.desired.unreachable
-    document = {**check.to_dict(), "unreachable_samples": unreachable}
     if figure is not None:
         write_picture(figure, comparison_figure(check))
-    page = partial(comparison_report, prepared, check)
-    if out is not None:
-        _write_folder(out, check, document, page)
     if report is not None:
-        files = [] if out is None else [(file.stem, file) for file in sorted(Path(out).iterdir())]
-        write_text(report, page(page=report, written=[("picture", figure), *files]))
+        page = comparison_report(
+            prepared, check, level=level, page=report, written=[("picture", figure)]
+        )
+        write_text(report, page)
     if as_json:
-        print_json(document)
+        print_json({**check.to_dict(), "unreachable_samples": unreachable})
     else:
         with fitted_to(terminal_width(sys.stdout)):
             click.echo(f"{model_words(run.model)}\n{comparison_text(check)}")
@@ -120,37 +110,7 @@ def compare(
         summarise(verdict_line(check))
 
 
-def _write_folder(
-    out: str, check: CrossCheck, document: dict[str, Any], page: Callable[..., str]
-) -> None:
-    import numpy as np
-
-    from planner.files.paths import write_joint_path
-    from planner.report.comparison import comparison_figure
-    from planner.report.matplotlib_figure import write_picture
-
-    names = [joint.name for joint in check.joints]
-    with output_folder(out) as folder:
-        plans = {
-            method: np.column_stack([joint.plans[method].requests for joint in check.joints])
-            for method in check.methods
-        }
-        if check.foot is not None:
-            plans["foot_optimal"] = check.foot.plans["foot_optimal"].requests
-        for method, requests in plans.items():
-            file = folder / f"requests_{method}.csv"
-            write_joint_path(file, names, requests, period=check.period)
-        for ending in PICTURES:
-            write_picture(folder / f"comparison{ending}", comparison_figure(check))
-        files = [(Path(name).stem, folder / name) for name in (*list_files(folder), MANIFEST)]
-        write_text(folder / PAGE, page(page=folder / PAGE, written=files))
-        manifest = {**document, "files": list_files(folder)}
-        write_text(folder / MANIFEST, to_json(manifest))
-
-
-def comparison_of(
-    prepared: Prepared, progress: Callable[[str], None] = lambda _: None
-) -> CrossCheck:
+def comparison_of(prepared: Prepared, level: Level, progress: Callable[[str], None]) -> CrossCheck:
     """The plans for the desired path, compared under its load."""
     from planner.evaluation.cross_check import cross_check
     from planner.planning.arguments import limits_of_each
@@ -169,7 +129,7 @@ def comparison_of(
         segments=run.plan.segments,
         leg=leg,
         norm=run.plan.norm or "rms",
-        level=run.output.level or "envelope",
+        level=level,
         names=desired.names,
         load=torques,
         progress=progress,

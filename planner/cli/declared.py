@@ -90,7 +90,6 @@ class Declared:
         example: An example value, if there is no default.
         set_to: Its value in a template, if that is not the default.
         option: Its option on the command line, such as ``--cyclic/--no-cyclic``; "" for none.
-        earlier: Names that the option had in earlier releases.
         by_joint: The key of the same table that takes values of the option for single joints.
         only: The methods, or formats, of its table on which it has an effect; () for all.
         click: Arguments for click that do not follow from the above.
@@ -106,7 +105,6 @@ class Declared:
     example: Any = None
     set_to: Any = None
     option: str = ""
-    earlier: tuple[str, ...] = ()
     by_joint: str = ""
     only: tuple[str, ...] = ()
     click: Mapping[str, Any] = field(default_factory=dict)

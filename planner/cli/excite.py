@@ -24,25 +24,11 @@ UNNAMED = "requested"
 """The joint of a signal without a name, whose column is requested_deg."""
 
 
-class PairOfLimits(click.Command):
-    """A command that takes ``--limits-deg LOW HIGH`` too, as earlier releases had it."""
-
-    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """Read the arguments, with LOW HIGH as LOW:HIGH."""
-        for k in range(len(args) - 2):
-            low, high = args[k + 1 : k + 3]
-            is_option = high.startswith("-") and not high[1:2].isdigit()
-            if args[k] == "--limits-deg" and ":" not in low and not is_option:
-                args[k + 1 : k + 3] = [f"{low}:{high}"]
-                break
-        return super().parse_args(ctx, args)
-
-
 FINEST = 1e-9
 """Finest step of a sensor [deg]: a turn of it then has 38 bits, more than any sensor."""
 
 
-@click.command(cls=PairOfLimits)
+@click.command()
 @click.option(
     "--kind",
     type=click.Choice(KINDS),

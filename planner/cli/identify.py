@@ -90,8 +90,6 @@ log_options = options.several(
 @click.option(
     "-o",
     "--output",
-    cls=types.Renamed,
-    earlier=("--out",),
     type=types.OUTPUT,
     default="-",
     help="Where to write the model as TOML; '-' is standard output.",

@@ -166,8 +166,6 @@ def _option(key: str, declared: Declared, of_command: str) -> Callable[[Command]
         attributes = {"type": declared.type, **attributes}
     if declared.by_joint or get_origin(declared.type) is dict:
         attributes["multiple"] = True
-    if declared.earlier:
-        attributes |= {"cls": types.Renamed, "earlier": declared.earlier}
     parameter, required = _parameter(key), declared.required
     return click.option(declared.option, parameter, help=text, required=required, **attributes)
 

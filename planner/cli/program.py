@@ -150,10 +150,7 @@ class Commands(click.Group):
             close = get_close_matches(name, list(COMMANDS), n=1)
             hint = f" Did you mean '{close[0]}'?" if close else ""
             ctx.fail(f"No such command '{name}'.{hint}")
-        from planner.cli.types import today
-
-        command_name, command, rest = super().resolve_command(ctx, args)
-        return command_name, command, rest if command is None else today(command, rest)
+        return super().resolve_command(ctx, args)
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run the command; a closed pipe ends it without an error message."""

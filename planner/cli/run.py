@@ -94,7 +94,7 @@ def carry_out_run(file: Toml, prepared: Prepared, out: str, *, as_json: bool) ->
     settings, desired = prepared.settings, prepared.desired
     steps = 1 if settings.plan.method == "foot-optimal" else len(desired.names)
     with (
-        Progress(steps + settings.output.comparison + 1) as progress,
+        Progress(steps + 1) as progress,
         speaking_of(file),
         output_folder(out) as folder,
     ):

@@ -6,15 +6,14 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path, PurePosixPath
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from kinematics.exceptions import KinematicsError
-from kinematics.scene import Scene
 from planner.cli import settings
 from planner.cli.answer import document, plan_report
 from planner.cli.console import BadSetting, FailedCheck, Key, as_key
 from planner.cli.declared import flat, understand
-from planner.cli.desired import Desired, check_angles
+from planner.cli.desired import check_angles
 from planner.cli.export import (
     check_export,
     check_rows,
@@ -28,17 +27,11 @@ from planner.exceptions import InvalidFile, InvalidInput, PlannerError
 from planner.files.paths import write_foot_path, write_joint_path
 from planner.files.staging import MANIFEST, list_files
 from planner.files.text import Toml, read_toml, to_json, write_text
-from planner.model.response import simulate_joints
 from planner.planning.plan import Plan
 from planner.report.page import versions
-from planner.report.scene import LOOKS, Motion, scene_page
 from planner.robot.schedule import Schedule
-from planner.trajectory import Array
 
-if TYPE_CHECKING:
-    from kinematics import Leg
-
-WRITTEN = ("requests", "angles", "desired", "foot", "report", "scene")
+WRITTEN = ("requests", "angles", "desired", "foot", "report")
 """Keys of [output] that name a file."""
 
 ARGUMENTS = {
@@ -111,11 +104,6 @@ def _in_export(number: int) -> Iterator[None]:
 def _check_names(run: settings.Run) -> None:
     """Make sure that no two files of the folder have one name, or one inside the other."""
     owners = {PurePosixPath(MANIFEST): MANIFEST}
-    if run.output.comparison:
-        owners |= {
-            PurePosixPath(name): "output.comparison"
-            for name in ("comparison.json", "comparison.png", "comparison.svg")
-        }
     names = {f"output.{key}": getattr(run.output, key) for key in WRITTEN}
     names |= {f"export[{number}].file": each.file for number, each in enumerate(run.export)}
     for key, name in names.items():
@@ -133,17 +121,7 @@ def _check_names(run: settings.Run) -> None:
 def _check_outputs(prepared: Prepared) -> None:
     """Refuse outputs that this path or the installed packages cannot give, before computing."""
     run, desired = prepared.settings, prepared.desired
-    if run.output.level is not None and not run.output.comparison:
-        raise BadSetting(
-            Key("output.level"), ": has no effect without ", Key("output.comparison", True)
-        )
-    if run.output.scene:
-        if desired.leg is None or set(desired.leg.joint_names) != set(desired.names):
-            raise BadSetting(Key("output.scene"), ": needs a leg, and a path of all its joints")
-        from planner.report.scene import import_meshcat
-
-        import_meshcat()
-    if run.export or run.output.comparison:
+    if run.export:
         check_angles(desired.names, desired.units)
     draft = Schedule(desired.names, desired.angles, desired.period)
     for number, export in enumerate(run.export):
@@ -158,32 +136,18 @@ def write_run(
     """Write all outputs of a run file, whose path the page names.
 
     Returns:
-        ``results.json``, the exports in words, and the failed checks of plan and comparison.
+        ``results.json``, the exports in words, and the missed tolerances.
     """
     run = prepared.settings
-    failures = missed = misses(run, prepared.desired, plan)
+    missed = misses(run, prepared.desired, plan)
     progress("the files")
     _write_paths(folder, prepared, plan)
     exports, words = _write_exports(folder, prepared, plan)
-    if run.output.comparison:
-        from planner.cli.compare import comparison_of
-        from planner.report.comparison import comparison_figure, verdict_line
-        from planner.report.matplotlib_figure import write_picture
-
-        progress("the comparison")
-        check = comparison_of(prepared)
-        write_text(folder / "comparison.json", to_json(check.to_dict()))
-        for ending in (".png", ".svg"):
-            write_picture(folder / f"comparison{ending}", comparison_figure(check))
-        failures = [*missed, *([] if check.passed else [verdict_line(check)])]
     if page := _place(folder, run, "report"):
-        scene = run.output.scene
-        names = [*list_files(folder), MANIFEST, *([scene] if scene else [])]
+        names = [*list_files(folder), MANIFEST]
         files: list[tuple[str, Path | str | None]] = [("run", file)]
         files += [(Path(name).stem, folder / name) for name in names]
         write_text(page, plan_report(prepared, plan, missed=missed, page=page, written=files))
-    if page := _place(folder, run, "scene"):
-        write_text(page, _scene(prepared, plan))
     results = {
         "made_by": "request-planner run",
         "settings": flat(run),
@@ -193,31 +157,7 @@ def write_run(
         "files": list_files(folder),
     }
     write_text(folder / MANIFEST, to_json(results))
-    return results, words, failures
-
-
-def shown_motions(
-    leg: Leg, desired: Desired, planned: Array, *, cyclic: bool, loads: Array | None = None
-) -> tuple[Motion, ...]:
-    """A leg's desired, direct and planned motions, the joints in the order of the leg.
-
-    Args:
-        leg: The leg.
-        desired: The desired motion of its joints.
-        planned: Their planned angles [rad], shape (n, k), in the order of ``desired``.
-        cyclic: Whether the path repeats for ever.
-        loads: Torques for which the requests are planned [N m], like ``planned``.
-    """
-    order = [desired.names.index(name) for name in leg.joint_names]
-    direct = simulate_joints(desired.models, desired.angles, cyclic=cyclic, loads=loads)
-    angles = [each[:, order] for each in (desired.angles, direct, planned)]
-    feet = [leg.foot_positions(each) for each in angles]
-    if desired.foot is not None:
-        feet[0] = desired.foot
-    return tuple(
-        Motion(role, each, foot, opacity)
-        for (role, opacity), each, foot in zip(LOOKS, angles, feet, strict=True)
-    )
+    return results, words, missed
 
 
 def _write_paths(folder: Path, prepared: Prepared, plan: Plan) -> None:
@@ -255,18 +195,6 @@ def _write_exports(
         documents.append({"file": export.file, **rows_document(export, rows, skipped)})
         words += f"\n{export.file}: {rows_summary(rows, skipped)}"
     return documents, words
-
-
-def _scene(prepared: Prepared, plan: Plan) -> str:
-    place, desired, cyclic = prepared.place, prepared.desired, plan.cyclic
-    assert place is not None, "a scene without a leg is refused"
-    assert desired.leg is not None, "a scene without a leg is refused"
-    leg_motions = shown_motions(
-        desired.leg, desired, plan.predicted, cyclic=cyclic, loads=plan.task.load
-    )
-    scene = Scene.from_urdf(place.urdf, base=place.base, foot=place.foot, locked=place.locked)
-    title = f"request-planner: {prepared.settings.leg.name or place.foot}"
-    return scene_page(scene, leg_motions, period=desired.period, cyclic=cyclic, title=title)
 
 
 def _place(folder: Path, run: settings.Run, key: str) -> Path | None:

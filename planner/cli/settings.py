@@ -188,9 +188,7 @@ class HalfEllipse(Settings):
     """The foot path of a walk in the hip's frame, for which [path] has no file."""
 
     samples: Samples = setting("Samples in a cycle.", default=88, option="--samples")
-    length: Positive = setting(
-        "Half of the stroke [m].", default=0.04893, option="--half-stroke", earlier=("--length",)
-    )
+    length: Positive = setting("Half of the stroke [m].", default=0.04893, option="--half-stroke")
     height: NotNegative = setting("How high the foot swings [m].", default=0.042, option="--height")
     forward: float = setting("Middle before the hip [m].", default=0.049, option="--forward")
     sideways: float = setting("Outward of the hip [m].", default=0.028, option="--sideways")
@@ -384,7 +382,6 @@ class Limits(Settings):
         otherwise="those of the leg, if there is one",
         example=[-120.0, 150.0],
         option="--limits-deg",
-        earlier=("--limits",),
         by_joint="joints",
         type=types.SPANS,
         metavar="[JOINT=]LOW:HIGH",
@@ -405,7 +402,6 @@ class Start(Settings):
         otherwise="where the path begins",
         example=0.0,
         option="--start-deg",
-        earlier=("--start",),
         by_joint="joints",
         type=types.ANGLES,
         metavar="[JOINT=]DEG",
@@ -457,18 +453,6 @@ class Output(Settings):
         "A page about the plan, with pictures, such as report.html.",
         default="",
         set_to="report.html",
-    )
-    comparison: bool = setting(
-        "Whether to compare both inversions, as compare does: comparison.json, .svg and .png.",
-        default=False,
-    )
-    level: Level | None = setting(
-        "With comparison: the sharpest bound to compute; exact takes seconds to a minute.",
-        implied="envelope",
-        option="--level",
-    )
-    scene: WrittenOrNone = setting(
-        "A page with the robot moving, such as scene.html (extra 'meshcat').", default=""
     )
 
 
@@ -605,14 +589,12 @@ class Replay(Settings):
         "Where to begin [s since the first row].",
         otherwise="the first row",
         option="--begin-s",
-        earlier=("--start",),
         metavar="S",
     )
     end_s: NotNegative | None = setting(
         "Where to end [s since the first row].",
         otherwise="the last row",
         option="--end-s",
-        earlier=("--end",),
         metavar="S",
     )
     rate_hz: Positive | None = setting(

@@ -17,7 +17,6 @@ from typing import Any, Literal, get_args
 import click
 from click.shell_completion import CompletionItem
 
-from planner.cli.console import warn
 from planner.files.staging import cannot_write, check_folder, check_writable
 
 ShippedLeg = Literal["reference", "front-left", "front-right", "hind-left", "hind-right"]
@@ -151,32 +150,6 @@ class Place(click.ParamType):  # type: ignore[type-arg]  # generic from click 8.
     ) -> list[CompletionItem]:
         """Leave it to the shell, which lists files and folders."""
         return [CompletionItem(incomplete, type=self.kind)]
-
-
-class Renamed(click.Option):
-    """An option with other names in earlier releases; :func:`today` replaces these names."""
-
-    def __init__(self, names: list[str], *, earlier: tuple[str, ...], **attributes: Any) -> None:
-        """Keep its names, and its earlier names."""
-        super().__init__(names, **attributes)
-        self.earlier = earlier
-
-
-def today(command: click.Command, arguments: list[str]) -> list[str]:
-    """Arguments of a command with today's names of its options; warns of earlier names."""
-    renamed = {
-        name: option.opts[0]
-        for option in command.params
-        if isinstance(option, Renamed)
-        for name in option.earlier
-    }
-    new_arguments = []
-    for argument in arguments:
-        name, equals, value = argument.partition("=")
-        if name in renamed:
-            warn(f"{name} is called {renamed[name]} now; the next release no longer takes {name}")
-        new_arguments.append(f"{renamed.get(name, name)}{equals}{value}")
-    return new_arguments
 
 
 def above_0(unit: str = "") -> Parsed:

@@ -104,50 +104,29 @@ class Recording:
 def scene_page(
     scene: Scene, leg_motions: Sequence[Motion], *, period: float, cyclic: bool, title: str
 ) -> str:
-    """The whole page; the same scene makes the same page.
+    """The page with the robot and its leg's motions, played for ever in real time.
 
-    Meshcat's own ``static_html`` needs a server process and two ports, and gives the viewer its
-    commands in no certain order; here it takes them one after another.
-
-    Raises:
-        MissingExtra: Meshcat is not installed.
-    """
-    meshcat = import_meshcat()
-    recording = Recording()
-    draw_scene(
-        meshcat.Visualizer(window=recording), scene, leg_motions, period=period, cyclic=cyclic
-    )
-    viewer = files("meshcat").joinpath("viewer", "dist", "main.min.js").read_text("utf-8")
-    return (
-        environment()
-        .get_template("scene.html")
-        .render(
-            title=title,
-            motions=leg_motions,
-            viewer=viewer,
-            commands=[base64.b64encode(command).decode() for command in recording.commands],
-        )
-    )
-
-
-def draw_scene(
-    viewer: Any, scene: Scene, leg_motions: Sequence[Motion], *, period: float, cyclic: bool
-) -> None:
-    """Draw the robot and its leg's motions, and play them for ever in real time.
+    The same scene makes the same page. Meshcat's own ``static_html`` needs a server process and two
+    ports, and gives the viewer its commands in no certain order; here it takes them one by one.
 
     Args:
-        viewer: A ``meshcat.Visualizer``.
         scene: The robot; it stands still but for the leg.
         leg_motions: The motions, each of the same length.
         period: Time between their samples [s].
         cyclic: Whether the motions repeat, so that their ends are joined.
+        title: Title of the page.
+
+    Raises:
+        MissingExtra: Meshcat is not installed.
     """
+    meshcat, recording = import_meshcat(), Recording()
+    viewer = meshcat.Visualizer(window=recording)
     stride = -(-len(leg_motions[0].angles) // MOST_FRAMES)
     places = scene.places(leg_motions[0].angles[0])
     reach = float(np.linalg.norm(np.ptp(places, axis=0))) or 1.0
     rest = scene.configurations(leg_motions[0].angles[:1])[0]
     _show(viewer, "robot", scene, scene.still, None).display(rest)
-    animation = import_meshcat().animation.Animation(default_framerate=1.0 / (stride * period))
+    animation = meshcat.animation.Animation(default_framerate=1.0 / (stride * period))
     for motion in leg_motions:
         name = motion.role.label
         leg = _show(viewer, name, scene, scene.moving, [*_parts(motion.role), motion.opacity])
@@ -164,6 +143,10 @@ def draw_scene(
     )
     _look(viewer, np.concatenate([places, *(motion.foot for motion in leg_motions)]))
     viewer.set_animation(animation, play=True, repetitions=float("inf"))
+    script = files("meshcat").joinpath("viewer", "dist", "main.min.js").read_text("utf-8")
+    commands = [base64.b64encode(command).decode() for command in recording.commands]
+    page = environment().get_template("scene.html")
+    return page.render(title=title, motions=leg_motions, viewer=script, commands=commands)
 
 
 def _show(viewer: Any, name: str, scene: Scene, shapes: Any, colour: list[float] | None) -> Any:

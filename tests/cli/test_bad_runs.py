@@ -55,7 +55,6 @@ WRONG = {
     "a file inside a file": JOINTS + '[[export]]\nformat = "csv"\nfile = "requests.csv/a.csv"\n',
     "a file where a folder is": JOINTS
     + '[[export]]\nformat = "csv"\nfile = "a/a.csv"\n[[export]]\nformat = "csv"\nfile = "a"\n',
-    "two pictures of one name": JOINTS + '[output]\ncomparison = true\nangles = "comparison.png"\n',
     "no path": "",
     "two paths": WALK + '[path]\nfile = "desired.csv"\n',
     "a half ellipse without a leg": "[path.half_ellipse]\n",
@@ -79,8 +78,6 @@ WRONG = {
     "a start for a cycle": JOINTS + "[start]\ndeg = 3\n",
     "a key that the method ignores": JOINTS + "[plan]\nsegments = 6\n",
     "a foot's tolerance for joints": JOINTS + "[tolerance]\ncm = 1\n",
-    "a robust plan without intervals": JOINTS + '[plan]\nrobust = "mean"\n',
-    "a level of no comparison": JOINTS + '[output]\nlevel = "slope"\n',
     "an export at a rate of atoms": JOINTS
     + '[[export]]\nformat = "csv"\nfile = "a"\nrate_hz = 1e9\n',
     "names of other joints": JOINTS
@@ -91,9 +88,6 @@ WRONG = {
     "a rate that LeRobot has not": JOINTS
     + '[[export]]\nformat = "lerobot"\nfile = "a"\nrate_hz = 12.5\n',
     "a lead beyond ROS": JOINTS + '[[export]]\nformat = "yaml"\nfile = "a"\nlead_s = 1e10\n',
-    "a scene without a leg": JOINTS + '[output]\nscene = "a.html"\n',
-    "a scene of some joints": JOINTS.replace("desired", "some")
-    + '[leg]\nname = "reference"\n[output]\nscene = "a.html"\n',
 }
 
 

@@ -132,17 +132,6 @@ def test_each_warning_is_said_once(run, desired, monkeypatch):
     )
 
 
-@pytest.mark.parametrize("limits", [("--limits", "knee=0:40"), ("--limits=knee=0:40",)])
-def test_an_earlier_name_of_an_option_is_understood_with_a_note(run, desired, limits):
-    today, earlier = (
-        run("plan", desired, "--limits-deg", "knee=0:40"),
-        run("plan", desired, *limits),
-    )
-    assert earlier.stdout == today.stdout != ""
-    note = "--limits is called --limits-deg now; the next release no longer takes --limits"
-    assert (note in earlier.stderr, note in today.stderr) == (True, False)
-
-
 def test_a_path_whose_ends_are_far_apart_is_a_motion_from_rest_unless_it_shall_repeat(
     run, tmp_path
 ):

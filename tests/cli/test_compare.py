@@ -13,9 +13,8 @@ import planner
 from planner.evaluation import cross_check as cross_check_module
 from planner.exceptions import InvalidInput
 from planner.files.joint_model import models_text
-from planner.files.paths import read_joint_path, write_joint_path
+from planner.files.paths import write_joint_path
 from planner.model.joint import JointModel
-from tests.parallel.work import at_work_on
 
 JOINT = JointModel.ers210a()
 SVG = "{http://www.w3.org/2000/svg}"
@@ -115,37 +114,11 @@ def test_plans_that_fail_their_checks_are_shown_and_end_with_status_1(run, desir
         assert sum(" NO " in line for line in result.stdout.splitlines()) == 4
 
 
-@pytest.mark.usefixtures("undrawn")
-def test_the_folder_holds_what_the_plans_are_and_can_be_written_again(run, desired, tmp_path):
-    for _ in range(2):
-        assert run("compare", desired, "--out", "found").exit_code == 0
-    folder = tmp_path / "found"
-    document = json.loads((folder / "results.json").read_text())
-    assert sorted(document["files"]) == sorted(
-        file.name for file in folder.iterdir() if file.name != "results.json"
-    )
-    for method, plan in document["joints"]["knee"]["methods"].items():
-        written = read_joint_path(folder / f"requests_{method}.csv", joints=["knee"]).angles[:, 0]
-        assert np.degrees(written) == pytest.approx(plan["requests_deg"], abs=1e-9)
-    assert {"comparison.png", "comparison.svg"} <= set(document["files"])
-
-
 def test_a_page_of_a_comparison_links_to_the_files_beside_it(run, brief, tmp_path):
     asked = ("compare", brief, "--joint", "hip", "--segments", "4", "--level", "slope")
     page = ("--report", "page.html")
-    result = run(*asked, *page, "--out", "found", "--figure", "plans.png")
+    result = run(*asked, *page, "--figure", "plans.png")
     assert result.exit_code == 0, result.stderr
     page = (tmp_path / "page.html").read_text()
-    for file in ("plans.png", *(f"found/{each.name}" for each in (tmp_path / "found").iterdir())):
-        assert f'href="{file}"' in page
+    assert 'href="plans.png"' in page
     assert "<dt>bounds up to</dt><dd>slope</dd>" in page
-
-
-def test_a_folder_at_which_another_command_is_at_work_is_refused_before_anything_is_compared(
-    run, brief, tmp_path, monkeypatch
-):
-    monkeypatch.setattr("planner.evaluation.cross_check.cross_check", None)
-    with at_work_on(tmp_path / "found"):
-        result = run("compare", brief, "--out", "found")
-    assert result.exit_code == 2
-    assert "found: another command is at work on it" in result.stderr

@@ -46,7 +46,7 @@ def test_one_recording_of_a_minute_is_proposed_with_what_each_part_determines(ru
 
 
 def test_a_signal_that_is_too_small_says_what_it_leaves_open(run):
-    small = ("--limits-deg", "-2", "2", "--duration-s", "8", "--rate-hz", "50")
+    small = ("--limits-deg", "-2:2", "--duration-s", "8", "--rate-hz", "50")
     lines = run("excite", "--kind", "multisine", *small).stderr.splitlines()
     assert "would not determine top speed v_max, threshold theta_0" in lines[0]
     (top_speed,) = [line for line in lines if line.startswith("top speed")]

@@ -116,28 +116,6 @@ def test_a_simulation_says_that_its_load_was_not_tested(run, folder):
         assert joint["untested"] == untested
 
 
-def test_the_scene_of_a_run_moves_under_its_load(run, folder, monkeypatch):
-    shown = []
-    monkeypatch.setattr("planner.cli.run_file.scene_page", lambda _, each, **__: shown.append(each))
-    monkeypatch.setattr("planner.cli.run_file.write_text", lambda *_: None)
-    write_joint_path("l.csv", ["pendulum"], DESIRED, period=SOFT.period, loads=0.5 + 0.0 * DESIRED)
-    (folder / "it.toml").write_text(
-        "[leg]\nurdf = 'pendulum.urdf'\nbase = 'base'\nfoot = 'tip'\n[path]\nfile = 'l.csv'\n"
-        "[plan]\nload = 'column'\n[model]\nfile = 'soft.toml'\n[output]\nscene = 'scene.html'\n"
-    )
-    result = run("run", "it.toml")
-    assert shown, result.stderr
-    ((_, direct, _),) = shown
-    expected = planner.simulate(SOFT, DESIRED[:, 0], load=0.5)
-    np.testing.assert_allclose(direct.angles[:, 0], expected, rtol=0.0, atol=1e-9)
-    heads = {
-        name: (folder / "it" / f"{name}.csv").read_text().splitlines()[0]
-        for name in ("requests", "angles", "desired")
-    }
-    assert "pendulum_load_Nm" in heads.pop("requests")  # what simulate needs again
-    assert not any("load" in head for head in heads.values())
-
-
 @pytest.fixture
 def swing(folder):
     """A recording of the pendulum, whose joint has another name than in the URDF."""

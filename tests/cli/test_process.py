@@ -63,7 +63,7 @@ def test_the_commands_are_programs_for_pipes(tmp_path):
         f"#!{sys.executable} -P\nfrom planner.cli import main\n\nmain()\n", encoding="utf-8"
     )
     script.chmod(0o755)
-    piped = "request-planner excite --limits-deg -9 9 | request-planner simulate - > angles.csv"
+    piped = "request-planner excite --limits-deg -9:9 | request-planner simulate - > angles.csv"
     done = subprocess.run(
         ["bash", "-euo", "pipefail", "-c", piped],
         cwd=tmp_path,

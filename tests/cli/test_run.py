@@ -246,32 +246,6 @@ def test_exports_are_those_of_export(run, write, tmp_path):
     assert result.stderr.count("deg.csv: 88 rows of a, b at 125 Hz, 0.704 s") == 1
 
 
-def test_a_comparison_is_that_of_compare(run, write, brief, tmp_path):
-    content = JOINTS.replace("desired", "brief") + 'joints = ["knee"]\n'
-    result = run("run", write(content + '[output]\ncomparison = true\nlevel = "slope"\n'))
-    assert result.exit_code == 0, result.stderr
-    own = json.loads((tmp_path / "it" / "comparison.json").read_text())
-    other = json.loads(
-        run("compare", brief, "--joint", "knee", "--level", "slope", "--json").stdout
-    )
-    assert own == {key: value for key, value in other.items() if key in own}
-    assert (tmp_path / "it" / "comparison.svg").read_text().startswith("<?xml")
-
-
-def test_a_comparison_that_fails_a_check_is_status_1_like_a_missed_tolerance(
-    run, write, brief, monkeypatch
-):
-    monkeypatch.setattr("planner.evaluation.checks.Check.passed", False)
-    content = JOINTS.replace("desired", brief.stem) + "[output]\ncomparison = true\n"
-    result = run("run", write(f'{content}level = "slope"\n[tolerance]\ndeg = 1e-6\n'))
-    assert result.exit_code == 1
-    last = result.stderr.splitlines()[-1]
-    assert last.startswith("request-planner: hip is off by")
-    assert last.count(" is off by ") == 2
-    assert "; failed: 0 of " in last
-    assert last.endswith("; the files are written all the same")
-
-
 def test_advice_of_the_library_is_told_as_keys(run, write, desired, monkeypatch):
     def fails(*_, **__):
         raise NoSteadyCycle(0.1, 3)
@@ -282,28 +256,17 @@ def test_advice_of_the_library_is_told_as_keys(run, write, desired, monkeypatch)
     assert result.stderr.endswith("or simulate from rest (plan.cyclic = false)\n")
 
 
-def test_a_scene_without_its_extra_is_refused_before_anything_is_planned(
-    run, write, foot, monkeypatch
-):
-    monkeypatch.setitem(sys.modules, "meshcat", None)
-    leg = f'[leg]\nname = "front-left"\n[path]\nfile = "{foot.name}"\n'
-    result = run("run", write(f'{leg}[output]\nscene = "a.html"\n'), "--check")
-    assert result.exit_code == 2
-    assert "the view in Meshcat needs the extra 'meshcat'" in result.stderr
-
-
 def test_pages_link_to_all_files_and_only_requests_carry_the_load(run, write, foot, tmp_path):
-    pytest.importorskip("meshcat", reason="needs the extra 'meshcat'")
     content = (
         f'[leg]\nname = "front-left"\n[path]\nfile = "{foot.name}"\n'
         f'[plan]\nmethod = "closed-form"\nload = "urdf"\n[model.parameters]\n{SERVO}'
-        'compliance = 0.3\n[output]\nscene = "pages/leg.html"\nreport = "pages/plan.html"\n'
+        'compliance = 0.3\n[output]\nreport = "pages/plan.html"\n'
         'desired = ""\n[tolerance]\ncm = 1e-4\n[[export]]\nformat = "csv"\nfile = "arm/sent.csv"\n'
     )
     result = run("run", write(content))
     assert result.exit_code == 1, result.stderr
     folder = tmp_path / "it"
-    files = ["angles.csv", "arm/sent.csv", "foot.csv", "pages/leg.html", "pages/plan.html"]
+    files = ["angles.csv", "arm/sent.csv", "foot.csv", "pages/plan.html"]
     assert results(folder)["files"] == [*files, "requests.csv"]
     page = (folder / "pages" / "plan.html").read_text(encoding="utf-8")
     links = set(re.findall(r'<a href="([^"#]+)"', page))
@@ -311,12 +274,9 @@ def test_pages_link_to_all_files_and_only_requests_carry_the_load(run, write, fo
         "../../foot.csv",
         "../../it.toml",
         *(f"../{name}" for name in (*files[:3], "requests.csv", "results.json")),
-        "leg.html",
     }
     assert "the foot is off by" in page
     assert page.count("expected at most 0.0001") >= 1
-    scene = (folder / "pages" / "leg.html").read_text(encoding="utf-8")
-    assert "<title>request-planner: front-left</title>" in scene
     heads = {
         name: (folder / f"{name}.csv").read_text().partition("\n")[0]
         for name in ("requests", "angles")

@@ -132,23 +132,13 @@ def test_a_setting_has_an_effect_with_the_choices_that_its_help_begins_with(tabl
             assert without == [each for each in choices if each not in named]
 
 
-def test_every_option_that_is_a_setting_is_one_of_a_command_and_keeps_its_earlier_names():
-    context, names, earlier = click.Context(cli), set(), {}
+def test_every_option_that_is_a_setting_is_one_of_a_command():
+    context, names = click.Context(cli), set()
     for command in COMMANDS:
         for parameter in cli.get_command(context, command).params:
             names.update(parameter.opts)
-            for name in getattr(parameter, "earlier", ()):
-                earlier.setdefault(f"{name} {parameter.opts[-1]}", []).append(command)
     for setting in SETTINGS.values():
         assert setting.option.partition("/")[0] in names
-    assert earlier == {
-        "--limits --limits-deg": ["compare", "plan", "refine", "replay"],
-        "--length --half-stroke": ["gait"],
-        "--out --output": ["identify"],
-        "--start --start-deg": ["plan", "refine", "simulate"],
-        "--start --begin-s": ["replay"],
-        "--end --end-s": ["replay"],
-    }
 
 
 def test_the_half_ellipse_has_the_parameters_of_the_library():

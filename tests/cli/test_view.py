@@ -1,4 +1,4 @@
-"""The view at the command line: a page, or a server that nobody needs to look at."""
+"""The view at the command line: a page."""
 
 from __future__ import annotations
 
@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 
 import planner
-from planner.cli import view
 from planner.files.paths import read_foot_path, read_joint_path, write_foot_path, write_joint_path
 from planner.model.evidence import Evidence
 from planner.report import scene as report
-from planner.report.scene import Recording
 
 SAME = 1e-9
 """Files carry 12 decimals of a degree, and a joint's answer does not magnify that much [rad, m]."""
@@ -102,33 +100,45 @@ def test_a_foot_path_is_planned_for_the_foot_unless_another_method_is_named(
         raise KeyboardInterrupt
 
     monkeypatch.setattr("planner.cli.planning.plan_of", plan_of)
-    assert run("view", *asked.split(), "--leg", "front-left").exit_code == 130
+    asked = (*asked.split(), "--leg", "front-left", "--html", "page.html")
+    assert run("view", *asked).exit_code == 130
     assert planned == [method]
 
 
-@pytest.mark.parametrize("option", [[], ["--open"], ["--no-open"]])
-def test_the_server_is_fed_and_ends_with_ctrl_c(run, foot, meshcat, monkeypatch, option):
-    window, opened = Recording(), []
-    window.open = lambda: opened.append(window)
-    viewer = meshcat.Visualizer(window=window)
+WRONG = {
+    "no leg": (
+        ["desired.csv"],
+        "name the leg with --leg. See 'request-planner view --help'.",
+    ),
+    "some of the joints": (
+        ["some.csv", "--leg", "reference"],
+        "some.csv: got joints knee, expected those of the leg: rotator, abductor, knee. "
+        "See 'request-planner view --help'.",
+    ),
+    "requests at another rate": (
+        ["foot.csv", "--leg", "front-left", "--requests", "slow.csv"],
+        "slow.csv: one sample every 0.02 s, expected one every 0.008 s, the time between requests; "
+        "plan with --rate-hz 125 to resample the path, or with --rate-hz 50 to send as many "
+        "requests, or set tick and hold in the model",
+    ),
+    "requests of another path": (
+        ["foot.csv", "--leg", "front-left", "--requests", "short.csv"],
+        "short.csv: got 2 requests, expected 88, one for each sample of the desired path; name the "
+        "path for which they were planned",
+    ),
+}
 
-    def visualizer():
-        print("You can open the visualizer")  # as Meshcat does
-        return viewer
 
-    monkeypatch.setattr(meshcat, "Visualizer", visualizer)
-    monkeypatch.setattr(report, "import_meshcat", lambda: meshcat)
-
-    def interrupted(_):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(view.time, "sleep", interrupted)
-    result = run("view", foot, "--leg", "front-left", "--method", "closed-form", *option)
-    assert result.exit_code == 130
-    assert opened == ([] if option == ["--no-open"] else [window])
-    assert result.stdout == ""
-    assert "You can open the visualizer" in result.stderr
-    assert len(window.commands) > 50
+@pytest.mark.parametrize(("arguments", "message"), WRONG.values(), ids=WRONG)
+@pytest.mark.usefixtures("meshcat", "foot", "desired")
+def test_wrong_input_is_one_line_and_status_2(run, tmp_path, arguments, message):
+    (tmp_path / "some.csv").write_text("knee_deg\n1\n2\n")
+    joints = ",".join(f"front_left_{name}_deg" for name in ("rotator", "abductor", "knee"))
+    (tmp_path / "short.csv").write_text(f"{joints}\n1,2,3\n1,2,3\n")
+    (tmp_path / "slow.csv").write_text(f"t_s,{joints}\n0,1,2,3\n0.02,1,2,3\n0.04,1,2,3\n")
+    result = run("view", *arguments, "--html", "page.html")
+    assert result.exit_code == 2
+    assert result.stderr == f"request-planner: {message}\n"
 
 
 def test_what_is_not_installed_is_named(run, foot, monkeypatch):

@@ -75,14 +75,15 @@ CASES = {
     "check-named": f"check {ARM} --duration-s 4 --joint hip",
     "compare-json": "compare path.csv --limits-deg -30:40 --json",
     "compare-norm": "compare path.csv --joint hip --norm max --level slope --no-cyclic",
-    "compare-page": f"compare short_stride.csv {CLAMPED} --segments 5 --out found",
+    "compare-page": f"compare short_stride.csv {CLAMPED} --segments 5 --report page.html "
+    "--figure page.png",
     "completion-bash": "completion bash",
     "completion-fish": "completion fish",
     "completion-zsh": "completion zsh",
-    "excite-log": "excite --limits-deg -20 20 --duration-s 4 -o out.csv --expected-log out_log.csv",
-    "excite-random": "excite --limits-deg -20 30 --kind random-steps --duration-s 3 --joint knee "
+    "excite-log": "excite --limits-deg -20:20 --duration-s 4 -o out.csv --expected-log out_log.csv",
+    "excite-random": "excite --limits-deg -20:30 --kind random-steps --duration-s 3 --joint knee "
     "--model joint.toml --rate-hz 125 --seed 3 --json",
-    "excite-triangle": "excite --limits-deg -20 20 --kind triangle --duration-s 4",
+    "excite-triangle": "excite --limits-deg -20:20 --kind triangle --duration-s 4",
     "excite-wrong": [
         *(
             f"excite --limits-deg -20:20 {each}"
@@ -93,7 +94,7 @@ CASES = {
                 "--resolution-deg 1e-12",
             )
         ),
-        "excite --limits-deg -20 10 --kind random-steps --resolution-deg 0 --rate-hz 10 --seed 2",
+        "excite --limits-deg -20:10 --kind random-steps --resolution-deg 0 --rate-hz 10 --seed 2",
     ],
     "export-csv": "export requests.csv --format csv --unit ticks --zero-tick knee=100 --cycles 2",
     "export-folders": [

@@ -207,7 +207,7 @@ HOSTILE = {
     ),
     "an excitation without end": (
         lambda folder: folder,
-        ("excite", "--limits-deg", "-10", "10", "--kind", "chirp", "--duration-s", "1e15"),
+        ("excite", "--limits-deg", "-10:10", "--kind", "chirp", "--duration-s", "1e15"),
         "",
     ),
     "episodes without end": (

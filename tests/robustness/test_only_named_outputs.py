@@ -25,9 +25,9 @@ WRITING = {
     "fit": ["fit", "desired.csv", "--joint", "knee", "--segments", "4", "-o", "out/a.csv"],
     "simulate": ["simulate", "desired.csv", "-o", "out/a.csv"],
     "identify": ["identify", "log.csv", "-o", "out/a.toml", "--report", "out/a.html"],
-    "compare": ["compare", "desired.csv", "--joint", "knee", "--out", "out/results"],
+    "compare": ["compare", "desired.csv", "--joint", "knee", "--report", "out/a.html"],
     "export": ["export", "desired.csv", "--format", "csv", "-o", "out/a.csv"],
-    "excite": ["excite", "--limits-deg", "-9", "9", "--duration-s", "4", "-o", "out/a.csv"],
+    "excite": ["excite", "--limits-deg", "-9:9", "--duration-s", "4", "-o", "out/a.csv"],
     "gait": ["gait", "-o", "out/a.csv"],
     "run": ["run", "run.toml", "--out", "out/results"],
 }

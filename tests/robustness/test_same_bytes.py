@@ -17,10 +17,10 @@ COMMANDS = {
     ],
     "fit": ["fit", "desired.csv", "--max-rms", "2"],
     "identify": ["identify", "log.csv", "--hold", "1"],
-    "excite": ["excite", "--limits-deg", "-9", "9", "--duration-s", "4"],
+    "excite": ["excite", "--limits-deg", "-9:9", "--duration-s", "4"],
     "compare": ["compare", "desired.csv", "--joint", "knee", "--segments", "4"],
 }
-"""All plans, bounds, pictures and pages that the commands make, in a file or a folder."""
+"""Plans, bounds and pages that the commands make, in a file."""
 
 
 @pytest.fixture(scope="module")
@@ -31,22 +31,15 @@ def other_world():
     other.close()
 
 
-def _files(place):
-    """What a file holds, or every file of a folder."""
-    files = [file for file in place.rglob("*") if file.is_file()] or [place]
-    return {str(file.relative_to(place)): file.read_bytes() for file in files}
-
-
 @pytest.mark.parametrize("name", COMMANDS)
 def test_threads_and_seeds_change_no_byte(name, tmp_path, monkeypatch, other_world):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "desired.csv").write_text(PATH)
     (tmp_path / "log.csv").write_text(LOG)
     CliRunner().invoke(cli, ["gait", "--samples", "12", "-o", "foot.csv"], catch_exceptions=False)
-    arguments = [*COMMANDS[name], "--out" if name == "compare" else "-o", "out"]
+    arguments = [*COMMANDS[name], "--report" if name == "compare" else "-o", "out"]
     here = CliRunner().invoke(cli, arguments, catch_exceptions=False)
-    first = _files((tmp_path / "out").rename(tmp_path / "first"))
+    first = (tmp_path / "out").read_bytes()
     there = other_world.run(tmp_path, *arguments)
     assert (here.exit_code, here.stdout) == (there.returncode, there.stdout), there.stderr
-    assert first == _files(tmp_path / "out")
-    assert all(first.values())
+    assert first == (tmp_path / "out").read_bytes() != b""
