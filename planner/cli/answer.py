@@ -277,15 +277,7 @@ def plan_report(
     page: Path | str,
     written: Written = (),
 ) -> str:
-    """The page about a plan, as HTML.
-
-    Args:
-        prepared: The settings and the desired path.
-        plan: The plan.
-        missed: Tolerances that the plan misses.
-        page: The file of the page.
-        written: Other files to link to: title and path of each.
-    """
+    """The page about a plan, as HTML, with links to ``written``: title and path of each file."""
     from planner.report.page import sources_of
     from planner.report.plan import plan_page
 

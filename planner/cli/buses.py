@@ -41,11 +41,7 @@ def _bus(text: str) -> str:
 
 
 def bus_options(*, required: bool = False) -> Callable[[Command], Command]:
-    """Give a command the options that :func:`open_bus` takes.
-
-    Args:
-        required: Whether ``--bus`` is required, as no model file names the bus.
-    """
+    """Give a command the options that :func:`open_bus` takes; ``required``: a bus."""
     bus_type = types.Parsed(
         _bus,
         f"{', '.join(BUSES[:-1])}, lerobot:ROBOT such as lerobot:{ROBOT}, or virtual:KIND with one "
@@ -117,12 +113,7 @@ def ids_type() -> click.ParamType:  # type: ignore[type-arg]  # generic from cli
 
 @contextmanager
 def open_bus(choices: Mapping[str, Any], ids: Mapping[str, int]) -> Iterator[Bus]:
-    """The bus that the options name, in the block; a virtual one has servos 1 to the largest.
-
-    Raises:
-        click.UsageError: A port is missing, or has no effect.
-        BusError: It cannot be opened.
-    """
+    """The bus that the options name, in the block; a virtual one has servos 1 to the largest."""
     from planner.robot.bus import Bus, SerialPort
     from planner.robot.protocols import PROTOCOLS
 
@@ -154,12 +145,7 @@ def open_bus(choices: Mapping[str, Any], ids: Mapping[str, int]) -> Iterator[Bus
 
 @contextmanager
 def open_arm(choices: Mapping[str, Any], servos: Mapping[str, Servo], model: str) -> Iterator[Arm]:
-    """The joints on the bus that the options name, or else the model file, in the block.
-
-    Raises:
-        click.UsageError: Neither does.
-        InvalidFile: The model file names no bus.
-    """
+    """The joints on the bus that the options name, or else the model file, in the block."""
     from planner.files.robot import read_bus
     from planner.robot.arm import Arm
 

@@ -101,14 +101,9 @@ def deliver(
     output: str,
     as_json: bool,
 ) -> None:
-    """Write and print a command's answer.
+    """Write a command's answer as CSV, and print it as JSON or in a few words.
 
-    Args:
-        document: The answer for machines.
-        summary: The answer in a few words for people, for standard error.
-        write: Writes the CSV to a file.
-        output: That file; ``-`` is standard output, which JSON takes for itself.
-        as_json: Whether to print JSON.
+    Standard output as ``output``, ``-``, is taken by JSON alone.
     """
     if not as_json or output != "-":
         write(output)
@@ -239,11 +234,8 @@ class Progress:
     ) -> None:
         """Find out whether standard error is a terminal.
 
-        Args:
-            count: The number of steps; with 0 there is no bar and no remaining time.
-            parallel: Whether many steps go on at once: each is then reported when it is finished,
-                and the line is drawn twice a second.
-            clock: Returns the time [s].
+        With a ``count`` of steps there are a bar and a remaining time. Of ``parallel`` steps each
+        is reported when it is finished, and the line is drawn twice a second.
         """
         on_terminal = sys.stderr is not None and sys.stderr.isatty()
         self._visible = on_terminal and verbosity() != "quiet"

@@ -154,11 +154,7 @@ class Settings:
     """The keys that a file or the command line has set."""
 
     def __init_subclass__(cls, *, optional: type[Settings] | None = None) -> None:
-        """Make a dataclass of the annotations, and keep what they declare.
-
-        Args:
-            optional: Another table, whose keys are added at the end; all are optional.
-        """
+        """Make a dataclass of the annotations; the keys of ``optional`` are added at the end."""
         for name, key in () if optional is None else optional.keys.items():
             cls.__annotations__[name] = key.annotation | None
             example = key.default if key.example is None else key.example
@@ -187,14 +183,9 @@ class Settings:
 
     @classmethod
     def of(cls, content: Mapping[str, Any], *, standard_input: bool = False) -> Self:
-        """Settings from the values in a file or on a command line.
+        """Settings from values by key and table, or :class:`Unfit`.
 
-        Args:
-            content: Values by key and table.
-            standard_input: Whether ``-`` may name a file to read.
-
-        Raises:
-            Unfit: An unknown or missing key, or a value that is not of its kind.
+        ``standard_input``: whether ``-`` may name a file to read.
         """
         return cls._at((), content, _Reading(cls, standard_input))
 
@@ -260,11 +251,7 @@ class Unfit(ValueError):
 
 
 def understand(file: Toml, cls: type[AnySettings]) -> AnySettings:
-    """Check a file against the declared tables.
-
-    Raises:
-        InvalidFile: An unknown or missing key, or a value that is not of its kind.
-    """
+    """Check a file against the declared tables."""
     try:
         return cls.of(file.content)
     except Unfit as error:
@@ -387,11 +374,7 @@ def _checked_value(annotation: Any, value: Any, place: Place, reading: _Reading)
 
 
 def fitted(annotation: Any, value: Any) -> Any:
-    """A value of a type and with its annotations.
-
-    Raises:
-        ValueError: It does not fit; the message may hold a hint.
-    """
+    """A value of a type with annotations; ValueError, perhaps with a hint, if it does not fit."""
     base, notes = _unwrapped(annotation)
     origin, inner = get_origin(base), get_args(base)
     if origin is Literal:

@@ -123,11 +123,7 @@ class Desired:
 
 
 def find_leg(leg: settings.Leg, folder: str = "") -> LegPlace | None:
-    """The description of the leg; None if the settings name no leg.
-
-    Raises:
-        BadSetting: The settings contradict each other or do not suffice.
-    """
+    """The description of the leg; None if the settings name no leg."""
     near = None if leg.near is None else in_radians(leg.near)
     urdf, base, foot, lock = (Key(f"leg.{key}") for key in ("urdf", "base", "foot", "lock"))
     is_described = leg.base or leg.foot or leg.lock or leg.lock_m
@@ -153,11 +149,7 @@ def find_leg(leg: settings.Leg, folder: str = "") -> LegPlace | None:
 
 
 def load_leg(place: LegPlace | None) -> Leg | None:
-    """The leg of a description.
-
-    Raises:
-        KinematicsError: The URDF has no such leg.
-    """
+    """The leg of a description."""
     if place is None:
         return None
     from kinematics import Leg
@@ -210,13 +202,7 @@ def leg_title(leg: settings.Leg) -> str:
 
 
 def desired_of(run: settings.Run, leg: Leg | None, folder: str = "") -> Desired:
-    """The desired motion: joint angles of a file, or a foot path by inverse kinematics.
-
-    Raises:
-        BadSetting: No path, two paths, or a foot path without a leg.
-        InvalidFile: The file holds no path, or its rate is not the models'.
-        KinematicsError: The leg cannot reach the path.
-    """
+    """The desired motion: joint angles of a file, or a foot path by inverse kinematics."""
     path = run.path
     if path.half_ellipse is not None:
         if path.file is not None or path.joints:
@@ -314,11 +300,7 @@ def _small(path: JointPath) -> tuple[Remark, ...]:
 
 
 def load_joints(file: str, run: settings.Run) -> Desired:
-    """Read a joint path whose rate is that of the models.
-
-    Raises:
-        InvalidFile: The file holds no joint path, or its rate is not the models'.
-    """
+    """Read a joint path whose rate is that of the models."""
     table = path_table(file)
     if is_foot_path(table):
         raise InvalidFile(file, "a foot path, expected columns <joint>_deg or <joint>_rad")
@@ -347,11 +329,7 @@ def refused_models(names: Sequence[str], models: Sequence[JointModel]) -> tuple[
 
 
 def check_angles(names: Sequence[str], units: Sequence[str] | None) -> None:
-    """Refuse joints in shares of their range where angles are needed.
-
-    Raises:
-        BadSetting: The message names the first.
-    """
+    """Refuse joints in shares of their range where angles are needed."""
     for name, unit in zip(names, units or (), strict=units is not None):
         if unit in SHARES:
             joints = Key("path.joints")
@@ -386,11 +364,7 @@ def _model_of_shares(model: JointModel) -> JointModel:
 
 
 def limits_of(limits: settings.Limits, desired: Desired) -> Limits:
-    """Limits of the requests by joint [rad]: the settings' limits, else the leg's.
-
-    Raises:
-        BadSetting: They name a joint that is not planned.
-    """
+    """Limits of the requests by joint [rad]: the settings' limits, else the leg's."""
     check_joints("limits.joints", limits.joints, desired.names)
     common = {} if limits.deg is None else dict.fromkeys(desired.names, limits.deg)
     user_limits = {
@@ -402,11 +376,7 @@ def limits_of(limits: settings.Limits, desired: Desired) -> Limits:
 
 
 def starts_of(start: settings.Start, joints: Sequence[str], *, cyclic: bool) -> Mapping[str, float]:
-    """Rest angles of joints before a path that does not repeat, by joint [rad].
-
-    Raises:
-        BadSetting: The path repeats, or a joint is not in it.
-    """
+    """Rest angles of joints before a path that does not repeat, by joint [rad]."""
     if cyclic and (start.deg is not None or start.joints):
         raise BadSetting(
             Key("start.deg"), ": a cycle has no start; add ", Key("plan.cyclic", False)
@@ -458,12 +428,7 @@ def _from_foot(points: FootPath, run: settings.Run, leg: Leg, folder: str) -> De
 
 
 def repeats(rows: Array, cyclic: bool | None) -> tuple[bool, tuple[Remark, ...]]:
-    """Whether a path repeats, and a remark if its ends have decided that.
-
-    Args:
-        rows: Angles or positions, shape (n, k).
-        cyclic: The setting; None if it is not set.
-    """
+    """Whether a path of these rows (n, k) repeats, and a remark if its ends have decided that."""
     if cyclic is not None:
         return cyclic, ()
     steps = np.abs(np.diff(rows, axis=0)).max(axis=0)

@@ -140,11 +140,7 @@ COUNTED = ("ticks", "us")
 
 
 def check_export(export: Export) -> None:
-    """Refuse settings that have no effect on the format.
-
-    Raises:
-        BadSetting: The message says which.
-    """
+    """Refuse settings that have no effect on the format."""
     chosen = Key("export.format", export.format)
     for name, formats in export.without_effect(export.format).items():
         parts = (Key(f"export.{name}"), " has no effect on ", chosen)
@@ -173,11 +169,7 @@ def rows_of(export: Export, schedule: Schedule) -> tuple[Schedule, int]:
 
 
 def check_rows(export: Export, rows: Schedule) -> None:
-    """Refuse rows that the format cannot hold, as far as that does not depend on the angles.
-
-    Raises:
-        InvalidInput: The message says why, or which extra is missing.
-    """
+    """Refuse rows that the format cannot hold, as far as that does not depend on the angles."""
     from planner.files.exports import TOPIC, check_format
 
     check_format(

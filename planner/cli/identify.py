@@ -156,11 +156,7 @@ def identify(
 
 
 def _tables(output: str) -> list[str]:
-    """The joints with tables in the model file that is replaced.
-
-    Raises:
-        InvalidFile: There is a file, but no valid model file.
-    """
+    """The joints with tables in the model file that is replaced."""
     from planner.files.joint_model import has_content, read_model_file
 
     try:
@@ -171,11 +167,7 @@ def _tables(output: str) -> list[str]:
 
 
 def to_log_options(choices: Mapping[str, Any]) -> LogOptions:
-    """The options about logs among a command's options.
-
-    Raises:
-        InvalidInput: An option has an invalid value.
-    """
+    """The options about logs among a command's options."""
     from planner.files.logs.make_log import LogOptions
 
     return LogOptions(**{each.name: choices[each.name] for each in fields(LogOptions)})

@@ -126,11 +126,7 @@ class Refined:
 
 
 def read_executed(path: str, prepared: Prepared) -> Array:
-    """The requests that were executed [rad], (n, k): a file that ``plan`` or ``refine`` wrote.
-
-    Raises:
-        InvalidFile: They do not match the desired path.
-    """
+    """The requests that were executed [rad], (n, k): a file that ``plan`` or ``refine`` wrote."""
     desired = prepared.desired
     request_path = read_joint_path(path, joints=desired.names)
     _check_rate(path, request_path.step, desired.period)
@@ -150,16 +146,7 @@ def _check_rate(path: str, step: float, period: float) -> None:
 
 
 def read_measured(paths: Sequence[str], prepared: Prepared, *, cycles: int | None) -> Measured:
-    """Measured angles of the joints that are in all files.
-
-    Args:
-        paths: Joint paths; each begins at the beginning of a cycle.
-        prepared: The desired path.
-        cycles: Cycles to use of all files together; None for all.
-
-    Raises:
-        InvalidFile: Rows are missing, or at another rate, or no joint was measured.
-    """
+    """Measured angles of the joints that are in all files, which begin at the start of a cycle."""
     desired, blocks, unused_rows = prepared.desired, [], 0
     samples = len(desired.angles)
     tables = [_of_a_path(read_table(path), desired.names) for path in paths]
@@ -218,9 +205,6 @@ def _a_row_each(table: Table, log: JointPath, period: float) -> Array:
     A row belongs to the request that is whole periods after that of the row before. The time of a
     request is the mean of those of the rows around it: a clock's jitter is not learnt, and a loop
     that falls behind keeps its rows.
-
-    Raises:
-        InvalidFile: The rows are at another rate, or have a hole.
     """
     if log.times is None:
         return log.angles
@@ -245,13 +229,9 @@ def _a_row_each(table: Table, log: JointPath, period: float) -> Array:
 def executed_plans(
     prepared: Prepared, requests: Array, *, by_joint: bool = False
 ) -> dict[str, Plan]:
-    """The plans whose requests were executed, planned by any method.
+    """The plans whose requests [rad], (n, k), were executed, planned by any method.
 
-    Args:
-        prepared: The desired path of the joints or the foot.
-        requests: The executed requests [rad], (n, k).
-        by_joint: Whether each joint of a plan for the foot is to follow its predicted angles in
-            that plan.
+    ``by_joint``: each joint of a plan for the foot is to follow its predicted angles in that plan.
     """
     plan_settings, desired, load = prepared.settings.plan, prepared.desired, prepared.load
     of_foot = plan_settings.method == "foot-optimal"
@@ -285,16 +265,9 @@ def refined(
     reidentify: bool,
     progress: Callable[[str], None] = lambda _: None,
 ) -> Refined:
-    """The next requests.
+    """The next requests; those of joints that were not measured stay as they are.
 
-    Args:
-        prepared: The desired path of the joints or the foot.
-        executed: Requests [rad], (n, k).
-        measured: The angles measured meanwhile; the plans of other joints stay as they are.
-        history: The file with the earlier trials, which need not exist; None for no history.
-        sensor_delay: Delay of the sensors [s]; None to estimate it.
-        reidentify: Whether models may be identified anew.
-        progress: Called with the name of each joint.
+    A ``history`` need not exist yet; a ``sensor_delay`` [s] of None is estimated.
     """
     names = prepared.desired.names
     plans = executed_plans(prepared, executed, by_joint=measured.names != names)

@@ -30,19 +30,7 @@ def models_of(
     *,
     rate_hz: float | None = None,
 ) -> tuple[JointModel, ...]:
-    """One model per joint, all with the same time between requests.
-
-    Args:
-        model: The settings.
-        joints: The joints.
-        leg: Their leg, whose description may have their top speeds.
-        folder: The folder from which files are named.
-        rate_hz: Requests per second; by default the models' rate.
-
-    Raises:
-        BadSetting: The settings contradict each other, or describe no joint.
-        InvalidFile: A file is unusable, or its joints are requested at different rates.
-    """
+    """One model per joint, all with the same time between requests, by default the models' own."""
     check_joints("model.joints", model.joints, joints)
     own = model.joints
     without_file = [joint for joint in joints if joint not in own or own[joint].file is None]
@@ -89,11 +77,7 @@ def beside(folder: str, name: str) -> str:
 
 
 def check_joints(key: str, by_joint: Mapping[str, object], joints: Sequence[str]) -> None:
-    """Make sure that settings of single joints are about joints of the path.
-
-    Raises:
-        BadSetting: A joint is not in the path.
-    """
+    """Make sure that settings of single joints are about joints of the path."""
     for joint in by_joint:
         if joint not in joints:
             raise BadSetting(
@@ -188,12 +172,7 @@ def joint_models(
     recordings: Sequence[Recording],
     progress: Callable[[str], None],
 ) -> JointModels:
-    """The models that the settings name, or models identified from the recordings.
-
-    Raises:
-        BadSetting: No model is named, or a joint that is not there.
-        InvalidInput: The models cannot be read, or none can be identified.
-    """
+    """The models that the settings name, or models identified from the recordings."""
     key = Key("model.file")
     if model.file == settings.SHIPPED_MODEL and "file" not in model.keys_set:
         raise BadSetting(

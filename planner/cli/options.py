@@ -93,12 +93,8 @@ def settings(*keys: str, **helps: str) -> Callable[[Command], Command]:
     """Give a command options that are settings, and hand them to it as ``run``, a typed Run.
 
     An argument ``path`` of the command is the file of the path. Settings of a replay are handed to
-    it as ``replay``.
-
-    Args:
-        keys: The settings.
-        helps: Help in place of a setting's own, by the last part of its key, or by the key with
-            underscores.
+    it as ``replay``. A help in ``helps`` takes the place of a setting's own, by the last part of
+    its key, or by the key with underscores.
     """
 
     def decorate(command: Command) -> Command:

@@ -72,13 +72,7 @@ class Prepared:
 
 
 def prepare(run: settings.Run, folder: str = "") -> Prepared:
-    """Load the inputs that the settings name, and check that the method can plan for them.
-
-    Raises:
-        BadSetting: Settings contradict each other or do not suffice.
-        InvalidFile: A file is invalid.
-        KinematicsError: The URDF has no such leg, or the leg cannot reach the path.
-    """
+    """Load the inputs that the settings name, and check that the method can plan for them."""
     prepared = load(run, folder)
     check_settings(run, prepared.desired)
     return prepared
@@ -95,11 +89,7 @@ def load(run: settings.Run, folder: str = "") -> Prepared:
 
 
 def check_settings(run: settings.Run, desired: Desired) -> None:
-    """Refuse settings that do not go with the method or the path.
-
-    Raises:
-        BadSetting: The message says which.
-    """
+    """Refuse settings that do not go with the method or the path."""
     plan_settings, method = run.plan, Key("plan.method", run.plan.method)
     ignored = [f"plan.{name}" for name in plan_settings.without_effect(plan_settings.method)]
     started = run.start.deg is not None or run.start.joints
@@ -140,18 +130,8 @@ def plan_of(
 ) -> Plan:
     """Plan by the chosen method, and check the plan before it is handed over.
 
-    Args:
-        prepared: The settings and their inputs.
-        progress: Called with the name of each part before it is planned.
-        bounded: Whether to compute the lower bound of a plan for the foot, too, which takes longer.
-
-    Returns:
-        The plan; its task also has leg and foot, for a path of a leg's joints, and the limits of a
-        closed form, which ignores them.
-
-    Raises:
-        FailedCheck: The plan failed a check.
-        PlannerError: There is no plan.
+    The plan's task also has leg and foot, for a path of a leg's joints, and the limits of a closed
+    form, which ignores them. The lower bound of a plan for the foot takes longer.
     """
     run, desired, limits = prepared.settings, prepared.desired, prepared.limits
     plan_settings = run.plan
@@ -252,11 +232,7 @@ def misses(run: settings.Run, desired: Desired, plan: Plan) -> list[str]:
 
 
 def task_of(prepared: Prepared) -> Task:
-    """The task of the settings; without the torques of a load that depends on the pose.
-
-    Raises:
-        PlannerError: The settings contradict each other.
-    """
+    """The task of the settings; without the torques of a load that depends on the pose."""
     plan_settings, desired, limits = prepared.settings.plan, prepared.desired, prepared.limits
     options = plan_settings.options(desired.period)
     options |= {
@@ -292,10 +268,6 @@ def load_of(plan: settings.Plan, desired: Desired) -> Load | None:
 
     Of ``urdf-dynamics`` inertia counts along the desired path and gravity in the predicted pose:
     differences of a prediction would not settle.
-
-    Raises:
-        BadSetting: The path or the leg does not have the load, or no joint feels it.
-        KinematicsError: The URDF has no masses.
     """
     if plan.load is None:
         return None
@@ -320,9 +292,6 @@ def with_load(plan: settings.Plan, path: RecordedPath, leg: Leg | None) -> Recor
     """A recording with the load of the settings, or by default the load in its logs.
 
     The leg's joints that are not planned are where they were recorded.
-
-    Raises:
-        BadSetting: The recording or the leg does not have the load, or no joint feels it.
     """
     if plan.load is None:
         return path
@@ -380,16 +349,7 @@ def _load_of_masses(
     period: float,
     cyclic: bool,
 ) -> Callable[[Array], Array]:
-    """Torques on joints by their angles; the leg's other joints follow the desired poses.
-
-    Args:
-        form: Gravity alone, or inertia along the desired path, too.
-        leg: The leg, whose masses count.
-        names: The joints; joints outside the leg carry no load.
-        poses: Desired angles of the leg's joints [rad], shape (n, m).
-        period: Time between poses [s].
-        cyclic: Whether they repeat.
-    """
+    """Torques on joints by their angles; the leg's other joints follow the desired poses."""
     inside = [j for j, name in enumerate(names) if name in leg.joint_names]
     places = [leg.joint_names.index(names[j]) for j in inside]
     gravity = leg.load_torques(poses)

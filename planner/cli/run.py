@@ -71,11 +71,7 @@ def run(*, file: str | None, out: str | None, check: bool, template: bool, as_js
 
 
 def folder_of(file: str, out: str | None, in_file: str | None) -> str:
-    """The folder of the results: that of --out, else that of the file, else one of its name.
-
-    Raises:
-        click.UsageError: No folder is named.
-    """
+    """The folder of the results: that of --out, else that of the file, else one of its name."""
     if out is not None:
         return out
     if in_file is not None:

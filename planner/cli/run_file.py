@@ -42,12 +42,7 @@ ARGUMENTS = {
 
 
 def read_run(path: str) -> tuple[Toml, Prepared]:
-    """Read a run file, or standard input for ``-``, and prepare the plan that it describes.
-
-    Raises:
-        InvalidFile: It is invalid; the message names the place.
-        KinematicsError: The URDF has no such leg, or the leg cannot reach the path.
-    """
+    """Read a run file, or standard input for ``-``, and prepare the plan that it describes."""
     file = read_toml(path, example='method = "optimal"')
     run = understand(file, settings.Run)
     with speaking_of(file):
@@ -62,11 +57,7 @@ def read_run(path: str) -> tuple[Toml, Prepared]:
 
 @contextmanager
 def speaking_of(file: Toml) -> Iterator[None]:
-    """Let errors in settings inside the block name keys and lines of a file.
-
-    Raises:
-        InvalidFile: Settings contradict each other.
-    """
+    """Let errors in settings inside the block name keys and lines of a file."""
     try:
         yield
     except BadSetting as error:

@@ -349,10 +349,8 @@ class Plan(Settings):
     def options(self, period: float, *, units: Mapping[str, float] | None = None) -> dict[str, Any]:
         """The settings of the search, as arguments of :func:`planner.plan`.
 
-        Args:
-            period: Time between requests [s].
-            units: By joint, the number of the settings' degrees in one of the joint's unit; by
-                default all are angles [rad].
+        ``units``: by joint, how many of the settings' degrees are one of the joint's unit; by
+        default all are angles [rad].
         """
         steps = [math.inf if self.max_step_deg is None else self.max_step_deg]
         if self.max_request_speed_deg_s is not None:

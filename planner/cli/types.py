@@ -31,12 +31,7 @@ class Parsed(click.ParamType):  # type: ignore[type-arg]  # generic from click 8
     name = "value"
 
     def __init__(self, parse: Callable[[str], Any], expected: str) -> None:
-        """Keep a function and a description of its values.
-
-        Args:
-            parse: The value of a text; raises ValueError for an invalid text.
-            expected: The expected text, in words, with an example.
-        """
+        """Take a function that raises ValueError, and the expected text in words."""
         self.parse = parse
         self.expected = expected
 
@@ -56,13 +51,7 @@ class ByJoint(Parsed):
     def __init__(
         self, parse: Callable[[str], Any], expected: str, *, all_joints: bool = True
     ) -> None:
-        """Take a function that parses the value; see :class:`Parsed`.
-
-        Args:
-            parse: The value of a text; raises ValueError for an invalid text.
-            expected: The expected text, in words, with an example.
-            all_joints: Whether a value without a name is for all joints.
-        """
+        """Take a function for the value; ``all_joints``: whether a name may be missing."""
 
         def parse_named(text: str) -> tuple[str, Any]:
             joint, equals, value = text.rpartition("=")
@@ -110,11 +99,8 @@ class Place(click.ParamType):  # type: ignore[type-arg]  # generic from click 8.
     ) -> None:
         """Complete to ``file``, which has folders on the way, or ``dir``, and check the name.
 
-        Args:
-            kind: ``file`` or ``dir``.
-            check: Raises for an invalid name.
-            use: A written place must not have another use in the same command; None for a file that
-                may be both input and output.
+        A written place must not have another use in the same command; a ``use`` of None is of a
+        file that may be both input and output.
         """
         self.name = self.kind = kind
         self.check = check

@@ -155,18 +155,9 @@ class Scale(NamedTuple):
 
 
 def scale(name: str, ticks_per_turn: float | None) -> Scale:
-    """The scale of an angle's unit.
+    """The scale of one of :data:`ANGLE_UNITS`; NaN for counts, whose scale is fitted to the log.
 
-    Args:
-        name: One of :data:`ANGLE_UNITS`.
-        ticks_per_turn: Steps of the sensor in one turn; needed for ticks. Of hobby servos the
-            microseconds of a turn, by default 4000.
-
-    Returns:
-        The scale; NaN for counts, whose scale is fitted to the log.
-
-    Raises:
-        InvalidInput: Ticks without their number in a turn.
+    Ticks need their number in a turn; of hobby servos it is the microseconds of a turn.
     """
     if name == "ticks":
         if ticks_per_turn is None:
@@ -214,10 +205,6 @@ def with_unit(
     """Names and units of the columns, and their values in SI, shape (n, k), read-only.
 
     All have the same unit, but for shares of a joint's range, which stand beside angles.
-
-    Raises:
-        InvalidFile: A column has no unit of these, the units differ, or a value is not finite or
-            too large to be true.
     """
     names, endings = [], []
     for column in columns:
@@ -238,11 +225,7 @@ def with_unit(
 
 
 def pick(table: Table, names: Sequence[str], units: Mapping[str, float]) -> list[str]:
-    """Columns of the named quantities, in the order of ``names``.
-
-    Raises:
-        InvalidFile: One of them is missing, or there in two units.
-    """
+    """Columns of the named quantities, in the order of ``names``."""
     by_name: dict[str, list[str]] = {}
     for column in table.names:
         parts = split_unit(column, units)
@@ -321,15 +304,7 @@ def _is_time(column: str) -> bool:
 
 
 def time_column(table: Table, *, advice: str = "") -> str | None:
-    """The column of times: ``t_s``, or the only one that may hold them; None where none may.
-
-    Args:
-        table: The table.
-        advice: How else a user may choose the column, for the message.
-
-    Raises:
-        InvalidFile: Several columns may hold times.
-    """
+    """The column of times: ``t_s``, or the only one that may hold them; None where none may."""
     columns = time_columns(table.names)
     if TIME in columns or not columns:
         return TIME if columns else None
@@ -346,15 +321,7 @@ def read_clock(
 ) -> tuple[Array, str]:
     """Times [s], shape (n,), and where they come from, in words.
 
-    Args:
-        table: The table.
-        column: The column that holds them.
-        unit: Its unit, one of :data:`.SECONDS`; by default from its name.
-        missing: Whether cells may be empty, or NaN: they are NaN then.
-        advice: How else a user may give the unit, for the message.
-
-    Raises:
-        InvalidFile: The unit is unknown, or a cell is not a number.
+    The unit is one of :data:`.SECONDS`, by default from the name. Cells may be ``missing``: NaN.
     """
     dates = _dates(table, column, missing=missing)
     if dates is not None:
@@ -380,11 +347,7 @@ def read_clock(
 
 
 def _dates(table: Table, column: str, *, missing: bool) -> Array | None:
-    """Times [s] since the first of a column of dates and times (ISO 8601), shape (n,), else None.
-
-    Raises:
-        InvalidFile: The first cell is a date and another is not.
-    """
+    """Times [s] since the first of a column of ISO 8601 dates and times, shape (n,), or None."""
     place = table.place(column)
     cells = [row[place].strip() for row in table.rows]
     first = _date(next((cell for cell in cells if cell.lower() not in MISSING), ""))

@@ -61,19 +61,7 @@ def check_format(
     lead: float = 0.0,
     topic: str = TOPIC,
 ) -> None:
-    """Refuse rows whose number, times or joints a format cannot hold, for any angles.
-
-    Args:
-        form: ``csv``, or one of :data:`NEEDS`.
-        schedule: Rows with the joints and times to be written.
-        ticks: With ``csv``: how servos count.
-        lead: With a format of ROS: time of the first point [s].
-        topic: With a bag: its topic.
-
-    Raises:
-        MissingExtra: The format's package is not installed.
-        InvalidInput: The rows or an option do not fit the format.
-    """
+    """Refuse rows whose number, times or joints a format cannot hold, for any angles."""
     if form != "csv" and form not in NEEDS:
         raise InvalidInput(f"format: got '{form}', expected csv, {', '.join(NEEDS)}")
     if form in NEEDS:
@@ -123,12 +111,7 @@ class Ticks:
 def write_controller_csv(
     path: Path | str, schedule: Schedule, *, unit: str = "rad", ticks: Ticks | None = None
 ) -> None:
-    """Write ``t_s`` and one ``<joint>_<unit>`` column per joint; ``-`` is standard output.
-
-    Raises:
-        InvalidInput: A unit not in :data:`UNITS`, or requests beyond a servo's turn.
-        InvalidFile: The file cannot be written.
-    """
+    """Write ``t_s`` and one ``<joint>_<unit>`` column per joint; ``-`` is standard output."""
     names = [TIME, *(f"{name}_{unit}" for name in schedule.names)]
     if unit in ANGLES:
         angles = schedule.requests / ANGLES[unit]
@@ -142,11 +125,7 @@ def write_controller_csv(
 
 
 def to_ticks(schedule: Schedule, ticks: Ticks) -> npt.NDArray[np.int64]:
-    """The nearest tick to every request, shape (n, k).
-
-    Raises:
-        InvalidInput: A zero for an unknown joint, or a request outside a turn.
-    """
+    """The nearest tick to every request, shape (n, k)."""
     check_zeros(schedule, ticks)
     zeros = np.array([ticks.zeros.get(name, ticks.zero) for name in schedule.names])
     signs = np.array([-1.0 if name in ticks.reversed else 1.0 for name in schedule.names])
@@ -167,11 +146,7 @@ _NAMES = {"ticks": "tick {:.0f}", "us": "a pulse of {:.0f} us"}
 
 
 def check_zeros(schedule: Schedule, ticks: Ticks) -> None:
-    """Make sure that every joint with its own zero or direction exists.
-
-    Raises:
-        InvalidInput: One does not.
-    """
+    """Make sure that every joint with its own zero or direction exists."""
     for key, names in (("zero tick", ticks.zeros), ("reverse", ticks.reversed)):
         for name in names:
             if name not in schedule.names:
@@ -185,21 +160,10 @@ Storage = Literal["sqlite3", "mcap"]
 def joint_trajectory(
     schedule: Schedule, *, lead: float = 0.0, velocities: bool = False
 ) -> dict[str, Any]:
-    """The message: a point per request, at its time after the lead.
+    """The message: a point per request, at its time after the lead [s], by position [rad].
 
-    With a stamp of zero controllers begin when the message arrives.
-
-    Args:
-        schedule: The requests.
-        lead: Time of the first point [s], in which a controller leads the joints there.
-        velocities: Whether points carry velocities; a controller then follows cubic splines.
-
-    Returns:
-        The message's fields, with points that carry positions [rad], times, and perhaps velocities.
-
-    Raises:
-        InvalidInput: A lead below 0, points within a nanosecond, or one too late for a duration
-            of ROS.
+    With a stamp of zero controllers begin when the message arrives, and lead the joints to the
+    first point until the lead is over. With velocities they follow cubic splines.
     """
     check_times(schedule, lead)
     times = schedule.nanoseconds + round(lead * NANOSECONDS)
@@ -222,11 +186,7 @@ def joint_trajectory(
 
 
 def check_times(schedule: Schedule, lead: float) -> None:
-    """Make sure that ROS can represent the times of the points.
-
-    Raises:
-        InvalidInput: As :func:`joint_trajectory` does.
-    """
+    """Make sure that ROS can represent the times of the points."""
     if not 0.0 <= lead < math.inf:
         raise InvalidInput(f"lead: got {lead:g} s, expected 0 or more")
     if schedule.duration + lead >= LONGEST or schedule.period * NANOSECONDS < 1.0:
@@ -241,10 +201,6 @@ def write_trajectory_yaml(path: Path | str, message: Mapping[str, Any]) -> None:
 
     By PyYAML, with which ROS reads it. Names such as ``on``, which YAML 1.1 would read as other
     types, are quoted.
-
-    Raises:
-        MissingExtra: PyYAML is not installed.
-        InvalidFile: The file cannot be written.
     """
     with importing("a trajectory as YAML", "yaml"):
         import yaml
@@ -267,13 +223,7 @@ def write_bag(
     storage: Storage = "sqlite3",
     topic: str = TOPIC,
 ) -> None:
-    """Write the message of :func:`joint_trajectory` as a folder for ``ros2 bag play``, at time 0.
-
-    Raises:
-        MissingExtra: rosbags is not installed.
-        InvalidInput: A topic without a name.
-        InvalidFile: The folder holds something else, or cannot be written.
-    """
+    """Write the message of :func:`joint_trajectory` as a ROS 2 bag, at time 0."""
     with importing("a ROS 2 bag", "bags"):
         from rosbags.rosbag2 import StoragePlugin, Writer
         from rosbags.typesys import Stores, get_typestore
@@ -295,11 +245,7 @@ def write_bag(
 
 
 def check_topic(topic: str) -> None:
-    """Make sure that a topic has a name.
-
-    Raises:
-        InvalidInput: The topic has no name.
-    """
+    """Make sure that a topic has a name."""
     if not topic.strip("/") or any(character.isspace() for character in topic):
         raise InvalidInput(f"topic: got '{topic}', expected a name such as {TOPIC}")
 

@@ -92,11 +92,7 @@ class ModelFile:
     by_joint: Mapping[str, JointModel]
 
     def one(self) -> JointModel:
-        """The only model of the file.
-
-        Raises:
-            InvalidFile: There are several.
-        """
+        """The only model of the file."""
         models = [*self.by_joint.values()] if self.common is None else [self.common]
         if len(models) != 1:
             raise InvalidFile(
@@ -106,11 +102,7 @@ class ModelFile:
         return models[0]
 
     def for_joints(self, names: Sequence[str]) -> tuple[JointModel, ...]:
-        """The model of each named joint.
-
-        Raises:
-            InvalidFile: A joint has no model, or the name of its table is misspelt.
-        """
+        """The model of each named joint."""
         return tuple(self._for_joint(name, names) for name in names)
 
     def _for_joint(self, name: str, names: Sequence[str]) -> JointModel:
@@ -204,15 +196,10 @@ def models_text(
     servos: Mapping[str, Servo] | None = None,
     bus: Mapping[str, str | int] | None = None,
 ) -> str:
-    """Models as TOML that :func:`read_models` reads, with comments.
+    """Models by joint as TOML that :func:`read_models` reads; "" stands above all tables.
 
-    Args:
-        models: By joint, a table for each; the joint "" stands above all tables.
-        remarks: Comments at the top.
-        about: By joint, comments by key that take the place of the key's unit, and under "" one
-            above the joint's keys.
-        servos: By joint, the servo that turns it; see :func:`read_servos`.
-        bus: Where the servos are; see :func:`planner.files.robot.read_bus`.
+    ``remarks`` are comments at the top; ``about`` are, by joint, comments by key that take the
+    place of the key's unit, and under "" one above the joint's keys.
     """
     # A table inherits the keys above all tables, unless it sets them.
     above = models[""].parameters() if "" in models else {}
@@ -248,9 +235,6 @@ def updated_text(
 
     Other joints, servos and legs of the file stay, and its bus where none is named. A joint whose
     table changes nothing of the model above all tables keeps to that model, also to a new one.
-
-    Raises:
-        InvalidFile: There is a file, but no valid model file.
     """
     if not has_content(path):
         return models_text(models, remarks=remarks, about=about, servos=servos, bus=bus)
@@ -334,11 +318,7 @@ def has_servos(path: Path | str) -> bool:
 
 
 def read_servos(path: Path | str) -> dict[str, Servo]:
-    """The servos of the joints of a model file, by joint: its tables ``[<joint>.servo]``.
-
-    Raises:
-        InvalidFile: There are none, or one of them is invalid.
-    """
+    """The servos of the joints of a model file, by joint: its tables ``[<joint>.servo]``."""
     file = read_toml(path, example="id = 1")
     keys = {each.name for each in fields(Servo)} - {"settings"} | set(SETTINGS)
     servos = {}

@@ -35,16 +35,7 @@ class LearningState(NamedTuple):
 
 
 def read_history(path: str, names: Collection[str], desired: Array) -> dict[str, LearningState]:
-    """States of learning of all plans.
-
-    Args:
-        path: The file.
-        names: Names of the possible plans.
-        desired: The path that they are for [rad], shape (n, k).
-
-    Raises:
-        InvalidFile: Not such a file, of another path, or damaged.
-    """
+    """States of learning of these plans, for a path ``desired`` [rad], (n, k)."""
     content = read_json(path, what="a file that request-planner refine wrote")
     if not isinstance(content, dict) or content.get("format") != FORMAT:
         raise InvalidFile(path, "not a file that 'request-planner refine --history' wrote")
@@ -91,16 +82,7 @@ def read_history(path: str, names: Collection[str], desired: Array) -> dict[str,
 
 
 def write_history(path: str, desired: Array, states: Mapping[str, LearningState]) -> None:
-    """Write the state that the next call needs.
-
-    Args:
-        path: The file.
-        desired: The path that the plans are for [rad], shape (n, k).
-        states: State of learning of each plan.
-
-    Raises:
-        InvalidFile: The file cannot be written.
-    """
+    """Write the state that the next call needs, for a path ``desired`` [rad], (n, k)."""
     content = {
         "format": FORMAT,
         "desired_rad": desired.tolist(),

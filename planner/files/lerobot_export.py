@@ -68,13 +68,7 @@ AddEpisode = Callable[[Mapping[str, Array], str], None]
 
 
 def write_lerobot(path: Path | str, schedule: Schedule, *, task: str = TASK) -> None:
-    """Write a dataset of one episode, whose actions are the requests [rad].
-
-    Raises:
-        MissingExtra: pyarrow is not installed.
-        InvalidInput: Less than one request a second.
-        InvalidFile: The folder holds something else, or cannot be written.
-    """
+    """Write a dataset of one episode, whose actions are the requests [rad]."""
     layout = Layout(features={"action": schedule.names}, rate=frame_rate(schedule.period))
     with lerobot_dataset(path, layout) as add:
         add({"action": schedule.requests}, task)
@@ -86,16 +80,8 @@ def lerobot_dataset(
 ) -> Iterator[AddEpisode]:
     """Write a dataset, episode by episode; the folder appears where the block does not raise.
 
-    Memory use does not grow with the number of episodes, except for their tasks.
-
-    Args:
-        path: The folder.
-        layout: Layout of the rows.
-        beside: Further files by name, with their text, which the block may still add to.
-
-    Raises:
-        MissingExtra: pyarrow is not installed.
-        InvalidFile: The folder holds something else, or cannot be written.
+    Memory use does not grow with the number of episodes, except for their tasks. ``beside`` are
+    further files by name, with their text, which the block may still add to.
     """
     with importing("a LeRobot dataset", "parquet"):
         import pyarrow  # noqa: F401
@@ -110,11 +96,7 @@ def lerobot_dataset(
 
 
 def frame_rate(period: float) -> float:
-    """Rows per second: a whole number where the rate is one but for rounding.
-
-    Raises:
-        InvalidInput: It is below one a second, which no loader of LeRobot can use.
-    """
+    """Rows per second: a whole number where the rate is one but for rounding."""
     rate = 1.0 / period
     whole = round(rate)
     if rate < 1.0 - WHOLE:

@@ -100,10 +100,6 @@ class _Path:
 
         Without times it has a sample per request, and is returned unchanged unless ``speed``
         multiplies its speed.
-
-        Raises:
-            InvalidFile: The samples are not ``period`` apart, and are not to be resampled; or they
-                are too far apart to show a motion.
         """
         if self.step > FARTHEST:
             raise InvalidFile(
@@ -159,16 +155,7 @@ class JointPath(_Path):
 
 
 def read_joint_path(path: Path | str, *, joints: Sequence[str] = ()) -> JointPath:
-    """Read a joint path from CSV, or from standard input for ``-``.
-
-    Args:
-        path: The file.
-        joints: Joints to read, in this order; the file's other columns are then ignored. By
-            default every column is a joint, but for times, ``index`` and ``sample``.
-
-    Raises:
-        InvalidFile: The file is no joint path; the message says where and why.
-    """
+    """Read a joint path from CSV, or from standard input for ``-``: the named joints, or all."""
     return joint_path(path_table(path), joints=joints)
 
 
@@ -178,15 +165,9 @@ def path_table(path: Path | str) -> Table:
 
 
 def joint_path(table: Table, *, joints: Sequence[str] = (), even: bool = True) -> JointPath:
-    """Parse a table as a joint path; see :func:`read_joint_path`.
+    """Parse a table as a joint path, whose times must be evenly spaced if ``even``.
 
-    Args:
-        table: The table.
-        joints: Joints to read; by default all.
-        even: Whether times must be evenly spaced.
-
-    Raises:
-        InvalidFile: The table is no joint path, or a log and no joints are named.
+    Without named joints every column is one, but for times, ``index`` and ``sample``.
     """
     if joints:
         columns = pick(table, joints, JOINT_UNITS)
@@ -248,15 +229,9 @@ def write_joint_path(
     units: Sequence[str] | None = None,
     loads: Array | None = None,
 ) -> None:
-    """Write angles or requests as CSV: ``t_s`` and one ``<joint>_deg`` column per joint.
+    """Write angles or requests [rad], (n, k), as CSV, with torques [N m], (n, k), if there are any.
 
-    Args:
-        path: The file, or ``-`` for standard output.
-        names: The joints.
-        angles: Their angles [rad], shape (n, k).
-        period: Time between samples [s].
-        units: Units that the joints were read in: shares of a range are written as such again.
-        loads: Torques on the joints [N m], shape (n, k), for columns ``<joint>_load_Nm``.
+    Joints in shares of their range are written as such again, others in degrees.
     """
     endings = [unit if unit in SHARES else "deg" for unit in units or ["deg"] * len(names)]
     columns = [
@@ -294,11 +269,7 @@ def is_foot_path(table: Table) -> bool:
 
 
 def read_foot_path(path: Path | str) -> FootPath:
-    """Read a foot path from CSV, or from standard input for ``-``.
-
-    Raises:
-        InvalidFile: The file is no foot path; the message says where and why.
-    """
+    """Read a foot path from CSV, or from standard input for ``-``."""
     return foot_path(path_table(path))
 
 
@@ -309,13 +280,7 @@ def foot_path(table: Table, *, even: bool = True) -> FootPath:
 
 
 def write_foot_path(path: Path | str, positions: Array, *, period: float | None = None) -> None:
-    """Write positions [m], shape (n, 3), as CSV; ``-`` is standard output.
-
-    Args:
-        path: The file.
-        positions: The positions [m], shape (n, 3).
-        period: Time between samples [s], for a column ``t_s``; without it there is none.
-    """
+    """Write positions [m], shape (n, 3), as CSV, with a column ``t_s`` where a period is known."""
     names = [f"{axis}_m" for axis in AXES]
     if period is None:
         write_table(path, names, positions)
@@ -338,12 +303,7 @@ def write_curve(path: Path | str, curve: PiecewiseLinear) -> None:
 
 
 def read_times(table: Table, *, even: bool = True) -> Array | None:
-    """Times of the samples [s], shape (n,); None where no column may hold them.
-
-    Raises:
-        InvalidFile: Several columns may hold them, or the unit is unknown; times that do not
-            increase, or that are not ``even``.
-    """
+    """Times of the samples [s], shape (n,); None where no column may hold them."""
     column = time_column(table, advice="keep one of them, or ")
     if column is None:
         return None
@@ -369,22 +329,10 @@ def read_times(table: Table, *, even: bool = True) -> Array | None:
 
 
 def resampled(times: Array, rows: Array, period: float, *, cyclic: bool) -> Array:
-    """Rows at even times from the first on, interpolated linearly.
+    """Rows (n, k) at increasing times [s], (n,), at even times from the first on, linearly.
 
     A cycle lasts one mean step longer than its times. It gets the nearest whole number of samples,
     for which it is stretched or shortened by less than half a sample.
-
-    Args:
-        times: Increasing times [s], shape (n,); they may be uneven.
-        rows: Values at these times, shape (n, k).
-        period: Time between the samples of the result [s].
-        cyclic: Whether the rows repeat for ever.
-
-    Returns:
-        Rows every ``period``, shape (m, k), read-only.
-
-    Raises:
-        InvalidInput: There would be too many rows.
     """
     span = float(times[-1] - times[0])
     since = times - times[0]
@@ -423,11 +371,7 @@ class GrowingLog:
         *,
         kinds: Sequence[str] = ("requested", "actual"),
     ) -> None:
-        """Begin a log of these joints, with a column for each kind of angle.
-
-        Raises:
-            InvalidFile: It cannot be written.
-        """
+        """Begin a log of these joints, with a column for each kind of angle."""
         self.path, self.rows = Path(path), 0
         self.unfinished = self.path.with_name(self.path.name + UNFINISHED)
         columns = ["_".join(filter(None, (name, kind, "deg"))) for name in names for kind in kinds]
@@ -439,11 +383,7 @@ class GrowingLog:
             raise cannot_write(self.unfinished, error) from error
 
     def keep(self, time: float, *kinds: Array) -> None:
-        """Write a row: a time [s], and of each kind the angles [rad], NaN where there is none.
-
-        Raises:
-            InvalidFile: The disk is full.
-        """
+        """Write a row: a time [s], and of each kind the angles [rad], NaN where there is none."""
         angles = np.degrees(np.column_stack(kinds)).round(6) + 0.0  # no negative zero
         cells = ("" if math.isnan(each) else f"{each:.6f}" for each in angles.ravel().tolist())
         try:

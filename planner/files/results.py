@@ -49,16 +49,9 @@ class Results:
     def __init__(
         self, output: Path | str, settings: Mapping[str, Any], *, resume: bool = False
     ) -> None:
-        """Open the folder ``.NAME.results``, or begin it.
+        """Open the folder ``.NAME.results`` beside an output, or begin it; ``settings`` are JSON.
 
-        Args:
-            output: The file or folder that is built from the results.
-            settings: The settings of all results, as JSON takes them.
-            resume: Keep existing results; they are removed otherwise.
-
-        Raises:
-            InvalidInput: The existing results were computed with other settings.
-            InvalidFile: The folder cannot be made or written.
+        Existing results are removed, or with ``resume`` kept if their settings are the same.
         """
         target = Path(output).resolve()
         self.folder = target.with_name(f".{target.name}.results")
@@ -83,11 +76,7 @@ class Results:
         return self.read(task) is not None
 
     def write(self, task: Task, result: bytes) -> None:
-        """Keep a result; it appears whole or not at all.
-
-        Raises:
-            InvalidFile: The output cannot be written; earlier results stay.
-        """
+        """Keep a result; it appears whole or not at all."""
         self._keep(self._file(task), sha256(result).digest() + result)
 
     def read(self, task: Task) -> bytes | None:
@@ -134,12 +123,7 @@ class Results:
 
 
 def made_from(settings: Mapping[str, Any], manifest: Mapping[str, Any]) -> dict[str, str]:
-    """The key of a manifest by which :func:`finished` recognises an output that is whole.
-
-    Args:
-        settings: All that the output depends on, as JSON takes it.
-        manifest: The output's manifest, with or without this key.
-    """
+    """The key of a manifest by which :func:`finished` recognises an output that is whole."""
     rest = {name: each for name, each in manifest.items() if name != "made_from"}
     content = [__version__, settings, json.loads(to_json(rest))]
     return {"made_from": _digest(content)}
@@ -149,11 +133,6 @@ def finished(output: Path | str, name: str, settings: Mapping[str, Any]) -> dict
     """The manifest of an output that was made from the same settings and is whole; None if not.
 
     Results of another command beside it are removed then.
-
-    Args:
-        output: The folder.
-        name: The manifest in it, which holds the key of :func:`made_from`.
-        settings: All that the output depends on, as JSON takes it.
     """
     manifest: dict[str, Any] | None = _read_json(Path(output) / name)
     same = isinstance(manifest, dict) and made_from(settings, manifest).items() <= manifest.items()

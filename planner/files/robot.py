@@ -54,11 +54,7 @@ def is_of_robot(key: str, value: Any) -> bool:
 
 
 def read_legs(path: Path | str) -> dict[str, LegPlace]:
-    """The legs of a model file, by name: its tables ``[leg.<name>]``; none where it has none.
-
-    Raises:
-        InvalidFile: A table has an unknown key, or lacks one.
-    """
+    """The legs of a model file, by name: its tables ``[leg.<name>]``; none where it has none."""
     file = read_toml(path, example='urdf = "robot.urdf"')
     tables = file.content.get(LEG, {})
     if not is_of_robot(LEG, tables):
@@ -67,11 +63,7 @@ def read_legs(path: Path | str) -> dict[str, LegPlace]:
 
 
 def read_bus(path: Path | str) -> dict[str, Any]:
-    """Bus, port and baud rate of a model file, where it has them.
-
-    Raises:
-        InvalidFile: One of them has another type.
-    """
+    """Bus, port and baud rate of a model file, where it has them."""
     file = read_toml(path, example='bus = "feetech"')
     content = {key: value for key, value in file.content.items() if not isinstance(value, dict)}
     settings = {key: content[key] for key in BUS if key in content}

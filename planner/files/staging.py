@@ -97,12 +97,8 @@ def output_folder(path: Path | str, *, export: str = "") -> Iterator[Path]:
     The last run's folder stays as it is until then, and for good where the block raises or the
     process is killed; killed between two renames, it leaves it beside, as ``.NAME.old-…``. The next
     good run removes such remnants. The folder is replaced only if it is empty or holds
-    nothing but the files that its own manifest lists: a user's files are never removed.
-
-    Args:
-        path: The folder.
-        export: Name of a format, for which a manifest is written; the block writes its own
-            otherwise.
+    nothing but the files that its own manifest lists: a user's files are never removed. Of an
+    ``export``, the name of a format, a manifest is written here.
 
     Raises:
         InvalidFile: ``path`` is a file, holds something else, cannot be written, or another
@@ -151,9 +147,6 @@ def claimed(path: Path | str) -> Iterator[bool]:
 
     Yields:
         Whether it could be locked; in a nested block the outer block's answer.
-
-    Raises:
-        InvalidFile: Another command is at work on it, or the folders above it cannot be made.
     """
     path = str(path) or "."
     target = _target(path)
@@ -179,11 +172,7 @@ def claimed(path: Path | str) -> Iterator[bool]:
 
 
 def check_writable(path: Path | str) -> None:
-    """Make sure that a file can be written, before anything is computed for it.
-
-    Raises:
-        InvalidFile: Its folder is not there or cannot be written to, or the name is a folder's.
-    """
+    """Make sure that a file can be written, before anything is computed for it."""
     target = Path(path)
     if _is_device(target):
         return
@@ -197,11 +186,7 @@ def check_writable(path: Path | str) -> None:
 
 
 def check_folder(path: Path | str) -> None:
-    """Make sure that a folder of results can be made or replaced; see :func:`output_folder`.
-
-    Raises:
-        InvalidFile: It is a file, holds something else, or cannot be made.
-    """
+    """Make sure that a folder of results can be made or replaced; see :func:`output_folder`."""
     path = str(path) or "."
     target = _target(path)
     _check_replaceable(path, target)
@@ -293,10 +278,7 @@ def _lock(target: Path, *, shared: bool) -> Iterator[Literal["held", "taken", "n
 def _locked(place: Path, *, shared: bool) -> int:
     """Descriptor of a lock file that is locked, and still there.
 
-    Raises:
-        BlockingIOError: Another process has locked it, and one of the two locks is exclusive.
-        OSError: No file can be made there, or none can be locked.
-        ImportError: The platform has no such locks.
+    BlockingIOError: another process has locked it, and one of the two locks is exclusive.
     """
     while True:
         descriptor = os.open(place, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o666)

@@ -60,15 +60,7 @@ class Table:
     lines: tuple[int, ...]
 
     def numbers(self, names: Sequence[str], *, missing: bool = False) -> Array:
-        """The named columns as finite numbers, shape (n, len(names)), read-only.
-
-        Args:
-            names: The columns.
-            missing: Whether cells may be empty, or NaN: they are NaN then.
-
-        Raises:
-            InvalidFile: A column is missing, or a cell is not a finite number.
-        """
+        """The columns as finite numbers, (n, len(names)), read-only; ``missing`` ones are NaN."""
         places = [self.place(name) for name in names]
         values = np.empty((len(self.rows), len(names)))
         for k, row in enumerate(self.rows):
@@ -83,11 +75,7 @@ class Table:
         return InvalidFile(self.path, problem, line=1 if row is None else self.lines[row])
 
     def place(self, name: str) -> int:
-        """Place of the named column.
-
-        Raises:
-            InvalidFile: There is none.
-        """
+        """Place of the named column."""
         if name not in self._places:
             raise self.fault(
                 f"no column '{name}'{nearest(name, self.names)}; columns: {', '.join(self.names)}"
@@ -120,14 +108,6 @@ def read_table(path: Path | str, *, most_rows: int | None = None) -> Table:
     lines is the header. A first line ``sep=;``, or else the commonest of
     :data:`DELIMITERS` in the header, is the delimiter. Where it is not a comma, numbers may have
     decimal commas.
-
-    Args:
-        path: The file.
-        most_rows: Rows that it may have; by default any number that fits :data:`MOST_CELLS`.
-
-    Raises:
-        InvalidFile: Not a text file, empty, too large, without names, or with rows of different
-            lengths.
     """
     text = read_text(path)
     declaration = _NAMED_DELIMITER.match(text)
@@ -225,13 +205,7 @@ def csv_text(names: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
 
 
 def write_parquet(file: Path, rows: Sequence[Mapping[str, Any]], kinds: Mapping[str, str]) -> None:
-    """Write rows as Parquet, if pyarrow is installed.
-
-    Args:
-        file: The file.
-        rows: The values by column; None where there is none.
-        kinds: Types of the columns that hold no numbers, by their names in pyarrow.
-    """
+    """Write rows as Parquet, if pyarrow is installed; ``kinds``: columns that are no numbers."""
     try:
         import pyarrow as pa
         from pyarrow import parquet

@@ -30,11 +30,7 @@ MOST_PARTS = 100
 
 
 def read_text(path: Path | str) -> str:
-    """Whole text of a file, or of standard input for ``-``; UTF-8, with or without a mark.
-
-    Raises:
-        InvalidFile: There is no such file, it cannot be read, is too long, or is not UTF-8.
-    """
+    """Whole text of a file, or of standard input for ``-``; UTF-8, with or without a mark."""
     if not str(path):
         raise InvalidFile("''", "is no name of a file; name one, or - for standard input")
     if str(path) == STANDARD_STREAM and sys.stdin is None:
@@ -65,15 +61,7 @@ def read_text(path: Path | str) -> str:
 
 
 def read_json(path: Path | str, *, what: str) -> Any:
-    """The content of a JSON file; NaN and infinities are read too, as Python writes them.
-
-    Args:
-        path: The file, or ``-`` for standard input.
-        what: Kind of file that is expected, for the messages.
-
-    Raises:
-        InvalidFile: There is no such file, or it is not JSON.
-    """
+    """The content of a JSON file; NaN and infinities are read too, as Python writes them."""
     text = read_text(path)
     try:
         return json.loads(text)
@@ -91,10 +79,6 @@ def write_text(path: Path | str, text: str) -> None:
     """Write ``text`` to a file, or to standard output for ``-``.
 
     A file holds the old text or the new one, never a part; see :func:`.staging.staged`.
-
-    Raises:
-        InvalidFile: The folder does not exist or cannot be written to.
-        BrokenPipeError: The reader of standard output has gone away.
     """
     if str(path) == STANDARD_STREAM:
         _write_standard_output(text)
@@ -172,15 +156,7 @@ class Toml:
 
 
 def read_toml(path: Path | str, *, example: str) -> Toml:
-    """Read TOML, or standard input for ``-``.
-
-    Args:
-        path: The file.
-        example: A line that such a file may hold, for the message about invalid TOML.
-
-    Raises:
-        InvalidFile: The file cannot be read, or is not TOML.
-    """
+    """Read TOML, or standard input for ``-``; the error message shows the ``example``."""
     text = read_text(path)
     if deep := _DEEP.search(text):
         raise InvalidFile(

@@ -61,16 +61,7 @@ def comparison_page(
     unreachable: int = 0,
     notes: Sequence[str] = (),
 ) -> str:
-    """The whole page: verdict and key figures first, sources last.
-
-    Args:
-        check: The comparison.
-        title: Title of the plans; the joints' names by default.
-        leg: The leg whose joints these are, in its order, if it is to be shown moving.
-        sources: The lists at its end.
-        unreachable: How many samples were out of the leg's reach.
-        notes: Further remarks, shown first.
-    """
+    """The whole page: verdict and key figures first, sources last; with a leg, it moves."""
     head, tail = verdict(check)
     names = [joint.name for joint in check.joints]
     foot = [foot_figure(check)] if check.foot is not None else []

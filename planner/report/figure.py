@@ -386,18 +386,8 @@ def joint_figure(
 ) -> Figure:
     """A joint: its angles, their errors and its requests, a panel for each that is there.
 
-    Args:
-        timeline: Times of the samples.
-        name: The figure's name.
-        words: Title and caption.
-        angles: Desired, measured and predicted angles.
-        errors: Errors of these angles.
-        requests: Requests; the limits are for the last.
-        unit: Unit of all curves.
-        limits: Smallest and largest request, drawn where they are near; or None.
-        spans: Shades behind the angles.
-        clock: Whether it follows the moving leg, or the slider, of its page.
-        title: Title of the panel of angles.
+    All are in one unit. Limits of the last requests are drawn where they are near; ``spans`` are
+    shades behind the angles. ``clock``: whether it follows the moving leg, or slider, of its page.
     """
     limit_lines = near_limits(limits, requests[-1], end=timeline.step * timeline.last)
     panels = [

@@ -90,17 +90,7 @@ def learning_page(
     title: str,
     sources: Sequence[Listing] = (),
 ) -> str:
-    """The whole page.
-
-    Args:
-        plan: The next plan of the joints that were learnt, or of the foot.
-        executed: The requests of the last trial [rad], shape (n, k).
-        measured: Mean of its measured cycles [rad], shape (n, k).
-        progress: The errors of each joint, or of the foot.
-        about_others: Note on other joints; empty for none.
-        title: Title of the page.
-        sources: The lists at its end.
-    """
+    """The page about the next plan; the last requests and their mean cycle are (n, k) [rad]."""
     ended = all(each.stopped for each in progress)
     trials = len(progress[0].errors)
     count = "1 trial" if trials == 1 else f"{trials} trials"

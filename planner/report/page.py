@@ -207,13 +207,9 @@ def live_head() -> Markup:
 
 
 def live_scripts(figures: Mapping[str, Mapping[str, Any]]) -> Markup:
-    """The elements at the end of a page's body that bring its figures to life.
+    """The elements at the end of a page's body that bring its figures, by identifier, to life.
 
     Plotly is packed, which makes a page of 5 MB one of 2 MB.
-
-    Args:
-        figures: By the identifier of a ``figure`` element, the data of its ``live`` element,
-            from :func:`planner.report.plotly_figure.live`.
     """
     # Within a script no "<" may stand that could end it.
     data = json.dumps(figures, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
@@ -270,15 +266,10 @@ def sources_of(
     origins: Iterable[tuple[str, str]] = (),
     files: Iterable[tuple[str, Path | str | None]] = (),
 ) -> list[Listing]:
-    """The lists at the end of a page: its inputs, the files of its run, and versions.
+    """The lists at the end of a page: its inputs, the files of its run by role, and versions.
 
-    Links are relative to the page, so that it may move together with the files.
-
-    Args:
-        page: Path of the page.
-        origins: Inputs: pairs of a kind and a name.
-        files: Role and path of each file; standard input or output ("-"), missing paths (None,
-            "") and duplicates are left out.
+    Links are relative to the page, so that it may move together with the files. Standard input or
+    output ("-"), missing files (None, "") and duplicates are left out.
     """
     folder, links = Path(page).resolve().parent, dict[str, tuple[str, Markup]]()
     for role, file in files:

@@ -81,17 +81,8 @@ def plan_page(
 ) -> str:
     """The whole page.
 
-    Args:
-        plan: The plan.
-        title: Title of the plan.
-        method: The method, by its name on the command line.
-        sources: The lists at its end.
-        foot_given: Desired positions of the foot [m], shape (n, 3), before they were clamped to
-            what the leg reaches; None where they were not.
-        unreachable: How many positions are out of the leg's reach.
-        legs: The legs of a robot whose joints are all planned, by name.
-        missed: Tolerances that the plan misses, in words.
-        notes: Further remarks, shown first.
+    ``foot_given`` [m], (n, 3), is the desired path of the foot before it was clamped to what the
+    leg reaches; ``legs`` are those of a robot whose joints are all planned.
     """
     role = METHODS[method]
     parts = {name: plan.of_leg(leg) for name, leg in (legs or {}).items()}
@@ -509,15 +500,7 @@ def joints_table(plan: Plan, *, bounded: bool = True) -> Table:
 
 
 def models_errors_table(plan: Plan, labels: Sequence[str]) -> Table | None:
-    """Errors of a robust plan over the models that joints may have, beside the nominal plan's.
-
-    Args:
-        plan: The plan, for the foot or for joints.
-        labels: The joints.
-
-    Returns:
-        The table, in the terminal's columns too; None where the plan is not robust.
-    """
+    """Errors of a robust plan over the models that joints may have, beside the nominal plan's."""
     unit, factor = ("deg", math.degrees(1.0)) if plan.of_foot is None else ("cm", 100.0)
     results: Sequence[Inversion | FootInversion] = plan.inversions
     if plan.of_foot is not None:

@@ -95,19 +95,7 @@ def replay_page(
     remarks: Sequence[str] = (),
     sources: Sequence[Listing] = (),
 ) -> str:
-    """The whole page.
-
-    Args:
-        replay: The replay.
-        title: The recording, in a few words.
-        words: The path, its purpose and the models, in words.
-        fastest: The search for the fastest replay, where there was one.
-        verdict: Result of that search, in words.
-        arm: The leg or arm whose joints these are; None for none.
-        missed: Tolerances that the plan misses, in words.
-        remarks: Further remarks, shown first.
-        sources: The lists at its end.
-    """
+    """The page about a replay, and about the search for the fastest one."""
     planned = replay.planned
     sections = [
         Section(

@@ -59,11 +59,7 @@ class Motion(NamedTuple):
 
 
 def import_meshcat() -> Any:
-    """The package; its deprecation warnings are ignored.
-
-    Raises:
-        MissingExtra: It is not installed.
-    """
+    """The package; its deprecation warnings are ignored."""
     with importing("the view in Meshcat", "meshcat"), warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)
         import meshcat
@@ -104,20 +100,10 @@ class Recording:
 def scene_page(
     scene: Scene, leg_motions: Sequence[Motion], *, period: float, cyclic: bool, title: str
 ) -> str:
-    """The page with the robot and its leg's motions, played for ever in real time.
+    """The page with the robot and its leg's motions, of one length, played for ever in real time.
 
     The same scene makes the same page. Meshcat's own ``static_html`` needs a server process and two
     ports, and gives the viewer its commands in no certain order; here it takes them one by one.
-
-    Args:
-        scene: The robot; it stands still but for the leg.
-        leg_motions: The motions, each of the same length.
-        period: Time between their samples [s].
-        cyclic: Whether the motions repeat, so that their ends are joined.
-        title: Title of the page.
-
-    Raises:
-        MissingExtra: Meshcat is not installed.
     """
     meshcat, recording = import_meshcat(), Recording()
     viewer = meshcat.Visualizer(window=recording)
@@ -211,15 +197,9 @@ def _parts(role: Role) -> list[float]:
 
 
 def tube(points: Array, radius: float, *, closed: bool) -> tuple[Array, npt.NDArray[np.uint32]]:
-    """A straight prism around every step of a path that goes anywhere.
+    """A straight prism of this radius around every step of a path (n, 3) that goes anywhere [m].
 
-    Args:
-        points: The path [m], shape (n, 3).
-        radius: Its radius [m].
-        closed: Whether the last point is joined to the first.
-
-    Returns:
-        Vertices [m], shape (v, 3), and triangles as rows of three vertices, shape (f, 3).
+    Returns vertices, shape (v, 3), and triangles as rows of three vertices, shape (f, 3).
     """
     ends = np.roll(points, -1, axis=0) if closed else points[1:]
     starts = points if closed else points[:-1]

@@ -195,12 +195,7 @@ def sweep_page(
     *,
     sources: Sequence[Listing] = (),
 ) -> str:
-    """The whole page.
-
-    Args:
-        swept: The sweep.
-        sources: The lists at its end.
-    """
+    """The whole page."""
     planned = sum(each.planned for each in swept.outcomes)
     key_figures = [Card(f"{planned}", "", f"of {len(swept.outcomes)} points have a plan")]
     sections = []

@@ -154,13 +154,9 @@ def text_table(header: Sequence[str], rows: Sequence[Sequence[str]], *, about: i
     """Columns as wide as their widest cell, two blanks apart, under a header line.
 
     Where the terminal is not wide enough (:func:`fitted_to`), columns that do not fit follow right
-    below, under a header of theirs that begins with the same first columns. Cells of a column that
-    does not fit even alone are broken between words. A blank line belongs between two tables.
-
-    Args:
-        header: The columns' names; the first is on the left, the rest on the right.
-        rows: Their cells, as many per row as names.
-        about: Number of columns that identify a row.
+    below, under a header of theirs that begins with the ``about`` columns that identify a row.
+    Cells of a column that does not fit even alone are broken between words. The first column is on
+    the left, the rest on the right. A blank line belongs between two tables.
     """
     stub = sum(max(len(row[j]) + 2 for row in (header, *rows)) for j in range(about))
     cells = [

@@ -42,12 +42,7 @@ if TYPE_CHECKING:
 
 
 def check_writing(form: ReplayFormat, recordings: Sequence[Recording], output: str) -> None:
-    """Refuse outputs that cannot be written, before anything is computed.
-
-    Raises:
-        BadSetting: The format does not go with the output, or holds one recording only.
-        MissingExtra: The format needs a package that is not installed.
-    """
+    """Refuse outputs that cannot be written, before anything is computed."""
     key = Key("replay.write_as", form)
     if form in FOLDERS and output == "-":
         raise BadSetting(key, " is a folder: name it with --output")
@@ -88,9 +83,6 @@ def lerobot_episode(recording: Recording, replay: Replay) -> tuple[Layout, dict[
     """Layout of a planned dataset, as in the dataset that was read; rows and task of an episode.
 
     Actions are planned, observations re-timed.
-
-    Raises:
-        InvalidInput: The episode has other columns than the rest of the dataset.
     """
     rate = frame_rate(replay.period)
     if not recording.dataset:
@@ -176,20 +168,7 @@ def replay_many(
 
     The planned episodes are kept in a hidden folder beside the dataset, ``.NAME.results``, which is
     removed once the dataset is written, unless a recording failed. Memory does not grow with the
-    number of recordings, but for their figures.
-
-    Args:
-        recordings: The recordings, and how to replay them.
-        output: The folder of the dataset.
-        executor: The executor for the replays.
-        resume: Use the results of an earlier call that was killed, or in which some failed.
-        progress: Called with each recording that is finished or has failed.
-
-    Returns:
-        The answer for machines, and the folder of the results, which stays if some failed.
-
-    Raises:
-        PlannerError: None of them can be replayed, or the dataset cannot be written.
+    number of recordings, but for their figures. Returns the answer for machines, and that folder.
     """
     results = Results(output, _settings(recordings[0]), resume=resume)
     tasks = [Task(each.recording.name, each, _inputs(each.recording)) for each in recordings]
@@ -232,11 +211,7 @@ def replay_many(
 
 
 def replayed(task: ReplayTask) -> bytes:
-    """A replayed recording as the bytes of an NPZ file: a task of :mod:`planner.parallel`.
-
-    Raises:
-        PlannerError: The recording cannot be read, or there is no plan.
-    """
+    """A replayed recording as the bytes of an NPZ file: a task of :mod:`planner.parallel`."""
     replay = task.run()
     layout, rows, words = lerobot_episode(task.recording, replay)
     head = {"task": words, "layout": asdict(layout), "figures": episode_figures(replay)}

@@ -65,11 +65,7 @@ class ReplayTask:
     rate: float | None = None
 
     def path(self) -> RecordedPath:
-        """Read the recording.
-
-        Raises:
-            InvalidInput: It cannot be read, or does not fit the settings.
-        """
+        """Read the recording."""
         logs = self.recording.read()
         chosen = self.replay
         path = recorded_path(
@@ -85,14 +81,7 @@ class ReplayTask:
         return replace(path, name=self.recording.name)
 
     def run(self, progress: Callable[[str], None] = lambda _: None) -> Replay:
-        """Read the recording and plan its replay.
-
-        Args:
-            progress: Called with the name of each joint, or with each speed that is tried.
-
-        Raises:
-            PlannerError: It cannot be read, or there is no plan.
-        """
+        """Read the recording and plan its replay."""
         if self.replay.fastest:
             return self.fastest(progress).replay
         path, speed = with_load(self.run_settings.plan, self.path(), self.arm()), self.replay.speed
@@ -101,11 +90,7 @@ class ReplayTask:
         )
 
     def fastest(self, progress: Callable[[str], None] = lambda _: None) -> Fastest:
-        """Read the recording and find the fastest replay within the tolerance.
-
-        Raises:
-            PlannerError: It cannot be read, or the tolerance is missed at any speed.
-        """
+        """Read the recording and find the fastest replay within the tolerance."""
         arm, tolerance = self.arm(), self.run_settings.tolerance
         path = with_load(self.run_settings.plan, self.path(), arm)
         joints = None if tolerance.deg is None else math.radians(tolerance.deg)
@@ -115,11 +100,7 @@ class ReplayTask:
         return fastest_at(path, measure, retime=retime, progress=progress, **self.options(path))
 
     def arm(self) -> Leg | None:
-        """The leg or arm of the settings, with the recording's joint names.
-
-        Raises:
-            KinematicsError: The URDF has no such leg.
-        """
+        """The leg or arm of the settings, with the recording's joint names."""
         leg = load_leg(find_leg(self.run_settings.leg, self.recording.folder))
         if leg is None:
             return None
@@ -141,12 +122,7 @@ def tasks_of(
     recordings: Sequence[Recording],
     progress: Callable[[str], None] = lambda _: None,
 ) -> tuple[ReplayTask, ...]:
-    """A task for every recording.
-
-    Raises:
-        BadSetting: No model is named.
-        InvalidInput: The models cannot be read, or none can be identified.
-    """
+    """A task for every recording."""
     _check_tolerance(run, replay)
     rate = _rate(recordings)
     if len(recordings) == 1:  # of several, recordings of unsuitable length are left out

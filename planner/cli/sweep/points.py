@@ -95,11 +95,7 @@ class Space:
         )
 
     def point_of(self, pairs: Iterable[tuple[str, float]]) -> Point:
-        """A point from values by name.
-
-        Raises:
-            BadSetting: A parameter is missing or unknown.
-        """
+        """A point from values by name."""
         values = dict(pairs)
         if values.keys() != self.values.keys():
             raise BadSetting(
@@ -120,12 +116,7 @@ class Space:
         return content
 
     def prepared(self, point: Point) -> Prepared:
-        """The plan of a point, ready to be computed.
-
-        Raises:
-            PlannerError: It has no plan.
-            KinematicsError: The leg cannot follow it.
-        """
+        """The plan of a point, ready to be computed."""
         with speaking_of(self.file):
             return prepare(Run.of(self.content(point)), self.folder)
 
@@ -151,12 +142,7 @@ class Space:
 
 
 def read_sweep(path: str) -> Space:
-    """Read a sweep file and its inputs, as far as they are the same for all points.
-
-    Raises:
-        InvalidFile: It is invalid; the message names the place.
-        KinematicsError: The URDF has no such leg.
-    """
+    """Read a sweep file and its inputs, as far as they are the same for all points."""
     file = read_toml(path, example="length = [0.03, 0.04]")
     run, folder = understand(file, Sweep), str(Path(path).parent)
     search, gait = run.sweep, run.path.file is None
@@ -286,8 +272,7 @@ def planned_points(
 def evaluate(argument: tuple[dict[str, Any], str]) -> bytes:
     """Speed and errors of a point, or why it has none, as JSON: a task of :mod:`planner.parallel`.
 
-    Args:
-        argument: The run file of the point, and the folder from which files are named.
+    The argument is the run file of the point, and the folder from which files are named.
     """
     content, folder = argument
     try:

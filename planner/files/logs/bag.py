@@ -53,13 +53,7 @@ def is_bag_folder(path: Path) -> bool:
 
 
 def read_bag(path: Path | str, options: LogOptions) -> tuple[Log, ...]:
-    """Read the chosen joints of a bag.
-
-    Raises:
-        InvalidFile: Not a bag, or without requested and actual angles; the message lists its
-            topics.
-        MissingExtra: rosbags is not installed.
-    """
+    """Read the chosen joints of a bag."""
     actual, requested, notes = _tracks(path, options)
     names = _on_both(actual, requested)
     chosen = choose_joints(path, names, options.joint)
@@ -229,16 +223,9 @@ def _gather(
     names: tuple[str, ...] = (),
     joint: str | None = None,
 ) -> tuple[str, ...]:
-    """Gather the angles in the messages of one topic.
+    """Gather the angles in the messages of one topic, and return guesses, in words.
 
-    Args:
-        bag: The bag.
-        tracks: By function that extracts angles from a message, the track that takes them.
-        names: The joints of angles without names, in order.
-        joint: The joint that the user chose, for a single angle without a name.
-
-    Returns:
-        Guesses, in words.
+    Angles without names are of ``names``, in order, or a single one of the ``joint`` chosen.
     """
     (topic,) = {track.topic for track in tracks.values()}
     kind = bag.topics[topic]
@@ -312,9 +299,6 @@ def choose_topics(path: Path, kinds: Mapping[str, str], options: LogOptions) -> 
     """The topics of actual and of requested angles, which may be the same one.
 
     They are those that the options name, or the only ones that their types allow.
-
-    Raises:
-        InvalidFile: No topic, or several, are possible; the message lists them.
     """
     requested = options.command_topic
     if requested is not None:

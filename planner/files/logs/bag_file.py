@@ -91,11 +91,7 @@ class Bag:
     _ros1: bool
 
     def messages(self, topic: str) -> Iterator[tuple[int, Any]]:
-        """The messages of a topic, in order of receipt: the time of it [ns], and the fields.
-
-        Raises:
-            InvalidFile: A type is unknown, or a message is damaged.
-        """
+        """The messages of a topic, in order of receipt: the time of it [ns], and the fields."""
         connections = [
             connection for connection in self._reader.connections if connection.topic == topic
         ]
@@ -125,12 +121,7 @@ class Bag:
 
 @contextmanager
 def open_bag(path: Path | str) -> Iterator[Bag]:
-    """Open a bag of ROS 1, of ROS 2 (folder or a single file of it), or an MCAP file.
-
-    Raises:
-        InvalidFile: Not a bag, or a damaged one.
-        MissingExtra: rosbags is not installed.
-    """
+    """Open a bag of ROS 1, of ROS 2 (folder or a single file of it), or an MCAP file."""
     with importing("reading bags", "bags"):
         from rosbags import rosbag1, rosbag2
     place = Path(path)
@@ -194,14 +185,7 @@ def _words(error: BaseException) -> str:
 
 
 def check_unfolding(path: Path | str) -> None:
-    """Refuse a bag with chunks that unfold to many times their size.
-
-    Args:
-        path: An MCAP file, a bag of ROS 1, or a folder with MCAP files; other files are not read.
-
-    Raises:
-        InvalidFile: A chunk, or all of them together, would take too much memory or time.
-    """
+    """Refuse MCAP or a bag of ROS 1 with chunks that unfold to many times their size."""
     place = Path(path)
     for file in sorted(place.glob("*.mcap")) if place.is_dir() else [place]:
         if file.suffix.lower() == ".mcap":

@@ -43,11 +43,7 @@ SWITCH = {"0": False, "1": True, "0.0": False, "1.0": True, "false": False, "tru
 
 
 def read_csv_log(path: Path | str, options: LogOptions) -> tuple[Log, ...]:
-    """Read the logs of the chosen joints from CSV, or from standard input for ``-``.
-
-    Raises:
-        InvalidFile: The file is no log; the message says where and why.
-    """
+    """Read the logs of the chosen joints from CSV, or from standard input for ``-``."""
     table = read_table(path)
     times, clock = _read_clock(table, options)
     torque, switch = _read_torque(table, options)
@@ -228,11 +224,7 @@ def _read_clock(table: Table, options: LogOptions) -> tuple[Array, str]:
 
 
 def _read_torque(table: Table, options: LogOptions) -> tuple[str, Switch | None]:
-    """Where the torque's switch comes from, in words, and the switch, shape (n,), if there is one.
-
-    Raises:
-        InvalidFile: Several columns may be the switch, or a cell is not one.
-    """
+    """The origin of the torque's switch in words, and the switch, shape (n,), if there is one."""
     if options.torque is not None:
         table.place(options.torque)
     columns = (options.torque,) if options.torque is not None else torque_columns(table.names)

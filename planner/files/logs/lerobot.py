@@ -53,12 +53,7 @@ BATCH = 8192
 
 
 def read_lerobot(path: Path | str, options: LogOptions) -> tuple[Log, ...]:
-    """Read the chosen joints of the chosen episodes of a dataset, or of one of its files.
-
-    Raises:
-        InvalidFile: Not a dataset, or without such a joint or episode; the message says why.
-        MissingExtra: pyarrow is not installed.
-    """
+    """Read the chosen joints of the chosen episodes of a dataset, or of one of its files."""
     dataset = find_dataset(Path(path))
     episodes = options.episode_numbers()
     logs: list[Log] = []
@@ -109,10 +104,6 @@ def lerobot_episodes(path: Path | str, options: LogOptions) -> tuple[EpisodeFile
     """The chosen episodes of a dataset, or of one of its files, in order.
 
     An unreadable file is among them, so that its error is raised when its rows are read.
-
-    Raises:
-        InvalidFile: It is no dataset, or does not hold a chosen episode.
-        MissingExtra: pyarrow is not installed.
     """
     dataset, chosen = find_dataset(Path(path)), options.episode_numbers()
     places: list[EpisodeFile] = []
@@ -147,11 +138,7 @@ class EpisodeRows(NamedTuple):
 
 
 def read_episode(place: EpisodeFile) -> EpisodeRows:
-    """The rows of an episode as they are written.
-
-    Raises:
-        InvalidFile: They cannot be read.
-    """
+    """The rows of an episode as they are written."""
     file = place.file
     columns = read_columns(file, [TIME, EPISODE, ACTION, STATE])
     rows = np.flatnonzero(_one_a_row(file, EPISODE, columns[EPISODE]) == place.episode)
@@ -293,11 +280,7 @@ class Dataset:
     robot_type: str | None = None
 
     def files(self, episodes: frozenset[int] | None) -> tuple[Path, ...]:
-        """Its Parquet files, except files whose names exclude all of the episodes.
-
-        Raises:
-            InvalidFile: There is none.
-        """
+        """Its Parquet files, except files whose names exclude all of the episodes."""
         every = sorted(self.root.glob("data/chunk-*/*.parquet"))
         if not every:
             raise InvalidFile(self.root, "no data/chunk-*/*.parquet; download the dataset's data")
@@ -345,11 +328,7 @@ def is_dataset(path: Path) -> bool:
 
 
 def find_dataset(path: Path) -> Dataset:
-    """The dataset in a folder, or the one that a Parquet file belongs to.
-
-    Raises:
-        InvalidFile: No description beside the file, or an invalid one.
-    """
+    """The dataset in a folder, or the one that a Parquet file belongs to."""
     if not path.exists():
         raise InvalidFile(path, "no such file; check the name and the folder")
     places = [path] if path.is_dir() else list(path.absolute().parents)[:3]
@@ -420,12 +399,7 @@ def _may_hold(file: Path, episodes: frozenset[int]) -> bool:
 
 
 def read_columns(path: Path | str, names: Sequence[str]) -> dict[str, Array]:
-    """The named columns: shape (n,), or (n, width) where a cell is a list; NaN where it is empty.
-
-    Raises:
-        InvalidFile: Not Parquet, cut short, too long, or a column is missing or holds no numbers.
-        MissingExtra: pyarrow is not installed.
-    """
+    """The named columns: (n,), or (n, width) where a cell is a list; NaN where it is empty."""
     with importing("reading Parquet", "parquet"):
         import pyarrow as pa
         from pyarrow import parquet

@@ -90,12 +90,7 @@ class LogOptions:
     episodes: str | None = None
 
     def __post_init__(self) -> None:
-        """Check the values that need no log.
-
-        Raises:
-            InvalidInput: A value that is no text, an unknown unit, ticks that are no number, or an
-                invalid list of episodes.
-        """
+        """Check the values that need no log."""
         for field in fields(self):
             value = getattr(self, field.name)
             if field.name != "ticks_per_turn" and not isinstance(value, str | None):
@@ -106,12 +101,7 @@ class LogOptions:
         self.episode_numbers()
 
     def unit_of(self, joint: str, role: str = "") -> str | None:
-        """The unit that the user gives for a joint's angles; None leaves it to the log.
-
-        Args:
-            joint: Name of the joint.
-            role: "requested" or "actual", where their columns may differ.
-        """
+        """The unit that the user gives for angles of a joint and a role; None for none."""
         units = _units(self.unit)
         return next((units[name] for name in (joint, role, "") if name in units), None)
 
@@ -120,20 +110,12 @@ class LogOptions:
         return tuple(joint for joint in _units(self.unit) if joint not in ("", *ROLES))
 
     def scale_of(self, joint: str) -> Scale | None:
-        """The scale of :meth:`unit_of`.
-
-        Raises:
-            InvalidInput: Ticks without their number in a turn.
-        """
+        """The scale of :meth:`unit_of`."""
         unit = self.unit_of(joint)
         return None if unit is None else scale(unit, self.ticks_per_turn)
 
     def episode_numbers(self) -> frozenset[int] | None:
-        """The episodes to read; None for all.
-
-        Raises:
-            InvalidInput: Not a list of numbers and ranges.
-        """
+        """The episodes to read; None for all."""
         if self.episodes is None:
             return None
         chosen: set[int] = set()
@@ -150,16 +132,7 @@ class LogOptions:
 
 
 def choose_joints(path: Path | str, joints: Sequence[str], joint: str | None) -> tuple[int, ...]:
-    """Places of the joints to read among ``joints``.
-
-    Args:
-        path: The file, for the error.
-        joints: Names of its joints; "" where it names none.
-        joint: The name to read, "all", or None where there is only one to choose.
-
-    Raises:
-        InvalidFile: No joint of this name, or several without a choice.
-    """
+    """Places of the joint to read among ``joints``, or of "all"; None where there is only one."""
     if joint == ALL_JOINTS and joint not in joints:
         return tuple(range(len(joints)))
     names = ", ".join(each or "(one without a name)" for each in joints)
@@ -260,10 +233,6 @@ def make_log(source: Source, columns: Columns, *, joint: str, notes: tuple[str, 
     A row whose time or request is missing is left out, and so is one that repeats the row before,
     time and all. Where only the angle or the load is missing,
     as after a failed read, the request was sent: the row stays, as not measured.
-
-    Raises:
-        InvalidFile: A value cannot be true, times do not increase, or there are too few rows; the
-            message says where.
     """
     columns, source, gap_notes = _with_requests(source, columns)
     columns, source, double_notes = _without_doubles(source, columns)
@@ -354,11 +323,7 @@ def _select(source: Source, columns: Columns, rows: Switch) -> tuple[Columns, So
 def _with_fitted_scale(
     source: Source, columns: Columns, measured: Switch
 ) -> tuple[Columns, tuple[str, ...]]:
-    """The columns with the scale of counts, by a straight line through slow rows, and a note on it.
-
-    Raises:
-        InvalidFile: The requests are in counts, too few rows are slow, or a line does not fit.
-    """
+    """The columns with the scale of counts, by a line through slow rows, and a note on it."""
     if columns.request_scale.name == COUNTS:
         raise InvalidFile(
             source.name,
@@ -436,9 +401,6 @@ def _filled(source: Source, columns: Columns) -> tuple[Columns, Switch, tuple[st
     """The columns with the value before, or the first one, for angles and loads that are missing.
 
     Values between two readings would hide where an encoder starts again.
-
-    Returns:
-        The columns, whether each row was measured, and a note on the unmeasured rows.
     """
     missing = _unread(columns)
     if not missing.any():

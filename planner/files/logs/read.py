@@ -49,11 +49,7 @@ UNIT = "rad"
 
 
 def read_bam(path: Path | str, options: LogOptions) -> tuple[Log, ...]:
-    """Read the one log of a BAM file.
-
-    Raises:
-        InvalidFile: The file is no such log; the message says where and why.
-    """
+    """Read the one log of a BAM file."""
     content = read_json(path, what="a log")
     entries = _entries(path, content)
     choose_joints(path, [""], options.joint)
@@ -328,11 +324,7 @@ class Recording:
         return EpisodeFile(Path(self._file), self.episode)
 
     def read(self) -> tuple[Log, ...]:
-        """Its logs, one for each joint.
-
-        Raises:
-            InvalidFile: It cannot be read.
-        """
+        """Its logs, one for each joint."""
         return read_logs(self._file, options=self.options)
 
     @property
@@ -341,16 +333,7 @@ class Recording:
 
 
 def recordings_in(paths: Sequence[str], options: LogOptions) -> tuple[Recording, ...]:
-    """The recordings that files hold, in order; of datasets the chosen episodes.
-
-    Args:
-        paths: Paths as for :func:`planner.read_logs`.
-        options: How to read it. All joints are read, whatever joint they name.
-
-    Raises:
-        InvalidInput: A path holds no log, or options do not fit it.
-        MissingExtra: The format needs a package that is not installed.
-    """
+    """The recordings that files hold, with all joints; of datasets the chosen episodes."""
     if not paths:
         raise InvalidInput("no recording; give at least one file")
     every = replace(options, joint=ALL_JOINTS)

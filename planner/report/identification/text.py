@@ -57,9 +57,7 @@ def identification_text(
 ) -> str:
     """The results, the verdict first and the next step last.
 
-    Args:
-        identifications: By joint; "" for one without a name. Several share a table, and warnings.
-        model: The file of the models.
+    Several joints share a table, and warnings; "" is one without a name.
     """
     if len(identifications) > 1:
         lines = [
@@ -152,13 +150,7 @@ def _shared_warnings(identifications: Mapping[str, Identification]) -> list[str]
 
 
 def excitation_text(excitation: Excitation, expected: Identification, *, model: str) -> str:
-    """Text on a test signal: what it would determine, its parts, and the expected intervals.
-
-    Args:
-        excitation: The signal.
-        expected: The identification of the expected joint from its answer.
-        model: Name of the expected joint.
-    """
+    """Text on a test signal: what it would determine, its parts, and the expected intervals."""
     estimates = parameters(expected)
     heights = ", ".join(f"{math.degrees(height):.4g}" for height in excitation.amplitudes)
     rows = [

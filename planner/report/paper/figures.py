@@ -153,12 +153,7 @@ def foot_paths_figure(
 ) -> Figure:
     """The foot's paths, with the leg at one instant; on the page the leg moves.
 
-    Args:
-        name: The figure's name.
-        words: Title and caption.
-        planned: The walk.
-        paths: The paths under the methods.
-        legs: Joints and foot under each method [m], each of shape (n, joints + 1, 3).
+    ``legs``: joints and foot under each method [m], each of shape (n, joints + 1, 3).
     """
     # The leg is drawn in files in the middle of the time on the ground, at sample 22.
     foot, pose = planned.walk.desired_foot, planned.legs["desired"][22]
@@ -215,16 +210,7 @@ def joints_figure(
     *more: Panel,
     clock: bool = False,
 ) -> Figure:
-    """A panel per joint over one step of the walk.
-
-    Args:
-        planned: The walk.
-        name: The figure's name.
-        words: Title and caption.
-        curves: Function for the curves of a joint.
-        more: Panels below.
-        clock: Whether it follows the moving leg of its page.
-    """
+    """A panel per joint over one step of the walk, and more below."""
     panels = [
         Panel(Axis("angle", "deg"), tuple(curves(joint)), joint.name) for joint in planned.joints
     ]
