@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from planner.cli import types
+from planner.cli import options, types
 from planner.cli.console import complain
 from planner.exceptions import BusError, InvalidFile
 
@@ -222,11 +222,9 @@ FAULT = types.Parsed(
     type=click.Choice(KINDS),
     help="What they are.  [default: sts3215, xl430 or xl-320, by the protocol]",
 )
-@click.option(
+@options.positive(
     "--step-ms",
-    type=types.above_0("milliseconds"),
-    metavar="MS",
-    help="Lock step: so much time passes from one sync write to the next, however long it takes.  "
+    "Lock step: so much time passes from one sync write to the next, however long it takes.  "
     "[default: real time]",
 )
 @click.option(

@@ -68,26 +68,16 @@ SLOWEST = 16.0
     metavar="[JOINT=]N",
     help="Count of the servo at angle 0.  [default: the middle, 2048, or 512 of an XL-320]",
 )
-@click.option(
-    "--rate-hz",
-    type=types.above_0("hertz"),
-    default=100.0,
-    metavar="HZ",
-    help="Requests per second, as the joints will get them later.",
-)
-@click.option(
+@options.positive("--rate-hz", "Requests per second, as the joints will get them later.", 100.0)
+@options.positive(
     "--duration-s",
-    type=types.above_0("seconds"),
-    default=60.0,
-    metavar="S",
-    help="Time for which each joint is excited; its test motions take another half a minute.",
+    "Time for which each joint is excited; its test motions take another half a minute.",
+    60.0,
 )
-@click.option(
+@options.positive(
     "--reach-deg",
-    type=types.above_0("degrees"),
-    default=45.0,
-    metavar="DEG",
-    help="How far a joint may go from where it is, unless its range is shown by hand.",
+    "How far a joint may go from where it is, unless its range is shown by hand.",
+    45.0,
 )
 @click.option("--yes", is_flag=True, help="Ask nothing: ranges by the servos' limits, and go.")
 @click.option("--resume", is_flag=True, help="Take the logs of an interrupted run as they are.")
@@ -350,19 +340,8 @@ UNKNOWN = 0.1
     metavar="NAME",
     help="Check this joint only.  [default: all]",
 )
-@click.option(
-    "--duration-s",
-    type=types.above_0("seconds"),
-    default=20.0,
-    metavar="S",
-    help="How long each joint moves.",
-)
-@click.option(
-    "--rate-hz",
-    type=types.above_0("hertz"),
-    metavar="HZ",
-    help="Requests per second.  [default: those of the model]",
-)
+@options.positive("--duration-s", "How long each joint moves.", 20.0)
+@options.positive("--rate-hz", "Requests per second.  [default: those of the model]")
 @options.as_json
 def check(
     *,

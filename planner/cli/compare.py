@@ -5,7 +5,6 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
@@ -21,10 +20,6 @@ if TYPE_CHECKING:
     from planner.cli.desired import Desired
     from planner.cli.planning import Prepared
     from planner.evaluation.cross_check import CrossCheck
-
-
-PICTURES = (".png", ".svg")
-"""Endings of picture files."""
 
 
 @click.command()
@@ -51,7 +46,7 @@ PICTURES = (".png", ".svg")
     default="envelope",
     help="Sharpest bound to compute; 'exact' takes seconds to a minute.",
 )
-@click.option("--figure", type=types.OUTPUT, help="Write the picture; .png or .svg.")
+@click.option("--figure", type=types.PICTURE, help="Write the picture; .png or .svg.")
 @click.option("--report", type=types.OUTPUT, help="Write a page (HTML) about the comparison.")
 @options.as_json
 def compare(
@@ -81,8 +76,6 @@ def compare(
     from planner.report.comparison import comparison_figure, comparison_text, verdict_line
     from planner.report.matplotlib_figure import write_picture
 
-    if figure is not None and Path(figure).suffix.lower() not in PICTURES:
-        raise click.UsageError(f"--figure: got '{figure}', expected a name in .png or .svg.")
     prepared = load(run)
     options.warn_of(prepared.desired.remarks)
     check_angles(prepared.desired.names, prepared.desired.units)

@@ -50,12 +50,7 @@ FINEST = 1e-9
     metavar="DEG",
     help="Where the signal begins and ends.  [default: the middle of the limits]",
 )
-@click.option(
-    "--rate-hz",
-    type=types.above_0("hertz"),
-    metavar="HZ",
-    help="Requests per second.  [default: those of the expected model]",
-)
+@options.positive("--rate-hz", "Requests per second.  [default: those of the expected model]")
 @click.option(
     "--duration-s",
     type=float,

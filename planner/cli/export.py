@@ -88,16 +88,11 @@ def _with_servos(export: Export, model: str, schedule: Schedule) -> Export:
             "--model sets zeros, directions and ticks: leave out --zero-tick, --reverse and "
             "--ticks-per-turn."
         )
-    all_servos, names = read_servos(model), schedule.names
-    if missing := [name for name in names if name not in all_servos]:
-        raise InvalidFile(
-            model, f"no servo of {', '.join(missing)}; servos are of {', '.join(all_servos)}"
-        )
-    check_ranges({name: all_servos[name] for name in names}, schedule.requests)
+    servos = read_servos(model, schedule.names)
+    check_ranges(servos, schedule.requests)
     # that there are as many names as joints is checked with the rows
-    servos = dict(
-        zip(export.joint_names or names, (all_servos[name] for name in names), strict=False)
-    )
+    names = export.joint_names or schedule.names
+    servos = dict(zip(names, servos.values(), strict=False))
     turns = {servo.ticks_per_turn for servo in servos.values()}
     if len(turns) > 1:
         several = ", ".join(f"{each:g}" for each in sorted(turns))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -71,7 +70,7 @@ def _knot(text: str) -> tuple[float, float | None]:
 )
 @click.option(
     "--figure",
-    type=types.OUTPUT,
+    type=types.PICTURE,
     help="Also draw the lines, and the error for other numbers of them, as .svg or .png.",
 )
 @options.output
@@ -104,10 +103,6 @@ def fit(
     from planner.cli.models import model_words
     from planner.files.paths import write_joint_path
 
-    if figure is not None and Path(figure).suffix.lower() not in (".svg", ".png"):
-        raise click.UsageError(
-            f"--figure: got '{figure}', expected a name that ends in .svg or .png."
-        )
     path = load_joints(desired, run)
     options.warn_of(path.remarks)
     check_angles(path.names, path.units)

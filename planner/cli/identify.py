@@ -69,11 +69,8 @@ log_options = options.several(
 @click.command()
 @click.argument("logs", nargs=-1, required=True, type=types.INPUT, metavar="LOG...")
 @log_options
-@click.option(
-    "--tick-ms",
-    type=types.above_0("milliseconds"),
-    metavar="MS",
-    help="Time step of the model.  [default: chosen from the rate of the log]",
+@options.positive(
+    "--tick-ms", "Time step of the model.  [default: chosen from the rate of the log]"
 )
 @click.option(
     "--hold",

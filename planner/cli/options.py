@@ -34,6 +34,13 @@ output_or_folder = click.option(
 )
 
 
+def positive(name: str, about: str, default: float | None = None) -> Callable[[Command], Command]:
+    """Give a command an option for a number above 0, whose unit ends its name: ``--rate-hz``."""
+    unit = name.rpartition("-")[2]
+    kind = types.above_0(types.UNITS[unit])
+    return click.option(name, type=kind, default=default, metavar=unit.upper(), help=about)
+
+
 def several(*decorators: Callable[[Command], Command]) -> Callable[[Command], Command]:
     """Give a command several options, in this order."""
 
@@ -159,7 +166,9 @@ def _option(key: str, declared: Declared, of_command: str) -> Callable[[Command]
     elif get_origin(declared.type) is tuple:
         attributes = {"type": str, "multiple": "type" not in attributes, **attributes}
     else:
-        attributes = {"type": declared.type, **attributes}
+        unit = key.rpartition("_" if "_" in key else ".")[2]
+        units = {"metavar": unit.upper()} if unit in types.UNITS else {}
+        attributes = {"type": declared.type, **units, **attributes}
     if declared.by_joint or get_origin(declared.type) is dict:
         attributes["multiple"] = True
     parameter, required = _parameter(key), declared.required

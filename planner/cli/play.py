@@ -77,15 +77,8 @@ def play(
     if path.times is None:
         raise InvalidFile(requests, "no column t_s, so no time between requests; add it")
     period = path.step
-    all_servos = read_servos(model)
-    if missing := [name for name in path.names if name not in all_servos]:
-        raise InvalidFile(
-            model,
-            f"no servo of {', '.join(missing)}; servos are of {', '.join(all_servos)}: calibrate "
-            "it, or name the columns alike",
-        )
     rows: list[tuple[float, Array]] = []
-    servos = {name: all_servos[name] for name in path.names}
+    servos = read_servos(model, path.names)
     with buses.open_arm(choices, servos, model) as arm, GrowingLog(output, path.names) as log:
 
         def keep(time: float, row: Array, angles: Array) -> None:
@@ -143,19 +136,8 @@ def _a_row_each(times: Array, angles: Array, count: int, period: float) -> Array
 @click.command()
 @buses.bus_options()
 @buses.model_option("The servos of the joints, as calibrate writes them.")
-@click.option(
-    "--rate-hz",
-    type=types.above_0("hertz"),
-    default=50.0,
-    metavar="HZ",
-    help="Rows per second.",
-)
-@click.option(
-    "--duration-s",
-    type=types.above_0("seconds"),
-    metavar="S",
-    help="How long.  [default: until Ctrl-C]",
-)
+@options.positive("--rate-hz", "Rows per second.", 50.0)
+@options.positive("--duration-s", "How long.  [default: until Ctrl-C]")
 @click.option(
     "--by-hand",
     is_flag=True,

@@ -235,7 +235,6 @@ class Path(Settings):
         otherwise="the models' own",
         example=50.0,
         option="--rate-hz",
-        metavar="HZ",
     )
     speed: Positive | None = setting(
         "How many times as fast to follow the path: with fewer samples, on its straight "
@@ -294,7 +293,6 @@ class Plan(Settings):
         otherwise="none",
         example=5.0,
         option="--max-step-deg",
-        metavar="DEG",
     )
     max_request_speed_deg_s: Positive | None = setting(
         "The same as a speed: largest change of the requests [deg/s].",
@@ -425,7 +423,6 @@ class Tolerance(Settings):
         "Error of any joint to accept [deg], in the plan's norm; not with method foot-optimal.",
         example=10.0,
         option="--tolerance-deg",
-        metavar="DEG",
         option_help=TOLERANCE.format("any joint"),
     )
     cm: Positive | None = setting(
@@ -433,7 +430,6 @@ class Tolerance(Settings):
         example=1.0,
         set_to=1.0,
         option="--tolerance-cm",
-        metavar="CM",
         option_help=TOLERANCE.format("the foot"),
     )
 
@@ -480,7 +476,6 @@ class Export(Settings):
         otherwise="one row per request",
         example=125.0,
         option="--rate-hz",
-        metavar="HZ",
     )
     between: Literal["hold", "linear"] | None = setting(
         "With rate_hz: hold each request, or go to the next in a straight line.",
@@ -540,7 +535,6 @@ class Export(Settings):
         otherwise="0.0",
         example=2.0,
         option="--lead-s",
-        metavar="S",
     )
     velocities: bool | None = setting(
         "yaml, bag, mcap: whether points carry velocities, and become splines.",
@@ -587,20 +581,17 @@ class Replay(Settings):
         "Where to begin [s since the first row].",
         otherwise="the first row",
         option="--begin-s",
-        metavar="S",
     )
     end_s: NotNegative | None = setting(
         "Where to end [s since the first row].",
         otherwise="the last row",
         option="--end-s",
-        metavar="S",
     )
     rate_hz: Positive | None = setting(
         "Requests per second.",
         otherwise="that of the recording",
         example=50.0,
         option="--rate-hz",
-        metavar="HZ",
     )
     fastest: bool = setting(
         "Find the largest speed at which the plan keeps the tolerance of [tolerance].",

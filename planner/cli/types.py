@@ -138,7 +138,7 @@ class Place(click.ParamType):  # type: ignore[type-arg]  # generic from click 8.
         return [CompletionItem(incomplete, type=self.kind)]
 
 
-def above_0(unit: str = "") -> Parsed:
+def above_0(unit: str) -> Parsed:
     """A number above 0, in this unit."""
 
     def parse(text: str) -> float:
@@ -147,7 +147,7 @@ def above_0(unit: str = "") -> Parsed:
             raise ValueError
         return number
 
-    return Parsed(parse, f"more than 0 {unit}".rstrip())
+    return Parsed(parse, f"more than 0 {unit}")
 
 
 def finite(text: str) -> float:
@@ -181,6 +181,12 @@ def _check_file(path: str) -> None:
         check_writable(path)
 
 
+def _check_picture(path: str) -> None:
+    if not path.lower().endswith((".svg", ".png")):
+        raise click.UsageError(f"--figure: got '{path}', expected a name in .png or .svg.")
+    check_writable(path)
+
+
 SPAN = Parsed(_span, "LOW:HIGH in degrees with LOW below HIGH, such as -27:147")
 SPANS = ByJoint(
     _span, "LOW:HIGH or JOINT=LOW:HIGH in degrees with LOW below HIGH, such as knee=-27:147"
@@ -193,8 +199,12 @@ LIST = Parsed(lambda text: [each.strip() for each in text.split(",")], "A,B,C")
 NAMES = ByJoint(str, "JOINT=NAME, such as Rotation=shoulder_pan", all_joints=False)
 TICKS = ByJoint(_tick, "N or JOINT=N, such as knee=2048")
 
+UNITS = {"hz": "hertz", "s": "seconds", "ms": "milliseconds", "deg": "degrees", "cm": "centimetres"}
+"""Units that end the name of an option, such as --rate-hz."""
+
 INPUT = Place("file", use="read")
 OUTPUT = Place("file", _check_file, use="written")
+PICTURE = Place("file", _check_picture, use="written")
 FOLDER = Place("dir", check_folder, use="written")
 OUTPUT_OR_FOLDER = Place("file", use="written")  # checked once the format is known
 REWRITTEN = Place("file", use=None)

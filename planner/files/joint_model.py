@@ -317,8 +317,8 @@ def has_servos(path: Path | str) -> bool:
     return any(isinstance(own, dict) and isinstance(own.get(SERVO), dict) for own in tables)
 
 
-def read_servos(path: Path | str) -> dict[str, Servo]:
-    """The servos of the joints of a model file, by joint: its tables ``[<joint>.servo]``."""
+def read_servos(path: Path | str, joints: Sequence[str] | None = None) -> dict[str, Servo]:
+    """The servos of a model file, of these joints or of all: its tables ``[<joint>.servo]``."""
     file = read_toml(path, example="id = 1")
     keys = {each.name for each in fields(Servo)} - {"settings"} | set(SETTINGS)
     servos = {}
@@ -358,7 +358,13 @@ def read_servos(path: Path | str) -> dict[str, Servo]:
             "no table of a servo; expected tables such as [knee.servo] with id, zero_tick and "
             "direction, as calibrate writes them",
         )
-    return servos
+    if missing := [name for name in joints or () if name not in servos]:
+        raise InvalidFile(
+            file.path,
+            f"no servo of {', '.join(missing)}; servos are of {', '.join(servos)}: calibrate it, "
+            "or name the columns alike",
+        )
+    return servos if joints is None else {name: servos[name] for name in joints}
 
 
 def _model(
