@@ -25,7 +25,7 @@ import click
 
 from kinematics.exceptions import printable
 from planner.exceptions import InvalidInput, PlannerError
-from planner.files.text import STANDARD_STREAM, to_json, write_text
+from planner.files.text import STANDARD_STREAM, key_name, to_json, toml_value, write_text
 
 Verbosity = Literal["quiet", "normal", "verbose"]
 
@@ -354,8 +354,6 @@ class Key:
 
 def as_key(key: Key) -> str:
     """A setting as a run file has it: ``plan.cyclic = false``."""
-    from planner.cli.declared import key_name, toml_value  # too slow for --help
-
     name = key_name(key.place)
     return name if key.value is None else f"{name} = {toml_value(key.value)}"
 

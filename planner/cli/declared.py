@@ -7,9 +7,7 @@ commands (:mod:`planner.cli.options`).
 
 from __future__ import annotations
 
-import json
 import math
-import re
 import textwrap
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import MISSING, Field, asdict, dataclass, field, fields, replace
@@ -31,6 +29,7 @@ from typing import (
 )
 
 from planner.exceptions import nearest
+from planner.files.text import key_name, toml_value
 
 if TYPE_CHECKING:
     from planner.files.text import Place, Toml
@@ -118,6 +117,12 @@ class Declared:
     def required(self) -> bool:
         """Whether a file has to set it."""
         return self.default is MISSING
+
+    @property
+    def default_in_words(self) -> str:
+        """Its default as TOML, or the effect of leaving it unset."""
+        unset = self.required or self.default is None
+        return self.otherwise or ("" if unset else toml_value(self.default))
 
 
 def setting(
@@ -257,18 +262,6 @@ def understand(file: Toml, cls: type[AnySettings]) -> AnySettings:
     except Unfit as error:
         place = f"{key_name(error.place)}: " if error.named and error.place else ""
         raise file.fault(f"{place}{error.problem}", error.place) from error
-
-
-def key_name(place: Sequence[str | int]) -> str:
-    """A place in words: ``plan.method``, ``export[0].file``."""
-    name = ""
-    for part in place:
-        if isinstance(part, int):
-            name += f"[{part}]"
-        else:
-            plain = re.fullmatch(r"[A-Za-z0-9_-]+", part)
-            name += ("." if name else "") + (part if plain else json.dumps(part))
-    return name
 
 
 def flat(settings: Settings) -> dict[str, Any]:
@@ -499,7 +492,7 @@ def template(cls: type[Settings], heading: Sequence[str]) -> str:
         for name, key in table.keys.items():
             default = None if key.required else key.default
             words = f" {key.expected.capitalize()}." * key.expected.startswith("one of")
-            if in_words := _default_in_words(key):
+            if in_words := key.default_in_words:
                 visible = default is not None and key.set_to is None
                 words += "" if visible else f" Default: {in_words}."
             lines += _comment(key.help + words)
@@ -509,46 +502,6 @@ def template(cls: type[Settings], heading: Sequence[str]) -> str:
         if table.free:
             lines.append(f"# {JOINT} = {toml_value(table.example)}")
     return "\n".join(lines) + "\n"
-
-
-def markdown(cls: type[Settings]) -> str:
-    """A section and a table of keys for every table."""
-
-    def cell(text: str) -> str:
-        return text.replace("|", "\\|").replace("<", "\\<")
-
-    sections = []
-    for table in tables(cls):
-        title = f"`{table.header}`" if table.place else "Above all tables"
-        lines = [f"### {title}", "", cell(table.about)]
-        if table.keys:
-            lines += ["", "| key | expected | default | what it is for |", "|---|---|---|---|"]
-        for name, key in table.keys.items():
-            default = "must be there" if key.required else cell(_default_in_words(key)) or "–"
-            lines.append(f"| `{name}` | {cell(key.expected)} | {default} | {cell(key.help)} |")
-        if table.free:
-            lines += ["", f"Any joint of the path, set to {table.free}."]
-        sections.append("\n".join(lines))
-    return "\n\n".join(sections) + "\n"
-
-
-def toml_value(value: Any) -> str:
-    """A value as TOML has it."""
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, float) and not math.isfinite(value):
-        return str(value)
-    if isinstance(value, Mapping):
-        pairs = ", ".join(f"{key_name((key,))} = {toml_value(each)}" for key, each in value.items())
-        return f"{{{pairs}}}"
-    if isinstance(value, list | tuple):
-        return f"[{', '.join(toml_value(each) for each in value)}]"
-    return json.dumps(value, ensure_ascii=False) if isinstance(value, str) else repr(value)
-
-
-def _default_in_words(key: Declared) -> str:
-    text = "" if key.required or key.default is None else toml_value(key.default)
-    return key.otherwise or text
 
 
 def _comment(text: str) -> Iterator[str]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, dataclass, fields
 from pathlib import Path
@@ -14,7 +13,7 @@ import numpy as np
 
 from planner.exceptions import InvalidFile, InvalidInput, InvalidModel, nearest
 from planner.files.robot import is_of_robot, legs_text, read_bus
-from planner.files.text import Toml, read_toml, write_text
+from planner.files.text import Toml, key_name, read_toml, toml_value, write_text
 from planner.model.evidence import ACCEPTED, GAIN, Evidence, Verdict, warn_of_refused
 from planner.model.joint import JointModel
 from planner.robot.arm import SETTINGS, Servo
@@ -205,10 +204,10 @@ def models_text(
     above = models[""].parameters() if "" in models else {}
     blocks = ["\n".join(_comment(remark) for remark in remarks)] if remarks else []
     if bus:
-        blocks.append("\n".join(f"{key} = {_value(value)}" for key, value in bus.items()))
+        blocks.append("\n".join(f"{key} = {toml_value(value)}" for key, value in bus.items()))
     for joint, model in models.items():
         comments = (about or {}).get(joint, {})
-        lines = [f"[{_key(joint)}]"] if joint else []
+        lines = [f"[{key_name((joint,))}]"] if joint else []
         lines += [_comment(line) for line in comments.get("", "").splitlines()]
         lines += [
             f"{name} = {getattr(model, name)!r}  "
@@ -263,17 +262,6 @@ def _comment(text: str) -> str:
     return "# " + "".join(mark if mark.isprintable() else " " for mark in text)
 
 
-def _key(joint: str) -> str:
-    """The joint as a key of TOML, in quotes where it needs them."""
-    if re.fullmatch(r"[A-Za-z0-9_-]+", joint):
-        return joint
-    return _value(joint)
-
-
-def _value(value: str | int) -> str:
-    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
-
-
 def _evidence_lines(evidence: Evidence | None) -> list[str]:
     """The evidence of a model: its test, verdict, intervals and their correlations."""
     if evidence is None:
@@ -286,8 +274,10 @@ def _evidence_lines(evidence: Evidence | None) -> list[str]:
     ]
     if evidence.verdict is not None:
         accepted = " or ".join(f'"{each}"' for each in ACCEPTED)
-        lines.append(f"{VERDICT} = {_value(evidence.verdict)}  # to plan with only if {accepted}")
-        lines += [f"{REASON} = {_value(evidence.reason)}"] * bool(evidence.reason)
+        lines.append(
+            f"{VERDICT} = {toml_value(evidence.verdict)}  # to plan with only if {accepted}"
+        )
+        lines += [f"{REASON} = {toml_value(evidence.reason)}"] * bool(evidence.reason)
     lines += [
         f"{name}_interval = [{least!r}, {most!r}]  # 95 %{' [1/s]' * (name == GAIN)}"
         for name, (least, most) in evidence.intervals.items()
@@ -301,7 +291,7 @@ def _evidence_lines(evidence: Evidence | None) -> list[str]:
 def _servo_lines(joint: str, servo: Servo) -> list[str]:
     return [
         "",
-        f"[{_key(joint)}.{SERVO}]",
+        f"[{key_name((joint,))}.{SERVO}]",
         f"id = {servo.id}",
         f"zero_tick = {servo.zero_tick}  # count at angle 0",
         f"direction = {servo.direction}  # -1 where the servo is mounted the other way round",

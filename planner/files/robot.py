@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from planner.exceptions import nearest
-from planner.files.text import Toml, read_toml
+from planner.files.text import Toml, key_name, read_toml, toml_value
 from planner.validation import shown
 
 LEG = "leg"
@@ -80,21 +79,15 @@ def legs_text(path: Path | str) -> str:
     if not is_of_robot(LEG, tables):
         return ""
     blocks = [
-        "\n".join([f"\n[{LEG}.{_quoted(name)}]", *(f"{key} = {_toml(each[key])}" for key in each)])
+        "\n".join(
+            [
+                f"\n[{LEG}.{key_name((name,))}]",
+                *(f"{key} = {toml_value(each[key])}" for key in each),
+            ]
+        )
         for name, each in tables.items()
     ]
     return "\n".join(blocks) + "\n" if blocks else ""
-
-
-def _toml(value: Any) -> str:
-    if isinstance(value, dict):
-        pairs = (f"{_quoted(key)} = {each!r}" for key, each in value.items())
-        return f"{{ {', '.join(pairs)} }}"
-    return _quoted(value) if isinstance(value, str) else repr(value)
-
-
-def _quoted(text: str) -> str:
-    return json.dumps(text, ensure_ascii=False)
 
 
 def _leg(file: Toml, name: str, table: Mapping[str, Any]) -> LegPlace:

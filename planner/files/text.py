@@ -198,3 +198,31 @@ def _split(path: str) -> Place:
 
 def _cut(message: str, place: re.Match[str] | None) -> str:
     return f"{message[: place.start()]} at column {place[2]}" if place else message
+
+
+def key_name(place: Sequence[str | int]) -> str:
+    """A place in words: ``plan.method``, ``export[0].file``."""
+    name = ""
+    for part in place:
+        if isinstance(part, int):
+            name += f"[{part}]"
+        else:
+            plain = re.fullmatch(r"[A-Za-z0-9_-]+", part)
+            name += ("." if name else "") + (part if plain else json.dumps(part))
+    return name
+
+
+def toml_value(value: Any) -> str:
+    """A value as TOML has it."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, float) and not math.isfinite(value):
+        return str(value)
+    if isinstance(value, Mapping):
+        pairs = ", ".join(f"{key_name((key,))} = {toml_value(each)}" for key, each in value.items())
+        return f"{{{pairs}}}"
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(toml_value(each) for each in value)}]"
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    return repr(value)
