@@ -49,7 +49,7 @@ def document(prepared: Prepared, plan: Plan, missed: list[str]) -> dict[str, Any
         inversion, unit = plan.inversions[j] if plan.inversions else None, desired.unit(j)
         ends = np.degrees([plan.expected[j].low, plan.expected[j].high]).tolist()
         joints[name] = {
-            **_errors(np.degrees(plan.errors[:, j]), unit),
+            **errors_document(np.degrees(plan.errors[:, j]), unit),
             "norm": inversion and inversion.norm,
             "solver": inversion and inversion.solver,
             f"expected_rms_{unit}": math.degrees(plan.expected[j].error),
@@ -73,7 +73,7 @@ def document(prepared: Prepared, plan: Plan, missed: list[str]) -> dict[str, Any
     if desired.foot is not None:
         bound, foot_inversion = plan.foot_bound, plan.of_foot
         foot = {
-            **_errors(100.0 * plan.distances, "cm"),
+            **errors_document(100.0 * plan.distances, "cm"),
             "expected_rms_cm": plan.expected_foot and 100.0 * plan.expected_foot,
             "norm": foot_inversion and foot_inversion.norm,
             "best_shift": {
@@ -90,7 +90,7 @@ def document(prepared: Prepared, plan: Plan, missed: list[str]) -> dict[str, Any
         part = plan.of_leg(leg)
         leg_shift = shifted(part.task)
         legs[name] = {
-            **_errors(100.0 * part.distances, "cm"),
+            **errors_document(100.0 * part.distances, "cm"),
             "expected_rms_cm": part.expected_foot and 100.0 * part.expected_foot,
             "without_plan_rms_cm": 100.0 * rms(part.direct_distances),
             "best_shift_rms_cm": 100.0 * rms(leg_shift.distances),
@@ -124,7 +124,7 @@ def summary(prepared: Prepared, plan: Plan) -> str:
         f"{model_words(prepared.settings.model)}\n"
     )
     for j in range(len(desired.names)):
-        errors = _errors(np.degrees(plan.errors[:, j]), "deg")
+        errors = errors_document(np.degrees(plan.errors[:, j]), "deg")
         bounded = [NOTHING, NOTHING]
         by_feet = prepared.settings.plan.method == "foot-optimal"
         has_bound = not (plan.task.load_of_pose or plan.models[j].exceeds_v_max)
@@ -148,7 +148,7 @@ def summary(prepared: Prepared, plan: Plan) -> str:
         parts = {name: plan.of_leg(leg) for name, leg in desired.legs.items()}
         text += f"\n\n{feet_table(parts).text()}\n"
     if desired.foot is not None:
-        rms, largest = _errors(100.0 * plan.distances, "cm").values()
+        rms, largest = errors_document(100.0 * plan.distances, "cm").values()
         text += f"\nfoot: {rms:.3f} cm rms from its path, {largest:.3f} cm at most"
         if plan.expected_foot is not None:
             text += f"; on the robot {100.0 * plan.expected_foot:.3f} cm rms to expect"
@@ -256,10 +256,11 @@ def _motion(motion: RequestMotion, unit: str) -> dict[str, float]:
     }
 
 
-def _errors(errors: Array, unit: str) -> dict[str, float]:
+def errors_document(errors: Array, unit: str, factor: float = 1.0) -> dict[str, float]:
+    """Root mean square and largest of some errors, times a factor, for machines."""
     return {
-        f"rms_{unit}": error_norm(errors, "rms"),
-        f"max_{unit}": error_norm(errors, "max"),
+        f"rms_{unit}": factor * error_norm(errors, "rms"),
+        f"max_{unit}": factor * error_norm(errors, "max"),
     }
 
 

@@ -181,10 +181,7 @@ def verdict(plan: Plan, legs: Mapping[str, Plan] | None = None) -> tuple[str, st
     """The verdict: a headline and its details; of a robot by the parts of its legs."""
     feet = list((legs or {}).values()) or ([plan] if plan.task.leg else [])
     if feet:
-        planned, direct = (
-            size(np.concatenate(each), 100.0)
-            for each in zip(*((leg.distances, leg.direct_distances) for leg in feet), strict=True)
-        )
+        planned, direct, _ = foot_sizes(feet)
         unit = "cm"
         words = "feet stay" if legs else "foot stays", "their paths" if legs else "its path"
         head = f"By the model the {words[0]} within {at_most(planned.max)} cm of {words[1]}"
@@ -288,14 +285,7 @@ def cards(plan: Plan, legs: Mapping[str, Plan] | None = None) -> list[Card]:
     rows = joint_rows(plan)
     foot_cards = []
     if feet := list((legs or {}).values()) or ([plan] if plan.task.leg else []):
-        planned, direct, early = (
-            size(np.concatenate(each), 100.0)
-            for each in (
-                [leg.distances for leg in feet],
-                [leg.direct_distances for leg in feet],
-                [shifted(leg.task).distances for leg in feet],
-            )
-        )
+        planned, direct, early = foot_sizes(feet)
         shift = [f", with the best time shift {each:.3g} cm" for each in early]
         shift = ["", ""] if plan.method == "shift" else shift
         whose = "the feet from their paths" if legs else "the foot from its path"
@@ -335,6 +325,12 @@ def cards(plan: Plan, legs: Mapping[str, Plan] | None = None) -> list[Card]:
 def size(errors: Array, factor: float) -> Distance:
     """The errors times a factor in two numbers."""
     return Distance(factor * error_norm(errors, "rms"), factor * error_norm(errors, "max"))
+
+
+def foot_sizes(feet: Sequence[Plan]) -> tuple[Distance, ...]:
+    """Errors of all feet [cm] by the plan, without one, and under the best time shift."""
+    of_each = ((leg.distances, leg.direct_distances, shifted(leg.task).distances) for leg in feet)
+    return tuple(size(np.concatenate(each), 100.0) for each in zip(*of_each, strict=True))
 
 
 def expected_errors(plan: Plan) -> list[float]:

@@ -284,7 +284,7 @@ CASES = {
     "sweep-gaits": "sweep gaits.toml --workers 1",
     "sweep-point": "sweep gaits.toml --at period_s=0.24 --at length=0.02 --out point --json",
     "sweep-speeds": "sweep speeds.toml --workers 1 --json --out made",
-    "view-joints": "view path.csv --leg reference",
+    "view-joints": "view path.csv --leg reference --html page.html",
     "view-page": f"view stride.csv {CLAMPED} --method optimal --html page.html",
     "view-requests": f"view foot.csv {CLAMPED} --requests requests.csv --html page.html",
     "play": f"play played.csv {ARM} -o out.csv",

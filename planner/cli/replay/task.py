@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from planner.cli import settings
+from planner.cli.answer import errors_document
 from planner.cli.console import BadSetting, Key
 from planner.cli.desired import find_leg, load_leg
 from planner.cli.models import JointModels, first_logs, joint_models
@@ -215,13 +216,15 @@ def document(replay: Replay, models: JointModels) -> dict[str, Any]:
             "planned": plan is not None,
             "reason": joint.path.reason or None,
             "unit": unit,
-            "recorded": _errors(joint.recorded_errors, unit, factor),
+            "recorded": errors_document(joint.recorded_errors, unit, factor),
             f"requests_{unit}": (factor * joint.requests).tolist(),
         }
         if plan is not None:
             assert joint.predicted is not None, "a planned joint is simulated"
             entry |= {
-                **{kind: _errors(each, unit, factor) for kind, each in joint.errors.items()},
+                **{
+                    kind: errors_document(each, unit, factor) for kind, each in joint.errors.items()
+                },
                 "best_shift_s": joint.lead,
                 f"expected_on_robot_rms_{unit}": factor * joint.expected,
                 "norm": plan.norm,
@@ -367,13 +370,6 @@ def replay_report(
         remarks=[*map(sentence, filter(None, [resent_words(replay)])), *task.models.remarks],
         sources=sources_of(page, origins, named),
     )
-
-
-def _errors(errors: Any, unit: str, factor: float) -> dict[str, float]:
-    return {
-        f"rms_{unit}": factor * error_norm(errors, "rms"),
-        f"max_{unit}": factor * error_norm(errors, "max"),
-    }
 
 
 def _check_tolerance(run: settings.Run, replay: settings.Replay) -> None:
