@@ -49,20 +49,15 @@ JOINT = "knee"
 
 @dataclass(frozen=True)
 class Range:
-    """The numbers that a key takes: above ``gt``, below ``lt``, from ``ge`` to ``le``.
-
-    With ``infinite`` it also takes inf, which is no limit.
-    """
+    """The numbers that a key takes: above ``gt``, below ``lt``, from ``ge`` to ``le``."""
 
     gt: float = -math.inf
     ge: float = -math.inf
     lt: float = math.inf
     le: float = math.inf
-    infinite: bool = False
 
     def __contains__(self, number: float) -> bool:
-        inside = self.gt < number < self.lt and self.ge <= number <= self.le
-        return inside or (self.infinite and number == math.inf)
+        return self.gt < number < self.lt and self.ge <= number <= self.le
 
 
 @dataclass(frozen=True)
@@ -158,12 +153,8 @@ class Settings:
     keys_set: frozenset[str] = frozenset()
     """The keys that a file or the command line has set."""
 
-    def __init_subclass__(cls, *, optional: type[Settings] | None = None) -> None:
-        """Make a dataclass of the annotations; the keys of ``optional`` are added at the end."""
-        for name, key in () if optional is None else optional.keys.items():
-            cls.__annotations__[name] = key.annotation | None
-            example = key.default if key.example is None else key.example
-            setattr(cls, name, field(metadata={"declared": replace(key, example=example)}))
+    def __init_subclass__(cls) -> None:
+        """Make a dataclass of the annotations, and keep what they declare."""
         annotations = get_type_hints(cls)
         for name, each in vars(cls).items():
             if isinstance(each, Field) and NoneType in get_args(annotations[name]):
@@ -327,8 +318,7 @@ def _expected(base: Any, notes: Sequence[Any]) -> str:
         return f"a whole number from {ends.ge} to {ends.le}"
     texts = {"above": ends.gt, "of at least": ends.ge, "below": ends.lt}
     bounds = [f"{text} {end:g}" for text, end in texts.items() if math.isfinite(end)]
-    number = " ".join(["a number", " and ".join(bounds)]).strip()
-    return f"{number}, or inf" if ends.infinite else number
+    return " ".join(["a number", " and ".join(bounds)]).strip()
 
 
 def _is_table(annotation: Any) -> bool:
@@ -387,9 +377,7 @@ def fitted(annotation: Any, value: Any) -> Any:
         fits = isinstance(value, kinds) and (base is bool or not isinstance(value, bool))
         if fits and base is float:
             value = float(value)
-            fits = math.isfinite(value) or any(
-                isinstance(note, Range) and value in note for note in notes
-            )
+            fits = math.isfinite(value)
     if not fits or any(isinstance(note, Range) and value not in note for note in notes):
         raise ValueError
     for note in notes:
@@ -463,8 +451,6 @@ def tables(cls: type[Settings], place: tuple[str, ...] = ()) -> Iterator[Table]:
             yield from rest
         elif get_origin(key.type) is tuple and _is_table(inner[0]):
             yield _table(inner[0], (*place, name, ANY), repeated=True)
-        elif get_origin(key.type) is dict and _is_table(inner[1]):
-            yield _table(inner[1], (*place, name, ANY), active=False)
         elif key.free:
             free, place_of = _expected(*_unwrapped(inner[1])), (*place, name)
             yield Table(place_of, key.help, {}, free=free, example=key.example, active=False)

@@ -161,7 +161,7 @@ def load_leg(place: LegPlace | None) -> Leg | None:
 
 def legs_of(model: settings.Model, folder: str = "") -> dict[str, LegPlace]:
     """The legs of the robot in the model file; the ERS-210A's legs for its own model."""
-    if model.file == settings.SHIPPED_MODEL and model.parameters is None:
+    if model.file == settings.SHIPPED_MODEL:
         from kinematics import urdf_path
 
         return {
@@ -189,8 +189,6 @@ def legs_among(joints: Sequence[str], model: settings.Model, folder: str = "") -
 
 def _robot_file(model: settings.Model, folder: str) -> str | None:
     """The model file, if it can be read again for legs and servos; else None."""
-    if model.parameters is not None:
-        return None
     if model.file in (settings.SHIPPED_MODEL, settings.FROM_URDF, STANDARD_STREAM):
         return None
     return beside(folder, model.file)
@@ -343,7 +341,7 @@ def _models_in(
     units: Sequence[str], model: settings.Model, models: tuple[JointModel, ...]
 ) -> tuple[JointModel, ...]:
     """The models; for joints in shares of their range, scaled so that a percent is a degree."""
-    if set(units) & set(SHARES) and model.file == settings.SHIPPED_MODEL and not model.joints:
+    if set(units) & set(SHARES) and model.file == settings.SHIPPED_MODEL:
         raise BadSetting(
             "the path has joints in shares of their range, of which the ERS-210A's model says "
             "nothing; name models of theirs, as identify writes them, with ",

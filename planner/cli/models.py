@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from planner.cli import settings
 from planner.cli.console import BadSetting, Key
-from planner.exceptions import InvalidFile, InvalidInput, InvalidModel, PlannerError, nearest
+from planner.exceptions import InvalidFile, InvalidInput, PlannerError, nearest
 from planner.files.joint_model import read_model_file
 from planner.model.evidence import refusal, with_reasons
 from planner.model.joint import JointModel, joint_of_top_speed
@@ -31,14 +31,7 @@ def models_of(
     rate_hz: float | None = None,
 ) -> tuple[JointModel, ...]:
     """One model per joint, all with the same time between requests, by default the models' own."""
-    check_joints("model.joints", model.joints, joints)
-    own = model.joints
-    without_file = [joint for joint in joints if joint not in own or own[joint].file is None]
-    common = _models_of_all(model, without_file, leg, folder)
-    models = tuple(
-        _model_of_joint(own[joint], joint, common, folder) if joint in own else common[joint]
-        for joint in joints
-    )
+    models = _by_settings(model, joints, leg, folder)
     if rate_hz is not None:
         return tuple(each.requested_every(1.0 / rate_hz) for each in models)
     for name, each in zip(joints, models, strict=True):
@@ -64,11 +57,8 @@ def model_words(model: settings.Model) -> str:
     words = {
         settings.SHIPPED_MODEL: f"{settings.SHIPPED_MODEL}, a joint of the Sony Aibo",
         settings.FROM_URDF: "a joint of the Sony Aibo, with the top speeds of the URDF",
-    }.get(model.file, model.file)
-    if model.parameters is not None:
-        words = "the parameters of the run file"
-    own = f"; {', '.join(model.joints)} with a model of its own" if model.joints else ""
-    return f"model: {words}{own}"
+    }
+    return f"model: {words.get(model.file, model.file)}"
 
 
 def beside(folder: str, name: str) -> str:
@@ -86,22 +76,11 @@ def check_joints(key: str, by_joint: Mapping[str, object], joints: Sequence[str]
             )
 
 
-def _models_of_all(
+def _by_settings(
     model: settings.Model, joints: Sequence[str], leg: Leg | None, folder: str
-) -> Mapping[str, JointModel]:
-    parameters = Key("model.parameters")
-    if model.parameters is not None:
-        if "file" in model.keys_set:
-            other = Key("model.file")
-            raise BadSetting(
-                parameters, ": got ", other, " too, expected one of them; remove the other"
-            )
-        try:
-            return dict.fromkeys(joints, JointModel(**model.parameters.values()))
-        except InvalidModel as error:
-            raise BadSetting(parameters, f": {error}") from error
+) -> tuple[JointModel, ...]:
     if model.file == settings.SHIPPED_MODEL:
-        return dict.fromkeys(joints, JointModel.ers210a())
+        return (JointModel.ers210a(),) * len(joints)
     if model.file != settings.FROM_URDF:
         file = beside(folder, model.file)
         if not Path(file).suffix and not Path(file).exists():
@@ -110,7 +89,7 @@ def _models_of_all(
                 f": got '{model.file}', expected '{settings.SHIPPED_MODEL}', "
                 f"'{settings.FROM_URDF}', or a file that exists, such as joint.toml",
             )
-        return dict(zip(joints, read_model_file(file).for_joints(joints), strict=True))
+        return read_model_file(file).for_joints(joints)
     if leg is None or leg.speeds is None:
         raise BadSetting(
             Key("model.file", settings.FROM_URDF),
@@ -125,25 +104,7 @@ def _models_of_all(
                 f": the URDF has no usable top speed of joint '{joint}'; give a model file, as "
                 "`identify` writes it",
             )
-    return {joint: joint_of_top_speed(speeds[joint]) for joint in joints}
-
-
-def _model_of_joint(
-    own: settings.OfJoint, joint: str, common: Mapping[str, JointModel], folder: str
-) -> JointModel:
-    key = Key("model.joints", joint=joint)
-    set_to = own.values().items()
-    changes = {name: value for name, value in set_to if value is not None and name != "file"}
-    if own.file is not None:
-        if changes:
-            raise BadSetting(
-                key, f": got file and {', '.join(changes)}, expected a file or parameters"
-            )
-        return read_model_file(beside(folder, own.file)).for_joints([joint])[0]
-    try:
-        return replace(common[joint], **changes)
-    except InvalidModel as error:
-        raise BadSetting(key, f": {error}") from error
+    return tuple(joint_of_top_speed(speeds[joint]) for joint in joints)
 
 
 MOST_IDENTIFIED = 10

@@ -117,57 +117,6 @@ class Leg(Settings):
     )
 
 
-class Parameters(Settings):
-    """In place of model.file: the parameters of all joints."""
-
-    v_max: float = setting("Top speed [rad/s].", example=5.4542)
-    theta_0: float = setting(
-        "Error from which on the joint moves at top speed [rad].", example=0.1222
-    )
-    lag: float = setting("Time before a request has any effect [s].", example=0.032)
-    acceleration_time: float = setting("Time over which a request takes effect [s].", example=0.048)
-    tick: float = setting("Time step of the model [s].", default=0.008)
-    hold: Count = setting("Ticks for which a request is held.", default=1)
-    offset: float = setting("Static sag [rad].", default=0.0)
-    dead_band: float = setting(
-        "Error that dry friction holds, without any motion [rad].", default=0.0
-    )
-    v_offset: float = setting(
-        "Top speed upwards less v_max, and v_max less downwards [rad/s].", default=0.0
-    )
-    compliance: float = setting("Sag by a torque on the joint [rad/(N m)].", default=0.0)
-    speed_per_torque: float = setting(
-        "Change of the top speeds by that torque [rad/(s N m)].", default=0.0
-    )
-    time_constant: float = setting(
-        "Time constant of the speed, a motor's inertia [s].", default=0.0
-    )
-    max_acceleration: Annotated[float, Range(gt=0.0, infinite=True)] = setting(
-        "Largest acceleration [rad/s^2]; inf where there is no limit.",
-        default=math.inf,
-        example=300.0,
-    )
-    sag_sin: float = setting(
-        "Sag by the sine of the joint's angle [rad]: gravity where no torque is known.", default=0.0
-    )
-    sag_cos: float = setting("Sag by the cosine of the joint's angle [rad].", default=0.0)
-    integral_rate: float = setting(
-        "Rate of the integral term of a speed loop, 1 / T_i [1/s].", default=0.0
-    )
-    position_integral_rate: float = setting(
-        "Rate of the integral term of a position controller, k_I / k_P [1/s].", default=0.0
-    )
-
-
-class OfJoint(Settings, optional=Parameters):
-    """A joint that is unlike the others: its own file, or the parameters that differ."""
-
-    file: Source | None = setting(
-        "A model file for this joint alone, in place of parameters.",
-        example="knee.toml",
-    )
-
-
 class Model(Settings):
     """How the joints answer."""
 
@@ -180,8 +129,6 @@ class Model(Settings):
         option_help="Joint models as TOML; 'ers210a', the paper's Table 1; or 'urdf', the same "
         "servos with the top speeds of the leg's URDF.  [default: ers210a]",
     )
-    parameters: Parameters | None = setting()
-    joints: dict[str, OfJoint] = setting()
 
 
 class HalfEllipse(Settings):

@@ -12,7 +12,6 @@ from planner.files.text import Toml, read_toml
 
 WALK = '[leg]\nname = "reference"\nunreachable = "clamp"\n[path.half_ellipse]\n'
 JOINTS = '[path]\nfile = "desired.csv"\n'
-PARAMETERS = "v_max = 4\ntheta_0 = 0.1\nlag = 0.03\nacceleration_time = 0.04\n"
 
 WRONG = {
     "no TOML": "[path\n",
@@ -66,11 +65,6 @@ WRONG = {
     "limits of a single angle": JOINTS + "[limits]\ndeg = [10, 10]\n",
     "limits of nobody": JOINTS + "[limits.joints]\nkne = [0, 1]\n",
     "limits of a joint upside down": JOINTS + "[limits.joints]\nhip = [0, 1]\nknee = [1, 0]\n",
-    "a misspelt parameter of a joint": JOINTS + "[model.joints.knee]\nlagg = 0.03\n",
-    "a model of nobody": JOINTS + "[model.joints.kne]\nlag = 0.03\n",
-    "a model of half its parameters": JOINTS + "[model.parameters]\nlag = 0.03\n",
-    "a model twice": JOINTS + f'[model]\nfile = "ers210a"\n[model.parameters]\n{PARAMETERS}',
-    "a joint's model twice": JOINTS + '[model.joints.knee]\nfile = "a.toml"\nlag = 0.03\n',
     "a start for a foot": WALK
     + '[plan]\nmethod = "foot-optimal"\ncyclic = false\n[start.joints]\nknee = 3\n',
     "joints of a half ellipse": WALK + '[path]\njoints = ["knee"]\n',

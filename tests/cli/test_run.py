@@ -91,12 +91,9 @@ def test_check_computes_and_writes_nothing(run, write, template, tmp_path, monke
 
 
 def test_places_are_relative_to_the_file(run, write, desired, tmp_path, monkeypatch):
-    model = write(
-        "v_max = 4.0\ntheta_0 = 0.1\nlag = 0.03\nacceleration_time = 0.04\n", "runs/a.toml"
-    )
-    shutil.copy(tmp_path / model, tmp_path / "runs" / "knee.toml")
+    write("v_max = 4.0\ntheta_0 = 0.1\nlag = 0.03\nacceleration_time = 0.04\n", "runs/a.toml")
     content = 'out = "results"\n[path]\nfile = "own.csv"\n[model]\nfile = "a.toml"\n'
-    content += '[model.joints.knee]\nfile = "knee.toml"\n[output]\nreport = "page.html"\n'
+    content += '[output]\nreport = "page.html"\n'
     file = write(content, "runs/it.toml")
     desired.rename(tmp_path / "runs" / "own.csv")
     elsewhere = tmp_path / "elsewhere"
@@ -120,39 +117,18 @@ def test_standard_input_is_a_run_file_too(run, tmp_path):
     )
 
 
-AIBO = JointModel.ers210a()
 SLOW = JointModel(v_max=4.0, theta_0=0.12, lag=0.05, acceleration_time=0.05)
 KNEE = "v_max = 4.0\ntheta_0 = 0.12\nlag = 0.05\nacceleration_time = 0.05\n"
 SAGGING = replace(SLOW, offset=0.01)
-OWN = "; knee with a model of its own"
 
 
-@pytest.mark.parametrize(
-    ("content", "models", "words"),
-    [
-        (f"[model.joints.knee]\n{KNEE}", (AIBO, SLOW), f"ers210a, a joint of the Sony Aibo{OWN}"),
-        ("[model.joints.knee]\nlag = 0\n", (AIBO, replace(AIBO, lag=0.0)), None),
-        (
-            "[model.joints.knee]\ntick = 0.004\nhold = 2\ndead_band = 0.01\nv_offset = 0.1\n",
-            (AIBO, replace(AIBO, tick=0.004, hold=2, dead_band=0.01, v_offset=0.1)),
-            None,
-        ),
-        ('[model.joints.knee]\nfile = "joints"\n', (AIBO, SAGGING), None),
-        ('[model]\nfile = "joints"\n', (SLOW, SAGGING), "joints"),
-        (
-            f"[model.parameters]\n{KNEE}offset = 0.01\n[model.joints.knee]\noffset = 0\n",
-            (SAGGING, SLOW),
-            f"the parameters of the run file{OWN}",
-        ),
-    ],
-)
-def test_models_are_inline_or_files_for_all_joints_or_for_one(
-    write, tmp_path, content, models, words
-):
+def test_models_are_those_of_the_file_for_all_joints_or_for_one(write, desired, tmp_path):
+    assert desired.exists()
     (tmp_path / "joints").write_text(f"{KNEE}[knee]\noffset = 0.01\n")
-    _, prepared = read_run(str(tmp_path / write(JOINTS + content)))
-    assert prepared.desired.models == models
-    assert words is None or model_words(prepared.settings.model) == f"model: {words}"
+    content = f'{JOINTS}[model]\nfile = "joints"\n'
+    _, prepared = read_run(str(tmp_path / write(content)))
+    assert prepared.desired.models == (SLOW, SAGGING)
+    assert model_words(prepared.settings.model) == "model: joints"
 
 
 def test_a_walk_is_sized_for_the_leg_of_a_description_near_a_pose(run, write, tmp_path):
@@ -259,10 +235,11 @@ def test_advice_of_the_library_is_told_as_keys(run, write, desired, monkeypatch)
 def test_pages_link_to_all_files_and_only_requests_carry_the_load(run, write, foot, tmp_path):
     content = (
         f'[leg]\nname = "front-left"\n[path]\nfile = "{foot.name}"\n'
-        f'[plan]\nmethod = "closed-form"\nload = "urdf"\n[model.parameters]\n{SERVO}'
-        'compliance = 0.3\n[output]\nreport = "pages/plan.html"\n'
+        f'[plan]\nmethod = "closed-form"\nload = "urdf"\n[model]\nfile = "soft.toml"\n'
+        '[output]\nreport = "pages/plan.html"\n'
         'desired = ""\n[tolerance]\ncm = 1e-4\n[[export]]\nformat = "csv"\nfile = "arm/sent.csv"\n'
     )
+    write(f"{SERVO}compliance = 0.3\n", "soft.toml")
     result = run("run", write(content))
     assert result.exit_code == 1, result.stderr
     folder = tmp_path / "it"
@@ -273,6 +250,7 @@ def test_pages_link_to_all_files_and_only_requests_carry_the_load(run, write, fo
     assert links == {
         "../../foot.csv",
         "../../it.toml",
+        "../../soft.toml",
         *(f"../{name}" for name in (*files[:3], "requests.csv", "results.json")),
     }
     assert "the foot is off by" in page

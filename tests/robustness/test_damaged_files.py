@@ -29,11 +29,8 @@ unreachable = "clamp"
 near = {knee = 20.0}
 [path.half_ellipse]
 samples = 12
-[model.parameters]
-v_max = 5.0
-theta_0 = 0.2
-lag = 0.03
-acceleration_time = 0.05
+[model]
+file = "ers210a"
 [plan]
 method = "optimal"
 norm = "rms"

@@ -132,7 +132,6 @@ class Space:
         """The inputs of all outcomes, beside the point."""
         run = self.settings
         files = [run.model.file, run.path.file, run.leg.urdf]
-        files += [joint.file for joint in run.model.joints.values()]
         places = [Path(beside(self.folder, name)) for name in files if name]
         return {
             "command": "sweep",
