@@ -190,23 +190,19 @@ class Commands(click.Group):
                 warn_once = cache(warn)  # for the same warning from several places
                 warnings.showwarning = lambda message, *_where: warn_once(str(message))
                 warnings.simplefilter("default", OutsideEquation13)
-                status = self._status(args, prog_name or "request-planner", complete_var, **extra)
+                name = prog_name or "request-planner"
+                status = self._status(args, name, complete_var, **extra)
                 _flush(sys.stdout)
         finally:  # also if an unexpected error goes on to the caller
             ANGLE_UNIT.reset(unit)
         sys.exit(status)
 
-    def _status(
-        self,
-        args: Sequence[str] | None,
-        prog_name: str,
-        complete_var: str | None,
-        **extra: Any,
-    ) -> int:
+    def _status(self, *args: Any, **extra: Any) -> int:
         try:
-            status = super().main(args, prog_name, complete_var, standalone_mode=False, **extra)
+            run: Any = super().main
+            status = run(*args, standalone_mode=False, **extra)
         except click.UsageError as error:
-            where = error.ctx.command_path if error.ctx else prog_name
+            where = error.ctx.command_path if error.ctx else "request-planner"
             message = error.format_message().replace("is not a valid float", "is not a number")
             return _complain(f"{message} See '{where} --help'.", BAD_INPUT)
         except click.ClickException as error:

@@ -425,11 +425,9 @@ class Export(Settings):
         option="--rate-hz",
     )
     between: Literal["hold", "linear"] | None = setting(
-        "With rate_hz: hold each request, or go to the next in a straight line.",
+        "With another rate: hold each request, or go to the next in a straight line.",
         implied="hold",
         option="--between",
-        option_help="With --rate-hz: hold each request, or go to the next in a straight line.  "
-        "[default: hold]",
     )
     joint_names: JointNames | None = setting(
         "The joints' names on the robot, in the order of the columns.",
@@ -488,7 +486,6 @@ class Export(Settings):
         only=ROS,
         implied=False,
         option="--velocities",
-        option_help="yaml, bag, mcap: points carry velocities, and become splines.",
     )
     topic: Annotated[Text | None, Expected("the name of a topic")] = setting(
         "bag, mcap: the topic.",

@@ -76,12 +76,7 @@ class LegName(click.ParamType):  # type: ignore[type-arg]  # generic from click 
             self.fail(f"'{text}' is not one of {names}, nor a .urdf file.", param, ctx)
         return text
 
-    def shell_complete(
-        self,
-        ctx: click.Context,  # noqa: ARG002
-        param: click.Parameter,  # noqa: ARG002
-        incomplete: str,
-    ) -> list[CompletionItem]:
+    def shell_complete(self, ctx: Any, param: Any, incomplete: str) -> list[CompletionItem]:  # noqa: ARG002
         """The names that begin like this, or files if no name does."""
         names = [CompletionItem(name) for name in SHIPPED if name.startswith(incomplete)]
         return names or [CompletionItem(incomplete, type="file")]
@@ -128,12 +123,7 @@ class Place(click.ParamType):  # type: ignore[type-arg]  # generic from click 8.
             reason = "an input too" if "read" in uses.values() else "another output too"
             raise cannot_write(text, ValueError(f"it is {reason}"))
 
-    def shell_complete(
-        self,
-        ctx: click.Context,  # noqa: ARG002
-        param: click.Parameter,  # noqa: ARG002
-        incomplete: str,
-    ) -> list[CompletionItem]:
+    def shell_complete(self, ctx: Any, param: Any, incomplete: str) -> list[CompletionItem]:  # noqa: ARG002
         """Leave it to the shell, which lists files and folders."""
         return [CompletionItem(incomplete, type=self.kind)]
 

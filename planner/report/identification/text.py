@@ -7,7 +7,6 @@ import re
 import shlex
 import textwrap
 from collections.abc import Mapping, Sequence
-from dataclasses import fields
 from typing import get_args
 
 import numpy as np
@@ -15,8 +14,8 @@ import numpy as np
 from planner._version import __version__
 from planner.identification.excitation import Excitation
 from planner.identification.result import Identification, Interval, Topic
-from planner.model.joint import JointModel
 from planner.report.identification.words import (
+    UNITS,
     Parameter,
     errors_table,
     explained,
@@ -230,8 +229,7 @@ def _comments(identification: Identification) -> dict[str, str]:
     for fit in identification.fits:
         used = int(np.sum(fit.used))
         above.append(f"From {fit.log.name}: {used} of {len(fit.used)} rows.")
-    si = {each.name: str(each.metadata["unit"]) for each in fields(JointModel)}
-    units = {key: unit.replace("rad", "1") if share else unit for key, unit in si.items()}
+    units = {key: unit.replace("rad", "1") if share else unit for key, unit in UNITS.items()}
     return {
         "": "\n".join(above),
         **{

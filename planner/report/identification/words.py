@@ -14,12 +14,8 @@ from planner.model.joint import JointModel
 from planner.report.page import PARAMETERS
 from planner.report.table import NOTHING, Column, Row, Table, raised
 
-IN_SI = {
-    each.name: raised(each.metadata["unit"])
-    for each in fields(JointModel)
-    if "rad" in each.metadata["unit"]
-}
-"""Parameters that are shown in another unit, and their SI units."""
+UNITS = {each.name: str(each.metadata["unit"]) for each in fields(JointModel)}
+"""SI units of the parameters; that of ``gain`` is 1/s."""
 
 ALTERNATIVES = {
     "raw": "the request itself",
@@ -137,20 +133,14 @@ def units_of(identification: Identification) -> Units:
 
 def unit_of(identification: Identification, name: str) -> tuple[float, str]:
     """The factor from SI to the unit in which a parameter is shown, and that unit."""
-    units = units_of(identification)
-    return {
-        "v_max": (units.factor, units.speed),
-        "gain": (1.0, "1/s"),
-        "integral_rate": (1.0, "1/s"),
-        "position_integral_rate": (1.0, "1/s"),
-        "lag": (1e3, "ms"),
-        "acceleration_time": (1e3, "ms"),
-        "time_constant": (1e3, "ms"),
-        "max_acceleration": (units.factor, f"{units.speed}²"),
-        "v_offset": (units.factor, units.speed),
-        "compliance": (units.factor, f"{units.angle}/(N m)"),
-        "speed_per_torque": (units.factor, f"{units.speed}/(N m)"),
-    }.get(name, (units.factor, units.angle))
+    units, unit = units_of(identification), UNITS.get(name, "1/s")
+    if unit == "s":
+        return 1e3, "ms"
+    if unit == "rad":
+        return units.factor, units.angle
+    if "rad" not in unit:
+        return 1.0, unit
+    return units.factor, raised(unit.replace("rad", units.speed.removesuffix("/s")))
 
 
 def parameters(identification: Identification) -> list[Parameter]:
@@ -166,8 +156,8 @@ def parameters(identification: Identification) -> list[Parameter]:
             continue
         scaled = Interval(factor * interval.lower, factor * interval.upper)
         si = ""
-        if units.si and name in IN_SI:
-            si = f"{figure(value, interval)} {IN_SI[name]}, {between(interval)}"
+        if units.si and "rad" in UNITS.get(name, ""):
+            si = f"{figure(value, interval)} {raised(UNITS[name])}, {between(interval)}"
         rows.append(
             Parameter(
                 name=name,
