@@ -332,13 +332,7 @@ def _duration(seconds: float) -> str:
 
 @dataclass(frozen=True)
 class Key:
-    """A setting in a message.
-
-    Attributes:
-        name: The key, such as ``plan.method`` or ``export[0].file``.
-        value: The value in the message; None for any value.
-        joint: The joint, for a setting by joint.
-    """
+    """A setting in a message, such as ``export[0].file``, with a value or a joint or neither."""
 
     name: str
     value: str | bool | None = None
@@ -359,11 +353,7 @@ def as_key(key: Key) -> str:
 
 
 class _Fault(PlannerError):
-    """A message with settings as objects, so that they can be spelt as keys or as options.
-
-    Attributes:
-        parts: Words and settings, in their order.
-    """
+    """A message with settings as objects, so that they can be spelt as keys or as options."""
 
     def __init__(self, *parts: str | Key) -> None:
         """Spell the settings as keys by default."""

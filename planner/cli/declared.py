@@ -62,12 +62,9 @@ class Range:
 
 @dataclass(frozen=True)
 class Expected:
-    """The expected value of a key, where its type is not enough.
+    """The expected value of a key in words, where its type is not enough, and a check of it.
 
-    Attributes:
-        words: For messages and the reference: "the name of a file".
-        check: Returns the checked value, or raises ValueError with an addition to these words; None
-            accepts every value of the type.
+    The check returns the value, or raises ValueError with an addition to these words.
     """
 
     words: str
@@ -230,13 +227,7 @@ class _Reading:
 
 
 class Unfit(ValueError):
-    """Invalid settings.
-
-    Attributes:
-        place: The invalid key.
-        named: Whether the message has to name the key.
-        problem: The error message.
-    """
+    """Invalid settings: the place, the problem, and whether the message has to name the key."""
 
     def __init__(self, place: Place, problem: str, *, named: bool = True) -> None:
         """Keep place and problem; the caller adds the user's spelling of the place."""

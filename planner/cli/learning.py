@@ -46,13 +46,7 @@ AVERAGED = 21
 
 
 class Measured(NamedTuple):
-    """Measured angles.
-
-    Attributes:
-        names: The joints that were measured, in the order of the path.
-        angles: Their angles [rad], (cycles, n, joints).
-        unused: Rows after the last whole cycle.
-    """
+    """Measured angles of some joints [rad], (cycles, n, joints), and how many rows are unused."""
 
     names: tuple[str, ...]
     angles: Array
@@ -61,15 +55,10 @@ class Measured(NamedTuple):
 
 @dataclass(frozen=True)
 class Refined:
-    """The next plans, with their inputs.
+    """The next plans, with their inputs; joints that were not measured keep the executed plan.
 
-    Attributes:
-        prepared: The desired path of the joints or the foot.
-        executed: The requests that were executed [rad], (n, k).
-        measured: The angles measured meanwhile.
-        plans: The next plans; the executed plans for joints that were not measured.
-        states: Learning states of other plans in the history: of the foot if joints were learnt
-            one by one, or the reverse.
+    ``states`` are of other plans in the history: of the foot if joints were learnt one by one, or
+    the reverse.
     """
 
     prepared: Prepared

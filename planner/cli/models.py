@@ -114,13 +114,7 @@ same robot add little information, and time grows with each."""
 
 @dataclass(frozen=True, kw_only=True)
 class JointModels:
-    """The models of a replay.
-
-    Attributes:
-        by_joint: The models; the key "" holds the default model.
-        words: Their origin.
-        remarks: Remarks for the user.
-    """
+    """The models of a replay, the default under the key ""; their origin in words, and remarks."""
 
     by_joint: Mapping[str, JointModel]
     words: str = ""

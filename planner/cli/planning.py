@@ -50,16 +50,9 @@ CORE_METHODS: Mapping[settings.Method, Method] = {
 
 @dataclass(frozen=True)
 class Prepared:
-    """A plan, ready to be computed.
+    """A plan, ready to be computed: the settings, and all that their files hold.
 
-    Attributes:
-        settings: The user's settings, and defaults.
-        place: The description of the leg; None without a leg.
-        desired: The desired motion of all joints.
-        limits: Limits of the requests [rad].
-        starts: Rest angles of the joints before the path [rad].
-        load: The load on the joints, if the settings have one.
-        folder: The folder from which files are named; "" is the working directory.
+    Limits of the requests and rest angles before the path are by joint [rad].
     """
 
     settings: settings.Run

@@ -141,11 +141,7 @@ TORQUES = frozenset(("torque_on", "torque_enable", "torque_enabled"))
 class Scale(NamedTuple):
     """How a logged number becomes an angle: ``factor * number + shift``.
 
-    Attributes:
-        name: The unit of the logged number.
-        factor: Size of the logged unit, in ``unit``.
-        shift: Its zero, in ``unit``.
-        unit: "rad", or "1" for a share of the joint's range.
+    ``name`` is the unit of the number; ``unit`` is "rad", or "1" for a share of the joint's range.
     """
 
     name: str
@@ -381,13 +377,7 @@ _SEPARATORS = "_.-/: "
 
 
 class Pair(NamedTuple):
-    """The columns of one joint.
-
-    Attributes:
-        joint: Its name; "" where the columns name none.
-        requested: The columns that may hold its requested angles.
-        actual: The columns that may hold its actual angles.
-    """
+    """The columns that may hold requested and actual angles of one joint, "" if they name none."""
 
     joint: str
     requested: tuple[str, ...]

@@ -82,12 +82,7 @@ def check_format(
 class Ticks:
     """How a servo counts its angle: in ticks, or a hobby servo in microseconds of its pulses.
 
-    Attributes:
-        per_turn: Ticks of a full turn.
-        zero: The tick at angle 0, of every joint.
-        zeros: Zero ticks of single joints, by name.
-        reversed: Joints whose servo is mounted the other way round.
-        unit: "ticks" or "us".
+    Angle 0 is at ``zero``, of single joints at ``zeros``; servos may be mounted the other way.
     """
 
     per_turn: int = 4096

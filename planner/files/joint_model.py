@@ -78,13 +78,7 @@ REQUIRED = tuple(each.name for each in fields(JointModel) if each.default is MIS
 
 @dataclass(frozen=True)
 class ModelFile:
-    """Models of joints: one for all, one for each, or both.
-
-    Attributes:
-        path: Where they came from.
-        common: The model of every joint without a table of its own; None where there is none.
-        by_joint: The models of single joints.
-    """
+    """Models of joints: one for every joint without a table of its own, and those in tables."""
 
     path: str
     common: JointModel | None

@@ -23,12 +23,7 @@ SAME_ANGLE = 1e-6
 
 
 class LearningState(NamedTuple):
-    """State of learning of one plan.
-
-    Attributes:
-        models: Its joints, perhaps identified anew since the first plan.
-        learning: Its trials and the state of learning.
-    """
+    """State of learning of one plan; its joints may have been identified anew."""
 
     models: tuple[JointModel, ...]
     learning: Learning

@@ -47,13 +47,7 @@ COUNTED = ("timestamp", "frame_index", "episode_index", "index", "task_index")
 
 @dataclass(frozen=True, kw_only=True)
 class Layout:
-    """Layout of a dataset's rows.
-
-    Attributes:
-        features: By feature, such as ``action``, the names of its numbers.
-        rate: Rows per second; LeRobot's recorder writes whole numbers.
-        robot_type: The robot, as LeRobot calls it.
-    """
+    """Layout of a dataset's rows: the names of the numbers of each feature, and rows a second."""
 
     features: Mapping[str, Sequence[str]]
     rate: float

@@ -248,13 +248,7 @@ def write_joint_path(
 
 @dataclass(frozen=True)
 class FootPath(_Path):
-    """Positions of a foot over time.
-
-    Attributes:
-        path: Where it came from; ``-`` is standard input.
-        positions: Positions in the leg's base frame [m], shape (n, 3), read-only.
-        times: Times of the samples [s], shape (n,); None where the file does not say.
-    """
+    """Positions of a foot in the leg's base frame [m], (n, 3), at times [s], (n,), if known."""
 
     path: str
     positions: Array  # (n, 3)

@@ -24,13 +24,10 @@ DIGEST = sha256().digest_size
 
 @dataclass(frozen=True)
 class Task:
-    """A piece of work.
+    """A piece of work: its argument is pickled, its name unique among the tasks.
 
-    Attributes:
-        name: Its name in messages, such as "episode 12"; unique among the tasks.
-        argument: The argument of the function; it is pickled.
-        inputs: Identifies the content of its inputs, such as a digest of a file: where that
-            changes, an earlier result is not used.
+    ``inputs`` identifies the content of its inputs: where that changes, an earlier result is not
+    used.
     """
 
     name: str

@@ -28,14 +28,9 @@ KEYS = {
 
 
 class LegPlace(NamedTuple):
-    """The file that describes a leg, and the leg's frames and joints in it.
+    """A leg in the file that describes it: the frames at its ends, and locked joints [rad or m].
 
-    Attributes:
-        urdf: The file.
-        base: The frame at its upper end.
-        foot: The frame at its lower end.
-        locked: Fixed joints between them, and their positions [rad; m for one that slides].
-        near: A pose near which paths start [rad]; None for any.
+    Paths start near the pose ``near`` [rad]; None is any.
     """
 
     urdf: str

@@ -47,11 +47,7 @@ _DECIMAL_COMMA = re.compile(r"\s*[+-]?\d*,\d*(?:[eE][+-]?\d+)?\s*", re.ASCII)
 class Table:
     """The cells of a CSV file, not yet read as numbers; decimal commas are points.
 
-    Attributes:
-        path: Where it came from; ``-`` is standard input.
-        names: The columns' names, in the file's order.
-        rows: One tuple of cells per sample, as long as ``names``.
-        lines: Line of the file that each row stands on, counted from 1.
+    ``lines`` are the lines of the file that the rows stand on, counted from 1.
     """
 
     path: str

@@ -133,13 +133,7 @@ _PATH = rf"{_KEY}(?:\s*\.\s*{_KEY})*"
 
 @dataclass(frozen=True)
 class Toml:
-    """A file of TOML.
-
-    Attributes:
-        path: Where it came from; ``-`` is standard input.
-        text: Its text.
-        content: The parsed tables.
-    """
+    """A file of TOML: its text, and its tables."""
 
     path: str
     text: str

@@ -88,15 +88,7 @@ class Span:
 
 @dataclass(frozen=True)
 class Words:
-    """Words in a panel; ``v_max`` is written with its index.
-
-    Attributes:
-        text: The words.
-        x: Where they stand, in the unit of the axis.
-        y: Likewise.
-        across: Which side of them is at x.
-        upward: Which side of them is at y.
-    """
+    """Words in a panel, in the units of its axes; ``v_max`` is written with its index."""
 
     text: str
     x: float
@@ -186,13 +178,9 @@ class Motion:
 
 @dataclass(frozen=True, eq=False)
 class Movie:
-    """A moving leg, which takes the place of the panels on a page.
+    """A moving leg, which takes the place of the panels on a page; it may stand on the ground [m].
 
-    Attributes:
-        motions: The motions, each of n samples; later ones lie over earlier ones.
-        period: Time between samples [s].
-        cyclic: Whether they repeat.
-        ground: Height of the ground [m], if there is one.
+    Motions have one length; later ones lie over earlier ones.
     """
 
     motions: tuple[Motion, ...]
@@ -205,11 +193,7 @@ class Movie:
 class Moments:
     """Numbers of joints over time, which take the place of the panels on a page.
 
-    Attributes:
-        joints: The joints.
-        units: The unit of each.
-        kinds: Their quantities: values by name, shape (n,) or None for each joint.
-        period: Time between samples [s].
+    ``kinds`` are quantities: values by name, (n,) or None for each joint, ``period`` [s] apart.
     """
 
     joints: tuple[str, ...]
@@ -278,13 +262,7 @@ class Figure:
 
 @dataclass(frozen=True)
 class Timeline:
-    """The samples of a motion on an axis of time.
-
-    Attributes:
-        period: Time between samples [s].
-        samples: Number of samples.
-        cyclic: Whether the last is followed by the first.
-    """
+    """The samples of a motion, ``period`` [s] apart, on an axis of time."""
 
     period: float
     samples: int

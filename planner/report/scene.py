@@ -43,13 +43,9 @@ SIDES = 8
 
 
 class Motion(NamedTuple):
-    """The motion of a leg.
+    """The motion of a leg: angles [rad], (n, k), and its foot in the base frame [m], (n, 3).
 
-    Attributes:
-        role: Meaning, with its colour.
-        angles: Its joints' angles [rad], shape (n, k).
-        foot: Positions of its foot in the base frame [m], shape (n, 3).
-        opacity: Opacity of its links: 1 hides what is behind them.
+    An opacity of 1 hides what is behind the leg.
     """
 
     role: Role
@@ -69,11 +65,7 @@ def import_meshcat() -> Any:
 
 
 class Recording:
-    """A window for a ``meshcat.Visualizer`` that records its commands.
-
-    Attributes:
-        commands: The recorded commands, packed for the viewer.
-    """
+    """A window for a ``meshcat.Visualizer`` that records its commands, packed for the viewer."""
 
     def __init__(self) -> None:
         """Begin with nothing."""

@@ -10,13 +10,8 @@ from typing import Any, NamedTuple
 class Role(NamedTuple):
     """The meaning of a curve, and how it is drawn everywhere.
 
-    Attributes:
-        label: Its name in legends.
-        light: Its colour on white; from Okabe and Ito's palette for all kinds of colour vision,
-            some of them darkened.
-        dark: Its colour on a dark page.
-        width: Width of the line [pt].
-        dashes: Pattern of the line.
+    Its colour on white is from Okabe and Ito's palette for all kinds of colour vision, or darker;
+    ``dark`` is that on a dark page. The width of the line is in points.
     """
 
     label: str

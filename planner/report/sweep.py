@@ -101,16 +101,7 @@ class Requirement:
 
 @dataclass(frozen=True)
 class Swept:
-    """All points of a sweep.
-
-    Attributes:
-        file: The sweep file, as the user named it.
-        names: The parameters.
-        outcomes: Every evaluated point, in order.
-        speed_unit: Unit of speeds: "cm/s", or "times" that of the path.
-        error_unit: Unit of errors: "cm" of a foot, or "deg".
-        requirement: Requirement on a point; None for the whole front.
-    """
+    """All points of a sweep in order; speeds are "cm/s" or "times" that of the path."""
 
     file: str
     names: tuple[str, ...]

@@ -51,12 +51,7 @@ RESENT = (
 class ReplayTask:
     """One recording to replay: a unit of work that can be sent to another process.
 
-    Attributes:
-        recording: Where it is.
-        models: The models of its joints.
-        replay: How to replay it.
-        run_settings: Limits, method, tolerance and leg.
-        rate: Requests per second; None for the recording's rate.
+    A ``rate`` of None is that of the recording.
     """
 
     recording: Recording

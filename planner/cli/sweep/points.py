@@ -60,14 +60,8 @@ REQUIRED: Mapping[str, tuple[Literal["error", "speed"], str]] = {
 class Space:
     """A checked sweep file.
 
-    Attributes:
-        file: The file.
-        settings: The settings in the file, and defaults.
-        folder: The folder from which files are named.
-        values: The values of each parameter by name, at least one for each.
-        error_unit: Of errors: "cm" of a foot, "deg" of joints.
-        requirement: The requirement on a point, if there is one.
-        period: Time between requests [s], where a parameter is the period of a gait.
+    ``error_unit`` is "cm" of a foot, "deg" of joints; ``period`` [s] is the time between requests,
+    where a parameter is the period of a gait.
     """
 
     file: Toml

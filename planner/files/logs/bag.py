@@ -280,13 +280,9 @@ def _joints_listed(track: Track) -> str:
 
 
 class MessageAngles(NamedTuple):
-    """The angles in one message.
+    """The angles of joints in one field of a message; joints without names are None.
 
-    Attributes:
-        stamp: The stamp of its header [ns]; 0 where it has none.
-        joints: The joints; None where it names none.
-        angles: An angle for each.
-        field: The field that holds them.
+    The stamp of its header [ns] is 0 where it has none.
     """
 
     stamp: int

@@ -78,12 +78,7 @@ Chunk = tuple[str, bytes]
 
 @dataclass(frozen=True)
 class Bag:
-    """An open bag.
-
-    Attributes:
-        path: The file or folder.
-        topics: Type of every topic.
-    """
+    """An open bag, and the type of every topic."""
 
     path: Path
     topics: Mapping[str, str]

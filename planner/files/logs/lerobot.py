@@ -89,11 +89,9 @@ def read_lerobot(path: Path | str, options: LogOptions) -> tuple[Log, ...]:
 
 
 class EpisodeFile(NamedTuple):
-    """Where the rows of an episode are.
+    """The Parquet file of an episode.
 
-    Attributes:
-        file: The Parquet file.
-        episode: The episode; None where the file is unreadable and its name has no number.
+    The number is None where the file is unreadable and its name has none.
     """
 
     file: Path
@@ -122,13 +120,9 @@ def lerobot_episodes(path: Path | str, options: LogOptions) -> tuple[EpisodeFile
 
 
 class EpisodeRows(NamedTuple):
-    """The rows of an episode, in the units and under the names of its dataset.
+    """The rows of an episode in the units of its dataset: times [s], (n,), actions, observations.
 
-    Attributes:
-        times: Times of the rows [s], shape (n,).
-        action: Its actions, shape (n, k).
-        state: Its observations, shape (n, m).
-        task: Its task, in words; "" where the dataset does not say.
+    The task is in words, "" where the dataset does not say.
     """
 
     times: Array

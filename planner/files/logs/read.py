@@ -154,14 +154,7 @@ def _torque(source: Source, entries: Sequence[Mapping[str, Any]]) -> Switch | No
 
 
 class Format(NamedTuple):
-    """A format of logs.
-
-    Attributes:
-        name: Its name in messages.
-        read: Reads the logs of a path.
-        joints: Reads the names of the joints of a path.
-        options: Its options, besides joint, unit and ticks_per_turn.
-    """
+    """A format of logs, with its own options beside joint, unit and ticks_per_turn."""
 
     name: str
     read: Callable[[Path | str, LogOptions], tuple[Log, ...]]
@@ -297,12 +290,8 @@ def _recognised(path: Path | str) -> Format:
 class Recording:
     """Where a recording is, so that another process can read it.
 
-    Attributes:
-        path: The file that holds it; of a bag the folder.
-        options: How to read it; the episode of a dataset among them.
-        dataset: Its dataset, as the user named it; "" where it has none.
-        episode: Its number in the dataset; None where it has none.
-        folder: Base of a relative path, for a process that works elsewhere.
+    One in a dataset has its number; ``folder`` is the base of a relative path, for a process that
+    works elsewhere.
     """
 
     path: str

@@ -42,13 +42,9 @@ HARDLY = "hardly at all"
 
 
 class Units(NamedTuple):
-    """The units of a report; inside, angles are in radians.
+    """The units of a report; inside, angles are in radians, ``factor`` of which are one.
 
-    Attributes:
-        factor: One radian in the unit of angles.
-        angle: Unit of angles.
-        speed: Unit of speeds.
-        si: Whether values are also given in SI: not for shares of a range.
+    Values of joints that are no shares of a range are also given in SI.
     """
 
     factor: float
@@ -102,14 +98,9 @@ class Parameter(NamedTuple):
 
 
 class Error(NamedTuple):
-    """The error of one description of the joint.
+    """The error of one description of the joint [rad]; the joint model has no name.
 
-    Attributes:
-        name: The description; "" for the joint model.
-        words: Its name.
-        detail: Its parameters; empty for none.
-        rms: Error over all rows [rad].
-        held_out: Error on the rows held out [rad]; None where there are none.
+    ``held_out`` is that on the rows held out; None where there are none.
     """
 
     name: str
