@@ -106,9 +106,7 @@ def ids_by_joint(choices: Mapping[str, Any], ids: dict[str, int]) -> dict[str, i
     }
 
 
-def ids_type() -> click.ParamType:  # type: ignore[type-arg]  # generic from click 8.5 on
-    """The type of an option that names servos."""
-    return types.Parsed(_ids, "identifiers of servos, such as 1-6 or pan=1,lift=2, each once")
+IDS = types.Parsed(_ids, "identifiers of servos, such as 1-6 or pan=1,lift=2, each once")
 
 
 @contextmanager

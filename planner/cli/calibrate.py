@@ -41,7 +41,7 @@ SLOWEST = 16.0
 @buses.bus_options(required=True)
 @click.option(
     "--ids",
-    type=buses.ids_type(),
+    type=buses.IDS,
     required=True,
     metavar="IDS",
     help="Identifiers of the servos: 1-6, or with names for the joints pan=1,lift=2.",

@@ -30,7 +30,6 @@ from planner.trajectory import Array, error_norm, index_of_largest
 
 if TYPE_CHECKING:
     from kinematics import Leg
-    from planner.cli.desired import Desired
     from planner.model.joint import JointModel
     from planner.planning.inversion import LoadOfPose
     from planner.recording.recorded_path import RecordedPath

@@ -45,21 +45,16 @@ class Parsed(click.ParamType):  # type: ignore[type-arg]  # generic from click 8
             raise click.UsageError(message, ctx) from None
 
 
-class ByJoint(Parsed):
+def by_joint(parse: Callable[[str], Any], expected: str, *, all_joints: bool = True) -> Parsed:
     """A pair of joint and value: NAME=VALUE for one joint, VALUE for all joints, named ""."""
 
-    def __init__(
-        self, parse: Callable[[str], Any], expected: str, *, all_joints: bool = True
-    ) -> None:
-        """Take a function for the value; ``all_joints``: whether a name may be missing."""
+    def parse_named(text: str) -> tuple[str, Any]:
+        joint, equals, value = text.rpartition("=")
+        if not joint and (equals or not all_joints):
+            raise ValueError
+        return joint, parse(value)
 
-        def parse_named(text: str) -> tuple[str, Any]:
-            joint, equals, value = text.rpartition("=")
-            if not joint and (equals or not all_joints):
-                raise ValueError
-            return joint, parse(value)
-
-        super().__init__(parse_named, expected)
+    return Parsed(parse_named, expected)
 
 
 class LegName(click.ParamType):  # type: ignore[type-arg]  # generic from click 8.5 on
@@ -178,16 +173,16 @@ def _check_picture(path: str) -> None:
 
 
 SPAN = Parsed(_span, "LOW:HIGH in degrees with LOW below HIGH, such as -27:147")
-SPANS = ByJoint(
+SPANS = by_joint(
     _span, "LOW:HIGH or JOINT=LOW:HIGH in degrees with LOW below HIGH, such as knee=-27:147"
 )
-ANGLES = ByJoint(finite, "degrees, as DEG or JOINT=DEG, such as knee=30")
-POSE = ByJoint(finite, "JOINT=DEG, such as wrist=-90", all_joints=False)
-PARAMETER = ByJoint(finite, "NAME=VALUE, such as length=0.04", all_joints=False)
-POSITIONS = ByJoint(_position, "JOINT=DEG, such as wrist=-90", all_joints=False)
+ANGLES = by_joint(finite, "degrees, as DEG or JOINT=DEG, such as knee=30")
+POSE = by_joint(finite, "JOINT=DEG, such as wrist=-90", all_joints=False)
+PARAMETER = by_joint(finite, "NAME=VALUE, such as length=0.04", all_joints=False)
+POSITIONS = by_joint(_position, "JOINT=DEG, such as wrist=-90", all_joints=False)
 LIST = Parsed(lambda text: [each.strip() for each in text.split(",")], "A,B,C")
-NAMES = ByJoint(str, "JOINT=NAME, such as Rotation=shoulder_pan", all_joints=False)
-TICKS = ByJoint(_tick, "N or JOINT=N, such as knee=2048")
+NAMES = by_joint(str, "JOINT=NAME, such as Rotation=shoulder_pan", all_joints=False)
+TICKS = by_joint(_tick, "N or JOINT=N, such as knee=2048")
 
 UNITS = {"hz": "hertz", "s": "seconds", "ms": "milliseconds", "deg": "degrees", "cm": "centimetres"}
 """Units that end the name of an option, such as --rate-hz."""

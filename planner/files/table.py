@@ -7,7 +7,7 @@ import io
 import math
 import re
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -198,17 +198,6 @@ def csv_text(names: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
     for row in (names, *rows):
         writer.writerow(["'" + each if _is_formula(each) else each for each in row])
     return stream.getvalue()
-
-
-def write_parquet(file: Path, rows: Sequence[Mapping[str, Any]], kinds: Mapping[str, str]) -> None:
-    """Write rows as Parquet, if pyarrow is installed; ``kinds``: columns that are no numbers."""
-    try:
-        import pyarrow as pa
-        from pyarrow import parquet
-    except ImportError:
-        return
-    columns = pa.schema([(name, kinds.get(name, "float64")) for name in rows[0]])
-    parquet.write_table(pa.Table.from_pylist(rows, columns), file)
 
 
 def _is_formula(cell: object) -> bool:

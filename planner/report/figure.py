@@ -308,12 +308,9 @@ class Timeline:
         times = self.step * np.arange(float(len(heights)))
         return Curve(role, times, heights, label, held=held, hidden=hidden)
 
-    def degrees(
-        self, angles: Array, role: Role, label: str = "", *, held: bool = False,
-        hidden: bool = False,
-    ) -> Curve:  # fmt: skip
+    def degrees(self, angles: Array, role: Role, label: str = "", **more: bool) -> Curve:
         """An angle per sample [rad], drawn in degrees."""
-        return self.curve(np.degrees(angles), role, label, held=held, hidden=hidden)
+        return self.curve(np.degrees(angles), role, label, **more)
 
     def cycles(
         self, values: Array, role: Role, label: str = "", *, hidden: bool = False

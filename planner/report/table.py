@@ -12,6 +12,8 @@ from dataclasses import dataclass
 from itertools import groupby, zip_longest
 from operator import attrgetter
 
+from markupsafe import Markup, escape
+
 NOTHING = "–"
 """Content of a cell without a value."""
 
@@ -109,8 +111,6 @@ class Table:
 
     def __html__(self) -> str:
         """The table for a page, in a frame that scrolls where it is too wide."""
-        from markupsafe import Markup, escape
-
         split = len(self.subjects()) > 1
         body = []
         for subject, rows in self.subjects():
@@ -134,8 +134,6 @@ class Table:
         return Markup("\n".join(lines))  # every part is escaped
 
     def _html_head(self, width: int) -> str:
-        from markupsafe import escape
-
         across = f' colspan="{width}"' if width > 1 else ""
         cells = [f'<th scope="col"{across}>{escape(self.about)}</th>']
         for column in self.columns:
@@ -255,8 +253,6 @@ def _html_cell(cell: str | tuple[str, ...], column: Column) -> str:
 
 def _html_parts(column: Column) -> str:
     """The titles below a column's own."""
-    from markupsafe import escape
-
     if not column.parts:
         return "<td></td>"
     first, *rest = (f">{escape(part)}</th>" for part in column.parts)
@@ -265,8 +261,6 @@ def _html_parts(column: Column) -> str:
 
 def _noted(text: str) -> str:
     """Words as HTML, a note in small letters."""
-    from markupsafe import escape
-
     text = re.sub(r"(?<![\w.=])-(?=\d)", "−", text)
     value, _, note = text.partition("\n")
     return f"{escape(value)} <small>{escape(note)}</small>" if note else str(escape(value))

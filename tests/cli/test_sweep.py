@@ -390,16 +390,3 @@ def test_a_sweep_at_work_is_left_alone_by_another_one(tmp_path, run):
             )
         assert {file: file.stat().st_mtime_ns for file in tmp_path.rglob("*")} == before
     assert run("sweep", "gaits.toml", "--workers", "1").exit_code == 0
-
-
-@pytest.mark.usefixtures("in_this_process")
-def test_a_parquet_has_the_table_of_the_csv(tmp_path, run):
-    parquet = pytest.importorskip("pyarrow.parquet", reason="needs the extra parquet")
-    (tmp_path / "gaits.toml").write_text(GAIT + "length = [0.02, 0.2]\n")
-    assert run("sweep", "gaits.toml", "--workers", "1", "--out", "made").exit_code == 0
-    made = parquet.read_table(tmp_path / "made" / "points.parquet").to_pylist()
-    with (tmp_path / "made" / "points.csv").open() as stream:
-        rows = list(csv.DictReader(stream))
-    assert [row["reason"] or None for row in rows] == [each["reason"] for each in made]
-    assert float(rows[0]["error_cm"]) == made[0]["error_cm"]
-    assert made[1]["error_cm"] is None

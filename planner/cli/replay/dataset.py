@@ -9,7 +9,7 @@ from concurrent.futures import Executor
 from contextlib import ExitStack
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -31,14 +31,10 @@ from planner.files.table import write_table
 from planner.files.text import to_json
 from planner.parallel import carry_out
 from planner.recording.recorded_path import WHY
-from planner.recording.replaying import Replay
+from planner.recording.replaying import JointReplay, Replay
 from planner.report.replay import episodes_table
 from planner.robot.schedule import Schedule
 from planner.trajectory import Array, error_norm
-
-if TYPE_CHECKING:
-    from planner.files.logs.read import Recording
-    from planner.recording.replaying import JointReplay, Replay
 
 
 def check_writing(form: ReplayFormat, recordings: Sequence[Recording], output: str) -> None:

@@ -57,7 +57,7 @@ def sweep(
 
     SWEEP.toml is a run file with a table [sweep]: parameters such as stride, height and period of
     a gait, or the speed of a path, tried on a grid or sought by CMA-ES. The folder of the results
-    has all points as CSV and Parquet, and a page with the Pareto front of speed and error.
+    has all points as CSV, and a page with the Pareto front of speed and error.
 
     \b
     Example, gaits on a grid, and the plan for one of them:
@@ -120,22 +120,19 @@ def _print_summary(document: Mapping[str, Any], words: str, *, as_json: bool) ->
 def write_sweep(
     folder: Path, space: Space, swept: Swept, origin: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """Write the table as CSV and, with the extra parquet, as Parquet, and the page.
+    """Write the table as CSV, and the page.
 
     Returns:
         ``results.json``.
     """
     from planner.cli.desired import leg_title
     from planner.files.results import made_from
-    from planner.files.table import csv_text, write_parquet
+    from planner.files.table import csv_text
     from planner.report.page import sources_of, versions
     from planner.report.sweep import sweep_page
 
     run, page, rows = space.settings, folder / "report.html", _rows(swept)
     write_text(folder / "points.csv", csv_text([*rows[0]], [[*row.values()] for row in rows]))
-    kinds = {"point": "int64", "unreachable_samples": "int64", "on_front": "bool"}
-    kinds |= {"slowest_joint": "string", "reason": "string"}
-    write_parquet(folder / "points.parquet", rows, kinds)
     files: list[tuple[str, Path | str]] = [("sweep", swept.file)]
     files += [(Path(name).suffix[1:], folder / name) for name in list_files(folder)]
     origins = [
