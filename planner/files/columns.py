@@ -289,14 +289,14 @@ _WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+")
 
 def time_columns(columns: Sequence[str]) -> tuple[str, ...]:
     """The columns that may hold times."""
-    return tuple(name for name in columns if _is_time(name))
-
-
-def _is_time(column: str) -> bool:
-    stem, unit = split_name(column, TIME_NAMES)
-    if unit is None and split_name(column, ANGLE_NAMES)[1] is not None:
-        return False  # `t_deg` is a joint
-    return bool({word.lower() for word in _WORD.findall(stem)} & WORDS)
+    names = []
+    for column in columns:
+        stem, unit = split_name(column, TIME_NAMES)
+        if unit is None and split_name(column, ANGLE_NAMES)[1] is not None:
+            continue  # `t_deg` is a joint
+        if {word.lower() for word in _WORD.findall(stem)} & WORDS:
+            names.append(column)
+    return tuple(names)
 
 
 def time_column(table: Table, *, advice: str = "") -> str | None:

@@ -58,21 +58,19 @@ def read_history(path: str, names: Collection[str], desired: Array) -> dict[str,
     for name, state in states.items():
         columns = desired.shape[1] if len(state.models) > 1 else 1
         for number, trial in enumerate(state.learning.trials, start=1):
-            expected = (len(desired), columns)
-            if trial.requests.shape != expected or trial.measured.shape[1:] != expected:
-                raise InvalidFile(
-                    path,
-                    f"damaged (trial {number} of {name}: got requests and angles of shapes "
-                    f"{trial.requests.shape} and {trial.measured.shape}, expected "
-                    f"{len(desired)} rows of {columns}); begin another file",
-                )
+            expected, shape = (len(desired), columns), trial.measured.shape
             sizes = np.concatenate([trial.requests.ravel(), trial.measured.ravel()])
-            if not np.all(np.abs(sizes) <= LARGEST):
-                raise InvalidFile(
-                    path,
-                    f"damaged (trial {number} of {name} has angles that are not finite); begin "
-                    "another file",
+            problem = ""
+            if trial.requests.shape != expected or shape[1:] != expected:
+                problem = (
+                    f": got requests and angles of shapes {trial.requests.shape} and {shape}, "
+                    f"expected {len(desired)} rows of {columns}"
                 )
+            elif not np.all(np.abs(sizes) <= LARGEST):
+                problem = " has angles that are not finite"
+            if problem:
+                place = f"trial {number} of {name}{problem}"
+                raise InvalidFile(path, f"damaged ({place}); begin another file")
     return states
 
 

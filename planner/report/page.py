@@ -38,11 +38,6 @@ if TYPE_CHECKING:
 SCRIPTS = ("live.js", "plots.js", "leg.js", "moment.js", "tables.js")
 """Scripts of a page, in the order in which they run."""
 
-POLICY = (
-    "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
-)
-"""Content security policy of a page: inline scripts run, and nothing is loaded."""
-
 LIBRARIES = ("numpy", "scipy", "casadi", "osqp", "cvxpy", "pin", "matplotlib", "plotly")
 """Libraries whose versions a page lists."""
 
@@ -202,8 +197,12 @@ def environment() -> jinja2.Environment:
 
 
 def live_head() -> Markup:
-    """The elements of a page's head that block the network."""
-    return Markup(f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">')
+    """The element of a page's head by which inline scripts run, and nothing is loaded."""
+    policy = (
+        "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; "
+        "img-src data: blob:"
+    )
+    return Markup(f'<meta http-equiv="Content-Security-Policy" content="{policy}">')
 
 
 def live_scripts(figures: Mapping[str, Mapping[str, Any]]) -> Markup:

@@ -85,6 +85,13 @@ def plan_page(
     leg reaches; ``legs`` are those of a robot whose joints are all planned.
     """
     role = METHODS[method]
+    timeline = timeline_of(plan)
+    rows = (
+        Row(f"{timeline.step * k:.6g}", tuple(f"{angle:.3f}" for angle in angles))
+        for k, angles in enumerate(np.degrees(plan.requests).tolist())
+    )
+    columns = tuple(map(Column, plan.names))
+    requests = Table(timeline.unit, columns, tuple(rows), label="Requests")
     parts = {name: plan.of_leg(leg) for name, leg in (legs or {}).items()}
     head, tail = verdict(plan, parts)
     bounded = is_bounded(plan) and method != "foot-optimal"  # of a robot, too: its joints, by feet
@@ -110,7 +117,7 @@ def plan_page(
         Section(
             "The requests",
             REQUESTS,
-            {"motions": motions_table(plan), "table": requests_table(plan)},
+            {"motions": motions_table(plan), "table": requests},
         ),
         table_section("The models", models_table(plan.names, plan.models)),
     ]
@@ -551,16 +558,6 @@ def feet_table(legs: Mapping[str, Plan]) -> Table:
             cells.append(f"{100.0 * plan.expected_foot:.3f}")
         rows.append(Row(name, tuple(cells)))
     return Table("foot", tuple(columns), tuple(rows), label="Feet")
-
-
-def requests_table(plan: Plan) -> Table:
-    """Every request."""
-    timeline = timeline_of(plan)
-    rows = (
-        Row(f"{timeline.step * k:.6g}", tuple(f"{angle:.3f}" for angle in angles))
-        for k, angles in enumerate(np.degrees(plan.requests).tolist())
-    )
-    return Table(timeline.unit, tuple(map(Column, plan.names)), tuple(rows), label="Requests")
 
 
 def timeline_of(plan: Plan) -> Timeline:

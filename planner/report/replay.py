@@ -433,6 +433,7 @@ def episodes_page(
     total, fastest = len(rows) + len(failures), document["speed"] is None
     shown = [row | {"recording": PurePath(row["recording"]).name} for row in rows]
     table = episodes_table(shown, fastest=fastest)
+    worst = max(shown, key=lambda row: float(row["planned_rms"]))
     sections = [Section("The recordings", RECORDINGS, {"table": table})]
     if failures:
         reasons = tuple(Row(PurePath(name).name, (why,)) for name, why in failures.items())
@@ -441,7 +442,11 @@ def episodes_page(
     return Page(
         heading=f"Replay of {total} recordings",
         eyebrow=f"request-planner replay · {title}",
-        verdict=spoken(f"{len(rows)} of {total} recordings have a plan", ""),
+        verdict=spoken(
+            f"{len(rows)} of {total} recordings have a plan",
+            f"at most {worst['planned_rms']:.3g} {worst['unit']} rms off, of "
+            f"{worst['worst_joint']} in {worst['recording']}",
+        ),
         note=sentence(words),
         good=not failures,
         remarks=[sentence(each) for each in document["remarks"]],

@@ -206,7 +206,15 @@ def sweep_page(
         values = {"table": points_table(swept), "commands": commands}
         sections.append(Section("The front", FRONT, values))
     if swept.failures:
-        sections.append(table_section("Points without a plan", failures_table(swept)))
+        rows = [
+            Row(f"{points[0].number}", (swept.words(points[0]), f"{len(points)}", reason))
+            for reason, points in list(swept.failures.items())[:MOST_REASONS]
+        ]
+        columns = Column("parameters", words=True), Column("points"), Column("reason", words=True)
+        title = "Points without a plan"
+        sections.append(
+            table_section(title, Table("first point", columns, tuple(rows), label=title))
+        )
     head, _, tail = swept.verdict.partition(": ")
     return Page(
         heading="Speed against error",
@@ -244,16 +252,6 @@ def points_table(swept: Swept) -> Table:
         best = "\nbest" if each is swept.best else ""
         rows.append(Row(f"{each.number}{best}", (*(f"{value:.4g}" for value in numbers), fast)))
     return Table("point", tuple(map(Column, titles)), tuple(rows), label="The Pareto front")
-
-
-def failures_table(swept: Swept) -> Table:
-    """Why points have no plan, and how many."""
-    rows = [
-        Row(f"{points[0].number}", (swept.words(points[0]), f"{len(points)}", reason))
-        for reason, points in list(swept.failures.items())[:MOST_REASONS]
-    ]
-    headers = (Column("parameters", words=True), Column("points"), Column("reason", words=True))
-    return Table("first point", headers, tuple(rows), label="Points without a plan")
 
 
 def front_figure(swept: Swept) -> Figure:

@@ -408,7 +408,7 @@ def test_what_is_answered_is_what_was_measured_in_degrees(run, fake_calibration,
 def test_joints_that_are_done_are_in_the_file_where_a_later_one_fails(
     run, fake_calibration, arm, tmp_path
 ):
-    leg = ['[leg."front"]', 'urdf = "robot.urdf"', 'base = "body"', 'foot = "toe"']
+    leg = ["[leg.front]", 'urdf = "robot.urdf"', 'base = "body"', 'foot = "toe"']
     kept = ARM.replace("joint_1", "kept").replace("id = 1", "id = 3")
     every = (
         "v_max = 3.5\ntheta_0 = 0.1\nlag = 0.01\nacceleration_time = 0.02\ntime_constant = 0.03\n"

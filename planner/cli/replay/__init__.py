@@ -92,6 +92,7 @@ def replay(
         request-planner replay my_dataset --episodes 0-9 --unit deg --model arm.toml --speed 1.5 \\
             --as lerobot -o planned_dataset
     """  # noqa: D301
+    from planner.cli.export import FOLDERS
     from planner.cli.replay.dataset import check_writing, left_out, replay_many, replayed_before
     from planner.cli.replay.task import tasks_of
     from planner.files.logs.read import recordings_in
@@ -100,7 +101,11 @@ def replay(
     options.check_parallel(workers, scheduler)
     recordings = recordings_in(logs, to_log_options({**choices, "joint": "all"}))
     check_writing(replay.write_as, recordings, output)
-    _check_output(replay, output)
+    if replay.write_as in FOLDERS:  # which with the results beside it is this command's
+        check_folder(output)
+        click.get_current_context().with_resource(claimed(output))
+    elif output != "-":
+        check_writable(output)
     if len(recordings) > 1 and resume:
         before = replayed_before(output, run, replay, recordings)
         if before is not None:
@@ -195,17 +200,3 @@ def _print_all(
             f"{len(failed)} of {count} recordings left out; the others are written, and kept in "
             f"{kept} for --resume"
         )
-
-
-def _check_output(replay: ReplaySettings, output: str) -> None:
-    """Make sure that the output can be written, before anything is computed.
-
-    A folder and the results beside it are this command's until it ends.
-    """
-    from planner.cli.export import FOLDERS
-
-    if replay.write_as in FOLDERS:
-        check_folder(output)
-        click.get_current_context().with_resource(claimed(output))
-    elif output != "-":
-        check_writable(output)

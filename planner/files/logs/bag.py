@@ -19,7 +19,6 @@ from planner.files.logs.make_log import (
     Columns,
     LogOptions,
     Source,
-    Switch,
     choose_joints,
     make_log,
 )
@@ -110,22 +109,15 @@ def _log(
         request_scale=angle_scale,
         angle_scale=angle_scale,
     )
-    notes = (*notes, *_left_out(fresh, begun), _unit(angle_scale.name, options, joint))
+    repeated, before = int((~fresh).sum()), int((~begun).sum())
+    said = "--unit said" if options.unit_of(joint) else "is the custom of ROS (REP 103)"
+    notes = (
+        *notes,
+        *[f"{repeated} repeated states left out"] * (repeated > 0),
+        *[f"{before} states before the first request left out"] * (before > 0),
+        f"angles in {angle_scale.name}, as {said}",
+    )
     return int(stamps[0]), make_log(source, columns, joint=joint, notes=notes)
-
-
-def _left_out(fresh: Switch, begun: Switch) -> tuple[str, ...]:
-    notes = []
-    if not fresh.all():
-        notes.append(f"{int((~fresh).sum())} repeated states left out")
-    if not begun.all():
-        notes.append(f"{int((~begun).sum())} states before the first request left out")
-    return tuple(notes)
-
-
-def _unit(name: str, options: LogOptions, joint: str) -> str:
-    has_unit = options.unit_of(joint) is not None
-    return f"angles in {name}, as {'--unit said' if has_unit else 'is the custom of ROS (REP 103)'}"
 
 
 @dataclass

@@ -171,8 +171,9 @@ def _check_there(
 ) -> None:
     """Raise InvalidFile where a chosen episode is not among ``all_episodes``."""
     if missing := (chosen or frozenset()).difference(all_episodes):
-        by_name = dataset.episodes_named() if path.is_dir() else ()
-        episodes = _ranges({*all_episodes, *by_name})
+        files = dataset.files(None) if path.is_dir() else ()  # v3 names no file by its episode
+        names = filter(None, (_EPISODE.fullmatch(file.name) for file in files))
+        episodes = _ranges({*all_episodes, *(int(name[1]) for name in names)})
         raise InvalidFile(path, f"no episode {min(missing)}; episodes: {episodes}")
 
 
@@ -278,7 +279,12 @@ class Dataset:
         every = sorted(self.root.glob("data/chunk-*/*.parquet"))
         if not every:
             raise InvalidFile(self.root, "no data/chunk-*/*.parquet; download the dataset's data")
-        return tuple(file for file in every if episodes is None or _may_hold(file, episodes))
+        named = ((file, _EPISODE.fullmatch(file.name)) for file in every)
+        return tuple(
+            file
+            for file, name in named
+            if episodes is None or name is None or int(name[1]) in episodes
+        )
 
     @property
     def task_file(self) -> Path | None:
@@ -309,11 +315,6 @@ class Dataset:
             for entry in entries
             if isinstance(entry, dict) and isinstance(entry.get(TASK), int)
         }
-
-    def episodes_named(self) -> frozenset[int]:
-        """The episodes that files are named after; v3 names no file so."""
-        matches = (_EPISODE.fullmatch(file.name) for file in self.files(None))
-        return frozenset(int(match[1]) for match in matches if match is not None)
 
 
 def is_dataset(path: Path) -> bool:
@@ -385,11 +386,6 @@ def _flat(names: Any) -> Iterable[str]:
         else:
             for item in names.values():
                 yield from _flat(item)
-
-
-def _may_hold(file: Path, episodes: frozenset[int]) -> bool:
-    match = _EPISODE.fullmatch(file.name)
-    return match is None or int(match[1]) in episodes
 
 
 def read_columns(path: Path | str, names: Sequence[str]) -> dict[str, Array]:
