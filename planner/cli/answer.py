@@ -12,7 +12,7 @@ import numpy as np
 from planner.cli.desired import Desired, leg_title
 from planner.cli.models import beside, model_words, verdict_document
 from planner.cli.settings import FROM_URDF
-from planner.model.evidence import OPEN_TOP_SPEED, untested_words
+from planner.model.evidence import OPEN_TOP_SPEED
 from planner.planning.plan import Plan, RequestMotion
 from planner.planning.result import FootInversion, Inversion
 from planner.planning.time_shift import (
@@ -23,12 +23,12 @@ from planner.planning.time_shift import (
     shifted,
 )
 from planner.report.plan import (
+    advice,
     expected_words,
     feet_table,
     models_errors_table,
     motions_table,
     no_bound,
-    start_words,
 )
 from planner.report.table import NOTHING, percent, text_table
 from planner.trajectory import Array, error_norm, rms
@@ -162,10 +162,7 @@ def summary(prepared: Prepared, plan: Plan) -> str:
         text += "\non the robot: rms error to expect, by what the models were tested on"
         if any(np.isfinite(each.high) for each in plan.expected):
             text += ", and the range of 90 % of such motions"
-    if words := untested_words(desired.names, plan.expected):
-        text += f"\n{words}"
-    if words := start_words(plan):
-        text += f"\n{words}"
+    text += "".join(f"\n{words}" for words in advice(plan))
     unknown = [
         name
         for name, model, speeds in zip(plan.names, plan.models, plan.speeds, strict=True)
@@ -200,12 +197,9 @@ def _best_shift(desired: Desired, plan: Plan) -> str:
     if desired.foot is not None:
         text += f"; foot {100.0 * rms(shift.distances):.3f} cm"
     pairs = zip(plan.expected, shift.expected, strict=True)
-    if why := shift_recommended(plan, shift):
-        text += f"\nrecommended: --method shift, as {why}"
-    elif not has_refused(plan) and any(e.error < CLEARLY * planned.error for planned, e in pairs):
+    better = any(early.error < CLEARLY * planned.error for planned, early in pairs)
+    if better and not (shift_recommended(plan, shift) or has_refused(plan)):
         text += "; on the robot that is better for some joints: see --method shift"
-    if why := refining_recommended(plan, shift):
-        text += f"\nrecommended: play the requests and refine them (request-planner refine): {why}"
     return text
 
 

@@ -154,10 +154,8 @@ def _option(key: str, declared: Declared, of_command: str) -> Callable[[Command]
     first, slash, second = declared.option.partition("/")
     if isinstance(default, bool):
         default_text = (first if default else second).strip("-") if slash else ""
-    text = of_command or own
-    if not text:
-        text = f"{declared.help}  [default: {default_text}]" if default_text else declared.help
-    elif not own and default_text:
+    text = of_command or own or declared.help
+    if default_text and not own:
         text += f"  [default: {default_text}]"
     if declared.type is bool:
         attributes |= {"is_flag": True, "default": None}

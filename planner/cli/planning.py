@@ -201,6 +201,11 @@ def beyond_limits(plan: Plan, desired: Desired) -> list[FailedCheck]:
     return failures
 
 
+def off_by(subject: str, error: float, unit: str, norm: str, expected: float) -> str:
+    """A missed tolerance in words."""
+    return f"{subject} is off by {error:.4g} {unit} ({norm}), expected at most {expected:g}"
+
+
 def misses(run: settings.Run, desired: Desired, plan: Plan) -> list[str]:
     """Messages about the tolerances that the plan misses, in its norm; empty if it keeps all."""
     norm, tolerance = plan.task.norm, run.tolerance
@@ -210,16 +215,12 @@ def misses(run: settings.Run, desired: Desired, plan: Plan) -> list[str]:
             error, least = np.degrees([inversion.error, inversion.lower_bound])
             if error > tolerance.deg:
                 bound = f"; the lower bound for any requests is {least:.4g}" if least else ""
-                messages.append(
-                    f"{desired.names[j]} is off by {error:.4g} {desired.unit(j)} ({norm}), "
-                    f"expected at most {tolerance.deg:g}{'' if plan.task.load_of_pose else bound}"
-                )
+                words = off_by(desired.names[j], error, desired.unit(j), norm, tolerance.deg)
+                messages.append(words + ("" if plan.task.load_of_pose else bound))
     if tolerance.cm is not None:
         error = error_norm(100.0 * plan.distances, norm)
         if error > tolerance.cm:
-            messages.append(
-                f"the foot is off by {error:.4g} cm ({norm}), expected at most {tolerance.cm:g}"
-            )
+            messages.append(off_by("the foot", error, "cm", norm, tolerance.cm))
     return messages
 
 

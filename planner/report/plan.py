@@ -218,16 +218,7 @@ def remarks(
 ) -> list[str]:
     """Remarks for users of these requests."""
     lines = [f"{each}." for each in missed]
-    if words := untested_words(plan.names, plan.expected):
-        lines.append(sentence(words))
-    if plan.method != "shift":
-        shift = shifted(plan.task)
-        if why := shift_recommended(plan, shift):
-            lines.append(f"The best time shift is recommended instead (--method shift): {why}.")
-        if why := refining_recommended(plan, shift):
-            lines.append(f"Play the requests, and refine them by what is measured: {why}.")
-    if words := start_words(plan):
-        lines.append(sentence(words))
+    lines += map(sentence, advice(plan))
     if unreachable:
         lines.append(_out_of_reach(plan, foot_given, unreachable))
     if jumps := jumps_of(plan):
@@ -368,6 +359,19 @@ def no_bound(plan: Plan) -> str:
     if not faster:
         return ""
     return f"for {', '.join(faster)}: with the integral of a speed loop v_max may be exceeded"
+
+
+def advice(plan: Plan) -> list[str]:
+    """What to know and to do before the requests are sent to the robot."""
+    lines = [untested_words(plan.names, plan.expected)]
+    if plan.method != "shift":
+        shift = shifted(plan.task)
+        if why := shift_recommended(plan, shift):
+            lines.append(f"recommended: --method shift, as {why}")
+        if why := refining_recommended(plan, shift):
+            refine = "play the requests and refine them (request-planner refine)"
+            lines.append(f"recommended: {refine}: {why}")
+    return list(filter(None, [*lines, start_words(plan)]))
 
 
 def start_words(plan: Plan) -> str:

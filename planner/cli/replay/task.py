@@ -15,7 +15,7 @@ from planner.cli.answer import errors_document
 from planner.cli.console import BadSetting, Key
 from planner.cli.desired import find_leg, load_leg
 from planner.cli.models import JointModels, first_logs, joint_models
-from planner.cli.planning import with_load
+from planner.cli.planning import off_by, with_load
 from planner.files.logs.lerobot import find_dataset
 from planner.files.logs.read import Recording
 from planner.identification.grid import measured_speed
@@ -320,18 +320,12 @@ def missed(task: ReplayTask, replay: Replay) -> list[str]:
             unit, factor = UNITS[joint.path.unit]
             error = factor * error_norm(joint.errors["planned"], norm)
             if error > tolerance.deg * (1.0 + ROUNDING):
-                messages.append(
-                    f"{joint.name} is off by {error:.4g} {unit} ({norm}), expected at most "
-                    f"{tolerance.deg:g}"
-                )
+                messages.append(off_by(joint.name, error, unit, norm, tolerance.deg))
     if tolerance.cm is not None:
         measure = Measure.of(replay.path, None, 0.01 * tolerance.cm, task.arm())
         ratio = error_norm(measure.errors(replay, "planned"), norm)
         if ratio > 1.0 + ROUNDING:
-            messages.append(
-                f"the foot is off by {ratio * tolerance.cm:.4g} cm ({norm}), expected at most "
-                f"{tolerance.cm:g}"
-            )
+            messages.append(off_by("the foot", ratio * tolerance.cm, "cm", norm, tolerance.cm))
     return messages
 
 
