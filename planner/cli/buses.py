@@ -26,8 +26,6 @@ KINDS = ("sts3215", "xl430", "xl330", "mx-64", "mx-106", "xl-320")
 ROBOT = "so101"
 """The LeRobot robot that examples name."""
 
-INTERRUPTED = 130
-
 Command = TypeVar("Command", bound=Callable[..., Any])
 
 
@@ -174,7 +172,7 @@ def stopping(advice: str) -> Iterator[None]:
         yield
     except KeyboardInterrupt as stop:
         complain(f"stopped by Ctrl-C: the joints stay where they are, torque as before; {advice}")
-        raise click.exceptions.Exit(INTERRUPTED) from stop
+        raise click.exceptions.Exit(130) from stop
     except BusError as error:
         raise BusError(f"{error}; {advice}") from error
 

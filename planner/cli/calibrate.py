@@ -27,9 +27,6 @@ if TYPE_CHECKING:
     from planner.robot.protocols import ServoProtocol
 
 
-NOISY = math.radians(0.5)
-"""Noise of an angle sensor at rest from which on something is wrong with it [rad]."""
-
 BUSY = 0.5
 """Largest share of the time between requests that a tick may take on the bus."""
 
@@ -207,7 +204,7 @@ def _checked_text(arm: Arm, check: Check, period: float) -> str:
         )
         noise = math.degrees(check.noise[name])
         lines.append(f"  {name}: at {math.degrees(angle):.1f} deg, noise {noise:.2f}; {settings}")
-        if check.noise[name] > NOISY:
+        if check.noise[name] > math.radians(0.5):
             warn(f"{name}: its angle varies by {noise:.2f} deg at rest; is something moving it?")
     return "\n".join(lines)
 

@@ -37,9 +37,6 @@ if TYPE_CHECKING:
 LONGEST = 60
 """Characters of a value that a message repeats."""
 
-WIDTH = 100
-"""Characters of a line of a template."""
-
 ANY = "NAME"
 """Part of a table's place: any name, or any number."""
 
@@ -482,7 +479,7 @@ def template(cls: type[Settings], heading: Sequence[str]) -> str:
 
 
 def _comment(text: str) -> Iterator[str]:
-    return (f"# {line}" for line in textwrap.wrap(text, WIDTH - 2, break_on_hyphens=False))
+    return (f"# {line}" for line in textwrap.wrap(text, 98, break_on_hyphens=False))
 
 
 def _is_text(value: str) -> str:

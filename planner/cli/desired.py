@@ -50,16 +50,6 @@ SHIPPED = {
 }
 """The simplified leg of the reference walk, and the four legs of the ERS-210A."""
 
-FAR = 3.0
-"""A path whose ends are more than this many of its largest steps apart does not repeat: the last
-sample of a cycle is about one step before the first."""
-
-RESTING = 0.01
-"""Share of the largest step up to which the first and the last one count as rest."""
-
-FEW = 10
-"""Fewest samples of a path whose span is checked for a wrong unit."""
-
 
 @dataclass(frozen=True)
 class Desired:
@@ -285,7 +275,7 @@ def _in_step(
 def _small(path: JointPath) -> tuple[Remark, ...]:
     """A remark on a path in degrees whose joints all span as little as in radians."""
     span = float(np.max(np.degrees(np.ptp(path.angles, axis=0))))
-    few = len(path.angles) < FEW
+    few = len(path.angles) < 10
     if few or set(path.units) != {"deg"} or not 0.0 < span < LEAST_DEG:
         return ()
     name = path.names[0]
@@ -431,9 +421,9 @@ def repeats(rows: Array, cyclic: bool | None) -> tuple[bool, tuple[Remark, ...]]
         return cyclic, ()
     steps = np.abs(np.diff(rows, axis=0)).max(axis=0)
     gaps = np.abs(rows[-1] - rows[0])
-    if np.all(gaps <= FAR * steps):
+    if np.all(gaps <= 3.0 * steps):  # the last sample is about a step before the first
         ends = np.abs(np.stack([rows[1] - rows[0], rows[-1] - rows[-2]]))
-        if not np.all(ends <= RESTING * steps):
+        if not np.all(ends <= 0.01 * steps):
             return True, ()
         remark = Remark(
             "the path begins and ends at rest in the same place: it is taken as a cycle; ",

@@ -41,9 +41,6 @@ FOOT = "foot"
 MOST_LOST = 3
 """Measured rows in sequence that may be missing, and are interpolated."""
 
-AVERAGED = 21
-"""Rows whose times make that of a request."""
-
 
 class Measured(NamedTuple):
     """Measured angles of some joints [rad], (cycles, n, joints), and how many rows are unused."""
@@ -211,7 +208,7 @@ def _a_row_each(table: Table, log: JointPath, period: float) -> Array:
         )
     every = np.arange(places[-1] + 1.0)
     late = np.interp(every, places, log.times - step * places)
-    due = step * every + uniform_filter1d(late, AVERAGED, mode="nearest")
+    due = step * every + uniform_filter1d(late, 21, mode="nearest")  # the mean of 21 rows
     return np.column_stack([np.interp(due, log.times, column) for column in log.angles.T])
 
 

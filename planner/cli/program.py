@@ -72,24 +72,8 @@ MODULES = {
 }
 """Modules of commands that share one."""
 
-VARIABLE = "_REQUEST_PLANNER_COMPLETE"
-"""Through this variable of the environment a shell asks the command for completions."""
-
-FAILED = 1
-"""Exit status of an answer that failed its own check."""
-
 BAD_INPUT = 2
 """Exit status of input that cannot be used; one line on standard error tells the remedy."""
-
-INTERRUPTED = 130
-"""Exit status after Ctrl-C, as shells have it: 128 + SIGINT."""
-
-TERMINATED = 143
-"""Exit status after SIGTERM, as shells have it: 128 + SIGTERM."""
-
-PIPE_CLOSED = 141
-"""Exit status when the reader of a pipe went away, as shells have it: 128 + SIGPIPE."""
-
 
 ADVICE = {
     "unreachable='nearest'": "--unreachable nearest",
@@ -161,7 +145,7 @@ class Commands(click.Group):
             return answer
         except BrokenPipeError as error:
             _discard(sys.stdout)
-            raise click.exceptions.Exit(PIPE_CLOSED) from error
+            raise click.exceptions.Exit(141) from error  # 128 + SIGPIPE, as shells have it
         except (BadSetting, FailedCheck) as error:
             from planner.cli.options import as_option  # with the settings, for messages only
 
@@ -208,11 +192,11 @@ class Commands(click.Group):
         except click.ClickException as error:
             return _complain(error.format_message(), error.exit_code)
         except (click.Abort, KeyboardInterrupt):
-            return INTERRUPTED
+            return 130  # 128 + SIGINT, as shells have it
         except (PlannerError, KinematicsError) as error:
             theirs = isinstance(error, InvalidInput | ValueError)
             message = ": ".join([*getattr(error, "__notes__", ()), _in_options(error)])
-            return _complain(message, BAD_INPUT if theirs else FAILED)
+            return _complain(message, BAD_INPUT if theirs else 1)
         except MemoryError:
             return _complain(
                 "not enough memory for so many samples; shorten the path, or plan fewer requests "
@@ -269,7 +253,7 @@ def completion(context: click.Context, *, shell: str) -> None:
     completion_class = get_completion_class(shell)
     assert completion_class is not None, "click knows these shells"
     program = context.find_root().command
-    script = completion_class(program, {}, "request-planner", VARIABLE).source()
+    script = completion_class(program, {}, "request-planner", "_REQUEST_PLANNER_COMPLETE").source()
     write_text(STANDARD_STREAM, f"{script.strip()}\n")
 
 
@@ -278,7 +262,7 @@ def main() -> NoReturn:
     # By default a tenth of a short command's time is spent on the definitions of packages.
     gc.set_threshold(200_000, 10, 10)
     # An exit by an exception, so that incomplete files are removed.
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(TERMINATED))
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # 128 + SIGTERM, as shells have it
     os.environ["MPLBACKEND"] = "agg"  # no window is opened; a backend that is set may be missing
     for library in ("OMP", "OPENBLAS", "MKL"):  # products of vectors are too short for threads
         os.environ.setdefault(f"{library}_NUM_THREADS", "1")

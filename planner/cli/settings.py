@@ -38,20 +38,11 @@ Weights = Annotated[
     Expected("a list of three numbers, 0 or more"),
 ]
 Tick = Annotated[int, Range(ge=1 - 10**9, le=10**9 - 1)]
-TicksPerTurn = Annotated[int, Range(ge=2, le=10**9 - 1)]
 Samples = Annotated[int, Range(ge=4, le=10**6)]
 
-Unreachable = Literal["raise", "nearest", "clamp"]
 Method = Literal["shift", "closed-form", "optimal", "foot-optimal"]
-Norm = Literal["rms", "max"]
-Solver = Literal["gauss-newton", "ipopt"]
-Rule = Literal["paper", "exact"]
-Robust = Literal["mean", "worst"]
 Load = Literal["urdf", "urdf-dynamics", "column"]
 Level = Literal["slope", "envelope", "exact"]
-Format = Literal["csv", "yaml", "bag", "mcap", "lerobot"]
-Track = Literal["state", "action"]
-Retime = Literal["constant", "varying"]
 ReplayFormat = Literal["csv", "joints", "lerobot", "yaml", "bag", "mcap"]
 
 
@@ -108,7 +99,7 @@ class Leg(Settings):
         option_help="Initial pose: the nearest solution of the inverse kinematics is taken; "
         "several times for several joints.",
     )
-    unreachable: Unreachable = setting(
+    unreachable: Literal["raise", "nearest", "clamp"] = setting(
         "Positions out of reach: stop and list them, take the nearest, or clamp each "
         "joint as the reference walk does.",
         default="raise",
@@ -221,13 +212,13 @@ class Plan(Settings):
         example="urdf",
         option="--load",
     )
-    norm: Norm | None = setting(
+    norm: Literal["rms", "max"] | None = setting(
         "Methods shift, optimal and foot-optimal: the error to make small.",
         only=("shift", *OPTIMISED),
         implied="rms",
         option="--norm",
     )
-    solver: Solver | None = setting(
+    solver: Literal["gauss-newton", "ipopt"] | None = setting(
         "Method optimal: our own solver, or IPOPT with the same problem.",
         only=("optimal",),
         implied="gauss-newton",
@@ -258,7 +249,7 @@ class Plan(Settings):
         option="--smoothness",
         metavar="SHARE",
     )
-    robust: Robust | None = setting(
+    robust: Literal["mean", "worst"] | None = setting(
         "Methods optimal and foot-optimal: plan for models drawn from the intervals of "
         "the model file, too, and make the mean or the worst of their errors small.",
         only=OPTIMISED,
@@ -284,7 +275,7 @@ class Plan(Settings):
         option="--segments",
         metavar="N",
     )
-    rule: Rule | None = setting(
+    rule: Literal["paper", "exact"] | None = setting(
         "Method closed-form: how a line is inverted.",
         only=("closed-form",),
         implied="paper",
@@ -404,7 +395,7 @@ ROS = ("yaml", "bag", "mcap")
 class Export(Settings):
     """Requests for robots, as request-planner export writes them; a table for each file."""
 
-    format: Format = setting(
+    format: Literal["csv", "yaml", "bag", "mcap", "lerobot"] = setting(
         "What to write; yaml, bag, mcap and lerobot need their extras.",
         example="csv",
         set_to="csv",
@@ -443,7 +434,7 @@ class Export(Settings):
         implied="rad",
         option="--unit",
     )
-    ticks_per_turn: TicksPerTurn | None = setting(
+    ticks_per_turn: Annotated[int, Range(ge=2, le=10**9 - 1)] | None = setting(
         "csv in ticks or us: how many a turn has.",
         only=("csv",),
         otherwise="4096, or 4000 us",
@@ -504,7 +495,7 @@ class Export(Settings):
 class Replay(Settings):
     """How a recording is replayed; the command `replay` alone has these settings."""
 
-    track: Track = setting(
+    track: Literal["state", "action"] = setting(
         "What to follow: the recorded angles (state), or the recorded requests.",
         default="state",
         option="--track",
@@ -544,7 +535,7 @@ class Replay(Settings):
         option_help="Find the largest speed at which the plan keeps --tolerance-deg or -cm, the "
         "largest error.",
     )
-    retime: Retime = setting(
+    retime: Literal["constant", "varying"] = setting(
         "With fastest: one factor for the whole recording, or one that varies along it, "
         "slower where errors are large.",
         default="constant",

@@ -100,9 +100,6 @@ TIME = "t_s"
 WORDS = frozenset(("t", "time", "times", "timestamp", "stamp", "clock", "seconds"))
 """Words for times in the name of a column."""
 
-EPOCH = 1e6
-"""Times beyond this [s], eleven days, count from the epoch and are shifted to start at 0."""
-
 MISSING = ("", "nan", "nat")
 """Placeholder of a missing date."""
 
@@ -331,7 +328,8 @@ def read_clock(
     if not column.endswith(f"_{unit}"):
         note += f" [{unit}]"
     finite = np.flatnonzero(np.isfinite(numbers))
-    if not len(finite) or abs(numbers[finite[0]]) * seconds <= EPOCH:
+    # eleven days: they count from the epoch
+    if not len(finite) or abs(numbers[finite[0]]) * seconds <= 1e6:
         return numbers * seconds, note
     place = table.place(column)
     with localcontext() as context:
@@ -372,10 +370,6 @@ def _date(cell: str) -> datetime | None:
         return None
 
 
-_SET_POINT = re.compile("set[ _.-]?point", re.IGNORECASE)
-_SEPARATORS = "_.-/: "
-
-
 class Pair(NamedTuple):
     """The columns that may hold requested and actual angles of one joint, "" if they name none."""
 
@@ -389,7 +383,8 @@ def meaning(column: str) -> tuple[str, str] | None:
 
     The role is requested, actual, or position, which is an actual angle if no column says so.
     """
-    stem = _SET_POINT.sub("setpoint", split_name(column, ANGLE_NAMES)[0])
+    stem, _ = split_name(column, ANGLE_NAMES)
+    stem = re.sub("set[ _.-]?point", "setpoint", stem, flags=re.IGNORECASE)
     spans = [word.span() for word in _WORD.finditer(stem)]
     words = [stem[start:end].lower() for start, end in spans]
     if "current" in words and PLAIN & set(words):  # the present position, and no ampere
@@ -406,7 +401,7 @@ def meaning(column: str) -> tuple[str, str] | None:
         return None
     first = spans[lead - 1][1] if lead else 0
     last = spans[len(spans) - trail][0] if trail else len(stem)
-    return roles[0], stem[first:last].strip(_SEPARATORS)
+    return roles[0], stem[first:last].strip("_.-/: ")
 
 
 def pairs(columns: Sequence[str]) -> tuple[Pair, ...]:

@@ -34,9 +34,6 @@ NEEDS = {
 UNITS = (*ANGLES, "ticks", "us")
 """Units of the columns, which are also the ends of their names."""
 
-PULSES = (500, 2500)
-"""Shortest and longest pulse of a hobby servo [us]."""
-
 MOST_TICKS = 2**31
 """Most ticks of a turn: counters have 32 bits."""
 
@@ -48,9 +45,6 @@ LONGEST = 2**31 - 1
 
 TOPIC = "/joint_trajectory_controller/joint_trajectory"
 """Where ros2_control's joint trajectory controller listens by default."""
-
-VERSION: Literal[8] = 8
-"""Version of the bag's metadata; ROS 2 before Jazzy does not read the next one."""
 
 
 def check_format(
@@ -94,7 +88,7 @@ class Ticks:
     @property
     def range(self) -> tuple[int, int]:
         """Least and largest tick that a servo takes."""
-        return PULSES if self.unit == "us" else (0, self.per_turn - 1)
+        return (500, 2500) if self.unit == "us" else (0, self.per_turn - 1)
 
     def __post_init__(self) -> None:
         if not 2 <= self.per_turn <= MOST_TICKS:
@@ -146,10 +140,6 @@ def check_zeros(schedule: Schedule, ticks: Ticks) -> None:
         for name in names:
             if name not in schedule.names:
                 raise InvalidInput(f"{key}: no joint '{name}'; joints: {', '.join(schedule.names)}")
-
-
-Storage = Literal["sqlite3", "mcap"]
-"""How a bag keeps its messages."""
 
 
 def joint_trajectory(
@@ -215,7 +205,7 @@ def write_bag(
     path: Path | str,
     message: Mapping[str, Any],
     *,
-    storage: Storage = "sqlite3",
+    storage: Literal["sqlite3", "mcap"] = "sqlite3",
     topic: str = TOPIC,
 ) -> None:
     """Write the message of :func:`joint_trajectory` as a ROS 2 bag, at time 0."""
@@ -229,7 +219,8 @@ def write_bag(
     with output_folder(path, export=f"ROS 2 bag ({storage})") as folder:
         inner = folder / Path(path).resolve().name  # the writer names its files after its folder
         try:
-            with Writer(inner, version=VERSION, storage_plugin=plugin) as writer:
+            # the next is not read before ROS 2 Jazzy
+            with Writer(inner, version=8, storage_plugin=plugin) as writer:
                 connection = writer.add_connection(topic, TYPE, typestore=types)
                 writer.write(connection, 0, content)
         except sqlite3.Error as error:  # such as where the disk is full

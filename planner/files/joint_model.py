@@ -64,12 +64,6 @@ KNOWN = (*FIELDS, *TESTED, *INTERVALS, CORRELATIONS, VERDICT, REASON)
 SLOWEST = 10.0
 """No servo takes so long to answer a request [s]: the times of such a file are in other units."""
 
-FASTEST = 60.0
-"""No servo is so fast [rad/s]: hobby servos reach about 20 without a load, direct drives 40."""
-
-ROUNDING = 1e-9
-"""A parameter may be outside its interval by this share of its size."""
-
 KINDS = ("a number from 0 to 1e9", "two numbers up to 1e9", "pairs of numbers from 0 to 1e9")
 """Expected values in words, by number of axes: 1e9 is ``LARGEST``."""
 
@@ -388,7 +382,7 @@ def _check_radians(model: JointModel, path: Path | str, place: str) -> None:
         f"{name} = {value:g} {unit}: is it in degrees? expected at most {most:.4g} {unit}; "
         f"{value:g} {unit.replace('rad', 'deg')} are {name} = {math.radians(value):.4g}"
         for name, value, unit, most in (
-            ("v_max", model.v_max, "rad/s", FASTEST),
+            ("v_max", model.v_max, "rad/s", 60.0),  # direct drives reach 40
             ("theta_0", model.theta_0, "rad", math.pi),
         )
         if value > most
@@ -425,7 +419,7 @@ def _intervals(keys: Mapping[str, Any], model: JointModel) -> dict[str, Any]:
     for key in declared:
         name, unit = INTERVALS[key]
         value = model.v_max / model.theta_0 if name == GAIN else getattr(model, name)
-        ends, rounding = _reals(keys[key]), ROUNDING * abs(value)
+        ends, rounding = _reals(keys[key]), 1e-9 * abs(value)
         if ends.shape != (2,) or not ends[0] - rounding <= value <= ends[1] + rounding:
             raise InvalidInput(
                 f"{key}: got {shown(keys[key])}, expected least and largest value [{unit}], with "

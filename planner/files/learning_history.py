@@ -18,9 +18,6 @@ from planner.trajectory import LARGEST, Array
 FORMAT = "request-planner refine 1"
 """The value of ``format`` that identifies such a file."""
 
-SAME_ANGLE = 1e-6
-"""Desired paths that differ by less are the same [rad]: files carry rounded angles."""
-
 
 class LearningState(NamedTuple):
     """State of learning of one plan; its joints may have been identified anew."""
@@ -51,7 +48,8 @@ def read_history(path: str, names: Collection[str], desired: Array) -> dict[str,
             f"got the trials of {len(angles)} requests of {', '.join(states)}, expected "
             f"{len(desired)} of {', '.join(names)}; begin another file for another path",
         )
-    if angles.shape != desired.shape or not np.allclose(angles, desired, rtol=0.0, atol=SAME_ANGLE):
+    # files carry rounded angles
+    if angles.shape != desired.shape or not np.allclose(angles, desired, rtol=0.0, atol=1e-6):
         raise InvalidFile(
             path, "got the trials of another desired path; begin another file for this one"
         )

@@ -57,9 +57,6 @@ class Layout:
 Figures = dict[str, Any]
 """Figures of a column by name, each of all of its numbers, shape (k,), and its number of rows."""
 
-AddEpisode = Callable[[Mapping[str, Array], str], None]
-"""Takes the rows of an episode by feature, shape (n, k), and its task."""
-
 
 def write_lerobot(path: Path | str, schedule: Schedule, *, task: str = TASK) -> None:
     """Write a dataset of one episode, whose actions are the requests [rad]."""
@@ -71,7 +68,7 @@ def write_lerobot(path: Path | str, schedule: Schedule, *, task: str = TASK) -> 
 @contextmanager
 def lerobot_dataset(
     path: Path | str, layout: Layout, *, beside: Mapping[str, str] | None = None
-) -> Iterator[AddEpisode]:
+) -> Iterator[Callable[[Mapping[str, Array], str], None]]:
     """Write a dataset, episode by episode; the folder appears where the block does not raise.
 
     Memory use does not grow with the number of episodes, except for their tasks. ``beside`` are

@@ -45,9 +45,6 @@ JOINT_UNITS = {**ANGLES, **SHARES}
 LOAD = "_load_Nm"
 """Ending of the columns that hold the torque on a joint [N m]."""
 
-COUNTERS = ("index", "sample")
-"""Columns that only number the rows, and are not read."""
-
 MOST_JOINTS = 1000
 """Joints of a path, each a plan of its own."""
 
@@ -60,9 +57,6 @@ long."""
 
 AXES = ("x", "y", "z")
 """Axes of a foot's positions."""
-
-UNFINISHED = ".part"
-"""Ending of a log that is being measured, or whose measurement was cut short."""
 
 
 class _Path:
@@ -173,7 +167,7 @@ def joint_path(table: Table, *, joints: Sequence[str] = (), even: bool = True) -
         columns = pick(table, joints, JOINT_UNITS)
     else:
         _check_no_log(table)
-        no_joints = {*time_columns(table.names), *COUNTERS}
+        no_joints = {*time_columns(table.names), "index", "sample"}  # which number the rows
         columns = [name for name in table.names if not (name in no_joints or name.endswith(LOAD))]
     if not columns:
         raise table.fault(
@@ -367,7 +361,7 @@ class GrowingLog:
     ) -> None:
         """Begin a log of these joints, with a column for each kind of angle."""
         self.path, self.rows = Path(path), 0
-        self.unfinished = self.path.with_name(self.path.name + UNFINISHED)
+        self.unfinished = self.path.with_name(self.path.name + ".part")
         columns = ["_".join(filter(None, (name, kind, "deg"))) for name in names for kind in kinds]
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)

@@ -25,9 +25,6 @@ MOST_COLUMNS = 10_000
 MOST_CELLS = 10_000_000
 """Cells of a table: some 70 bytes of memory each."""
 
-FORMULAS = ("=", "+", "-", "@", "\t", "\r")
-"""First characters of a text that a spreadsheet takes as a formula."""
-
 DECIMALS = 12
 """Decimals that are written: beyond any sensor, and short for numbers that were short before."""
 
@@ -201,7 +198,7 @@ def csv_text(names: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
 
 
 def _is_formula(cell: object) -> bool:
-    return isinstance(cell, str) and cell.lstrip("'").startswith(FORMULAS)
+    return isinstance(cell, str) and cell.lstrip("'").startswith(("=", "+", "-", "@", "\t", "\r"))
 
 
 def _title(cell: str) -> str:

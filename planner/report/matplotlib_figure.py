@@ -25,9 +25,6 @@ ROW = 1.5
 BELOW, LEGEND, HEADING = 0.45, 0.22, 0.2
 """Room for the axis below, for a row of the legend and for a panel's heading [inch]."""
 
-ENTRY = 0.56
-"""Width of the line before an entry of the legend, and of the blank behind it [inch]."""
-
 AWAY = 4
 """Distance of words from their place [pt]."""
 
@@ -240,7 +237,7 @@ def _handles(rows: Any) -> dict[str, Any]:
 
 def _columns(names: Sequence[str], width: float) -> int:
     """Columns of the legend that fit into a figure of this width."""
-    widths = [_width(name) + ENTRY for name in names]
+    widths = [_width(name) + 0.56 for name in names]  # for the line before it, and the blank behind
     for columns in range(len(names), 1, -1):
         parts = np.array_split(widths, columns)  # as Matplotlib does
         if sum(part.max() for part in parts) <= width:

@@ -35,9 +35,6 @@ if TYPE_CHECKING:
 
     from planner.model.joint import JointModel
 
-SCRIPTS = ("live.js", "plots.js", "leg.js", "moment.js", "tables.js")
-"""Scripts of a page, in the order in which they run."""
-
 LIBRARIES = ("numpy", "scipy", "casadi", "osqp", "cvxpy", "pin", "matplotlib", "plotly")
 """Libraries whose versions a page lists."""
 
@@ -216,7 +213,10 @@ def live_scripts(figures: Mapping[str, Mapping[str, Any]]) -> Markup:
     if any(figure["kind"] == "plot" for figure in figures.values()):
         parts.append(f'<script type="text/plain" id="plotly">{_library()}</script>')
     folder = files("planner.report").joinpath("scripts")
-    parts += [f"<script>\n{folder.joinpath(name).read_text('utf-8')}</script>" for name in SCRIPTS]
+    parts += [
+        f"<script>\n{folder.joinpath(name).read_text('utf-8')}</script>"
+        for name in ("live.js", "plots.js", "leg.js", "moment.js", "tables.js")
+    ]
     return Markup("\n".join(parts))  # our own, and JSON without markup
 
 

@@ -21,9 +21,7 @@ from planner.trajectory import Array
 if TYPE_CHECKING:
     from kinematics.scene import Scene
 
-PLANNED = FOOT_OPTIMAL._replace(label="planned")
-
-LOOKS = ((DESIRED, 0.55), (DIRECT, 0.45), (PLANNED, 1.0))
+LOOKS = ((DESIRED, 0.55), (DIRECT, 0.45), (FOOT_OPTIMAL._replace(label="planned"), 1.0))
 """Colours and opacities of the desired motion, the direct one and the planned one."""
 
 MOST_FRAMES = 1000
@@ -31,12 +29,6 @@ MOST_FRAMES = 1000
 
 TRACE = 0.008
 """Radius of a foot's trace, to the size of the leg."""
-
-VIEWPOINT = np.array([0.5, 1.0, 0.3])
-"""Place of the camera, from the scene's middle, to the scene's size: forward, sideways, up."""
-
-RANDOM = re.compile(r"[0-9a-f]{8}(-[0-9a-f]{4}){3}-[0-9a-f]{12}")
-"""The names that Meshcat gives to objects."""
 
 SIDES = 8
 """Sides of a trace, which is a tube: browsers draw lines one pixel wide."""
@@ -84,7 +76,8 @@ class Recording:
             return {key: self._numbered(each) for key, each in value.items()}
         if isinstance(value, list):
             return [self._numbered(each) for each in value]
-        if isinstance(value, str) and RANDOM.fullmatch(value):
+        name = r"[0-9a-f]{8}(-[0-9a-f]{4}){3}-[0-9a-f]{12}"
+        if isinstance(value, str) and re.fullmatch(name, value):
             return self._names.setdefault(value, str(uuid.UUID(int=len(self._names))))
         return value
 
@@ -174,7 +167,7 @@ def _look(viewer: Any, points: Array) -> None:
     centred = np.eye(4)
     centred[:3, 3] = -middle  # the camera turns about the origin
     viewer.set_transform(centred)
-    x, y, z = VIEWPOINT * size
+    x, y, z = np.array([0.5, 1.0, 0.3]) * size  # forward, sideways, up
     # Inside the node of the camera y points up: Meshcat turns it.
     viewer["/Cameras/default/rotated/<object>"].set_property("position", [x, z, -y])
 

@@ -38,9 +38,6 @@ WORDS = {
 }
 """Name and unit of each parameter."""
 
-MOST_REASONS = 20
-"""Most reasons that are listed for points without a plan."""
-
 Point = tuple[float, ...]
 """A value for each parameter, in their order."""
 
@@ -208,7 +205,7 @@ def sweep_page(
     if swept.failures:
         rows = [
             Row(f"{points[0].number}", (swept.words(points[0]), f"{len(points)}", reason))
-            for reason, points in list(swept.failures.items())[:MOST_REASONS]
+            for reason, points in list(swept.failures.items())[:20]
         ]
         columns = Column("parameters", words=True), Column("points"), Column("reason", words=True)
         title = "Points without a plan"

@@ -20,9 +20,6 @@ NOTHING = "–"
 NO_BOUND = "under a load that depends on the pose: other requests would meet another load"
 """Reason for a missing lower bound."""
 
-ROUNDING = 1e-12
-"""Rounding error of a division by a decimal step, as a share of the quotient."""
-
 _WIDTH: ContextVar[int | None] = ContextVar("_WIDTH", default=None)
 """Characters of a line; None, as for files, for any number."""
 
@@ -213,7 +210,8 @@ def at_most(value: float) -> str:
     if not value > 0.0:
         return "0"
     step = 10.0 ** (math.floor(math.log10(value)) - 1)
-    return two_digits(step * math.ceil(value / step * (1.0 - ROUNDING)))
+    # rounding of a division by a decimal step
+    return two_digits(step * math.ceil(value / step * (1.0 - 1e-12)))
 
 
 def signed(text: str) -> str:

@@ -31,12 +31,10 @@ Stamps = npt.NDArray[np.int64]
 JOINT_STATE = "sensor_msgs/msg/JointState"
 TRAJECTORY = "trajectory_msgs/msg/JointTrajectory"
 NUMBERS = "std_msgs/msg/Float64MultiArray"
-NUMBER = "std_msgs/msg/Float64"
-
 ACTUAL_TYPES = (CONTROLLER_STATE, JOINT_STATE)
 """Types with actual angles."""
 
-REQUEST_TYPES = (CONTROLLER_STATE, TRAJECTORY, NUMBERS, NUMBER, JOINT_STATE)
+REQUEST_TYPES = (CONTROLLER_STATE, TRAJECTORY, NUMBERS, "std_msgs/msg/Float64", JOINT_STATE)
 """Types with requested angles."""
 
 APART = 1_000_000_000

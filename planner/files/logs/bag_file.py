@@ -69,9 +69,6 @@ holds. Only the right one explains all the bytes of a message.
 """
 
 
-_CHUNK = 6  # the record's code in MCAP
-_ROS1_CHUNK = b"op=\x05"
-
 Chunk = tuple[str, bytes]
 """Name of the compression, and the compressed bytes."""
 
@@ -245,7 +242,7 @@ def _mcap_chunks(stream: BinaryIO) -> Iterator[Chunk]:
     while len(head := stream.read(9)) == 9:
         code, length = struct.unpack("<BQ", head)
         end = stream.tell() + length
-        if code == _CHUNK:
+        if code == 6:  # a chunk
             stream.seek(28, 1)
             compression = _sized(stream, "<I", 64).decode(errors="replace")
             yield compression, _sized(stream, "<Q", MOST_CHUNK + 1)
@@ -262,7 +259,7 @@ def _ros1_chunks(stream: BinaryIO) -> Iterator[Chunk]:
         header = stream.read(min(struct.unpack("<I", head)[0], PIECE))
         (length,) = struct.unpack("<I", stream.read(4).ljust(4, b"\0"))
         end = stream.tell() + length
-        if _ROS1_CHUNK in header:
+        if b"op=\x05" in header:  # a chunk
             _, _, compression = header.partition(b"compression=")
             yield compression[:3].decode(errors="replace"), stream.read(min(length, MOST_CHUNK + 1))
         stream.seek(end)

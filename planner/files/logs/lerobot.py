@@ -22,9 +22,6 @@ from planner.trajectory import Array
 Rows = npt.NDArray[np.intp]
 """Places of rows, shape (n,)."""
 
-MOST_EPISODES = 10**9
-"""Episodes are numbered below this."""
-
 ACTION, STATE = "action", "observation.state"
 """Features that hold the requested and the actual angles."""
 
@@ -228,7 +225,7 @@ def _one_a_row(file: Path, name: str, values: Array) -> Array:
 
 def _episodes_in(file: Path, numbers: Array) -> list[int]:
     """The episodes whose numbers a file holds, in order."""
-    valid = (numbers == np.floor(numbers)) & (numbers >= 0) & (numbers < MOST_EPISODES)
+    valid = (numbers == np.floor(numbers)) & (numbers >= 0) & (numbers < 10**9)
     if not valid.all():
         raise InvalidFile(file, f"'{EPISODE}': expected whole numbers from 0")
     return [int(number) for number in np.unique(numbers)]

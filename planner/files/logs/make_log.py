@@ -37,9 +37,6 @@ SLOW_TIME, SLOW_SHARE = 1.0, 0.4
 """Requests are slow if they travel at most this share of their range in this time [s]: the joint
 then lags by its delay and friction only, to both sides."""
 
-JUMP = 0.1
-"""Larger changes at once, as shares of the range, are no slow requests, nor those for that time."""
-
 STRAIGHT_TIME, STRAIGHT_SHARE = 0.4, 0.1
 """Requests are straight if for this time to either side [s] their speed changes by at most this
 share of their range a second: friction that turns, and the delay, then do not count as scale."""
@@ -381,7 +378,8 @@ def _slow(times: Array, requests: Array) -> Switch:
     rows = 2 * math.ceil(SLOW_TIME / period) + 1
     ways = np.abs(np.diff(requests, prepend=requests[:1]))
     moved = rows * uniform_filter1d(ways, rows, mode="nearest")
-    jumps = maximum_filter1d(ways, rows, mode="nearest") > JUMP * span
+    # no slow requests are such jumps
+    jumps = maximum_filter1d(ways, rows, mode="nearest") > 0.1 * span
     slow: Switch = (moved <= 2.0 * SLOW_SHARE * span) & ~jumps
     far = max(1, round(0.5 * STRAIGHT_TIME / period))
     around = np.pad(requests, far, mode="edge")

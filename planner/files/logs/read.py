@@ -41,9 +41,6 @@ TIME, REQUESTED, ACTUAL, TORQUE = "timestamp", "goal_position", "position", "tor
 MASS, LENGTH, ARM_MASS = "mass", "length", "arm_mass"
 """Keys beside the entries: of the pendulum on the servo [kg, m, kg], the last of a few files."""
 
-GRAVITY = 9.80665
-"""Standard gravity [m/s^2]."""
-
 UNIT = "rad"
 """The unit of the angles, by the format's definition."""
 
@@ -106,7 +103,7 @@ def _moment(path: Path | str, content: Mapping[str, Any]) -> float | None:
         number = isinstance(value, int | float) and not isinstance(value, bool)
         if not (number and 0.0 <= value < LARGEST):
             raise InvalidFile(path, f"'{key}': got {value!r:.20}, expected a number, 0 or more")
-    return float((values[MASS] + values[ARM_MASS] / 2.0) * GRAVITY * values[LENGTH])
+    return float((values[MASS] + values[ARM_MASS] / 2.0) * 9.80665 * values[LENGTH])  # [m/s^2]
 
 
 def _entries(path: Path | str, content: Any) -> Sequence[Mapping[str, Any]]:

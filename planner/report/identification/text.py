@@ -29,9 +29,6 @@ from planner.report.identification.words import (
 )
 from planner.report.table import text_table
 
-WIDTH = 96
-"""Width of the lines [characters]."""
-
 RECORD: dict[str, dict[Topic, str]] = {
     "steps": {
         "motion": "larger motion",
@@ -174,7 +171,7 @@ def excitation_text(excitation: Excitation, expected: Identification, *, model: 
             f"begins and ends at {math.degrees(excitation.centre):.4g} deg; the largest jump is "
             f"{math.degrees(excitation.largest_jump):.4g} deg"
             + (f"; step tests of {heights} deg" if heights else ""),
-            *textwrap.wrap(excitation.meaning, WIDTH),
+            *textwrap.wrap(excitation.meaning, 96),
             *filter(None, [parts]),
             f"expected of a joint like {model}:",
             text_table(["parameter", "identified", "95 % interval", "determined", "known"], rows),
