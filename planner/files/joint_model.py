@@ -7,7 +7,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, dataclass, fields
 from pathlib import Path
-from typing import Any, get_args
+from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
 
@@ -16,9 +16,11 @@ from planner.files.robot import is_of_robot, legs_text, read_bus
 from planner.files.text import Toml, key_name, read_toml, toml_value, write_text
 from planner.model.evidence import ACCEPTED, GAIN, Evidence, Verdict, warn_of_refused
 from planner.model.joint import JointModel
-from planner.robot.arm import SETTINGS, Servo
 from planner.trajectory import LARGEST, Array
 from planner.validation import as_reals, is_one_of, shown
+
+if TYPE_CHECKING:
+    from planner.robot.arm import Servo
 
 UNITS = {each.name: each.metadata.get("unit", "-") for each in fields(JointModel)}
 """The unit of every parameter."""
@@ -297,6 +299,8 @@ def has_servos(path: Path | str) -> bool:
 
 def read_servos(path: Path | str, joints: Sequence[str] | None = None) -> dict[str, Servo]:
     """The servos of a model file, of these joints or of all: its tables ``[<joint>.servo]``."""
+    from planner.robot.arm import SETTINGS, Servo  # with all that moves servos
+
     file = read_toml(path, example="id = 1")
     keys = {each.name for each in fields(Servo)} - {"settings"} | set(SETTINGS)
     servos = {}
