@@ -403,6 +403,7 @@ def check(
                     if not holds and beyond < 1.0:
                         changes += _changes(models[name], identification)
                         outdated.append(name)
+                judged = holds or beyond < 1.0
                 if beyond:
                     then = (
                         " and was not compared" if beyond < 1.0 else ": use a longer --duration-s"
@@ -411,11 +412,9 @@ def check(
                         f"{100.0 * beyond:.0f} % of the motion is beyond the logs of the "
                         f"calibration{then}"
                     )
-                verdict = (
-                    "holds" if holds else "no longer holds" if beyond < 1.0 else "is not judged"
-                )
+                verdict = "holds" if holds else "no longer holds" if judged else "is not judged"
                 document[name] = {
-                    "holds": holds if holds or beyond < 1.0 else None,
+                    "holds": holds if judged else None,
                     "rms_deg": math.degrees(error),
                     "rms_before_deg": math.degrees(expected),
                     "changes": changes,

@@ -105,10 +105,10 @@ class Desired:
         finally:
             JOINT_UNITS.reset(token)
 
-    def write_requests(self, path: Path | str, requests: Array, loads: Array | None) -> None:
-        """Write the joints' requests [rad] and torques [N m], (n, k), as CSV in their units."""
+    def write(self, path: Path | str, angles: Array, loads: Array | None = None) -> None:
+        """Write angles or requests [rad] and torques [N m], (n, k), as CSV in the joints' units."""
         write_joint_path(
-            path, self.names, requests, period=self.period, units=self.units, loads=loads
+            path, self.names, angles, period=self.period, units=self.units, loads=loads
         )
 
 

@@ -101,7 +101,6 @@ def fit(
 
     from planner.cli.desired import check_angles, load_joints
     from planner.cli.models import model_words
-    from planner.files.paths import write_joint_path
 
     path = load_joints(desired, run)
     options.warn_of(path.remarks)
@@ -140,7 +139,7 @@ def fit(
         document,
         f"lines within the top speed; {model_words(run.model)}\n"
         + text_table(["joint", "lines", "rms [deg]", "max [deg]"], rows),
-        lambda file: write_joint_path(file, path.names, angles, period=path.period),
+        lambda file: path.write(file, angles),
         output=output,
         as_json=as_json,
     )

@@ -210,10 +210,10 @@ def _models_from_recordings(
         remarks.append(
             f"{with_reasons(refused)}: left at the recorded requests, {of} the recording too badly"
         )
-    several = f"the first {len(used)} of {len(recordings)} recordings"
-    words = "the recording" if len(recordings) == 1 else several
-    if len(used) == len(recordings) > 1:
-        words = f"the {len(recordings)} recordings"
+    words = "the recording"
+    if len(recordings) > 1:
+        first = f"first {len(used)} of " if len(used) < len(recordings) else ""
+        words = f"the {first}{len(recordings)} recordings"
     return JointModels(
         by_joint=models,
         words=f"models: identified from {words}",

@@ -79,7 +79,7 @@ def plan(*, run: Run, path: str, output: str, report: str | None, as_json: bool)
     deliver(
         document(prepared, result, missed),
         summary(prepared, result),
-        lambda file: desired.write_requests(file, result.requests, result.task.load),
+        lambda file: desired.write(file, result.requests, result.task.load),
         output=output,
         as_json=as_json,
     )

@@ -136,7 +136,7 @@ def refine(
     deliver(
         document(answer),
         summary(answer),
-        lambda file: desired.write_requests(file, answer.requests, answer.loads),
+        lambda file: desired.write(file, answer.requests, answer.loads),
         output=output,
         as_json=as_json,
     )

@@ -24,7 +24,7 @@ from planner.cli.export import (
 )
 from planner.cli.planning import Prepared, misses, prepare
 from planner.exceptions import InvalidFile, InvalidInput, PlannerError
-from planner.files.paths import write_foot_path, write_joint_path
+from planner.files.paths import write_foot_path
 from planner.files.staging import MANIFEST, list_files
 from planner.files.text import Toml, read_toml, to_json, write_text
 from planner.planning.plan import Plan
@@ -160,14 +160,7 @@ def _write_paths(folder: Path, prepared: Prepared, plan: Plan) -> None:
         ("desired", desired.angles),
     ):
         if file := _place(folder, run, key):
-            write_joint_path(
-                file,
-                desired.names,
-                angles,
-                period=desired.period,
-                units=desired.units,
-                loads=plan.task.load if key == "requests" else None,
-            )
+            desired.write(file, angles, plan.task.load if key == "requests" else None)
     if desired.foot is not None and (file := _place(folder, run, "foot")):
         write_foot_path(file, plan.foot, period=desired.period)
 

@@ -14,6 +14,7 @@ from planner.exceptions import InvalidFile, about
 if TYPE_CHECKING:
     from planner.cli.desired import Desired
     from planner.files.paths import JointPath
+    from planner.trajectory import Array
 
 
 @click.command()
@@ -53,7 +54,6 @@ def simulate(
 
     from planner.cli.desired import load_joints, refused_models, repeats, starts_of
     from planner.cli.models import model_words, verdict_document
-    from planner.files.paths import write_joint_path
     from planner.model.evidence import Expectation, expectation, untested_words
     from planner.model.response import simulate as simulate_joint
     from planner.trajectory import angle_distance
@@ -71,30 +71,25 @@ def simulate(
         raise InvalidFile(requests, "no columns <joint>_load_Nm, which --load column takes", line=1)
     if load is None and inputs.loads is not None:
         warn("the load in the columns is not used: ask for it with --load column")
-    columns = []
-    for j, (name, joint) in enumerate(zip(inputs.names, inputs.models, strict=True)):
-        with about(name):
-            column = None if loads is None else loads[:, j]
-            columns.append(
-                simulate_joint(
-                    joint, inputs.angles[:, j], cyclic=cyclic, start=rest.get(name), load=column
-                )
-            )
-    angles = np.column_stack(columns)
     joints: dict[str, dict[str, Any]] = {}
-    expected = list[Expectation]()
-    summary = f"{len(angles)} requests of {', '.join(inputs.names)}; {model_words(run.model)}"
+    columns, expected = list[Array](), list[Expectation]()
+    summary = f"{len(inputs.angles)} requests of {', '.join(inputs.names)}; "
+    summary += model_words(run.model)
     for j, (name, model) in enumerate(zip(inputs.names, inputs.models, strict=True)):
-        unit, joints[name] = inputs.unit(j), {}
+        unit, start = inputs.unit(j), rest.get(name)
+        column, joints[name] = None if loads is None else loads[:, j], {}
+        with about(name):
+            predicted = simulate_joint(
+                model, inputs.angles[:, j], cyclic=cyclic, start=start, load=column
+            )
+        columns.append(predicted)
         if path is not None:
-            target, predicted = path.angles[:, j], angles[:, j]
-            column = None if loads is None else loads[:, j]
+            target = path.angles[:, j]
             each = expectation(
                 model.evidence, target, predicted, period=inputs.period, cyclic=cyclic, load=column
             )
             expected.append(each)
             rms, largest, robot = np.degrees([*angle_distance(predicted, target), each.error])
-            has_estimate = np.isfinite(robot)
             joints[name] = {
                 f"rms_{unit}": float(rms),
                 f"max_{unit}": float(largest),
@@ -103,19 +98,17 @@ def simulate(
             }
             summary += f"\n{name}: {rms:.3f} {unit} rms from the desired angles"
             summary += f", {largest:.3f} {unit} at most"
-            if has_estimate:
+            if np.isfinite(robot):
                 summary += f"; on the robot expect about {robot:.3f} {unit} rms"
         joints[name] |= verdict_document(model)
-        joints[name][f"angles_{unit}"] = np.degrees(angles[:, j]).tolist()
+        joints[name][f"angles_{unit}"] = np.degrees(predicted).tolist()
     if expected and (words := untested_words(inputs.names, expected)):
         summary += f"\n{words}"
     document = {"cyclic": cyclic, "period_s": inputs.period, "joints": joints}
     deliver(
         document,
         summary,
-        lambda file: write_joint_path(
-            file, inputs.names, angles, period=inputs.period, units=inputs.units
-        ),
+        lambda file: inputs.write(file, np.column_stack(columns)),
         output=output,
         as_json=as_json,
     )
