@@ -94,17 +94,6 @@ class Refined:
         return np.hstack([plan.requests for plan in self.plans.values()])
 
     @property
-    def predicted(self) -> Array:
-        """The predicted angles, with the learnt disturbance [rad], shape (n, k)."""
-        return np.hstack([plan.predicted for plan in self.plans.values()])
-
-    @property
-    def disturbance(self) -> Array:
-        """The learnt disturbance [rad], shape (n, measured joints)."""
-        learnt = [plan.task.disturbance for plan in self.learnt.values()]
-        return np.hstack([each for each in learnt if each is not None])
-
-    @property
     def loads(self) -> Array | None:
         """Torques on the joints [N m], shape (n, k); None for none."""
         loads = [load for plan in self.plans.values() for load in plan.task.loads]
@@ -297,7 +286,16 @@ def document(answer: Refined) -> dict[str, Any]:
     """The answer for machines."""
     desired = answer.prepared.desired
     rows = progress_of(answer)
-    learnt = dict(zip(answer.measured.names, answer.disturbance.T, strict=True))
+    joints = {}
+    for plan in answer.plans.values():
+        learnt = plan.task.disturbance
+        for k, name in enumerate(plan.names):
+            unit = desired.unit(desired.names.index(name))
+            joints[name] = {
+                f"requests_{unit}": np.degrees(plan.requests[:, k]).tolist(),
+                f"predicted_{unit}": np.degrees(plan.predicted[:, k]).tolist(),
+                f"learnt_{unit}": None if learnt is None else np.degrees(learnt[:, k]).tolist(),
+            }
     return {
         "cyclic": desired.cyclic,
         "period_s": desired.period,
@@ -319,16 +317,7 @@ def document(answer: Refined) -> dict[str, Any]:
             for each in rows
         },
         "not_measured": list(answer.not_measured),
-        "joints": {
-            name: {
-                f"requests_{desired.unit(j)}": np.degrees(answer.requests[:, j]).tolist(),
-                f"predicted_{desired.unit(j)}": np.degrees(answer.predicted[:, j]).tolist(),
-                f"learnt_{desired.unit(j)}": np.degrees(learnt[name]).tolist()
-                if name in learnt
-                else None,
-            }
-            for j, name in enumerate(desired.names)
-        },
+        "joints": joints,
     }
 
 
