@@ -14,7 +14,6 @@ from planner.exceptions import InvalidFile, about
 if TYPE_CHECKING:
     from planner.cli.desired import Desired
     from planner.files.paths import JointPath
-    from planner.trajectory import Array
 
 
 @click.command()
@@ -72,7 +71,7 @@ def simulate(
     if load is None and inputs.loads is not None:
         warn("the load in the columns is not used: ask for it with --load column")
     joints: dict[str, dict[str, Any]] = {}
-    columns, expected = list[Array](), list[Expectation]()
+    columns, expected = [], list[Expectation]()
     summary = f"{len(inputs.angles)} requests of {', '.join(inputs.names)}; "
     summary += model_words(run.model)
     for j, (name, model) in enumerate(zip(inputs.names, inputs.models, strict=True)):

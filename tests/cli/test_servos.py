@@ -572,9 +572,9 @@ def test_settings_have_changed_where_both_are_known_and_differ():
 def test_identifiers_are_numbers_ranges_and_names_each_once(text, ids):
     if ids is None:
         with pytest.raises(click.UsageError, match="expected identifiers of servos, such as 1-6"):
-            buses.ids_type().convert(text, None, None)
+            buses.IDS.convert(text, None, None)
     else:
-        assert buses.ids_type().convert(text, None, None) == ids
+        assert buses.IDS.convert(text, None, None) == ids
 
 
 @pytest.fixture

@@ -15,7 +15,7 @@ from planner.cli.desired import legs_among
 from planner.cli.models import models_of
 from planner.cli.planning import plan_of, prepare
 from planner.cli.settings import Model, Run
-from planner.files.joint_model import read_models
+from planner.files.joint_model import models_text, read_models
 from planner.files.paths import read_joint_path, write_joint_path
 from planner.files.robot import read_bus, read_legs
 from tests.cli.test_servos import ARM
@@ -214,13 +214,17 @@ def test_a_leg_of_a_robot_is_planned_for_its_foot_with_the_models_of_its_own_joi
     turned = 2.0 * np.pi * np.arange(16) / 16
     angles = np.column_stack([1.2 + 0.2 * np.sin(turned), 0.1 * np.cos(turned), 0.0 * turned])
     write_joint_path(tmp_path / "leg.csv", names, angles, period=0.008)
-    own = {names[0]: {"v_max": 3.0}}
-    content = {"path": {"file": "leg.csv"}, "model": {"joints": own}}
+    aibo = planner.JointModel.ers210a()
+    slow = replace(aibo, v_max=3.0)
+    leg = {"urdf": str(urdf_path("ers210a.urdf")), "base": "body", "foot": "front_left_ball"}
+    table = "".join(f'{key} = "{value}"\n' for key, value in leg.items())
+    text = models_text({"": aibo, names[0]: slow}) + f"[leg.front-left]\n{table}"
+    (tmp_path / "robot.toml").write_text(text)
+    content = {"path": {"file": "leg.csv"}, "model": {"file": "robot.toml"}}
     run = Run.of(content | {"plan": {"method": "foot-optimal"}})
     prepared = prepare(run, str(tmp_path))
     leg, order = prepared.desired.legs["front-left"], [1, 2, 0]
-    aibo = planner.JointModel.ers210a()
-    models = [aibo, aibo, replace(aibo, v_max=3.0)]
+    models = [aibo, aibo, slow]
     foot = leg.foot_positions(np.ascontiguousarray(prepared.desired.angles[:, order]))
     expected = planner.invert_foot(models, leg, foot).requests
     requests = plan_of(prepared, bounded=False).requests[:, order]

@@ -48,7 +48,7 @@ def test_a_parameter_is_shown_in_degrees_and_in_si_with_the_digits_that_its_inte
         ("max_acceleration", 90.0, "5157 deg/s²"),
         ("v_offset", 0.1, "5.73 deg/s"),
         ("compliance", 0.02, "1.15 deg/(N m)"),
-        ("speed_per_torque", 0.2, "11.5 deg/s/(N m)"),
+        ("speed_per_torque", 0.2, "11.5 deg/(s N m)"),
         ("dead_band", 0.01, "0.573 deg"),
     ],
 )

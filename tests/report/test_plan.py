@@ -112,7 +112,7 @@ def test_the_shift_is_recommended_unless_it_is_the_plan(outcome):
     task = asked(outcome, goal="angles").task.with_models(models)
     for made, recommended in ((replace(outcome, task=task), True), (shifted(task), False)):
         said = " ".join(remarks(made, unreachable=0, missed=()))
-        assert ("time shift is recommended" in said) == recommended
+        assert ("Recommended: --method shift" in said) == recommended
 
 
 def test_the_fastest_joint_is_that_nearest_to_its_own_top_speed(outcome):
