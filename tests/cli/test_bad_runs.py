@@ -72,6 +72,7 @@ WRONG = {
     "a start for a cycle": JOINTS + "[start]\ndeg = 3\n",
     "a key that the method ignores": JOINTS + "[plan]\nsegments = 6\n",
     "a foot's tolerance for joints": JOINTS + "[tolerance]\ncm = 1\n",
+    "a robust plan without intervals": JOINTS + '[plan]\nrobust = "mean"\n',
     "an export at a rate of atoms": JOINTS
     + '[[export]]\nformat = "csv"\nfile = "a"\nrate_hz = 1e9\n',
     "names of other joints": JOINTS

@@ -155,31 +155,6 @@ def test_a_robust_plan_for_the_foot_tells_the_errors_of_the_foot_over_the_models
         assert row.split()[-3:] == [f"{100.0 * error:.3f}" for error in made.over_models]
 
 
-def test_a_robust_plan_needs_intervals_and_the_method_that_takes_them(run, desired, uncertain):
-    for model in ((), ("--model", uncertain.parent / "bare.toml")):
-        JOINT.to_toml(uncertain.parent / "bare.toml")
-        refused = run("plan", desired, *model, "--robust", "mean")
-        assert (refused.exit_code, refused.stdout) == (2, "")
-        assert "--robust mean draws models from intervals, and the model of hip, knee has none" in (
-            refused.stderr
-        )
-        assert "identify the joint" in refused.stderr
-    method = ("--method", "closed-form")
-    refused = run("plan", desired, "--model", uncertain, "--robust", "mean", *method)
-    assert refused.exit_code == 2
-    assert "--robust has no effect with --method closed-form" in refused.stderr
-    run_file = uncertain.parent / "run.toml"
-    run_file.write_text(
-        '[model]\nfile = "bare.toml"\n[path]\nfile = "desired.csv"\n[plan]\nrobust = "mean"\n'
-    )
-    refused = run("run", run_file, "--check")
-    assert refused.exit_code == 2
-    assert (
-        'line 6: plan.robust = "mean" draws models from intervals, and the model of hip, knee'
-        in (refused.stderr)
-    )
-
-
 def test_joints_in_shares_of_their_range_are_answered_in_percent(run, tmp_path):
     model = planner.JointModel(v_max=1.1, theta_0=0.11, lag=0.03, acceleration_time=0.05)
     model.to_toml(tmp_path / "jaw.toml")

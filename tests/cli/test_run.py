@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import shutil
 import sys
 from dataclasses import replace
 
@@ -122,8 +121,7 @@ KNEE = "v_max = 4.0\ntheta_0 = 0.12\nlag = 0.05\nacceleration_time = 0.05\n"
 SAGGING = replace(SLOW, offset=0.01)
 
 
-def test_models_are_those_of_the_file_for_all_joints_or_for_one(write, desired, tmp_path):
-    assert desired.exists()
+def test_models_are_those_of_the_file_for_all_joints_or_for_one(write, tmp_path):
     (tmp_path / "joints").write_text(f"{KNEE}[knee]\noffset = 0.01\n")
     content = f'{JOINTS}[model]\nfile = "joints"\n'
     _, prepared = read_run(str(tmp_path / write(content)))

@@ -105,42 +105,6 @@ def test_a_foot_path_is_planned_for_the_foot_unless_another_method_is_named(
     assert planned == [method]
 
 
-WRONG = {
-    "no leg": (
-        ["desired.csv"],
-        "name the leg with --leg. See 'request-planner view --help'.",
-    ),
-    "some of the joints": (
-        ["some.csv", "--leg", "reference"],
-        "some.csv: got joints knee, expected those of the leg: rotator, abductor, knee. "
-        "See 'request-planner view --help'.",
-    ),
-    "requests at another rate": (
-        ["foot.csv", "--leg", "front-left", "--requests", "slow.csv"],
-        "slow.csv: one sample every 0.02 s, expected one every 0.008 s, the time between requests; "
-        "plan with --rate-hz 125 to resample the path, or with --rate-hz 50 to send as many "
-        "requests, or set tick and hold in the model",
-    ),
-    "requests of another path": (
-        ["foot.csv", "--leg", "front-left", "--requests", "short.csv"],
-        "short.csv: got 2 requests, expected 88, one for each sample of the desired path; name the "
-        "path for which they were planned",
-    ),
-}
-
-
-@pytest.mark.parametrize(("arguments", "message"), WRONG.values(), ids=WRONG)
-@pytest.mark.usefixtures("meshcat", "foot", "desired")
-def test_wrong_input_is_one_line_and_status_2(run, tmp_path, arguments, message):
-    (tmp_path / "some.csv").write_text("knee_deg\n1\n2\n")
-    joints = ",".join(f"front_left_{name}_deg" for name in ("rotator", "abductor", "knee"))
-    (tmp_path / "short.csv").write_text(f"{joints}\n1,2,3\n1,2,3\n")
-    (tmp_path / "slow.csv").write_text(f"t_s,{joints}\n0,1,2,3\n0.02,1,2,3\n0.04,1,2,3\n")
-    result = run("view", *arguments, "--html", "page.html")
-    assert result.exit_code == 2
-    assert result.stderr == f"request-planner: {message}\n"
-
-
 def test_what_is_not_installed_is_named(run, foot, monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "meshcat", None)
     result = run("view", foot, "--leg", "front-left", "--html", "walk.html")
