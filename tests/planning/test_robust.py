@@ -231,6 +231,20 @@ def test_a_window_that_may_end_at_0_moves_models_no_later_than_their_lag_allows(
     assert np.max(delays) > delays[0] + 0.005
 
 
+def test_a_lag_that_may_be_0_makes_up_for_a_window_that_may_not():
+    """Else delays differ by half the window, and robust plans miss by more than the plan."""
+    servo = replace(ERS210A, lag=0.002, acceleration_time=0.033)
+    seen = Evidence(
+        intervals={"lag": (0.0, 0.015), "acceleration_time": (0.004, 0.063)},
+        correlations=((1.0, 0.0), (0.0, 1.0)),
+        delay_error=0.0,
+    )
+    models = drawn_models(servo.with_evidence(seen), pairs=40)
+    delays = np.array([each.lag + each.acceleration_time / 2.0 for each in models])
+    assert np.ptp([each.acceleration_time for each in models]) > 0.01
+    assert np.max(np.abs(delays - delays[0])) < 1e-12
+
+
 @pytest.mark.parametrize("name", ["time_constant", "max_acceleration"])
 def test_nothing_is_drawn_from_an_interval_that_tells_nothing(name):
     intervals = {name: (0.0, 0.01) if name == "time_constant" else (0.0, np.inf)}
