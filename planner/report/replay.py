@@ -1,4 +1,4 @@
-"""The page about a replay, with a slider through the episode, and the table of many."""
+"""The pages about a replay, with a slider through the episode, and about many recordings."""
 
 from __future__ import annotations
 
@@ -21,6 +21,7 @@ from planner.report.figure import (
     Panel,
     Span,
     Timeline,
+    joined,
     line,
 )
 from planner.report.page import (
@@ -28,6 +29,7 @@ from planner.report.page import (
     Listing,
     Page,
     Section,
+    figures_section,
     footer,
     models_table,
     sentence,
@@ -57,6 +59,18 @@ UNITS = {"rad": ("deg", math.degrees(1.0)), "1": ("%", 100.0)}
 
 AS_IT_IS = DIRECT._replace(label="as it is")
 """The path itself as requests."""
+
+MOST_ROWS = 500
+"""Most rows of the table, for the recordings that are farthest off: a page of some 200 kB."""
+
+FEW = 12
+"""So many recordings have their numbers on the axis, which has round numbers for more."""
+
+MOST_REASONS = 20
+"""Most recordings without a plan that are listed."""
+
+UNIT_NAMES = {"deg": "deg", "percent": "%"}
+"""The page's names of the document's units."""
 
 KINDS = {
     "resent_rms": "as recorded",
@@ -426,34 +440,68 @@ def _timeline(replay: Replay) -> Timeline:
 
 
 def episodes_page(
-    document: Mapping[str, Any], *, title: str, words: str, sources: Sequence[Listing] = ()
+    document: Mapping[str, Any],
+    *,
+    title: str,
+    words: str,
+    sources: Sequence[Listing] = (),
 ) -> str:
-    """The page about many recordings, of what ``replay --json`` prints of them."""
+    """The whole page.
+
+    Args:
+        document: Output of ``replay --json`` for many recordings.
+        title: Title of the recordings, in a few words.
+        words: The path, its purpose and the models, in words.
+        sources: The lists at its end.
+    """
     rows, failures = document["recordings"], document["left_out"]
-    total, fastest = len(rows) + len(failures), document["speed"] is None
-    shown = [row | {"recording": PurePath(row["recording"]).name} for row in rows]
-    table = episodes_table(shown, fastest=fastest)
-    worst = max(shown, key=lambda row: float(row["planned_rms"]))
-    sections = [Section("The recordings", RECORDINGS, {"table": table})]
+    total = len(rows) + len(failures)
+    off = np.argsort([-row["planned_rms"] for row in rows], kind="stable")[:MOST_ROWS]
+    shown = [rows[place] | {"recording": _short(rows[place]["recording"])} for place in sorted(off)]
+    table = episodes_table(shown, fastest=document["speed"] is None)
+    units = sorted({row["unit"] for row in rows})
+    sections = [
+        Section(
+            "The recordings",
+            RECORDINGS,
+            {"table": table, "rest": max(len(rows) - MOST_ROWS, 0)},
+        )
+    ]
     if failures:
-        reasons = tuple(Row(PurePath(name).name, (why,)) for name, why in failures.items())
-        left_out = Table("recording", (Column("reason", words=True),), reasons, label="Left out")
-        sections.append(table_section("Left out", left_out))
+        sections.append(table_section("Left out", failures_table(failures)))
+    figures = [errors_figure(rows, unit) for unit in units]
+    if len(figures) > 1:
+        sections.insert(0, figures_section("", figures[1:]))
+    worst = max(rows, key=lambda row: float(row["planned_rms"]))
+    median = {
+        kind: float(np.median([row[f"{kind}_rms"] for row in rows]))
+        for kind in ("direct", "shifted", "planned")
+    }
+    unit = UNIT_NAMES[units[0]] if len(units) == 1 else "deg, or % of a range,"
     return Page(
         heading=f"Replay of {total} recordings",
         eyebrow=f"request-planner replay · {title}",
         verdict=spoken(
             f"{len(rows)} of {total} recordings have a plan",
-            f"at most {worst['planned_rms']:.3g} {worst['unit']} rms off, of "
-            f"{worst['worst_joint']} in {worst['recording']}",
+            f"in the median {median['planned']:.2g} {unit} rms off in the joint that is farthest "
+            f"off; the best time shift leaves {median['shifted']:.2g}, the path itself as requests "
+            f"{median['direct']:.2g}",
         ),
         note=sentence(words),
         good=not failures,
         remarks=[sentence(each) for each in document["remarks"]],
+        cards=[
+            Card(f"{worst['planned_rms']:.3g}", f"{UNIT_NAMES[worst['unit']]} rms",
+                 f"the plan that is farthest off, of {worst['worst_joint']} in "
+                 f"{_short(worst['recording'])}; lower bound {number(worst['lower_bound'], 3)}"),
+            Card(f"{sum(row['duration_s'] for row in rows):.3g}", "s",
+                 f"{sum(row['requests'] for row in rows)} requests in all"),
+        ],
+        figure=figures[0],
         sections=sections,
         listings=sources,
         footer=footer("replay"),
-    ).html()
+    ).html()  # fmt: skip
 
 
 RECORDINGS = """
@@ -461,7 +509,9 @@ RECORDINGS = """
 <p class="note">Errors of each recording’s joint that is farthest off, rms, by the exact model. “As
 recorded” are the recorded requests at this speed, “path as it is” the path itself as requests. What
 to expect on the robot is the error of plan and model together. No requests bring the error below
-the lower bound.</p>
+the lower bound.
+{%- if rest %} {{ rest }} recordings with smaller errors are not in the table.{% endif %}
+</p>
 """
 
 
@@ -481,3 +531,51 @@ def episodes_table(rows: Sequence[Mapping[str, Any]], *, fastest: bool) -> Table
         for row in rows
     ]
     return Table("recording", tuple(map(Column, titles)), tuple(table_rows), label="Recordings")
+
+
+def failures_table(failures: Mapping[str, str]) -> Table:
+    """Why recordings have no plan."""
+    rows = [Row(_short(name), (reason,)) for name, reason in list(failures.items())[:MOST_REASONS]]
+    if (more := len(failures) - MOST_REASONS) > 0:
+        rows.append(Row(f"{more} more", (NOTHING,)))
+    return Table("recording", (Column("reason", words=True),), tuple(rows), label="Left out")
+
+
+def errors_figure(rows: Sequence[Mapping[str, Any]], unit: str) -> Figure:
+    """Errors against the number of the recording, in the order in which they were read."""
+    own = [(place, row) for place, row in enumerate(rows, 1) if row["unit"] == unit]
+    places = np.array([float(place) for place, _ in own])
+    notes = tuple(f"{_short(row['recording'])}, {row['worst_joint']}" for _, row in own)
+
+    def values(kind: str) -> Array:
+        return np.array([np.nan if row[kind] is None else row[kind] for _, row in own])
+
+    numbers = {float(k): str(k) for k in range(1, len(rows) + 1)} if len(rows) <= FEW else None
+    looks = {"direct_rms": DIRECT, "shifted_rms": SHIFT, "planned_rms": OPTIMAL}
+    curves = [
+        Curve(
+            role,
+            places,
+            values(kind),
+            marks="rings" if role is SHIFT else "dots",
+            notes=notes,
+            hidden=role is DIRECT,
+        )
+        for kind, role in looks.items()
+    ]
+    if np.isfinite(bounds := values("lower_bound")).any():
+        ends = places[:, None] + np.array([-0.4, 0.4])
+        heights = np.column_stack([bounds, bounds])
+        curves.append(Curve(LOWER_BOUND._replace(dashes="-"), joined(ends), joined(heights)))
+    return Figure(
+        f"errors_{unit}",
+        "Error of each recording",
+        "Of its joint that is farthest off. Point at a dot for its recording and joint.",
+        Axis("recording", "", (0.5, len(rows) + 0.5), names=numbers),
+        (Panel(Axis("error, rms", UNIT_NAMES[unit], from_zero=True), tuple(curves), height=2.2),),
+    )
+
+
+def _short(recording: str) -> str:
+    """A recording without the folders that it is in."""
+    return PurePath(recording).name

@@ -20,13 +20,14 @@ from planner.report.identification.page import (
 )
 from planner.report.page import sources_of
 from planner.report.plan import feet_table, plan_page, verdict
-from planner.report.replay import episodes_page, replay_page, speeds_figure
+from planner.report.replay import MOST_REASONS, episodes_page, replay_page, speeds_figure
 from planner.report.sweep import Outcome, Requirement, Swept, sweep_page
 from planner.report.table import at_most, two_digits
 from planner.robot.candidates import WORDS, Candidate, Compared
 from tests.corpus.page_text import check_needs_nothing_else, figures_of, text_of
 from tests.corpus.test_corpus import masked
 from tests.report.made_up import made_up, made_up_log, never_saturated
+from tests.report.test_episodes_page import document, row
 
 SOURCES = sources_of("page.html", [("recording", "walks_2.csv"), ("<model>", "arm.toml")])
 
@@ -150,29 +151,6 @@ def fastest_replay():
     )
 
 
-def row(number, planned=0.2, unit="deg", **others):
-    """What ``replay --json`` says of a recording."""
-    errors = {"resent_rms": 3.0, "direct_rms": 2.0, "shifted_rms": 1.0, "planned_rms": planned}
-    return {
-        "recording": f"data/walks, episode {number}",
-        "requests": 100,
-        "duration_s": 2.0,
-        "speed": 1.5,
-        "worst_joint": "elbow",
-        "unit": unit,
-        **errors,
-        "expected_on_robot_rms": None,
-        "lower_bound": 0.1,
-        "remarks": [],
-        **others,
-    }
-
-
-def document(rows, *, speed=1.5, left_out=()):
-    failed = dict.fromkeys(left_out, "is the file cut short?")
-    return {"track": "state", "speed": speed, "recordings": rows, "left_out": failed, "remarks": []}
-
-
 def episodes():
     columns = ("resent_rms", "direct_rms", "shifted_rms", "expected_on_robot_rms", "lower_bound")
     errors = (
@@ -188,7 +166,7 @@ def episodes():
             (0, 1, 3), (0.3, 0.45, 0.25), about, errors, strict=True
         )
     ]  # fmt: skip
-    failed = [f"data/walks, episode {10 + k}" for k in range(2)]
+    failed = [f"data/walks, episode {10 + k}" for k in range(MOST_REASONS + 1)]
     made = document(rows, left_out=failed)
     made["remarks"] = ["the models are old", "two episodes are short"]
     return episodes_page(made, title="walks", words="follows the state", sources=SOURCES)
