@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -60,20 +62,41 @@ class Curvature(NamedTuple):
         return self._replace(factors=self.factors * scale, between=self.between / scale)
 
 
-class ReachableSet(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class ReachableSet:
     """A set that contains every trajectory the joint can make: ``matrix @ angles <= limits``.
 
     Attributes:
-        matrix: G, shape (rows, ticks).
+        of_angles: What the angles at the ticks count in each row, shape (rows, ticks).
+        of_speeds: What the speeds between ticks count, ``steps @ angles``, shape (rows, speeds).
+        steps: The speeds of angles [rad/tick], shape (speeds, ticks).
         limits: b [rad], shape (rows,).
         sampled: Indices of the angles that are compared with the desired ones, shape (n,).
         curvature: Rows that are linearised at the desired angles; None where all hold exactly.
     """
 
-    matrix: sparse.csr_array
+    of_angles: sparse.csr_array
+    of_speeds: sparse.csr_array
+    steps: sparse.csr_array
     limits: Array
     sampled: npt.NDArray[np.int_]
     curvature: Curvature | None = None
+
+    @cached_property
+    def matrix(self) -> sparse.csr_array:
+        """G, shape (rows, ticks)."""
+        return sparse.csr_array(self.of_angles + self.of_speeds @ self.steps)
+
+    def with_rows(
+        self, of_angles: sparse.csr_array, of_speeds: sparse.csr_array, limits: Array
+    ) -> ReachableSet:
+        """The set with further conditions."""
+        return replace(
+            self,
+            of_angles=sparse.csr_array(sparse.vstack([self.of_angles, of_angles])),
+            of_speeds=sparse.csr_array(sparse.vstack([self.of_speeds, of_speeds])),
+            limits=np.concatenate([self.limits, limits]),
+        )
 
 
 def reachable_set(
@@ -94,27 +117,35 @@ def reachable_set(
     level = proved_level(model, level)
     ticks = ticks_of(problem)
     load = load_by_tick(problem, ticks)
-    steps = _differences(ticks, cyclic=problem.cyclic)  # speeds [rad/tick] from angles
     moved = np.arange(0 if problem.cyclic else 1, ticks)
+    speeds = sparse.eye_array(len(moved), format="csr")
     pose = pose_sags(model, angles)
     low, high = speed_ranges(model, load, pose)
-    rows, limits = [steps, -steps], [high[moved], -low[moved]]
+    # With inertia 2a keeps every speed within condition 1 if the first one is.
+    needed = 1 if level != "slope" and model.has_inertia else len(moved)
+    rows = [speeds[:needed], -speeds[:needed]]
+    limits = [high[moved][:needed], -low[moved][:needed]]
     if level != "slope":
         for side in sides(model, load[moved], pose, cyclic=problem.cyclic):
             for condition in speed_conditions(model, side):
-                changes, at = _speed_rows(steps, condition, cyclic=problem.cyclic)
+                changes, at = _speed_rows(speeds, condition, cyclic=problem.cyclic)
                 rows.append(side.sign * changes)
                 limits.append(np.broadcast_to(condition.most, side.faster.shape)[at])
-    if start is not None:
-        farthest_from_start = distance_from_rest(model, load, level)
-        near_start = sparse.eye_array(ticks, format="csr")[: len(farthest_from_start)]
-        rows += [near_start, -near_start]
-        limits += [farthest_from_start + start, farthest_from_start - start]
-    return ReachableSet(
-        sparse.csr_array(sparse.vstack(rows)),
+    of_speeds = sparse.csr_array(sparse.vstack(rows))
+    conditions = ReachableSet(
+        sparse.csr_array((of_speeds.shape[0], ticks)),
+        of_speeds,
+        _differences(ticks, cyclic=problem.cyclic),
         np.concatenate(limits),
         np.arange(0, ticks, model.hold),
     )
+    if start is None:
+        return conditions
+    farthest = distance_from_rest(model, load, level)
+    near_start = sparse.eye_array(ticks, format="csr")[: len(farthest)]
+    of_no_speed = sparse.csr_array((len(farthest), len(moved)))
+    conditions = conditions.with_rows(near_start, of_no_speed, farthest + start)
+    return conditions.with_rows(-near_start, of_no_speed, farthest - start)
 
 
 def linearised_set(problem: BoundProblem, level: Level) -> ReachableSet:
@@ -136,7 +167,7 @@ def linearised_set(problem: BoundProblem, level: Level) -> ReachableSet:
     slope = gain * (model.sag_sin * np.cos(at) - model.sag_cos * np.sin(at))
     shape = (len(moved), ticks)
     by_angle = sparse.csr_array((slope, (np.arange(len(moved)), before)), shape=shape)
-    rows = sparse.csr_array(_differences(ticks, cyclic=problem.cyclic) - by_angle)
+    speeds = sparse.eye_array(len(moved), format="csr")
     shift = sag - slope * at
     most, friction = gain * model.most_pose_sag, model.law.friction
     upper, lower = (limit[moved] for limit in (high, -low))
@@ -149,12 +180,9 @@ def linearised_set(problem: BoundProblem, level: Level) -> ReachableSet:
         np.tile(before // hold, 2),
         np.tile(before % hold * farthest, 2),
     )
-    return ReachableSet(
-        sparse.csr_array(sparse.vstack([reachable.matrix, rows, -rows])),
-        np.concatenate([reachable.limits, upper + shift, lower - shift]),
-        reachable.sampled,
-        curvature,
-    )
+    reachable = reachable.with_rows(-by_angle, speeds, upper + shift)
+    reachable = reachable.with_rows(by_angle, -speeds, lower - shift)
+    return replace(reachable, curvature=curvature)
 
 
 def pose_sags(model: JointModel, angles: tuple[float, float] | None = None) -> tuple[float, float]:
@@ -374,16 +402,16 @@ def _differences(ticks: int, *, cyclic: bool) -> sparse.csr_array:
 
 
 def _speed_rows(
-    steps: sparse.csr_array, condition: SpeedCondition, *, cyclic: bool
+    speeds: sparse.csr_array, condition: SpeedCondition, *, cyclic: bool
 ) -> tuple[sparse.csr_array, slice]:
     """Rows w[t+1] - now * w[t] - before * w[t-1], and which pairs of ticks they are about."""
-    count = steps.shape[0]
+    count = speeds.shape[0]
     first = 0 if cyclic or condition.before == 0.0 else 1
     at = np.arange(first, count if cyclic else count - 1)
     now = np.broadcast_to(condition.now, (count if cyclic else count - 1,))[at]
-    rows = steps[(at + 1) % count] - sparse.diags_array(now) @ steps[at]
+    rows = speeds[(at + 1) % count] - sparse.diags_array(now) @ speeds[at]
     if condition.before != 0.0:
-        rows -= condition.before * steps[at - 1]
+        rows -= condition.before * speeds[at - 1]
     return sparse.csr_array(rows), slice(first, None)
 
 

@@ -264,13 +264,12 @@ def test_any_multipliers_prove_a_bound_that_no_response_goes_below(
     reachable = set_of(model, n, cyclic=cyclic, level=level)
     angles = simulate(model, requests, cyclic=cyclic)
     desired = angles + rng.normal(size=n) * 10.0 ** rng.uniform(-3, 0)
-    rows, ticks = reachable.matrix.shape
+    rows = len(reachable.limits)
     for sparsity in (1.0, 0.2):
         multipliers = rng.exponential(size=rows) * (rng.random(rows) < sparsity)
         proved = certified_error(
             reachable,
             desired,
-            rng.normal(size=ticks),
             multipliers,
             norm=norm,
             slack=model.v_max * model.period,
@@ -293,11 +292,14 @@ def test_any_multipliers_of_linearised_conditions_prove_a_bound(
     rng = np.random.default_rng(seed)
     n = len(requests)
     load = loads_of(model, n, seed)
-    angles = simulate(model, requests, cyclic=cyclic, load=load)
+    try:
+        angles = simulate(model, requests, cyclic=cyclic, load=load)
+    except NoSteadyCycle:  # gravity may turn a joint that it overcomes for ever
+        reject()
     desired = angles * rng.uniform(1.0, 1.5) + rng.normal(size=n) * 10.0 ** rng.uniform(-3, 0)
     problem = BoundProblem(model, desired, cyclic, norm, None, load)
     reachable = linearised_set(problem, level)
-    rows, ticks = reachable.matrix.shape
+    rows = len(reachable.limits)
     for sparsity in (1.0, 0.2, 1.0 / rows):
         multipliers = rng.exponential(size=rows) * (rng.random(rows) < sparsity)
         if reachable.curvature is not None and rng.random() < 0.5:
@@ -305,7 +307,6 @@ def test_any_multipliers_of_linearised_conditions_prove_a_bound(
         proved = certified_error(
             reachable,
             desired,
-            rng.normal(size=ticks),
             multipliers,
             norm=norm,
             slack=farthest_per_period(model, load),
@@ -365,7 +366,6 @@ def test_multipliers_that_pull_between_samples_prove_less_but_never_too_much(nor
         proved = certified_error(
             reachable,
             desired,
-            rng.normal(size=24),
             multipliers,
             norm=norm,
             slack=model.v_max * model.period,
@@ -377,7 +377,7 @@ def test_no_multipliers_prove_nothing():
     reachable = set_of(ERS210A, 5, cyclic=True, level="slope")
     nothing = np.zeros(reachable.matrix.shape[0])
     desired = np.array([0.0, 1.0, 0.0, 1.0, 0.0])
-    assert certified_error(reachable, desired, desired, nothing, norm="rms", slack=0.1) == 0.0
+    assert certified_error(reachable, desired, nothing, norm="rms", slack=0.1) == 0.0
 
 
 @pytest.mark.parametrize("norm", NORMS)
@@ -484,7 +484,7 @@ def test_a_long_path_that_is_out_of_reach_in_places_has_the_bound_of_all_of_it(
 
 def test_a_solver_without_an_answer_is_an_error(monkeypatch):
     class Nothing:
-        x, z = np.full(3, np.nan), np.full(12, np.nan)
+        x, z = np.full(6, np.nan), np.full(15, np.nan)  # angles and speeds; three equations
         status, iterations = "NumericalError", 0
 
     monkeypatch.setattr(clarabel.DefaultSolver, "solve", lambda _: Nothing)
