@@ -516,7 +516,6 @@ class _Search:
 
     def refuted(self, speed: float) -> Impossible | None:
         """The proof that a factor is too high, where there is one."""
-        self.progress(f"the lower bound at {speed:.3g} times the speed")
         for joint, ratio in self.bounds(speed, self.path.first):
             if ratio > 1.0:
                 return Impossible(speed, joint, ratio, joint in self.path.open_top_speeds)
@@ -539,6 +538,8 @@ class _Search:
         for path in sorted(self.path.planned, key=lambda each: each.name in unknown):
             assert path.model is not None, "planned joints have models"
             desired = path.at(moments, path.followed)
+            begins = "" if first == self.path.first else f" from {first:.4g} s"
+            self.progress(f"{path.name}: the lower bound at {speed:.3g} times the speed{begins}")
             bound = lower_bound(
                 path.model,
                 desired,

@@ -444,10 +444,15 @@ def test_a_bound_is_that_of_the_part_from_rest(monkeypatch):
         return 3.0 * TOLERANCE
 
     monkeypatch.setattr("planner.recording.retiming.lower_bound", bound)
-    looking = search()
+    looking, said = search(), []
+    looking.progress = said.append
     for part in ((1.0, 0.0), (2.0, 0.0), (1.0, 2.0), (1.0, 2.0, 4.0), (1.0, 2.0, 99.0)):
         assert list(looking.bounds(*part)) == [("elbow", pytest.approx(3.0))]
     assert asked == [(rows, True) for rows in (401, 201, 301, 101, 301)]
+    assert said[1:3] == [
+        "elbow: the lower bound at 2 times the speed",
+        "elbow: the lower bound at 1 times the speed from 2 s",
+    ]
 
 
 def test_under_a_load_of_the_pose_a_speed_without_a_plan_is_too_fast(monkeypatch):

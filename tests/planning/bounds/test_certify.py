@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given, reject, settings
 from hypothesis import strategies as st
+from scipy.optimize import linprog
 
 import planner
 from planner.exceptions import InvalidInput, NoSteadyCycle, SolverFailed
@@ -18,7 +19,7 @@ from planner.model.response import simulate
 from planner.planning.arguments import NORMS
 from planner.planning.bounds.certify import certify, lower_bound
 from planner.planning.bounds.cvxpy_statement import stated_bound
-from planner.planning.bounds.multipliers import bound_of, certified_error
+from planner.planning.bounds.multipliers import bound_of, certified_error, nearest_motion
 from planner.planning.bounds.reachable_set import (
     BoundProblem,
     distance_from_rest,
@@ -480,6 +481,48 @@ def test_a_long_path_that_is_out_of_reach_in_places_has_the_bound_of_all_of_it(
     bound = lower_bound(model, desired, cyclic=cyclic, norm=norm, start=problem.start)
     assert bound == pytest.approx(stated_bound(problem, "envelope"), rel=1e-5, abs=1e-9)
     assert bound == 0.0 if cyclic and not bursts else bound > 1e-5
+
+
+@pytest.mark.parametrize("norm", NORMS)
+def test_the_bound_of_a_long_motion_with_inertia_is_attained_by_a_motion_of_the_set(norm):
+    """8,000 ticks: in the angles alone the solver stopped at 0.69 of the distance in rms."""
+    model = JointModel(
+        v_max=5.0,
+        theta_0=0.2,
+        lag=0.01,
+        acceleration_time=0.004,
+        tick=0.001,
+        hold=20,
+        dead_band=0.008,
+        time_constant=0.03,
+        max_acceleration=40.0,
+    )
+    phase = 2.0 * np.pi * 0.8 * model.period * np.arange(400)
+    desired = 0.6 * np.sin(phase) + 0.3 * np.sin(2.4 * phase)
+    reachable = reachable_set(BoundProblem(model, desired, False, norm, None), "envelope")
+    motion = nearest_motion(reachable, desired, norm=norm, speed=model.v_max_per_tick).unknowns
+    angles, speeds = motion[:400], model.v_max_per_tick * motion[400:]
+    np.testing.assert_allclose(np.diff(angles), speeds.reshape(-1, 20).sum(axis=1), atol=ROUNDING)
+    assert np.max(reachable.of_speeds @ speeds - reachable.limits) <= ROUNDING
+    bound = lower_bound(model, desired, cyclic=False, norm=norm)
+    assert bound == pytest.approx(error(angles, desired, norm), rel=OPTIMAL)
+
+
+@pytest.mark.parametrize("cyclic", [True, False])
+@pytest.mark.parametrize(
+    "inertia", [{"time_constant": 0.05}, {"max_acceleration": 60.0, "dead_band": 0.02}]
+)
+def test_with_inertia_a_speed_within_its_limits_stays_within_them(inertia, cyclic):
+    """So that condition 1 is about the first speed alone."""
+    model = replace(ERS210A, v_offset=0.5, speed_per_torque=0.8, sag_sin=0.02, **inertia)
+    load = np.random.default_rng(1).uniform(-1.0, 1.0, 30)
+    reachable = set_of(model, 30, cyclic=cyclic, level="envelope", load=load)
+    slope = set_of(model, 30, cyclic=cyclic, level="slope", load=load)
+    for row, most in zip(slope.of_speeds.toarray(), slope.limits, strict=True):
+        fastest = linprog(
+            -row, A_ub=reachable.of_speeds, b_ub=reachable.limits, bounds=(None, None)
+        )
+        assert -fastest.fun <= most * (1.0 + ROUNDING)
 
 
 def test_a_solver_without_an_answer_is_an_error(monkeypatch):
