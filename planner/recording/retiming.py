@@ -317,8 +317,9 @@ def fastest_at(
     """The fastest replay of a path; see :func:`fastest`."""
     search = _Search(path, measure, progress, options)
     contradicted = search.contradicted()
-    constant = search.largest_factor()
-    impossible = None if contradicted else search.first_impossible(constant.speed)
+    low, high = search.bracket()
+    impossible = None if contradicted else search.first_impossible(low)
+    constant = search.largest_factor(low, min(high, impossible.speed) if impossible else high)
     replay = constant if retime == "constant" else search.varying(constant)
     return Fastest(
         replay=replay,
@@ -344,30 +345,32 @@ class _Search:
         self.of_pose = path.load_at is not None or options.get("load") is not None
         self.bounded = measure.leg is None and not self.of_pose
 
-    def largest_factor(self) -> Replay:
-        """The replay at the largest constant factor that keeps the tolerance.
+    def bracket(self) -> tuple[float, float]:
+        """A constant factor that keeps the tolerance, and the largest that may: up to twice it.
 
         Raises:
             Infeasible: None does.
         """
-        low = high = 1.0
-        if self.keeps(1.0):
-            while high < FASTEST and self.has_rows(2.0 * high) and self.keeps(2.0 * high):
-                high *= 2.0
-            low, high = high, 2.0 * high
-            if not self.has_rows(high) or high > FASTEST:
-                return self.replays[low]
-        else:
-            while not self.keeps(low := low / 2.0):
-                if low / 2.0 < SLOWEST:
-                    last = self.replays[min(self.replays)]
-                    least = self.measure.largest(last)
-                    raise Infeasible(
-                        f"tolerance: at {low:g} times the speed the plan still is {least:.3g} "
-                        "times as far off as allowed; allow more, or choose a part that begins at "
-                        "rest"
-                    )
-            high = 2.0 * low
+        low = 1.0
+        if self.keeps(low):
+            while 2.0 * low <= FASTEST and self.has_rows(2.0 * low):
+                if not self.keeps(2.0 * low):
+                    return low, 2.0 * low
+                low *= 2.0
+            return low, low
+        while not self.keeps(low := low / 2.0):
+            if low / 2.0 < SLOWEST:
+                last = self.replays[min(self.replays)]
+                least = self.measure.largest(last)
+                raise Infeasible(
+                    f"tolerance: at {low:g} times the speed the plan still is {least:.3g} "
+                    "times as far off as allowed; allow more, or choose a part that begins at "
+                    "rest"
+                )
+        return low, 2.0 * low
+
+    def largest_factor(self, low: float, high: float) -> Replay:
+        """The replay at the largest constant factor that keeps the tolerance, as ``low`` does."""
         while high / low > 1.0 + RESOLUTION:
             middle = math.sqrt(low * high)
             low, high = (middle, high) if self.keeps(middle) else (low, middle)

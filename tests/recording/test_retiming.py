@@ -262,6 +262,14 @@ def test_the_lowest_speed_that_is_proved_too_high_is_found_to_a_hundredth(proved
     assert [each.speed for each in found.curve][-1] == pytest.approx(1.15 * impossible.speed)
 
 
+def test_between_two_speeds_that_decide_none_is_planned_that_a_bound_proves_too_high(monkeypatch):
+    made_up = MadeUp(monkeypatch, best=1.05, proved=1.1)
+    found = found_for(made_up)
+    assert 1.05 / 1.0101 <= found.constant <= 1.05
+    searched = {speed for speed, _, _ in made_up.tried} - {each.speed for each in found.curve}
+    assert {speed for speed in searched if speed > 1.12} == {2.0}
+
+
 def test_where_no_speed_is_proved_too_high_the_curve_ends_beyond_the_speed_found(monkeypatch):
     found = found_for(MadeUp(monkeypatch, best=1.3))
     assert found.impossible is None
