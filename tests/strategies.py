@@ -73,6 +73,9 @@ def models(
             }
             name = draw(st.sampled_from(integrals))
             dry[name] = draw(st.one_of(st.just(0.0), st.floats(0.001, most[name]))) / TICK
+            if friction and name == "integral_rate":  # whose demand has to make up for the load
+                left = 0.9 * theta_0 * (1.0 - abs(dry["v_offset"]) / v_max)
+                dry["compliance"] = min(dry["compliance"], left)
     if poses:
         phase = draw(st.floats(-np.pi, np.pi))
         slowed = abs(dry.get("v_offset", 0.0)) + dry.get("speed_per_torque", 0.0)

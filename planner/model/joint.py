@@ -487,14 +487,22 @@ class JointModel:
     ) -> tuple[Array, Array]:
         """Least and largest speed under a load [rad/s]: -v^- and v^+ of (1a).
 
+        Those of a speed loop with an integral, which makes up for its sags, are the demanded ones.
+
         Args:
             load: Torque on the joint in the direction of positive angles [N m].
             angle: Angle at which gravity acts, by :meth:`gravity` [rad]; None for no gravity.
         """
-        faster = self.v_offset + self.speed_per_torque * np.asarray(load, dtype=np.float64)
-        if angle is not None and self.most_pose_sag > 0.0:
+        faster = self.v_offset + self.top_speed_per_torque * np.asarray(load, dtype=np.float64)
+        if angle is not None and self.most_pose_sag > 0.0 and not self.exceeds_v_max:
             faster = faster + self.v_max / self.theta_0 * self.gravity(angle)
         return np.asarray(-(self.v_max - faster)), np.asarray(self.v_max + faster)
+
+    @property
+    def top_speed_per_torque(self) -> float:
+        """Change of the steady top speeds by a torque [rad/(s N m)]: see :meth:`speed_limits`."""
+        made_up = self.v_max / self.theta_0 * self.compliance if self.exceeds_v_max else 0.0
+        return self.speed_per_torque - made_up
 
     def corners(self, load: npt.ArrayLike = 0.0, angle: npt.ArrayLike | None = None) -> Array:
         """Errors at which the slope of f changes, increasing [rad], shape (4, ...).

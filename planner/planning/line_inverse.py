@@ -147,7 +147,7 @@ def offsets_of(
         Offsets [rad], like ``slopes``.
     """
     sign = np.sign(slopes)
-    upwards = model.v_offset + model.speed_per_torque * np.asarray(load, dtype=np.float64)
+    upwards = model.v_offset + model.top_speed_per_torque * np.asarray(load, dtype=np.float64)
     if angle is not None and model.most_pose_sag > 0.0:
         upwards = _limits_at(model, load, angle)[1] - model.v_max
     lead = _lead(model.steady, np.abs(slopes), rule, sign * upwards)
@@ -182,7 +182,7 @@ def interpolated_offset(
     model = model.steady
     table = offset_table(model, rule)
     by_pose = angle is not None and model.most_pose_sag > 0.0
-    if model.speed_per_torque == 0.0 and not by_pose:
+    if model.top_speed_per_torque == 0.0 and not by_pose:
         by_load = 0.0 if model.has_integral else model.compliance * np.asarray(load)
         return np.asarray(np.interp(slope, *table) - by_load)
     limits = model.speed_limits(load) if angle is None else _limits_at(model, load, angle)

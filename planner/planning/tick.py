@@ -33,6 +33,7 @@ import numpy as np
 from planner.compilation import compiled, inner
 from planner.model.kernel import (
     at_rest,
+    exceeds_drive,
     left_at_rest,
     moving_states,
     periods,
@@ -242,6 +243,8 @@ def check(joint: Record, state: Record, desired: Array, load: Array, j: int) -> 
     law, finite, blocked, far = law_of(joint), True, False, 0.0
     for row in range(len(desired)):
         faster = joint.faster + joint.faster_by_load * load[row, j]
+        if exceeds_drive(law):
+            faster -= law.gain * joint.compliance * load[row, j]
         if not abs(faster) < joint.v_max:  # also where the load is no number
             blocked = True
         if not abs(desired[row, j]) <= LARGEST:

@@ -236,10 +236,15 @@ def test_rounded_periods_and_derivatives_are_those_that_casadi_writes(smoothing,
     rng = np.random.default_rng([3, hold])
     samples = 9
     plain = random_model(rng, whole=False, hold=hold, offset=True)
+    sags = {"sag_sin": 0.3 * plain.theta_0, "sag_cos": -0.4 * plain.theta_0}
     for model, load_ in (
         (random_dry_model(rng, whole=False, hold=hold, offset=True), loads(samples)),
         (plain, None),
-        (replace(plain, sag_sin=0.3 * plain.theta_0, sag_cos=-0.4 * plain.theta_0), None),
+        (replace(plain, **sags), None),
+        (
+            replace(random_dry_model(rng, whole=False, hold=hold, offset=True), **sags),
+            loads(samples),
+        ),
     ):
         model = with_inertia(rng, model, inert) if inert else model
         own = request_ages(model)

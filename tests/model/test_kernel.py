@@ -32,6 +32,8 @@ INERT = planner.JointModel(
 
 INTEGRALS = ({"integral_rate": 8.0}, {"position_integral_rate": 4.0})
 
+SAG = {"sag_sin": -0.1, "sag_cos": 0.05}
+
 
 def fields_of(integral):
     """The parameters of a joint with one of the integrals."""
@@ -60,7 +62,8 @@ def test_a_time_constant_far_below_a_tick_and_an_endless_acceleration_change_not
     + [(field, {"acceleration": 40.0}) for field in WITHOUT_INTEGRAL if field != "play"]
     + [(field, at | {"acceleration": 40.0}) for at in INTEGRALS for field in fields_of(at)[:-1]]
     + [(field, {"play": 0.02}) for field in WITHOUT_INTEGRAL if field != "acceleration"]
-    + [(field, {"sag_sin": -0.1, "sag_cos": 0.05}) for field in WITHOUT_INTEGRAL[:-2]],
+    + [(field, SAG) for field in WITHOUT_INTEGRAL[:-2]]
+    + [(field, at | SAG) for at in INTEGRALS for field in fields_of(at)[:-2]],
 )
 def test_derivatives_by_parameters_along_a_log_are_slopes_with_inertia(field, added):
     at = Parameters.of(INERT)._replace(**added)
@@ -94,10 +97,14 @@ def test_derivatives_along_several_logs_are_those_along_each():
     np.testing.assert_allclose(slopes(logs), alone, rtol=1e-9, atol=1e-12)
 
 
-def test_the_derivative_by_the_first_angle_is_a_slope():
+@pytest.mark.parametrize("added", [{}, *(at | SAG for at in INTEGRALS)])
+def test_the_derivative_by_the_first_angle_is_a_slope(added):
     log = rich_log(INERT)
     grid = resampled([log], tick=INERT.tick, reach=0.5, burn_in=0.0)
-    at, nothing = Parameters.of(INERT), np.zeros(len(Parameters._fields), dtype=bool)
+    at, nothing = (
+        Parameters.of(INERT)._replace(**added),
+        np.zeros(len(Parameters._fields), dtype=bool),
+    )
     found = slopes_of(grid, at, log.angles[:1], nothing).by_start
     ahead, behind = (respond(grid, at, log.angles[:1] + way).predicted for way in (1e-6, -1e-6))
     assert np.max(np.abs((ahead - behind) / 2e-6 - found)) <= 1e-5

@@ -112,7 +112,14 @@ def test_unlimited_requests_have_unlimited_angles_at_rest():
 
 
 @pytest.mark.parametrize(
-    "changes", [{}, {"dead_band": 0.02}, {"time_constant": 0.02, "max_acceleration": 300.0}]
+    "changes",
+    [
+        {},
+        {"dead_band": 0.02},
+        {"time_constant": 0.02, "max_acceleration": 300.0},
+        {"time_constant": 0.02, "integral_rate": 8.0},
+        {"time_constant": 0.02, "position_integral_rate": 4.0},
+    ],
 )
 @pytest.mark.parametrize("options", [{}, {"cyclic": False}, {"cyclic": False, "start": 0.05}])
 def test_sensitivities_are_the_slopes_of_the_simulation(changes, options):

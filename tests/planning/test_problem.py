@@ -355,6 +355,8 @@ def test_a_joint_whose_load_makes_it_sag_and_slower_goes_where_its_simulation_do
     """Each period has a torque of its own; the top speeds of the two directions differ, too."""
     model = replace(
         ERS210A,
+        sag_sin=-0.04,
+        sag_cos=0.02,
         compliance=0.05,
         v_offset=0.6,
         speed_per_torque=0.8,

@@ -46,6 +46,7 @@ class Plan:
         self.angle, self.speed = rng.normal(0.0, 0.1), rng.normal(0.0, 0.005)
         self.load = rng.uniform(-0.5, 0.5, SAMPLES)
         self.samples = np.zeros(SAMPLES, dtype=SAMPLE)
+        self.samples["load_sag"] = model.compliance * self.load
         self.samples["sag"] = model.sag(self.load)
         self.samples["faster"] = model.faster_per_tick(self.load)
         self.samples["goal"] = 2.0 * np.cos(0.2 * np.arange(SAMPLES))
