@@ -182,7 +182,6 @@ def _transcribed(problem: Problem, state: State) -> tuple[dict[str, Any], Array,
         unknowns.append(casadi.vec(speeds))
         moving = np.zeros((model.law.states - 1, samples))
         moving[0] = np.gradient(ideal) / model.hold
-        moving[1:] = model.rest_integral(unit * ideal, torques) / unit
         initial.append(moving.ravel())
         unbounded = np.full(moving.size, np.inf)
         lower, upper = np.append(lower, -unbounded), np.append(upper, unbounded)

@@ -270,10 +270,7 @@ class Problem:
         return answer
 
     def states_of(self, angles: Array) -> Array:
-        """States near angles (n, A): speeds are means over the period before.
-
-        Integrals are those at rest there.
-        """
+        """States near angles (n, A): speeds are means over the period before, integrals 0."""
         if self.parts == 1 or angles.shape[1] > len(self.models):
             return np.ascontiguousarray(angles)
         before = np.roll(angles, 1, axis=0)
@@ -281,13 +278,7 @@ class Problem:
             before[0] = np.resize(self.start, angles.shape[1])
         holds = np.array([model.hold for model in self.models])
         speeds = self.units * (angles - before) / holds
-        if self.parts == 2:
-            return np.hstack([angles, speeds])
-        rests = [
-            model.rest_integral(column, 0.0 if load is None else load)
-            for model, column, load in zip(self.models, angles.T, self.loads, strict=True)
-        ]
-        return np.hstack([angles, speeds, self.units * np.column_stack(rests)])
+        return np.hstack([angles, speeds, *(np.zeros_like(speeds) for _ in range(self.parts - 2))])
 
     def work_space(self, *, smoothing: bool) -> tuple[Pattern, Point, Point]:
         """Pattern of the search's steps, and two points; allocated once."""
