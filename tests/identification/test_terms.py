@@ -175,17 +175,25 @@ def test_a_term_that_saves_less_than_the_logarithm_of_the_rows_is_not_kept(seed)
     assert not any(each.kept for each in found.terms)
 
 
-def motor_logs(truth, seed):
-    """A slow triangle, sines and steps at 50 Hz, as a good encoder reports them."""
+def motor_logs(truth, seed, load=None):
+    """A slow triangle, sines and steps at 50 Hz, as a good encoder reports them.
+
+    ``load`` is the torque by the angle.
+    """
     random = np.random.default_rng(seed)
     logs = []
     for kind in ("slow_triangle", "multisine", "steps"):
         signal = excite(
             kind, limits=(-math.radians(50.0), math.radians(50.0)), period=0.02, duration=20.0
         )
-        angles = planner.simulate(truth, signal.requests, cyclic=False)
+        angles, torques = signal.requests, None
+        for _ in range(5 if load else 1):
+            torques = load(angles) if load else None
+            angles = planner.simulate(truth, signal.requests, cyclic=False, load=torques)
         angles = measured(angles, random, noise=NOISE, quantum=QUANTUM)
-        logs.append(planner.Log(times=signal.times, requests=signal.requests, angles=angles))
+        logs.append(
+            planner.Log(times=signal.times, requests=signal.requests, angles=angles, load=torques)
+        )
     return logs
 
 
@@ -229,6 +237,39 @@ def test_the_integral_of_a_loop_is_found_beside_the_terms_of_a_motor(integral, l
     for name in (integral, "time_constant", "v_max", "theta_0", "dead_band"):
         assert getattr(found.model, name) == pytest.approx(getattr(truth, name), rel=0.05), name
     assert found.intervals[integral].lower <= rate <= found.intervals[integral].upper
+    assert found.rms <= 1.1 * math.hypot(NOISE, QUANTUM / math.sqrt(12.0))
+
+
+@pytest.mark.parametrize(
+    ("integral", "rate"), [("integral_rate", 15.0), ("position_integral_rate", 4.0)]
+)
+@pytest.mark.parametrize("known", [False, True], ids=["gravity", "load"])
+def test_an_integral_and_the_sag_that_it_hides_are_found_together(integral, rate, known):
+    """At rest the joint shows no sag, and its motion no integral to a model without one."""
+    bare = planner.JointModel(
+        v_max=5.5,
+        theta_0=0.3,
+        lag=0.008,
+        acceleration_time=0.004,
+        tick=0.002,
+        hold=10,
+        dead_band=math.radians(0.5),
+        time_constant=0.035,
+        **{integral: rate},
+    )
+    sags = {"sag_sin": -0.05}
+    if known:
+        sags = {"compliance": 0.05, "speed_per_torque": 0.05 * bare.v_max / bare.theta_0}
+    truth = replace(bare, **sags)
+    found = planner.identify(
+        motor_logs(truth, seed=2, load=(lambda q: -np.sin(q)) if known else None), hold_out=False
+    )
+    for name in (integral, "time_constant", "v_max", "theta_0"):
+        assert getattr(found.model, name) == pytest.approx(getattr(truth, name), rel=0.05), name
+    sag = "compliance" if known else "sag_sin"
+    assert found.intervals[sag].lower <= sags[sag] <= found.intervals[sag].upper
+    assert getattr(found.model, sag) == pytest.approx(sags[sag], rel=0.2)
+    assert found.model.v_offset == 0.0  # gravity shows in the top speeds, too
     assert found.rms <= 1.1 * math.hypot(NOISE, QUANTUM / math.sqrt(12.0))
 
 
