@@ -314,7 +314,7 @@ def test_the_models_of_every_scenario_begin_where_their_joint_does():
     other = tuple(replace(model, lag=2.0 * model.lag) for model in problem.models)
     both = problem.in_scenarios([problem.models, other], [(None, None)] * 2, "mean")
     assert both.nominal == problem.models
-    np.testing.assert_array_equal(both.spec.drives[:, 12], np.tile(problem.start, 2))
+    np.testing.assert_array_equal(both.spec.drives[:, 13], np.tile(problem.start, 2))
     angles = both.exact_angles(requests)
     np.testing.assert_array_equal(angles[:, :2], problem.exact_angles(requests))
     for joint, model in enumerate(other):
