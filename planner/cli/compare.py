@@ -11,7 +11,7 @@ import click
 
 from planner.cli import options, types
 from planner.cli.console import Progress, print_json, summarise, terminal_width
-from planner.cli.settings import Level, Run
+from planner.cli.settings import Run
 from planner.files.text import write_text
 from planner.report.table import fitted_to
 
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from planner.cli.desired import Desired
     from planner.cli.planning import Prepared
     from planner.evaluation.cross_check import CrossCheck
+    from planner.planning.bounds.reachable_set import Level
 
 
 @click.command()

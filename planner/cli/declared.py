@@ -37,8 +37,8 @@ if TYPE_CHECKING:
 LONGEST = 60
 """Characters of a value that a message repeats."""
 
-ANY = "NAME"
-"""Part of a table's place: any name, or any number."""
+NUMBER = "NUMBER"
+"""Part of the place of a table that may stand there several times."""
 
 JOINT = "knee"
 """Name of a joint in examples of tables by joint."""
@@ -404,7 +404,7 @@ class Table:
     """A table of a file.
 
     Attributes:
-        place: The keys that lead to it, NAME for any name; () for the top of the file.
+        place: The keys that lead to it, NUMBER for any number; () for the top of the file.
         about: Its purpose.
         keys: Its keys.
         repeated: Whether it may stand there several times.
@@ -438,7 +438,7 @@ def tables(cls: type[Settings], place: tuple[str, ...] = ()) -> Iterator[Table]:
             yield replace(first, active=key.default is not None or key.set_to is not None)
             yield from rest
         elif get_origin(key.type) is tuple and _is_table(inner[0]):
-            yield _table(inner[0], (*place, name, ANY), repeated=True)
+            yield _table(inner[0], (*place, name, NUMBER), repeated=True)
         elif key.free:
             free, place_of = _expected(*_unwrapped(inner[1])), (*place, name)
             yield Table(place_of, key.help, {}, free=free, example=key.example, active=False)
@@ -462,7 +462,7 @@ def template(cls: type[Settings], heading: Sequence[str]) -> str:
     for table in tables(cls):
         lines += ["", *_comment(table.about)]
         if table.place:
-            lines.append(f"{'' if table.active else '# '}{table.header.replace(ANY, JOINT)}")
+            lines.append(f"{'' if table.active else '# '}{table.header}")
         for name, key in table.keys.items():
             default = None if key.required else key.default
             words = f" {key.expected.capitalize()}." * key.expected.startswith("one of")

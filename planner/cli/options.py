@@ -12,7 +12,7 @@ import click
 
 from planner.cli import types
 from planner.cli.console import BadSetting, FailedCheck, Key, Remark, warn
-from planner.cli.declared import ANY, Declared, Unfit, tables
+from planner.cli.declared import NUMBER, Declared, Unfit, tables
 from planner.cli.settings import Replay, Run
 
 Command = Callable[..., Any]
@@ -77,7 +77,7 @@ REPLAY = "replay."
 """Prefix of the settings of `replay` alone."""
 
 SETTINGS = {
-    ".".join(part for part in (*table.place, name) if part != ANY): key
+    ".".join(part for part in (*table.place, name) if part != NUMBER): key
     for table in (*tables(Run), *tables(Replay, ("replay",)))
     for name, key in table.keys.items()
     if key.option
@@ -152,7 +152,7 @@ def _option(key: str, declared: Declared, of_command: str) -> Callable[[Command]
     default = None if declared.required else declared.default
     default_text = declared.otherwise.strip('"') or ("" if default in (None, ()) else str(default))
     first, slash, second = declared.option.partition("/")
-    if isinstance(default, bool):
+    if declared.type is bool:
         default_text = (first if default else second).strip("-") if slash else ""
     text = of_command or own or declared.help
     if default_text and not own:

@@ -72,6 +72,9 @@ MODULES = {
 }
 """Modules of commands that share one."""
 
+FAILED = 1
+"""Exit status of an answer that failed its own check, or missed a tolerance."""
+
 BAD_INPUT = 2
 """Exit status of input that cannot be used; one line on standard error tells the remedy."""
 
@@ -196,7 +199,7 @@ class Commands(click.Group):
         except (PlannerError, KinematicsError) as error:
             theirs = isinstance(error, InvalidInput | ValueError)
             message = ": ".join([*getattr(error, "__notes__", ()), _in_options(error)])
-            return _complain(message, BAD_INPUT if theirs else 1)
+            return _complain(message, BAD_INPUT if theirs else FAILED)
         except MemoryError:
             return _complain(
                 "not enough memory for so many samples; shorten the path, or plan fewer requests "

@@ -42,7 +42,6 @@ Samples = Annotated[int, Range(ge=4, le=10**6)]
 
 Method = Literal["shift", "closed-form", "optimal", "foot-optimal"]
 Load = Literal["urdf", "urdf-dynamics", "column"]
-Level = Literal["slope", "envelope", "exact"]
 ReplayFormat = Literal["csv", "joints", "lerobot", "yaml", "bag", "mcap"]
 
 
@@ -416,7 +415,7 @@ class Export(Settings):
         option="--rate-hz",
     )
     between: Literal["hold", "linear"] | None = setting(
-        "With another rate: hold each request, or go to the next in a straight line.",
+        "Where rate_hz adds rows: hold each request, or go to the next in a straight line.",
         implied="hold",
         option="--between",
     )

@@ -202,7 +202,7 @@ def key_name(place: Sequence[str | int]) -> str:
             name += f"[{part}]"
         else:
             plain = re.fullmatch(r"[A-Za-z0-9_-]+", part)
-            name += ("." if name else "") + (part if plain else json.dumps(part))
+            name += ("." if name else "") + (part if plain else toml_value(part))
     return name
 
 

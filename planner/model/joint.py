@@ -102,8 +102,9 @@ class JointModel:
         sag_cos: The same by the cosine [rad].
         integral_rate: Rate of the integral term of a speed loop, 1 / T_i for its integral time T_i
             [1/s]; 0 for none. It acts through the time_constant, overcomes friction at a steady
-            speed and at rest, and is held while ``max_acceleration`` is active. Such a joint
-            overshoots, and no lower bound holds for it.
+            speed and at rest, makes up for gravity and torque, so that the joint rests at request +
+            offset, and is held while ``max_acceleration`` is active. Such a joint overshoots, and
+            no lower bound holds for it.
         position_integral_rate: Rate of the integral term of a position controller, k_I / k_P
             [1/s]; 0 for none, and beside an ``integral_rate``. It acts likewise, but within the
             limits of the drive; in a steady motion it makes up for theta_0, too.
@@ -225,8 +226,9 @@ class JointModel:
         if integral >= (most := share / self.tick):
             raise InvalidModel(
                 f"{integral_name}: got {integral:g} 1/s, expected less than {most:g} 1/s "
-                f"with a time_constant of {self.time_constant:g} s and v_max / theta_0 = "
-                f"{gain:g} 1/s; such a joint would oscillate about a constant request for ever"
+                f"with a time_constant of {self.time_constant:g} s, v_max / theta_0 = {gain:g} 1/s "
+                f"and a sag that changes by up to {slope:g} of the angle; such a joint would "
+                "oscillate about a constant request for ever"
             )
 
     @classmethod

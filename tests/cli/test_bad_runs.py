@@ -5,7 +5,7 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from planner.cli.declared import ANY, tables, toml_value, understand
+from planner.cli.declared import NUMBER, tables, toml_value, understand
 from planner.cli.settings import Run
 from planner.exceptions import InvalidFile
 from planner.files.text import Toml, read_toml
@@ -148,7 +148,7 @@ def test_any_value_of_any_key_is_taken_or_refused_in_a_line(place, value):
     whole = {} if value is None else {place[-1]: value}
     for part in reversed(place[:-1]):
         whole = (
-            ([whole] if place[0] == "export" else {"knee": whole}) if part == ANY else {part: whole}
+            ([whole] if place[0] == "export" else {"knee": whole}) if part == NUMBER else {part: whole}
         )
     said = refused(Toml("it.toml", "", whole))
     assert said.isprintable()

@@ -15,7 +15,7 @@ import pytest
 
 import planner
 from planner.cli import cli
-from planner.cli.declared import ANY, Unfit, fitted, tables, template, understand
+from planner.cli.declared import NUMBER, Unfit, fitted, tables, template, understand
 from planner.cli.options import SETTINGS
 from planner.cli.program import COMMANDS
 from planner.cli.settings import Export, HalfEllipse, Plan, Replay, Run, Search
@@ -26,7 +26,7 @@ PAGE = (Path(__file__).parents[2] / "docs" / "run.md").read_text(encoding="utf-8
 DECLARED = [
     ((*table.place, name), key) for table in tables(Run) for name, key in table.keys.items()
 ]
-NAMES = [".".join(part for part in place if part != ANY) for place, _ in DECLARED]
+NAMES = [".".join(part for part in place if part != NUMBER) for place, _ in DECLARED]
 
 
 def markdown(cls) -> str:
@@ -78,7 +78,7 @@ def test_the_template_sets_what_it_sets_to_the_default_or_says_so():
     for place, key in DECLARED:
         value = settings
         for part in place:
-            value = value[0] if part == ANY else getattr(value, part)
+            value = value[0] if part == NUMBER else getattr(value, part)
         expected = key.default if key.set_to is None else key.set_to
         assert value == expected, place
 

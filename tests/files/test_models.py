@@ -77,6 +77,13 @@ def file(tmp_path):
     return file
 
 
+@pytest.mark.parametrize("name", ["hüfte", "🦾", 'left "knee"', "a.b"])
+def test_joints_may_have_any_name(name, tmp_path):
+    file = tmp_path / "robot.toml"
+    file.write_text(models_text({name: JointModel.ers210a()}), "utf-8")
+    assert set(read_models(file)) == {name}
+
+
 def test_a_file_of_a_robot_is_read_written_and_read_again(tmp_path, file, snapshot):
     models, servos, bus, legs = (
         read_models(file),

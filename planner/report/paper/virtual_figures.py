@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from planner.evaluation.reproduction import JointOutcome, approximation
 from planner.report.figure import Axis, Curve, Figure, Panel, Timeline, joined, thin
-from planner.report.learning import Progress, errors_figure
 from planner.report.paper.figures import (
     HIDDEN,
     ROLES,
@@ -219,20 +216,29 @@ def _index(outcome: VirtualOutcome, joint: JointOutcome) -> int:
 
 def _learning(outcome: VirtualOutcome) -> Figure:
     """The foot's error in each trial of learning, and the lower bound of the models."""
-    progress = Progress(
-        name="foot",
-        unit="cm",
-        errors=np.array([each.mean.rms for each in outcome.learnt_foot]),
-        predicted=math.nan,
-        bound=100.0 * outcome.planned.foot_plan.lower_bound,
-        noise=100.0 * outcome.learning.floor[1],
-        gain=outcome.learning.gain,
-        best=outcome.learning.best,
-        stopped=outcome.learning.stopped,
-        remarks=(),
+    errors = np.array([each.mean.rms for each in outcome.learnt_foot])
+    trials = np.arange(1.0, len(errors) + 1.0)
+    ends = np.array([0.8, len(errors) + 0.2])
+    bound = 100.0 * outcome.planned.foot_plan.lower_bound
+    deviations = np.array([each.deviation.rms for each in outcome.learnt_foot])
+    low, high = min(bound, float(np.min(errors - deviations))), float(np.max(errors + deviations))
+    room = 0.2 * (high - low)
+    curves = (
+        Curve(APPROXIMATION._replace(label="lower bound of the models"), ends, np.full(2, bound)),
+        Curve(FOOT_OPTIMAL._replace(label="mean of the cycles"), trials, errors),
+        Curve(INK, trials, errors, "trials", legend=False, marks="dots"),
     )
-    words = (
+    return Figure(
+        "learning",
+        "Ten trials of learning",
         "The foot's error from the foot-optimised plan on, each next trial with requests that are "
-        "refined by what the sensors measured."
+        "refined by what the sensors measured (the axis does not begin at zero).",
+        Axis("trial", names={trial: f"{trial:.0f}" for trial in trials}, range=(0.8, ends[1])),
+        (
+            Panel(
+                Axis("rms distance", "cm", (low - room, high + room), decimals=3),
+                curves,
+                "foot, from its desired path",
+            ),
+        ),
     )
-    return replace(errors_figure(progress), title="Ten trials of learning", caption=words)
