@@ -152,7 +152,7 @@ def _option(key: str, declared: Declared, of_command: str) -> Callable[[Command]
     default = None if declared.required else declared.default
     default_text = declared.otherwise.strip('"') or ("" if default in (None, ()) else str(default))
     first, slash, second = declared.option.partition("/")
-    if declared.type is bool:
+    if declared.type is bool and (default is not None or not slash):
         default_text = (first if default else second).strip("-") if slash else ""
     text = of_command or own or declared.help
     if default_text and not own:
