@@ -148,7 +148,9 @@ def test_any_value_of_any_key_is_taken_or_refused_in_a_line(place, value):
     whole = {} if value is None else {place[-1]: value}
     for part in reversed(place[:-1]):
         whole = (
-            ([whole] if place[0] == "export" else {"knee": whole}) if part == NUMBER else {part: whole}
+            ([whole] if place[0] == "export" else {"knee": whole})
+            if part == NUMBER
+            else {part: whole}
         )
     said = refused(Toml("it.toml", "", whole))
     assert said.isprintable()

@@ -46,7 +46,7 @@ def check_writing(form: ReplayFormat, recordings: Sequence[Recording], output: s
         raise BadSetting(
             f"{len(recordings)} recordings, and ",
             key,
-            " holds one: choose one (--episodes 0), or write them all with ",
+            " holds one: name one file, or one episode (--episodes 0), or write them all with ",
             Key("replay.write_as", "lerobot"),
         )
     if form not in ("csv", "joints"):
