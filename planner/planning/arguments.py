@@ -356,8 +356,9 @@ def drawn_models(model: JointModel, *, pairs: int = PAIRS, seed: int = 0) -> tup
     for one.
 
     Logs with moving requests determine the switching time far better than its parts. Correlations
-    do not show this where the interval of a part ends at 0: in models drawn from an identified one
-    the lag then makes up for all of them, but for ``delay_error`` of its evidence.
+    do not show this for an interval that ends at 0: in models drawn from an identified one the lag
+    makes up for such a part, and then for the acceleration time, but for ``delay_error`` of its
+    evidence.
 
     Args:
         model: The nominal model, with intervals as :attr:`planner.JointModel.evidence`.
@@ -392,8 +393,9 @@ def drawn_models(model: JointModel, *, pairs: int = PAIRS, seed: int = 0) -> tup
     if evidence.correlations:
         rows = [[*evidence.intervals].index(name) for name in names]
         matrix = np.array(evidence.correlations)[np.ix_(rows, rows)]
-        parts = np.array([DELAYS.get(name, 0.0) for name in names])
-        shares = parts * np.any(ends_at_zero & (parts > 0.0))
+        shares = np.where(ends_at_zero, [DELAYS.get(name, 0.0) for name in names], 0.0)
+        if np.any(shares) and "acceleration_time" in names:  # the lag no longer moves against it
+            shares[names.index("acceleration_time")] = DELAYS["acceleration_time"]
         delay_error = evidence.delay_error
     eigenvalues, vectors = np.linalg.eigh(matrix)
     root = vectors * np.sqrt(np.maximum(eigenvalues, 0.0)) @ vectors.T  # unique: symmetric
