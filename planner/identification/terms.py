@@ -171,7 +171,7 @@ def with_terms(fit: Fit, known: tuple[Term, ...] = ()) -> tuple[Fit, tuple[Term,
             terms |= tried
     fit = least_squares(fit.grid, fit.parameters, free=fit.free, starts=fit.starts)
     if fit.free[only(*SAG)].any() and has_large_sag(fit):  # it grew after it was kept
-        fit = _without_sag(fit)
+        fit = _left_out(fit, SAG)
         terms |= {name: replace(terms[name], kept=False) for name in SAG}
     return fit, tuple(terms.values())
 
@@ -255,7 +255,7 @@ def with_integral(fit: Fit, terms: tuple[Term, ...]) -> tuple[Fit, tuple[Term, .
         return fit, terms
     bare, trial = _fitted_with_integral(fit, excerpt)
     uncertainty, known = uncertainty_of(trial), {term.name: term for term in terms}
-    names = (*INTEGRALS, *MOTOR, *SAG)
+    names = (*INTEGRALS, *MOTOR, *SAG, "compliance")
     ends = {name: model_interval(trial, uncertainty, name) for name in names}
     needed = ("time_constant", *(name for name in INTEGRALS if trial.free[only(name)].any()))
     at, tick = trial.parameters, trial.grid.tick
@@ -305,18 +305,17 @@ def _fitted_with_integral(fit: Fit, excerpt: Excerpt) -> tuple[Fit, Fit]:
     best = _redivided(best, partial(search, free=best.free))
     for names in (SAG, ("compliance",), *((name,) for name in MOTOR if name != "time_constant")):
         if best.free[only(*names)].all():
-            without = _left_out(best, names)
+            without = _left_out(best, names, scale=fit.scale, effort=ENOUGH)
             believed = names != SAG or not has_large_sag(best)
             best = best if believed and pays(without, best) else without
-    return _left_out(best, INTEGRALS), best
+    return _left_out(best, INTEGRALS, scale=fit.scale, effort=ENOUGH), best
 
 
-def _left_out(fit: Fit, names: Sequence[str]) -> Fit:
-    """The fit without some terms."""
+def _left_out(fit: Fit, names: Sequence[str], **how: Any) -> Fit:
+    """The fit without some terms; further arguments are those of the search."""
     absent = {name: Parameters._field_defaults[name] for name in names}
     at, free = fit.parameters._replace(**absent), fit.free & ~only(*names)
-    search = partial(least_squares, fit.grid, at, free=free, starts=fit.starts)
-    return search(scale=fit.scale, effort=ENOUGH)
+    return least_squares(fit.grid, at, free=free, starts=fit.starts, **how)
 
 
 def with_calm_friction(logs: Sequence[Log], fit: Fit) -> Fit:
@@ -423,7 +422,7 @@ def _motor_anywhere(fit: Fit, free: Free) -> tuple[Fit, Fit | None]:
     found = _motor(fit, _anywhere(fit), ways, grid.measured_starts)
     if not (found.free & sag).any():
         return found, None
-    return _without_sag(found, scale=fit.scale, effort=ENOUGH), found
+    return _left_out(found, SAG, scale=fit.scale, effort=ENOUGH), found
 
 
 def _shows(name: str, fit: Fit) -> bool:
@@ -473,12 +472,6 @@ def _fitted_with(name: str, fit: Fit) -> Fit:
         lower = at._replace(v_max=0.7 * shown)
         found = min(found, search(lower, starts=found.starts), key=lambda each: each.cost)
     return found
-
-
-def _without_sag(fit: Fit, **how: Any) -> Fit:
-    """The fit without a sag by the angle; further arguments are those of the search."""
-    at, free = fit.parameters._replace(sag_sin=0.0, sag_cos=0.0), fit.free & ~only(*SAG)
-    return least_squares(fit.grid, at, free=free, starts=fit.starts, **how)
 
 
 def has_large_sag(fit: Fit) -> bool:

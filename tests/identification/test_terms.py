@@ -216,23 +216,24 @@ def test_inertia_an_acceleration_limit_and_friction_are_found_together():
     assert found.rms <= 1.1 * math.hypot(NOISE, QUANTUM / math.sqrt(12.0))
 
 
+WITH_LOOP = planner.JointModel(
+    v_max=5.5,
+    theta_0=0.3,
+    lag=0.008,
+    acceleration_time=0.004,
+    tick=0.002,
+    hold=10,
+    dead_band=math.radians(0.5),
+    time_constant=0.035,
+)
+
+
 @pytest.mark.parametrize(
     ("integral", "limited"), [("integral_rate", True), ("position_integral_rate", False)]
 )
 def test_the_integral_of_a_loop_is_found_beside_the_terms_of_a_motor(integral, limited):
     rate = 15.0 if integral == "integral_rate" else 4.0
-    truth = planner.JointModel(
-        v_max=5.5,
-        theta_0=0.3,
-        lag=0.008,
-        acceleration_time=0.004,
-        tick=0.002,
-        hold=10,
-        dead_band=math.radians(0.5),
-        time_constant=0.035,
-        max_acceleration=50.0 if limited else math.inf,
-        **{integral: rate},
-    )
+    truth = replace(WITH_LOOP, max_acceleration=50.0 if limited else math.inf, **{integral: rate})
     found = planner.identify(motor_logs(truth, seed=2), hold_out=False)
     for name in (integral, "time_constant", "v_max", "theta_0", "dead_band"):
         assert getattr(found.model, name) == pytest.approx(getattr(truth, name), rel=0.05), name
@@ -246,21 +247,10 @@ def test_the_integral_of_a_loop_is_found_beside_the_terms_of_a_motor(integral, l
 @pytest.mark.parametrize("known", [False, True], ids=["gravity", "load"])
 def test_an_integral_and_the_sag_that_it_hides_are_found_together(integral, rate, known):
     """At rest the joint shows no sag, and its motion no integral to a model without one."""
-    bare = planner.JointModel(
-        v_max=5.5,
-        theta_0=0.3,
-        lag=0.008,
-        acceleration_time=0.004,
-        tick=0.002,
-        hold=10,
-        dead_band=math.radians(0.5),
-        time_constant=0.035,
-        **{integral: rate},
-    )
     sags = {"sag_sin": -0.05}
     if known:
-        sags = {"compliance": 0.05, "speed_per_torque": 0.05 * bare.v_max / bare.theta_0}
-    truth = replace(bare, **sags)
+        sags = {"compliance": 0.05, "speed_per_torque": 0.05 * WITH_LOOP.v_max / WITH_LOOP.theta_0}
+    truth = replace(WITH_LOOP, **{integral: rate}, **sags)
     found = planner.identify(
         motor_logs(truth, seed=2, load=(lambda q: -np.sin(q)) if known else None), hold_out=False
     )

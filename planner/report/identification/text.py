@@ -12,10 +12,10 @@ from typing import get_args
 import numpy as np
 
 from planner._version import __version__
+from planner.files.joint_model import UNITS
 from planner.identification.excitation import Excitation
 from planner.identification.result import Identification, Interval, Topic
 from planner.report.identification.words import (
-    UNITS,
     Parameter,
     errors_table,
     explained,

@@ -4,18 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import fields
 from typing import NamedTuple
 
+from planner.files.joint_model import UNITS
 from planner.identification.judgement import is_loose
 from planner.identification.parameters import TERMS
 from planner.identification.result import Identification, Interval
-from planner.model.joint import JointModel
 from planner.report.page import PARAMETERS
 from planner.report.table import NOTHING, Column, Row, Table, raised
-
-UNITS = {each.name: str(each.metadata["unit"]) for each in fields(JointModel)}
-"""SI units of the parameters; that of ``gain`` is 1/s."""
 
 ALTERNATIVES = {
     "raw": "the request itself",
