@@ -56,7 +56,6 @@ SLOWEST = (
     "tests/planning/test_friction.py",
     "tests/identification/test_answers.py",
     "tests/identification/test_residual_patterns.py",
-    "tests/cli/test_every_option.py",
     "tests/robustness/test_public_functions.py",
 )
 """Files that begin first, so that no process is left alone with one of them at the end.

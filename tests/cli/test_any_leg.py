@@ -76,12 +76,6 @@ def test_a_public_robot_gets_from_urdf_to_report(console, tmp_path, name):
     assert ("the rest of their models is assumed" in page) == (name != "solo")
 
 
-def test_a_file_is_a_leg_under_either_option(run, robot, foot):
-    shipped = run("plan", foot, "--leg", "front-left")
-    assert run("plan", foot, "--leg", robot, *FRONT).stdout == shipped.stdout
-    assert run("plan", foot, "--urdf", robot, *FRONT).stdout == shipped.stdout
-
-
 def test_a_gait_for_a_leg_is_in_its_base_frame_and_in_reach(run, robot):
     result = run("gait", "--leg", robot, *FRONT, "--json")
     document = json.loads(result.stdout)
@@ -95,14 +89,6 @@ def test_a_gait_for_a_leg_is_in_its_base_frame_and_in_reach(run, robot):
     closed = np.vstack([angles, angles[:1]])
     speeds = np.degrees(np.abs(np.diff(closed, axis=0)).max(axis=0) / 0.008)
     np.testing.assert_allclose(list(about["speeds_deg_s"].values()), speeds, rtol=1e-6)
-
-
-def test_options_of_a_gait_overrule_what_suits_the_leg(run, robot):
-    asked = ("--half-stroke", 0.02, "--height", 0.01, "--forward", 0.09, "--hip-height", 0.1)
-    document = json.loads(run("gait", "--leg", robot, *FRONT, *asked, "--json").stdout)["stride"]
-    assert (document["length_m"], document["height_m"]) == (0.02, 0.01)
-    assert document["centre_m"][0] == 0.09
-    assert document["centre_m"][2] == -0.1
 
 
 def test_a_joint_is_held_where_the_option_says(run, robot, tmp_path):

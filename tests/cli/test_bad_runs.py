@@ -5,10 +5,10 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from planner.cli.declared import NUMBER, tables, toml_value, understand
+from planner.cli.declared import NUMBER, tables, understand
 from planner.cli.settings import Run
 from planner.exceptions import InvalidFile
-from planner.files.text import Toml, read_toml
+from planner.files.text import Toml
 
 WALK = '[leg]\nname = "reference"\nunreachable = "clamp"\n[path.half_ellipse]\n'
 JOINTS = '[path]\nfile = "desired.csv"\n'
@@ -102,21 +102,6 @@ def test_a_bad_run_file_is_one_line_and_status_2(run, desired, tmp_path, snapsho
     snapshot.check("bad_runs", "".join(said))
 
 
-def test_files_that_are_named_speak_for_themselves(run, tmp_path):
-    (tmp_path / "it.toml").write_text(JOINTS)
-    assert run("run", "it.toml").stderr == (
-        "request-planner: desired.csv: no such file; check the name and the folder\n"
-    )
-    assert run("run", "other.toml").stderr == (
-        "request-planner: other.toml: no such file; check the name and the folder\n"
-    )
-    (tmp_path / "it.toml").write_text(WALK.replace("clamp", "raise"))
-    result = run("run", "it.toml")
-    assert result.exit_code == 2
-    assert result.stderr.endswith('or ask for leg.unreachable = "nearest"\n')
-    assert result.stderr.count("\n") == 1
-
-
 VALUES = st.recursive(
     st.none()
     | st.booleans()
@@ -155,10 +140,3 @@ def test_any_value_of_any_key_is_taken_or_refused_in_a_line(place, value):
     said = refused(Toml("it.toml", "", whole))
     assert said.isprintable()
     assert len(said) < 1000
-
-
-def test_values_are_written_as_toml_reads_them(tmp_path):
-    values = {"a": 1.5, "b": [1, 2], "c": {"x y": 'é"\n\\'}, "d": True, "e": float("inf")}
-    file = tmp_path / "values.toml"
-    file.write_text("".join(f"{key} = {toml_value(value)}\n" for key, value in values.items()))
-    assert read_toml(file, example="").content == values

@@ -355,25 +355,3 @@ def test_an_output_that_cannot_be_written_is_refused_before_anything_is_computed
     result = run("plan", desired, place, "nowhere/file")
     assert result.exit_code == 2
     assert "nowhere/file: cannot be written (no such file or directory)" in result.stderr
-
-
-def test_an_unknown_frame_lists_those_that_there_are(run, foot):
-    from kinematics import urdf_path
-
-    result = run(
-        "plan", foot, "--urdf", urdf_path("ers210a.urdf"), "--base", "body", "--foot", "paw"
-    )
-    assert result.exit_code == 2
-    assert "foot: frame 'paw' is not in the URDF; frames: " in result.stderr
-    assert result.stderr.count("\n") == 1
-
-
-@pytest.mark.parametrize("limits", ["5:99", "-99:29"])
-def test_a_plan_beyond_a_limit_that_was_asked_for_is_status_1_and_no_plan(run, desired, limits):
-    result = run("plan", desired, "--method", "closed-form", "--limits-deg", f"knee={limits}")
-    assert (result.exit_code, result.stdout) == (1, "")
-    low, high = map(float, limits.split(":"))
-    assert result.stderr.startswith("request-planner: knee: request ")
-    assert f"beyond the limits {low:.2f} to {high:.2f}; --method optimal keeps to them" in (
-        result.stderr
-    )

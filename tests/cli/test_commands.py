@@ -20,28 +20,6 @@ from planner.exceptions import (
     PlannerError,
     SolverFailed,
 )
-from planner.files.paths import read_joint_path
-from planner.model.joint import JointModel
-
-SAME = 1e-10
-"""Files carry 12 decimals of a degree; a joint's answer does not magnify that much [rad]."""
-
-JOINT = JointModel.ers210a()
-
-
-def test_simulate_answers_each_joint_in_its_own_unit(run, tmp_path):
-    path = tmp_path / "arm.csv"
-    path.write_text("wrist_deg,jaw_range\n" + "30,0.25\n20,0.5\n" * 44)
-    JOINT.to_toml(tmp_path / "joint.toml")
-    asked = run("simulate", path, "--model", tmp_path / "joint.toml", "--json")
-    joints = json.loads(asked.stdout)["joints"]
-    wrist, jaw = joints["wrist"]["angles_deg"], joints["jaw"]["angles_percent"]
-    assert 20.0 < np.mean(wrist) < 30.0 < np.mean(jaw) < 45.0
-    run("simulate", path, "--model", tmp_path / "joint.toml", "-o", tmp_path / "angles.csv")
-    written = read_joint_path(tmp_path / "angles.csv")
-    assert written.units == ("deg", "range")
-    assert np.degrees(written.angles) == pytest.approx(np.column_stack([wrist, jaw]))
-
 
 ENDS = {
     "an error of ours": (PlannerError("no fit"), 1, "hip: no fit"),
@@ -107,13 +85,6 @@ def test_every_failure_has_its_status_and_one_line(run, desired, monkeypatch, er
     assert (result.exit_code, result.stdout) == (status, "")
     assert result.stderr.strip() == ("" if said is None else f"request-planner: {said}")
     assert result.stderr.count("\n") <= 1
-
-
-def test_json_leaves_the_csv_to_a_file(run, desired, tmp_path):
-    file = tmp_path / "out.csv"
-    result = run("fit", desired, "--json", "-o", file)
-    json.loads(result.stdout)
-    assert read_joint_path(file).names == ("hip", "knee")
 
 
 def test_each_warning_is_said_once(run, desired, monkeypatch):

@@ -9,7 +9,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import planner
 from planner.evaluation import cross_check as cross_check_module
 from planner.exceptions import InvalidInput
 from planner.files.joint_model import models_text
@@ -17,7 +16,6 @@ from planner.files.paths import write_joint_path
 from planner.model.joint import JointModel
 
 JOINT = JointModel.ers210a()
-SVG = "{http://www.w3.org/2000/svg}"
 
 
 @pytest.fixture
@@ -59,15 +57,6 @@ def sabotage(monkeypatch):
         return replace(plan, requests=np.roll(plan.requests, 3, axis=0))
 
     monkeypatch.setattr(cross_check_module, "planned", late)
-
-
-def test_a_joint_of_a_leg_alone_has_its_limits_and_no_foot(run, tmp_path):
-    angles = planner.reference_walk().desired[::4]
-    write_joint_path(tmp_path / "path.csv", ["rotator", "abductor", "knee"], angles, period=0.008)
-    alone = run("compare", "path.csv", "--leg", "reference", "--joint", "knee", "--json")
-    document = json.loads(alone.stdout)
-    assert (list(document["joints"]), document["foot"]) == (["knee"], None)
-    assert document["joints"]["knee"]["limits_deg"] == pytest.approx([-27.0, 147.0])
 
 
 def test_joints_of_a_leg_are_compared_in_its_order_each_with_its_own_limits_and_load(
@@ -112,13 +101,3 @@ def test_plans_that_fail_their_checks_are_shown_and_end_with_status_1(run, desir
         assert failed == {f"no worse than closed form, {r} rule" for r in ("paper's", "exact")}
     else:
         assert sum(" NO " in line for line in result.stdout.splitlines()) == 4
-
-
-def test_a_page_of_a_comparison_links_to_the_files_beside_it(run, brief, tmp_path):
-    asked = ("compare", brief, "--joint", "hip", "--segments", "4", "--level", "slope")
-    page = ("--report", "page.html")
-    result = run(*asked, *page, "--figure", "plans.png")
-    assert result.exit_code == 0, result.stderr
-    page = (tmp_path / "page.html").read_text()
-    assert 'href="plans.png"' in page
-    assert "<dt>bounds up to</dt><dd>slope</dd>" in page

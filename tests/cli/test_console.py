@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import logging
 import math
 import os
 import sys
@@ -12,7 +11,6 @@ from types import SimpleNamespace
 import click
 import pytest
 
-from kinematics.exceptions import LONGEST
 from planner.cli.console import (
     BAR,
     KEY,
@@ -20,13 +18,12 @@ from planner.cli.console import (
     coloured,
     complain,
     detail,
-    print_log,
     remark,
     summarise,
     terminal_width,
     warn,
 )
-from planner.exceptions import ANGLE_UNIT, JOINT_UNITS, PlannerError, about, angle_text, printable
+from planner.exceptions import ANGLE_UNIT, JOINT_UNITS, PlannerError, about, angle_text
 
 ERASE = "\r\x1b[K"
 
@@ -87,24 +84,6 @@ def test_the_time_left_follows_the_pace_of_the_steps_that_are_done(clock):
     assert progress.line() == f"ankle …  {'█' * (BAR // 2)}{'░' * (BAR // 2)}  1 s left"
 
 
-@pytest.mark.parametrize(
-    ("spent", "said"),
-    [
-        (1.99, ""),
-        (2.0, "  2 s"),
-        (99.4, "  99 s"),
-        (100.0, "  2 min"),
-        (5900.0, "  98 min"),
-        (6000.0, "  1.7 h"),
-    ],
-)
-def test_work_of_unknown_length_says_how_long_it_has_been_going_on(clock, spent, said):
-    progress = at(clock)
-    progress("the walk")
-    clock[0] = spent
-    assert progress.line() == f"the walk …{said}"
-
-
 def test_steps_in_parallel_are_counted_and_the_time_left_is_that_at_their_pace(clock):
     with Progress(8, parallel=True, clock=lambda: clock[0]) as progress:
         assert progress.line() == f"0 of 8 …  {'░' * BAR}"
@@ -121,25 +100,6 @@ def test_steps_in_parallel_are_counted_and_the_time_left_is_that_at_their_pace(c
     with Progress(8, parallel=True, clock=lambda: clock[0]) as progress:
         clock[0] = 20.0
         assert progress.line() == f"0 of 8 …  {'░' * BAR}"
-
-
-def test_work_inside_other_work_has_the_line_and_gives_it_back(clock, monkeypatch, capsys):
-    monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
-    monkeypatch.setattr("planner.cli.console.REDRAWN", 1e6)
-    with at(clock, 1) as outer:
-        outer("outer")
-        with at(clock, 1) as inner:
-            inner("inner")
-            assert Progress.current is inner
-            assert capsys.readouterr().err.endswith(inner.line())
-            for progress, drawn in ((outer, ""), (inner, f"{ERASE}{inner.line()}")):
-                ends = iter([False, True])
-                with monkeypatch.context() as patch:
-                    patch.setattr(progress._ended, "wait", lambda _, ends=ends: next(ends))
-                    progress._keep_time()
-                assert capsys.readouterr().err == drawn
-        assert Progress.current is outer
-    assert Progress.current is None
 
 
 LONG = (
@@ -231,18 +191,6 @@ def test_the_first_line_of_a_summary_and_the_label_of_a_notice_stand_out(monkeyp
         assert capsys.readouterr().err.count("\n") == 2
 
 
-def test_the_log_is_printed_until_the_command_ends(capsys):
-    log = logging.getLogger("planner")
-    before = log.level, [*log.handlers]
-    with click.Context(click.Command("plan")) as context:
-        context.meta[KEY] = "verbose"
-        end = print_log()
-        logging.getLogger("planner.planning").debug("%d iterations", 3)
-        assert capsys.readouterr().err == "request-planner: 3 iterations\n"
-        end()
-        assert (log.level, log.handlers) == before
-
-
 @pytest.mark.parametrize(
     ("unit", "angles", "said"),
     [
@@ -268,10 +216,3 @@ def test_angles_are_said_in_the_unit_of_the_user_and_of_the_joint(unit, angles, 
         assert ANGLE_UNIT.get() == unit
     finally:
         ANGLE_UNIT.reset(token)
-
-
-def test_a_long_message_keeps_its_beginning_and_its_end():
-    for text in ("x" * LONGEST, "a" * 1200 + "b" * 9000 + "c" * 300):
-        shown = printable(text)
-        assert shown == (text if len(text) == LONGEST else f"{'a' * 1200} … {'c' * 300}")
-    assert printable("\x1b\n" * 700) == "\\x1b\\n" * 200 + " … " + "\\x1b\\n" * 50

@@ -7,50 +7,11 @@ import json
 import numpy as np
 import pytest
 
-from planner.cli.excite import KINDS
 from planner.files.joint_model import write_model
-from planner.identification.excitation import MEANING, excite
+from planner.identification.excitation import excite
 from planner.model.joint import JointModel
 
 SHORT = ("--limits-deg", "-30:40", "--duration-s", "8", "--rate-hz", "50")
-
-
-def test_every_kind_of_the_library_is_offered():
-    assert tuple(kind.replace("-", "_") for kind in KINDS) == tuple(MEANING)
-
-
-def test_one_recording_of_a_minute_is_proposed_with_what_each_part_determines(run):
-    result = run("excite", "--limits-deg", "-30:40", "--rate-hz", "50", "--json")
-    parts = json.loads(result.stdout)["parts"]
-    names = ["slow triangle", "sum of sines", "steps"]
-    assert [part["name"] for part in parts] == 2 * names
-    assert parts[0]["begin_s"] == 0.5
-    words = [part["determines"] for part in parts]
-    assert words[:3] == words[3:]
-    assert len(set(words)) == 3
-    assert "dead band" in words[0]
-    assert parts[-1]["end_s"] == 59.5
-    edges = [part["begin_s"] for part in parts[1:]]
-    assert edges == pytest.approx([part["end_s"] for part in parts[:-1]])
-    requests = np.array(json.loads(result.stdout)["requests_deg"])
-    slow, waves, jumps = (
-        np.max(np.abs(np.diff(requests[round(50 * a) + 2 : round(50 * b)])))
-        for a, b in ((part["begin_s"], part["end_s"]) for part in parts[:3])
-    )
-    assert slow < 0.5 < waves < 10.0 < jumps
-    lines = run("excite", "--limits-deg", "-30:40", "--rate-hz", "50").stderr.splitlines()
-    assert lines[0] == "combined for 60 s: would determine every parameter"
-    (friction,) = (line for line in lines if line.startswith("slow triangle"))
-    assert "0 to 12, 30 to 42" in friction
-    assert "dead band" in friction
-
-
-def test_a_signal_that_is_too_small_says_what_it_leaves_open(run):
-    small = ("--limits-deg", "-2:2", "--duration-s", "8", "--rate-hz", "50")
-    lines = run("excite", "--kind", "multisine", *small).stderr.splitlines()
-    assert "would not determine top speed v_max, threshold theta_0" in lines[0]
-    (top_speed,) = [line for line in lines if line.startswith("top speed")]
-    assert " no " in top_speed
 
 
 def test_the_expected_joint_may_come_from_a_file_at_any_rate(run, tmp_path):

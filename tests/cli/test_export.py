@@ -38,30 +38,6 @@ def test_the_servos_of_a_model_file_have_the_zeros_and_directions_of_their_own_j
     assert "servos of 4000, 4096 ticks a turn, expected one" in run(*shared).stderr
 
 
-def test_a_bag_has_the_topic_and_a_dataset_the_task_of_its_options(run, requests, tmp_path):
-    pytest.importorskip("rosbags", reason="needs an extra")
-    parquet = pytest.importorskip("pyarrow.parquet", reason="needs an extra")
-    assert (
-        run("export", requests, "--format", "bag", "--topic", "/arm/go", "-o", "bag").exit_code == 0
-    )
-    assert "name: /arm/go" in (tmp_path / "bag" / "metadata.yaml").read_text()
-    words = ("--format", "lerobot", "--task", "lift the cup")
-    assert run("export", requests, *words, "-o", "set").exit_code == 0
-    tasks = parquet.read_table(tmp_path / "set" / "meta" / "tasks.parquet").to_pylist()
-    assert [each["task"] for each in tasks] == ["lift the cup"]
-
-
-def test_a_file_without_times_needs_a_period(run, tmp_path):
-    (tmp_path / "bare.csv").write_text("knee_deg\n1\n2\n3\n")
-    result = run("export", "bare.csv", "--format", "csv", "--period-s", "0.5")
-    assert [line.split(",")[0] for line in result.stdout.splitlines()] == [
-        "t_s",
-        "0.0",
-        "0.5",
-        "1.0",
-    ]
-
-
 def test_pulses_of_hobby_servos_are_asked_for_by_their_unit(run, desired):
     asked = ("export", desired, "--format", "csv", "--unit", "us")
     straight, turned = (

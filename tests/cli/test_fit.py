@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 from pathlib import Path
 
 import numpy as np
@@ -32,12 +31,6 @@ def test_lines_are_no_faster_than_a_joint_whose_requests_are_held(run, desired):
         assert np.max(np.abs(speeds)) / 0.008 == pytest.approx(fastest, rel=1e-6)
 
 
-def test_fit_takes_all_knots_as_given(run, desired):
-    asked = [part for time in ("0.1", "0.3", "0.52") for part in ("--knot-s", time)]
-    answer = joint(run("fit", desired, *asked, "--json"), "knee")
-    np.testing.assert_allclose(answer["knots"], [12.5, 37.5, 65.0], atol=1e-9)
-
-
 @pytest.mark.parametrize(("name", "start"), [("fit.SVG", b"<?xml"), ("fit.png", b"\x89PNG")])
 def test_fit_draws_the_lines_of_every_joint_and_its_other_choices(
     run, brief, tmp_path, monkeypatch, name, start
@@ -55,9 +48,3 @@ def test_fit_draws_the_lines_of_every_joint_and_its_other_choices(
     assert list(drawn) == ["hip", "knee"]
     for fit, choices in drawn.values():
         assert choices.rms[choices.segments.index(4)] == pytest.approx(fit.rms, rel=1e-6)
-
-
-def test_verbose_says_what_the_solver_of_the_values_reports(run, desired):
-    said = run("fit", desired, "--joint", "hip", "--segments", "20", "--verbose").stderr
-    line = r"^request-planner: values at \d+ knots: OSQP says solved\b.* after \d+ iterations$"
-    assert re.search(line, said, re.MULTILINE), said

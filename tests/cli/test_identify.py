@@ -2,13 +2,8 @@
 
 from __future__ import annotations
 
-import io
 import json
 import math
-import os
-import re
-import shutil
-import sys
 import tomllib
 from pathlib import Path
 from types import SimpleNamespace
@@ -31,9 +26,6 @@ TRUE = JointModel.ers210a()
 
 NOISE = math.radians(0.1)
 """Standard deviation of the angles in the log [rad]."""
-
-CLOSE = {"v_max": 0.02, "theta_0": 0.15, "lag": 0.15, "acceleration_time": 0.15}
-"""How far estimates from eight seconds may be from the truth [share]; only that they are its."""
 
 
 def write_log(file, *, joints=("knee",), model=TRUE, moving=9, duration=8.0):
@@ -82,18 +74,6 @@ def test_plan_takes_the_model_that_identify_wrote(identified, run, desired, tmp_
     assert np.sqrt(np.mean(planned**2)) < 0.1 * np.sqrt(np.mean(direct**2))
 
 
-def test_the_same_log_gives_the_same_file(identified, run):
-    folder, _ = identified
-    again = run("identify", folder / "log.csv")
-    assert again.stdout == (folder / "joint.toml").read_text()
-    shutil.copy(folder / "log.csv", "copy.csv")
-    options = ("--joint", "all", "--no-hold-out", "--report", "page.html")
-    named = run("identify", folder / "log.csv", "copy.csv", *options)
-    assert "\n[knee]\n" in named.stdout
-    page = Path("page.html").read_text()
-    assert re.findall(r'<a href="[^"]*?(\w+\.csv)"', page) == ["log.csv", "copy.csv"]
-
-
 def test_a_joint_that_says_nothing_is_left_out_of_all_and_ends_with_status_1(run, tmp_path):
     write_log("still.csv", joints=("hip", "knee", "toe"), moving=1)
     result = run("identify", "still.csv", "--joint", "all", "-o", "all.toml", "--no-hold-out")
@@ -127,44 +107,6 @@ def test_a_model_that_does_not_fit_is_written_and_ends_with_status_1(run, tmp_pa
     assert last.endswith("); written all the same")
     assert "DOES NOT FIT" in (tmp_path / "wrong.toml").read_text()
     assert "not identified" in (tmp_path / "wrong.html").read_text()
-
-
-def test_a_model_that_a_pure_delay_beats_is_not_accepted_and_its_file_says_why(run, tmp_path):
-    times = 0.008 * np.arange(1200)
-    requests = np.degrees(0.4 * np.sin(times**2 / 2.0) + 0.2 * np.sin(3.1 * times))
-    late = np.concatenate([np.full(5, requests[0]), requests[:-5]])
-    header = ["t_s", "requested_deg", "actual_deg"]
-    write_table("late.csv", header, np.column_stack([times, requests, late]))
-    result = run("identify", "late.csv", "-o", "late.toml", "--json")
-    assert result.exit_code == 1
-    document = json.loads(result.stdout)
-    assert (document["accepted"], document["verdict"]) == (False, "worse than a delay")
-    reason = "the error of a pure delay is 0 % of its own on rows held out"
-    assert f"do not plan with the model of the joint ({reason})" in result.stderr
-    keys = tomllib.loads((tmp_path / "late.toml").read_text())
-    assert (keys["verdict"], keys["verdict_reason"]) == ("worse than a delay", reason)
-
-
-class Terminal(io.StringIO):
-    """What is written on a terminal."""
-
-    def isatty(self):
-        return True
-
-
-def test_the_table_of_many_joints_fits_a_terminal_of_80_columns(tmp_path, monkeypatch):
-    terminal = Terminal()
-    monkeypatch.setattr(sys, "stderr", terminal)
-    monkeypatch.setenv("COLUMNS", "80")
-    monkeypatch.setenv("NO_COLOR", "1")
-    write_log(tmp_path / "arm.csv", joints=("hip", "knee"))
-    with pytest.raises(SystemExit):
-        cli.main(["identify", str(tmp_path / "arm.csv"), "--joint", "all", "-o", os.devnull])
-    lines = terminal.getvalue().splitlines()
-    tables = [line for line in lines if line.startswith(("joint  ", "hip  ", "knee  "))]
-    assert len(tables) == 6
-    assert max(map(len, tables)) <= 80
-    assert "best delay" in tables[3]
 
 
 def test_joints_identified_in_processes_are_those_identified_one_by_one(run, tmp_path, monkeypatch):
@@ -231,20 +173,6 @@ def test_every_command_says_once_of_all_joints_that_a_model_is_not_to_be_planned
     )
 
 
-@pytest.mark.parametrize("command", ["plan", "simulate"])
-def test_answers_for_machines_have_the_verdict_on_each_model(run, desired, tmp_path, command):
-    known = Evidence(verdict="refused", reason="it misses 41 % of the motion")
-    models = {"hip": TRUE.with_evidence(known), "knee": TRUE}
-    (tmp_path / "leg.toml").write_text(models_text(models))
-    method = ["--method", "closed-form"] if command == "plan" else []
-    result = run(command, desired, "--model", "leg.toml", *method, "--json", "-o", "out.csv")
-    assert result.exit_code == 0, result.stderr
-    joints = json.loads(result.stdout)["joints"]
-    assert joints["hip"]["verdict"] == "refused"
-    assert joints["hip"]["verdict_reason"] == "it misses 41 % of the motion"
-    assert "verdict" not in joints["knee"], "nothing is known of it"
-
-
 @pytest.mark.parametrize(
     ("verdict", "recommended"), [("refused", None), ("worse than a delay", "shift")]
 )
@@ -300,18 +228,6 @@ def test_a_joint_that_takes_the_model_above_all_tables_takes_a_new_one_too(run):
     assert file.common == file.by_joint["hip"]
     assert file.common.v_max == pytest.approx(TRUE.v_max, rel=0.02)
     assert file.by_joint["knee"].v_max == 2.0
-
-
-def test_rows_and_their_rate_are_told_and_times_that_may_be_row_numbers_asked_about(run):
-    write_log("log.csv")
-    told = run("identify", "log.csv", "--no-hold-out").stderr
-    assert "log.csv (knee): 1000 rows, one every 8 ms" in told
-    assert "in seconds" not in told
-    lines = Path("log.csv").read_text().splitlines()
-    lines[1:] = [f"{k},{line.partition(',')[2]}" for k, line in enumerate(lines[1:])]
-    Path("log.csv").write_text("\n".join(lines))
-    told = run("identify", "log.csv", "--no-hold-out").stderr
-    assert "log.csv (knee): one row every 1 s: are the times in seconds?" in told
 
 
 def test_a_joint_whose_process_died_is_left_out_with_the_reason(run, tmp_path, monkeypatch):

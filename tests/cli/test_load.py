@@ -51,17 +51,6 @@ def test_a_plan_for_gravity_is_that_of_the_library_and_carries_its_load(run):
     np.testing.assert_allclose(written.loads[:, 0], made.inversions[0].load, rtol=0.0, atol=1e-9)
 
 
-def test_the_methods_are_compared_under_the_load_of_the_desired_pose(run):
-    loaded = run("compare", "path.csv", *LEG, "--load", "urdf", "--json")
-    assert loaded.exit_code == 0, loaded.output
-    methods = json.loads(loaded.stdout)["joints"]["pendulum"]["methods"]
-    leg = Leg.from_urdf("pendulum.urdf", base="base", foot="tip")
-    desired = read_joint_path("path.csv").angles
-    made = planner.plan(SOFT, desired, load=leg.load_torques(desired))
-    requests = np.radians(methods["optimal"]["requests_deg"])
-    np.testing.assert_allclose(requests, made.requests[:, 0], rtol=0.0, atol=1e-9)
-
-
 TESTED = Evidence(0.02, 4.0, 0.7, (0.0, 1.8), ((0.0, 0.002), (20.0, 0.01)))
 
 
@@ -91,21 +80,6 @@ def test_the_error_to_expect_on_the_robot_stands_beside_that_of_the_plan(run, fo
     assert "There is no lower bound under a load that depends on the pose" in page
 
 
-def test_a_simulation_tells_of_each_joint_its_own_error(run, folder):
-    for name, error in (("hip", 0.01), ("knee", 0.03)):
-        model = SOFT.with_evidence(Evidence(error))
-        model.to_toml(folder / f"{name}.toml")
-    lines = [f"[{name}]\n" + (folder / f"{name}.toml").read_text() for name in ("hip", "knee")]
-    (folder / "both.toml").write_text("\n".join(lines))
-    write_joint_path("two.csv", ["hip", "knee"], np.tile(DESIRED, 2), period=SOFT.period)
-    said = run("simulate", "two.csv", "--desired", "two.csv", "--model", "both.toml").stderr
-    hip, knee = (line for line in said.splitlines() if "on the robot expect about" in line)
-    told = [float(line.partition("expect about ")[2].split()[0]) for line in (hip, knee)]
-    own = [float(line.partition(": ")[2].split()[0]) for line in (hip, knee)]
-    assert own[0] == own[1]
-    assert told == pytest.approx(np.hypot(own, np.degrees([0.01, 0.03])), abs=2e-3)
-
-
 def test_a_simulation_says_that_its_load_was_not_tested(run, folder):
     SOFT.with_evidence(TESTED._replace(speed=9.0, load=0.1)).to_toml(folder / "soft.toml")
     torques = np.full((50, 1), 0.3)
@@ -114,33 +88,6 @@ def test_a_simulation_says_that_its_load_was_not_tested(run, folder):
     for more, untested in (((), []), (("--load", "column"), ["load"])):
         joint = json.loads(run(*asked, *more).stdout)["joints"]["pendulum"]
         assert joint["untested"] == untested
-
-
-@pytest.fixture
-def swing(folder):
-    """A recording of the pendulum, whose joint has another name than in the URDF."""
-    angles = 0.4 - 0.4 * np.cos(2.0 * np.pi * np.arange(80) / 80)
-    times, asked = SOFT.period * np.arange(80), np.degrees(angles) + 3.0
-    table = np.column_stack([times, asked, np.degrees(angles)])
-    header = "t_s,req_Lift_deg,act_Lift_deg"
-    np.savetxt(folder / "swing.csv", table, delimiter=",", header=header, comments="", fmt="%.17g")
-    return angles
-
-
-REPLAY = ("replay", "swing.csv", "--model", "soft.toml")
-RENAMED = (*ARM, "--urdf-joint", "Lift=pendulum")
-
-
-def test_the_fastest_replay_under_gravity_proves_no_speed_too_high(run, swing):  # noqa: ARG001
-    result = run(
-        *(*REPLAY, *RENAMED, "--load", "urdf-dynamics", "--fastest", "--tolerance-deg", 2),
-        *("--end-s", 1.2, "--json"),
-    )
-    assert result.exit_code == 0, result.output
-    found = json.loads(result.stdout)["fastest"]
-    assert found["speed"] > 1.0
-    assert found["impossible"] is None
-    assert {each["bound_max_deg"] for each in found["errors_by_speed"]} == {None}
 
 
 def test_a_joint_that_is_not_planned_weighs_where_it_was_recorded():
@@ -156,16 +103,3 @@ def test_a_joint_that_is_not_planned_weighs_where_it_was_recorded():
     given = Run.of({"path": {"file": "path.csv"}, "plan": {"load": "urdf"}}).plan
     torques = with_load(given, path, leg).load_at(path.moments(1.0))(angles[:, :2])
     np.testing.assert_allclose(torques, leg.load_torques(angles)[:, :2], atol=1e-12)
-
-
-def test_every_joint_is_simulated_under_its_own_column(run):
-    torques = np.column_stack([np.zeros(50), np.full(50, 0.5)])
-    write_joint_path(
-        "two.csv", ["hip", "knee"], np.tile(DESIRED, 2), period=SOFT.period, loads=torques
-    )
-    result = run("simulate", "two.csv", "--model", "soft.toml", "--load", "column", "--json")
-    assert result.exit_code == 0, result.output
-    joints = json.loads(result.stdout)["joints"]
-    for name, torque in (("hip", 0.0), ("knee", 0.5)):
-        expected = np.degrees(planner.simulate(SOFT, DESIRED[:, 0], load=torque))
-        np.testing.assert_allclose(joints[name]["angles_deg"], expected, rtol=0.0, atol=1e-9)

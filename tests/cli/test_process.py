@@ -149,20 +149,6 @@ def test_the_linear_algebra_has_one_thread_unless_the_user_gives_it_more():
     assert done.stdout == "1 3\n"
 
 
-def test_a_backend_of_matplotlib_that_is_not_there_is_not_asked_for(tmp_path, desired):
-    command = [*RUN, "fit", desired, "--joint", "knee", "--segments", "3", "--figure", "fit.png"]
-    done = subprocess.run(
-        command,
-        cwd=tmp_path,
-        env={**os.environ, "MPLBACKEND": "nonsense"},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
-    assert (tmp_path / "fit.png").stat().st_size > 1000
-
-
 @pytest.mark.parametrize(
     ("redirection", "message"),
     [

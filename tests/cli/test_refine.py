@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from planner import JointModel, half_ellipse, simulate
-from planner.cli.learning import as_options
 from planner.files.paths import read_joint_path, write_foot_path, write_joint_path
 
 KNOWN = JointModel.ers210a()
@@ -37,17 +36,6 @@ def execute():
 def unbounded(monkeypatch):
     """No lower bound of a foot, which takes seconds."""
     monkeypatch.setattr("planner.planning.bounds.foot_bound.MOST_SAMPLES_BOUNDED", 0)
-
-
-def test_the_table_has_the_errors_of_the_first_the_last_and_the_best_trial(run, desired, execute):
-    run("plan", desired, "-o", "requests.csv")
-    line = ("refine", "requests.csv", "measured.csv", "--desired", desired, "--no-reidentify")
-    for factor in (1.0, 0.8):
-        write_joint_path("measured.csv", ("hip", "knee"), factor * execute(), period=0.008)
-        result = run(*line, "--history", "all.json", "-o", "requests.csv")
-    row = next(each for each in result.stderr.splitlines() if each.startswith("knee [deg]"))
-    first, last, best, *_ = map(float, row.split()[2:])
-    assert first == best < last
 
 
 def test_calls_after_a_model_was_identified_anew_say_so_too(run, tmp_path):
@@ -170,11 +158,6 @@ def test_a_sensor_delay_of_0_is_not_replaced_by_an_estimate(run, desired, option
     assert learning["knee"]["sensor_delay_ms"] == pytest.approx([removed], abs=1.0)
 
 
-def test_remarks_of_the_library_name_joints_and_options():
-    said = as_options("joint 2 is late: sensor_delay=0.008, as joint 1", ("hip", "knee"))
-    assert said == "knee is late: --sensor-delay-ms 8, as hip"
-
-
 def test_the_same_recording_twice_is_refused_before_anything_is_written(
     run, desired, execute, tmp_path
 ):
@@ -189,17 +172,6 @@ def test_the_same_recording_twice_is_refused_before_anything_is_written(
     said = "request-planner: hip: measured: the same angles as in trial 1"
     assert said in result.stderr, "the joint is named once"
     assert written == {name: (tmp_path / name).read_text() for name in written}
-
-
-def test_measured_angles_at_another_rate_are_refused_with_the_option_of_refine(
-    run, desired, execute
-):
-    run("plan", desired, "-o", "requests.csv")
-    write_joint_path("measured.csv", ("hip", "knee"), execute(), period=0.02)
-    result = run("refine", "requests.csv", "measured.csv", "--desired", desired, "-o", "next.csv")
-    assert result.exit_code == 2
-    assert "one row every 0.02 s, expected one every 0.008 s" in result.stderr
-    assert "refine with --rate-hz 50 if that is the rate" in result.stderr
 
 
 @pytest.fixture
@@ -237,21 +209,6 @@ def test_measured_rows_with_a_hole_are_refused(late):
     assert result.exit_code == 2
     assert "late.csv, line 102: 0.0" in result.stderr
     assert "leave out the cycle with the hole" in result.stderr
-
-
-def test_remarks_on_the_path_are_made_at_the_first_trial_alone(run, tmp_path):
-    path, time = tmp_path / "path.csv", np.arange(125) / 125
-    rows = np.radians(20) * (1.0 - np.cos(2 * np.pi * time)) * (np.abs(time - 0.5) < 0.4)
-    write_joint_path(path, ["elbow"], rows[:, np.newaxis], period=0.008)
-    run("plan", path, "-o", "requests.csv")
-    said = []
-    for factor in (1.0, 0.99):
-        requests = read_joint_path("requests.csv").angles[:, 0]
-        angles = factor * simulate(TRUE, requests)[:, np.newaxis]
-        write_joint_path("measured.csv", ["elbow"], angles, period=0.008)
-        line = ("refine", "requests.csv", "measured.csv", "--desired", path, "--no-reidentify")
-        said.append(run(*line, "--history", "all.json", "-o", "requests.csv").stderr)
-    assert ["taken as a cycle" in each for each in said] == [True, False]
 
 
 def test_the_actual_angles_of_a_log_are_measured_ones(run, desired, execute):
@@ -310,17 +267,3 @@ def test_after_a_plan_for_the_foot_the_measured_joints_learn_their_part_of_it(
     answer = json.loads(run(*line).stdout)
     assert answer["learning"]["foot"]["trials"] == 1
     assert json.loads((tmp_path / "all.json").read_text())["plans"].keys() == {name, "foot"}
-
-
-@pytest.mark.parametrize("method", [None, "optimal"])
-def test_learning_a_foot_path_joint_by_joint_is_said_unless_it_was_asked_for(
-    run, foot, execute, method
-):
-    given = () if method is None else ("--method", method)
-    leg = ("--leg", "front-left", *given)
-    run("plan", foot, *leg, "-o", "requests.csv")
-    execute()
-    line = ("refine", "requests.csv", "measured.csv", "--desired", foot, *leg)
-    result = run(*line, "--no-reidentify", "-o", "next.csv")
-    assert result.exit_code == 0
-    assert ("give --method foot-optimal here too" in result.stderr) == (method is None)

@@ -10,7 +10,6 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -18,13 +17,11 @@ import pytest
 from kinematics import urdf_path
 from planner import JointModel, Log, LogOptions, read_logs, replay, simulate
 from planner.cli import settings
-from planner.cli.replay.dataset import decoded, episode_figures, lerobot_episode, replayed
-from planner.cli.replay.task import fastest_document, fastest_text, refuted_joints, tasks_of
-from planner.files.joint_model import models_text
+from planner.cli.replay.dataset import decoded, replayed
+from planner.cli.replay.task import refuted_joints, tasks_of
 from planner.files.logs.read import recordings_in
 from planner.files.staging import list_files
 from planner.identification.grid import sound_rows
-from planner.model.evidence import Evidence
 
 SERVO = JointModel(v_max=4.0, theta_0=0.2, lag=0.03, acceleration_time=0.05, tick=0.005, hold=4)
 RATE = 30
@@ -98,20 +95,6 @@ def dataset(tmp_path):
         table = pa.table({name: pa.array(each) for name, each in columns.items()})
         parquet.write_table(table, root / f"data/chunk-000/episode_{episode:06d}.parquet")
     return root
-
-
-def test_the_requests_of_a_joint_without_a_name_have_a_column_of_their_own(run, tmp_path):
-    requests = motion(60, 0.5)
-    angles = simulate(SERVO, requests, cyclic=False)
-    entries = [
-        {"timestamp": 0.02 * k, "goal_position": goal, "position": angle, "torque_enable": True}
-        for k, (goal, angle) in enumerate(zip(requests.tolist(), angles.tolist(), strict=True))
-    ]
-    (tmp_path / "bam.json").write_text(json.dumps({"entries": entries}))
-    SERVO.to_toml(tmp_path / "servo.toml")
-    result = run("replay", "bam.json", "--model", "servo.toml")
-    assert result.exit_code == 0, result.stderr
-    assert result.stdout.splitlines()[0] == "t_s,requested_rad"
 
 
 UNITS = ("--unit", "range_m100_100,gripper=percent")
@@ -362,18 +345,6 @@ def test_an_episode_changed_in_place_is_planned_again(run, dataset, model):
 
 
 @pytest.mark.usefixtures("in_this_process")
-def test_a_dataset_without_one_of_its_files_is_not_complete(run, dataset, model):
-    words = ("replay", dataset, *UNITS, "--model", model, "--as", "lerobot", "-o", "planned")
-    assert run(*words, "--workers", 1).exit_code == 0
-    whole = _held(dataset.parent / "planned")
-    (dataset.parent / "planned/data/chunk-000/file-000.parquet").unlink()
-    again = run(*words, "--workers", 1, "--resume")
-    assert again.exit_code == 0, again.stderr
-    assert "nothing is missing" not in again.stderr
-    assert _held(dataset.parent / "planned") == whole
-
-
-@pytest.mark.usefixtures("in_this_process")
 def test_what_failed_alone_is_done_again_once_it_is_mended(run, dataset, model):
     file = dataset / "data/chunk-000/episode_000001.parquet"
     good = file.read_bytes()
@@ -396,31 +367,6 @@ def test_what_failed_alone_is_done_again_once_it_is_mended(run, dataset, model):
     assert not (dataset.parent / ".planned.results").exists()
 
 
-def test_an_episode_is_the_same_after_it_was_kept(dataset, model):
-    recordings = recordings_in([str(dataset)], LogOptions(unit=UNITS[1]))
-    made = settings.Run.of({"model": {"file": str(model)}})
-    (task, *_) = tasks_of(made, settings.Replay(speed=2.0), recordings)
-    layout, rows, words = lerobot_episode(task.recording, replay := task.run())
-    kept_layout, kept_rows, head = decoded(replayed(task))
-    assert kept_layout == layout
-    assert (head["task"], head["figures"]) == (words, episode_figures(replay))
-    assert kept_rows.keys() == rows.keys()
-    assert all(np.array_equal(kept_rows[name], each) for name, each in rows.items())
-
-
-def test_recordings_at_several_rates_are_all_replayed_at_that_of_the_first(demo, model):
-    table = np.loadtxt(demo, delimiter=",", skiprows=1)
-    table[:, 0] *= 2.0
-    slow = demo.with_name("slow.csv")
-    header = demo.read_text().partition("\n")[0]
-    np.savetxt(slow, table, delimiter=",", header=header, comments="", fmt="%.9g")
-    run = settings.Run.of({"model": {"file": str(model)}})
-    for first, second, period in ((demo, slow, 0.02006), (slow, demo, 0.04012)):
-        recordings = recordings_in([str(first), str(second)], LogOptions())
-        tasks = tasks_of(run, settings.Replay(), recordings)
-        assert [task.path().period for task in tasks] == pytest.approx([period, period])
-
-
 def test_a_task_is_a_unit_of_work_for_another_process(dataset, model, monkeypatch):
     """Which may work in another folder."""
     monkeypatch.chdir(dataset.parent)
@@ -436,23 +382,6 @@ def test_a_task_is_a_unit_of_work_for_another_process(dataset, model, monkeypatc
     assert rows["action"].shape == (38, 3)
     assert head["task"] == "drop"
     assert head["figures"]["worst_joint"] in ("shoulder_pan", "elbow_flex")
-
-
-@pytest.mark.parametrize(("known", "said"), [("", 1), ("v_max_interval = [3.9, 4.1]\n", 0)])
-def test_a_limit_by_a_top_speed_that_no_log_shows_is_said_to_be_the_models(
-    known, said, run, demo, model
-):
-    model.write_text(model.read_text() + known)
-    result = run(
-        *("replay", demo, "--model", model, "--fastest", "--tolerance-deg", 2, "-o", "out.csv"),
-        *("--report", "page.html"),
-    )
-    assert result.exit_code == 0, result.stderr
-    words = "the logs do not determine the top speed; v_max is a lower bound"
-    answer = next(line for line in result.stderr.splitlines() if line.startswith("within 2"))
-    assert answer.count(f"which holds for its model only: {words}") == said
-    page = demo.with_name("page.html").read_text()
-    assert page.count(f"The lower bound holds for the model only of elbow: {words}.") == said
 
 
 def test_a_recording_that_begins_in_motion_is_answered_with_where_to_begin_it(run, demo, model):
@@ -507,31 +436,6 @@ def test_a_joint_that_cannot_be_identified_gets_its_recorded_requests_and_is_nam
     assert "no model: recorded requests, re-timed" in result.stderr
 
 
-def test_a_gripper_that_is_recorded_alone_is_identified(run, demo):
-    table = np.loadtxt(demo, delimiter=",", skiprows=1)
-    jaw = 0.5 + 0.3 * np.sign(np.sin(4.0 * table[:, 0]))
-    angles = simulate(SERVO.requested_every(0.02006), jaw, cyclic=False)
-    columns = np.column_stack([table[:, 0], jaw, angles])
-    header = "t_s,req_jaw_range,act_jaw_range"
-    np.savetxt(demo, columns, delimiter=",", header=header, comments="", fmt="%.9g")
-    result = run("replay", demo, "--model", "from-log", "-o", "out.csv")
-    assert result.exit_code == 0, result.stderr
-    assert "recorded requests, re-timed" not in result.stderr
-
-
-def test_only_models_of_joints_that_are_planned_are_warned_of(run, demo):
-    refused = SERVO.with_evidence(
-        Evidence(verdict="refused", reason="it misses 41 % of the motion")
-    )
-    models = {"elbow": refused, "jaw": SERVO, "knee": refused}
-    demo.with_name("arm.toml").write_text(models_text(models))
-    for joints, said in (((), "the model of elbow ("), (("--joint", "jaw"), None)):
-        result = run("replay", demo, "--model", "arm.toml", "-o", "out.csv", *joints)
-        assert result.exit_code == 0, result.stderr
-        assert ("not plan with" in result.stderr) == bool(said)
-        assert said is None or said in result.stderr
-
-
 @pytest.mark.parametrize(
     ("begin", "end", "v_max", "refuted"),
     [(0.0, 1.0, 1.0, []), (0.9, 1.9, 1.0, ["elbow"]), (1.6, 1.9, 1.0, []), (0.9, 1.9, 50.0, [])],
@@ -546,48 +450,3 @@ def test_a_model_is_refuted_by_the_part_that_is_replayed_alone(begin, end, v_max
     )
     made = replay(log, model.requested_every(0.02), begin=begin, end=end)
     assert refuted_joints(made) == refuted
-
-
-def test_all_models_that_a_recording_contradicts_are_named():
-    found = SimpleNamespace(
-        replay=SimpleNamespace(untested=""),
-        contradicted=("elbow", "wrist"),
-        speed=0.8,
-        retime="constant",
-        tolerance=0.02,
-        foot=False,
-    )
-    said = fastest_text(found)
-    assert "the recording contradicts the models of elbow, wrist: at its own speed" in said
-    assert "no requests would keep elbow, wrist within 1.15 degrees" in said
-    found.constant, found.factors, found.curve, found.impossible = 0.8, np.ones(2), (), None
-    assert fastest_document(found)["contradicted"] == ["elbow", "wrist"]
-
-
-def test_a_varying_factor_is_told_from_its_least_to_its_largest():
-    found = SimpleNamespace(
-        replay=SimpleNamespace(untested=""),
-        contradicted=(),
-        speed=1.2,
-        constant=1.0,
-        retime="varying",
-        foot=False,
-        tolerance=0.02,
-        impossible=None,
-        curve=(),
-        factors=np.array([0.5, 2.0]),
-    )
-    assert "at 1.2 times the speed in all, 0.5 to 2 along it (1 constant)" in fastest_text(found)
-    told = fastest_document(found)
-    assert (told["least_factor"], told["largest_factor"]) == (0.5, 2.0)
-    assert (told["speed"], told["constant_speed"]) == (1.2, 1.0)
-    assert (told["contradicted"], told["impossible"]) == ([], None)
-    found.retime, found.tolerance = "constant", np.radians(1.0)
-    assert fastest_text(found) == (
-        "within 1 degree at 1.2 times the speed; no speed is proved too high"
-    )
-    found.replay.untested = "elbow (speed, acceleration)"
-    assert fastest_text(found).startswith(
-        "within 1 degree at 1.2 times the speed by the models, but outside what these were tested "
-        "on: elbow (speed, acceleration); no speed"
-    )

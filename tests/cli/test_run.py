@@ -5,12 +5,10 @@ from __future__ import annotations
 import json
 import re
 import sys
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from planner.cli.models import model_words
 from planner.cli.run_file import read_run
 from planner.exceptions import MissingExtra, NoSteadyCycle
 from planner.files.paths import read_joint_path
@@ -78,17 +76,6 @@ def test_the_template_runs_as_it_is_and_plans_what_plan_does(run, write, templat
         assert np.degrees(angles[:, j]) == pytest.approx(joint["predicted_deg"], abs=1e-9)
 
 
-def test_check_computes_and_writes_nothing(run, write, template, tmp_path, monkeypatch):
-    monkeypatch.setattr("planner.cli.planning.plan_of", None)
-    result = run("run", write(template), "--check", "--out", "out")
-    assert result.exit_code == 0
-    assert result.stderr == (
-        "it.toml: holds; 88 samples, 0.008 s apart, of rotator, abductor, knee; "
-        "method foot-optimal\n"
-    )
-    assert {each.name for each in tmp_path.iterdir()} == {"desired.csv", "it.toml"}
-
-
 def test_places_are_relative_to_the_file(run, write, desired, tmp_path, monkeypatch):
     write("v_max = 4.0\ntheta_0 = 0.1\nlag = 0.03\nacceleration_time = 0.04\n", "runs/a.toml")
     content = 'out = "results"\n[path]\nfile = "own.csv"\n[model]\nfile = "a.toml"\n'
@@ -117,48 +104,6 @@ def test_standard_input_is_a_run_file_too(run, tmp_path):
 
 
 SLOW = JointModel(v_max=4.0, theta_0=0.12, lag=0.05, acceleration_time=0.05)
-KNEE = "v_max = 4.0\ntheta_0 = 0.12\nlag = 0.05\nacceleration_time = 0.05\n"
-SAGGING = replace(SLOW, offset=0.01)
-
-
-def test_models_are_those_of_the_file_for_all_joints_or_for_one(write, tmp_path):
-    (tmp_path / "joints").write_text(f"{KNEE}[knee]\noffset = 0.01\n")
-    content = f'{JOINTS}[model]\nfile = "joints"\n'
-    _, prepared = read_run(str(tmp_path / write(content)))
-    assert prepared.desired.models == (SLOW, SAGGING)
-    assert model_words(prepared.settings.model) == "model: joints"
-
-
-def test_a_walk_is_sized_for_the_leg_of_a_description_near_a_pose(run, write, tmp_path):
-    from kinematics import urdf_path
-
-    robot = urdf_path("ers210a.urdf")
-    leg = f'[leg]\nurdf = "{robot}"\nbase = "body"\nfoot = "front_left_ball"\n'
-    walk = "[path.half_ellipse]\nfor_leg = true\nheight = 0.01\n"
-    result = run("run", write(f"{leg}near = {{front_left_knee = 60}}\n{walk}"))
-    assert result.exit_code == 0, result.stderr
-    options = ("--leg", robot, "--base", "body", "--foot", "front_left_ball")
-    near = ("--near", "front_left_knee=60")
-    run("gait", "--height", "0.01", *options, *near, "-o", "foot.csv")
-    run("plan", "foot.csv", *options, *near, "-o", "plan.csv")
-    own, other = (
-        read_joint_path(file).angles
-        for file in (tmp_path / "it" / "requests.csv", tmp_path / "plan.csv")
-    )
-    assert np.max(np.abs(own - other)) <= ROUNDED
-
-
-def test_a_description_may_tell_the_top_speeds(run, write, foot, tmp_path):
-    assert foot.exists()
-    content = '[leg]\nname = "front-left"\n[path]\nfile = "foot.csv"\n[model]\nfile = "urdf"\n'
-    assert run("run", write(content)).exit_code == 0
-    run("plan", "foot.csv", "--leg", "front-left", "--model", "urdf", "-o", "plan.csv")
-    requests = (tmp_path / "it" / "requests.csv").read_bytes()
-    assert requests == (tmp_path / "plan.csv").read_bytes()
-    result = run("run", write(JOINTS + content[content.index("[model") :]))
-    assert result.stderr.startswith(
-        'request-planner: it.toml, line 4: model.file = "urdf" takes speeds'
-    )
 
 
 def test_limits_of_one_joint_have_the_last_word(run, write, tmp_path):
@@ -259,33 +204,6 @@ def test_pages_link_to_all_files_and_only_requests_carry_the_load(run, write, fo
     }
     loads = ",".join(f"front_left_{name}_load_Nm" for name in ("rotator", "abductor", "knee"))
     assert heads["requests"] == f"{heads['angles']},{loads}"
-
-
-def test_requests_beyond_limits_that_the_method_does_not_know_are_warned_of(run, write, tmp_path):
-    angles = 10.0 - 20.0 * np.cos(2.0 * np.pi * np.arange(24) / 24)
-    rows = [f"{0.008 * k:.3f},{angle:.4f}" for k, angle in enumerate(angles)]
-    (tmp_path / "near.csv").write_text("\n".join(["t_s,front_left_abductor_deg", *rows]))
-    leg = '[leg]\nname = "front-left"\n[path]\nfile = "near.csv"\n'
-    planned = run("plan", "near.csv", "--leg", "front-left", "--method", "closed-form")
-    for result, method in (
-        (run("run", write(f'{leg}[plan]\nmethod = "closed-form"\n')), 'plan.method = "optimal"'),
-        (planned, "--method optimal"),
-    ):
-        assert result.exit_code == 0
-        assert re.match(
-            r"request-planner: warning: front_left_abductor: request \d+ is -\d\d\.\d\d deg, "
-            rf"beyond the limits -11\.00 to 89\.00; {method} keeps to them\n",
-            result.stderr,
-        )
-
-
-def test_json_is_what_the_folder_holds(run, write, tmp_path):
-    result = run("run", write(JOINTS), "--json")
-    assert json.loads(result.stdout) == results(tmp_path / "it")
-    assert result.stderr == ""
-    settings = results(tmp_path / "it")["settings"]
-    assert settings["plan.method"] == "optimal"
-    assert settings["path.half_ellipse.length"] is None, "the path is that of a file"
 
 
 def test_a_run_that_fails_leaves_the_last_ones_folder(run, write, tmp_path):

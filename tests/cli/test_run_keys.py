@@ -15,7 +15,7 @@ import pytest
 
 import planner
 from planner.cli import cli
-from planner.cli.declared import NUMBER, Unfit, fitted, tables, template, understand
+from planner.cli.declared import NUMBER, fitted, tables, template, understand
 from planner.cli.options import SETTINGS
 from planner.cli.program import COMMANDS
 from planner.cli.settings import Export, HalfEllipse, Plan, Replay, Run, Search
@@ -52,13 +52,6 @@ def markdown(cls) -> str:
 
 def test_the_page_has_every_key_as_it_is_declared():
     assert PAGE.endswith(markdown(Run)), "write the tables anew from markdown(Run)"
-
-
-def test_standard_input_is_no_file_of_a_run_and_a_frame_may_be_called_like_it():
-    assert Run.of({"leg": {"base": "-"}}).leg.base == "-"
-    with pytest.raises(Unfit, match="a run reads no standard input"):
-        Run.of({"path": {"file": "-"}})
-    assert Run.of({"path": {"file": "-"}}, standard_input=True).path.file == "-"
 
 
 @pytest.mark.parametrize("content", re.findall(r"```toml\n(.*?)```", PAGE, re.DOTALL))

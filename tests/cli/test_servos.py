@@ -127,14 +127,6 @@ def test_one_command_measures_compares_and_recommends(calibrated):
     assert "best shift" in page
 
 
-def test_the_error_to_expect_is_measured_wherever_friction_held_the_joint_before(calibrated):
-    _, document = calibrated
-    ways = document["joints"]["joint_1"]["candidates"]
-    best = ways["optimal_friction"]
-    # A factor of two: what the servo leaves of the expected error differs from motion to motion.
-    assert 0.5 < best["rms_deg"] / best["expected_rms_deg"] < 2.0
-
-
 def test_every_motion_was_kept_as_a_log_that_identify_reads(calibrated):
     folder, document = calibrated
     logs = sorted((folder / "arm_logs").glob("*"))
@@ -237,13 +229,6 @@ def test_ctrl_c_ends_it_in_one_line_and_keeps_every_row(run, tmp_path, monkeypat
     assert len((tmp_path / "arm_logs" / "joint_1.csv.part").read_text().splitlines()) > 500
 
 
-def test_a_servo_that_does_not_answer_is_named_before_anything_moves(run, faulty):
-    faulty(drop=1.0)
-    result = run("calibrate", *BRIEF, "--ids", "1")
-    assert result.exit_code == 1
-    assert "servo 1 does not answer; check its identifier, the baud rate" in result.stderr
-
-
 def test_what_was_played_is_answered_number_by_number(run, arm, requests, monkeypatch):
     def perform(self, rows, *, period, cycles, keep):
         self.bus.lost = 3
@@ -327,26 +312,6 @@ def test_a_servo_that_falls_silent_ends_a_record(run, arm, faulty, tmp_path):
     assert result.exit_code == 1
     assert "joint_1: the servo has stopped answering" in result.stderr
     assert 25 < len((tmp_path / "log.csv.part").read_text().splitlines()) < 60
-
-
-def test_a_model_is_checked_at_another_rate_with_requests_that_are_held(run, arm):
-    arm.write_text(ARM.replace("[joint_1.servo]", "expected_error = 0.01\n\n[joint_1.servo]"))
-    asked = ("check", "--bus", "virtual", "--model", arm, "--duration-s", "8", "--json")
-    errors = [
-        json.loads(run(*asked, "--rate-hz", rate).stdout)["joints"]["joint_1"]["rms_deg"]
-        for rate in (100, 20)
-    ]
-    assert errors[1] < 1.5 * errors[0]
-
-
-def test_a_check_holds_the_last_request_over_rows_that_were_lost():
-    model = JointModel(v_max=5.0, theta_0=0.1, lag=0.01, acceleration_time=0.01, tick=0.01)
-    requests = np.repeat(np.resize([-0.4, 0.4], 10), 40)
-    angles = simulate(model, requests, cyclic=False)
-    kept = np.arange(400) % 40 < 37
-    columns = {"times": 0.01 * np.arange(400), "requests": requests, "angles": angles}
-    error, *_ = _errors(model, Log(**{name: each[kept] for name, each in columns.items()}))
-    assert error < 1e-12
 
 
 def test_a_parameter_has_changed_where_the_intervals_before_and_now_are_apart():
@@ -548,13 +513,6 @@ def test_a_model_holds_within_twice_its_error_a_small_one_or_twice_a_new_models(
     assert ("calibrate joint_3, joint_2 again" in result.stderr) == (result.exit_code == 1)
 
 
-def test_settings_have_changed_where_both_are_known_and_differ():
-    before = {"p_gain": 16, "d_gain": 32, "i_gain": 0, "profile_speed": 0}
-    now = {"p_gain": 16, "d_gain": 30, "profile_speed": 9, "profile_acceleration": 254}
-    changed = CALIBRATE._settings_changed(before, now)
-    assert changed == ["D is 30, and was 32", "profile speed is 9, and was 0"]
-
-
 @pytest.mark.parametrize(
     ("text", "ids"),
     [
@@ -623,13 +581,6 @@ def test_the_port_is_that_of_the_command_or_of_the_file_and_is_given_back(run, a
     said = "arm.toml, line 2: baud_rate: got 'fast', expected a whole number"
     assert said in run(*record).stderr
     assert len(ports) == 4
-
-
-def test_the_joints_of_a_lerobot_robot_have_its_names_unless_others_are_given(monkeypatch):
-    monkeypatch.setattr("planner.robot.bus.joints", {"so101": {1: "pan", 2: "lift"}}.get)
-    ids = {"joint_1": 1, "mine": 2, "joint_3": 3}
-    assert buses.ids_by_joint({"bus": "lerobot:so101"}, ids) == {"pan": 1, "mine": 2, "joint_3": 3}
-    assert buses.ids_by_joint({"bus": "virtual"}, ids) == ids
 
 
 def test_a_row_belongs_to_the_request_at_whose_time_it_was_due():

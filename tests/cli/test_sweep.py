@@ -79,23 +79,6 @@ def test_a_cycle_has_as_many_requests_as_fit_into_its_period(tmp_path):
         assert content["path"]["half_ellipse"]["samples"] == samples
 
 
-def test_a_cycle_is_of_requests_at_the_rate_of_the_file(tmp_path):
-    file = tmp_path / "sweep.toml"
-    file.write_text(f"path.rate_hz = 50\n{GAIT}period_s = [0.4, 0.41, 0.5]\n")
-    space = read_sweep(str(file))
-    assert [space.point([value]) for value in space.values["period_s"]] == [
-        (0.4,), (0.4,), (0.5,)
-    ]  # fmt: skip
-
-
-def test_steps_are_even_from_the_first_to_the_last_value(tmp_path):
-    file = tmp_path / "sweep.toml"
-    file.write_text(GAIT + "length = [0.01, 0.02]\n[sweep]\nsteps = 3\n")
-    space = read_sweep(str(file))
-    assert space.values["length"] == pytest.approx([0.01, 0.015, 0.02])
-    assert space.most_points == 3
-
-
 def test_a_joint_path_is_swept_by_its_speed(swept, tmp_path):
     phase = 2.0 * np.pi * np.arange(60) / 60
     angles = np.column_stack([0.3 * np.sin(phase), 0.1 * np.cos(phase)])

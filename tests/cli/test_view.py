@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 import planner
-from planner.files.paths import read_foot_path, read_joint_path, write_foot_path, write_joint_path
-from planner.model.evidence import Evidence
+from planner.files.paths import read_foot_path, read_joint_path, write_joint_path
 from planner.report import scene as report
 
 SAME = 1e-9
@@ -32,15 +31,6 @@ def shown(meshcat, monkeypatch):  # noqa: ARG001
     return pages
 
 
-def test_a_view_warns_of_a_model_that_is_not_to_be_planned_with(run, foot, shown):
-    refused = planner.JointModel.ers210a().with_evidence(Evidence(verdict="refused", reason="odd"))
-    refused.to_toml("refused.toml")
-    result = run("view", foot, "--leg", "front-left", "--model", "refused.toml", "--html", "a.html")
-    assert result.exit_code == 0, result.stderr
-    assert len(shown) == 1
-    assert "do not plan with the model" in result.stderr
-
-
 def test_the_legs_go_where_the_paths_and_the_requests_say(run, foot, shown):
     run("plan", foot, "--leg", "front-left", "-o", "requests.csv")
     made = read_joint_path("requests.csv")
@@ -58,13 +48,6 @@ def test_the_legs_go_where_the_paths_and_the_requests_say(run, foot, shown):
     assert np.max(np.abs(desired.foot - read_foot_path(foot).positions)) <= SAME
     assert np.max(np.abs(same.angles - planned.angles)) <= SAME
     assert np.max(np.abs(other.angles - planned.angles)) > 1e-3
-
-
-def test_what_is_out_of_reach_is_desired_all_the_same(run, shown):
-    far = np.tile([0.09, 0.075, -0.3], (88, 1))
-    write_foot_path("far.csv", far, period=0.008)
-    run("view", "far.csv", "--leg", "front-left", "--unreachable", "nearest", "--html", "page.html")
-    assert np.array_equal(shown[0][0].foot, far)
 
 
 def test_the_joints_of_a_path_may_come_in_any_order(run, shown):
@@ -103,29 +86,3 @@ def test_a_foot_path_is_planned_for_the_foot_unless_another_method_is_named(
     asked = (*asked.split(), "--leg", "front-left", "--html", "page.html")
     assert run("view", *asked).exit_code == 130
     assert planned == [method]
-
-
-def test_what_is_not_installed_is_named(run, foot, monkeypatch):
-    monkeypatch.setitem(__import__("sys").modules, "meshcat", None)
-    result = run("view", foot, "--leg", "front-left", "--html", "walk.html")
-    assert result.exit_code == 2
-    assert result.stderr == (
-        "request-planner: the view in Meshcat needs the extra 'meshcat': python -m pip install "
-        "'request-planner[meshcat]', or '.[meshcat]' in a checkout\n"
-    )
-
-
-def test_legs_move_under_the_load_that_their_requests_are_planned_for(run, foot, shown, tmp_path):
-    soft = planner.JointModel(
-        v_max=5.45, theta_0=0.12, lag=0.032, acceleration_time=0.048, compliance=0.3
-    )
-    soft.to_toml(tmp_path / "soft.toml")
-    leg = ("--leg", "front-left", "--model", "soft.toml")
-    run("plan", foot, *leg, "--method", "optimal", "--load", "urdf", "-o", "requests.csv")
-    run("view", foot, *leg, "--html", "page.html", "--requests", "requests.csv")
-    ((desired, direct, planned),) = shown
-    given = read_joint_path("requests.csv")
-    for motion, sent in ((direct, desired.angles), (planned, given.angles)):
-        for j in range(3):
-            answer = planner.simulate(soft, sent[:, j], load=given.loads[:, j])
-            assert np.max(np.abs(motion.angles[:, j] - answer)) <= SAME

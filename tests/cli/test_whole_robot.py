@@ -4,20 +4,15 @@ from __future__ import annotations
 
 import json
 import shutil
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
-import planner
 from kinematics import Leg, urdf_path
 from planner.cli.desired import legs_among
-from planner.cli.models import models_of
-from planner.cli.planning import plan_of, prepare
-from planner.cli.settings import Model, Run
-from planner.files.joint_model import models_text, read_models
+from planner.cli.settings import Model
 from planner.files.paths import read_joint_path, write_joint_path
-from planner.files.robot import read_bus, read_legs
+from planner.files.robot import read_legs
 from tests.cli.test_servos import ARM
 
 LEGS = ("front-left", "front-right", "hind-left", "hind-right")
@@ -109,20 +104,6 @@ def test_a_gait_is_planned_for_the_feet_and_played_from_one_file(run, robot, tmp
     assert read_joint_path(tmp_path / "next.csv").names == desired.names
 
 
-def test_ticks_are_those_of_each_servo(run, robot, tmp_path):
-    run("gait", "--pattern", "trot", "--samples", "40", "--model", robot, "-o", "trot.csv")
-    result = run(
-        *("export", "trot.csv", "--format", "csv", "--unit", "ticks", "--joint-names"),
-        *(",".join(f"j{number}" for number in range(12)), "--model", robot, "-o", "ticks.csv"),
-    )
-    assert result.exit_code == 0, result.stderr
-    table = np.genfromtxt(tmp_path / "ticks.csv", delimiter=",", names=True)
-    path = read_joint_path(tmp_path / "trot.csv")
-    for j, name in enumerate(path.names):
-        turns = path.angles[:, j] / (2.0 * np.pi) * (-1.0 if name == TURNED else 1.0)
-        np.testing.assert_allclose(table[f"j{j}_ticks"], 2048 + 4096 * turns, atol=0.51)
-
-
 def test_ticks_beyond_the_range_of_a_servo_are_refused(run, robot, tmp_path):
     robot.write_text(robot_text(reach=np.radians(30.0)))
     (tmp_path / "path.csv").write_text("t_s,front_left_knee_deg\n0,29\n0.01,31\n0.02,29\n")
@@ -149,40 +130,6 @@ def test_requests_stay_within_the_ranges_of_the_servos_or_each_joint_is_named(ru
     assert [line.split(": ")[2] for line in said] == names
 
 
-def test_the_limits_of_a_leg_are_kept_where_its_servos_turn_further(run, robot, tmp_path):
-    """The knee of the ERS-210A ends at -27 degrees, its servo at -149."""
-    names = [f"front_left_{joint}" for joint in ("rotator", "abductor", "knee")]
-    angles = np.radians([[0.0, 10.0, knee] for knee in (-25.0, -26.0, -30.0, -26.0)])
-    write_joint_path(tmp_path / "leg.csv", names, angles, period=0.02)
-    result = run("plan", "leg.csv", "--rate-hz", "50", "--model", robot, "-o", "requests.csv")
-    assert result.exit_code == 2
-    assert "front_left_knee" in result.stderr
-    assert "degrees beyond the angles" in result.stderr
-
-
-@pytest.mark.usefixtures("no_foot_bound")
-def test_requests_of_a_foot_path_stay_within_the_ranges_of_the_servos(run, robot, tmp_path):
-    """A gait of one leg, which its URDF lets turn further than its servos."""
-    frames = ("--urdf", "ers210a.urdf", "--base", "body", "--foot", "front_left_ball")
-    robot.write_text(robot_text(legs=()))
-    rate = ("--samples", "40", "--period", "0.02")
-    assert run("gait", *frames, *rate, "-o", "foot.csv").exit_code == 0
-    asked = ("plan", "foot.csv", *frames, "--rate-hz", "50", "--model", robot, "-o", "requests.csv")
-    assert run(*asked).exit_code == 0
-    free = read_joint_path(tmp_path / "requests.csv").angles
-    reach = float(np.max(np.abs(free))) - np.radians(1.0)
-    robot.write_text(robot_text(legs=(), reach=reach))
-    for method in ("optimal", "foot-optimal"):
-        result = run(*asked, "--method", method)
-        assert result.exit_code == 0, result.stderr
-        requests = read_joint_path(tmp_path / "requests.csv").angles
-        assert np.max(np.abs(requests)) <= reach + 1e-6
-    robot.write_text(robot_text(legs=(), reach=0.5 * reach))
-    result = run(*asked)
-    assert result.exit_code == 2
-    assert "degrees beyond the angles" in result.stderr
-
-
 def test_each_leg_of_a_robot_is_planned_under_the_load_of_its_own_joints(run, robot, tmp_path):
     text = robot_text().replace("lag =", "compliance = 0.05\nlag =")
     assert text.count("compliance") == 12
@@ -207,37 +154,6 @@ def test_each_leg_of_a_robot_is_planned_under_the_load_of_its_own_joints(run, ro
     assert moved == {"hind_left"}
     knee = path.names.index("hind_left_knee")
     assert np.mean((loaded - free)[:, knee]) == pytest.approx(-0.05 * 0.2, abs=2e-3)
-
-
-def test_a_leg_of_a_robot_is_planned_for_its_foot_with_the_models_of_its_own_joints(tmp_path):
-    names = [f"front_left_{joint}" for joint in ("knee", "rotator", "abductor")]
-    turned = 2.0 * np.pi * np.arange(16) / 16
-    angles = np.column_stack([1.2 + 0.2 * np.sin(turned), 0.1 * np.cos(turned), 0.0 * turned])
-    write_joint_path(tmp_path / "leg.csv", names, angles, period=0.008)
-    aibo = planner.JointModel.ers210a()
-    slow = replace(aibo, v_max=3.0)
-    leg = {"urdf": str(urdf_path("ers210a.urdf")), "base": "body", "foot": "front_left_ball"}
-    table = "".join(f'{key} = "{value}"\n' for key, value in leg.items())
-    text = models_text({"": aibo, names[0]: slow}) + f"[leg.front-left]\n{table}"
-    (tmp_path / "robot.toml").write_text(text)
-    content = {"path": {"file": "leg.csv"}, "model": {"file": "robot.toml"}}
-    run = Run.of(content | {"plan": {"method": "foot-optimal"}})
-    prepared = prepare(run, str(tmp_path))
-    leg, order = prepared.desired.legs["front-left"], [1, 2, 0]
-    models = [aibo, aibo, slow]
-    foot = leg.foot_positions(np.ascontiguousarray(prepared.desired.angles[:, order]))
-    expected = planner.invert_foot(models, leg, foot).requests
-    requests = plan_of(prepared, bounded=False).requests[:, order]
-    np.testing.assert_allclose(requests, expected, rtol=0.0, atol=1e-9)
-
-
-def test_a_table_of_another_joint_of_the_path_is_no_misspelling(tmp_path):
-    file = tmp_path / "joints.toml"
-    planner.JointModel.ers210a().to_toml(file)
-    with file.open("a") as text:
-        text.write("[front_left_knee]\nlag = 0.02\n")
-    models = models_of(Model(file=str(file)), ["front_left_rotator", "front_left_knee"])
-    assert [each.lag for each in models] == [0.032, 0.02]
 
 
 def test_legs_are_those_all_of_whose_joints_are_planned(tmp_path):
@@ -271,14 +187,3 @@ def test_a_robot_that_is_not_described_is_refused_in_one_line(
     assert result.exit_code == 2
     assert message in result.stderr
     assert not robot.with_name("out.csv").exists()
-
-
-def test_what_a_file_says_of_a_robot_is_no_model_and_no_joint(robot):
-    assert len(read_models(robot)) == 12
-    assert read_bus(robot) == {"bus": "virtual"}
-    text = robot_text().replace('base = "body"', 'base = "body"\nnear_deg = { knee = 90 }')
-    robot.write_text(text)
-    place = read_legs(robot)["hind-right"]
-    assert place.urdf == str(robot.with_name("ers210a.urdf"))
-    assert (place.base, place.foot) == ("body", "hind_right_ball")
-    assert place.near == {"knee": pytest.approx(np.pi / 2.0)}

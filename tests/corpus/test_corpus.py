@@ -23,6 +23,7 @@ import shlex
 import shutil
 from pathlib import Path
 
+import click
 import pytest
 from click.testing import CliRunner
 
@@ -96,15 +97,25 @@ CASES = {
         ),
         "excite --limits-deg -20:10 --kind random-steps --resolution-deg 0 --rate-hz 10 --seed 2",
     ],
+    "excite-options": "excite --limits-deg -20:20 --kind steps --duration-s 4 --centre-deg 5 "
+    "--amplitude-deg 8 --cycles 2 --noise-deg 0.4 --resolution-deg 0.5 "
+    "--expected-log out_log.csv -o out.csv -q",
+    "export-options": [
+        "export path.csv --format csv --unit ticks --ticks-per-turn 8192 --reverse knee "
+        "--zero-tick knee=2000 -q",
+        "export bare.csv --format csv --period-s 0.02 --rate-hz 100 --between linear --joint knee "
+        "-q",
+    ],
     "export-csv": "export requests.csv --format csv --unit ticks --zero-tick knee=100 --cycles 2",
     "export-folders": [
         "export requests.csv --format mcap -o bag.mcap",
-        "export requests.csv --format bag -o bag",
+        "export requests.csv --format bag --topic /arm/go -o bag",
         "export requests.csv --format lerobot --task walk -o episode --json",
     ],
     "export-model": "export played.csv --model arm.toml --format csv --unit ticks --cycles 2",
     "export-yaml": "export requests.csv --format yaml --rate-hz 250 --lead-s 2 "
     "--joint-names 'a, b ,c' --velocities",
+    "fit-options": "fit path.csv --knot-s 0.04 --knot-s 0.1 --knot-s 0.16 -q",
     "fit-exact": [
         "fit path.csv --segments 4 --exact --joint hip --knots knots.csv",
         "fit path.csv --segments 4 --joint hip --knots /dev/null -o /dev/null",
@@ -113,6 +124,8 @@ CASES = {
     "fit-path": "fit path.csv --no-cyclic --max-rms 9 --required-s 0=0 --required-s 0.08 --model "
     "joint.toml",
     "gait": "gait --samples 8",
+    "gait-options": "gait --samples 24 --half-stroke 0.03 --height 0.02 --forward 0.04 "
+    "--sideways 0.02 --hip-height 0.08 --ground-fraction 0.6 --heading-deg 20 --period 0.01 -q",
     "gait-json": "gait --samples 6 --heading-deg 90 --half-stroke 0.03 --json",
     "gait-leg": "gait --samples 8 --leg front-left -o out.csv",
     "gait-trot": [
@@ -138,13 +151,14 @@ CASES = {
     ],
     "plan-foot": f"plan stride.csv {CLAMPED} --method foot-optimal --norm rms --json",
     "plan-foot-load": f"plan short_stride.csv {NEAREST} --method foot-optimal --model soft.toml "
-    "--load urdf --max-request-speed-deg-s 4000 -o out.csv",
+    "--load urdf --max-request-speed-deg-s 4000 --weights 9 1 1 -o out.csv",
     "plan-load": "plan loaded.csv --model motor.toml --load column --report page.html -o out.csv",
     "plan-motor": "plan path.csv --model motor.toml --speed 0.5 --limits-deg -40:60 --report "
     "page.html -o out.csv",
     "plan-motor-json": "plan path.csv --model motor.toml --speed 0.5 --robust worst "
     "--max-step-deg 8 --json",
     "plan-page": f"plan stride.csv {CLAMPED} --report page.html -o out.csv",
+    "plan-options": "plan path.csv --joint hip --solver ipopt -q",
     "plan-pose": f"plan requests.csv {PERMUTED} --model soft.toml --load urdf-dynamics "
     "--method closed-form --segments 4 --no-cyclic --tolerance-deg 6 -o out.csv",
     "plan-rest": "plan path.csv --no-cyclic --start-deg 2 --limits-deg knee=0:40 --norm max -v",
@@ -173,7 +187,13 @@ CASES = {
         f"plan short_stride.csv {CLAMPED} --method foot-optimal -o r.csv -q",
         "simulate r.csv --model joint.toml -o m.csv -q",
         f"refine r.csv m.csv --desired short_stride.csv {CLAMPED} --method foot-optimal "
-        "--no-reidentify --report page.html -o n.csv",
+        "--weights 1 2 1 --no-reidentify --report page.html -o n.csv",
+    ],
+    "refine-options": [
+        "refine path.csv measured.csv --desired path.csv --no-reidentify --no-cyclic "
+        "--start-deg 0.2 --norm max --max-step-deg 3 -q",
+        "refine path.csv measured.csv --desired path.csv --no-reidentify --joint hip "
+        "--solver ipopt --max-request-speed-deg-s 300 -q",
     ],
     "refine-pose": [
         "simulate requests.csv --model joint.toml -o m.csv -q",
@@ -234,6 +254,10 @@ CASES = {
     ],
     "replay-page": "replay demo.csv --model ers210a --speed 0.5 --report page.html -o out.csv "
     "--leg reference",
+    "replay-options": [
+        "replay demo.csv --model joint.toml --end-s 0.3 --joint hip --solver ipopt -q",
+        "replay demo.csv --model joint.toml --max-request-speed-deg-s 30 --smoothness 0.3 -q",
+    ],
     "replay-rough": [
         "replay rough.csv --model ers210a -o /dev/null",
         "replay rough.csv --model motor.toml --begin-s 0.9 --joint tail --limits-deg 160:250 "
@@ -279,6 +303,10 @@ CASES = {
     "simulate": "simulate requests.csv --model joint.toml",
     "simulate-motor": "simulate requests.csv --model motor.toml --json",
     "simulate-desired": "simulate path.csv --desired path.csv --json",
+    "simulate-options": [
+        "simulate bare.csv --rate-hz 62.5 -q",
+        "simulate loaded.csv --model motor.toml --load column -q",
+    ],
     "simulate-rest": "simulate path.csv --no-cyclic --start-deg knee=3 --joint knee -o out.csv",
     "sweep-best": "sweep best.toml --workers 1",
     "sweep-gaits": "sweep gaits.toml --workers 1",
@@ -531,3 +559,39 @@ def reproduction(request, name, keep):
     parts = written(made.folder, printed=made.printed, skipped=SKIPPED[name])
     text = "\n".join([masked(made.printed), *parts])
     return re.sub(r"(?<=CSV files: ).*", "out", text)
+
+
+OF_LEGS = {"--urdf", "--base", "--foot", "--lock", "--near"}
+OF_LOGS = {"--time", "--requested", "--actual", "--torque", "--ticks-per-turn"}
+OF_DATASETS = {"--topic", "--command-topic", "--episodes"}
+
+ELSEWHERE = {
+    "excite": set(),
+    "export": set(),
+    "fit": set(),
+    "gait": OF_LEGS | {"--model", "--fastest", "--tolerance-cm"},
+    "identify": OF_LOGS | OF_DATASETS,
+    "plan": OF_LEGS,
+    "refine": OF_LEGS | {"--rate-hz"},
+    "replay": OF_LEGS | OF_LOGS | OF_DATASETS | {"--scheduler"},
+    "simulate": set(),
+}
+"""Options that are tested with legs of one's own, logs, whole robots and clusters."""
+
+
+@pytest.mark.parametrize("name", ELSEWHERE)
+def test_every_option_of_a_command_is_in_a_case(name):
+    given = set()
+    for line in itertools.chain.from_iterable(
+        [x] if isinstance(x, str) else x for x in CASES.values()
+    ):
+        words = shlex.split(line)
+        given |= set(words) if words[:1] == [name] else set()
+    parameters = cli.get_command(click.Context(cli), name).params
+    options = [
+        {*each.opts, *each.secondary_opts}
+        for each in parameters
+        if each.param_type_name == "option"
+    ]
+    left = {max(each, key=len) for each in options if not each & given}
+    assert left <= ELSEWHERE[name] | {"--quiet", "--verbose"}
