@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import gc
 import io
 import logging
 import sys
 from types import SimpleNamespace
 
 import click
-import numba
 import pytest
 
 from planner import compilation
@@ -65,34 +63,6 @@ def test_compiled_code_goes_where_numba_is_told_or_to_the_user_or_nowhere(
     assert folder_of("one") is None
 
 
-def test_a_function_goes_to_its_own_folder_and_others_where_numba_was_told(modules, monkeypatch):
-    monkeypatch.setattr(compilation.CONFIG, "CACHE_DIR", "told")
-    told = []
-
-    def njit(function, **options):
-        if "cache" in options and function is unwritable:
-            raise RuntimeError("no locator available")
-        told.append((compilation.CONFIG.CACHE_DIR, options))
-        return function
-
-    monkeypatch.setattr(numba, "njit", njit)
-    function, unwritable = (SimpleNamespace(__module__="planner.one", number=k) for k in range(2))
-    for folder in (modules["one"].parent / "one", None):
-        monkeypatch.setattr(compilation, "_cache_folder", lambda _, folder=folder: folder)
-        assert compilation.compiled(function) is function
-    compilation.inner(function)
-    monkeypatch.setattr(compilation, "_cache_folder", lambda _: modules["one"].parent)
-    assert compilation.compiled(unwritable) is unwritable
-    cached, plain, inner, uncached = told
-    assert uncached[1] == {"error_model": "numpy"}
-    assert cached == (str(modules["one"].parent / "one"), {"cache": True, "error_model": "numpy"})
-    assert plain == ("told", {"error_model": "numpy"})
-    assert inner[1].pop("pipeline_class") is compilation._InnerCompiler
-    wrappers = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-    assert inner == ("told", {"error_model": "numpy", **wrappers})
-    assert compilation.CONFIG.CACHE_DIR == "told"
-
-
 @pytest.fixture
 def announced(tmp_path, monkeypatch, caplog):
     """What is announced of two compiled functions by a process of its own, after others."""
@@ -124,36 +94,8 @@ def test_compilation_without_a_cache_is_announced_with_what_to_do(announced, mon
     assert announced() == compilation.NO_CACHE + "\n"
 
 
-def test_the_compilation_of_a_users_function_is_not_announced(announced):
-    assert announced(numba.njit(lambda: 1)) == ""
-
-
 def test_of_processes_that_compile_at_the_same_time_one_announces_it(announced):
     assert [announced() for _ in range(3)] == [compilation.COMPILING + "\n", "", ""]
-
-
-@pytest.mark.parametrize("ours", [True, False], ids=["ours", "a user's"])
-def test_no_garbage_is_collected_while_functions_of_the_package_compile(ours, announced):
-    announced()
-    listener = compilation._Compilation()
-    gc.disable()
-    try:
-        for report in (listener.on_start, listener.on_end):
-            report(SimpleNamespace(data={"dispatcher": kernel.run}))
-            assert not gc.isenabled(), "as the caller wants it"
-    finally:
-        gc.enable()
-    outer = SimpleNamespace(data={"dispatcher": kernel.run if ours else numba.njit(lambda: 1)})
-    collected = []
-    for report in (listener.on_start, listener.on_start, listener.on_end, listener.on_end):
-        report(outer)
-        collected.append(gc.isenabled())
-    assert collected == [not ours, not ours, not ours, True]
-
-
-def test_python_is_refused_a_function_that_only_compiled_ones_call():
-    with pytest.raises(ValueError, match=r"list\.remove"):
-        kernel.rounded_clip(0.0, -1.0, 1.0, 0.1)
 
 
 def test_quiet_commands_announce_no_compilation(announced):

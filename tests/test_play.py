@@ -105,13 +105,6 @@ def test_the_last_request_is_sent_however_late():
     assert report.latest == 99.0 - 3 * TICK
 
 
-def test_a_sender_slower_than_the_period_is_reported():
-    report = Robot(sending=2.5 * TICK).play(cycles=10)
-    assert report.overruns == report.sent
-    assert report.sent + report.skipped == 40
-    assert f"{report.overruns} overruns, {report.skipped} skipped" in str(report)
-
-
 def test_ctrl_c_ends_a_walk_for_ever_and_is_reported():
     robot = Robot()
     robot.fail_at, robot.failure = 41, KeyboardInterrupt()
@@ -162,20 +155,6 @@ def test_a_robot_is_led_to_the_first_request_no_faster_than_the_limit():
     assert report.sent == len(robot.rows)
 
 
-def test_a_late_ramp_waits_and_skips_nothing():
-    robot = Robot()
-    robot.stall_at, robot.stall = 5, 20.0 * TICK
-    report = robot.play(cycles=1, current=[0.1, 0.7], speed=0.5)
-    assert np.min(np.diff(robot.times)) >= TICK
-    assert report.skipped == 0
-    assert report.overruns == 1
-
-
-def test_a_robot_that_is_there_already_is_not_led():
-    robot = Robot()
-    assert robot.play(cycles=1, current=WALK[0], speed=0.5).sent == 4
-
-
 @given(
     st.floats(-3.0, 3.0),
     st.floats(-3.0, 3.0),
@@ -195,13 +174,6 @@ def test_timed_requests_go_on_for_ever_without_drift():
     late = next(islice(planner.timed_requests(WALK, period=0.008), 10**5 + 1, None))
     assert late.time == (10**5 + 1) * 0.008
     assert np.array_equal(late.requests, WALK[1])
-
-
-def test_timed_requests_of_one_joint_end_after_their_cycles():
-    timed = list(planner.timed_requests([0.1, 0.2], period=0.5, cycles=2))
-    assert [request.time for request in timed] == [0.0, 0.5, 1.0, 1.5]
-    assert [request.requests.tolist() for request in timed] == [[0.1], [0.2], [0.1], [0.2]]
-    assert not timed[0].requests.flags.writeable
 
 
 @pytest.mark.parametrize(

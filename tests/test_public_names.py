@@ -6,7 +6,6 @@ import copy
 import doctest
 import inspect
 import pickle
-import subprocess
 import sys
 
 import numpy as np
@@ -15,8 +14,6 @@ import pytest
 import kinematics
 import planner
 import planner.exceptions
-
-HEAVY = ("casadi", "numba", "cvxpy", "osqp", "matplotlib", "pinocchio", "scipy", "jinja2")
 
 
 @pytest.mark.parametrize("package", [planner, kinematics], ids=["planner", "kinematics"])
@@ -48,17 +45,6 @@ def test_everything_that_is_raised_on_purpose_is_public():
 def test_a_name_that_does_not_exist_is_an_attribute_error():
     with pytest.raises(AttributeError, match="no attribute 'invert_magically'"):
         _ = planner.invert_magically
-
-
-def test_importing_planner_and_its_command_line_imports_nothing_heavy():
-    code = (
-        "import sys, planner, planner.cli\n"
-        f"print([name for name in {HEAVY!r} if name in sys.modules])"
-    )
-    done = subprocess.run(
-        [sys.executable, "-P", "-c", code], capture_output=True, text=True, check=True
-    )
-    assert done.stdout.strip() == "[]"
 
 
 ANGLES = np.sin(np.arange(30.0) / 5.0)

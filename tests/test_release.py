@@ -93,14 +93,6 @@ def test_changelog_and_citation_tell_the_version_and_its_date():
     assert CITATION["version"] == __version__
 
 
-def test_citation_and_metadata_say_the_same():
-    assert CITATION["title"] == PROJECT["name"]
-    assert CITATION["license"] == PROJECT["license"]
-    assert CITATION["keywords"] == PROJECT["keywords"]
-    assert CITATION["abstract"] == PROJECT["description"] + "."
-    assert CITATION["authors"] == PROJECT["authors"]
-
-
 def test_the_scripts_look_for_the_pythons_that_the_metadata_names():
     named = [
         found[1]
@@ -128,10 +120,6 @@ def _block(language):
     match = re.search(rf"```{language}\n(.*?)```", README.read_text(encoding="utf-8"), re.DOTALL)
     assert match is not None, f"the README has no block of {language}"
     return match[1]
-
-
-def test_the_first_screen_has_a_few_lines_of_python():
-    assert len([line for line in _block("python").splitlines() if line]) <= 10
 
 
 def test_the_model_file_of_the_readme_is_one(tmp_path):

@@ -63,7 +63,3 @@ def test_intervals_of_an_identification_stand_beside_their_unit():
     assert row.split()[-1] == "rad"
     (share,) = [row for row in repr(made_up(made_up_log(unit="1"))).splitlines() if "v_max" in row]
     assert share.split()[-1] == "1/s"
-
-
-def test_a_completion_of_the_package_lists_its_public_names_alone():
-    assert dir(planner) == planner.__all__

@@ -6,7 +6,6 @@ import io
 import math
 import os
 import sys
-from types import SimpleNamespace
 
 import click
 import pytest
@@ -20,7 +19,6 @@ from planner.cli.console import (
     detail,
     remark,
     summarise,
-    terminal_width,
     warn,
 )
 from planner.exceptions import ANGLE_UNIT, JOINT_UNITS, PlannerError, about, angle_text
@@ -124,26 +122,6 @@ def test_a_warning_is_wrapped_on_a_terminal_and_one_line_elsewhere(monkeypatch):
             assert len(lines) == 1
         text = " ".join(" ".join(lines).split())
         assert text == f"request-planner: warning: {LONG}"
-
-
-@pytest.mark.parametrize(
-    ("columns", "width"), [("60", 60), ("1", 1), ("0", None), ("wide", None), (None, None)]
-)
-def test_columns_set_the_width_before_the_terminal_does(monkeypatch, columns, width):
-    monkeypatch.delenv("COLUMNS", raising=False)
-    if columns is not None:
-        monkeypatch.setenv("COLUMNS", columns)
-    assert terminal_width(None) == terminal_width(io.StringIO()) == width
-    terminal = SimpleNamespace(isatty=lambda: True, fileno=lambda: 2)
-    for there, shown in ((132, 132), (0, 80), (None, 80)):
-
-        def size(_, there=there):
-            if there is None:
-                raise OSError
-            return os.terminal_size((there, 24))
-
-        monkeypatch.setattr("os.get_terminal_size", size)
-        assert terminal_width(terminal) == (width or shown)
 
 
 @pytest.mark.parametrize(

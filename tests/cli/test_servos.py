@@ -229,28 +229,6 @@ def test_ctrl_c_ends_it_in_one_line_and_keeps_every_row(run, tmp_path, monkeypat
     assert len((tmp_path / "arm_logs" / "joint_1.csv.part").read_text().splitlines()) > 500
 
 
-def test_what_was_played_is_answered_number_by_number(run, arm, requests, monkeypatch):
-    def perform(self, rows, *, period, cycles, keep):
-        self.bus.lost = 3
-        for number, row in enumerate(np.tile(rows, (cycles, 1))):
-            keep(period * number, row, np.full(1, np.nan if number % 2 else 0.1))
-        return Playback(sent=120, skipped=5, overruns=2, latest=0.004)
-
-    monkeypatch.setattr(Arm, "perform", perform)
-    result = run("play", requests, "--bus", "virtual", "--model", arm, "--json")
-    document = json.loads(result.stdout)
-    assert document.pop("answers_asked") > 3
-    assert document == {
-        "rows": 150,
-        "requests": 150,
-        "skipped": 5,
-        "overruns": 2,
-        "latest_s": 0.004,
-        "angles_lost": 75,
-        "answers_lost": 3,
-    }
-
-
 def test_lost_packets_are_counted_and_their_rows_lie_between_their_neighbours(
     run, arm, requests, faulty, tmp_path
 ):
@@ -593,49 +571,6 @@ def test_a_row_belongs_to_the_request_at_whose_time_it_was_due():
         _a_row_each(times, np.column_stack([angles[:, 0], np.full(4, np.nan)]), 7, 0.02)
 
 
-@pytest.mark.parametrize(
-    ("skipped", "lost", "warned"), [(0, 0, ""), (1, 0, "1 of"), (0, 1, "0 of")]
-)
-def test_a_path_is_played_at_its_own_rate_wherever_its_times_begin(
-    run, arm, monkeypatch, tmp_path, skipped, lost, warned
-):
-    def perform(self, rows, *, period, cycles, keep):  # noqa: ARG001
-        assert period == pytest.approx(0.02)
-        assert self.names == ("joint_1",)
-        for number, row in enumerate(rows[skipped:]):
-            keep(period * number, row, row + (np.nan if number < lost else 0.0))
-        return Playback(sent=len(rows), skipped=skipped)
-
-    monkeypatch.setattr(Arm, "perform", perform)
-    arm.write_text(ARM.replace("joint_1", "other").replace("id = 1", "id = 2") + ARM)
-    file = tmp_path / "late.csv"
-    file.write_text("t_s,joint_1_deg\n5.00,1\n5.02,2\n5.04,3\n")
-    result = run("play", file, "--bus", "virtual", "--model", arm)
-    assert result.exit_code == 0, result.stderr
-    left = 3 - skipped
-    words = f"{skipped} of 3 requests were not sent in time and {lost} of {left} angles were not"
-    assert f"{left} rows of joint_1 in log.csv\nplayed: finished after" in result.stderr
-    assert (words in result.stderr) == bool(warned)
-    file.write_text("joint_1_deg\n1\n2\n")
-    result = run("play", file, "--bus", "virtual", "--model", arm)
-    assert "late.csv: no column t_s, so no time between requests; add it" in result.stderr
-
-
-def test_a_record_keeps_its_rate_where_rows_are_late(run, arm, faulty, tmp_path):
-    """A row takes about a millisecond on the bus, and two where it is lost."""
-    result = run(
-        *("record", "--bus", "virtual", "--model", arm, "--duration-s", "0.1"),
-        *("--rate-hz", "4000", "-o", "fast.csv"),
-    )
-    assert result.exit_code == 0, result.stderr
-    times = np.loadtxt(tmp_path / "fast.csv", delimiter=",", skiprows=1)[:, 0]
-    assert times[-1] < 0.1 < times[-1] + 3e-3
-    assert 50 < len(times) < 390
-    faulty(drop=0.1)
-    said = run("record", "--bus", "virtual", "--model", arm, "--duration-s", "3").stderr
-    assert 5.0 < float(re.search(r"; ([\d.]+) % of answers lost", said)[1]) < 40.0
-
-
 @pytest.mark.parametrize("by_hand", [True, False])
 def test_the_torque_goes_off_for_a_hand_and_is_left_alone_for_others(
     run, arm, monkeypatch, by_hand
@@ -671,18 +606,6 @@ def test_ctrl_c_stops_a_motion_and_ends_a_record(run, arm, requests, monkeypatch
     assert result.exit_code == 130
     assert result.stderr.endswith("torque as before; the log until then is new.csv.part\n")
     assert not (tmp_path / "new.csv").exists()
-
-
-def test_the_error_of_a_model_is_over_measured_rows_wherever_their_times_begin():
-    model = JointModel(v_max=5.0, theta_0=0.2, lag=0.02, acceleration_time=0.02, tick=0.02)
-    requests = 0.3 + 0.2 * np.sin(0.2 * np.arange(120))
-    angles = simulate(model, requests, cyclic=False, start=0.8)
-    kept = np.flatnonzero(np.arange(120) % 7 != 3)  # requests lie nearly on lines in between
-    measured = np.arange(len(kept)) % 5 != 2
-    angles = np.where(measured, angles[kept] + 0.1 * (kept > 0), 3.0)
-    log = Log(times=7.0 + 0.02 * kept, requests=requests[kept], angles=angles, measured=measured)
-    share = 1.0 - 1.0 / measured.sum()
-    assert _errors(model, log)[0] == pytest.approx(0.1 * np.sqrt(share), rel=0.05)
 
 
 @pytest.mark.parametrize(("gentle", "beyond"), [(4.0, 0.6), (0.0, 1.0)])

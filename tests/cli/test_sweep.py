@@ -14,7 +14,6 @@ import pytest
 
 import planner
 from kinematics import urdf_path
-from planner.cli.sweep import summary
 from planner.cli.sweep.points import planned_points, read_sweep
 from planner.exceptions import InvalidFile
 from planner.files.paths import write_joint_path
@@ -147,14 +146,6 @@ def test_a_search_is_the_same_again_and_another_one_for_another_seed(sought):
     other, _ = sought(f"{more}seed = 1\n")
     assert other.outcomes[0] != first.outcomes[0]
     assert first.outcomes[:4] == sought(more.replace("24", "20"))[0].outcomes[:4]
-
-
-def test_errors_of_points_are_in_the_norm_of_the_plan_and_positions_out_of_reach_count(swept):
-    gait = GAIT.replace('"reference"', '"reference"\nunreachable = "clamp"')
-    made, _ = swept(gait.replace('"optimal"', '"shift"\nnorm = "max"') + "length = [0.02, 0.2]\n")
-    near, far = made.outcomes
-    assert near.error == near.largest
-    assert (near.unreachable, far.unreachable > 10) == (0, True)
 
 
 def test_the_front_has_no_point_that_another_beats_in_both():
@@ -315,18 +306,6 @@ def test_outcomes_depend_on_the_content_of_all_files(tmp_path):
     with (tmp_path / "s.toml").open("a") as file:
         file.write("[sweep]\nat_error_cm = 1\n")
     assert read_sweep(str(tmp_path / "s.toml")).inputs() == seen[-1]
-
-
-def test_the_first_ten_reasons_are_printed_with_the_number_of_their_points():
-    outcomes = [Outcome((k,), reason=f"reason {k // 2}", number=k + 1) for k in range(2 * 12)]
-    made = Swept("a.toml", ("length",), tuple(outcomes[:20]), "cm/s", "cm")
-    lines = summary(made).splitlines()
-    assert lines[1] == "0 of 20 points have a plan; the front:"
-    assert lines[2:] == [f"point {2 * k + 1} and 1 more: reason {k}" for k in range(10)]
-    assert summary(replace(made, outcomes=tuple(outcomes[:-1]))).splitlines()[11:] == [
-        "point 19 and 1 more: reason 9",
-        "2 more reasons in points.csv",
-    ]
 
 
 @pytest.mark.usefixtures("in_this_process")

@@ -10,11 +10,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import planner
-from planner.exceptions import InvalidFile, InvalidInput
+from planner.exceptions import InvalidFile
 from planner.files.paths import (
     JointPath,
     joint_path,
-    read_foot_path,
     read_joint_path,
     resampled,
     write_curve,
@@ -45,11 +44,6 @@ def test_a_column_of_radians_that_holds_degrees_is_refused(tmp_path, degrees):
     read_joint_path(_written(tmp_path / "deg.csv", "pan_deg", degrees))
 
 
-def test_degrees_that_rise_evenly_are_no_joint_that_winds(tmp_path):
-    with pytest.raises(InvalidFile, match=r"column 'elbow_rad': got 59 rad, 9\.4 turns"):
-        read_joint_path(_written(tmp_path / "path.csv", "elbow_rad", np.arange(40.0, 60.0)))
-
-
 @pytest.mark.parametrize(
     "radians",
     [
@@ -71,17 +65,6 @@ def test_a_log_is_no_path_but_each_of_its_columns_is(tmp_path, columns):
         read_joint_path(tmp_path / "log.csv")
     requested = columns.partition("_deg")[0]
     assert read_joint_path(tmp_path / "log.csv", joints=[requested]).names == (requested,)
-
-
-def test_shares_of_a_range_are_written_as_such_and_not_mixed(tmp_path):
-    file = tmp_path / "path.csv"
-    file.write_text("jaw_range\n0.25\n0.5\n")
-    shares = read_joint_path(file)
-    write_joint_path(file, shares.names, shares.angles, period=0.01, units=shares.units)
-    assert file.read_text() == "t_s,jaw_range\n0.0,0.25\n0.01,0.5\n"
-    file.write_text("hip_rad,jaw_range,wrist_percent\n0,0,0\n0,0,0\n")
-    with pytest.raises(InvalidFile, match="mixed units"):
-        read_joint_path(file)
 
 
 def test_uneven_times_are_refused_unless_the_path_is_resampled(tmp_path):
@@ -119,17 +102,6 @@ def test_a_resampled_cycle_has_the_nearest_whole_number_of_samples(count, step, 
     np.testing.assert_allclose(same, rows, rtol=0.0, atol=1e-9)
 
 
-def test_a_foot_path_is_resampled_and_one_without_times_is_left_as_it_is(tmp_path):
-    foot = np.column_stack([np.sin(PHASE), np.cos(PHASE), 0.0 * PHASE])
-    names = ["t_s", "x_m", "y_m", "z_m"]
-    write_table(tmp_path / "foot.csv", names, np.column_stack([0.01 * np.arange(100), foot]))
-    path = read_foot_path(tmp_path / "foot.csv").in_step(0.02, resample=True, cyclic=True)
-    np.testing.assert_allclose(path.positions, foot[::2], rtol=0.0, atol=1e-12)
-    write_table(tmp_path / "bare.csv", names[1:], foot)
-    bare = read_foot_path(tmp_path / "bare.csv")
-    assert bare.in_step(0.02, resample=True, cyclic=True) is bare
-
-
 def test_a_curves_json_gives_it_back_to_the_last_digit_and_its_csv_the_knots(tmp_path):
     curve = planner.PiecewiseLinear(
         knots=[2.0, 5.5, 8.0 + 1 / 3], values=[1.0, -1.0, 0.5], samples=10, tick=0.008, cyclic=True
@@ -146,11 +118,6 @@ def test_a_curves_json_gives_it_back_to_the_last_digit_and_its_csv_the_knots(tmp
     np.testing.assert_allclose(values, np.degrees(curve.values), rtol=0.0, atol=1e-12)
 
 
-def test_too_many_samples_are_refused_before_they_are_made():
-    with pytest.raises(InvalidInput, match="expected at most 1000000 samples; ask for a lower"):
-        resampled(np.arange(3.0), np.zeros((3, 1)), 1e-9, cyclic=True)
-
-
 def test_torques_on_joints_are_read_written_and_resampled_with_them(tmp_path):
     file = tmp_path / "loaded.csv"
     angles = np.radians([[0.0, 1.0], [2.0, 3.0], [4.0, 5.0], [2.0, 3.0]])
@@ -163,25 +130,6 @@ def test_torques_on_joints_are_read_written_and_resampled_with_them(tmp_path):
     finer = path.in_step(0.01, resample=True, cyclic=True)
     np.testing.assert_allclose(finer.loads[:3, 0], [0.1, 0.15, 0.2], rtol=0.0, atol=1e-12)
     assert len(finer.loads) == len(finer.angles) == 8
-
-
-def test_a_torque_on_a_joint_that_is_not_there_is_refused(tmp_path):
-    file = tmp_path / "loaded.csv"
-    file.write_text("hip_deg,hop_load_Nm\n1,0.5\n3,0.6\n")
-    with pytest.raises(InvalidFile, match=r"no joint 'hop' \(did you mean 'hip'\?\); joints: hip"):
-        read_joint_path(file)
-
-
-@pytest.mark.parametrize(("speed", "samples"), [(2.0, 50), (0.5, 200), (1.0, 100)])
-def test_a_path_at_another_speed_is_the_same_path_with_fewer_or_more_samples(
-    speed, samples, tmp_path
-):
-    file = tmp_path / "path.csv"
-    write_joint_path(file, ["hip"], np.sin(PHASE)[:, np.newaxis], period=0.01)
-    path = read_joint_path(file).in_step(0.01, resample=True, cyclic=True, speed=speed)
-    expected = np.sin(2.0 * np.pi * np.arange(samples) / samples)
-    np.testing.assert_allclose(path.angles[:, 0], expected, atol=5e-4)  # lines cut the arcs
-    np.testing.assert_allclose(path.times, 0.01 * np.arange(samples))
 
 
 @pytest.mark.parametrize(
@@ -205,14 +153,6 @@ def test_a_path_may_call_its_times_whatever_a_log_may(tmp_path, title, cells):
     (same,) = planner.read_logs(log)
     np.testing.assert_allclose(read.times, [0.0, 0.02], rtol=0.0, atol=1e-12)
     np.testing.assert_array_equal(read.times, same.times[:2])
-
-
-@pytest.mark.parametrize("title", ["time", "stamp", "clock"])
-def test_times_without_a_unit_are_refused_with_a_name_that_has_one(tmp_path, title):
-    file = tmp_path / "path.csv"
-    file.write_text(f"{title},knee_deg\n0,1\n20,2\n")
-    with pytest.raises(InvalidFile, match=f"'{title}' has no unit; rename it {title}_s"):
-        read_joint_path(file)
 
 
 @pytest.mark.parametrize("period", [0.008, 0.01, 0.1, 1.0 / 30.0])

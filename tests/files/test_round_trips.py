@@ -109,11 +109,6 @@ def test_a_dash_is_standard_input_and_standard_output(monkeypatch, capsys):
     assert out == "t_s,knee_deg\n0.0,57.295779513082\n0.5,114.591559026165\n"
 
 
-def test_what_rounds_to_nothing_is_written_without_a_sign(tmp_path):
-    write_joint_path(tmp_path / "path.csv", ["knee"], np.array([[-1e-16], [0.0]]), period=0.008)
-    assert (tmp_path / "path.csv").read_text() == "t_s,knee_deg\n0.0,0.0\n0.008,0.0\n"
-
-
 @pytest.mark.parametrize(
     "name", ["=1+2", "+knee", "-knee", "@SUM(A1)", "'=knee", "'knee", "\tknee"]
 )

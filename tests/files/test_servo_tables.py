@@ -29,11 +29,6 @@ def written(tmp_path, **changes):
     return file
 
 
-def test_what_is_left_out_has_its_default(tmp_path):
-    left = dict.fromkeys(["zero_tick", "direction", "ticks_per_turn", "limits", "p_gain"])
-    assert read_servos(written(tmp_path, **left))["knee"] == Servo(id=7)
-
-
 @pytest.mark.parametrize(
     ("changes", "line", "message"),
     [

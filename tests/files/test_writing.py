@@ -11,7 +11,6 @@ import subprocess
 import sys
 from contextlib import suppress
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -197,16 +196,6 @@ def test_results_that_are_a_pipe_or_without_end_are_the_users(tmp_path):
         _run(tmp_path)
 
 
-def test_a_manifest_that_is_too_long_to_be_a_runs_is_the_users(tmp_path, monkeypatch):
-    _run(tmp_path / "out")
-    size = (tmp_path / "out" / "results.json").stat().st_size
-    monkeypatch.setattr(staging, "MOST_MANIFEST", size)
-    _run(tmp_path / "out")
-    monkeypatch.setattr(staging, "MOST_MANIFEST", size - 1)
-    with pytest.raises(InvalidFile, match=r"no earlier run made \(a\.csv and 1 more\)"):
-        _run(tmp_path / "out")
-
-
 def test_files_that_appear_during_a_run_are_kept(tmp_path):
     out = tmp_path / "out"
     _run(out)
@@ -357,15 +346,6 @@ def test_an_error_in_a_hidden_folder_is_told_by_the_output(tmp_path, number, nam
 
 
 @pytest.mark.parametrize(
-    ("kind", "name"), [(FileNotFoundError, "/elsewhere"), (BrokenPipeError, "NEW/a.csv")]
-)
-def test_other_errors_in_the_making_of_a_folder_are_told_as_they_are(tmp_path, kind, name):
-    with pytest.raises(kind):
-        _failing(tmp_path / "out", kind, 2, name)
-    assert list(tmp_path.iterdir()) == []
-
-
-@pytest.mark.parametrize(
     ("check", "message"),
     [
         (check_writable, "{}: cannot be written ({}); choose another place for the output"),
@@ -423,44 +403,6 @@ def test_numbers_that_json_has_not_become_null():
         "a": [1.5, None],
         "b": [{"c": None}, None, 2],
     }
-
-
-@pytest.mark.parametrize(("number", "kind"), [(32, BrokenPipeError), (28, InvalidFile)])
-def test_a_reader_that_goes_away_is_no_fault_of_the_output(monkeypatch, number, kind):
-    def refuse(_):
-        raise OSError(number, os.strerror(number))
-
-    monkeypatch.setattr("sys.stdout", SimpleNamespace(write=refuse, flush=str))
-    with pytest.raises(kind):
-        write_text("-", "text")
-    monkeypatch.setattr("sys.stdout", None)
-    with pytest.raises(InvalidFile, match=r"-: standard output is closed; name a file for"):
-        write_text("-", "text")
-
-
-def test_the_search_for_files_of_others_ends(tmp_path, monkeypatch):
-    monkeypatch.setattr(staging, "MOST_FOREIGN", 3)
-    for name in "abcdef":
-        (tmp_path / name).touch()
-    with pytest.raises(InvalidFile, match=r"no earlier run made \(\w and at least 2 more\)"):
-        _run(tmp_path)
-
-
-def test_no_path_is_the_working_folder(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "notes.txt").touch()
-    with pytest.raises(InvalidFile, match=r"^\.: holds files"):
-        _run("")
-
-
-def test_an_empty_folder_is_filled_and_a_file_is_refused(tmp_path):
-    empty, file = tmp_path / "empty", tmp_path / "file"
-    empty.mkdir()
-    _run(empty)
-    assert "a.csv" in list_files(empty)
-    file.touch()
-    with pytest.raises(InvalidFile, match="is a file, expected a folder"):
-        _run(file)
 
 
 def test_a_folder_is_all_there_while_none_of_its_files_is_gone(tmp_path):

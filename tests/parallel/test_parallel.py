@@ -41,13 +41,6 @@ def test_every_task_has_its_result_and_an_empty_list_of_tasks_none(results):
     assert run(work.square, [], results) == {}
 
 
-def test_one_worker_and_two_give_the_same_bytes(tmp_path):
-    for workers in (1, 2):
-        made = Results(tmp_path / str(workers), {"power": 2})
-        run(work.square, work.tasks(), made, workers=workers)
-    assert work.held(tmp_path / ".1.results") == work.held(tmp_path / ".2.results") != {}
-
-
 def test_a_task_that_fails_is_reported_and_the_rest_goes_on(results):
     with pytest.warns(UserWarning, match="four is even"):
         failures = run(work.refuse_three, work.tasks(), results, workers=2)
@@ -93,16 +86,6 @@ def test_a_task_that_kills_every_worker_is_reported_and_no_other_is_lost(tmp_pat
     assert (tmp_path / "mark").read_text().count("killed") == 2
     assert failures == {"task 3": "its process died, 2 times (out of memory?)"}
     assert len(work.held(results.folder)) == 7
-
-
-def test_a_result_that_does_not_arrive_is_a_reason(results):
-    def lost(*_):
-        future = Future()
-        future.set_exception(EOFError("no more"))
-        return future
-
-    failures = carry_out(work.square, work.tasks(1), results, SimpleNamespace(submit=lost))
-    assert failures == {"task 0": "EOFError: no more"}
 
 
 def test_lost_workers_end_the_wait_for_tasks_that_they_do_not_finish(monkeypatch):
@@ -219,12 +202,6 @@ def test_results_for_other_settings_are_not_mixed(tmp_path):
     (first.folder / "settings.json").write_text("[]")
     with pytest.raises(InvalidInput, match="other settings"):
         Results(tmp_path / "a", {"speed": 1.5}, resume=True)
-
-
-def test_a_folder_that_cannot_be_made_is_refused(tmp_path):
-    (tmp_path / "file").touch()
-    with pytest.raises(InvalidInput, match="cannot be written"):
-        Results(tmp_path / "file" / "a", {})
 
 
 def test_the_tasks_handed_over_at_once_do_not_grow_with_their_number(monkeypatch):

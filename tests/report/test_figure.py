@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 import re
-from dataclasses import replace
 
 import numpy as np
 import plotly.graph_objects as go
@@ -25,18 +24,12 @@ from planner.report.figure import (
     near_limits,
 )
 from planner.report.matplotlib_figure import (
-    BELOW,
-    HEADING,
-    LEGEND,
-    ROW,
     draw,
-    draw_grid,
-    height_of,
     to_svg,
 )
-from planner.report.page import MANY, Page, figures_section
-from planner.report.plotly_figure import MOST_FRAMES, live, moving_leg, packed, plot
-from planner.report.style import DESIRED, DIRECT, MUTED, REQUESTED, Role
+from planner.report.page import Page
+from planner.report.plotly_figure import moving_leg, packed, plot
+from planner.report.style import DESIRED, DIRECT, MUTED, REQUESTED
 
 X = np.array([0.0, 1.0, 2.0])
 
@@ -102,55 +95,11 @@ def test_the_curves_and_shades_of_a_file_are_those_of_the_figure():
     assert [text.get_text() for text in above.texts] == ["lag 4", r"$v_\mathrm{max}$"]
 
 
-@pytest.mark.parametrize(
-    ("across", "upward", "ways"),
-    [("left", "bottom", (1, 1)), ("right", "top", (-1, -1)), ("center", "middle", (0, 0))],
-)
-def test_words_stand_beside_their_place_on_the_side_that_is_free(across, upward, ways):
-    words = Words("here", 1.0, 2.0, across, upward)
-    panel = Panel(Axis("angle", "deg"), (Curve(DIRECT, X, X),), words=(words,))
-    (axes,) = draw(figure_of(panel)).axes
-    (text,) = axes.texts
-    assert tuple(text.xy) == (1.0, 2.0)
-    assert tuple(np.sign(text.xyann)) == ways
-    assert (text.get_ha(), text.get_va()) == (across, {"middle": "center"}.get(upward, upward))
-
-
-@pytest.mark.parametrize(("side", "at"), [("left", 0.5), ("right", 1.5)])
-def test_the_words_of_a_span_stand_at_its_side(side, at):
-    span = Span(0.5, 1.5, DIRECT, 0.2, words="lag", words_side=side)
-    panel = Panel(Axis("angle", "deg"), (Curve(DIRECT, X, X),), spans=(span,))
-    (axes,) = draw(figure_of(panel)).axes
-    (text,) = [each for each in axes.texts if each.get_text() == "lag"]
-    assert text.xy[0] == at
-
-
-def test_a_room_around_values_is_a_share_of_what_they_span():
-    assert around([np.array([10.0, 12.0]), np.array([11.0])], margin=0.1) == pytest.approx(
-        (9.8, 12.2)
-    )
-    assert around([], margin=0.1) == (-1.0, 1.0)
-
-
 def test_names_are_text_and_nothing_else():
     element = Page("", "", "", [], "", figure=figure_of(*everything())).html()
     assert "<hip>" not in element
     assert 'aria-label="title. axes: angle [deg], ' in element
     assert "panels: &lt;hip&gt;, foot; curves: desired, requested, knots, cloud" in element
-
-
-def test_a_colour_that_the_page_does_not_know_is_refused():
-    strange = Curve(Role("x", "#123456", "#fff"), X, X)
-    with pytest.raises(KeyError, match="#123456"):
-        plot(figure_of(Panel(Axis("angle", "deg"), (strange,))))
-
-
-def test_there_is_no_room_below_an_axis_without_words_and_numbers():
-    panel = Panel(Axis("angle"), (Curve(DIRECT, np.arange(2.0), np.arange(2.0)),))
-    bare, usual = (
-        plot(Figure("a", "", "", Axis("", names=names), (panel,))) for names in ({}, None)
-    )
-    assert bare["height"] < usual["height"] - 30
 
 
 def test_the_same_figure_is_the_same_bytes():
@@ -191,23 +140,6 @@ def test_a_cycle_ends_where_it_begins_and_cycles_do_not_touch():
     assert (timeline.axis.range, once.axis.range) == ((0.0, 16.0), (0.0, 8.0))
 
 
-def test_long_motions_are_in_seconds():
-    short, long = Timeline(0.008, 88), Timeline(0.008, 3400)
-    assert (short.axis.words, short.axis.range) == ("time [ms]; it repeats", (0.0, 704.0))
-    assert (long.axis.words, long.axis.range) == (
-        "time [s]; it repeats",
-        (0.0, pytest.approx(27.2)),
-    )
-    assert (short.axis.decimals, long.axis.decimals) == (0, 3)
-    assert [Timeline(0.05, samples).unit for samples in (100, 101)] == ["ms", "s"]
-
-
-def test_a_motion_of_a_hair_is_shown_in_a_degree():
-    panel = Panel(Axis("angle", "deg", least=1.0), (Curve(DIRECT, X, 1e-9 * X),))
-    assert panel.y_range == pytest.approx((-0.5, 0.5))
-    assert Panel(Axis("angle", "deg", least=1.0), (Curve(DIRECT, X, X),)).y_range is None
-
-
 def test_limits_are_drawn_where_the_requests_come_near():
     requests = Curve(REQUESTED, X, np.array([0.0, 10.0, 5.0]))
     drawn = near_limits((-5.0, 100.0), requests, end=2.0)
@@ -222,18 +154,6 @@ def test_limits_are_drawn_where_the_requests_come_near():
     low, high = around([X, X - 5.0])
     assert low < -5.0
     assert high > 2.0
-
-
-def test_several_figures_are_drawn_as_one():
-    low, high = figure_of(everything()[1]), figure_of(*everything())
-    drawn = draw_grid([low, high, low], columns=2, width=3.6)
-    assert [[len(cell.axes) for cell in row.subfigs] for row in drawn.subfigs] == [[1, 2], [1]]
-    heights = height_of(high, 3.6) + HEADING, height_of(low, 7.2) + HEADING
-    assert tuple(drawn.get_size_inches()) == pytest.approx((7.2, sum(heights)))
-    parts = [row.bbox.height / drawn.bbox.height for row in drawn.subfigs]
-    assert parts == pytest.approx([each / sum(heights) for each in heights])
-    assert height_of(high) - height_of(low) == pytest.approx(ROW + HEADING)
-    assert to_svg(drawn).count("title") >= 3
 
 
 def motion(samples):
@@ -251,42 +171,3 @@ def test_a_leg_is_shown_in_centimetres_with_its_ground_and_its_error():
     assert only["rms"] == pytest.approx(math.sqrt(125.0 / 3.0), abs=0.005)
     assert told["ground"] == -5.01
     assert only["colour"] == "var(--direct)"
-
-
-def test_a_long_motion_is_thinned_and_keeps_its_time():
-    movie = Movie((motion(2 * MOST_FRAMES + 1),), 0.002, cyclic=False)
-    told = live(figure_of(*everything(), movie=movie))
-    assert len(told["motions"][0]["points"]) <= MOST_FRAMES
-    assert told["period"] == pytest.approx(0.006)
-    assert told["ground"] is None
-
-
-def test_a_legend_of_many_entries_stays_inside_its_figure():
-    names = ("requested", "measured", "model, fitted", "model, rows held out", "residual")
-    curves = tuple(Curve(DIRECT, X, X, name) for name in (*names, "held out", "± 2 noise"))
-    drawn = draw(figure_of(Panel(Axis("angle", "deg"), curves)))
-    drawn.draw_without_rendering()
-    (legend,) = drawn.legends
-    assert legend.get_window_extent().x1 <= drawn.bbox.x1
-    columns = len({text.get_window_extent().x0 for text in legend.get_texts()})
-    assert columns == 3
-    assert drawn.get_figheight() == pytest.approx(ROW + BELOW + LEGEND * 3)
-
-
-def test_the_legend_of_one_of_several_figures_has_the_room_that_it_needs():
-    names = ("desired", "closed form", "optimised", "limit", "difference")
-    curves = tuple(Curve(DIRECT, X, X, name) for name in names)
-    drawn = draw_grid([figure_of(Panel(Axis("angle", "deg"), curves))] * 3, columns=3, width=3.6)
-    drawn.draw_without_rendering()
-    for place in drawn.subfigs[0].subfigs:
-        (legend,) = place.legends
-        assert legend.get_window_extent().x1 <= place.bbox.x1
-        rows = len({round(text.get_window_extent().y0) for text in legend.get_texts()})
-    assert drawn.get_figheight() == pytest.approx(ROW + BELOW + LEGEND * rows + HEADING)
-
-
-@pytest.mark.parametrize(("count", "kind"), [(MANY - 1, "pictures"), (MANY, "pictures many")])
-def test_many_figures_stand_in_columns(count, kind):
-    shown = [replace(figure_of(*everything()), name=f"figure{number}") for number in range(count)]
-    page = Page("", "", "", [figures_section("", shown)], "").html()
-    assert re.findall(r'<div class="(pictures.*?)">', page) == [kind]

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -33,23 +31,6 @@ def test_the_lines_go_through_the_curve_and_those_at_the_top_speed_stand_out(cyc
     assert len(starts) > 0
     np.testing.assert_array_equal(curves["at the top speed"].x[::3], starts)
     assert len(curves["knots"].x) == len(fit.knots)
-
-
-def test_knots_of_a_cycle_are_drawn_within_it():
-    fit = fit_of("walk")
-    early = replace(fit, knots=fit.knots - 25.0)
-    figure = fit_figure("hip", early)
-    (rings,) = [curve for curve in figure.panels[0].curves if curve.name == "knots"]
-    assert np.all((rings.x >= 0.0) & (rings.x < 40.0))
-    np.testing.assert_allclose(rings.y, np.degrees(early(rings.x)))
-
-
-def test_the_choices_of_a_straight_path_include_its_one_line():
-    fit = fit_pwl(0.01 * np.arange(30), v_max=V_MAX, tick=1.0, cyclic=False)
-    found = choices(fit, most=3)
-    assert found.automatic == 1
-    assert found.segments == (1, 2, 3)
-    assert len(choices_figure(found, fit).panels) == 1
 
 
 def test_errors_fall_towards_the_floor_and_the_automatic_choice_is_marked():

@@ -11,8 +11,6 @@ import pytest
 from planner.files.joint_model import models_text, read_model_file
 from planner.identification.excitation import excite
 from planner.identification.result import Alternative, Finding, Interval, Term
-from planner.model.evidence import Evidence
-from planner.model.joint import JointModel
 from planner.report.identification.text import (
     excitation_text,
     identification_text,
@@ -56,12 +54,6 @@ def test_every_further_parameter_has_its_unit(name, value, shown):
     model = dataclasses.replace(made_up().model, **{name: value})
     intervals = {**made_up().intervals, name: Interval(0.9 * value, 1.1 * value)}
     assert row(made_up(model=model, intervals=intervals), name).value == shown
-
-
-def test_shares_of_a_range_are_not_reported_as_angles():
-    found = row(made_up(made_up_log(unit="1")), "v_max")
-    assert found.value == "545.4 %/s"
-    assert found.si == ""
 
 
 @pytest.mark.parametrize(
@@ -123,15 +115,6 @@ def test_two_errors_are_compared_in_words(error, other, words):
     assert compared_with(error, other) == words
 
 
-def test_the_verdict_says_whether_the_model_holds_and_on_which_rows():
-    share = "0.96 % of the motion, "
-    assert verdict(made_up()).startswith(
-        f"the model holds: 0.219 deg rms on rows held out, {share}"
-    )
-    unheld = made_up(held_out_rms=None, verdict="refused")
-    assert verdict(unheld).startswith("THE MODEL DOES NOT FIT: 0.199 deg rms on the rows it was")
-
-
 def test_a_model_that_a_pure_delay_beats_is_not_to_be_planned_with():
     late = Alternative(name="delay", rms=0.003, held_out_rms=0.003, parameters={"delay": 0.1})
     found = made_up(alternatives=(late,), verdict="worse than a delay")
@@ -140,26 +123,6 @@ def test_a_model_that_a_pure_delay_beats_is_not_to_be_planned_with():
     text = identification_text({"hip": made_up(), "knee": found})
     assert text.startswith("the model holds for 1 of 2 joints\n")
     assert "worse than a delay" in text
-
-
-def test_an_interval_that_says_nothing_is_not_known():
-    right = made_up()
-    nothing = {"theta_0": Interval(0.0, math.inf), "lag": Interval(-math.inf, math.inf)}
-    found = made_up(intervals={**right.intervals, **nothing})
-    for name in nothing:
-        told = row(found, name)
-        assert (told.interval, told.short) == ("not known", "not known")
-        assert told.judgement == "not determined"
-    assert "at least 0" not in identification_text({"hip": found, "knee": right})
-    assert "at least 0" not in str(model_comments({"hip": found}))
-    assert row(never_saturated(), "v_max").short == "≥ 172 deg/s"
-
-
-def test_parameters_that_not_every_joint_has_are_explained_below_the_table():
-    right = made_up()
-    uneven = made_up(intervals={**right.intervals, "v_offset": Interval(-1.0, 1.0)})
-    text = identification_text({"hip": right, "knee": uneven})
-    assert text.splitlines()[-2].endswith("up less v_max: top speed up less v_max")
 
 
 def test_what_is_not_determined_is_named():
@@ -202,21 +165,6 @@ def test_the_text_of_one_joint_begins_with_the_verdict_and_ends_with_warnings_an
     assert told["the joint model"].split()[-2:] == ["0.199", "0.219"]
 
 
-def test_several_joints_stand_in_one_table():
-    refused = dataclasses.replace(never_saturated(), verdict="refused")
-    lines = identification_text({"hip": made_up(), "knee": refused}).splitlines()
-    assert lines[0] == "the model holds for 1 of 2 joints"
-    assert lines[2].split()[:2] == ["hip", "holds"]
-    assert lines[3].split()[:7] == ["knee", "DOES", "NOT", "FIT", "≥", "172", "deg/s"]
-    assert lines[4].startswith("knee: warning: the joint never")
-
-
-def test_the_warnings_of_an_identification_are_ordered_the_most_important_first():
-    topics = ("pattern", "log", "top speed", "friction")
-    found = made_up(findings=tuple(Finding(topic, f"about {topic}") for topic in topics))
-    assert found.warnings == tuple(f"about {topic}" for topic in reversed(topics))
-
-
 def test_warnings_of_many_joints_come_once_ordered_and_one_line_says_what_to_do_next():
     finding = never_saturated().findings[0]
     friction = Finding("friction", "the log does not determine dry friction")
@@ -244,12 +192,6 @@ def test_warnings_of_many_joints_come_once_ordered_and_one_line_says_what_to_do_
         "dry friction: request-planner excite --kind combined --limits-deg -39:51 --rate-hz 100 "
         "--joint joint1 -o more.csv; then identify from all logs"
     )
-
-
-def test_a_warning_of_joints_whose_numbers_differ_says_whose_numbers_it_has():
-    hip, knee = (Finding("delays", f"lag lies anywhere between 0 and {k} ms") for k in (52, 26))
-    text = identification_text({"hip": made_up(findings=(hip,)), "knee": made_up(findings=(knee,))})
-    assert f"hip and knee: warning: {hip.words} (the numbers are those of hip)" in text.splitlines()
 
 
 @pytest.mark.parametrize(
@@ -298,40 +240,6 @@ def test_no_name_of_a_log_can_break_the_model_file():
     text.encode()
 
 
-HAND_WRITTEN = """
-v_max = 5.0
-theta_0 = 0.1
-lag = 0.03
-acceleration_time = 0.05
-v_max_interval = [4.5, 5.5]
-theta_0_interval = [0.09, 0.1]
-lag_interval = [0.02, inf]
-correlations = [[1.0, 0.9, 0.0], [0.9, 1.0, 0.0], [0.0, 0.0, 1.0]]
-
-[knee]
-v_max = 4.0
-"""
-
-
-def test_intervals_of_a_model_file_are_read_and_written_again_to_the_last_digit(tmp_path):
-    file = tmp_path / "joint.toml"
-    file.write_text(HAND_WRITTEN)
-    model, knee = read_model_file(file).for_joints(["hip", "knee"])
-    ends = {"v_max": (4.5, 5.5), "theta_0": (0.09, 0.1), "lag": (0.02, math.inf)}
-    assert model.evidence == Evidence(
-        intervals=ends, correlations=((1.0, 0.9, 0.0), (0.9, 1.0, 0.0), (0.0, 0.0, 1.0))
-    )
-    assert knee.evidence is None
-    model.to_toml(file)
-    again = JointModel.from_toml(file)
-    assert (again, again.evidence) == (model, model.evidence)
-    identified = made_up().model
-    identified.to_toml(file)
-    known, read = identified.evidence, JointModel.from_toml(file).evidence
-    assert (read.intervals, read.correlations) == (known.intervals, known.correlations)
-    assert set(known.intervals) == {*made_up().intervals} - {"theta_0"} | {"gain"}
-
-
 def test_what_a_signal_would_determine_is_told_about_its_own_middle():
     made = excite("steps", limits=(-0.2, 0.6), period=0.02, duration=10.0)
     lines = excitation_text(made, never_saturated(), model="hip.toml").splitlines()
@@ -357,26 +265,3 @@ def test_what_a_signal_would_determine_is_told_about_its_own_middle():
         determined = [line.split()[0] for line in lines if " roughly " in line]
         assert determined[1:] == ["lag"]
         assert lines[-1] == f"dry friction: {told}"
-
-
-def test_a_limit_of_the_acceleration_names_the_registers_that_may_set_it():
-    right = made_up()
-    assert "Profile" not in identification_text({"hip": right})
-    limited = made_up(
-        model=dataclasses.replace(right.model, max_acceleration=30.0),
-        intervals={**right.intervals, "max_acceleration": Interval(28.0, 32.0)},
-    )
-    (line,) = (x for x in identification_text({"hip": limited}).splitlines() if "Profile" in x)
-    assert line.startswith("The joint accelerates by at most 1719 deg/s²")
-    assert "address 108" in line
-    assert "goal speed, 46" in line
-    refused = dataclasses.replace(limited, verdict="refused")
-    assert "Profile" not in identification_text({"hip": refused})
-    open_ended = {**right.intervals, "max_acceleration": Interval(28.0, math.inf)}
-    bounded = dataclasses.replace(limited, intervals=open_ended)
-    assert "Profile" not in identification_text({"hip": bounded})
-
-
-def test_a_lag_that_a_warning_calls_unknown_is_called_rough():
-    right = made_up(intervals={**made_up().intervals, "lag": Interval(0.024, 0.041)})
-    assert row(right, "lag").judgement == "only ± 8.5 ms"

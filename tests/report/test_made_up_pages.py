@@ -19,8 +19,8 @@ from planner.report.identification.page import (
     identification_page,
 )
 from planner.report.page import sources_of
-from planner.report.plan import feet_table, plan_page, verdict
-from planner.report.replay import MOST_REASONS, episodes_page, replay_page, speeds_figure
+from planner.report.plan import plan_page, verdict
+from planner.report.replay import MOST_REASONS, episodes_page, replay_page
 from planner.report.sweep import Outcome, Requirement, Swept, sweep_page
 from planner.report.table import at_most, two_digits
 from planner.robot.candidates import WORDS, Candidate, Compared
@@ -217,44 +217,6 @@ def test_a_page_says_and_draws_what_it_did(name, snapshot, tmp_path):
     snapshot.check(name, masked(f"{text_of(page)}\n{figures_of(page)}\n"))
 
 
-def test_the_next_command_of_a_calibration_is_set_as_code():
-    page = one_calibration()
-    assert "Next: <code>request-planner plan PATH --model arm.toml -o requests.csv</code>" in page
-
-
-@pytest.mark.parametrize(
-    ("errors", "top", "direct"),
-    [
-        ([(0.5, 0.25), (0.75, 0.5)], 2.1, "as it is"),  # degrees: the tolerance stays in view
-        ([(3.0, 2.0), (1.5, 0.5)], 4.2, "as it is"),
-        ([(3.0, 0.5), (2.5, 1.0)], 2.1, "as it is, off the scale"),
-        ([(3.0, 0.5), (99.0, 30.0)], 40.0, "as it is"),
-    ],
-)
-def test_errors_over_speed_are_shown_with_the_tolerance_and_without_what_is_far_off(
-    errors, top, direct
-):
-    made = replay(logs("elbow"), SERVO)
-    curve = [(1.0 + k, each, other, other, math.nan) for k, (each, other) in enumerate(errors)]
-    for foot, unit, tolerance in ((False, "deg", math.radians(2.0)), (True, "cm", 0.02)):
-        found = replace(found_fastest(made, *curve), foot=foot, tolerance=tolerance)
-        (panel,) = speeds_figure(found).panels
-        allowed, *curves = panel.curves
-        assert panel.y.unit == unit
-        assert allowed.y == pytest.approx([2.0, 2.0])
-        assert panel.y.range == pytest.approx((0.0, top))
-        assert [each.name for each in curves] == [direct, "best time shift", "optimised"]
-
-
-def test_feet_have_errors_on_the_robot_where_the_models_of_all_were_tested():
-    tested = plan_by_tested_models().of_leg(front_left_leg())
-    untested = replace(tested, task=tested.task.with_models([SERVO] * 3))
-    for legs, known in (({"a": tested}, True), ({"a": tested, "b": untested}, False)):
-        table = feet_table(legs)
-        assert ("on the robot" in table.columns[-1].title) == known
-        assert {len(row.cells) for row in table.rows} == {len(table.columns)}
-
-
 def test_the_verdict_on_several_feet_is_of_the_worst_of_them():
     near = plan_by_tested_models().of_leg(front_left_leg())
     far = replace(near, requests=near.requests + 0.2)
@@ -264,9 +226,3 @@ def test_the_verdict_on_several_feet_is_of_the_worst_of_them():
         assert head == f"By the model the feet stay within {at_most(largest)} cm of their paths"
         errors = np.concatenate([near.distances, far.distances])
         assert tail.startswith(f"{two_digits(100.0 * np.sqrt(np.mean(errors**2)))} cm rms.")
-
-
-def test_the_error_to_expect_on_the_robot_is_that_of_the_joint_where_it_is_largest():
-    made = plan_by_tested_models()
-    largest = np.degrees(max(each.error for each in made.expected))
-    assert verdict(made)[1].endswith(f". On the robot expect about {largest:.2g} degrees rms")

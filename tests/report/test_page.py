@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 import html
-import platform
 import re
 import shutil
 import subprocess
-from importlib.metadata import PackageNotFoundError, version
 from urllib.parse import unquote, urljoin, urlsplit
 
 import numpy as np
 import pytest
 
-from planner._version import __version__
 from planner.report.figure import Axis, Curve, Figure, Panel
-from planner.report.page import LIBRARIES, live_head, live_scripts, sentence, sources_of, versions
-from planner.report.paper.results import difference
+from planner.report.page import live_head, live_scripts, sources_of
 from planner.report.plotly_figure import plot
 from planner.report.style import DIRECT
 from tests.browser import ARGUMENTS
@@ -34,14 +30,6 @@ PICTURES = (
     "joints_by_method",
     "optimised_trajectories",
 )
-
-
-@pytest.mark.parametrize(
-    ("ours", "paper", "told"),
-    [(9.1, 9.1, "0 %"), (10.0, 8.0, "+25 %"), (6.0, 8.0, "−25 %"), (9.11, 9.1, "0 %")],
-)
-def test_a_difference_is_relative_to_the_papers_figure(ours, paper, told):
-    assert difference(ours, paper) == told
 
 
 def test_pictures_are_drawn_and_not_dated(folder):
@@ -118,41 +106,3 @@ def test_a_browser_at_the_page_finds_the_file(tmp_path, name):
     assert not seen.query
     assert not seen.fragment
     assert (role, html.unescape(shown.replace("<wbr>", ""))) == ("requests", name)
-
-
-@pytest.mark.parametrize(
-    ("words", "told"),
-    [
-        ("knee: slow", "Knee: slow."),
-        ("kLeftElbow: slow", "kLeftElbow: slow."),
-        ("a_b is", "a_b is."),
-    ],
-)
-def test_a_sentence_leaves_the_name_that_it_begins_with_as_it_is(words, told):
-    assert sentence(words) == told
-
-
-def test_streams_and_absent_files_are_no_links_and_none_stands_twice(tmp_path):
-    files = [("a", "-"), ("b", None), ("c", ""), ("d", tmp_path / "x"), ("e", f"{tmp_path}/./x")]
-    assert [role for role, _ in links_of(tmp_path / "page.html", files)] == ["d"]
-
-
-def test_a_page_named_without_a_folder_stands_in_the_working_one(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    ((_, link),) = links_of("page.html", [("requests", "requests.csv")])
-    assert 'href="requests.csv"' in link
-
-
-def test_every_library_has_its_version_or_an_unknown_one(monkeypatch):
-    def of(name):
-        if name == "scipy":
-            raise PackageNotFoundError(name)
-        return version("numpy")
-
-    monkeypatch.setattr("planner.report.page.version", of)
-    assert versions("mujoco") == {
-        "request-planner": __version__,
-        "python": platform.python_version(),
-        **dict.fromkeys((*LIBRARIES, "mujoco"), version("numpy")),
-        "scipy": "unknown",
-    }

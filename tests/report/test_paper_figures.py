@@ -8,7 +8,6 @@ import pytest
 from planner.evaluation.reproduction import STEP_AMPLITUDES
 from planner.report.paper.figures import paper_figures
 from planner.report.plotly_figure import plot
-from planner.report.style import REQUESTED
 from tests.report.test_figure import check_words
 
 
@@ -57,13 +56,6 @@ def test_knots_lie_on_the_lines_of_their_joint(reproduction, figures):
         samples = knots.x / (1e3 * reproduction.model.period)
         assert len(samples) == len(fit.knots)
         np.testing.assert_allclose(knots.y, np.degrees(fit(samples)), atol=1e-9)
-
-
-def test_requests_are_drawn_as_steps(figures):
-    drawn = [curve for figure in figures.values() for panel in figure.panels
-             for curve in panel.curves if curve.role is REQUESTED]  # fmt: skip
-    assert drawn
-    assert all(curve.held for curve in drawn)
 
 
 def test_the_step_tests_shade_lag_and_acceleration_time(reproduction, figures):

@@ -12,7 +12,6 @@ import pytest
 import planner
 from kinematics import Limits
 from planner.model.evidence import Evidence
-from planner.planning.time_shift import shifted
 from planner.report.page import sources_of
 from planner.report.plan import (
     WITHOUT,
@@ -27,7 +26,6 @@ from planner.report.plan import (
     verdict,
 )
 from planner.report.style import FOOT_OPTIMAL
-from planner.report.table import NOTHING
 
 SAME = 1e-12
 """The same figure by another route [m, rad]."""
@@ -107,36 +105,6 @@ def test_a_path_that_is_too_fast_is_remarked(outcome):
     assert not [each for each in remarks(slow, unreachable=0, missed=()) if "faster" in each]
 
 
-def test_the_shift_is_recommended_unless_it_is_the_plan(outcome):
-    models = [SERVO.with_evidence(Evidence(error=0.1, over_delay=0.99))] * 3
-    task = asked(outcome, goal="angles").task.with_models(models)
-    for made, recommended in ((replace(outcome, task=task), True), (shifted(task), False)):
-        said = " ".join(remarks(made, unreachable=0, missed=()))
-        assert ("Recommended: --method shift" in said) == recommended
-
-
-def test_the_fastest_joint_is_that_nearest_to_its_own_top_speed(outcome):
-    speeds = [row.speed for row in joint_rows(outcome)]
-    order = np.argsort(speeds)
-    models = [SERVO] * 3
-    models[order[2]] = replace(SERVO, v_max=2.0 * SERVO.v_max * speeds[order[2]] / speeds[order[1]])
-    judged = asked(replace(outcome, task=outcome.task.with_models(models)))
-    words = " ".join(card.words for card in cards(judged))
-    assert f"{WALK.joint_names[order[1]]}, the fastest for its top speed" in words
-
-
-def test_a_path_that_is_too_fast_names_the_joints_whose_top_speed_the_logs_do_not_determine(
-    outcome,
-):
-    name = WALK.joint_names[int(np.argmax([row.speed for row in joint_rows(outcome)]))]
-    for most, open_ended in ((math.inf, [name]), (2.0 * SERVO.v_max, [])):
-        seen = Evidence(intervals={"v_max": (0.5 * SERVO.v_max, most)})
-        models = [SERVO.with_evidence(seen) if each == name else SERVO for each in WALK.joint_names]
-        judged = replace(outcome, task=outcome.task.with_models(models))
-        (said,) = [each for each in remarks(judged, unreachable=0, missed=()) if "faster" in each]
-        assert re.findall(r"For (.+) this holds for the model only", said) == open_ended
-
-
 def test_too_fast_is_by_direction_and_the_same_in_a_plan_and_in_a_replay():
     """7 rad/s up and 3 rad/s down: of a path at 4 rad/s the way down is too fast, not that up."""
     joint = replace(SERVO, v_max=5.0, v_offset=2.0)
@@ -208,22 +176,6 @@ def test_a_clamped_path_tells_the_distance_to_the_path_as_given_too(outcome):
     assert "all distances here are to the clamped path" in said
 
 
-def test_a_plan_without_an_error_has_no_infinite_gap(outcome):
-    exact = asked(outcome, goal="angles")
-    cells = joints_table(exact).rows[0].cells
-    assert cells[cells.index("0.000") + 1] == NOTHING
-    assert "inf" not in str(cells)
-
-
-def test_the_page_of_a_time_shift_calls_it_by_this_name_and_shows_it_once(outcome):
-    shift = joints_table(asked(shifted(asked(outcome, goal="angles").task)))
-    titles = [each.title for each in shift.columns]
-    assert titles[:3] == ["best time shift [deg]", "early [ms]", "without a plan [deg]"]
-    assert not any("planned" in title for title in titles)
-    assert sum("shift" in title for title in titles) == 1
-    assert all(len(row.cells) == len(titles) for row in shift.rows)
-
-
 @pytest.mark.parametrize("norm", ["rms", "max"])
 def test_the_gap_is_that_of_the_error_that_the_bound_is_about(outcome, norm):
     errors = np.abs(outcome.errors)
@@ -233,16 +185,6 @@ def test_the_gap_is_that_of_the_error_that_the_bound_is_about(outcome, norm):
     (row, *_) = joint_rows(plan)
     assert row.gap == pytest.approx(0.25)
     assert row.bound == pytest.approx(np.degrees(error[0]) / 1.25)
-
-
-@pytest.mark.parametrize(("norm", "kind"), [("rms", "rms"), ("max", "at most")])
-def test_the_bound_on_the_foot_is_of_the_norm_of_the_plan(outcome, norm, kind):
-    plan = asked(outcome, norm=norm)
-    plan.__dict__["lower_bounds"] = plan.error / 1.25
-    (card,) = [card for card in cards(plan) if "lower bound" in card.words]
-    assert card.figure == "25.00 %"
-    bound = 100.0 * plan.error[0] / 1.25
-    assert card.words.endswith(f"within the limits, {bound:.3g} cm {kind}, proved")
 
 
 def test_every_name_is_escaped_and_every_request_shown(outcome):
@@ -282,11 +224,6 @@ def test_every_figure_comes_to_life_and_fits_a_phone(page, browser, tmp_path):
     assert browser.read_through(file, width=390, dark=True) == figures
 
 
-def test_a_path_from_rest_has_a_page_too(outcome):
-    once = asked(outcome, cyclic=False, start=WALK.desired[0])
-    assert "it repeats" not in page_of(once)
-
-
 @pytest.mark.parametrize(
     ("dead_band", "error", "cyclic", "told"),
     [
@@ -313,9 +250,3 @@ def test_a_plan_from_rest_says_how_to_come_to_its_start_where_friction_exceeds_i
             led = plan.requests[0, 0] + way * (dead_band + slow)
             angles = planner.simulate(model, led, cyclic=False, start=-0.4 * way)
             assert angles[-1] == pytest.approx(desired[0], abs=0.1 * dead_band)
-
-
-def test_an_integral_term_leads_a_joint_with_friction_to_its_start():
-    model = replace(SERVO, dead_band=0.1, time_constant=0.02, position_integral_rate=3.0)
-    desired = 0.1 - 0.1 * np.cos(2.0 * np.pi * np.arange(250) / 250)
-    assert not start_words(planner.plan([model], desired[:, None], cyclic=False, names=["knee"]))

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from planner import replay
-from planner.report.replay import cards, replay_page
+from planner.report.replay import replay_page
 from tests.report.test_made_up_pages import SERVO, logs
 
 
@@ -34,11 +34,3 @@ def test_the_error_of_a_hand_is_a_share_of_its_range():
         )
         promised, off = re.findall(rf"([\d.]+) {unit} o", page)[:2]
         assert 0.0 < float(promised) < float(off)
-
-
-def test_the_joint_that_is_farthest_off_is_that_of_the_plan_and_not_of_the_path_as_it_is():
-    late, slow = replace(SERVO, lag=0.2), replace(SERVO, v_max=0.1, theta_0=0.005)
-    made = replay([*logs("late", size=1.0), *logs("slow", size=0.1)], {"late": late, "slow": slow})
-    by_name = {each.name: np.abs(each.errors["direct"]).max() for each in made.planned}
-    assert by_name["late"] > by_name["slow"]
-    assert "the joint that is farthest off, slow;" in cards(made)[0].words

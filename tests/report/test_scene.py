@@ -8,13 +8,10 @@ import re
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
-from hypothesis.extra.numpy import arrays
 
 from kinematics import Leg, urdf_path
 from kinematics.scene import Scene
-from planner.report.scene import LOOKS, MOST_FRAMES, SIDES, Motion, scene_page, tube
+from planner.report.scene import LOOKS, MOST_FRAMES, Motion, scene_page
 from planner.report.style import DESIRED, DIRECT, FOOT_OPTIMAL
 
 PERIOD = 0.008
@@ -77,42 +74,6 @@ def test_every_leg_has_its_colour_and_the_robot_stands_once(commands):
     assert any("/hind_right_ball_0" in path for path in robot)
 
 
-def test_colours_beyond_their_range_are_the_nearest_within_it(leg, tmp_path):
-    text = urdf_path("ers210a.urdf").read_text(encoding="utf-8")
-    bright, count = re.subn(r'rgba="[^"]*"', 'rgba="2.0 -1.0 0.2 1.0"', text)
-    assert count > 0
-    (tmp_path / "bright.urdf").write_text(bright, encoding="utf-8")
-    scene = Scene.from_urdf(tmp_path / "bright.urdf", base="body", foot="front_left_ball")
-    robot = [
-        each["object"]["materials"][0]["color"]
-        for each in _commands(_page(scene, _shown(leg)))
-        if each["type"] == "set_object" and each["path"].startswith("/meshcat/robot/")
-    ]
-    assert set(robot) == {0xFF0033}
-
-
-def test_the_camera_turns_about_the_middle_of_the_motion(commands, leg):
-    (placed,) = [
-        np.reshape(each["matrix"], (4, 4)).T
-        for each in commands
-        if each["type"] == "set_transform" and each["path"] == "/meshcat"
-    ]
-    feet = np.vstack([motion.foot for motion in _shown(leg)])
-    np.testing.assert_allclose(placed[:3, :3], np.eye(3))
-    middle = (feet.min(axis=0) + feet.max(axis=0)) / 2.0
-    assert np.linalg.norm(middle + placed[:3, 3]) < np.linalg.norm(middle)
-
-
-def test_the_ground_lies_below_every_foot(commands, leg):
-    ground = [each for each in commands if each["path"].startswith("/meshcat/ground")]
-    (drawn,) = [each for each in ground if each["type"] == "set_object"]
-    (placed,) = [each for each in ground if each["type"] == "set_transform"]
-    thickness = drawn["object"]["geometries"][0]["depth"]
-    top = placed["matrix"][14] + 0.5 * thickness
-    lowest = min(float(motion.foot[:, 2].min()) for motion in _shown(leg))
-    assert lowest - 2.0 * thickness < top < lowest
-
-
 def test_the_foot_is_animated_along_its_path_in_real_time_and_for_ever(commands, leg):
     (told,) = [each for each in commands if each["type"] == "set_animation"]
     assert told["options"] == {"play": True, "repetitions": float("inf")}
@@ -149,21 +110,3 @@ def test_the_page_is_the_same_every_time_and_asks_nobody(scene, leg):
     assert "<title>a &lt;walk&gt;</title>" in page
     assert not re.findall(r"<(?:script|img|link)[^>]*(?:src|href)=\"(?!data:)", page)
     assert "default-src 'none'" in page
-
-
-@given(
-    arrays(np.float64, st.tuples(st.integers(2, 9), st.just(3)), elements=st.floats(-1.0, 1.0)),
-    st.booleans(),
-)
-def test_a_tube_has_its_radius_everywhere(points, closed):
-    points = np.round(points, 3)  # steps below a millimetre have no direction to speak of
-    vertices, faces = tube(points, 0.01, closed=closed)
-    ends = np.roll(points, -1, axis=0) if closed else points[1:]
-    starts = points if closed else points[:-1]
-    moving = np.any(ends != starts, axis=1)
-    assert len(vertices) == 2 * SIDES * moving.sum()
-    assert len(faces) == 2 * SIDES * moving.sum()
-    rings = vertices.reshape(-1, 2, SIDES, 3)
-    middles = np.stack([starts[moving], ends[moving]], axis=1)
-    assert np.allclose(np.linalg.norm(rings - middles[:, :, None], axis=3), 0.01, atol=ROUNDING)
-    assert faces.size == 0 or faces.max() == len(vertices) - 1

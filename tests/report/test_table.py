@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import math
 import re
 
 import pytest
 
-from planner.report.table import NOTHING, Column, Row, Table, fitted_to, percent, text_table
+from planner.report.table import NOTHING, Column, Row, Table, fitted_to, text_table
 
 PARTS = ("ours", "paper", "diff.")
 
@@ -20,11 +19,6 @@ def table(**more):
         Row("L2", (("4.00", "4.00", "0 %"), ""), "shift"),
     )
     return Table("what", columns, rows, **more)
-
-
-def test_columns_of_a_text_table_line_up():
-    told = text_table(["joint", "rms"], [["a", "1.5"], ["long", "10.25"]])
-    assert told == "joint    rms\na        1.5\nlong   10.25"
 
 
 def test_a_terminal_joins_the_parts_of_a_cell_and_puts_the_subject_first():
@@ -65,12 +59,6 @@ def test_a_page_writes_minus_signs_and_leaves_names_alone():
     assert "height=-0.1" in html
 
 
-def test_a_share_of_nothing_is_no_percentage():
-    assert percent(0.0125) == "1.25 %"
-    assert percent(0.5, 0) == "50 %"
-    assert percent(math.inf) == "lower bound is 0"
-
-
 WIDE = ["joint", *(f"column{k}" for k in range(12))]
 ROWS = [[f"joint number {j}", *(f"{j}.{k} deg" for k in range(12))] for j in range(3)]
 
@@ -95,22 +83,6 @@ def test_a_table_that_is_wider_than_the_terminal_goes_on_below_with_every_cell(w
         cells = [cell for block in blocks for cell in block[j][len(row[0]) :].split("  ") if cell]
         assert [cell.strip() for cell in cells] == row[1:]
     assert text_table(WIDE, ROWS) == whole
-
-
-def test_a_table_that_just_fits_stays_in_one_block():
-    whole = text_table(["a", "b", "c"], [["xx", "yyyy", "zzz"]])
-    assert whole == "a      b    c\nxx  yyyy  zzz"
-    for width, blocks in ((13, 1), (12, 2)):
-        with fitted_to(width):
-            assert (
-                len(text_table(["a", "b", "c"], [["xx", "yyyy", "zzz"]]).split("\n")) // 2 == blocks
-            )
-
-
-def test_a_column_that_no_terminal_is_wide_enough_for_stands_alone():
-    with fitted_to(20):
-        blocks = parts_of(text_table(["a", "b", "c"], [["x", 30 * "y", "z"]]), 2)
-    assert [block[1] for block in blocks] == [f"x  {30 * 'y'}", "x  z"]
 
 
 def test_a_column_that_does_not_fit_even_alone_is_broken_between_words():

@@ -73,28 +73,6 @@ def test_the_foot_is_drawn_as_far_off_as_it_was(outcome, figures):
         np.testing.assert_array_equal(motions[role.label].points, outcome.legs[method][0])
 
 
-def test_step_tests_and_trials_are_those_of_the_experiment(outcome, figures):
-    samples = len(outcome.planned.walk.desired)
-    above = figures["step_tests"].panels[::2]
-    below = figures["step_tests"].panels[1::2]
-    for panel, rest, found in zip(above, below, outcome.identifications, strict=True):
-        model, measured = panel.curves
-        (residual,) = rest.curves
-        expected = [
-            np.degrees(fit.log.angles[-samples:] - np.mean(fit.log.requests[-samples:]))
-            for fit in found.fits
-        ]
-        drawn = measured.y[np.isfinite(measured.y)].reshape(len(found.fits), samples)
-        assert drawn == pytest.approx(np.array(expected))
-        assert residual.y == pytest.approx(measured.y - model.y, nan_ok=True)
-        assert rest.title.endswith(f"residual, {np.degrees(found.rms):.2f} deg rms")
-    (panel,) = figures["learning"].panels
-    bound, mean, trials = panel.curves
-    assert mean.y.tolist() == trials.y.tolist() == [each.mean.rms for each in outcome.learnt_foot]
-    assert mean.x.tolist() == list(range(1, 1 + len(mean.y)))
-    assert bound.y.tolist() == [100.0 * outcome.planned.foot_plan.lower_bound] * 2
-
-
 def test_results_are_those_of_the_experiment(outcome):
     results = virtual_results(outcome)
     planned = outcome.planned

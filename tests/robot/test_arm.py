@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from planner.exceptions import BusError, InvalidInput
-from planner.robot.arm import Arm, Measured, Servo, _Guard, check_ranges
+from planner.robot.arm import Arm, Measured, Servo, _Guard
 from planner.robot.bus import Bus, SerialPort
-from planner.robot.protocols import DYNAMIXEL, FEETECH, SYNC_READ, SYNC_WRITE
+from planner.robot.protocols import SYNC_READ, SYNC_WRITE
 from planner.virtual.servo_bus import KINDS, Faults, VirtualPort, VirtualServos
 
 TICK = 2.0 * math.pi / 4096
@@ -70,16 +70,6 @@ def test_requests_arrive_as_angles_of_the_same_sign_about_the_zero(kind, directi
     assert count == pytest.approx(zero + direction * 0.3 / tick, abs=0.06 / tick)
 
 
-def test_no_joint_jumps_to_its_goal():
-    arm = arm_of(count=1)
-    with arm.powered():
-        arm.send([0.8])
-        begun = arm.angles()[0]
-        arm.bus.port.sleep(0.1)
-        assert begun < 0.01
-        assert 0.05 < arm.angles()[0] < 0.7
-
-
 @EVERY
 def test_the_torque_is_afterwards_as_it_was_before(kind):
     arm = arm_of(kind, 3)
@@ -133,17 +123,6 @@ def test_a_step_after_a_rest_is_not_taken_for_a_stuck_joint():
         assert not arm.perform(path, period=PERIOD).interrupted
 
 
-def test_an_arm_with_a_silent_servo_stops_the_joints_that_answer(monkeypatch):
-    arm = arm_of(count=3)
-    servos = arm.bus.port.servos
-    with arm.powered():
-        arm.send(np.full(3, 0.9))
-        arm.bus.port.sleep(0.05)  # they are on their way
-        monkeypatch.setattr(servos, "ids", [1, 3])
-        arm.hold()
-        assert np.all(servos.motors.goals[[0, 2]] < 0.8)
-
-
 def test_joints_that_answer_are_stopped_and_released_where_another_fell_silent(monkeypatch):
     arm = arm_of(count=3)
     servos = arm.bus.port.servos
@@ -179,30 +158,12 @@ def test_ctrl_c_stops_the_joints_where_they_are_and_answers_what_was_played():
     assert len(rows) == 40
 
 
-def test_a_joint_far_beyond_its_range_is_led_into_it():
-    arm = arm_of(count=1)
-    low = Arm(arm.bus, {"joint_1": replace(arm.servos["joint_1"], limits=(0.5, 1.0))})
-    with low.powered():
-        low.perform(np.full((50, 1), 0.7), period=PERIOD)
-        assert low.angles()[0] > 0.5
-
-
 def test_a_joint_that_rests_beside_its_request_keeps_it_when_it_is_stopped():
     arm = arm_of(count=1)
     with arm.powered():
         arm.perform(np.full((50, 1), 0.3), period=PERIOD)
         assert abs(arm.angles()[0] - 0.3) > TICK  # its friction
     assert arm.goals()[0] == pytest.approx(0.3, abs=0.5 * TICK)
-
-
-def test_joints_settle_at_the_first_request_before_the_motion_begins(monkeypatch):
-    arm, sent = arm_of(count=1), []
-    send = arm.send
-    monkeypatch.setattr(arm, "send", lambda row: (sent.append(float(row[0])), send(row)))
-    with arm.powered():
-        arm.perform(np.full((5, 1), 0.3), period=PERIOD)
-    settled = len(sent) - 1 - int(np.flatnonzero(np.array(sent) != 0.3)[-1]) - 5
-    assert settled * PERIOD == pytest.approx(0.5, abs=2.0 * PERIOD)
 
 
 def test_two_joints_cannot_share_a_servo():
@@ -221,15 +182,6 @@ def test_a_port_that_cannot_be_opened_is_one_clear_error(tmp_path):
     assert len(list(Path("/proc/self/fd").iterdir())) == before
     with pytest.raises(InvalidInput, match="baud rate: got 123, expected one of 9600"):
         SerialPort("/dev/ttyNONE", 123)
-
-
-def test_errors_of_answers_are_words_by_bit_and_by_number():
-    assert FEETECH.error_words(0x24) == "overheating and overload"
-    assert "overload" in DYNAMIXEL.error_words(0x80)
-    assert DYNAMIXEL.error_words(0x04) == "a value beyond its range"
-    assert DYNAMIXEL.error_words(0x87).endswith("and a register that cannot be read or written now")
-    assert DYNAMIXEL.error_words(0x00) == FEETECH.error_words(0x10) == ""
-    assert DYNAMIXEL.error_words(0x0C) == DYNAMIXEL.refusal(0x8C) == "error 12"
 
 
 @pytest.mark.parametrize("kind", ["sts3215", "xl430"])
@@ -362,18 +314,6 @@ def test_the_angle_that_is_asked_for_again_is_that_of_its_own_servo(monkeypatch)
     assert np.isnan(arm.angles(silent=True)).tolist() == [False, True]
 
 
-@pytest.mark.parametrize(("beyond", "refused"), [(0.9e-6, False), (1.1e-6, True)])
-@pytest.mark.parametrize("side", [-1.0, 1.0])
-def test_a_request_may_be_beyond_the_range_by_the_rounding_of_a_file(side, beyond, refused):
-    arm = arm_of(count=1)
-    requests = np.array([[0.0], [side * (1.0 + beyond)]])
-    if refused:
-        with pytest.raises(InvalidInput, match="joint_1: request 1 is"):
-            check_ranges(arm.servos, requests)
-    else:
-        check_ranges(arm.servos, requests)
-
-
 def test_ctrl_c_on_the_way_to_the_first_request_plays_nothing():
     arm, rows = arm_of(count=1), []
     sleep = arm.bus.port.sleep
@@ -419,8 +359,3 @@ def test_joints_are_led_at_half_a_radian_per_second_and_time_begins_after_that()
 def test_what_is_no_servo_is_refused(given, message):
     with pytest.raises(InvalidInput, match=f"^{message}$"):
         Servo(**{"id": 252, **given})
-
-
-def test_a_joint_has_the_settings_that_its_servo_knows():
-    names = {"p_gain": 32, "i_gain": 0, "d_gain": 0, "profile_speed": 0}  # no acceleration
-    assert arm_of(KINDS["xl-320"], 2).settings() == {"joint_1": names, "joint_2": names}

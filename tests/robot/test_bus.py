@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import select
 import sys
-from threading import Thread
 from types import ModuleType, SimpleNamespace
 
 import pytest
@@ -102,13 +101,6 @@ def test_a_refusal_is_named_though_the_servo_answers_and_a_later_answer_counts()
         bus_of(*[refused] * ATTEMPTS, protocol=DYNAMIXEL).write(1, "torque", 1)
 
 
-def test_a_ping_is_answered_with_a_model_by_dynamixels_and_with_nothing_by_feetechs():
-    bus_of(FEETECH.answer(1, 0)).ping(1)
-    bus_of(DYNAMIXEL.answer(1, 0, b"\x24\x04\x2e"), protocol=DYNAMIXEL).ping(1)
-    with pytest.raises(BusError, match="servo 2 does not answer"):
-        bus_of(FEETECH.answer(1, 0)).ping(2)
-
-
 def test_a_write_forgets_what_was_received_before_it(monkeypatch):
     write, wait, waited = os.write, select.select, []
 
@@ -135,26 +127,6 @@ def test_a_write_forgets_what_was_received_before_it(monkeypatch):
         port.close()
         with pytest.raises(OSError, match="Bad file descriptor"):
             os.close(port._file)
-
-
-def test_a_port_that_is_full_is_waited_for_and_one_that_stays_so_is_named(monkeypatch):
-    content = bytes(range(1, 251)) * 200
-    with terminal() as (end, path):
-        port, received = SerialPort(path), []
-
-        def drain():
-            while sum(map(len, received)) < len(content):
-                received.append(os.read(end, 1000))
-
-        reader = Thread(target=drain)
-        reader.start()
-        port.write(content)
-        reader.join()
-        assert b"".join(received) == content
-        monkeypatch.setattr("planner.robot.bus.FULL", 0.01)
-        with pytest.raises(BusError, match=f"^{path}: takes no more bytes; check the cable"):
-            port.write(content)
-        port.close()
 
 
 def test_a_port_whose_other_end_is_gone_is_named(monkeypatch):

@@ -17,13 +17,9 @@ from planner.evaluation import virtual_experiment
 from planner.evaluation.virtual_experiment import execute
 from planner.exceptions import NoSteadyCycle
 from planner.files.paths import read_joint_path
-from planner.files.staging import list_files
-from planner.report.paper.results import signed_percent
 from planner.trajectory import angle_distance
 from planner.virtual.robot import Constants, VirtualRobot
 
-METHODS = ("direct", "shift", "closed_form_plain", "closed_form", "optimal", "foot_optimal")
-PAIRS = ("Des,Dir", "Des,Plain", "Pwl,Plain", "Des,MB", "Pwl,MB", "Des,Opt", "Des,Foot")
 PLANS = {"closed_form": "Des,MB", "optimal": "Des,Opt"}
 
 STEP_RMS = 0.45
@@ -88,33 +84,6 @@ def test_the_fidelity_is_the_papers(results):
         assert table["Pwl,Plain"]["L2"] < 4.5
 
 
-def test_results_have_the_keys_of_the_models_reproduction_and_spreads(results, joints):
-    assert joints == paper.JOINTS == tuple(results["identified"]) == tuple(results["bounds"])
-    assert tuple(results["foot"]) == METHODS == tuple(results["methods"])
-    entries = [results["foot"][method] for method in METHODS]
-    for joint in joints:
-        assert tuple(results["table2"][joint]) == PAIRS
-        entries += list(results["table2"][joint].values())
-        assert results["bounds"][joint]["gap"] > 0.0
-        assert set(results["limits"][joint]) == {"lower", "upper", "excess"}
-    for entry in entries:
-        assert 0.0 < entry["L2"] <= entry["Linf"]
-        assert 0.0 < entry["std"]["L2"] < 0.5
-        assert 0.0 < entry["std"]["Linf"] < 0.5
-        assert entry["sensed"]["L2"] == pytest.approx(entry["L2"], rel=0.1, abs=0.1)
-        assert entry["loss"] == pytest.approx(entry["L2"] / entry["predicted"]["L2"] - 1.0)
-    assert results["table2"]["knee"]["Des,Dir"]["paper"]["L2"] == 20.1
-    assert results["foot"]["closed_form_plain"]["paper"]["L2_deviation"] == 0.04
-    assert results["robot"]["cycles"] == 20
-    assert results["versions"]["mujoco"] != "unknown"
-
-
-def test_optimised_requests_keep_the_limits(results):
-    for limits in results["limits"].values():
-        assert limits["excess"]["optimal"] == pytest.approx(0.0, abs=1e-9)
-        assert limits["excess"]["foot_optimal"] == pytest.approx(0.0, abs=1e-9)
-
-
 def test_the_distances_follow_from_the_angles_in_the_files(folder, results, joints):
     desired = read_joint_path(folder / "desired.csv").angles
     for method, pair in (("direct", "Des,Dir"), ("foot_optimal", "Des,Foot")):
@@ -126,32 +95,6 @@ def test_the_distances_follow_from_the_angles_in_the_files(folder, results, join
             entry = results["table2"][joint][pair]
             assert entry["L2"] == pytest.approx(np.mean(rms), abs=WRITTEN)
             assert entry["std"]["L2"] == pytest.approx(np.std(rms, ddof=1), abs=WRITTEN)
-
-
-def test_the_manifest_lists_every_file(folder, results):
-    assert sorted({*results["files"], "results.json"}) == list_files(folder)
-
-
-def test_the_page_and_the_terminal_say_the_figures(printed, results):
-    folder, text = printed
-    page = (folder / "report.html").read_text()
-    foot = f"{results['foot']['foot_optimal']['L2']:.2f}"
-    assert f"<strong>{foot} cm</strong>" in page
-    assert page.count("<figure id=") == 7
-    assert "http://www.w3.org" in page
-    assert "src=" not in page
-    assert foot in text
-    assert "± " in text
-
-
-def test_another_run_gives_the_same_figures(played):
-    walk = played.planned.walk
-    logs = [
-        virtual_experiment.record_step_test(VirtualRobot(seed=played.seed), walk, 0, 20.0)
-        for _ in range(2)
-    ]
-    assert np.array_equal(logs[0].angles, logs[1].angles)
-    assert np.array_equal(logs[0].angles, played.identifications[0].fits[0].log.angles)
 
 
 def test_a_walk_that_does_not_repeat_itself_is_refused(monkeypatch):
@@ -177,16 +120,6 @@ def test_a_model_that_does_not_fit_ends_with_status_1_and_leaves_the_results(
             f"{joint}: the model that was identified does not describe the joint" in result.stderr
         )
     assert json.loads(result.stdout) == json.loads((out / "results.json").read_text())
-
-
-def test_the_cards_of_the_report_have_the_figures_of_the_results(results, virtually_reproduced):
-    (page,) = virtually_reproduced.folder.glob("*.html")
-    text = page.read_text("utf-8")
-    fidelity = [each["Pwl,Plain"]["L2"] for each in results["table2"].values()]
-    rms = [each["rms_deg"] for each in results["identified"].values()]
-    assert f"{min(fidelity):.1f} – {max(fidelity):.1f}°" in text
-    assert f"{min(rms):.2f} – {max(rms):.2f}°" in text
-    assert signed_percent(results["foot"]["foot_optimal"]["loss"]) in text
 
 
 def test_the_page_states_the_figures_of_the_foot(results):
@@ -236,13 +169,6 @@ def test_a_servo_that_is_fast_and_fine_is_planned_for_as_well(monkeypatch):
     foot = {method: distances.mean.rms for method, distances in outcome.foot_table.items()}
     assert foot["foot_optimal"] < 0.5 * min(foot["closed_form_plain"], foot["closed_form"])
     assert foot["closed_form"] < foot["shift"] < foot["direct"]
-
-
-def test_what_counts_as_steady_follows_the_sensor():
-    fine, coarse = replace(FAST, sensor_noise=0.0), replace(FAST, sensor_noise=0.0, sensor_bits=10)
-    assert coarse.sensor_error == pytest.approx(4.0 * fine.sensor_error)
-    noisy = replace(FAST, sensor_noise=math.radians(0.1))
-    assert noisy.sensor_error > math.radians(0.1)
 
 
 def test_ten_trials_of_learning_keep_the_foot_near_the_bound_of_the_models(played):

@@ -26,15 +26,6 @@ def test_the_whole_voltage_is_used_from_an_error_of_about_seven_degrees_on():
         assert servo.duty == pytest.approx(duty, abs=0.5 / CONSTANTS.duty_steps)
 
 
-def test_the_duty_comes_in_steps():
-    servo = Servo(CONSTANTS, 0.0)
-    servo.request = 0.0123
-    servo.control(0.0)
-    steps = servo.duty * CONSTANTS.duty_steps
-    assert steps == pytest.approx(round(steps), abs=EXACT)
-    assert servo.duty > 0.0
-
-
 def test_the_motor_stalls_at_the_stall_torque_and_gives_none_at_its_no_load_speed():
     servo = Servo(CONSTANTS, 0.0)
     servo.duty = 1.0
@@ -43,13 +34,6 @@ def test_the_motor_stalls_at_the_stall_torque_and_gives_none_at_its_no_load_spee
     no_load = voltage / CONSTANTS.joint_torque_constant
     assert servo.drive(voltage, no_load) == pytest.approx(0.0, abs=EXACT)
     assert servo.drive(voltage, 1.1 * no_load) < 0.0
-
-
-def test_a_motor_without_voltage_brakes():
-    servo = Servo(CONSTANTS, 0.0)
-    assert servo.drive(CONSTANTS.battery_voltage, 2.0) < 0.0
-    assert servo.drive(CONSTANTS.battery_voltage, -2.0) > 0.0
-    assert servo.drawn == 0.0
 
 
 @pytest.mark.parametrize("way", [1.0, -1.0])
@@ -71,18 +55,6 @@ def test_the_integral_works_slowly_keeps_to_its_share_and_rests_in_saturation(wa
     assert saturated.duty == 0.0
 
 
-def test_the_derivative_brakes_a_joint_that_comes_near():
-    still, moving = Servo(CONSTANTS, 0.0), Servo(CONSTANTS, 0.0)
-    constants = replace(CONSTANTS, derivative_gain=0.05)
-    moving = Servo(constants, 0.0)
-    still = Servo(constants, 0.0)
-    still.request = moving.request = 0.1
-    for k in range(20):
-        moving.control(0.003 * k)
-        still.control(0.057)
-    assert moving.duty < still.duty
-
-
 def test_the_derivative_is_of_a_speed_that_is_filtered():
     """A step of the sensor by 0.01 rad in 1 ms is 10 rad/s, of which the filter passes a fifth."""
     constants = Constants(integral_gain=0.0)
@@ -96,12 +68,6 @@ def test_the_derivative_is_of_a_speed_that_is_filtered():
 def voltages(constants, count, drawn=0.0, seed=0):
     supply = Supply(constants, np.random.default_rng(seed))
     return np.array([supply.voltage(drawn) for _ in range(count)])
-
-
-def test_the_voltage_falls_with_the_current_drawn():
-    quiet = replace(CONSTANTS, supply_noise=0.0)
-    expected = CONSTANTS.battery_voltage - 2.0 * CONSTANTS.battery_resistance
-    assert voltages(quiet, 1, drawn=2.0)[0] == pytest.approx(expected)
 
 
 def test_the_noise_has_its_deviation_and_its_memory_and_repeats_for_a_seed():
@@ -147,11 +113,6 @@ def test_at_rest_motor_and_weight_differ_by_no_more_than_friction(request_, star
     weight = PENDULUM.mass * PENDULUM.length * 9.81 * math.sin(angle)
     balance = stiffness * (request_ - angle) - weight
     assert abs(balance) <= SERVO.coulomb_friction + DITHER
-
-
-def test_a_joint_that_friction_holds_does_not_creep():
-    angles = at_rest(1.2, 0.2).play(np.full((100, 1), 1.2)).angles[:, 0]
-    assert np.ptp(angles) < 2e-4  # rad in two seconds
 
 
 def test_its_description_says_which_load_it_carries(tmp_path):

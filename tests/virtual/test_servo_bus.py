@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import errno
-import os
 import threading
 from contextlib import contextmanager
 
 import numpy as np
 import pytest
 
-from planner.exceptions import BusError
 from planner.robot.arm import Arm, Servo
 from planner.robot.bus import Bus, SerialPort
 from planner.robot.protocols import BROADCAST, FEETECH, PING, WRITE
@@ -143,16 +140,6 @@ def test_our_driver_measures_the_same_on_the_terminal_at_every_run(kind):
     assert np.ptp(runs[0][:, 0]) > 0.3
 
 
-def test_a_pulled_cable_is_one_line():
-    with served(KINDS["sts3215"], faults=Faults(disconnect=0.2)) as path:
-        bus = Bus(SerialPort(path), FEETECH)
-        while not bus.lost:
-            bus.sync_write("goal", {1: 2048})
-            bus.sync_read([1])
-        with pytest.raises(BusError, match="servo 1 does not answer; check"):
-            bus.read(1, "position")
-
-
 def test_a_servo_that_is_held_gives_up_as_real_ones_do():
     bus = Bus(VirtualPort(VirtualServos(1, faults=Faults(stall={1: 0.1}))), FEETECH)
     bus.write(1, "torque", 1)
@@ -162,17 +149,6 @@ def test_a_servo_that_is_held_gives_up_as_real_ones_do():
     assert FEETECH.error_words(reading.error) == "overload"
     assert abs(reading.values["load"]) <= 200
     assert reading.values["temperature"] > 25
-
-
-def test_the_integral_of_a_servo_that_is_held_ends_at_a_share_of_its_voltage():
-    bus = Bus(VirtualPort(VirtualServos(1, faults=Faults(stall={1: 0.0}))), FEETECH)
-    for register, value in (("p_gain", 0), ("i_gain", 200), ("goal", 2300), ("torque", 1)):
-        bus.write(1, register, value)
-    loads = []
-    for _ in range(2):
-        bus.port.sleep(20.0)
-        loads.append(bus.sync_read([1])[1].values["load"])
-    assert loads[0] == loads[1] == pytest.approx(300, abs=5)
 
 
 @pytest.mark.parametrize("kind", ["sts3215", "xl430", "xl-320"])
@@ -196,20 +172,3 @@ def test_a_write_for_later_takes_effect_with_the_action_and_not_before():
     assert not servos.motors.powered.any()
     assert servos.feed(FEETECH.instruction(BROADCAST, ACTION)) == b""
     assert servos.motors.powered.tolist() == [0, 1]
-
-
-def test_a_port_that_has_nothing_yet_is_read_again(monkeypatch):
-    own, tries = os.read, []
-
-    def read(file, count):
-        tries.append(count)
-        if len(tries) == 1:
-            raise OSError(errno.EAGAIN, "not yet")
-        return own(file, count)
-
-    with terminal() as (end, path):
-        port = SerialPort(path)
-        os.write(end, b"abc")
-        monkeypatch.setattr("planner.robot.bus.os.read", read)
-        assert port.read(3, 1.0) == b"abc"
-    assert tries == [3, 3]

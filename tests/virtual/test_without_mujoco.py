@@ -27,9 +27,3 @@ def test_the_command_ends_with_status_2_and_one_line(cli_run, tmp_path):
     assert "request-planner[mujoco]" in result.stderr
     assert len(result.stderr.splitlines()) == 1
     assert not out.exists()
-
-
-def test_an_unknown_robot_ends_with_status_2(cli_run, tmp_path):
-    result = cli_run("reproduce", "--robot", "aibo", "--out", str(tmp_path / "out"))
-    assert result.exit_code == 2
-    assert "'model', 'virtual'" in result.stderr

@@ -45,14 +45,6 @@ def test_ticks_are_whole_numbers_nearest_to_the_requests(tmp_path):
     ]
 
 
-@given(st.lists(st.floats(-3.14, 3.14), min_size=1, max_size=9), st.integers(2, 65536))
-def test_a_tick_is_at_most_half_a_tick_away(angles, per_turn):
-    requests = Schedule(("knee",), np.array(angles)[:, None] / 2.0, 0.02)
-    ticks = to_ticks(requests, Ticks(per_turn=per_turn, zero=per_turn // 2))
-    back = (ticks - per_turn // 2) * 2.0 * np.pi / per_turn
-    assert np.max(np.abs(back - requests.requests)) <= np.pi / per_turn + 1e-12
-
-
 @pytest.mark.parametrize(
     ("angle", "ticks", "message"),
     [
@@ -69,13 +61,6 @@ def test_a_servo_cannot_go_beyond_its_turn(angle, ticks, message):
     with pytest.raises(InvalidInput) as caught:
         to_ticks(Schedule(("knee",), np.array([[angle]]), 0.02), ticks)
     assert str(caught.value) == message
-
-
-def test_unusable_units_and_servos_are_refused(schedule, tmp_path):
-    with pytest.raises(InvalidInput, match="unit: got 'turns', expected deg, rad, ticks"):
-        write_controller_csv(tmp_path / "a.csv", schedule, unit="turns")
-    with pytest.raises(InvalidInput, match="ticks per turn: got 1, expected 2 to 2147483648"):
-        Ticks(per_turn=1)
 
 
 def test_a_slower_controller_that_would_leave_requests_out_is_refused():
@@ -97,13 +82,6 @@ def test_a_straight_line_leads_to_the_next_request_and_the_last_is_held():
     assert np.allclose(fast.requests[:, 0], [0.0, 0.5, 1.0, 1.5, 2.0, 2.0], atol=ROUNDING)
 
 
-@given(st.integers(1, 200), st.sampled_from([0.001, 0.008, 1.0 / 30.0, 0.02, 0.1]))
-def test_the_own_rate_changes_nothing(rows, period):
-    given_rows = _numbered(rows, period)
-    same = resampled(given_rows, 1.0 / period)
-    assert np.array_equal(same.requests, given_rows.requests)
-
-
 @given(st.integers(1, 60), st.floats(1e-3, 1.0), st.floats(10.0, 2000.0))
 def test_a_held_row_is_the_request_of_its_time(rows, period, rate):
     given_rows = _numbered(rows, period)
@@ -117,18 +95,6 @@ def test_a_held_row_is_the_request_of_its_time(rows, period, rate):
     assert held.duration - given_rows.duration <= 1.0 / rate + slack
 
 
-def test_cycles_follow_each_other(schedule):
-    twice = repeated(schedule, 2)
-    assert np.array_equal(twice.requests[64:], schedule.requests)
-    assert twice.duration == 2.0 * schedule.duration
-
-
-@pytest.mark.parametrize("rate", [0.0, -1.0, float("nan"), float("inf")])
-def test_a_rate_is_positive(schedule, rate):
-    with pytest.raises(InvalidInput, match=r"rate: got .* Hz, expected a positive number"):
-        resampled(schedule, rate)
-
-
 def test_schedules_without_end_are_refused_before_they_are_made(schedule):
     with pytest.raises(InvalidInput, match="expected at most 1000000; ask for a lower rate"):
         resampled(schedule, 1e12)
@@ -139,13 +105,6 @@ def test_schedules_without_end_are_refused_before_they_are_made(schedule):
     assert len(repeated(_numbered(2, 0.01), 500_000).requests) == 10**6
     with pytest.raises(InvalidInput, match="between: got 'spline', expected 'hold' or 'linear'"):
         resampled(schedule, 50.0, between="spline")
-
-
-def test_names_belong_to_columns(schedule):
-    assert schedule.renamed(["a", "b", "c"]).names == ("a", "b", "c")
-    for names in (["a", "b"], ["a", "b", "b"]):
-        with pytest.raises(InvalidInput, match="expected 3 different names, one per column"):
-            schedule.renamed(names)
 
 
 def test_a_period_that_is_written_rounded_loses_no_request():

@@ -69,12 +69,6 @@ def test_the_description_says_where_everything_is(schedule, tmp_path, parquet):
     assert stats["action"]["count"] == [64]
 
 
-def test_a_single_joint_is_a_plain_column_as_lerobot_has_it(tmp_path, parquet):
-    write_lerobot(tmp_path / "knee", Schedule(("knee",), np.array([[0.5], [0.25]]), 0.02))
-    data = parquet.read_table(tmp_path / "knee" / "data" / "chunk-000" / "file-000.parquet")
-    assert data["action"].to_pylist() == [0.5, 0.25]
-
-
 def test_the_same_requests_make_the_same_files(schedule, tmp_path, parquet):  # noqa: ARG001
     for place in ("one", "two"):
         write_lerobot(tmp_path / place, schedule)
@@ -102,14 +96,6 @@ def test_the_rate_is_what_it_is(tmp_path, parquet, period, fps):
     assert info["fps"] == fps
     data = parquet.read_table(tmp_path / "out" / "data" / "chunk-000" / "file-000.parquet")
     assert np.allclose(data["timestamp"].to_pylist(), np.arange(4) / fps, atol=SINGLE)
-
-
-@pytest.mark.parametrize(("period", "rate"), [(2.5, "0.4"), (1.25, "0.8")])
-def test_less_than_one_request_a_second_is_no_rate(tmp_path, parquet, period, rate):  # noqa: ARG001
-    slow = Schedule(("knee",), np.zeros((4, 1)), period)
-    with pytest.raises(InvalidInput, match=rf"is {rate} per second, expected at least one"):
-        write_lerobot(tmp_path / "out", slow)
-    assert list_files(tmp_path) == []
 
 
 def test_episodes_follow_one_another(tmp_path, parquet, monkeypatch):

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from rosbags import rosbag1, rosbag2
 
-from planner import InvalidFile, LogOptions, joints_in, read_logs
-from planner.files.logs.bag_file import CONTROLLER_STATE
+from planner import InvalidFile, LogOptions, read_logs
 from tests.files.logs.bags import (
     HUMBLE,
     JOINTS,
@@ -67,23 +66,6 @@ def _assert_holds_the_angles(log, joint):
     assert log.joint == joint
     assert log.unit == "rad"
     assert log.torque_on.all()
-
-
-def test_the_layout_of_a_controllers_state_is_that_of_its_package():
-    """control_msgs/msg/JointTrajectoryControllerState of Jazzy, without its comments."""
-    assert NEW.splitlines() == [
-        "std_msgs/Header header",
-        "string[] joint_names",
-        "trajectory_msgs/JointTrajectoryPoint reference",
-        "trajectory_msgs/JointTrajectoryPoint feedback",
-        "trajectory_msgs/JointTrajectoryPoint error",
-        "trajectory_msgs/JointTrajectoryPoint output",
-        "string[] multi_dof_joint_names",
-        "trajectory_msgs/MultiDOFJointTrajectoryPoint multi_dof_reference",
-        "trajectory_msgs/MultiDOFJointTrajectoryPoint multi_dof_feedback",
-        "trajectory_msgs/MultiDOFJointTrajectoryPoint multi_dof_error",
-        "trajectory_msgs/MultiDOFJointTrajectoryPoint multi_dof_output",
-    ]
 
 
 @pytest.mark.parametrize("layout", [OLD, HUMBLE, NEW], ids=["old", "humble", "new"])
@@ -162,19 +144,6 @@ def test_joint_states_are_held_against_the_commands_before_them(tmp_path, comman
     _assert_holds_the_angles(*read_logs(folder, options=options), "knee")
 
 
-def test_the_only_topics_of_their_types_need_no_option(tmp_path):
-    folder = _command_bag(tmp_path / "run", COMMANDS["trajectory"])
-    (log,) = read_logs(folder, options=LogOptions(joint="hip"))
-    _assert_holds_the_angles(log, "hip")
-    assert log.notes[0] == "actual from /joint_states, requested from /commands"
-
-
-def test_naming_the_commands_leaves_the_other_states_for_the_actual_angles(tmp_path):
-    folder = _command_bag(tmp_path / "run", COMMANDS["joint states"])
-    options = LogOptions(joint="hip", command_topic="/commands")
-    _assert_holds_the_angles(*read_logs(folder, options=options), "hip")
-
-
 @pytest.mark.parametrize(
     ("options", "actual", "requested"),
     [
@@ -218,42 +187,12 @@ def test_one_number_is_for_the_chosen_joint(tmp_path):
     assert "numbers of /knee_controller/command taken for knee" in log.notes
 
 
-def test_joints_whose_commands_begin_later_keep_the_time_of_the_bag(tmp_path):
-    kit, messages = Kit(store()), []
-    for k, rows in enumerate(zip(*angles(), strict=True)):
-        stamp, names = START + k * PERIOD, JOINTS if k >= 7 else JOINTS[:1]
-        asked, told = (kit.joint_state(stamp, row[: len(names)], names) for row in rows)
-        messages += [("/commands", stamp - PERIOD // 2, asked), ("/joint_states", stamp, told)]
-    path = write(tmp_path / "run", store(), messages, storage="mcap")
-    options = LogOptions(joint="all", command_topic="/commands")
-    hip, knee = read_logs(path, options=options)
-    assert hip.times[0] == 0.0
-    assert knee.times[0] == pytest.approx(7 * 1e-9 * PERIOD)
-    assert knee.times[-1] == pytest.approx(hip.times[-1])
-
-
 def test_states_before_the_first_command_are_left_out_and_said_so(tmp_path):
     folder = _command_bag(tmp_path / "run", COMMANDS["trajectory"], late=7)
     (log,) = read_logs(folder, options=LogOptions(joint="hip"))
     np.testing.assert_allclose(log.requests, angles()[0][7:, 0], atol=EXACT)
     assert log.times[0] == 0.0
     assert "7 states before the first request left out" in log.notes
-
-
-def test_slow_commands_are_held(tmp_path):
-    types = store()
-    kit = Kit(types)
-    states = [
-        ("/joint_states", START + k * PERIOD, kit.joint_state(START + k * PERIOD, [0.1, 0.2]))
-        for k in range(9)
-    ]
-    commands = [
-        ("/c", START + k * PERIOD - 1, kit.trajectory(0, [k, 2 * k])) for k in range(0, 9, 3)
-    ]
-    messages = sorted(states + commands, key=lambda message: message[1])
-    write(tmp_path / "run", types, messages)
-    (log,) = read_logs(tmp_path / "run", options=LogOptions(joint="knee"))
-    np.testing.assert_allclose(log.requests, [0, 0, 0, 6, 6, 6, 12, 12, 12], atol=EXACT)
 
 
 def test_stamps_of_simulated_time_are_kept_only_if_both_topics_have_them(tmp_path):
@@ -296,21 +235,6 @@ def test_commands_stamped_by_another_clock_count_from_their_receipt(tmp_path):
     )
 
 
-def test_a_message_that_came_late_does_not_make_its_stamps_another_clocks(tmp_path):
-    types = store()
-    kit = Kit(types)
-    requested, actual = angles()
-    messages = []
-    for k in range(len(actual)):
-        stamp, late = START + k * PERIOD, 10**13 * (k == len(actual) - 1)
-        messages += [
-            ("/trajectories", stamp + late, kit.trajectory(stamp, requested[k])),
-            ("/joint_states", stamp + 10, kit.joint_state(stamp, actual[k])),
-        ]
-    write(tmp_path / "run", types, sorted(messages, key=lambda message: message[1]))
-    _assert_holds_the_angles(read_logs(tmp_path / "run", options=LogOptions(joint="hip"))[0], "hip")
-
-
 def test_repeated_and_disordered_states_are_put_in_order(tmp_path):
     types = store()
     kit = Kit(types)
@@ -324,16 +248,6 @@ def test_repeated_and_disordered_states_are_put_in_order(tmp_path):
     (log,) = read_logs(tmp_path / "run", options=LogOptions(joint="knee"))
     _assert_holds_the_angles(log, "knee")
     assert "1 repeated states left out" in log.notes
-
-
-def test_the_option_of_the_unit_overrules_the_custom(tmp_path):
-    folder = _controller_bag(tmp_path / "run")
-    (log,) = read_logs(folder, options=LogOptions(joint="hip", unit="deg"))
-    np.testing.assert_allclose(log.requests, np.radians(angles()[0][:, 0]), atol=EXACT)
-
-
-def test_the_joints_of_a_bag_are_those_of_its_topics(tmp_path):
-    assert joints_in(_controller_bag(tmp_path / "run")) == JOINTS
 
 
 def _refused(path, **options):
@@ -463,19 +377,6 @@ def test_code_in_a_definition_is_never_run(tmp_path, place):
     assert not marker.exists()
 
 
-def test_a_definition_that_nobody_understands_matters_on_its_own_topic_only(tmp_path):
-    types = store()
-    state = Kit(types).state(START, [0.0, 0.0], [0.0, 0.0])
-    with rosbag2.Writer(tmp_path / "run", version=9) as bag:
-        known = bag.add_connection(STATE, state.__msgtype__, typestore=types)
-        odd = bag.add_connection("/odd", "a/msg/B", msgdef="uint8<<x", rihs01="RIHS01_" + 64 * "0")
-        for k in range(4):
-            state.header = Kit(types).header(START + k * PERIOD)
-            bag.write(known, START + k, types.serialize_cdr(state, state.__msgtype__))
-            bag.write(odd, START + k, b"any")
-    assert len(read_logs(tmp_path / "run", options=LogOptions(joint="all"))) == len(JOINTS)
-
-
 def test_a_bag_that_is_cut_short_is_refused(tmp_path):
     path = _controller_bag(tmp_path / "run.bag", storage="ros1")
     content = path.read_bytes()
@@ -484,17 +385,3 @@ def test_a_bag_that_is_cut_short_is_refused(tmp_path):
         message = _refused(path, joint="hip")
         assert message.startswith(": not a bag that can be read (")
         assert message.endswith("); is it cut short?")
-
-
-def test_fields_that_the_type_should_not_have_are_refused(tmp_path):
-    types = store()
-    number = Kit(types).number(1.0)
-    with rosbag2.Writer(tmp_path / "run", version=9) as bag:
-        connection = bag.add_connection(
-            "/s", CONTROLLER_STATE, msgdef="float64 data", rihs01="RIHS01_" + 64 * "0"
-        )
-        bag.write(connection, START, types.serialize_cdr(number, number.__msgtype__))
-    message = _refused(tmp_path / "run")
-    assert message.startswith(
-        f": topic /s, message 1: fields are not those of {CONTROLLER_STATE} ("
-    )

@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 
-from planner import InvalidFile, LogOptions, joints_in, read_logs
+from planner import InvalidFile, joints_in, read_logs
 
 SAMPLES = [(0.01, 0.0, 0.1), (0.03, 0.5, 0.2), (0.06, 1.0, 0.3), (0.08, 1.5, 0.4)]
 """Time [s], goal and position [rad] of every entry."""
@@ -49,23 +49,6 @@ def test_entries_are_rows(tmp_path):
         "angles in rad, as BAM defines them",
     )
     assert joints_in(log.name) == ("",)
-
-
-@pytest.mark.parametrize("nothing", [math.nan, None])
-def test_a_servo_that_is_off_needs_no_goal(tmp_path, nothing):
-    entries = _entries(entry_2={"goal_position": nothing})
-    (log,) = read_logs(_file(tmp_path, {"entries": entries}))
-    assert np.isfinite(log.requests).all()
-    assert not log.torque_on[2]
-
-
-def test_a_file_without_the_torque_has_it_on(tmp_path):
-    entries = [
-        {key: entry[key] for key in ("timestamp", "goal_position", "position")}
-        for entry in _entries()
-    ]
-    (log,) = read_logs(_file(tmp_path, {"entries": entries}))
-    assert log.torque_on.all()
 
 
 BAD = {
@@ -111,16 +94,6 @@ def test_an_entry_without_a_number_is_left_out_or_not_measured_with_a_note(tmp_p
 
 def _later(entries):
     return [{**entry, "timestamp": 1.0 + entry["timestamp"]} for entry in entries]
-
-
-def test_bam_is_in_radians_whatever_the_option_says(tmp_path):
-    file = _file(tmp_path, {"entries": _entries()})
-    assert len(read_logs(file, options=LogOptions(unit="rad"))) == 1
-    with pytest.raises(InvalidFile) as caught:
-        read_logs(file, options=LogOptions(unit="deg"))
-    assert str(caught.value) == (
-        f"{file}: angles of BAM are in rad by definition, but --unit says deg; leave the option out"
-    )
 
 
 def test_the_weight_of_the_pendulum_is_the_load(tmp_path):

@@ -12,7 +12,6 @@ import pytest
 
 import planner
 from planner import InvalidFile, InvalidInput, LogOptions, read_logs
-from planner.identification.excitation import excite
 from tests.files.logs.told import told
 
 EXACT = 1e-12
@@ -174,13 +173,6 @@ def test_standard_input_is_read(tmp_path, monkeypatch):
     assert len(_read("-").times) == len(TIMES)
 
 
-def test_several_files_are_several_logs_in_their_order(tmp_path):
-    file = _csv(tmp_path, "t_s,req_deg,act_deg")
-    other = tmp_path / "other.csv"
-    other.write_bytes(file.read_bytes())
-    assert [log.name for log in read_logs([file, str(other)])] == [str(file), str(other)]
-
-
 @pytest.mark.parametrize(
     ("above", "between"),
     [
@@ -306,45 +298,6 @@ def test_the_scale_of_a_potentiometer_is_that_of_slow_requests_and_reported(tmp_
     assert zero == pytest.approx(MIDDLE, abs=1.0)
 
 
-def test_the_scale_of_a_potentiometer_is_found_in_the_test_signal_that_excite_proposes(tmp_path):
-    """Its steps are no slow requests, nor are the rows after them in which the joint is late."""
-    signal = excite("combined", limits=(-0.8, 0.8), period=0.02, duration=60.0)
-    joint = planner.JointModel(
-        v_max=4.0, theta_0=0.3, lag=0.02, acceleration_time=0.02, tick=0.02, dead_band=0.01
-    )
-    angles = planner.simulate(joint, signal.requests, cyclic=False)
-    columns = [signal.times, signal.requests, np.round(MIDDLE + PER_RADIAN * angles)]
-    file = tmp_path / "servo.csv"
-    head = "t_s,requested_rad,actual_counts"
-    np.savetxt(file, np.column_stack(columns), delimiter=",", header=head, comments="")
-    np.testing.assert_allclose(_read(file).angles, angles, atol=0.5 / 163.0 + 0.002 * 0.8)
-
-
-def test_the_scale_of_a_potentiometer_is_that_of_rows_with_torque(tmp_path):
-    file, _, angles = _potentiometer(tmp_path)
-    head, *rows = file.read_text().splitlines()
-    without = [row.rsplit(",", 1)[0] + ",100,0" for row in rows[100:160]]  # it hangs down
-    rows = [*(f"{row},1" for row in rows[:100]), *without, *(f"{row},1" for row in rows[160:])]
-    file.write_text("\n".join([f"{head},torque_on", *rows]))
-    log = _read(file, unit="requested=us,actual=counts")
-    np.testing.assert_allclose(log.angles[200:], angles[200:], atol=0.5 / 163.0 + 0.01 * 0.6)
-
-
-def test_pulses_of_another_servo_are_read_by_the_microseconds_of_a_turn(tmp_path):
-    file, requests, _ = _potentiometer(tmp_path)
-    log = _read(file, unit="requested=us,actual=counts", ticks_per_turn=8000)
-    np.testing.assert_allclose(log.requests, requests / 2.0, atol=EXACT)
-
-
-def test_names_of_columns_say_pulses_and_counts(tmp_path):
-    file, requests, _ = _potentiometer(tmp_path)
-    text = file.read_text().replace("t_s,requested,actual", "t_s,requested_us,actual_counts")
-    file.write_text(text)
-    log = _read(file)
-    np.testing.assert_allclose(log.requests, requests, atol=EXACT)
-    assert "angles in us and counts, as the columns said" in " ".join(log.notes)
-
-
 @pytest.mark.parametrize(
     ("unit", "slow", "message"),
     [
@@ -358,15 +311,6 @@ def test_counts_without_a_scale_are_refused(tmp_path, unit, slow, message):
     file, *_ = _potentiometer(tmp_path, slow=slow)
     with pytest.raises(InvalidFile, match=message):
         _read(file, unit=unit)
-
-
-def test_slow_requests_in_one_direction_tell_no_scale(tmp_path):
-    """The joint trails them by an amount that nobody knows."""
-    file, *_ = _potentiometer(tmp_path)
-    rows = file.read_text().splitlines()
-    file.write_text("\n".join([rows[0], *rows[160:440]]) + "\n")  # from the top to the bottom
-    with pytest.raises(InvalidFile, match="up and down"):
-        _read(file, unit="requested=us,actual=counts")
 
 
 def test_counts_may_be_a_tenth_of_their_spread_beside_a_line_and_no_more(tmp_path):

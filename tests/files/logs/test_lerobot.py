@@ -11,7 +11,7 @@ import pytest
 from pyarrow import parquet
 
 from planner import InvalidFile, LogOptions, joints_in, read_logs
-from planner.files.logs.lerobot import _ranges, find_dataset, lerobot_episodes, read_episode
+from planner.files.logs.lerobot import find_dataset, lerobot_episodes, read_episode
 from tests.files.logs.datasets import FPS, JOINTS, LENGTHS, NAMES, info, rows, v21, v30, values
 from tests.files.logs.told import told
 
@@ -70,26 +70,6 @@ def test_episodes_are_chosen_by_number(tmp_path, layout):
     _assert_is(second, 2, "gripper")
 
 
-@pytest.mark.parametrize(
-    ("layout", "file", "episodes"),
-    [("v2.1", "episode_000001.parquet", [1]), ("v3.0", "file-000.parquet", [0, 1])],
-)
-def test_a_single_file_is_read_with_the_description_above_it(tmp_path, layout, file, episodes):
-    root = LAYOUTS[layout](tmp_path / "set")
-    path = root / "data" / "chunk-000" / file
-    logs = read_logs(path, options=LogOptions(joint="shoulder_pan", unit="deg"))
-    for log, episode in zip(logs, episodes, strict=True):
-        _assert_is(log, episode, "shoulder_pan")
-
-
-@pytest.mark.parametrize("names", [None, [], ["motors"]], ids=["none", "empty", "of the axis"])
-def test_joints_without_names_are_numbered(tmp_path, names):
-    root = v21(tmp_path / "set", names)
-    assert joints_in(root) == ("0", "1", "2")
-    (log,) = read_logs(root, options=LogOptions(joint="1", unit="deg", episodes="0"))
-    np.testing.assert_allclose(log.requests, np.radians(values(0)[0][:, 1]), atol=1e-7)
-
-
 def test_an_episode_has_the_task_of_its_own_rows(tmp_path):
     root = v30(tmp_path / "set")
     file = root / "data" / "chunk-000" / "file-000.parquet"
@@ -107,23 +87,6 @@ def test_an_episode_has_the_task_of_its_own_rows(tmp_path):
     ]
     (root / "meta" / "tasks.jsonl").write_text("\n\n".join(map(json.dumps, lines)))
     assert find_dataset(root).tasks() == {0: "lift", 1: "drop", 2: ""}
-
-
-def test_tasks_that_cannot_be_read_cost_no_episode(tmp_path):
-    root = v30(tmp_path / "set")
-    (root / "meta" / "tasks.parquet").write_bytes(b"PAR1, and no more")
-    found = [read_episode(place) for place in lerobot_episodes(root, LogOptions())]
-    assert [each.task for each in found] == ["", "", ""]
-
-
-def test_times_in_lists_of_one_are_read(tmp_path):
-    def change(table):
-        listed = _set(table, "timestamp", [[k / FPS] for k in range(LENGTHS[0])])
-        return _set(listed, "episode_index", [[0]] * LENGTHS[0])
-
-    root, _ = _with_table(tmp_path, change)
-    (log,) = read_logs(root, options=LogOptions(joint="gripper", unit="deg", episodes="0"))
-    _assert_is(log, 0, "gripper")
 
 
 def _described(root, **changes):
@@ -266,19 +229,6 @@ def test_a_table_that_cannot_be_read_is_reported_with_its_place(tmp_path, snapsh
     snapshot.check("lerobot_tables", "".join(said))
 
 
-def test_a_table_that_unfolds_beyond_all_bounds_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr("planner.files.logs.lerobot.MOST_NUMBERS", 2**19)
-    root = v21(tmp_path / "set")
-    file = root / "data" / "chunk-000" / "episode_000000.parquet"
-    n = 100_000
-    same = {"action": [[0.0] * 3] * n, "observation.state": [[0.0] * 3] * n}
-    parquet.write_table(pa.table({**same, "timestamp": [0.0] * n, "episode_index": [0] * n}), file)
-    assert file.stat().st_size < 10_000
-    assert _refused(root, joint="gripper", unit="deg", episodes="0") == (
-        f"{file}: more than 524288 numbers of angles and times; split the file"
-    )
-
-
 def test_a_file_that_is_cut_short_is_refused(tmp_path):
     root = v21(tmp_path / "set")
     file = root / "data" / "chunk-000" / "episode_000000.parquet"
@@ -329,8 +279,3 @@ def test_a_file_without_its_dataset_is_refused(tmp_path):
         f"{file}: no meta/info.json, which names the joints, in the folders above; keep the file "
         "in its LeRobot dataset, or give the log as CSV"
     )
-
-
-def test_episodes_are_listed_in_their_order_and_neighbours_together():
-    assert _ranges([9, 0, 2, 1, 7]) == "0-2, 7, 9"
-    assert _ranges([]) == "none"

@@ -41,24 +41,6 @@ def test_options_that_fit_no_log_are_refused(snapshot):
     snapshot.check("log_options", "".join(said))
 
 
-def test_episodes_are_numbers_and_ranges():
-    assert LogOptions(episodes="0-3, 7").episode_numbers() == {0, 1, 2, 3, 7}
-    assert LogOptions().episode_numbers() is None
-
-
-def test_a_unit_may_be_for_one_joint_only():
-    options = LogOptions(unit="rad,Jaw=range")
-    assert (options.unit_of("Jaw"), options.unit_of("Elbow")) == ("range", "rad")
-    spaced = LogOptions(unit=" rad , Jaw = range")
-    assert (spaced.unit_of("Jaw"), spaced.unit_of("Elbow")) == ("range", "rad")
-    assert LogOptions(unit="Jaw=range").unit_of("Elbow") is None
-
-
-def test_a_name_that_no_file_can_have_is_refused():
-    with pytest.raises(InvalidFile, match=r"cannot be read \(file name too long\); "):
-        read_logs("x" * 300)
-
-
 def test_a_folder_that_is_no_log_says_what_would_be_one(tmp_path):
     with pytest.raises(InvalidFile) as caught:
         read_logs(tmp_path)
@@ -73,12 +55,6 @@ def test_a_folder_that_is_no_log_says_what_would_be_one(tmp_path):
     assert str(caught.value).endswith(
         f"or its files: {tmp_path / '*.csv'} or {tmp_path / '*.json'}"
     )
-
-
-@pytest.mark.parametrize("ending", ["csv", "parquet", "json", "mcap", "bag", "db3"])
-def test_a_file_that_is_not_there_is_said_to_be_missing(tmp_path, ending):
-    with pytest.raises(InvalidFile, match="no such file; check the name and the folder"):
-        read_logs(tmp_path / f"run.{ending}")
 
 
 @pytest.mark.parametrize(
