@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from planner.compilation import compiled, inner
+from planner.model.joint import REST_STEPS
 from planner.model.law import Law, State
 from planner.trajectory import Array, Indices
 
@@ -44,7 +45,7 @@ def drive(law: Law, error: float, faster: float) -> tuple[float, float]:
 
 @inner
 def moved(
-    law: Law, demand: float, sagging: float, speed: float, integral: float
+    law: Law, demand: float, by_sags: float, speed: float, integral: float
 ) -> tuple[float, float]:
     """The speed after a tick: a motor's inertia, then Coulomb friction, implicit.
 
@@ -54,7 +55,7 @@ def moved(
     Args:
         law: The joint.
         demand: Demanded speed, the drive g(t) [rad/tick].
-        sagging: What of it is by gravity and a torque, by :func:`sag_speed` [rad/tick].
+        by_sags: What of it is by gravity and a torque, the gain times their sags [rad/tick].
         speed: Speed in the tick before, w(t-1) [rad/tick].
         integral: Integral z(t-1) of the servo's loops [rad/tick].
 
@@ -71,7 +72,7 @@ def moved(
         aim = speed + min(max(change, -law.acceleration), law.acceleration)
     now = shrunk(aim, friction)
     if law.integral_share > 0.0 and not limited:
-        integral += law.integral_share * (demand - sagging - fed_back(law, now, integral))
+        integral += law.integral_share * (demand - by_sags - fed_back(law, now, integral))
     return now, integral
 
 
@@ -79,12 +80,6 @@ def moved(
 def aimed(law: Law, demand: float, integral: float) -> float:
     """The speed that a motor follows: the demanded one, and a speed loop's integral."""
     return demand if law.integral_inside > 0.0 else demand + integral
-
-
-@inner
-def sag_speed(law: Law, sag: float, by_pose: float) -> float:
-    """What the sags under a load and by the pose add to a demand, behind the servo [rad/tick]."""
-    return law.gain * (sag + by_pose)
 
 
 @inner
@@ -98,14 +93,29 @@ def at_rest(law: Law, angle: float, sag: float) -> State:
     """The state at rest at an angle [rad], under a load's sag [rad]: integrals make up for sags."""
     integral = 0.0
     if law.integral_share > 0.0:
-        integral -= sag_speed(law, sag, pose_sag(law, angle))
+        integral -= law.gain * (sag + pose_sag(law, angle))
     return State(angle, 0.0, integral)
 
 
 @inner
-def left_at_rest(law: Law, sag: float) -> float:
-    """What of a sag under a load or by the pose is left at rest: with an integral nothing."""
-    return 0.0 if law.integral_share > 0.0 else sag
+def rest_offset(law: Law, sag: float, by_pose: float) -> float:
+    """How far a joint rests beside its request, by its sags under a load and by the pose [rad].
+
+    With an integral, which makes up for both, by the static offset alone.
+    """
+    return law.offset if law.integral_share > 0.0 else law.offset + sag + by_pose
+
+
+@inner
+def rest_angle(law: Law, request: float, sag: float) -> float:
+    """The angle at which a request holds the joint [rad]: :meth:`JointModel.rest` for a number."""
+    level = request + rest_offset(law, sag, 0.0)
+    angle = level
+    if law.integral_share == 0.0 and (law.sag_sin != 0.0 or law.sag_cos != 0.0):
+        for _ in range(REST_STEPS):  # Newton's method
+            slope = 1.0 - pose_sag_slope(law, angle)
+            angle -= (angle - pose_sag(law, angle) - level) / slope
+    return angle
 
 
 @inner
@@ -187,7 +197,7 @@ def run_period(
             if weight != 0.0:
                 demand += weight * drive(law, history[youngest - j] + level - angle, faster)[0]
         demand += law.gain * by_pose
-        speed, integral = moved(law, demand, sag_speed(law, sag, by_pose), speed, integral)
+        speed, integral = moved(law, demand, law.gain * (sag + by_pose), speed, integral)
         angle += speed
     return State(angle, speed, integral)
 
@@ -305,14 +315,14 @@ def rounded_moved(
 
 @inner
 def rounded_integral(
-    law: Law, demand: float, sagging: float, before: State, speed: float, rounded: float
+    law: Law, demand: float, by_sags: float, before: State, speed: float, rounded: float
 ) -> tuple[float, float, float]:
     """The integral after a tick where the acceleration limit has a rounded corner.
 
     Args:
         law: The joint.
         demand: Demanded speed [rad/tick].
-        sagging: What of it is by gravity and a torque [rad/tick].
+        by_sags: What of it is by gravity and a torque [rad/tick].
         before: State before the tick; its angle does not count.
         speed: Speed after it [rad/tick].
         rounded: Square of the radius of the corners [rad^2/tick^2].
@@ -322,7 +332,7 @@ def rounded_integral(
         derivative by the difference between the speed that is aimed at and the one before, with
         ``demand`` and ``speed`` fixed.
     """
-    change = law.integral_share * (demand - sagging - fed_back(law, speed, before.integral))
+    change = law.integral_share * (demand - by_sags - fed_back(law, speed, before.integral))
     opened, closing = 1.0, 0.0
     if law.acceleration < np.inf:
         faster = law.share * (aimed(law, demand, before.integral) - before.speed)
@@ -400,9 +410,8 @@ def periods(
             )
             angles[k] += speeds[k]
             if size == 3:
-                sagging = sag_speed(law, sags[k], by_pose)
                 integrals[k], opened[k], closing[k] = rounded_integral(
-                    law, driven, sagging, before, speeds[k], rounded[k]
+                    law, driven, gain * (sags[k] + by_pose), before, speeds[k], rounded[k]
                 )
         for c in range(size + width):
             for k in range(count if size == 2 else 0):
@@ -549,7 +558,7 @@ def along(
     count, last, half = len(columns), len(edges) - 1, servo.play / 2.0
     has_sag_columns = bool(np.any((columns == SAG_SIN) | (columns == SAG_COS)))
     window, by_window = servo.window / track.tick, 1.0 / servo.window
-    drives, kinks, sagging = np.zeros((3, START + 1))
+    drives, kinks, by_sag = np.zeros((3, START + 1))
     past, now, motion, fast, summed = np.zeros((5, count))
     first, row, way, band, speed, motor = 0, 0, 0.0, law.friction / law.gain, 0.0, 0.0
     integral, beyond = 0.0, 0.0 if exceeds_drive(law) else 1.0
@@ -592,14 +601,14 @@ def along(
         driven = demand
         demand += law.gain * by_pose
         # ``free`` is what friction acts on, ``aim`` what the speed follows
-        sags, slid, aim = sag_speed(law, load_sag, by_pose), speed, aimed(law, demand, integral)
+        by_sags, slid, aim = law.gain * (load_sag + by_pose), speed, aimed(law, demand, integral)
         free = aim
         if law.share == 1.0:
             aim = shrunk(aim, law.friction)
         else:
             change = law.share * (aim - speed)
             free = speed + min(max(change, -law.acceleration), law.acceleration)
-        speed, integral = moved(law, demand, sags, speed, integral)
+        speed, integral = moved(law, demand, by_sags, speed, integral)
         motor += speed
         follows = half == 0.0 or abs(motor - angle) > half
         side = 1.0 if motor > angle else -1.0
@@ -627,11 +636,11 @@ def along(
             drives[SAG_LOAD] = drives[SAG] * track.loads[t]
             drives[FASTER_LOAD] = saturated * track.loads[t]
             # What of it is by gravity and a torque
-            sagging[GAIN] = load_sag + by_pose
-            sagging[SAG_LOAD] = law.gain * track.loads[t]
+            by_sag[GAIN] = load_sag + by_pose
+            by_sag[SAG_LOAD] = law.gain * track.loads[t]
             if has_sag_columns:
-                sagging[SAG_SIN] = drives[SAG_SIN] = law.gain * np.sin(angle)
-                sagging[SAG_COS] = drives[SAG_COS] = law.gain * np.cos(angle)
+                by_sag[SAG_SIN] = drives[SAG_SIN] = law.gain * np.sin(angle)
+                by_sag[SAG_COS] = drives[SAG_COS] = law.gain * np.cos(angle)
             # By the demanded speed, and by the speed before
             accelerated = 1.0
             kinks[ACCELERATION] = 0.0
@@ -650,9 +659,9 @@ def along(
             for p in range(count):
                 column = columns[p]
                 past[p] = now[p]
-                sagged = sagging[column] + law.gain * by_pose_slope * now[p]
+                sag_change = by_sag[column] + law.gain * by_pose_slope * now[p]
                 if starts and law.integral_share > 0.0:
-                    summed[p] = -sagged
+                    summed[p] = -sag_change
                 pushed = (
                     drives[column] - by_angle * now[p] + law.integral_inside * inside * summed[p]
                 )
@@ -661,9 +670,9 @@ def along(
                     fast[p] = sliding * (fast[p] + follow + kinks[column])
                     if accelerated == 1.0:
                         back = fed_back(law, fast[p], summed[p])
-                        summed[p] += law.integral_share * (pushed - sagged - back)
+                        summed[p] += law.integral_share * (pushed - sag_change - back)
                         if column == INTEGRAL:
-                            summed[p] += demand - sags - fed_back(law, speed, held_integral)
+                            summed[p] += demand - by_sags - fed_back(law, speed, held_integral)
                 elif accelerated == 1.0:
                     fast[p] = sliding * (pushed + kinks[column])
                 elif column == ACCELERATION:

@@ -19,8 +19,10 @@ from typing import NamedTuple
 import numpy as np
 
 from planner.compilation import compiled, inner
-from planner.model.kernel import at_rest, moving_states, periods
+from planner.model.kernel import at_rest, moving_states, periods, rest_angle, run
 from planner.model.law import Law
+from planner.model.response import MOST_CYCLES
+from planner.model.steady_cycle import Cycle, run_steady_cycle
 from planner.planning.factorisation import (
     Factor,
     Places,
@@ -161,6 +163,7 @@ NEGLIGIBLE = 0.1  # a stage ends where less than this share of the least decreas
 LEAST_WEIGHT = 1e-6  # of an error where powers are summed: the curvature is definite
 LARGEST_SHARE = 1e4  # error in units from which on a cost counts as this large: a finite number
 SLACK = 1e-11  # subtracted from the diagonal of conditions: a saturated cycle's are singular
+SIMULATED = 0.1  # radius below which the answer of a stage is worth a simulation [theta_0]
 SPEED_TERM = 1e-6  # Levenberg-Marquardt term of the speeds, on which no error depends
 TOUCHING = 1e-9  # distance from a limit that counts as none [rad]
 
@@ -255,6 +258,56 @@ def errors_of(spec: Spec, states: Array, values: Array, jacobians: Array) -> Non
 def set_errors(spec: Spec, states: Array, values: Array, jacobians: Array) -> None:
     """:func:`errors_of` for Python."""
     errors_of(spec, states, values, jacobians)
+
+
+@inner
+def law_of(drive: Array) -> Law:
+    """The law of a drive, a row of ``Spec.drives``."""
+    row = drive
+    return Law(row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7], row[8], row[9])
+
+
+@inner
+def respond(spec: Spec, requests: Array, angles: Array) -> bool:
+    """Fill the angles of the exact models [rad], (n, A), those of :func:`planner.simulate`.
+
+    A cycle need not be unique. Where a drive has none the angles become NaN, and the answer False.
+    """
+    samples, joints = requests.shape
+    cyclic, oldest, width = spec.cyclic, spec.oldest, spec.weights.shape[2]
+    history, motion = np.empty(samples + width - 1), np.empty((3, samples))
+    for a in range(len(spec.drives)):
+        row, j = spec.drives[a], a % joints
+        law, weights = law_of(row), spec.weights[a, : int(row[10])]
+        sags, faster = spec.periods[0, a], spec.periods[1, a]
+        for i in range(len(history)):
+            number = (i - oldest) % samples if cyclic else max(i - oldest, 0)
+            history[i] = requests[number, j]
+        if not cyclic:
+            run(
+                law,
+                weights,
+                history,
+                sags,
+                faster,
+                at_rest(law, row[13], sags[0]),
+                len(weights) - 1,
+                motion,
+            )
+        else:
+            cycle = Cycle(law, weights, history, oldest, sags, faster, motion)
+            if run_steady_cycle(cycle, rest_angle(law, requests[0, j], sags[0]), MOST_CYCLES) > 0.0:
+                angles[:] = np.nan
+                return False
+        for k in range(samples):
+            angles[k, a] = motion[0, k]
+    return True
+
+
+@compiled
+def set_motion(spec: Spec, requests: Array, angles: Array) -> bool:
+    """:func:`respond` for Python."""
+    return respond(spec, requests, angles)
 
 
 @inner
@@ -359,7 +412,7 @@ def set_responses(spec: Spec, stage: Stage, point: Point, a: int, first: int, si
     drives, _, width = spec.weights.shape
     parts, cyclic, states, requests = spec.parts, spec.cyclic, point.states, point.requests
     row, derived, defects = spec.drives[a], point.slopes[a], point.defects
-    law = Law(row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7], row[8], row[9])
+    law = law_of(row)
     weights, unit_of_speed = spec.weights[a, : int(row[10])], row[12]
     own = moving_states(law)
     slopes, bends = np.empty((own, own + width, size)), np.empty((own, width, size))
@@ -511,7 +564,8 @@ def set_entries(
     return e
 
 
-def allocated(spec: Spec, *, smoothing: bool) -> Point:
+@inner
+def allocated(spec: Spec, smoothing: bool) -> Point:
     """A point with all its arrays, set to 0."""
     samples, joints = spec.resting.shape
     drives, _, width = spec.weights.shape
@@ -560,26 +614,24 @@ def pattern_of(spec: Spec, *, smoothing: bool) -> Pattern:
     position = np.empty(len(time), dtype=np.uint32)
     position[np.lexsort((kind, time))] = np.arange(len(time))
 
-    point, stage = allocated(spec, smoothing=smoothing), Stage(1.0, 1.0, 2.0, 1, smoothing)
-    blocks, size = point.quadratic.shape[1:3]
-    room = samples * (joints * 10 + blocks * size**2 + states * (4 + spec.parts + width))
-    return pattern_in_order(spec, stage, point, position, room)
+    return pattern_in_order(spec, smoothing, position)
 
 
 @compiled
-def pattern_in_order(
-    spec: Spec, stage: Stage, point: Point, position: Places, room: int
-) -> Pattern:
+def pattern_in_order(spec: Spec, smoothing: bool, position: Places) -> Pattern:
     """The pattern of the steps of a problem.
 
     Args:
         spec: The problem.
-        stage: Regularisation.
-        point: Of the right shape.
+        smoothing: As of :class:`Stage`.
         position: Of each unknown in the order of elimination, (unknowns,).
-        room: Entries at most.
     """
     samples, joints = spec.resting.shape
+    drives, _, width = spec.weights.shape
+    point, stage = allocated(spec, smoothing), Stage(1.0, 1.0, 2.0, 1, smoothing)
+    blocks, size = point.quadratic.shape[1:3]
+    most = joints * 10 + blocks * size**2 + drives * spec.parts * (4 + spec.parts + width)
+    room = samples * most
     terms, eased = np.zeros((samples, joints)), np.zeros((samples, len(spec.drives)))
     tight, values = np.zeros((samples, joints), np.int64), np.zeros(room)
     rows, columns = np.zeros(room, np.uint32), np.zeros(room, np.uint32)
@@ -859,13 +911,7 @@ def merit_of(point: Point, step: Array, penalty: float) -> float:
 
 @compiled
 def go_through(
-    spec: Spec,
-    pattern: Pattern,
-    search: Search,
-    stages: Array,
-    point: Point,
-    trial: Point,
-    ends: Array,
+    spec: Spec, pattern: Pattern, search: Search, stages: Array, ends: Array, angles: Array
 ) -> None:
     """Lower the cost of each stage by damped Gauss-Newton steps, from the end of the last one.
 
@@ -874,14 +920,16 @@ def go_through(
         pattern: Its KKT matrix.
         search: The first iterate; replaced by the last one.
         stages: In the order of :class:`Stage`, all with the same regularisation, (m, 5).
-        point: Work space.
-        trial: Work space.
         ends: Filled with the requests with which each stage ends [rad], (m, n, J).
+        angles: Filled, where corners are sharp, with the angles of the exact models under them
+            [rad], elsewhere and without a steady cycle with NaN, (m, n, A).
     """
     samples, joints = spec.resting.shape
     states, step = search.states.shape[1], np.zeros(len(pattern.factor.position))
     state, count = samples * joints, samples * (joints + states)
     smoothing, damping = stages[0, 4] != 0.0, search.damping
+    point, trial = allocated(spec, smoothing), allocated(spec, smoothing)
+    angles[:] = np.nan
     copied(search.requests, point.requests)
     copied(search.states, point.states)
     for number in range(len(stages)):
@@ -930,6 +978,8 @@ def go_through(
             if merit - after < OPTIONS.least_decrease * after:
                 break
         copied(point.requests, ends[number])
+        if stage.radius < SIMULATED:
+            respond(spec, ends[number], angles[number])
     copied(point.requests, search.requests)
     copied(point.states, search.states)
 

@@ -18,12 +18,10 @@ import numpy as np
 
 from planner.approximation.curve import PiecewiseLinear
 from planner.compilation import compiled, inner
-from planner.model.joint import weights_by_tick
-from planner.model.kernel import at_rest, left_at_rest, pose_sag, run
+from planner.model.kernel import pose_sag
 from planner.model.law import Law
 from planner.model.response import MOST_CYCLES
-from planner.model.steady_cycle import Cycle, run_steady_cycle
-from planner.planning.gauss_newton import Spec, limit
+from planner.planning.gauss_newton import Spec, law_of, limit, respond
 from planner.planning.line_inverse import (
     AT_TOP_SPEED,
     LEAST_SHARE,
@@ -109,10 +107,10 @@ def refined_curve(
 
 def tracked(
     problem: Problem, curve: PiecewiseLinear, rule: Rule, ahead: float
-) -> tuple[Spec, Cycle, Lines]:
+) -> tuple[Spec, Lines]:
     """The first arguments of :func:`search`."""
-    (model,), load, spec = problem.models, problem.loads[0], problem.spec
-    count, weights, (low, high) = curve.samples, weights_by_tick(model), slope_limits(model, load)
+    (model,), load = problem.models, problem.loads[0]
+    low, high = slope_limits(model, load)
     slopes, offsets = offset_table(model, rule)
     by_load = np.empty((3, 0))
     if load is not None:
@@ -131,16 +129,12 @@ def tracked(
         (2.0 - LEAST_SHARE) * model.v_max * curve.tick,
         by_load,
     )
-    history, motion = np.empty(count + weights.shape[1] - 1), np.empty((3, count))
-    sags, faster = spec.periods[:, 0]
-    joint = Cycle(model.law, weights, history, spec.oldest, sags, faster, motion)
-    return spec, joint, lines
+    return problem.spec, lines
 
 
 @compiled
 def search(
     spec: Spec,
-    joint: Cycle,
     lines: Lines,
     knots: Array,
     values: Array,
@@ -151,7 +145,6 @@ def search(
 
     Args:
         spec: The problem: desired angles and limits.
-        joint: The joint; filled with its motion.
         lines: How lines are inverted.
         knots: Knots [samples], and
         values: values there [rad]; moved in place.
@@ -164,11 +157,11 @@ def search(
         Sum of squared errors at the end [rad^2]; inf where no curve can be followed.
     """
     (size, finest, lift), count, samples = steps, len(knots), len(spec.goal)
-    requests = np.empty((samples, 1))
+    requests, angles = np.empty((2, samples, 1))
     along, up = np.empty(count), np.empty(count)
     moved, moved_values = np.empty(count), np.empty(count)
     moves = 4 * count + 2 * (count if spec.cyclic else count - 1)
-    least, work = squared_error(spec, joint, lines, requests, knots, values), samples
+    least, work = squared_error(spec, lines, requests, angles, knots, values), samples
     if least < 0.0:  # any curve that can be followed is better
         least = math.inf
     while size >= finest and work < most_work:
@@ -179,7 +172,7 @@ def search(
                 sign = -size if turn else size
                 for k in range(count):
                     moved[k], moved_values[k] = knots[k] + sign * along[k], values[k] + sign * up[k]
-                error = squared_error(spec, joint, lines, requests, moved, moved_values)
+                error = squared_error(spec, lines, requests, angles, moved, moved_values)
                 if error >= 0.0:
                     work += samples * (MOST_CYCLES if error == math.inf else 1)
                 if 0.0 <= error < LOWER * least:
@@ -196,31 +189,20 @@ def search(
 
 @inner
 def squared_error(
-    spec: Spec, joint: Cycle, lines: Lines, requests: Array, knots: Array, values: Array
+    spec: Spec, lines: Lines, requests: Array, angles: Array, knots: Array, values: Array
 ) -> float:
     """Sum of squared tracking errors [rad^2], inf where the joint has no steady cycle.
 
     -1 where a slope is beyond the top speed, or a segment is shorter than a sample.
     """
-    law, weights, history, oldest, sags, faster, motion = joint
-    if not set_requests(lines, law, spec.cyclic, knots, values, requests):
+    if not set_requests(lines, law_of(spec.drives[0]), spec.cyclic, knots, values, requests):
         return -1.0
     limit(spec, requests)
-    count, hold = len(requests), len(weights)
-    for k in range(len(history)):
-        number = k - oldest
-        history[k] = requests[number % count if spec.cyclic else max(number, 0), 0]
-    if not spec.cyclic:
-        start, last = spec.drives[0, -1], hold - 1  # its angle before the first sample
-        run(law, weights, history, sags, faster, at_rest(law, start, sags[0]), last, motion)
-    else:
-        rest = requests[0, 0] + (law.offset + left_at_rest(law, sags[0]))
-        rest += left_at_rest(law, pose_sag(law, rest))  # to first order
-        if run_steady_cycle(joint, rest, MOST_CYCLES) > 0.0:
-            return math.inf
+    if not respond(spec, requests, angles):
+        return math.inf
     total = 0.0
-    for k in range(count):
-        total += (motion[0, k] - spec.goal[k, 0]) ** 2
+    for k in range(len(requests)):
+        total += (angles[k, 0] - spec.goal[k, 0]) ** 2
     return float(total)
 
 
@@ -258,7 +240,8 @@ def set_requests(
             band = 0.0 if slope == 0.0 else math.copysign(lines.dead_band, slope)
             offset = interpolated(slope / scale, lines.table) + lines.sag - band
             offset = band + scale * offset - sag
-        requests[k, 0] = values[s] + slope * past + offset - left_at_rest(law, by_pose)
+        held = 0.0 if law.integral_share > 0.0 else by_pose
+        requests[k, 0] = values[s] + slope * past + offset - held
     return True
 
 

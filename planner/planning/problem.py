@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from planner.exceptions import Infeasible, NoSteadyCycle
+from planner.exceptions import Infeasible
 from planner.model.joint import (
     JointModel,
     RequestAges,
@@ -18,14 +18,14 @@ from planner.model.joint import (
     request_ages_of_all,
     weights_of_all,
 )
-from planner.model.response import Loads, motion_under, rest_angles, rest_requests
+from planner.model.response import Loads, rest_angles, rest_requests
 from planner.planning.arguments import Norm
 from planner.planning.task import Task
 from planner.trajectory import Array
 
 if TYPE_CHECKING:
     from kinematics.leg import Leg
-    from planner.planning.gauss_newton import Pattern, Point, Spec
+    from planner.planning.gauss_newton import Pattern, Spec
 
 RIDGE = 1e-4
 """Curvature added to that of a foot's squared errors, where a joint that does not move the foot has
@@ -253,21 +253,12 @@ class Problem:
         return math.inf if angles is None else self.error(angles)
 
     def exact_angles(self, requests: Array) -> Array | None:
-        """Angles of the exact models, simulated, (n, A); None where a joint has no steady cycle.
+        """Angles of the exact models, simulated, (n, A); None where a joint has no steady cycle."""
+        from planner.planning.gauss_newton import set_motion
 
-        A cycle need not be unique: it is that of :func:`planner.simulate`.
-        """
-        answer = np.empty((len(requests), len(self.models)))
-        for number, (model, torques) in enumerate(zip(self.models, self.loads, strict=True)):
-            j = number % self.joints
-            start = None if self.start is None else float(self.start[j])
-            sent = requests[:, j]
-            try:
-                motion = motion_under(model, sent, cyclic=self.cyclic, start=start, torques=torques)
-            except NoSteadyCycle:
-                return None
-            answer[:, number] = motion[0]
-        return answer
+        angles = np.empty((len(requests), len(self.models)))
+        settled = set_motion(self.spec, np.ascontiguousarray(requests), angles)
+        return angles if settled else None
 
     def states_of(self, angles: Array) -> Array:
         """States near angles (n, A): speeds are means over the period before, integrals 0."""
@@ -280,18 +271,9 @@ class Problem:
         speeds = self.units * (angles - before) / holds
         return np.hstack([angles, speeds, *(np.zeros_like(speeds) for _ in range(self.parts - 2))])
 
-    def work_space(self, *, smoothing: bool) -> tuple[Pattern, Point, Point]:
-        """Pattern of the search's steps, and two points; allocated once."""
-        if smoothing not in self._work_spaces:
-            from planner.planning.gauss_newton import allocated, pattern_of
-
-            point, trial = (allocated(self.spec, smoothing=smoothing) for _ in range(2))
-            pattern = pattern_of(self.spec, smoothing=smoothing)
-            self._work_spaces[smoothing] = pattern, point, trial
-        return self._work_spaces[smoothing]
-
     @cached_property
-    def _work_spaces(self) -> dict[bool, tuple[Pattern, Point, Point]]:
+    def patterns(self) -> dict[bool, Pattern]:
+        """Patterns of the steps of a search without smoothing, and with it, once computed."""
         return {}
 
     @property

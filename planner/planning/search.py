@@ -22,7 +22,14 @@ from planner.exceptions import SolverFailed, angle_text
 from planner.model.evidence import ENCODER_STEP
 from planner.model.joint import JointModel
 from planner.model.response import Loads
-from planner.planning.gauss_newton import LARGEST_SHARE, Search, Stage, go_through
+from planner.planning.gauss_newton import (
+    LARGEST_SHARE,
+    SIMULATED,
+    Search,
+    Stage,
+    go_through,
+    pattern_of,
+)
 from planner.planning.problem import Problem
 from planner.trajectory import Array, Mask, reversals
 
@@ -70,9 +77,6 @@ FOOT = tuple(stage._replace(steps=16) for stage in (Stage(1.5, 1e-3), Stage(0.7,
 Over 38 feet, first corners of 2 and 1 lose 0.35 % at worst, no wide corners 0.55 %. Where joints
 can compensate for one another, stages take many steps; 12 or 24 make no difference."""
 
-SIMULATED = 0.1
-"""Radius below which the answer of a stage is worth a simulation [theta_0]."""
-
 
 class State(NamedTuple):
     """Start of a search: requests (n, J) and angles (n, A) [rad], not always their response."""
@@ -89,13 +93,19 @@ def begun(problem: Problem, state: State) -> Search:
     return Search(requests, states, np.zeros_like(states), active, np.zeros(2))
 
 
-def _stages_gone_through(problem: Problem, search: Search, stages: Sequence[Stage]) -> Array:
-    """Go through the stages; the requests with which each ends [rad], (stages, n, J)."""
-    rows = np.array([tuple(map(float, stage)) for stage in stages])
+def _gone_through(problem: Problem, search: Search, stages: Sequence[Stage]) -> tuple[Array, Array]:
+    """The requests with which each stage ends [rad], (stages, n, J), and their angles.
+
+    The angles are those of the exact models where corners are sharp, else NaN, (stages, n, A).
+    """
+    samples, smoothing = len(search.requests), stages[0].smoothing
+    if smoothing not in problem.patterns:
+        problem.patterns[smoothing] = pattern_of(problem.spec, smoothing=smoothing)
     ends = np.empty((len(stages), *search.requests.shape))
-    pattern, point, trial = problem.work_space(smoothing=stages[0].smoothing)
-    go_through(problem.spec, pattern, search, rows, point, trial, ends)
-    return ends
+    angles = np.empty((len(stages), samples, len(problem.models)))
+    rows = np.array(stages, dtype=np.float64)
+    go_through(problem.spec, problem.patterns[smoothing], search, rows, ends, angles)
+    return ends, angles
 
 
 def minimise(
@@ -112,13 +122,11 @@ def minimise(
     """
     first, then = (stages, ()) if through_rms else ((), stages)
     stages = [*first, *stages_for(problem, then)]
-    ends = _stages_gone_through(problem, begun(problem, state), stages)
+    ends, angles = _gone_through(problem, begun(problem, state), stages)
     best, least = state.requests, problem.exact_error(state.requests)
-    for stage, end in zip(stages, ends, strict=True):
-        if stage.radius < SIMULATED:
-            error = problem.exact_error(end)
-            if error < least:
-                best, least = end, error
+    for stage, end, reached in zip(stages, ends, angles, strict=True):
+        if stage.radius < SIMULATED and (error := problem.error(reached)) < least:
+            best, least = end, error
     return best, least
 
 
@@ -546,10 +554,10 @@ def _smoothest(problem: Problem, state: State, start: Judged, error: float, boun
             break
         share = min(most / error, LARGEST_SHARE) if error else 1.0
         weight = min(factor * allowed / before, bound.heaviest * share ** (power - 2.0))
-        (smoother,) = _stages_gone_through(problem, search, [Stage(radius, weight, power, 1, True)])
-        reached = problem.exact_angles(smoother)
+        stage = Stage(radius, weight, power, 1, smoothing=True)
+        (smoother,), (reached,) = _gone_through(problem, search, [stage])
         now, used = problem.roughness(smoother), math.inf
-        motion = None if reached is None else judged(problem, reached)
+        motion = None if np.isnan(reached[0, 0]) else judged(problem, reached)
         if motion is not None:
             used = bound.used(motion, error)
         if used <= 1.0 and motion is not None:

@@ -17,14 +17,13 @@ from planner.model.evidence import ENCODER_STEP, Evidence
 from planner.model.joint import JointModel, request_ages
 from planner.planning.arguments import Solver
 from planner.planning.closed_form import SAME_TIME, best_closed_form
-from planner.planning.gauss_newton import Stage
+from planner.planning.gauss_newton import SIMULATED, Stage
 from planner.planning.line_inverse import interpolated_offset
 from planner.planning.problem import Problem, problem_of
 from planner.planning.result import UNFORESEEN
 from planner.planning.search import (
     FOOT,
     NARROW,
-    SIMULATED,
     STATIONARY,
     WIDE,
     State,

@@ -34,10 +34,10 @@ from planner.compilation import compiled, inner
 from planner.model.kernel import (
     at_rest,
     exceeds_drive,
-    left_at_rest,
     moving_states,
     periods,
     pose_sag,
+    rest_offset,
     run_period,
 )
 from planner.model.law import Law, State
@@ -111,10 +111,10 @@ STATE = _fields(
 )
 """State of a joint, with a tick's arguments and answer."""
 
-SAMPLE = _fields("load_sag sag pose_sag faster goal count rounded", "")
-"""Data of one joint's plan in a period: its sag under the load, at rest its sag, and the further
-one by the desired angle [rad], how much faster it is [rad/tick], the desired angle D [rad], the
-weight w, and the squared radius of the corners [rad^2/tick^2]."""
+SAMPLE = _fields("load_sag resting faster goal count rounded", "")
+"""Data of one joint's plan in a period: its sag under the load, the request R* that would hold the
+desired angle [rad], how much faster it is [rad/tick], the desired angle D [rad], the weight w, and
+the squared radius of the corners [rad^2/tick^2]."""
 
 
 class Data(NamedTuple):
@@ -189,8 +189,7 @@ def tick(data: Data, path: Repeating, missed: int, strict: bool) -> bool:
             load_sag = joint.compliance * load[0, j]
             state.speed, state.integral = 0.0, at_rest(law, state.angle, load_sag).integral
             state.read, state.believed = state.measured, state.measured
-            sag = joint.offset + left_at_rest(law, load_sag)
-            sag += left_at_rest(law, pose_sag(law, state.angle))
+            sag = rest_offset(law, load_sag, pose_sag(law, state.angle))
             for i in range(len(its_sent)):
                 its_sent[i] = min(max(state.angle - sag, joint.lower), joint.upper)
         else:
@@ -207,8 +206,8 @@ def tick(data: Data, path: Repeating, missed: int, strict: bool) -> bool:
                 column, k = min(row, rows.shape[1] - 1), row - youngest
                 sample = period_samples[k]
                 sample.load_sag, sample.faster, sample.goal = load_sag, faster, rows[j, column]
-                sample.sag = joint.offset + left_at_rest(law, load_sag)
-                sample.pose_sag = left_at_rest(law, pose_sag(law, sample.goal))
+                sag = rest_offset(law, load_sag, pose_sag(law, sample.goal))
+                sample.resting = sample.goal - sag
                 sample.count = 1.0 if column < preview else shares[j]
                 sample.rounded = (joint.gain * joint.theta_0 * radii[k]) ** 2
         problem = Problem(joint, law, own, period_samples, begin, begins)
@@ -252,8 +251,8 @@ def check(joint: Record, state: Record, desired: Array, load: Array, j: int) -> 
     for row in range(len(desired)):
         if blocked:
             load[row, j] = 0.0
-        sag = joint.offset + left_at_rest(law, joint.compliance * load[row, j])
-        sag += left_at_rest(law, pose_sag(law, desired[row, j]))
+        by_pose = pose_sag(law, desired[row, j])
+        sag = rest_offset(law, joint.compliance * load[row, j], by_pose)
         room = joint.dead_band + ON_THE_LIMIT + min(abs(sag), NEGLIGIBLE_SAG)
         request = desired[row, j] - sag
         far = max(far, max(request - joint.upper, joint.lower - request) - room)
@@ -346,8 +345,7 @@ def improve(problem: Problem, state: Record, sent: Array, plan: Array) -> None:
     for i in range(past):
         now[i] = lines[i] = trial[i] = best[i] = sent[len(sent) - past + i]
     for k in range(count):
-        resting = samples[k].goal - samples[k].sag - samples[k].pose_sag
-        now[past + k] = resting if begins else plan[k]
+        now[past + k] = samples[k].resting if begins else plan[k]
         lines[past + k] = inverse_of_line(joint, samples, k)
     if begins:
         now[past] = lines[past] = sent[-1]
@@ -392,8 +390,7 @@ def inverse_of_line(joint: Record, samples: Any, k: int) -> float:
     slope = samples[min(number + 1, last)].goal - samples[number].goal
     slope = min(max(slope, -joint.travel), joint.travel)
     raised = slope * (joint.theta_0 / joint.travel) + np.sign(slope) * joint.dead_band
-    sag = samples[k].sag + samples[number].pose_sag
-    return float(samples[number].goal + (at - number) * slope + raised - sag)
+    return float(samples[number].resting + (at - number) * slope + raised)
 
 
 @inner
@@ -412,8 +409,7 @@ def cost(problem: Problem, requests: Array, enough: float) -> float:
     for k in range(len(samples)):
         sample, request = samples[k], requests[past + k]
         now = run_period(law, weights, requests, first + k, sample.load_sag, sample.faster, now, 0)
-        away = request - (sample.goal - sample.sag - sample.pose_sag)
-        change = request - requests[past + k - 1]
+        away, change = request - sample.resting, request - requests[past + k - 1]
         of_errors += sample.count * (now.angle - sample.goal) ** 2
         of_requests += cost_of_request(joint, change, away)
         if of_errors + of_requests > enough:
@@ -464,8 +460,7 @@ def gauss_newton_step(problem: Problem, requests: Array, damping: float, step: A
         state = run_period(law, weights, requests, first, sample.load_sag, sample.faster, state, 0)
         errors[k] = state.angle - sample.goal
         of_errors += sample.count * errors[k] ** 2
-        away = request - (sample.goal - sample.sag - sample.pose_sag)
-        change = request - requests[past + k - 1]
+        away, change = request - sample.resting, request - requests[past + k - 1]
         of_requests += cost_of_request(joint, change, away)
         excess = change - min(max(change, -joint.max_step), joint.max_step)
         per_change[k] = joint.smoothing + (EXCEEDING if excess != 0.0 else 0.0)
