@@ -12,13 +12,14 @@ from planner.gait.half_ellipse import reference_walk
 from planner.model.joint import JointModel, request_ages
 from planner.model.response import simulate
 from planner.planning import gauss_newton
-from planner.planning.gauss_newton import MOST_TOGETHER, SPEED_TERM, Search, Stage, allocated
+from planner.planning.gauss_newton import MOST_TOGETHER, SPEED_TERM, Search, Stage, pattern_of
 from planner.planning.problem import FootGoal, Problem
 from tests.from_python import from_python
 from tests.instances import TICK, random_model, saturating
 from tests.plans import track
 
 evaluate = from_python(gauss_newton.evaluate)
+allocated = from_python(gauss_newton.allocated)
 set_step = from_python(gauss_newton.set_step)
 
 STEP = 1e-6
@@ -107,7 +108,7 @@ def step_at(problem, stage, point, damping=DAMPING):
 
     Where its active limits are not found there is more of it, as in the search.
     """
-    pattern = problem.work_space(smoothing=stage.smoothing)[0]
+    pattern = pattern_of(problem.spec, smoothing=stage.smoothing)
     search = Search(
         point.requests.copy(),
         point.states.copy(),
@@ -413,7 +414,7 @@ def test_where_the_lagrangian_curves_upwards_at_the_corners_the_step_is_damped(c
     problem = joint(cyclic=cyclic, **case)
     spec, stage = problem.spec, Stage(0.3, 0.01)
     point = point_at(problem, stage)
-    pattern = problem.work_space(smoothing=False)[0]
+    pattern = pattern_of(problem.spec, smoothing=False)
     samples, width = len(point.requests), spec.weights.shape[2]
     multipliers = np.random.default_rng(5).normal(size=point.states.shape)
     held = np.zeros((2, *point.requests.shape), dtype=np.int64)

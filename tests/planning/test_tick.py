@@ -47,12 +47,12 @@ class Plan:
         self.load = rng.uniform(-0.5, 0.5, SAMPLES)
         self.samples = np.zeros(SAMPLES, dtype=SAMPLE)
         self.samples["load_sag"] = model.compliance * self.load
-        self.samples["sag"] = model.sag(self.load)
         self.samples["faster"] = model.faster_per_tick(self.load)
         self.samples["goal"] = 2.0 * np.cos(0.2 * np.arange(SAMPLES))
         self.samples["count"] = np.where(np.arange(SAMPLES) < SAMPLES // 2, 1.0, 0.3)
         self.samples["rounded"] = (model.law.gain * RADIUS * model.theta_0) ** 2
-        self.resting = self.samples["goal"] - self.samples["sag"]
+        self.resting = self.samples["goal"] - model.sag(self.load)
+        self.samples["resting"] = self.resting
         self.requests = np.clip(rng.normal(0.0, 0.4, self.past + SAMPLES), LOWER, UPPER)
         joints = np.zeros(1, dtype=JOINT)
         for name, value in (
@@ -163,7 +163,7 @@ def test_inverted_lines_follow_a_ramp(number):
     ages = request_ages(model)
     samples = np.zeros(count, dtype=SAMPLE)
     samples["goal"] = slope * np.arange(count)
-    samples["sag"] = model.sag(0.0)
+    samples["resting"] = samples["goal"] - model.sag(0.0)
     invert = from_python(tick.inverse_of_line)
     lines = np.array([invert(one, samples, k) for k in range(count)])
     # Sample k is the first on which request k of the plan acts.
