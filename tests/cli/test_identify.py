@@ -6,7 +6,6 @@ import json
 import math
 import tomllib
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -216,31 +215,3 @@ def test_a_model_file_that_is_replaced_keeps_all_but_the_model_of_the_joint(run)
         assert after["knee"]["v_max"] == pytest.approx(TRUE.v_max, rel=0.02)
         assert after["knee"]["verdict"] == "holds"
         assert after["knee"]["verdict_reason"] != "it is old"
-
-
-def test_a_joint_that_takes_the_model_above_all_tables_takes_a_new_one_too(run):
-    write_log("log.csv", joints=("",))
-    old = "v_max = 3.0\ntheta_0 = 0.3\nlag = 0.01\nacceleration_time = 0.02\n"
-    Path("arm.toml").write_text(f"{old}[hip.servo]\nid = 1\n[knee]\nv_max = 2.0\n")
-    assert run("identify", "log.csv", "-o", "arm.toml").exit_code == 0
-    assert tables_of("arm.toml")["hip"]["servo"]["id"] == 1
-    file = read_model_file("arm.toml")
-    assert file.common == file.by_joint["hip"]
-    assert file.common.v_max == pytest.approx(TRUE.v_max, rel=0.02)
-    assert file.by_joint["knee"].v_max == 2.0
-
-
-def test_a_joint_whose_process_died_is_left_out_with_the_reason(run, tmp_path, monkeypatch):
-    write_log("arm.csv", joints=("hip", "knee"))
-
-    def outcomes(function, tasks, _):
-        for task in reversed(tasks):
-            died = task.name == "hip"
-            result = None if died else function(task.argument)
-            yield task, SimpleNamespace(result=result, reason="its process died")
-
-    monkeypatch.setattr("planner.cli.identify.FEW_ROWS", 0)
-    monkeypatch.setattr("planner.parallel.outcomes", outcomes)
-    result = run("identify", "arm.csv", "--joint", "all", "--no-hold-out", "-o", "arm.toml")
-    assert "warning: hip is left out: its process died\n" in result.stderr
-    assert list(read_model_file(tmp_path / "arm.toml").by_joint) == ["knee"]

@@ -13,7 +13,6 @@ from planner.files.paths import read_joint_path, write_foot_path, write_joint_pa
 
 KNOWN = JointModel.ers210a()
 TRUE = replace(KNOWN, theta_0=1.2 * KNOWN.theta_0, lag=1.2 * KNOWN.lag, offset=0.01)
-ANEW = "the model was identified anew", "the model is not that of the file"
 LEG = ("--leg", "reference", "--unreachable", "clamp", "--method", "foot-optimal")
 
 
@@ -38,25 +37,6 @@ def unbounded(monkeypatch):
     monkeypatch.setattr("planner.planning.bounds.foot_bound.MOST_SAMPLES_BOUNDED", 0)
 
 
-def test_calls_after_a_model_was_identified_anew_say_so_too(run, tmp_path):
-    """The state of learning has that model from then on, and the file of models another one."""
-    path, slower = tmp_path / "path.csv", replace(KNOWN, v_max=4.2, theta_0=0.15)
-    angles = np.radians(40) * np.sin(2 * np.pi * np.arange(125) / 125)
-    write_joint_path(path, ["elbow"], angles[:, np.newaxis], period=0.008)
-    assert run("plan", path, "-o", "requests.csv").exit_code == 0
-    line = ("refine", "requests.csv", "measured.csv", "--desired", path, "-o", "requests.csv")
-    said = []
-    for _ in range(3):
-        requests = read_joint_path("requests.csv").angles[:, 0]
-        measured = simulate(slower, requests)[:, np.newaxis]
-        write_joint_path("measured.csv", ["elbow"], measured, period=0.008)
-        result = run(*line, "--history", "all.json", "--report", "page.html")
-        assert result.exit_code == 0, result.output
-        page = (tmp_path / "page.html").read_text("utf-8")
-        said.append([each in result.stderr and each in page for each in ANEW])
-    assert said == [[False, False], [True, False], [False, True]]
-
-
 @pytest.mark.usefixtures("unbounded")
 def test_a_foot_is_learnt_too(run, execute, tmp_path):
     file = tmp_path / "foot.csv"
@@ -74,54 +54,6 @@ def test_a_foot_is_learnt_too(run, execute, tmp_path):
     assert answer["learning"]["foot"]["trials"] == 2
     said = run(*line, "--history", "learning.json").stderr
     assert "rotator, abductor, knee: measured: the same angles as in trial 2" in said
-
-
-@pytest.mark.usefixtures("unbounded")
-@pytest.mark.parametrize(
-    ("method", "limit"),
-    [("optimal", ("--max-request-speed-deg-s", 500)), ("foot-optimal", ("--max-step-deg", 4))],
-)
-def test_the_next_requests_keep_the_largest_step_and_are_smoothed_as_planned(
-    run, execute, tmp_path, method, limit
-):
-    file = tmp_path / "foot.csv"
-    write_foot_path(file, half_ellipse(samples=40, length=0.03, height=0.01), period=0.008)
-    leg = (*LEG[:-1], method)
-    assert run("plan", file, *leg, *limit, "-o", "requests.csv").exit_code == 0
-    execute()
-    line = ("refine", "requests.csv", "measured.csv", "--desired", file, *leg, "--no-reidentify")
-
-    def next_requests(*options):
-        assert run(*line, *options, "-o", "next.csv").exit_code == 0
-        return np.degrees(read_joint_path("next.csv").angles)
-
-    sent = next_requests(*limit)
-    assert np.max(np.abs(np.diff(sent, axis=0, append=sent[:1]))) <= 4.0 * (1.0 + 1e-9)
-    rough, default = (
-        np.sum(np.diff(next_requests(*options), n=2, axis=0) ** 2)
-        for options in (("--smoothness", 0), ())
-    )
-    assert default < 0.95 * rough
-
-
-@pytest.mark.parametrize(
-    ("options", "ending", "message"),
-    [
-        ((), 50, "got 50 rows, expected 88 a cycle"),
-        ((), 100, "got 100 rows, 12 more than 1 cycles of 88"),
-        (("--history", "notes.json"), None, "not JSON"),
-        (("--joint", "ankle"), None, "no column ankle_deg"),
-    ],
-)
-def test_what_does_not_fit_is_refused(run, desired, tmp_path, execute, options, ending, message):
-    (tmp_path / "notes.json").write_text("monday")
-    run("plan", desired, "-o", "requests.csv")
-    execute(cycles=2, ending=ending)
-    line = ("refine", "requests.csv", "measured.csv", "--desired", desired, *options)
-    result = run(*line)
-    assert result.exit_code == 2
-    assert message in result.stderr
-    assert result.stdout == ""
 
 
 def test_what_all_recordings_have_of_the_first_cycles_is_learnt(run, desired, execute):

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import json
 import re
-import sys
 
 import numpy as np
 import pytest
 
 from planner.cli.run_file import read_run
-from planner.exceptions import MissingExtra, NoSteadyCycle
 from planner.files.paths import read_joint_path
 from planner.model.joint import JointModel
 
@@ -165,16 +163,6 @@ def test_exports_are_those_of_export(run, write, tmp_path):
     assert result.stderr.count("deg.csv: 88 rows of a, b at 125 Hz, 0.704 s") == 1
 
 
-def test_advice_of_the_library_is_told_as_keys(run, write, desired, monkeypatch):
-    def fails(*_, **__):
-        raise NoSteadyCycle(0.1, 3)
-
-    monkeypatch.setattr("planner.cli.planning.planned", fails)
-    result = run("run", write(f'[path]\nfile = "{desired.name}"\n'))
-    assert result.exit_code == 1
-    assert result.stderr.endswith("or simulate from rest (plan.cyclic = false)\n")
-
-
 def test_pages_link_to_all_files_and_only_requests_carry_the_load(run, write, foot, tmp_path):
     content = (
         f'[leg]\nname = "front-left"\n[path]\nfile = "{foot.name}"\n'
@@ -217,36 +205,6 @@ def test_a_run_that_fails_leaves_the_last_ones_folder(run, write, tmp_path):
     assert {each.name: each.read_bytes() for each in (tmp_path / "it").iterdir()} == before
     left = [each.name for each in tmp_path.iterdir() if each.name.startswith(".")]
     assert left == []
-
-
-EXPORTS = {
-    "yaml": ("a trajectory as YAML", "yaml", "yaml"),
-    "bag": ("a ROS 2 bag", "rosbags", "bags"),
-    "mcap": ("a ROS 2 bag", "rosbags", "bags"),
-    "lerobot": ("a LeRobot dataset", "pyarrow", "parquet"),
-}
-
-
-@pytest.mark.parametrize("kind", EXPORTS)
-def test_a_package_that_is_missing_is_reported_before_anything_is_planned(
-    run, desired, tmp_path, monkeypatch, kind
-):
-    what, package, extra = EXPORTS[kind]
-    for loaded in [name for name in sys.modules if name.startswith(f"{package}.")]:
-        monkeypatch.delitem(sys.modules, loaded)  # by another test; they would do without it
-    monkeypatch.setitem(sys.modules, package, None)
-    monkeypatch.setattr("planner.cli.planning.plan_of", None)
-    (tmp_path / "it.toml").write_text(
-        f'[path]\nfile = "{desired.name}"\n[[export]]\nformat = "{kind}"\nfile = "out"\n'
-    )
-    needs = f"{MissingExtra(what, extra)}\n"
-    for arguments in (["--check"], ["--out", "out"]):
-        result = run("run", "it.toml", *arguments)
-        assert result.exit_code == 2
-        assert result.stderr == f"request-planner: it.toml, line 3: export[0]: {needs}"
-    result = run("export", desired, "--format", kind, "-o", "out")
-    assert result.stderr == f"request-planner: {needs}"
-    assert not (tmp_path / "out").exists()
 
 
 @pytest.mark.parametrize("for_leg", ["false", "true"])

@@ -21,7 +21,6 @@ from planner.exceptions import BusError
 from planner.files.joint_model import read_models, read_servos
 from planner.files.logs.read import read_logs
 from planner.files.paths import read_joint_path
-from planner.files.robot import read_bus, read_legs
 from planner.identification.log import Log
 from planner.identification.result import Interval
 from planner.model.evidence import Evidence
@@ -143,29 +142,6 @@ def test_a_second_run_can_take_the_logs_as_they_are(calibrated, command_line, mo
     monkeypatch.setattr(measure, "GrowingLog", None)  # nothing is measured
     again = command_line("calibrate", *BRIEF, "--ids", "1", "--resume", "-o", "arm.toml", "--json")
     assert json.loads(again.stdout)["joints"] == document["joints"]
-
-
-def test_a_chosen_joint_is_calibrated_with_its_options_beside_those_in_the_file(run, arm, tmp_path):
-    arm.write_text(f'{ARM}\n[leg.hind-left]\nurdf = "a.urdf"\nbase = "body"\nfoot = "toe"\n')
-    before = read_servos(arm)["joint_1"], read_models(arm)["joint_1"], read_legs(arm)
-    mounted = ("--zero-tick", "2000", "--zero-tick", "lift=2150", "--reverse", "lift")
-    chosen = ("--ids", "pan=1,lift=2", "--joint", "lift", "--rate-hz", "50", "--duration-s", "8")
-    result = run("calibrate", *BRIEF, *chosen, *mounted, "-o", arm, "--json")
-    assert result.exit_code == 0, result.stderr
-    document = json.loads(result.stdout)["joints"]
-    assert list(document) == ["lift"]
-    assert document["lift"]["id"] == 2
-    servos = read_servos(arm)
-    assert list(servos) == ["joint_1", "lift"]
-    assert (servos["joint_1"], read_models(arm)["joint_1"], read_legs(arm)) == before
-    assert read_bus(arm) == {"bus": "virtual"}
-    assert (servos["lift"].id, servos["lift"].zero_tick, servos["lift"].direction) == (2, 2150, -1)
-    here = -(2048 - 2150) * 2.0 * np.pi / 4096  # where virtual servos rest
-    assert np.mean(servos["lift"].limits) == pytest.approx(here, abs=0.02)
-    assert document["lift"]["limits_deg"] == pytest.approx(np.degrees(servos["lift"].limits))
-    (log,) = read_logs([str(tmp_path / "arm_logs" / "lift.csv")])
-    assert np.median(np.diff(log.times)) == pytest.approx(0.02, abs=1e-3)
-    assert read_models(arm)["lift"].period == pytest.approx(0.02)
 
 
 @pytest.mark.parametrize("kind", buses.KINDS)
@@ -416,24 +392,19 @@ def test_ranges_are_those_of_the_servos_or_those_that_a_hand_shows(run, answer, 
     assert torques == ([[0.0]] if answer else [])
 
 
-@pytest.mark.parametrize(("noise", "warned"), [(0.49, False), (0.51, True)])
-def test_a_joint_that_something_moves_is_warned_of(run, monkeypatch, noise, warned):
-    own = measure.check
+def test_a_joint_that_something_moves_is_warned_of(run, monkeypatch):
+    own, noise = measure.check, 0.51
 
     def check(arm):
         angles = {"still": 0.0, "moved": np.radians(noise)}
         return own(arm)._replace(noise=angles, lost=0.125)
 
     monkeypatch.setattr(measure, "check", check)
-    given = ("--ids", "still=1,moved=2", "--zero-tick", "2000", "--zero-tick", "still=2040")
-    given += ("--reverse", "moved")
-    result = run("calibrate", "--bus", "virtual", "--dry-run", *given)
+    result = run("calibrate", "--bus", "virtual", "--dry-run", "--ids", "still=1,moved=2")
     words = f"moved: its angle varies by {noise:.2f} deg at rest; is something moving it?"
-    assert (words in result.stderr) == warned
+    assert words in result.stderr
     assert "still: its angle varies" not in result.stderr
     assert "12.5 % of the answers are lost" in result.stderr
-    assert f"still: at {8 * 360 / 4096:.1f} deg" in result.stderr
-    assert f"moved: at {-48 * 360 / 4096:.1f} deg" in result.stderr
 
 
 CHECKED = (

@@ -19,7 +19,7 @@ from planner.exceptions import InvalidFile
 from planner.files.paths import write_joint_path
 from planner.files.results import Results
 from planner.report.sweep import Outcome, Requirement, Swept
-from tests.parallel.work import InThisProcess, at_work_on
+from tests.parallel.work import InThisProcess
 
 GAIT = """
 [leg]
@@ -335,20 +335,3 @@ def test_a_sweep_is_resumed_whatever_has_become_of_its_files(tmp_path, monkeypat
     left.mkdir()
     assert "nothing is missing" in run(*words).stderr
     assert sorted(file.name for file in tmp_path.iterdir()) == ["gaits", "gaits.toml"]
-
-
-@pytest.mark.usefixtures("in_this_process")
-def test_a_sweep_at_work_is_left_alone_by_another_one(tmp_path, run):
-    (tmp_path / "gaits.toml").write_text(GAIT + "length = [0.02, 0.03]\n")
-    with at_work_on(tmp_path / "gaits"):
-        Results(tmp_path / "gaits", {"of": "the other"})
-        before = {file: file.stat().st_mtime_ns for file in tmp_path.rglob("*")}
-        for more in ((), ("--resume",), ("--at", "length=0.02", "--out", "gaits")):
-            second = run("sweep", "gaits.toml", "--workers", "1", *more)
-            assert (second.exit_code, second.stdout) == (2, "")
-            assert second.stderr == (
-                "request-planner: gaits: another command is at work on it; wait until that has "
-                "ended, or choose another folder\n"
-            )
-        assert {file: file.stat().st_mtime_ns for file in tmp_path.rglob("*")} == before
-    assert run("sweep", "gaits.toml", "--workers", "1").exit_code == 0

@@ -130,32 +130,6 @@ def test_requests_stay_within_the_ranges_of_the_servos_or_each_joint_is_named(ru
     assert [line.split(": ")[2] for line in said] == names
 
 
-def test_each_leg_of_a_robot_is_planned_under_the_load_of_its_own_joints(run, robot, tmp_path):
-    text = robot_text().replace("lag =", "compliance = 0.05\nlag =")
-    assert text.count("compliance") == 12
-    robot.write_text(text)
-    rate = ("--samples", "40", "--period", "0.02")
-    assert (
-        run("gait", "--pattern", "trot", *rate, "--model", robot, "-o", "trot.csv").exit_code == 0
-    )
-    path = read_joint_path(tmp_path / "trot.csv")
-    asked = ("plan", "trot.csv", "--rate-hz", "50", "--model", robot, "--method", "foot-optimal")
-    assert run(*asked, "-o", "free.csv").exit_code == 0
-    loads = np.zeros_like(path.angles)
-    loads[:, path.names.index("hind_left_knee")] = 0.2
-    write_joint_path(tmp_path / "trot.csv", path.names, path.angles, period=0.02, loads=loads)
-    result = run(*asked, "--load", "column", "-o", "loaded.csv")
-    assert result.exit_code == 0, result.stderr
-    free, loaded = (read_joint_path(tmp_path / f"{name}.csv").angles for name in ("free", "loaded"))
-    by = np.max(np.abs(loaded - free), axis=0)
-    moved = {
-        name.rpartition("_")[0] for name, each in zip(path.names, by, strict=True) if each > 1e-4
-    }
-    assert moved == {"hind_left"}
-    knee = path.names.index("hind_left_knee")
-    assert np.mean((loaded - free)[:, knee]) == pytest.approx(-0.05 * 0.2, abs=2e-3)
-
-
 def test_legs_are_those_all_of_whose_joints_are_planned(tmp_path):
     knee, *others = (f"front_left_{joint}" for joint in ("knee", "rotator", "abductor"))
     assert list(legs_among([knee, "tail", *others], Model())) == ["front-left"]

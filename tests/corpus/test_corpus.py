@@ -70,6 +70,7 @@ CASES = {
         "refine measured.csv measured.csv --desired path.csv",
         "refine played.csv played.csv --desired path.csv --joint hip",
         "refine path.csv stride.csv --desired path.csv",
+        "refine path.csv bare.csv --desired path.csv",
         "plan loaded.csv --joint hip --model motor.toml --load urdf",
     ],
     "check-json": f"check {ARM} --duration-s 4 --rate-hz 50 --json",

@@ -125,16 +125,6 @@ def test_errors_that_the_text_of_a_page_names_are_printed_by_one_of_its_blocks(p
     assert named <= told
 
 
-@pytest.mark.parametrize(
-    ("shown", "same"),
-    [("foot  0.616  0.52 %", True), ("foot  0.617  0.53 %", True), ("foot  0.619  0.92 %", False)],
-)
-def test_a_block_is_what_is_printed_to_the_last_digit_or_is_rewritten(shown, same):
-    told = "foot  0.616   0.52 %\n"
-    assert (difference(told, f"{shown}\n") is None) == same
-    assert rewritten([told], f"{shown}\n") == [told if same else f"{shown}\n"]
-
-
 PRINTED = "leg\nfoot 1\nfoot 2\nin all\n"
 
 
@@ -153,9 +143,3 @@ PRINTED = "leg\nfoot 1\nfoot 2\nin all\n"
 )
 def test_a_page_tells_all_lines_that_are_printed_or_says_where_it_leaves_out_some(told, differs):
     assert difference(told, PRINTED) == differs
-
-
-def test_blocks_get_the_lines_that_are_printed_where_they_leave_out_none():
-    assert rewritten(["foot 1\n", "in all\n"], PRINTED) == ["leg\nfoot 1\n", "foot 2\nin all\n"]
-    assert rewritten(["foot 1\n...\n"], PRINTED) == ["leg\nfoot 1\n...\n"]
-    assert rewritten(["another line\n...\n"], PRINTED) == ["another line\n...\n"]

@@ -106,10 +106,6 @@ def test_writing_through_a_link_keeps_the_link(tmp_path):
     assert file.read_text() == "new"
 
 
-def test_a_device_takes_what_it_is_given():
-    write_text(os.devnull, "anything")
-
-
 def test_a_name_that_no_file_can_have_is_bad_input(tmp_path):
     loop = tmp_path / "loop"
     loop.symlink_to(loop)
@@ -184,16 +180,6 @@ def test_what_only_looks_like_the_results_of_a_run_is_the_users(tmp_path, conten
     with pytest.raises(InvalidFile, match="no earlier run made"):
         _run(out)
     assert (out / "results.json").read_text() == content
-
-
-def test_results_that_are_a_pipe_or_without_end_are_the_users(tmp_path):
-    os.mkfifo(tmp_path / "results.json")
-    with pytest.raises(InvalidFile, match=r"no earlier run made \(results\.json\)"):
-        _run(tmp_path)
-    (tmp_path / "results.json").unlink()
-    (tmp_path / "results.json").symlink_to("/dev/zero")
-    with pytest.raises(InvalidFile, match=r"no earlier run made \(results\.json\)"):
-        _run(tmp_path)
 
 
 def test_files_that_appear_during_a_run_are_kept(tmp_path):
@@ -323,26 +309,6 @@ def test_a_folder_that_cannot_be_replaced_stays_as_it_was(tmp_path, monkeypatch)
     with pytest.raises(InvalidFile, match=r"cannot be replaced \(invalid cross-device link\)"):
         _run(out, "b.csv")
     assert list_files(tmp_path) == ["out/a.csv", "out/results.json"]
-
-
-def _failing(out, kind, number, name):
-    """Fill a folder of results until an error of a file in it, or of another."""
-    with output_folder(out) as new:
-        raise kind(number, "x", *([] if name is None else [name.replace("NEW", str(new))]))
-
-
-@pytest.mark.parametrize(
-    ("number", "name", "message"),
-    [
-        (28, None, ": cannot be written (no space left on device)"),
-        (13, "NEW/deep/a.csv", "/deep/a.csv: cannot be written (permission denied)"),
-    ],
-)
-def test_an_error_in_a_hidden_folder_is_told_by_the_output(tmp_path, number, name, message):
-    with pytest.raises(InvalidFile) as caught:
-        _failing(tmp_path / "out", OSError, number, name)
-    assert str(caught.value) == f"{tmp_path}/out{message}; choose another place for the output"
-    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize(

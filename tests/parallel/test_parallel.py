@@ -7,7 +7,6 @@ import os
 import signal
 import subprocess
 import sys
-from concurrent.futures import Future
 from contextlib import nullcontext
 from dataclasses import replace
 from types import SimpleNamespace
@@ -86,17 +85,6 @@ def test_a_task_that_kills_every_worker_is_reported_and_no_other_is_lost(tmp_pat
     assert (tmp_path / "mark").read_text().count("killed") == 2
     assert failures == {"task 3": "its process died, 2 times (out of memory?)"}
     assert len(work.held(results.folder)) == 7
-
-
-def test_lost_workers_end_the_wait_for_tasks_that_they_do_not_finish(monkeypatch):
-    monkeypatch.setattr(parallel, "PATIENCE", 0.01)
-
-    def lost():
-        raise parallel.SchedulerLost("no workers")
-
-    executor = SimpleNamespace(submit=lambda *_: Future(), check_workers=lost)
-    with pytest.raises(parallel.SchedulerLost, match="no workers"):
-        next(parallel.outcomes(work.square, work.tasks(), executor))
 
 
 @pytest.mark.parametrize(("asked", "begun"), [(3, 3), (None, 5)])

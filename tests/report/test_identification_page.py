@@ -15,7 +15,6 @@ from planner.report.identification.figures import (
     MOST_POINTS,
     cloud_figure,
     cloud_of,
-    log_figure,
 )
 from planner.report.identification.page import identification_page
 from planner.report.identification.words import joints_table
@@ -131,17 +130,6 @@ def with_dead_band(found):
     model = replace(found.model, dead_band=0.01)
     intervals = {**found.intervals, "dead_band": Interval(0.009, 0.011)}
     return replace(found, model=model, intervals=intervals)
-
-
-def test_the_time_of_a_log_begins_where_the_log_does():
-    found = made_up()
-    fit = found.fits[0]
-    later = replace(fit, log=replace(fit.log, times=fit.log.times + 100.0))
-    own, shifted = (log_figure(replace(found, fits=(each,)), each, "a_") for each in (fit, later))
-    assert shifted.x_range == pytest.approx(own.x_range)
-    for panel, other in zip(own.panels, shifted.panels, strict=True):
-        for curve, same in zip(panel.curves, other.curves, strict=True):
-            np.testing.assert_allclose(same.x, curve.x, atol=1e-9)
 
 
 def test_the_table_of_six_joints_is_as_wide_as_the_page(browser, tmp_path):

@@ -9,16 +9,13 @@ import tomllib
 import pytest
 
 from planner.files.joint_model import models_text, read_model_file
-from planner.identification.excitation import excite
-from planner.identification.result import Alternative, Finding, Interval, Term
+from planner.identification.result import Alternative, Finding, Interval
 from planner.report.identification.text import (
-    excitation_text,
     identification_text,
     model_comments,
     remarks,
 )
 from planner.report.identification.words import (
-    compared_with,
     determined_words,
     figure,
     parameters,
@@ -96,23 +93,6 @@ def test_how_well_a_parameter_is_known_is_said_in_words(name, interval, words):
 )
 def test_a_number_has_the_figures_that_its_interval_deserves(value, half, told):
     assert figure(value, Interval(value - half, value + half)) == told
-
-
-@pytest.mark.parametrize(
-    ("error", "other", "words"),
-    [
-        (1.0, 2.5, "2.5 times closer than"),
-        (1.0, 25.4, "25 times closer than"),
-        (1.0, 1.02, "no closer than"),
-        (2.0, 1.0, "2.0 times farther off than"),
-        (0.0, 1.0, "infinitely closer than"),
-        (1.0, 0.0, "infinitely farther off than"),
-        (1.0, 1.049, "no closer than"),
-        (1.0, 0.951, "no closer than"),
-    ],
-)
-def test_two_errors_are_compared_in_words(error, other, words):
-    assert compared_with(error, other) == words
 
 
 def test_a_model_that_a_pure_delay_beats_is_not_to_be_planned_with():
@@ -238,30 +218,3 @@ def test_no_name_of_a_log_can_break_the_model_file():
     assert "shares of the joint's range" in text
     assert "# [1/s], " in text
     text.encode()
-
-
-def test_what_a_signal_would_determine_is_told_about_its_own_middle():
-    made = excite("steps", limits=(-0.2, 0.6), period=0.02, duration=10.0)
-    lines = excitation_text(made, never_saturated(), model="hip.toml").splitlines()
-    unknown = "threshold theta_0, top speed v_max"
-    assert sorted(lines[0].partition("determine ")[2].split(", ")) == unknown.split(", ")
-    assert lines[1].startswith(f"begins and ends at {math.degrees(made.centre):.4g} deg; the larg")
-    assert f"jump is {math.degrees(made.largest_jump):.4g} deg; step tests of " in lines[1]
-    assert "expected of a joint like hip.toml:" in lines
-    assert lines[-2] == "dry friction: would not be determined"
-    assert lines[-1].startswith("identify would warn: the joint never saturates")
-    right = made_up()
-    model = dataclasses.replace(right.model, dead_band=math.radians(0.5))
-    intervals = {**right.intervals, "lag": Interval(0.0, 0.1)}
-    for upper, told in (
-        (math.radians(0.75), "would determine the dead band to ± 0.25 deg"),
-        (math.inf, "would not distinguish a dead band from a static sag"),
-    ):
-        term = Term(name="dead_band", kept=True, rms_without=0.2, rms_with=0.1,
-                    interval=Interval(math.radians(0.4), upper))  # fmt: skip
-        found = made_up(model=model, intervals=intervals, terms=(term,))
-        lines = excitation_text(made, found, model="hip.toml").splitlines()
-        assert lines[0].endswith(": only roughly lag")
-        determined = [line.split()[0] for line in lines if " roughly " in line]
-        assert determined[1:] == ["lag"]
-        assert lines[-1] == f"dry friction: {told}"

@@ -221,25 +221,6 @@ def test_a_table_that_is_wider_than_a_phone_shows_every_row_as_a_list(quiet, rep
     assert quiet.ask(f"getComputedStyle({table}.querySelector('tr')).display") == "table-row"
 
 
-def test_a_page_that_is_printed_before_a_plot_was_near_has_its_plots(quiet, tmp_path):
-    curve = Curve(DIRECT, np.arange(2.0), np.arange(2.0))
-    panel = Panel(Axis("angle", "deg"), (curve,))
-    figures = {"far": plot(Figure("far", "", "", Axis("time", "s"), (panel,)))}
-    body = '<div style="height: 9000px"></div><figure id="far"><div class="live"></div></figure>'
-    noted = (
-        "addEventListener('DOMContentLoaded', () => { live.early = live.unpacked !== undefined; })"
-    )
-    page = tmp_path / "page.html"
-    page.write_text(
-        f"<!doctype html>{live_head()}{body}{live_scripts(figures)}<script>{noted}</script>"
-    )
-    quiet.open(page)
-    assert quiet.ask("live.early")
-    quiet.ask("live.unpacked")
-    quiet.ask("void dispatchEvent(new Event('beforeprint'))")
-    assert quiet.ask("document.querySelectorAll('#far .main-svg').length") > 0
-
-
 def test_on_paper_every_plot_is_light_and_as_wide_as_its_figure(quiet, report):
     quiet.open(report, dark=True)
     colour = _plot("plot.data.find((trace) => trace.name === 'direct').line.color")

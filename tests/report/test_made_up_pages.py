@@ -19,10 +19,9 @@ from planner.report.identification.page import (
     identification_page,
 )
 from planner.report.page import sources_of
-from planner.report.plan import plan_page, verdict
+from planner.report.plan import plan_page
 from planner.report.replay import MOST_REASONS, episodes_page, replay_page
 from planner.report.sweep import Outcome, Requirement, Swept, sweep_page
-from planner.report.table import at_most, two_digits
 from planner.robot.candidates import WORDS, Candidate, Compared
 from tests.corpus.page_text import check_needs_nothing_else, figures_of, text_of
 from tests.corpus.test_corpus import masked
@@ -215,14 +214,3 @@ def test_a_page_says_and_draws_what_it_did(name, snapshot, tmp_path):
     page = PAGES[name]()
     check_needs_nothing_else(page, tmp_path)
     snapshot.check(name, masked(f"{text_of(page)}\n{figures_of(page)}\n"))
-
-
-def test_the_verdict_on_several_feet_is_of_the_worst_of_them():
-    near = plan_by_tested_models().of_leg(front_left_leg())
-    far = replace(near, requests=near.requests + 0.2)
-    largest = 100.0 * max(far.distances)
-    for legs in ({"a": near, "b": far}, {"a": far, "b": near}):
-        head, tail = verdict(near, legs)
-        assert head == f"By the model the feet stay within {at_most(largest)} cm of their paths"
-        errors = np.concatenate([near.distances, far.distances])
-        assert tail.startswith(f"{two_digits(100.0 * np.sqrt(np.mean(errors**2)))} cm rms.")

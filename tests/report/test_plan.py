@@ -11,7 +11,6 @@ import pytest
 
 import planner
 from kinematics import Limits
-from planner.model.evidence import Evidence
 from planner.report.page import sources_of
 from planner.report.plan import (
     WITHOUT,
@@ -22,7 +21,6 @@ from planner.report.plan import (
     jumps_of,
     plan_page,
     remarks,
-    start_words,
     verdict,
 )
 from planner.report.style import FOOT_OPTIMAL
@@ -103,28 +101,6 @@ def test_a_path_that_is_too_fast_is_remarked(outcome):
     assert any(card.words.startswith(f"{fastest}, the fastest") for card in cards(outcome))
     slow = asked(outcome, desired=0.1 * WALK.desired)
     assert not [each for each in remarks(slow, unreachable=0, missed=()) if "faster" in each]
-
-
-def test_too_fast_is_by_direction_and_the_same_in_a_plan_and_in_a_replay():
-    """7 rad/s up and 3 rad/s down: of a path at 4 rad/s the way down is too fast, not that up."""
-    joint = replace(SERVO, v_max=5.0, v_offset=2.0)
-    times = joint.period * np.arange(121)
-    path = 0.08 * np.arcsin(np.sin(2.0 * np.pi * times / 0.32)) / np.pi * 8.0  # ±4 rad/s
-    (replayed,) = planner.replay(planner.Log(times=times, requests=path, angles=path), joint).joints
-    plan = replayed.inversion
-    outcome = plan.plan
-    (row,) = joint_rows(outcome)
-    assert row.too_fast == pytest.approx(0.5, abs=0.05)
-    assert math.radians(row.speed) == pytest.approx(4.0)
-    assert math.radians(row.top_speed) == pytest.approx(3.0)
-    (said,) = [
-        text
-        for text in remarks(outcome, unreachable=0, missed=[])
-        if "too fast" in text or "faster" in text
-    ]
-    assert "up to 229 deg/s; the joint reaches 172" in said
-    spans = sum(span.last - span.first for span in replayed.too_fast)
-    assert spans / (len(plan.desired) - 1) / joint.period == pytest.approx(row.too_fast)
 
 
 def test_what_goes_wrong_is_remarked(outcome, page):
@@ -222,31 +198,3 @@ def test_every_figure_comes_to_life_and_fits_a_phone(page, browser, tmp_path):
     file.write_text(page, encoding="utf-8")
     figures = ["leg", "foot_distances", "joint_0", "joint_1", "joint_2"]
     assert browser.read_through(file, width=390, dark=True) == figures
-
-
-@pytest.mark.parametrize(
-    ("dead_band", "error", "cyclic", "told"),
-    [
-        (0.02, 0.019, False, True),
-        (0.02, 0.022, False, False),
-        (0.02, math.nan, False, True),  # the plan's own error is smaller
-        (0.0015, 0.0, False, False),  # less than a step of an encoder
-        (0.02, 0.0, True, False),
-    ],
-)
-def test_a_plan_from_rest_says_how_to_come_to_its_start_where_friction_exceeds_its_error(
-    dead_band, error, cyclic, told
-):
-    model = replace(SERVO, dead_band=dead_band, time_constant=0.02).with_evidence(Evidence(error))
-    desired = 0.1 - 0.1 * np.cos(2.0 * np.pi * np.arange(250) / 250)
-    plan = planner.plan([model], desired[:, None], cyclic=cyclic, names=["knee"])
-    said = start_words(plan)
-    assert ("(knee by up to 1.1 degrees): lead it there slowly" in said) == told
-    assert bool(said) == told
-    assert any("dry friction" in line for line in remarks(plan, unreachable=0, missed=[])) == told
-    if told:  # the joint that is led there as it says is where the plan begins
-        slow = np.minimum(np.linspace(-0.4, 0.1, 1000), 0.0)
-        for way in (1.0, -1.0):
-            led = plan.requests[0, 0] + way * (dead_band + slow)
-            angles = planner.simulate(model, led, cyclic=False, start=-0.4 * way)
-            assert angles[-1] == pytest.approx(desired[0], abs=0.1 * dead_band)

@@ -158,14 +158,6 @@ def test_ctrl_c_stops_the_joints_where_they_are_and_answers_what_was_played():
     assert len(rows) == 40
 
 
-def test_a_joint_that_rests_beside_its_request_keeps_it_when_it_is_stopped():
-    arm = arm_of(count=1)
-    with arm.powered():
-        arm.perform(np.full((50, 1), 0.3), period=PERIOD)
-        assert abs(arm.angles()[0] - 0.3) > TICK  # its friction
-    assert arm.goals()[0] == pytest.approx(0.3, abs=0.5 * TICK)
-
-
 def test_two_joints_cannot_share_a_servo():
     bus = arm_of(count=1).bus
     with pytest.raises(InvalidInput, match=r"identifiers \[1, 1\], expected each once"):
@@ -301,17 +293,6 @@ def test_each_joint_that_is_stopped_keeps_its_request_or_takes_its_own_angle():
     arm.bus.port.sleep(1.0)  # the second has no torque
     arm.hold()
     assert arm.goals() == pytest.approx([0.1, 0.0], abs=TICK)
-
-
-def test_the_angle_that_is_asked_for_again_is_that_of_its_own_servo(monkeypatch):
-    arm = arm_of(count=2)
-    arm.servos["joint_2"] = replace(arm.servos["joint_2"], zero_tick=1048)
-    lost = arm.measure()._replace(angles=np.array([0.0, math.nan]))
-    monkeypatch.setattr(arm, "measure", lambda: lost)
-    assert arm.angles() == pytest.approx([0.0, 1000 * TICK], abs=TICK)
-    lost.angles[1] = math.nan
-    monkeypatch.setattr(arm.bus.port.servos, "ids", [1])
-    assert np.isnan(arm.angles(silent=True)).tolist() == [False, True]
 
 
 def test_ctrl_c_on_the_way_to_the_first_request_plays_nothing():

@@ -5,11 +5,10 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
 from kinematics import Leg
-from planner.virtual.robot import Constants, Pendulum, Servo, Sts3215, Supply, VirtualRobot
+from planner.virtual.robot import Constants, Pendulum, Servo, Sts3215, VirtualRobot
 
 CONSTANTS = Constants()
 
@@ -53,31 +52,6 @@ def test_the_integral_works_slowly_keeps_to_its_share_and_rests_in_saturation(wa
     saturated.request = 0.0
     saturated.control(0.0)
     assert saturated.duty == 0.0
-
-
-def test_the_derivative_is_of_a_speed_that_is_filtered():
-    """A step of the sensor by 0.01 rad in 1 ms is 10 rad/s, of which the filter passes a fifth."""
-    constants = Constants(integral_gain=0.0)
-    servo = Servo(constants, 0.0)
-    servo.control(0.01)
-    passed = constants.control_period / (constants.derivative_filter + constants.control_period)
-    expected = -0.01 * constants.proportional_gain - 10.0 * passed * constants.derivative_gain
-    assert abs(servo.duty - expected) <= 0.5 / constants.duty_steps
-
-
-def voltages(constants, count, drawn=0.0, seed=0):
-    supply = Supply(constants, np.random.default_rng(seed))
-    return np.array([supply.voltage(drawn) for _ in range(count)])
-
-
-def test_the_noise_has_its_deviation_and_its_memory_and_repeats_for_a_seed():
-    noise = voltages(CONSTANTS, 200_000) - CONSTANTS.battery_voltage
-    assert np.std(noise) == pytest.approx(CONSTANTS.supply_noise, rel=0.1)
-    late = round(CONSTANTS.supply_correlation_time / CONSTANTS.control_period)
-    kept = np.mean(noise[late:] * noise[:-late]) / np.var(noise)
-    assert kept == pytest.approx(np.exp(-1.0), abs=0.1)
-    assert np.array_equal(voltages(CONSTANTS, 50), voltages(CONSTANTS, 50))
-    assert not np.array_equal(voltages(CONSTANTS, 50), voltages(CONSTANTS, 50, seed=1))
 
 
 mujoco = pytest.importorskip("mujoco", reason="needs the extra 'mujoco'")

@@ -114,17 +114,6 @@ def test_compressed_bags_are_read(tmp_path, storage, compression):
     _assert_holds_the_angles(*read_logs(path, options=LogOptions(joint="hip")), "hip")
 
 
-def test_a_controller_that_fills_its_old_fields_only_is_read_by_them(tmp_path):
-    types = store(HUMBLE)
-    kit, messages = Kit(types), []
-    for k, row in enumerate(zip(*angles(), strict=True)):
-        state = kit.state(START + k * PERIOD, *row)
-        state.reference = state.feedback = kit.point([])
-        messages.append((STATE, START + k * PERIOD, state))
-    write(tmp_path / "run", types, messages)
-    _assert_holds_the_angles(*read_logs(tmp_path / "run", options=LogOptions(joint="hip")), "hip")
-
-
 COMMANDS = {
     "trajectory": lambda kit, stamp, row: kit.trajectory(stamp - 1000, row),
     "trajectory without stamps": lambda kit, _, row: kit.trajectory(0, row),
@@ -162,19 +151,6 @@ def test_topics_beside_a_controllers_state_are_read_where_the_options_name_them(
     assert log.notes[0] == f"actual from {actual}, requested from {requested}"
 
 
-def test_messages_without_angles_are_passed_over(tmp_path):
-    stops = lambda kit, _: kit.t["trajectory_msgs/msg/JointTrajectory"](  # noqa: E731
-        header=kit.header(0), joint_names=list(JOINTS), points=[]
-    )
-    speeds = lambda kit, stamp: kit.joint_state(stamp, [])  # noqa: E731
-    folder = _command_bag(
-        tmp_path / "run",
-        COMMANDS["trajectory"],
-        extra=[("/commands", stops), ("/joint_states", speeds)],
-    )
-    _assert_holds_the_angles(*read_logs(folder, options=LogOptions(joint="hip")), "hip")
-
-
 def test_one_number_is_for_the_chosen_joint(tmp_path):
     folder = _command_bag(
         tmp_path / "run",
@@ -193,26 +169,6 @@ def test_states_before_the_first_command_are_left_out_and_said_so(tmp_path):
     np.testing.assert_allclose(log.requests, angles()[0][7:, 0], atol=EXACT)
     assert log.times[0] == 0.0
     assert "7 states before the first request left out" in log.notes
-
-
-def test_stamps_of_simulated_time_are_kept_only_if_both_topics_have_them(tmp_path):
-    types = store()
-    kit = Kit(types)
-    requested, actual = angles()
-    messages = []
-    for k in range(len(actual)):
-        simulated, received = 1 + 2 * k * PERIOD, START + k * PERIOD
-        messages += [
-            ("/numbers", received, kit.numbers(requested[k])),
-            ("/trajectories", received, kit.trajectory(simulated, requested[k])),
-            ("/joint_states", received + 10, kit.joint_state(simulated, actual[k])),
-        ]
-    write(tmp_path / "run", types, messages)
-    for topic, period in (("/numbers", PERIOD), ("/trajectories", 2 * PERIOD)):
-        options = LogOptions(joint="hip", command_topic=topic)
-        (log,) = read_logs(tmp_path / "run", options=options)
-        assert log.period == pytest.approx(1e-9 * period, abs=EXACT)
-        np.testing.assert_allclose(log.requests, requested[:, 0], atol=EXACT)
 
 
 def test_commands_stamped_by_another_clock_count_from_their_receipt(tmp_path):

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import io
 import math
 import re
-import sys
 
 import numpy as np
 import pytest
@@ -19,14 +17,6 @@ EXACT = 1e-12
 
 REQUESTED = np.array([0.0, 10.0, 20.0, 20.0])
 ACTUAL = np.array([0.0, 2.0, 9.0, 17.0])
-TIMES = np.array([0.0, 0.01, 0.02, 0.04])
-
-
-def _csv(tmp_path, header, *, times=TIMES, requested=REQUESTED, actual=ACTUAL, more="", cut=","):
-    rows = [cut.join(map(str, row)) + more for row in zip(times, requested, actual, strict=True)]
-    file = tmp_path / "run.csv"
-    file.write_text("\n".join([header, *rows]) + "\n")
-    return file
 
 
 def _read(file, **options):
@@ -164,13 +154,6 @@ def test_a_log_says_what_its_columns_and_the_options_say(tmp_path, snapshot):
         said.append(f"{name}\n")
         said.append(told(read_logs(file, options=LogOptions(**options))))
     snapshot.check("csv_read", "".join(said))
-
-
-def test_standard_input_is_read(tmp_path, monkeypatch):
-    file = _csv(tmp_path, "t_s,req_deg,act_deg")
-    stream = io.TextIOWrapper(io.BytesIO(file.read_bytes()))
-    monkeypatch.setattr(sys, "stdin", stream)
-    assert len(_read("-").times) == len(TIMES)
 
 
 @pytest.mark.parametrize(
@@ -311,22 +294,6 @@ def test_counts_without_a_scale_are_refused(tmp_path, unit, slow, message):
     file, *_ = _potentiometer(tmp_path, slow=slow)
     with pytest.raises(InvalidFile, match=message):
         _read(file, unit=unit)
-
-
-def test_counts_may_be_a_tenth_of_their_spread_beside_a_line_and_no_more(tmp_path):
-    file, *_ = _potentiometer(tmp_path)
-    table = np.loadtxt(file, delimiter=",", skiprows=1)
-    counts, noise = table[:, 2].copy(), np.random.default_rng(0).normal(size=len(table))
-    spread = np.std(counts[:600])  # of the slow rows
-
-    def read(share):
-        table[:, 2] = counts + share * spread * noise
-        np.savetxt(file, table, delimiter=",", header="t_s,requested_us,actual_adc", comments="")
-        return _read(file)
-
-    assert len(read(0.08).times) == len(table)
-    with pytest.raises(InvalidFile, match=r"counts are 1[2-5] % of their spread beside"):
-        read(0.12)
 
 
 def _swinging(reach, step, digits):

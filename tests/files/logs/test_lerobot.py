@@ -261,21 +261,3 @@ def test_a_description_that_cannot_be_understood_is_refused(tmp_path, snapshot):
             f"{name}: {_refused(root)}\n".replace(str(file), "FILE").replace(str(root), "SET")
         )
     snapshot.check("lerobot_descriptions", "".join(said))
-
-
-def test_a_dataset_without_its_data_is_refused(tmp_path):
-    root = v21(tmp_path / "set")
-    for file in root.glob("data/chunk-000/*"):
-        file.unlink()
-    assert _refused(root, joint="gripper", unit="deg") == (
-        f"{root}: no data/chunk-*/*.parquet; download the dataset's data"
-    )
-
-
-def test_a_file_without_its_dataset_is_refused(tmp_path):
-    file = tmp_path / "alone.parquet"
-    parquet.write_table(rows(0), file)
-    assert _refused(file, joint="gripper", unit="deg") == (
-        f"{file}: no meta/info.json, which names the joints, in the folders above; keep the file "
-        "in its LeRobot dataset, or give the log as CSV"
-    )
