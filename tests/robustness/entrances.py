@@ -30,7 +30,7 @@ PLACE: Mapping[str, Any] = {
     "foot": "front_left_ball",
 }
 MISSING = Path("no such folder") / "log.csv"
-JOINT = {"model": MODEL, "cyclic": True}
+JOINT = {"model": MODEL, "desired": ANGLES}
 CURVE = {
     "knots": np.array([0.0, 5.0, 12.0]),
     "values": np.array([0.0, 0.1, -0.1]),
@@ -109,221 +109,124 @@ def _timed(**given: Any) -> list[planner.TimedRequest]:
     return [each for each, _ in zip(planner.timed_requests(**given), range(50), strict=False)]
 
 
-ENTRANCES: Mapping[str, tuple[Callable[..., Any], Callable[[], dict[str, Any]]]] = {
+def leg_of(method: str) -> Callable[..., Any]:
+    """A method of the leg, which is made when it is called."""
+    return lambda **given: getattr(leg(), method)(**given)
+
+
+Entrance = tuple[Callable[..., Any], Callable[[], dict[str, Any]], str]
+
+ENTRANCES: Mapping[str, Entrance] = {
     "JointModel": (
         planner.JointModel,
-        lambda: {
-            "v_max": 4.0,
-            "theta_0": 0.2,
-            "lag": 0.02,
-            "acceleration_time": 0.04,
-            "tick": 0.01,
-            "hold": 2,
-            "offset": 0.1,
-            "dead_band": 0.01,
-            "v_offset": 0.1,
-            "compliance": 0.1,
-            "speed_per_torque": 0.1,
-            "time_constant": 0.01,
-            "max_acceleration": 500.0,
-            "sag_sin": 0.01,
-            "sag_cos": 0.01,
-        },
+        lambda: {"v_max": 4.0, "theta_0": 0.2, "lag": 0.02, "acceleration_time": 0.04},
+        "tick hold offset dead_band v_offset compliance speed_per_torque time_constant "
+        "max_acceleration sag_sin sag_cos",
     ),
-    "PiecewiseLinear": (planner.PiecewiseLinear, lambda: dict(CURVE)),
+    "PiecewiseLinear": (planner.PiecewiseLinear, lambda: dict(CURVE), ""),
     "PiecewiseLinear.from_dict": (
         planner.PiecewiseLinear.from_dict,
         lambda: {"data": curve().to_dict()},
+        "",
     ),
-    "PiecewiseLinear.slope_at": (lambda index: curve().slope_at(index), lambda: {"index": 3}),
-    "CurveStack": (planner.CurveStack, lambda: CURVE | {"values": np.array([CURVE["values"]] * 2)}),
-    "CurveStack.of": (planner.CurveStack.of, lambda: {"curves": [curve()]}),
-    "Log": (
-        planner.Log,
-        lambda: {**LOG, "torque_on": None, "name": "a", "joint": "b", "unit": "rad", "notes": ()},
+    "PiecewiseLinear.slope_at": (lambda index: curve().slope_at(index), lambda: {"index": 3}, ""),
+    "CurveStack": (
+        planner.CurveStack,
+        lambda: CURVE | {"values": np.array([CURVE["values"]] * 2)},
+        "",
     ),
+    "CurveStack.of": (planner.CurveStack.of, lambda: {"curves": [curve()]}, ""),
+    "Log": (planner.Log, lambda: dict(LOG), "torque_on name joint unit notes"),
     "LogOptions": (
         planner.LogOptions,
-        lambda: {
-            "joint": "knee",
-            "time": "t",
-            "requested": "r",
-            "actual": "a",
-            "torque": "q",
-            "unit": "deg",
-            "ticks_per_turn": 4096,
-            "topic": "/a",
-            "command_topic": "/b",
-            "episodes": "0-2",
-        },
+        dict,
+        "joint time requested actual torque unit ticks_per_turn topic command_topic episodes",
     ),
     "certify": (
         planner.certify,
-        lambda: {
-            **JOINT,
-            "desired": ANGLES,
-            "norm": "rms",
-            "level": "envelope",
-            "start": None,
-            "time_limit": 1.0,
-        },
+        lambda: {**JOINT, "level": "envelope", "time_limit": 1.0},
+        "cyclic norm start",
     ),
     "lower_bound": (
         planner.lower_bound,
-        lambda: {
-            **JOINT,
-            "desired": ANGLES,
-            "norm": "max",
-            "level": "slope",
-            "start": None,
-            "time_limit": 1.0,
-        },
+        lambda: {**JOINT, "norm": "max", "level": "slope", "time_limit": 1.0},
+        "cyclic start",
     ),
     "closed_form_requests": (
         planner.closed_form_requests,
-        lambda: {"model": MODEL, "curves": [curve()], "rule": "exact"},
+        lambda: {"model": MODEL, "curves": [curve()]},
+        "rule",
     ),
     "cross_check": (
         planner.cross_check,
-        lambda: {
-            **JOINT,
-            "desired": ANGLES,
-            "limits": (-1.0, 1.0),
-            "segments": 3,
-            "leg": None,
-            "norm": "rms",
-            "level": "envelope",
-            "names": ("knee",),
-            "progress": lambda _: None,
-        },
+        lambda: {**JOINT, "segments": 3, "level": "envelope"},
+        "cyclic limits leg norm names progress",
     ),
     "fit_pwl": (
         planner.fit_pwl,
-        lambda: {
-            "desired": ANGLES,
-            "v_max": 4.0,
-            "tick": 0.01,
-            "cyclic": True,
-            "segments": 3,
-            "max_error": None,
-            "max_rms": None,
-            "knots": None,
-            "required": (),
-            "exact": False,
-        },
+        lambda: {"desired": ANGLES, "v_max": 4.0, "tick": 0.01, "segments": 3},
+        "cyclic max_error max_rms knots required exact",
     ),
     "half_ellipse": (
         planner.half_ellipse,
-        lambda: {
-            "samples": 20,
-            "length": 0.05,
-            "height": 0.04,
-            "forward": 0.05,
-            "sideways": 0.03,
-            "hip_height": 0.08,
-            "ground_fraction": 0.5,
-            "heading": 0.3,
-        },
+        dict,
+        "samples length height forward sideways hip_height ground_fraction heading",
     ),
     "identify": (
         planner.identify,
         lambda: {"logs": LOG, "tick": 0.01, "hold": 1, "hold_out": False},
+        "",
     ),
     "invert_closed_form": (
         planner.invert_closed_form,
-        lambda: {**JOINT, "desired": ANGLES, "segments": 3, "rule": "exact", "refine": False},
+        lambda: {**JOINT, "segments": 3, "refine": False},
+        "cyclic rule",
     ),
-    "invert_shift": (
-        planner.invert_shift,
-        lambda: {**JOINT, "desired": ANGLES, "norm": "rms", "start": None},
-    ),
+    "invert_shift": (planner.invert_shift, lambda: dict(JOINT), "cyclic norm start"),
     "invert_foot": (
         planner.invert_foot,
-        lambda: {
-            "models": MODEL,
-            "leg": leg(),
-            "foot": leg().foot_positions(poses()),
-            "cyclic": True,
-            "limits": None,
-            "norm": "rms",
-            "weights": (1.0, 1.0, 1.0),
-            "max_step": 1.0,
-            "unreachable": "nearest",
-        },
+        lambda: {"models": MODEL, "leg": leg(), "foot": leg().foot_positions(poses())},
+        "cyclic limits norm weights max_step unreachable",
     ),
     "invert_optimal": (
         planner.invert_optimal,
-        lambda: {
-            **JOINT,
-            "desired": ANGLES,
-            "limits": (-1.0, 1.0),
-            "solver": "gauss-newton",
-            "norm": "rms",
-            "start": None,
-            "tolerance": 0.5,
-            "load": None,
-            "max_step": 1.0,
-            "smoothness": 0.005,
-            "robust": None,
-        },
+        lambda: dict(JOINT),
+        "cyclic limits solver norm start tolerance load max_step smoothness robust",
     ),
     "plan": (
         planner.plan,
-        lambda: {
-            "models": MODEL,
-            "desired": ANGLES[:, None],
-            "names": ("knee",),
-            "method": "closed_form",
-            "segments": 3,
-            "rule": "exact",
-        },
+        lambda: (
+            {"models": MODEL, "desired": ANGLES[:, None], "method": "closed_form"}
+            | {"segments": 3, "rule": "exact"}
+        ),
+        "names",
     ),
-    "read_models": (planner.read_models, lambda: {"path": MISSING}),
+    "read_models": (planner.read_models, lambda: {"path": MISSING}, ""),
     "refine": (
         planner.refine,
-        lambda: {
-            "plan": closed_form(),
-            "measured": closed_form().predicted + 0.01,
-            "sensor_delay": 0.0,
-            "reidentify": False,
-        },
+        lambda: (
+            {"plan": closed_form(), "measured": closed_form().predicted + 0.01}
+            | {"sensor_delay": 0.0, "reidentify": False}
+        ),
+        "",
     ),
     "replay": (
         planner.replay,
-        lambda: {
-            "recording": planner.Log(**LOG),
-            "models": MODEL,
-            "speed": 2.0,
-            "track": "action",
-            "joints": (),
-            "begin": 0.02,
-            "end": 0.12,
-            "limits": (-1.0, 1.0),
-        },
+        lambda: {"recording": planner.Log(**LOG), "models": MODEL, "end": 0.12},
+        "speed track joints begin limits",
     ),
     "fastest": (
         planner.fastest,
-        lambda: {
-            "recording": planner.Log(**LOG),
-            "models": MODEL,
-            "tolerance": 0.2,
-            "retime": "constant",
-        },
+        lambda: {"recording": planner.Log(**LOG), "models": MODEL, "tolerance": 0.2},
+        "retime",
     ),
-    "joints_in": (planner.joints_in, lambda: {"path": MISSING, "options": planner.LogOptions()}),
-    "read_logs": (planner.read_logs, lambda: {"paths": MISSING, "options": planner.LogOptions()}),
-    "line_offset": (planner.line_offset, lambda: {"model": MODEL, "slope": 1.0, "rule": "exact"}),
+    "joints_in": (planner.joints_in, lambda: {"path": MISSING}, "options"),
+    "read_logs": (planner.read_logs, lambda: {"paths": MISSING}, "options"),
+    "line_offset": (planner.line_offset, lambda: {"model": MODEL, "slope": 1.0}, "rule"),
     "play": (
         _play,
-        lambda: {
-            "requests": ANGLES,
-            "period": 0.01,
-            "cycles": 2,
-            "current": [0.1],
-            "speed": 1.0,
-            "on_stop": None,
-            "report": None,
-        },
+        lambda: {"requests": ANGLES, "period": 0.01, "current": [0.1], "speed": 1.0},
+        "cycles on_stop report",
     ),
     "follow": (
         _follow,
@@ -331,51 +234,49 @@ ENTRANCES: Mapping[str, tuple[Callable[..., Any], Callable[[], dict[str, Any]]]]
             "desired": ANGLES[:7, np.newaxis],
             "stream": planner.Stream(MODEL, preview=7),
             "send": lambda _: None,
-            "measure": None,
         },
+        "measure",
     ),
     "Stream": (
         planner.Stream,
-        lambda: {
-            "models": MODEL,
-            "preview": 7,
-            "limits": (-1.0, 1.0),
-            "cycle": 20,
-            "max_step": 1.0,
-            "on_bad": "hold",
-        },
+        lambda: {"models": MODEL, "preview": 7},
+        "limits cycle max_step on_bad",
     ),
-    "Stream.step": (
-        _step,
-        lambda: {"desired": ANGLES[:7], "measured": ANGLES[:1], "load": 0.0, "missed": 0},
+    "Stream.step": (_step, lambda: {"desired": ANGLES[:7]}, "measured load missed"),
+    "timed_requests": (_timed, lambda: {"requests": ANGLES, "period": 0.01}, "cycles"),
+    "sensitivities": (
+        planner.sensitivities,
+        lambda: {"model": MODEL, "requests": ANGLES},
+        "cyclic start",
     ),
-    "timed_requests": (_timed, lambda: {"requests": ANGLES, "period": 0.01, "cycles": 2}),
-    "sensitivities": (planner.sensitivities, lambda: {**JOINT, "requests": ANGLES, "start": None}),
     "simulate": (
         planner.simulate,
-        lambda: {**JOINT, "requests": ANGLES, "start": None, "load": None},
+        lambda: {"model": MODEL, "requests": ANGLES},
+        "cyclic start load",
     ),
-    "step_test": (planner.step_test, lambda: {"amplitude": 0.5, "samples": 20}),
-    "Leg.from_urdf": (Leg.from_urdf, lambda: {**PLACE, "locked": {}, "near": {}}),
-    "Leg.foot_positions": (
-        lambda angles: leg().foot_positions(angles),
-        lambda: {"angles": poses()},
-    ),
-    "Leg.joint_positions": (
-        lambda angles: leg().joint_positions(angles),
-        lambda: {"angles": poses()},
-    ),
-    "Leg.jacobians": (lambda angles: leg().jacobians(angles), lambda: {"angles": poses()}),
-    "Leg.jumps": (lambda angles: leg().jumps(angles), lambda: {"angles": poses()}),
+    "step_test": (planner.step_test, lambda: {"amplitude": 0.5}, "samples"),
+    "Leg.from_urdf": (Leg.from_urdf, lambda: dict(PLACE), "locked near"),
+    "Leg.foot_positions": (leg_of("foot_positions"), lambda: {"angles": poses()}, ""),
+    "Leg.joint_positions": (leg_of("joint_positions"), lambda: {"angles": poses()}, ""),
+    "Leg.jacobians": (leg_of("jacobians"), lambda: {"angles": poses()}, ""),
+    "Leg.jumps": (leg_of("jumps"), lambda: {"angles": poses()}, ""),
     "Leg.joint_angles": (
-        lambda **given: leg().joint_angles(**given),
+        leg_of("joint_angles"),
         lambda: {"foot": leg().foot_positions(poses()), "unreachable": "nearest"},
+        "",
     ),
     "Leg.inverse": (
-        lambda **given: leg().inverse(**given),
+        leg_of("inverse"),
         lambda: {"foot": leg().foot_positions(poses()), "unreachable": "clamp"},
+        "",
     ),
-    "foot_function": (kinematics.foot_function, lambda: {"leg": leg()}),
-    "urdf_path": (kinematics.urdf_path, lambda: {"name": "ers210a.urdf"}),
+    "foot_function": (kinematics.foot_function, lambda: {"leg": leg()}, ""),
+    "urdf_path": (kinematics.urdf_path, lambda: {"name": "ers210a.urdf"}, ""),
 }
-"""Name to function and a maker of arguments, each of which is replaced in turn."""
+"""By name a function, a maker of arguments, and further arguments; each is replaced in turn."""
+
+
+def places(name: str) -> list[str]:
+    """The arguments of a function that are tried."""
+    _, good, more = ENTRANCES[name]
+    return [*good(), *more.split()]
