@@ -18,7 +18,6 @@ PLAN = ("--method", "closed-form", "--segments", "5")
 COMMANDS = {
     "plan": ("plan", "desired.csv", *PLAN, "-o", "out"),
     "run": ("run", "run.toml", "--out", "out"),
-    "compare": ("compare", "desired.csv", "--segments", "5", "--report", "out"),
     **{form: (*EXPORT, form) for form in ("csv", "yaml", "bag", "mcap", "lerobot")},
 }
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import bz2
-import gzip
 import json
 import struct
 import sys
@@ -44,10 +43,6 @@ def _laughing(folder):
     (folder / "robot.urdf").write_text(_robot("&j;", head))
 
 
-def _deep(folder):
-    (folder / "robot.urdf").write_text(_robot("<link>" * 10**5 + "</link>" * 10**5))
-
-
 def _long_chain(folder):
     links = "".join(f'<link name="l{k}"/>' for k in range(20001))
     joints = "".join(
@@ -55,11 +50,6 @@ def _long_chain(folder):
         for k in range(20000)
     )
     (folder / "robot.urdf").write_text(_robot(links + joints))
-
-
-def _outside(folder):
-    head = '<!DOCTYPE r [<!ENTITY a SYSTEM "file:///dev/zero">]>'
-    (folder / "robot.urdf").write_text(_robot("&a;", head))
 
 
 def _parquet_bomb(folder):
@@ -84,28 +74,6 @@ def _parquet_bomb(folder):
         folder / "bomb.parquet", table.schema, compression="zstd", use_dictionary=True
     ) as writer:
         writer.write_table(table)
-
-
-def _parquet_claim(folder):
-    footer = b"\x15\x04\x19\x2c\x35\x00\x18" + b"\xff" * 200
-    (folder / "claim.parquet").write_bytes(
-        b"PAR1" + footer + struct.pack("<I", 2**31 - 1) + b"PAR1"
-    )
-
-
-def _mcap_claim(folder):
-    header = b"\x89MCAP0\r\n" + b"\x01" + struct.pack("<Q", 2**62) + b"\0" * 100
-    (folder / "claim.mcap").write_bytes(header)
-
-
-def _mcap_chunk(folder):
-    pytest.importorskip("rosbags")
-    body = struct.pack("<QQQI", 0, 1, 2**40, 0) + struct.pack("<I", 4) + b"zstd"
-    body += struct.pack("<Q", 20) + b"\x28\xb5\x2f\xfd" + b"\xff" * 16
-    record = b"\x06" + struct.pack("<Q", len(body)) + body
-    (folder / "chunk.mcap").write_bytes(
-        b"\x89MCAP0\r\n\x01" + struct.pack("<QII", 8, 0, 0) + record + b"\x89MCAP0\r\n"
-    )
 
 
 def _mcap_bomb(folder):
@@ -136,22 +104,12 @@ def _json_bomb(folder):
     (folder / "log.json").write_text('{"entries": ' + "[" * 10**6 + "]" * 10**6 + "}")
 
 
-def _json_number(folder):
-    (folder / "log.json").write_text('{"entries": ' + "9" * 10**6 + "}")
-
-
 LEG = ("--urdf", "robot.urdf", "--base", "a", "--foot", "b")
-ANY = 'file = "x.csv"\n'
 HOSTILE = {
     "a file of zeros without end": (
         lambda folder: _sparse(folder, "x.csv", b"knee_deg\n1\n", 2**42),
         ("plan", "x.csv"),
         "x.csv: longer than 64 MiB; is it the right file?",
-    ),
-    "a line without end": (
-        lambda folder: _repeated(folder, "x.csv", b"knee_deg\n", b"1", 60 * 2**20),
-        ("plan", "x.csv"),
-        "not CSV (field larger than field limit (131072))",
     ),
     "a header of a million columns": (
         lambda folder: _repeated(folder, "x.csv", b"knee_deg", b",a_deg", 6 * 2**20),
@@ -163,32 +121,8 @@ HOSTILE = {
         ("plan", "x.csv"),
         "x.csv: more than 1000000 rows, expected at most so many samples",
     ),
-    "cells of one digit": (
-        lambda folder: _repeated(
-            folder, "x.csv", b"t_s,a,b,c,d,e,f,g\n", b"1.23,1,1,1,1,1,1,1\n", 60 * 2**20
-        ),
-        ("identify", "x.csv"),
-        "x.csv: more than 10000000 cells; split the file",
-    ),
-    "a table of 20000 columns": (
-        lambda folder: (folder / "x.csv").write_text(
-            "\n".join([",".join(f"j{k}_deg" for k in range(20000)), *[",".join("1" * 20000)] * 3])
-        ),
-        ("identify", "x.csv"),
-        "x.csv, line 1: 20000 columns, expected at most 10000",
-    ),
-    "rows of commas": (
-        lambda folder: _repeated(folder, "x.csv", b"knee_deg\n", b",,,,\n", 8 * 2**20),
-        ("plan", "x.csv"),
-        "x.csv, line 2",
-    ),
     "a run file nested deeply": (
         lambda folder: (folder / "run.toml").write_text("a = " + "[" * 10**5),
-        ("run", "run.toml"),
-        "run.toml",
-    ),
-    "a run file with a long number": (
-        lambda folder: (folder / "run.toml").write_text("out = " + "9" * 10**6),
         ("run", "run.toml"),
         "run.toml",
     ),
@@ -196,14 +130,6 @@ HOSTILE = {
         lambda folder: (folder / "run.toml").write_text("a" + ".a" * 10**4 + " = 1\n"),
         ("run", "run.toml"),
         "run.toml, line 1: a key of more than 100 parts",
-    ),
-    "a model of a path of dots in quotes": (
-        lambda folder: (
-            (folder / "x.csv").write_text("knee_deg\n1\n2\n3\n"),
-            (folder / "m.toml").write_text('tick = 0.01\n[a."b c"' + " . 'a'" * 20000 + "]\n"),
-        ),
-        ("plan", "x.csv", "--model", "m.toml"),
-        "m.toml, line 2: a key of more than 100 parts",
     ),
     "an excitation without end": (
         lambda folder: folder,
@@ -218,8 +144,6 @@ HOSTILE = {
         "episodes",
     ),
     "a billion laughs": (_laughing, ("gait", *LEG), "input amplification factor"),
-    "an entity of another file": (_outside, ("gait", *LEG), "robot.urdf"),
-    "a robot nested deeply": (_deep, ("gait", *LEG), "robot.urdf: is not"),
     "a robot of 20000 joints": (_long_chain, ("gait", *LEG), "more than 200 joints"),
     "a robot without end": (
         lambda folder: _sparse(folder, "robot.urdf", b"<robot>", 2**42),
@@ -231,23 +155,9 @@ HOSTILE = {
         ("identify", "bomb.parquet", "--joint", "0", "--unit", "rad"),
         "bomb.parquet: more than 33554432 numbers",
     ),
-    "Parquet with a long footer": (_parquet_claim, ("identify", "claim.parquet"), "claim.parquet"),
-    "MCAP with a long record": (_mcap_claim, ("identify", "claim.mcap"), "claim.mcap"),
     "MCAP that unfolds": (_mcap_bomb, ("identify", "bomb.mcap"), "unfold to more than 256 MiB"),
     "a bag that unfolds": (_ros1_bomb, ("identify", "bomb.bag"), "unfold to more than 256 MiB"),
-    "a bag without a line": (
-        lambda folder: _sparse(folder, "x.bag", b"#ROSBAG V2.0", 2**42),
-        ("identify", "x.bag"),
-        "x.bag: not a bag that can be read (File magic is invalid.)",
-    ),
-    "MCAP with a chunk that unfolds": (_mcap_chunk, ("identify", "chunk.mcap"), "chunk.mcap"),
     "JSON nested deeply": (_json_bomb, ("identify", "log.json"), "nested too deeply"),
-    "JSON of a long number": (_json_number, ("identify", "log.json"), "a number is too long"),
-    "a compressed file": (
-        lambda folder: (folder / "x.csv").write_bytes(gzip.compress(b"1\n" * 10**6)),
-        ("plan", "x.csv"),
-        "is not UTF-8",
-    ),
 }
 """What makes the files, the command, and what its one line says.
 

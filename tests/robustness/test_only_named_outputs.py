@@ -9,7 +9,6 @@ from pathlib import Path
 import pytest
 
 import planner
-from kinematics import urdf_path
 
 EVIL = "__import__('os').system('touch hacked')"
 """What a file of data may hold, and nobody may run."""
@@ -22,13 +21,10 @@ RUN = '[path]\nfile = "desired.csv"\n[plan]\nmethod = "closed-form"\n[output]\nr
 
 WRITING = {
     "plan": ["plan", "desired.csv", "--method", "closed-form", "-o", "out/a.csv"],
-    "fit": ["fit", "desired.csv", "--joint", "knee", "--segments", "4", "-o", "out/a.csv"],
-    "simulate": ["simulate", "desired.csv", "-o", "out/a.csv"],
     "identify": ["identify", "log.csv", "-o", "out/a.toml", "--report", "out/a.html"],
     "compare": ["compare", "desired.csv", "--joint", "knee", "--report", "out/a.html"],
     "export": ["export", "desired.csv", "--format", "csv", "-o", "out/a.csv"],
     "excite": ["excite", "--limits-deg", "-9:9", "--duration-s", "4", "-o", "out/a.csv"],
-    "gait": ["gait", "-o", "out/a.csv"],
     "run": ["run", "run.toml", "--out", "out/results"],
 }
 
@@ -164,11 +160,3 @@ def test_no_data_is_ever_run(name, folder, watched):
     assert run == []
     assert _names(folder) == before
     assert list((folder / "out").iterdir()) == []
-
-
-def test_a_shipped_robot_is_read_without_running_anything(watched):
-    robot = str(urdf_path("ers210a.urdf"))
-    arguments = ["--leg", robot, "--base", "body", "--foot", "front_left_ball"]
-    status, said, report = watched("gait", *arguments, "-o", "out/a.csv")
-    assert status == 0, said
-    assert [event for event in report["others"] if event != "marshal.loads"] == []

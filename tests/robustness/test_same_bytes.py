@@ -11,13 +11,8 @@ from tests.robustness.test_only_named_outputs import LOG, PATH
 
 COMMANDS = {
     "plan optimal": ["plan", "desired.csv"],
-    "plan for the foot": [
-        *("plan", "foot.csv", "--leg", "reference", "--unreachable", "clamp"),
-        *("--method", "foot-optimal"),
-    ],
     "fit": ["fit", "desired.csv", "--max-rms", "2"],
     "identify": ["identify", "log.csv", "--hold", "1"],
-    "excite": ["excite", "--limits-deg", "-9:9", "--duration-s", "4"],
     "compare": ["compare", "desired.csv", "--joint", "knee", "--segments", "4"],
 }
 """Plans, bounds and pages that the commands make, in a file."""
@@ -36,7 +31,6 @@ def test_threads_and_seeds_change_no_byte(name, tmp_path, monkeypatch, other_wor
     monkeypatch.chdir(tmp_path)
     (tmp_path / "desired.csv").write_text(PATH)
     (tmp_path / "log.csv").write_text(LOG)
-    CliRunner().invoke(cli, ["gait", "--samples", "12", "-o", "foot.csv"], catch_exceptions=False)
     arguments = [*COMMANDS[name], "--report" if name == "compare" else "-o", "out"]
     here = CliRunner().invoke(cli, arguments, catch_exceptions=False)
     first = (tmp_path / "out").read_bytes()
