@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import re
 import shutil
 
 import numpy as np
 import pytest
 
-from kinematics import Leg, urdf_path
+from kinematics import urdf_path
 from planner.cli import settings
 from planner.cli.desired import find_leg
 from planner.files.paths import read_foot_path, read_joint_path
@@ -19,8 +18,6 @@ from tests.kinematics.made_up_robots import Joint, X, Y, urdf_text
 
 PAGE = ROOT / "docs" / "any_leg.md"
 
-WRITTEN = 1e-9
-"""Files carry 12 decimals [m, deg]."""
 
 FRONT = ("--base", "body", "--foot", "front_left_ball")
 
@@ -74,21 +71,6 @@ def test_a_public_robot_gets_from_urdf_to_report(console, tmp_path, name):
     assert "By the model the foot stays within" in page
     assert all(joint in page for joint in requests.names)
     assert ("the rest of their models is assumed" in page) == (name != "solo")
-
-
-def test_a_gait_for_a_leg_is_in_its_base_frame_and_in_reach(run, robot):
-    result = run("gait", "--leg", robot, *FRONT, "--json")
-    document = json.loads(result.stdout)
-    path = np.column_stack([document[f"{axis}_m"] for axis in "xyz"])
-    leg = Leg.from_urdf(robot, base="body", foot="front_left_ball")
-    angles = leg.joint_angles(path)
-    about = document["stride"]
-    pose = np.radians(list(about["pose_deg"].values()))
-    np.testing.assert_allclose(about["centre_m"], leg.foot_positions(pose[None])[0], atol=WRITTEN)
-    assert np.ptp(path[:, 0]) == pytest.approx(2.0 * about["length_m"])
-    closed = np.vstack([angles, angles[:1]])
-    speeds = np.degrees(np.abs(np.diff(closed, axis=0)).max(axis=0) / 0.008)
-    np.testing.assert_allclose(list(about["speeds_deg_s"].values()), speeds, rtol=1e-6)
 
 
 def test_a_joint_is_held_where_the_option_says(run, robot, tmp_path):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import math
 import os
 import sys
 
@@ -14,14 +13,12 @@ from planner.cli.console import (
     BAR,
     KEY,
     Progress,
-    coloured,
     complain,
     detail,
     remark,
     summarise,
     warn,
 )
-from planner.exceptions import ANGLE_UNIT, JOINT_UNITS, PlannerError, about, angle_text
 
 ERASE = "\r\x1b[K"
 
@@ -82,24 +79,6 @@ def test_the_time_left_follows_the_pace_of_the_steps_that_are_done(clock):
     assert progress.line() == f"ankle …  {'█' * (BAR // 2)}{'░' * (BAR // 2)}  1 s left"
 
 
-def test_steps_in_parallel_are_counted_and_the_time_left_is_that_at_their_pace(clock):
-    with Progress(8, parallel=True, clock=lambda: clock[0]) as progress:
-        assert progress.line() == f"0 of 8 …  {'░' * BAR}"
-        progress("episode 3")
-        progress("episode 1")
-        assert progress.line() == f"2 of 8 …  {'█' * (BAR // 4)}{'░' * (BAR - BAR // 4)}"
-        clock[0] = 1.99
-        assert "left" not in progress.line()
-        clock[0] = 10.0
-        assert progress.line().endswith("  30 s left")
-        for k in range(6):
-            progress(f"episode {k + 4}")
-        assert progress.line() == f"8 of 8 …  {'█' * BAR}  1 s left"
-    with Progress(8, parallel=True, clock=lambda: clock[0]) as progress:
-        clock[0] = 20.0
-        assert progress.line() == f"0 of 8 …  {'░' * BAR}"
-
-
 LONG = (
     "the knee's model was made from a log of little motion: use --amplitude-deg, --sensor-delay-ms "
     "and /a/place/that/is/longer/than/forty-characters/of/a/line.csv"
@@ -124,27 +103,6 @@ def test_a_warning_is_wrapped_on_a_terminal_and_one_line_elsewhere(monkeypatch):
         assert text == f"request-planner: warning: {LONG}"
 
 
-@pytest.mark.parametrize(
-    ("settings", "answer"),
-    [
-        ({}, None),
-        ({"TERM": "xterm"}, None),
-        ({"TERM": "dumb"}, False),
-        ({"TERM": "dumb", "FORCE_COLOR": "1"}, True),
-        ({"FORCE_COLOR": "1"}, True),
-        ({"FORCE_COLOR": ""}, None),
-        ({"FORCE_COLOR": "1", "NO_COLOR": "1"}, False),
-        ({"FORCE_COLOR": "1", "NO_COLOR": ""}, True),
-    ],
-)
-def test_colours_depend_on_the_terminal_unless_the_environment_says(monkeypatch, settings, answer):
-    for name in ("NO_COLOR", "FORCE_COLOR", "TERM"):
-        monkeypatch.delenv(name, raising=False)
-    for name, value in settings.items():
-        monkeypatch.setenv(name, value)
-    assert coloured() is answer
-
-
 def test_the_first_line_of_a_summary_and_the_label_of_a_notice_stand_out(monkeypatch, capsys):
     monkeypatch.setenv("FORCE_COLOR", "1")
     monkeypatch.delenv("NO_COLOR", raising=False)
@@ -167,30 +125,3 @@ def test_the_first_line_of_a_summary_and_the_label_of_a_notice_stand_out(monkeyp
         warn("a warning")
         complain("an error")
         assert capsys.readouterr().err.count("\n") == 2
-
-
-@pytest.mark.parametrize(
-    ("unit", "angles", "said"),
-    [
-        ("rad", (0.5,), "0.5 rad"),
-        ("deg", (1.0,), "57.2958 degrees"),
-        ("deg", (math.radians(1.0),), "1 degree"),
-        ("deg", (0.0, math.pi), "0 to 180 degrees"),
-        ("percent", (math.radians(1.0),), "1 percent"),
-    ],
-)
-def test_angles_are_said_in_the_unit_of_the_user_and_of_the_joint(unit, angles, said):
-    token = ANGLE_UNIT.set(unit)
-    try:
-        assert angle_text(*angles, spelt=True) == said
-        assert angle_text(*angles) == said.replace("degrees", "deg").replace("degree", "deg")
-        units = JOINT_UNITS.set({"jaw": "percent"})
-        for joint, expected in (("jaw", "percent"), ("hip", unit), ("", unit)):
-            with pytest.raises(PlannerError) as caught, about(joint):
-                raise PlannerError(angle_text(math.pi))
-            assert str(caught.value).endswith(f" {expected}")
-            assert getattr(caught.value, "__notes__", []) == [joint] * bool(joint)
-        JOINT_UNITS.reset(units)
-        assert ANGLE_UNIT.get() == unit
-    finally:
-        ANGLE_UNIT.reset(token)

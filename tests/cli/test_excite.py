@@ -7,25 +7,9 @@ import json
 import numpy as np
 import pytest
 
-from planner.files.joint_model import write_model
 from planner.identification.excitation import excite
-from planner.model.joint import JointModel
 
 SHORT = ("--limits-deg", "-30:40", "--duration-s", "8", "--rate-hz", "50")
-
-
-def test_the_expected_joint_may_come_from_a_file_at_any_rate(run, tmp_path):
-    slow = JointModel(v_max=1.0, theta_0=0.1, lag=0.05, acceleration_time=0.1, tick=0.01)
-    write_model(tmp_path / "slow.toml", slow)
-    asked = ("excite", "--kind", "random-steps", *SHORT, "--model", "slow.toml", "--json")
-    document = json.loads(run(*asked).stdout)
-    expected = document["expected"]
-    assert expected["model"]["v_max"] == pytest.approx(1.0, rel=0.02)
-    assert expected["model"]["tick"] * expected["model"]["hold"] == pytest.approx(0.02)
-    assert set(expected["intervals"]) == {"v_max", "theta_0", "lag", "acceleration_time", "offset"}
-    assert len(document["requests_deg"]) == 400
-    own = json.loads(run(*asked[:5], "--duration-s", "4", *asked[-3:]).stdout)
-    assert (own["period_s"], len(own["requests_deg"])) == (pytest.approx(0.01), 400)
 
 
 def test_the_expected_log_is_one_that_identify_reads(run, tmp_path):

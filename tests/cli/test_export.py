@@ -36,16 +36,3 @@ def test_the_servos_of_a_model_file_have_the_zeros_and_directions_of_their_own_j
     assert [row[1:] for row in finer] == [["2000", "545"], ["2023", "568"]]
     (tmp_path / "arm.toml").write_text("".join([blocks[1].replace("4096", "4000"), blocks[2]]))
     assert "servos of 4000, 4096 ticks a turn, expected one" in run(*shared).stderr
-
-
-def test_pulses_of_hobby_servos_are_asked_for_by_their_unit(run, desired):
-    asked = ("export", desired, "--format", "csv", "--unit", "us")
-    straight, turned = (
-        np.genfromtxt(run(*asked, *more).stdout.splitlines(), delimiter=",", names=True)
-        for more in ((), ("--reverse", "knee", "--zero-tick", 1520, "--zero-tick", "knee=1600"))
-    )
-    assert straight.dtype.names == ("t_s", "hip_us", "knee_us")
-    assert np.array_equal(straight["hip_us"] + 20, turned["hip_us"])
-    assert np.array_equal(straight["knee_us"] - 1500, 1600 - turned["knee_us"])
-    unused = run("export", desired, "--format", "csv", "--reverse", "knee")
-    assert "--reverse needs --unit ticks" in unused.stderr

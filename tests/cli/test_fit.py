@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from planner import JointModel
-from planner.report.fit import fits_figure
 
 
 def joint(result, name):
@@ -29,22 +28,3 @@ def test_lines_are_no_faster_than_a_joint_whose_requests_are_held(run, desired):
         knots, values = np.array(answer["knots"]), np.radians(answer["values_deg"])
         speeds = np.diff(np.append(values, values[0])) / np.diff(np.append(knots, knots[0] + 88))
         assert np.max(np.abs(speeds)) / 0.008 == pytest.approx(fastest, rel=1e-6)
-
-
-@pytest.mark.parametrize(("name", "start"), [("fit.SVG", b"<?xml"), ("fit.png", b"\x89PNG")])
-def test_fit_draws_the_lines_of_every_joint_and_its_other_choices(
-    run, brief, tmp_path, monkeypatch, name, start
-):
-    drawn = {}
-
-    def figure(fits, choices):
-        drawn.update({joint: (fits[joint], choices[joint]) for joint in fits})
-        return fits_figure(fits, choices)
-
-    monkeypatch.setattr("planner.report.fit.fits_figure", figure)
-    result = run("fit", brief, "--segments", "4", "--figure", name, "-o", "a")
-    assert result.exit_code == 0, result.stderr
-    assert (tmp_path / name).read_bytes().startswith(start)
-    assert list(drawn) == ["hip", "knee"]
-    for fit, choices in drawn.values():
-        assert choices.rms[choices.segments.index(4)] == pytest.approx(fit.rms, rel=1e-6)

@@ -172,26 +172,6 @@ def test_every_command_says_once_of_all_joints_that_a_model_is_not_to_be_planned
     )
 
 
-@pytest.mark.parametrize(
-    ("verdict", "recommended"), [("refused", None), ("worse than a delay", "shift")]
-)
-def test_text_page_and_json_recommend_the_same_of_a_model_not_to_be_planned_with(
-    run, desired, tmp_path, verdict, recommended
-):
-    known = Evidence(error=1e-3, over_delay=1.2, verdict=verdict, reason="it misses 41%")
-    TRUE.with_evidence(known).to_toml(tmp_path / "bad.toml")
-    line = ["plan", desired, "--model", "bad.toml", "--method", "closed-form", "-o", "out.csv"]
-    document = json.loads(run(*line, "--json").stdout)
-    assert document["recommended_method"] == recommended
-    assert recommended or not document["refining_recommended"]
-    told = run(*line, "--report", "page.html")
-    by_shift = "do not plan with the models of hip, knee (it misses 41%): use --method shift, or"
-    assert (by_shift in told.stderr) == (recommended is not None)
-    assert ("recommended: --method shift" in told.output) == (recommended is not None)
-    page = Path("page.html").read_text()
-    assert ("Recommended: --method shift" in page) == (recommended is not None)
-
-
 def tables_of(file):
     return tomllib.loads(Path(file).read_text())
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-
 import numpy as np
 import pytest
 
@@ -12,7 +10,6 @@ from kinematics import Leg, urdf_path
 from planner.cli.planning import with_load
 from planner.cli.settings import Run
 from planner.files.paths import read_joint_path, write_joint_path
-from planner.model.evidence import Evidence
 from planner.recording.recorded_path import recorded_path
 from planner.virtual.robot import Pendulum
 
@@ -49,45 +46,6 @@ def test_a_plan_for_gravity_is_that_of_the_library_and_carries_its_load(run):
     written = read_joint_path("requests.csv")
     np.testing.assert_allclose(written.angles, made.requests, rtol=0.0, atol=1e-9)
     np.testing.assert_allclose(written.loads[:, 0], made.inversions[0].load, rtol=0.0, atol=1e-9)
-
-
-TESTED = Evidence(0.02, 4.0, 0.7, (0.0, 1.8), ((0.0, 0.002), (20.0, 0.01)))
-
-
-def test_the_error_to_expect_on_the_robot_stands_beside_that_of_the_plan(run, folder):
-    SOFT.with_evidence(TESTED).to_toml(folder / "soft.toml")
-    asked = ["plan", "path.csv", *LEG, "--load", "urdf", "--report", "page.html"]
-    result = run(*asked, "-o", "requests.csv")
-    assert result.exit_code == 0, result.output
-    made = planner.plan(
-        planner.read_models("soft.toml"),
-        read_joint_path("path.csv").angles,
-        load=Leg.from_urdf("pendulum.urdf", base="base", foot="tip").load_torques,
-    )
-    # 0.5 rad at 1 Hz is accelerated by 14 rad/s^2 rms; the plan's own error adds in quadrature.
-    told = np.hypot(0.002 + 0.008 * 14.0 / 20.0, made.rms[0])
-    assert made.expected_rms[0] == pytest.approx(told, rel=0.04)  # dry friction adds stops
-    assert made.inversions[0].expected.untested == ()
-    assert f"{np.degrees(made.expected_rms[0]):.3f}" in result.stderr
-    page = (folder / "page.html").read_text(encoding="utf-8")
-    assert f"{np.degrees(made.expected_rms[0]):.3f}" in page
-    assert "On the robot expect about" in page
-    answer = json.loads(run(*asked[:-2], "--json").stdout)
-    joint = answer["joints"]["pendulum"]
-    assert joint["expected_rms_deg"] == pytest.approx(np.degrees(made.expected_rms[0]))
-    assert joint["untested"] == []
-    assert "depends on the pose" in answer["lower_bound_withdrawn"]
-    assert "There is no lower bound under a load that depends on the pose" in page
-
-
-def test_a_simulation_says_that_its_load_was_not_tested(run, folder):
-    SOFT.with_evidence(TESTED._replace(speed=9.0, load=0.1)).to_toml(folder / "soft.toml")
-    torques = np.full((50, 1), 0.3)
-    write_joint_path("loaded.csv", ["pendulum"], DESIRED, period=SOFT.period, loads=torques)
-    asked = ("simulate", "loaded.csv", "--model", "soft.toml", "--desired", "path.csv", "--json")
-    for more, untested in (((), []), (("--load", "column"), ["load"])):
-        joint = json.loads(run(*asked, *more).stdout)["joints"]["pendulum"]
-        assert joint["untested"] == untested
 
 
 def test_a_joint_that_is_not_planned_weighs_where_it_was_recorded():

@@ -19,12 +19,8 @@ from planner.files.paths import read_joint_path
         ("--max-step-deg", 8, "--max-request-speed-deg-s", 112.5),
     ],
 )
-@pytest.mark.parametrize("method", ["optimal", "foot-optimal"])
-def test_the_smaller_limit_on_steps_is_kept_by_joints_and_feet(
-    run, foot, method, limits, monkeypatch
-):
-    monkeypatch.setattr("planner.planning.bounds.foot_bound.MOST_SAMPLES_BOUNDED", 0)
-    ask = ("plan", foot, "--leg", "front-left", "--method", method, *limits)
+def test_the_smaller_limit_on_steps_is_kept(run, foot, limits):
+    ask = ("plan", foot, "--leg", "front-left", "--method", "optimal", *limits)
     assert run(*ask, "-o", "requests.csv").exit_code == 0
     requests = np.degrees(read_joint_path("requests.csv").angles)
     steps = np.abs(np.diff(requests, axis=0, append=requests[:1]))

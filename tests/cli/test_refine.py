@@ -37,25 +37,6 @@ def unbounded(monkeypatch):
     monkeypatch.setattr("planner.planning.bounds.foot_bound.MOST_SAMPLES_BOUNDED", 0)
 
 
-@pytest.mark.usefixtures("unbounded")
-def test_a_foot_is_learnt_too(run, execute, tmp_path):
-    file = tmp_path / "foot.csv"
-    write_foot_path(file, half_ellipse(), period=0.008)
-    assert run("plan", file, *LEG, "-o", "requests.csv").exit_code == 0
-    execute(cycles=2)
-    line = ("refine", "requests.csv", "measured.csv", "--desired", file, *LEG, "--no-reidentify")
-    result = run(*line, "--history", "learning.json", "--json", "-o", "next.csv")
-    assert result.exit_code == 0, result.output
-    answer = json.loads(result.stdout)["learning"]["foot"]
-    assert answer["predicted_cm"] < answer["errors_cm"][0]
-    execute("next.csv")
-    again = ("refine", "next.csv", *line[2:])
-    answer = json.loads(run(*again, "--history", "learning.json", "--json").stdout)
-    assert answer["learning"]["foot"]["trials"] == 2
-    said = run(*line, "--history", "learning.json").stderr
-    assert "rotator, abductor, knee: measured: the same angles as in trial 2" in said
-
-
 def test_what_all_recordings_have_of_the_first_cycles_is_learnt(run, desired, execute):
     """Two files of one cycle and 12 rows more, the second in radians and without one joint."""
     run("plan", desired, "-o", "requests.csv")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import pickle
 import shutil
 import signal
 import subprocess
@@ -16,10 +15,7 @@ import pytest
 
 from kinematics import urdf_path
 from planner import JointModel, Log, LogOptions, read_logs, replay, simulate
-from planner.cli import settings
-from planner.cli.replay.dataset import decoded, replayed
 from planner.cli.replay.task import refuted_joints, tasks_of
-from planner.files.logs.read import recordings_in
 from planner.files.staging import list_files
 from planner.identification.grid import sound_rows
 
@@ -98,25 +94,6 @@ def dataset(tmp_path):
 
 
 UNITS = ("--unit", "range_m100_100,gripper=percent")
-
-
-RESENT = "the recorded requests may serve better than the plan"
-
-
-@pytest.mark.parametrize("case", ["slower", "the action", "a hand", "a bad recording"])
-def test_recorded_requests_are_not_praised_where_they_did_not_make_the_path(case, run, demo, model):
-    names, *rows = demo.read_text().splitlines()
-    table = np.loadtxt(rows, delimiter=",")
-    if case == "a hand":  # moves a joint without torque; the requests follow it
-        table = np.column_stack([table, table[:, 1] < 30.0])
-        names += ",torque_on"
-    if case == "a bad recording":  # in which the joint is off by much more than the plan's error
-        table[:, 2] += np.where(table[:, 0] > 0.5, 2.0, 0.0)
-    np.savetxt(demo, table, delimiter=",", header=names, comments="", fmt="%.9g")
-    options = {"slower": ("--speed", 0.99), "the action": ("--track", "action")}
-    result = run("replay", demo, "--model", model, "-o", "out.csv", *options.get(case, ()))
-    assert result.exit_code == 0, result.stderr
-    assert RESENT not in result.stderr
 
 
 @pytest.mark.parametrize(("storage", "form"), [("sqlite3", "mcap"), ("mcap", "bag")])
@@ -200,18 +177,11 @@ def test_a_dataset_comes_back_as_a_dataset(run, dataset, model):
 
 
 @pytest.mark.usefixtures("in_this_process")
-@pytest.mark.parametrize(
-    "content",
-    [b"\xff\n", b"[1]\n", b"[" * 10**5],
-    ids=["bytes", "list", "nested"],
-)
-def test_an_episode_is_planned_though_the_texts_of_tasks_cannot_be_read(
-    content, run, dataset, model
-):
+def test_an_episode_is_planned_though_the_texts_of_tasks_cannot_be_read(run, dataset, model):
     parquet = pytest.importorskip("pyarrow.parquet", reason="needs the extra parquet")
     for old in (dataset / "meta").glob("tasks.*"):
         old.unlink()
-    (dataset / "meta" / "tasks.jsonl").write_bytes(content)
+    (dataset / "meta" / "tasks.jsonl").write_bytes(b"[" * 10**5)
     result = run(
         *("replay", dataset, "--episodes", "0-1", *UNITS, "--model", model),
         *("--as", "lerobot", "-o", "planned"),
@@ -366,23 +336,6 @@ def test_what_failed_alone_is_done_again_once_it_is_mended(run, dataset, model):
     assert not (dataset.parent / ".planned.results").exists()
 
 
-def test_a_task_is_a_unit_of_work_for_another_process(dataset, model, monkeypatch):
-    """Which may work in another folder."""
-    monkeypatch.chdir(dataset.parent)
-    shutil.copy(urdf_path("ers210a.urdf"), "robot.urdf")
-    leg = {"urdf": "robot.urdf", "base": "body", "foot": "front_left_paw"}
-    run = settings.Run.of({"model": {"file": str(model)}, "leg": leg})
-    recordings = recordings_in([dataset.name], LogOptions(unit=UNITS[1]))
-    tasks = tasks_of(run, settings.Replay(speed=2.0), recordings)
-    monkeypatch.chdir(dataset)
-    first, again = (decoded(replayed(pickle.loads(pickle.dumps(tasks[1])))) for _ in range(2))
-    assert pickle.dumps(first) == pickle.dumps(again)
-    _, rows, head = first
-    assert rows["action"].shape == (38, 3)
-    assert head["task"] == "drop"
-    assert head["figures"]["worst_joint"] in ("shoulder_pan", "elbow_flex")
-
-
 def test_a_recording_that_begins_in_motion_is_answered_with_where_to_begin_it(run, demo, model):
     names, *rows = demo.read_text().splitlines()
     table = np.loadtxt(rows, delimiter=",")
@@ -411,17 +364,6 @@ def test_steps_of_requests_are_limited_in_the_unit_of_the_joint(run, demo, model
     steps = np.abs(np.diff(np.loadtxt("out.csv", delimiter=",", skiprows=1), axis=0)).max(axis=0)
     assert steps[1] <= 2.0 + 1e-6
     assert steps[2] <= 0.02 + 1e-6
-
-
-def test_limits_of_a_joint_in_shares_are_percent_of_its_range(run, demo, model):
-    ask = ("replay", demo, "--model", model, "--joint", "jaw", "-o", "out.csv")
-    result = run(*ask, "--limits-deg", "jaw=28:82")
-    assert result.exit_code == 0, result.stderr
-    with Path("out.csv").open() as file:
-        place = file.readline().strip().split(",").index("req_jaw_range")
-    jaw = np.loadtxt("out.csv", delimiter=",", skiprows=1)[:, place]
-    assert jaw.min() == pytest.approx(0.28)
-    assert jaw.max() <= 0.82 + 1e-9
 
 
 def test_a_joint_that_cannot_be_identified_gets_its_recorded_requests_and_is_named(run, demo):

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import json
-import re
 
 import numpy as np
 import pytest
 
 from planner.cli.run_file import read_run
 from planner.files.paths import read_joint_path
-from planner.model.joint import JointModel
 
 SAME = 1e-10
 """Files carry 12 decimals of a degree; a joint's answer does not magnify that much [rad]."""
@@ -20,9 +18,6 @@ ROUNDED = 1e-6
 
 JOINTS = '[path]\nfile = "desired.csv"\n'
 """The least that makes a run, on the file of two joints."""
-
-SERVO = "v_max = 4\ntheta_0 = 0.1\nlag = 0.03\nacceleration_time = 0.04\n"
-"""Parameters of a joint."""
 
 
 @pytest.fixture
@@ -101,19 +96,6 @@ def test_standard_input_is_a_run_file_too(run, tmp_path):
     )
 
 
-SLOW = JointModel(v_max=4.0, theta_0=0.12, lag=0.05, acceleration_time=0.05)
-
-
-def test_limits_of_one_joint_have_the_last_word(run, write, tmp_path):
-    limits = "[limits]\ndeg = [-23, 33]\n[limits.joints]\nknee = [5, 29]\n"
-    assert run("run", write(JOINTS + limits)).exit_code == 0
-    requests = np.degrees(read_joint_path(tmp_path / "it" / "requests.csv").angles)
-    assert np.min(requests[:, 0]) >= -23.0 - SAME
-    assert np.min(requests[:, 0]) < 5.0
-    assert np.min(requests[:, 1]) >= 5.0 - SAME
-    assert np.max(requests[:, 1]) <= 29.0 + SAME
-
-
 def test_joints_rest_where_the_file_says(run, write, tmp_path):
     start = "[plan]\ncyclic = false\n[start]\ndeg = 2\n[start.joints]\nknee = 20\n"
     assert run("run", write(JOINTS + start)).exit_code == 0
@@ -161,37 +143,6 @@ def test_exports_are_those_of_export(run, write, tmp_path):
         ]
         assert numbers[0] == pytest.approx(numbers[1], abs=1e-9)
     assert result.stderr.count("deg.csv: 88 rows of a, b at 125 Hz, 0.704 s") == 1
-
-
-def test_pages_link_to_all_files_and_only_requests_carry_the_load(run, write, foot, tmp_path):
-    content = (
-        f'[leg]\nname = "front-left"\n[path]\nfile = "{foot.name}"\n'
-        f'[plan]\nmethod = "closed-form"\nload = "urdf"\n[model]\nfile = "soft.toml"\n'
-        '[output]\nreport = "pages/plan.html"\n'
-        'desired = ""\n[tolerance]\ncm = 1e-4\n[[export]]\nformat = "csv"\nfile = "arm/sent.csv"\n'
-    )
-    write(f"{SERVO}compliance = 0.3\n", "soft.toml")
-    result = run("run", write(content))
-    assert result.exit_code == 1, result.stderr
-    folder = tmp_path / "it"
-    files = ["angles.csv", "arm/sent.csv", "foot.csv", "pages/plan.html"]
-    assert results(folder)["files"] == [*files, "requests.csv"]
-    page = (folder / "pages" / "plan.html").read_text(encoding="utf-8")
-    links = set(re.findall(r'<a href="([^"#]+)"', page))
-    assert links == {
-        "../../foot.csv",
-        "../../it.toml",
-        "../../soft.toml",
-        *(f"../{name}" for name in (*files[:3], "requests.csv", "results.json")),
-    }
-    assert "the foot is off by" in page
-    assert page.count("expected at most 0.0001") >= 1
-    heads = {
-        name: (folder / f"{name}.csv").read_text().partition("\n")[0]
-        for name in ("requests", "angles")
-    }
-    loads = ",".join(f"front_left_{name}_load_Nm" for name in ("rotator", "abductor", "knee"))
-    assert heads["requests"] == f"{heads['angles']},{loads}"
 
 
 def test_a_run_that_fails_leaves_the_last_ones_folder(run, write, tmp_path):

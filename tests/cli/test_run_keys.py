@@ -8,7 +8,6 @@ import re
 import tomllib
 from contextlib import suppress
 from pathlib import Path
-from typing import get_args
 
 import click
 import pytest
@@ -18,8 +17,8 @@ from planner.cli import cli
 from planner.cli.declared import NUMBER, fitted, tables, template, understand
 from planner.cli.options import SETTINGS
 from planner.cli.program import COMMANDS
-from planner.cli.settings import Export, HalfEllipse, Plan, Replay, Run, Search
-from planner.files.text import Toml, read_toml
+from planner.cli.settings import HalfEllipse, Replay, Run
+from planner.files.text import Toml
 
 PAGE = (Path(__file__).parents[2] / "docs" / "run.md").read_text(encoding="utf-8")
 
@@ -115,27 +114,6 @@ def test_a_number_at_an_end_of_its_range_is_taken_where_the_words_say_so(key):
         assert not takes(True)
 
 
-@pytest.mark.parametrize(
-    ("table", "choice", "rest"),
-    [
-        (Plan, "method", {}),
-        (Export, "format", {"format": "csv", "file": "a"}),
-        (Search, "method", {}),
-    ],
-)
-def test_a_setting_has_an_effect_with_the_choices_that_its_help_begins_with(table, choice, rest):
-    choices, named = get_args(table.keys[choice].type), set()
-    for name, key in table.keys.items():
-        begins, colon, _ = key.help.partition(":")
-        if not begins.startswith("The same"):  # as the one before
-            named = {each for each in re.findall(r"[\w-]+", begins) if each in choices and colon}
-        assert {*key.only} == named, name
-        if named:
-            given = table.of({**rest, name: key.type is bool or key.example})
-            without = [each for each in choices if name in given.without_effect(each)]
-            assert without == [each for each in choices if each not in named]
-
-
 def test_every_option_that_is_a_setting_is_one_of_a_command():
     context, names = click.Context(cli), set()
     for command in COMMANDS:
@@ -151,12 +129,3 @@ def test_the_half_ellipse_has_the_parameters_of_the_library():
     assert keys.pop("for_leg") is False
     keys["heading"] = keys.pop("heading_deg")  # 0 is 0 in either unit
     assert keys == {each.name: each.default for each in parameters}
-
-
-def test_lines_are_found_in_tables_that_repeat(tmp_path):
-    file = tmp_path / "it.toml"
-    file.write_text('[[a]]\nx = 1\n[[a]]\n"x" = 2\n[b."c d"]\ne.f = 3\n')
-    read = read_toml(file, example="")
-    assert [read.line_of(place) for place in (("a", 0, "x"), ("a", 1, "x"), ("a", 1))] == [2, 4, 3]
-    assert read.line_of(("b", "c d", "e", "f")) == 6
-    assert read.line_of(("b", "nothing")) is None

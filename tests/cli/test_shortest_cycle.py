@@ -83,12 +83,3 @@ def test_a_cycle_that_is_proved_too_short_is_told_with_what_the_proof_holds_for(
         "lower_bound_cm": pytest.approx(0.22),
         "of_model_only": unknown,
     }
-
-
-def test_the_joints_take_the_period_that_is_asked_for_and_a_refused_model_is_warned_of(fastest):
-    refused = Evidence(0.01, verdict="refused", reason="odd")
-    result = fastest(refused, None, "--period", 0.016, "--json")
-    found = json.loads(result.stdout)["fastest"]
-    assert found["cycle_s"] == pytest.approx(0.016 * found["samples"])
-    assert found["samples"] == len(read_foot_path("foot.csv").positions)
-    assert result.stderr.count("do not plan with the model") == 1

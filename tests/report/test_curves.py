@@ -10,9 +10,7 @@ import pytest
 
 import planner
 from planner.report import learning, plan, replay
-from planner.report.figure import Moments
 from planner.report.learning import AFTER, BEFORE, ERROR, EXECUTED, LEARNT, NEXT
-from planner.report.plotly_figure import MOST_FRAMES, numbers_over_time
 from planner.report.style import FOOT_OPTIMAL
 from tests.corpus.page_text import figures_of, text_of
 from tests.corpus.test_corpus import masked
@@ -116,16 +114,3 @@ def test_a_replay(replayed):
     assert kinds["request"][0] == pytest.approx(np.degrees(elbow.requests))
     assert kinds["predicted"][0] == pytest.approx(np.degrees(predicted))
     assert kinds["predicted"][1] is None
-
-
-@pytest.mark.parametrize("samples", [10, MOST_FRAMES, 2 * MOST_FRAMES + 1])
-def test_the_numbers_of_a_slider_at_their_moments(samples):
-    values = np.arange(float(samples))
-    shown = numbers_over_time(
-        Moments(("a", "b"), ("deg", "%"), {"path": [values, None]}, period=0.01)
-    )
-    ((first, second),) = [each["values"] for each in shown["kinds"]]
-    assert second is None
-    assert shown["samples"] == len(first) <= MOST_FRAMES
-    assert first == pytest.approx(shown["period"] / 0.01 * np.arange(len(first)))
-    assert shown["period"] * shown["samples"] == pytest.approx(0.01 * samples, abs=0.03)

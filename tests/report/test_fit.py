@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from planner.approximation.fit import choices, fit_pwl
-from planner.report.fit import AT_TOP_SPEED, choices_figure, fit_figure, fits_figure
-from planner.report.matplotlib_figure import to_svg
+from planner.approximation.fit import fit_pwl
+from planner.report.fit import AT_TOP_SPEED, fit_figure
 from tests.approximation.samples import samples_of
 
 V_MAX = 0.1
@@ -31,19 +30,3 @@ def test_the_lines_go_through_the_curve_and_those_at_the_top_speed_stand_out(cyc
     assert len(starts) > 0
     np.testing.assert_array_equal(curves["at the top speed"].x[::3], starts)
     assert len(curves["knots"].x) == len(fit.knots)
-
-
-def test_errors_fall_towards_the_floor_and_the_automatic_choice_is_marked():
-    fit = fit_of("sines")
-    found = choices(fit, most=8)
-    assert np.all(np.diff(found.rms) <= 1e-6 * found.rms[:-1] + 1e-12)
-    assert np.all(found.rms >= found.floor * (1.0 - 1e-9))
-    assert found.rms[found.segments.index(4)] == pytest.approx(fit.rms, rel=1e-9)
-    assert found.automatic == fit_pwl(fit.desired, v_max=V_MAX, tick=1.0).segments
-    curves = {curve.name: curve for curve in choices_figure(found, fit).panels[0].curves}
-    place = found.segments.index(found.automatic)
-    assert curves["automatic"].x.tolist() == [found.automatic]
-    assert curves["automatic"].y.tolist() == [np.degrees(found.rms[place])]
-    svg = to_svg(fits_figure({"hip": fit}, {"hip": found}))
-    for text in ("lower bound", "automatic", "number of lines", "Hip: 4 lines"):
-        assert text in svg

@@ -18,11 +18,7 @@ from planner.report.identification.figures import (
 )
 from planner.report.identification.page import identification_page
 from planner.report.identification.words import joints_table
-from planner.report.page import sources_of
 from tests.report.made_up import made_up, made_up_log, never_saturated
-
-PHONE = 390
-"""Width of a phone's screen [px]."""
 
 WIDTH, HEIGHT = 420, 900
 """Of the screenshot [pixels]: a phone's."""
@@ -33,15 +29,6 @@ def several():
     refused = replace(never_saturated(), verdict="refused", held_out_rms=None)
     gripper = made_up(made_up_log(unit="1", joint="<gripper> & co", name="<img src=x>.csv"))
     return identification_page({"hip": made_up(), "knee": refused, "<gripper> & co": gripper})
-
-
-def test_where_the_top_speed_is_open_it_is_not_said_to_be_reached():
-    right = made_up()
-    found = made_up(intervals={**right.intervals, "v_max": Interval(2.0, math.inf)})
-    for identification, told in ((found, False), (right, True)):
-        page = identification_page({"": identification})
-        assert ("reached in" in page) == told
-        assert ("was at its top speed in" in page) == told
 
 
 def test_rows_that_were_left_out_are_counted_with_the_reason():
@@ -85,17 +72,6 @@ def test_every_log_is_drawn_row_by_row_and_zoomed_by_its_button(browser, several
     picture = browser.screenshot()
     assert struct.unpack(">II", picture[16:24]) == (WIDTH, HEIGHT)
     assert len(picture) > 20_000  # an empty page of this size takes a few thousand bytes
-
-
-def test_long_names_of_files_do_not_make_the_page_wider_than_a_phone(browser, tmp_path):
-    long = f"{'folder_' * 12}/log.csv"
-    page = tmp_path / "report.html"
-    sources = sources_of(page, files=[("log", tmp_path / long)])
-    page.write_text(identification_page({"": made_up()}, sources=sources), encoding="utf-8")
-    browser.open(page, width=PHONE)
-    assert browser.ask(f"document.querySelector('a[href=\"{long}\"]').textContent") == long
-    assert browser.ask("document.documentElement.scrollWidth") <= PHONE
-    assert browser.complaints == []
 
 
 @pytest.mark.parametrize("found_by", [made_up, never_saturated], ids=["saturated", "never"])

@@ -8,7 +8,7 @@ import tomllib
 
 import pytest
 
-from planner.files.joint_model import models_text, read_model_file
+from planner.files.joint_model import models_text
 from planner.identification.result import Alternative, Finding, Interval
 from planner.report.identification.text import (
     identification_text,
@@ -16,8 +16,6 @@ from planner.report.identification.text import (
     remarks,
 )
 from planner.report.identification.words import (
-    determined_words,
-    figure,
     parameters,
     verdict,
 )
@@ -78,23 +76,6 @@ def test_how_well_a_parameter_is_known_is_said_in_words(name, interval, words):
     assert found.rough == (not words.startswith("±"))
 
 
-@pytest.mark.parametrize(
-    ("value", "half", "told"),
-    [
-        (45.0, 450.0, "45"),
-        (5.4541, 0.03, "5.454"),
-        (1e-4, 10.0, "0.00"),
-        (5.4541, 1e-9, "5.454100"),
-        (5.4541, math.inf, "5.45"),
-        (-0.012, 0.0012, "−0.0120"),
-        (-1e-9, 0.1, "0.0000"),
-        (0.0, math.inf, "0.0"),
-    ],
-)
-def test_a_number_has_the_figures_that_its_interval_deserves(value, half, told):
-    assert figure(value, Interval(value - half, value + half)) == told
-
-
 def test_a_model_that_a_pure_delay_beats_is_not_to_be_planned_with():
     late = Alternative(name="delay", rms=0.003, held_out_rms=0.003, parameters={"delay": 0.1})
     found = made_up(alternatives=(late,), verdict="worse than a delay")
@@ -103,31 +84,6 @@ def test_a_model_that_a_pure_delay_beats_is_not_to_be_planned_with():
     text = identification_text({"hip": made_up(), "knee": found})
     assert text.startswith("the model holds for 1 of 2 joints\n")
     assert "worse than a delay" in text
-
-
-def test_what_is_not_determined_is_named():
-    assert determined_words(made_up()) == "The logs determine every parameter."
-    assert "neither of the two alone" in determined_words(never_saturated())
-    right = made_up()
-    vague = {**right.intervals, "lag": Interval(-math.inf, 0.1)}
-    assert determined_words(made_up(intervals=vague)) == "The logs do not determine: lag."
-    wide = {**right.intervals, "lag": Interval(0.0, 0.1)}
-    assert determined_words(made_up(intervals=wide)).endswith("but some only roughly: lag.")
-    some = never_saturated()
-    some = dataclasses.replace(some, intervals={**some.intervals, "lag": Interval(0.0, 0.1)})
-    assert determined_words(some).endswith("but neither of the two alone; only roughly known: lag.")
-    rough = dataclasses.replace(never_saturated(), gain_interval=Interval(30.0, 60.0))
-    assert determined_words(rough).endswith(
-        "determine v_max / theta_0 only roughly, but neither of the two alone."
-    )
-    hardly = dataclasses.replace(never_saturated(), gain_interval=Interval(0.0, 100.0))
-    assert determined_words(hardly).startswith("The logs do not determine: top speed")
-    assert determined_words(hardly).count("v_max / theta_0") == 1
-    some = dataclasses.replace(some, intervals={**some.intervals, "lag": vague["lag"]})
-    assert determined_words(some) == (
-        "The logs do not determine: top speed v_max, threshold theta_0, lag."
-    )
-    assert "say little" in determined_words(made_up(verdict="refused"))
 
 
 def test_the_text_of_one_joint_begins_with_the_verdict_and_ends_with_warnings_and_what_to_do():
@@ -192,23 +148,6 @@ def test_warnings_of_many_joints_come_once_ordered_and_one_line_says_what_to_do_
 def test_what_to_do_next_is_to_plan_unless_the_model_is_refused_or_a_column_wrong(changes, line):
     text = identification_text({"hip": made_up(**changes)}, "arm.toml")
     assert text.splitlines()[-1] == line
-
-
-def test_the_model_file_is_read_again_to_the_last_digit_and_says_where_it_comes_from(tmp_path):
-    odd = 'front "left" # knee'
-    found = {"hip": made_up(), odd: never_saturated()}
-    text = models_text(
-        {joint: each.model for joint, each in found.items()},
-        remarks=remarks(),
-        about=model_comments(found),
-    )
-    file = tmp_path / "joint.toml"
-    file.write_text(text)
-    assert read_model_file(file).for_joints(["hip", odd]) == (found["hip"].model, found[odd].model)
-    assert "# From bench.csv: 896 of 1000 rows." in text
-    assert "# [rad/s], 5.4242 to 5.4842" in text
-    assert "# [rad/s], at least 3" in text
-    assert "# Warning: the joint never saturates" in text
 
 
 def test_no_name_of_a_log_can_break_the_model_file():

@@ -4,14 +4,10 @@ from __future__ import annotations
 
 import io
 
-import numpy as np
 import pytest
 from PIL import Image
 
-from planner.report.figure import Axis, Curve, Figure, Panel
-from planner.report.page import live_head, live_scripts
-from planner.report.plotly_figure import plot
-from planner.report.style import DIRECT, ROLES
+from planner.report.style import ROLES
 
 LEG, JOINTS = "figure8_foot_paths", "joints_by_method"
 
@@ -147,33 +143,6 @@ def test_a_zoom_is_one_of_all_joints_and_outlives_a_change_of_colours(quiet, rep
     quiet.prefer(dark=True)
     quiet.wait_for(_plot(f"plot.layout.font.color === '{ROLES['ink'].dark}'"))
     assert quiet.ask(_plot("plot.layout.xaxis.range")) == span
-
-
-def test_plots_that_follow_the_same_moment_are_zoomed_in_time_together(quiet, tmp_path):
-    times = np.arange(11.0)
-    plots = {
-        name: plot(
-            Figure(
-                name, "", "", Axis("time"),
-                (Panel(Axis("angle", "deg"), (Curve(DIRECT, scale * times, times),)),),
-                over_time=True, clock=clock,
-            )
-        )
-        for name, scale, clock in (
-            ("first", 1.0, 1000.0), ("second", 0.001, 1.0), ("alone", 1.0, None)
-        )
-    }  # fmt: skip
-    figures = "".join(f'<figure id="{name}"><div class="live"></div></figure>' for name in plots)
-    page = tmp_path / "page.html"
-    page.write_text(f"<!doctype html>{live_head()}{figures}{live_scripts(plots)}")
-    quiet.open(page)
-    quiet.wait_for(ALL_DRAWN)
-    canvas = "document.querySelector('#{} .canvas')".format
-    quiet.ask(f"Plotly.relayout({canvas('first')}, {{ 'xaxis.range': [2, 5] }}).then(() => 0)")
-    quiet.wait_for(f"{canvas('second')}.layout.xaxis.range.join() === '0.002,0.005'")
-    assert quiet.ask(f"{canvas('alone')}.layout.xaxis.range") == [0, 10]
-    quiet.ask(f"Plotly.relayout({canvas('second')}, {{ 'xaxis.range': [0, 0.01] }}).then(() => 0)")
-    quiet.wait_for(f"{canvas('first')}.layout.xaxis.range.join() === '0,10'")
 
 
 def test_an_entry_of_the_legend_hides_its_curve_in_every_panel(quiet, report):

@@ -80,14 +80,6 @@ def test_a_browser_that_shows_no_frame_before_its_picture_finds_the_page_alive(p
     assert "CONSOLE" not in done.stderr
 
 
-def test_a_figure_far_below_the_screen_is_drawn_before_anybody_scrolls_there(page, browser):
-    browser.open(page)
-    browser.wait_for("'drawn' in document.getElementById('far').dataset")
-    assert browser.ask("document.getElementById('far').getBoundingClientRect().top") > FAR
-    assert browser.ask("scrollY") == 0
-    assert browser.complaints == []
-
-
 def links_of(page, files):
     """The list of links at the end of a page."""
     lists = {each.title: each.pairs for each in sources_of(page, files=files)}

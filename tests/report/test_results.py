@@ -13,7 +13,6 @@ from planner.files.paths import read_joint_path
 from planner.files.staging import list_files
 
 METHODS = ("direct", "shift", "closed_form_plain", "closed_form", "optimal", "foot_optimal")
-PAIRS = ("Des,Dir", "Des,Plain", "Pwl,Plain", "Des,MB", "Pwl,MB", "Des,Opt", "Des,Foot")
 PLANS = METHODS[2:]
 
 
@@ -29,21 +28,6 @@ def test_what_is_beyond_the_limits_follows_from_the_written_requests(folder, res
             degrees = np.degrees(requests[:, j])
             beyond = max(limits["lower"] - degrees.min(), degrees.max() - limits["upper"], 0.0)
             assert limits["excess"][method] == pytest.approx(beyond, abs=1e-9)
-
-
-@pytest.mark.usefixtures("ready_experiments", "undrawn")
-def test_the_json_on_standard_output_is_the_file(folder, tmp_path):
-    from click.testing import CliRunner
-
-    from planner.cli import cli
-
-    out = tmp_path / "again"
-    result = CliRunner().invoke(cli, ["reproduce", "--out", str(out), "--json"])
-    assert result.stdout == (out / "results.json").read_text()
-    assert list_files(out) == list_files(folder)
-    tables = {name for name in list_files(out) if name.endswith(".csv")}
-    for name in tables:
-        assert (out / name).read_bytes() == (folder / name).read_bytes(), name
 
 
 def test_the_readme_states_the_figures_of_the_foot(results):

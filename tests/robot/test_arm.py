@@ -295,22 +295,6 @@ def test_each_joint_that_is_stopped_keeps_its_request_or_takes_its_own_angle():
     assert arm.goals() == pytest.approx([0.1, 0.0], abs=TICK)
 
 
-def test_ctrl_c_on_the_way_to_the_first_request_plays_nothing():
-    arm, rows = arm_of(count=1), []
-    sleep = arm.bus.port.sleep
-
-    def stopped(duration):
-        sleep(duration)
-        if arm.bus.port.now() > 0.5:
-            arm.bus.port.sleep = sleep  # once
-            raise KeyboardInterrupt
-
-    arm.bus.port.sleep = stopped
-    played = arm.perform(np.full((9, 1), 0.9), period=PERIOD, keep=lambda *row: rows.append(row))
-    assert played.interrupted
-    assert rows == []
-
-
 def test_joints_are_led_at_half_a_radian_per_second_and_time_begins_after_that():
     arm, rows = arm_of(count=2), []
     with arm.powered():

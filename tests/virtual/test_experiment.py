@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import json
 import math
 import re
@@ -18,7 +17,7 @@ from planner.evaluation.virtual_experiment import execute
 from planner.exceptions import NoSteadyCycle
 from planner.files.paths import read_joint_path
 from planner.trajectory import angle_distance
-from planner.virtual.robot import Constants, VirtualRobot
+from planner.virtual.robot import VirtualRobot
 
 PLANS = {"closed_form": "Des,MB", "optimal": "Des,Opt"}
 
@@ -134,41 +133,6 @@ def test_the_page_states_the_figures_of_the_foot(results):
         stated = re.search(rf"^\| {row} \|[^|]*\| ([\d.]+) ±", page, re.MULTILINE)
         assert stated is not None, method
         assert float(stated[1]) == pytest.approx(results["foot"][method]["L2"], abs=0.05)
-
-
-FAST = Constants(
-    battery_voltage=8.4,
-    gear_ratio=180.0,
-    rotor_inertia=4e-8,
-    coulomb_friction=0.05,
-    viscous_friction=0.005,
-    transport_delay=0.012,
-    proportional_gain=12.0,
-    derivative_gain=0.02,
-    sensor_bits=12,
-)
-"""A servo half as fast again as the Aibo's, with a finer sensor and a third of its delay."""
-
-FIDELITY = 1.0
-"""What a model identified from step tests leaves of a walk it never saw [deg]."""
-
-
-@pytest.mark.usefixtures("no_foot_bound")
-def test_a_servo_that_is_fast_and_fine_is_planned_for_as_well(monkeypatch):
-    brief = functools.partial(virtual_experiment.learn, trials=2)  # of which nothing is asked here
-    monkeypatch.setattr(virtual_experiment, "learn", brief)
-    outcome = virtual_experiment.play_experiment(constants=FAST, cycles=4)
-    unseen = outcome.unseen_rms
-    for joint, found in zip(outcome.planned.joints, outcome.identifications, strict=True):
-        assert found.accepted
-        assert found.model.v_max == pytest.approx(FAST.top_speed, rel=0.03)
-        assert math.degrees(unseen[joint.name]) < FIDELITY
-        done = outcome.table2[joint.name]["Des,Opt"].mean.rms
-        # Error of the plan and error of the model add as independent errors would, or less.
-        assert done < 1.1 * math.degrees(math.hypot(joint.optimal.rms, unseen[joint.name]))
-    foot = {method: distances.mean.rms for method, distances in outcome.foot_table.items()}
-    assert foot["foot_optimal"] < 0.5 * min(foot["closed_form_plain"], foot["closed_form"])
-    assert foot["closed_form"] < foot["shift"] < foot["direct"]
 
 
 def test_ten_trials_of_learning_keep_the_foot_near_the_bound_of_the_models(played):

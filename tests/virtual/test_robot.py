@@ -72,8 +72,6 @@ def test_the_top_speed_is_where_torque_and_friction_balance():
         {"battery_voltage": 5.0},
         {"gear_ratio": 320.0},
         {"coulomb_friction": 0.6},
-        {"torque_constant": 8e-3},
-        {"viscous_friction": 0.15},
     ],
     ids=lambda change: next(iter(change)),
 )

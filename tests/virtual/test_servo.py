@@ -35,25 +35,6 @@ def test_the_motor_stalls_at_the_stall_torque_and_gives_none_at_its_no_load_spee
     assert servo.drive(voltage, 1.1 * no_load) < 0.0
 
 
-@pytest.mark.parametrize("way", [1.0, -1.0])
-def test_the_integral_works_slowly_keeps_to_its_share_and_rests_in_saturation(way):
-    servo = Servo(CONSTANTS, 0.0)
-    servo.request = way * math.radians(2.0)
-    servo.control(0.0)
-    first = servo.duty
-    for _ in range(10_000):
-        servo.control(0.0)
-    step = 1.0 / CONSTANTS.duty_steps
-    assert servo.duty - first == pytest.approx(way * CONSTANTS.integral_share, abs=step)
-    saturated = Servo(CONSTANTS, 0.0)
-    saturated.request = way
-    for _ in range(10_000):
-        saturated.control(0.0)
-    saturated.request = 0.0
-    saturated.control(0.0)
-    assert saturated.duty == 0.0
-
-
 mujoco = pytest.importorskip("mujoco", reason="needs the extra 'mujoco'")
 
 

@@ -24,24 +24,6 @@ def parquet():
     return pytest.importorskip("pyarrow.parquet", reason="needs the extra parquet")
 
 
-def test_actions_come_back_with_their_frames(schedule, tmp_path, parquet):
-    write_lerobot(tmp_path / "walk", schedule)
-    data = parquet.read_table(tmp_path / "walk" / "data" / "chunk-000" / "file-000.parquet")
-    assert data.column_names == [
-        "action",
-        "timestamp",
-        "frame_index",
-        "episode_index",
-        "index",
-        "task_index",
-    ]
-    assert str(data.schema.field("action").type.value_type) == "float"
-    assert np.max(np.abs(np.array(data["action"].to_pylist()) - schedule.requests)) <= SINGLE
-    assert np.allclose(data["timestamp"].to_pylist(), np.arange(64) * 0.008, atol=SINGLE)
-    assert data["frame_index"].to_pylist() == data["index"].to_pylist() == list(range(64))
-    assert set(data["episode_index"].to_pylist()) == set(data["task_index"].to_pylist()) == {0}
-
-
 def test_the_description_says_where_everything_is(schedule, tmp_path, parquet):
     out = tmp_path / "walk"
     write_lerobot(out, schedule, task="walk on the spot")
@@ -67,16 +49,6 @@ def test_the_description_says_where_everything_is(schedule, tmp_path, parquet):
     stats = json.loads((out / "meta" / "stats.json").read_text())
     assert stats["action"]["max"] == pytest.approx([0.4, 0.3, 1.2], abs=1e-6)
     assert stats["action"]["count"] == [64]
-
-
-def test_the_same_requests_make_the_same_files(schedule, tmp_path, parquet):  # noqa: ARG001
-    for place in ("one", "two"):
-        write_lerobot(tmp_path / place, schedule)
-    names = list_files(tmp_path / "one")
-    assert names == list_files(tmp_path / "two")
-    for name in names:
-        one, two = (tmp_path / place / name for place in ("one", "two"))
-        assert one.read_bytes() == two.read_bytes(), name
 
 
 @pytest.mark.parametrize(

@@ -4,21 +4,19 @@ from __future__ import annotations
 
 import re
 import shlex
-import sys
 from pathlib import Path
 
 import click
 import pytest
 from click.testing import CliRunner
 
-from planner import InvalidFile, InvalidInput, LogOptions, MissingExtra, read_logs
+from planner import InvalidInput, LogOptions
 from planner.cli.identify import identify, log_options, to_log_options
 from planner.files import columns
 from planner.files.logs import make_log
 from planner.files.logs.bag import ACTUAL_TYPES, REQUEST_TYPES
 from planner.identification.log import SLOWEST
 from planner.trajectory import MOST_TURNS
-from tests.files.logs.datasets import v21
 
 BAD = {
     "an unknown unit": {"unit": "radd"},
@@ -39,41 +37,6 @@ def test_options_that_fit_no_log_are_refused(snapshot):
             LogOptions(**options)
         said.append(f"{name}: {caught.value}\n")
     snapshot.check("log_options", "".join(said))
-
-
-def test_a_folder_that_is_no_log_says_what_would_be_one(tmp_path):
-    with pytest.raises(InvalidFile) as caught:
-        read_logs(tmp_path)
-    assert str(caught.value) == (
-        f"{tmp_path}: a folder that is no log; expected a LeRobot dataset (meta/info.json), a bag "
-        "(metadata.yaml), or a file"
-    )
-    for name in ("1.json", "2.json", "3.csv"):
-        (tmp_path / name).write_text("")
-    with pytest.raises(InvalidFile) as caught:
-        read_logs(tmp_path)
-    assert str(caught.value).endswith(
-        f"or its files: {tmp_path / '*.csv'} or {tmp_path / '*.json'}"
-    )
-
-
-@pytest.mark.parametrize(
-    ("package", "ending", "what", "extra"),
-    [
-        ("pyarrow", "parquet", "reading Parquet", "parquet"),
-        ("rosbags", "mcap", "reading bags", "bags"),
-    ],
-)
-def test_a_format_whose_package_is_missing_names_its_extra(
-    tmp_path, monkeypatch, package, ending, what, extra
-):
-    root = v21(tmp_path / "set")
-    file = root / "data" / "chunk-000" / f"episode_000000.{ending}"
-    file.touch()
-    monkeypatch.setitem(sys.modules, package, None)
-    with pytest.raises(MissingExtra) as caught:
-        read_logs(file, options=LogOptions(joint="gripper", unit="deg"))
-    assert str(caught.value) == str(MissingExtra(what, extra))
 
 
 def test_the_command_lines_options_become_log_options():
