@@ -34,7 +34,7 @@ from tests.report.test_made_up_pages import calibrated as made_up
 
 CALIBRATE = import_module("planner.cli.calibrate")
 
-BRIEF = ("--bus", "virtual", "--duration-s", "16", "--reach-deg", "30", "--yes")
+BRIEF = ("--bus", "virtual", "--duration-s", "12", "--reach-deg", "30", "--yes")
 
 ARM = """[joint_1]
 v_max = 5.02
@@ -132,16 +132,24 @@ def test_every_motion_was_kept_as_a_log_that_identify_reads(calibrated):
     ways = document["joints"]["joint_1"]["candidates"]
     assert {log.name for log in logs} == {"joint_1.csv", *(f"joint_1_{way}.csv" for way in ways)}
     (log,) = read_logs([str(folder / "arm_logs" / "joint_1.csv")])
-    assert len(log.times) == 1600
+    assert len(log.times) == 1200
     assert np.degrees(np.max(np.abs(log.requests))) <= 27.1
 
 
 def test_a_second_run_can_take_the_logs_as_they_are(calibrated, command_line, monkeypatch):
-    folder, document = calibrated
-    monkeypatch.chdir(folder)
+    taken = []
+
+    def identify(log):
+        taken.append(log.angles)
+        raise BusError("enough")
+
+    monkeypatch.chdir(calibrated[0])
     monkeypatch.setattr(measure, "GrowingLog", None)  # nothing is measured
-    again = command_line("calibrate", *BRIEF, "--ids", "1", "--resume", "-o", "arm.toml", "--json")
-    assert json.loads(again.stdout)["joints"] == document["joints"]
+    monkeypatch.setattr("planner.identification.identify.identify", identify)
+    again = command_line("calibrate", *BRIEF, "--ids", "1", "--resume", "-o", "arm.toml")
+    assert again.stderr.splitlines()[-1].startswith("request-planner: enough; what was")
+    (kept,) = read_logs(["arm_logs/joint_1.csv"])
+    assert np.array_equal(taken, [kept.angles])
 
 
 @pytest.mark.parametrize("kind", buses.KINDS)
