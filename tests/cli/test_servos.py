@@ -308,7 +308,7 @@ def test_what_is_answered_is_what_was_measured_in_degrees(run, fake_calibration,
     ids = ("--ids", "a=1,b=2,c=3", "--joint", "a", "--joint", "c")
     result = run("calibrate", *BRIEF, *ids, "--json", "--report", "page.html")
     assert result.exit_code == 0, result.stderr
-    assert "each of a, c will move within its range, one after the other, for 1.6 min" in (
+    assert "each of a, c will move within its range, one after the other, for 1.5 min" in (
         result.stderr
     )
     document = json.loads(result.stdout)
