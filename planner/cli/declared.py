@@ -11,6 +11,7 @@ import math
 import textwrap
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import MISSING, Field, asdict, dataclass, field, fields, replace
+from functools import partial
 from itertools import pairwise
 from pathlib import PurePosixPath
 from types import NoneType, UnionType
@@ -77,7 +78,8 @@ class Declared:
         otherwise: The effect of leaving it unset, in words, if the default does not show it.
         example: An example value, if there is no default.
         set_to: Its value in a template, if that is not the default.
-        option: Its option on the command line, such as ``--cyclic/--no-cyclic``; "" for none.
+        option: Its option on the command line, such as ``--cyclic/--no-cyclic``; "" for none, True
+            for one of the key's name.
         by_joint: The key of the same table that takes values of the option for single joints.
         only: The methods, or formats, of its table on which it has an effect; () for all.
         click: Arguments for click that do not follow from the above.
@@ -92,7 +94,7 @@ class Declared:
     otherwise: str = ""
     example: Any = None
     set_to: Any = None
-    option: str = ""
+    option: Any = ""
     by_joint: str = ""
     only: tuple[str, ...] = ()
     click: Mapping[str, Any] = field(default_factory=dict)
@@ -130,6 +132,10 @@ def setting(
     own = {each.name: about.pop(each.name) for each in fields(Declared) if each.name in about}
     click = {"type": own.pop("type")} if "type" in own else {}
     return field(default=default, metadata={"declared": Declared(help, **own, click=click | about)})
+
+
+option = partial(setting, option=True)
+"""Declare a key of a table that is also an option of the same name."""
 
 
 class Settings:
@@ -268,8 +274,11 @@ def _declared(cls: type[Settings]) -> dict[str, Declared]:
         default = each.default if each.default_factory is MISSING else each.default_factory()
         base, notes = _unwrapped(annotation)
         in_words = any(isinstance(note, Expected) for note in notes)
+        declared = each.metadata.get("declared", Declared())
+        named = f"--{each.name.replace('_', '-')}" if declared.option is True else declared.option
         keys[each.name] = replace(
-            each.metadata.get("declared", Declared()),
+            declared,
+            option=named,
             annotation=annotation,
             default=default,
             type=base,

@@ -164,8 +164,8 @@ def _option(key: str, declared: Declared, of_command: str) -> Callable[[Command]
     elif get_origin(declared.type) is tuple:
         attributes = {"type": str, "multiple": "type" not in attributes, **attributes}
     else:
-        unit = key.rpartition("_" if "_" in key else ".")[2]
-        units = {"metavar": unit.upper()} if unit in types.UNITS else {}
+        unit = "n" if declared.type is int else key.rpartition("_" if "_" in key else ".")[2]
+        units = {"metavar": unit.upper()} if unit in ("n", *types.UNITS) else {}
         attributes = {"type": declared.type, **units, **attributes}
     if declared.by_joint or get_origin(declared.type) is dict:
         attributes["multiple"] = True

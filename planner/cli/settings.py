@@ -18,6 +18,7 @@ from planner.cli.declared import (
     Values,
     Written,
     WrittenOrNone,
+    option,
     setting,
 )
 
@@ -34,8 +35,7 @@ Frame = Annotated[Text, Expected("the name of a frame")]
 Angles = Annotated[dict[str, float], Expected("a table of angles by joint")]
 JointNames = Annotated[tuple[Text, ...], Expected("a list of names of joints")]
 Weights = Annotated[
-    tuple[NotNegative, NotNegative, NotNegative],
-    Expected("a list of three numbers, 0 or more"),
+    tuple[NotNegative, NotNegative, NotNegative], Expected("a list of three numbers, 0 or more")
 ]
 Tick = Annotated[int, Range(ge=1 - 10**9, le=10**9 - 1)]
 Samples = Annotated[int, Range(ge=4, le=10**6)]
@@ -59,29 +59,21 @@ class Leg(Settings):
         f"{', '.join(types.SHIPPED)}. Positions are in the base's frame: the body's, and for "
         "'reference' the hip's.",
     )
-    urdf: Source | None = setting(
+    urdf: Source | None = option(
         "The description of your own robot, in place of name.",
         example="robot.urdf",
-        option="--urdf",
         type=types.INPUT,
         option_help="The same as --leg FILE.urdf.",
     )
-    base: Frame | None = setting(
-        "With a URDF: the frame of the foot positions.",
-        example="base_link",
-        option="--base",
-        metavar="FRAME",
+    base: Frame | None = option(
+        "With a URDF: the frame of the foot positions.", example="base_link", metavar="FRAME"
     )
-    foot: Frame | None = setting(
-        "With a URDF: the frame of the foot.",
-        example="lf_foot",
-        option="--foot",
-        metavar="FRAME",
+    foot: Frame | None = option(
+        "With a URDF: the frame of the foot.", example="lf_foot", metavar="FRAME"
     )
-    lock: Angles | None = setting(
+    lock: Angles | None = option(
         "With a URDF: joints to hold, and where [deg], so that three remain.",
         example={"wrist": -90.0},
-        option="--lock",
         type=types.POSITIONS,
         metavar="JOINT=DEG",
         option_help="With a URDF: hold a joint, so that three remain; JOINT=0.1m one that slides.",
@@ -89,21 +81,19 @@ class Leg(Settings):
     lock_m: Annotated[dict[str, float] | None, Expected("a table of positions by joint")] = setting(
         "With a URDF: the same for joints that slide [m].", example={"slide": 0.1}
     )
-    near: Angles | None = setting(
+    near: Angles | None = option(
         "A pose near which to start [deg], of several that reach the first point.",
         example={"knee": 30.0},
-        option="--near",
         type=types.POSE,
         metavar="JOINT=DEG",
         option_help="Initial pose: the nearest solution of the inverse kinematics is taken; "
         "several times for several joints.",
     )
-    unreachable: Literal["raise", "nearest", "clamp"] = setting(
+    unreachable: Literal["raise", "nearest", "clamp"] = option(
         "Positions out of reach: stop and list them, take the nearest, or clamp each "
         "joint as the reference walk does.",
         default="raise",
         set_to="clamp",
-        option="--unreachable",
     )
 
 
@@ -124,19 +114,17 @@ class Model(Settings):
 class HalfEllipse(Settings):
     """The foot path of a walk in the hip's frame, for which [path] has no file."""
 
-    samples: Samples = setting("Samples in a cycle.", default=88, option="--samples")
+    samples: Samples = option("Samples in a cycle.", default=88)
     length: Positive = setting("Half of the stroke [m].", default=0.04893, option="--half-stroke")
-    height: NotNegative = setting("How high the foot swings [m].", default=0.042, option="--height")
-    forward: float = setting("Middle before the hip [m].", default=0.049, option="--forward")
-    sideways: float = setting("Outward of the hip [m].", default=0.028, option="--sideways")
-    hip_height: float = setting("Hip above ground [m].", default=0.077, option="--hip-height")
-    ground_fraction: Annotated[float, Range(gt=0.0, lt=1.0)] = setting(
-        "Part of the cycle on the ground.", default=0.5, option="--ground-fraction"
+    height: NotNegative = option("How high the foot swings [m].", default=0.042)
+    forward: float = option("Middle before the hip [m].", default=0.049)
+    sideways: float = option("Outward of the hip [m].", default=0.028)
+    hip_height: float = option("Hip above ground [m].", default=0.077)
+    ground_fraction: Annotated[float, Range(gt=0.0, lt=1.0)] = option(
+        "Part of the cycle on the ground.", default=0.5
     )
-    heading_deg: float = setting(
-        "Direction of the walk, from x towards y [deg]: 90 along y, 180 backward.",
-        default=0.0,
-        option="--heading-deg",
+    heading_deg: float = option(
+        "Direction of the walk, from x towards y [deg]: 90 along y, 180 backward.", default=0.0
     )
     for_leg: bool = setting(
         "Whether to size and place it for the leg, in the frame of its base, as gait "
@@ -167,18 +155,16 @@ class Path(Settings):
         option_help="A joint to use, several times for several; by default every column of the "
         "file.",
     )
-    rate_hz: Positive | None = setting(
+    rate_hz: Positive | None = option(
         "Requests per second: a file with t_s is resampled to it, and the models take it.",
         otherwise="the models' own",
         example=50.0,
-        option="--rate-hz",
     )
-    speed: Positive | None = setting(
+    speed: Positive | None = option(
         "How many times as fast to follow the path: with fewer samples, on its straight "
         "lines, or more.",
         otherwise="as it is",
         example=1.5,
-        option="--speed",
         metavar="FACTOR",
     )
     half_ellipse: HalfEllipse | None = setting(set_to=HalfEllipse())
@@ -191,12 +177,11 @@ OPTIMISED = ("optimal", "foot-optimal")
 class Plan(Settings):
     """How the requests are planned."""
 
-    method: Method = setting(
+    method: Method = option(
         "The desired angles, the best time early; the paper's inversion; or requests "
         "optimised joint by joint, or all at once for the foot.",
         default="optimal",
         set_to="foot-optimal",
-        option="--method",
     )
     cyclic: bool | None = setting(
         "Whether the path repeats for ever, or starts from rest.",
@@ -204,81 +189,68 @@ class Plan(Settings):
         example=True,
         option="--cyclic/--no-cyclic",
     )
-    load: Load | None = setting(
+    load: Load | None = option(
         "Torque on the joints: gravity by the masses of the leg's URDF, all of its "
         "dynamics, or columns <joint>_load_Nm of the path.",
         otherwise="none",
         example="urdf",
-        option="--load",
     )
-    norm: Literal["rms", "max"] | None = setting(
+    norm: Literal["rms", "max"] | None = option(
         "Methods shift, optimal and foot-optimal: the error to make small.",
         only=("shift", *OPTIMISED),
         implied="rms",
-        option="--norm",
     )
-    solver: Literal["gauss-newton", "ipopt"] | None = setting(
+    solver: Literal["gauss-newton", "ipopt"] | None = option(
         "Method optimal: our own solver, or IPOPT with the same problem.",
         only=("optimal",),
         implied="gauss-newton",
-        option="--solver",
     )
-    max_step_deg: Positive | None = setting(
+    max_step_deg: Positive | None = option(
         "Methods optimal and foot-optimal: largest change from one request to the next [deg, or "
         "percent of the range].",
         only=OPTIMISED,
         otherwise="none",
         example=5.0,
-        option="--max-step-deg",
     )
-    max_request_speed_deg_s: Positive | None = setting(
+    max_request_speed_deg_s: Positive | None = option(
         "The same as a speed: largest change of the requests [deg/s].",
         only=OPTIMISED,
         otherwise="none",
         example=600.0,
-        option="--max-request-speed-deg-s",
         metavar="DEG/S",
     )
-    smoothness: NotNegative | None = setting(
+    smoothness: NotNegative | None = option(
         "Methods optimal and foot-optimal: share by which smoother requests may raise the "
         "error that the robot would show, of plan and model together (an encoder's step of "
         "0.088 degrees at least); 0 for none.",
         only=OPTIMISED,
         implied=0.005,
-        option="--smoothness",
         metavar="SHARE",
     )
-    robust: Literal["mean", "worst"] | None = setting(
+    robust: Literal["mean", "worst"] | None = option(
         "Methods optimal and foot-optimal: plan for models drawn from the intervals of "
         "the model file, too, and make the mean or the worst of their errors small.",
         only=OPTIMISED,
         otherwise="the model alone",
         example="worst",
-        option="--robust",
     )
-    weights: Weights | None = setting(
+    weights: Weights | None = option(
         "Method foot-optimal: how much each axis counts, x, y, z.",
         only=("foot-optimal",),
         implied=[1.0, 1.0, 1.0],
-        option="--weights",
         type=float,
         nargs=3,
         metavar="X Y Z",
         option_help="Method foot-optimal: weight of each axis.  [default: 1 1 1]",
     )
-    segments: Count | None = setting(
+    segments: Count | None = option(
         "Method closed-form: lines of the approximation.",
         only=("closed-form",),
         otherwise="as many as reduce the error",
         example=6,
-        option="--segments",
-        metavar="N",
     )
-    rule: Literal["paper", "exact"] | None = setting(
-        "Method closed-form: how a line is inverted.",
-        only=("closed-form",),
-        implied="paper",
-        option="--rule",
+    rule: Literal["paper", "exact"] | None = option(
+        "Method closed-form: how a line is inverted.", only=("closed-form",), implied="paper"
     )
 
     def options(self, period: float, *, units: Mapping[str, float] | None = None) -> dict[str, Any]:
@@ -322,8 +294,7 @@ class Limits(Settings):
         "leg.",
     )
     joints: dict[str, Span] = setting(
-        "The same for single joints [deg], which overrule it.",
-        example=[-27.0, 147.0],
+        "The same for single joints [deg], which overrule it.", example=[-27.0, 147.0]
     )
 
 
@@ -394,113 +365,88 @@ ROS = ("yaml", "bag", "mcap")
 class Export(Settings):
     """Requests for robots, as request-planner export writes them; a table for each file."""
 
-    format: Literal["csv", "yaml", "bag", "mcap", "lerobot"] = setting(
-        "What to write; yaml, bag, mcap and lerobot need their extras.",
-        example="csv",
-        set_to="csv",
-        option="--format",
+    format: Literal["csv", "yaml", "bag", "mcap", "lerobot"] = option(
+        "What to write; yaml, bag, mcap and lerobot need their extras.", example="csv", set_to="csv"
     )
     file: Written = setting(
         "Where, inside the folder; bag, mcap and lerobot are folders themselves.",
         example="controller.csv",
         set_to="controller.csv",
     )
-    cycles: Count = setting(
-        "How often to go through the requests.", default=1, option="--cycles", metavar="N"
+    cycles: Count = option("How often to go through the requests.", default=1)
+    rate_hz: Positive | None = option(
+        "Rows per second.", otherwise="one row per request", example=125.0
     )
-    rate_hz: Positive | None = setting(
-        "Rows per second.",
-        otherwise="one row per request",
-        example=125.0,
-        option="--rate-hz",
-    )
-    between: Literal["hold", "linear"] | None = setting(
+    between: Literal["hold", "linear"] | None = option(
         "Where rate_hz adds rows: hold each request, or go to the next in a straight line.",
         implied="hold",
-        option="--between",
     )
-    joint_names: JointNames | None = setting(
+    joint_names: JointNames | None = option(
         "The joints' names on the robot, in the order of the columns.",
         otherwise="those of the path",
         example=["lf_1", "lf_2", "lf_3"],
-        option="--joint-names",
         type=types.LIST,
         metavar="A,B,C",
     )
-    unit: Literal["rad", "deg", "ticks", "us"] | None = setting(
-        "csv: unit of the columns; us are the pulses of hobby servos.",
-        only=("csv",),
-        implied="rad",
-        option="--unit",
+    unit: Literal["rad", "deg", "ticks", "us"] | None = option(
+        "csv: unit of the columns; us are the pulses of hobby servos.", only=("csv",), implied="rad"
     )
-    ticks_per_turn: Annotated[int, Range(ge=2, le=10**9 - 1)] | None = setting(
+    ticks_per_turn: Annotated[int, Range(ge=2, le=10**9 - 1)] | None = option(
         "csv in ticks or us: how many a turn has.",
         only=("csv",),
         otherwise="4096, or 4000 us",
         example=4096,
-        option="--ticks-per-turn",
-        metavar="N",
     )
-    zero_tick: Tick | None = setting(
+    zero_tick: Tick | None = option(
         "csv in ticks or us: the count at angle 0.",
         only=("csv",),
         otherwise="2048, or 1500 us",
         example=2048,
-        option="--zero-tick",
         by_joint="zero_ticks",
         type=types.TICKS,
         metavar="[JOINT=]N",
     )
     zero_ticks: Annotated[dict[str, Tick] | None, Expected("a table of ticks by joint")] = setting(
-        "csv in ticks or us: the same for single joints.",
-        only=("csv",),
-        example={"knee": 2048},
+        "csv in ticks or us: the same for single joints.", only=("csv",), example={"knee": 2048}
     )
-    reverse: JointNames | None = setting(
+    reverse: JointNames | None = option(
         "csv in ticks or us: joints whose servo is mounted the other way round.",
         only=("csv",),
         otherwise="none",
         example=["knee"],
-        option="--reverse",
         metavar="NAME",
     )
-    lead_s: NotNegative | None = setting(
+    lead_s: NotNegative | None = option(
         "yaml, bag, mcap: time in which the controller leads the joints to the first.",
         only=ROS,
         otherwise="0.0",
         example=2.0,
-        option="--lead-s",
     )
-    velocities: bool | None = setting(
+    velocities: bool | None = option(
         "yaml, bag, mcap: whether points carry velocities, and become splines.",
         only=ROS,
         implied=False,
-        option="--velocities",
     )
-    topic: Annotated[Text | None, Expected("the name of a topic")] = setting(
+    topic: Annotated[Text | None, Expected("the name of a topic")] = option(
         "bag, mcap: the topic.",
         only=("bag", "mcap"),
         implied="/joint_trajectory_controller/joint_trajectory",
-        option="--topic",
     )
-    task: Text | None = setting(
+    task: Text | None = option(
         "lerobot: what the episode shows, in words.",
         only=("lerobot",),
         implied="follow the planned requests",
-        option="--task",
     )
 
 
 class Replay(Settings):
     """How a recording is replayed; the command `replay` alone has these settings."""
 
-    track: Literal["state", "action"] = setting(
-        "What to follow: the recorded angles (state), or the recorded requests.",
-        default="state",
-        option="--track",
+    track: Literal["state", "action"] = option(
+        "What to follow: the recorded angles (state), or the recorded requests.", default="state"
     )
-    speed: Positive = setting(
-        "How many times faster than it was recorded.", default=1.0, option="--speed", metavar="F"
+    speed: Positive = option(
+        "How many times faster than it was recorded.", default=1.0, metavar="F"
     )
     joints: JointNames = setting(
         "The joints to plan; the others get their recorded requests.",
@@ -511,34 +457,25 @@ class Replay(Settings):
         option_help="A joint to plan, several times for several; the others get their recorded "
         "requests.  [default: all that have a model, but no grippers]",
     )
-    begin_s: NotNegative | None = setting(
-        "Where to begin [s since the first row].",
-        otherwise="the first row",
-        option="--begin-s",
+    begin_s: NotNegative | None = option(
+        "Where to begin [s since the first row].", otherwise="the first row"
     )
-    end_s: NotNegative | None = setting(
-        "Where to end [s since the first row].",
-        otherwise="the last row",
-        option="--end-s",
+    end_s: NotNegative | None = option(
+        "Where to end [s since the first row].", otherwise="the last row"
     )
-    rate_hz: Positive | None = setting(
-        "Requests per second.",
-        otherwise="that of the recording",
-        example=50.0,
-        option="--rate-hz",
+    rate_hz: Positive | None = option(
+        "Requests per second.", otherwise="that of the recording", example=50.0
     )
-    fastest: bool = setting(
+    fastest: bool = option(
         "Find the largest speed at which the plan keeps the tolerance of [tolerance].",
         default=False,
-        option="--fastest",
         option_help="Find the largest speed at which the plan keeps --tolerance-deg or -cm, the "
         "largest error.",
     )
-    retime: Literal["constant", "varying"] = setting(
+    retime: Literal["constant", "varying"] = option(
         "With fastest: one factor for the whole recording, or one that varies along it, "
         "slower where errors are large.",
         default="constant",
-        option="--retime",
     )
     urdf_joints: Annotated[dict[str, Text], Expected("a table of names by joint")] = setting(
         "Names of joints in the URDF, where they are others than in the recording.",

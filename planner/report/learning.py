@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from planner.report import figure
+from planner.report import figure, style
 from planner.report.figure import Axis, Curve, Figure, Panel, Timeline
 from planner.report.page import (
     Card,
@@ -22,30 +22,20 @@ from planner.report.page import (
     sentence,
     spoken,
 )
-from planner.report.style import (
-    CLOSED_FORM,
-    DESIRED,
-    DIRECT,
-    INK,
-    LOWER_BOUND,
-    OPTIMAL,
-    REQUESTED,
-    SHIFT,
-    Role,
-)
+from planner.report.style import Role
 from planner.report.table import NOTHING, Column, Row, Table
 from planner.trajectory import Array
 
 if TYPE_CHECKING:
     from planner.planning.plan import Plan
 
-BOUND = LOWER_BOUND._replace(label="lower bound of the model")
-EXECUTED = CLOSED_FORM._replace(label="measured, mean cycle")
-BEFORE = DIRECT._replace(label="requests executed", width=1.2)
-AFTER = REQUESTED._replace(label="next requests")
-NEXT = OPTIMAL._replace(label="predicted next")
-ERROR = INK._replace(label="error, measured", width=1.4)
-LEARNT = SHIFT._replace(label="learnt: measured less modelled", width=1.8)
+BOUND = style.LOWER_BOUND._replace(label="lower bound of the model")
+EXECUTED = style.CLOSED_FORM._replace(label="measured, mean cycle")
+BEFORE = style.DIRECT._replace(label="requests executed", width=1.2)
+AFTER = style.REQUESTED._replace(label="next requests")
+NEXT = style.OPTIMAL._replace(label="predicted next")
+ERROR = style.INK._replace(label="error, measured", width=1.4)
+LEARNT = style.SHIFT._replace(label="learnt: measured less modelled", width=1.8)
 
 TRIALS = "{{ table }}{% if more %}{{ figures(more) }}{% endif %}"
 """The section on the trials: the first errors stand beside the heading, the rest here."""
@@ -125,7 +115,7 @@ def errors_figure(progress: Progress, name: str = "learning") -> Figure:
     last = count + goes_on
     trials, ends = np.arange(1.0, count + 1.0), np.array([0.8, last + 0.2])
     notes = list[str]()
-    error = OPTIMAL._replace(label="error", dashes="-")
+    error = style.OPTIMAL._replace(label="error", dashes="-")
     curves = [Curve(error, trials, progress.errors, marks=marks) for marks in ("", "dots")]
     if not math.isnan(progress.bound):
         curves.insert(0, Curve(BOUND, ends, np.full(2, progress.bound)))
@@ -164,7 +154,7 @@ def joint_figure(plan: Plan, executed: Array, measured: Array, j: int) -> Figure
             heading(plan.names[j]),
             "Angles; the measured error and the part of it that repeats; and requests.",
         ),
-        angles=curves((plan.desired, DESIRED), (measured, EXECUTED), (plan.predicted, NEXT)),
+        angles=curves((plan.desired, style.DESIRED), (measured, EXECUTED), (plan.predicted, NEXT)),
         errors=curves((measured - plan.desired, ERROR), (disturbance, LEARNT)),
         requests=curves((executed, BEFORE), (plan.requests, AFTER), held=True),
         clock=False,

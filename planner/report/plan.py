@@ -12,7 +12,7 @@ from planner.model.evidence import ENCODER_STEP, OPEN_TOP_SPEED, Expectation, un
 from planner.planning.plan import Plan
 from planner.planning.result import ErrorsOfModels, FootInversion, Inversion
 from planner.planning.time_shift import refining_recommended, shift_recommended, shifted
-from planner.report import figure
+from planner.report import figure, style
 from planner.report.figure import Figure, Motion, Timeline
 from planner.report.page import (
     Card,
@@ -26,16 +26,7 @@ from planner.report.page import (
     spoken,
     table_section,
 )
-from planner.report.style import (
-    CLOSED_FORM,
-    DESIRED,
-    DIRECT,
-    FOOT_OPTIMAL,
-    OPTIMAL,
-    REQUESTED,
-    SHIFT,
-    Role,
-)
+from planner.report.style import Role
 from planner.report.table import (
     NO_BOUND,
     NOTHING,
@@ -53,14 +44,14 @@ if TYPE_CHECKING:
     from kinematics.leg import Leg
 
 
-WITHOUT = DIRECT._replace(label="without a plan")
+WITHOUT = style.DIRECT._replace(label="without a plan")
 """The desired angles as requests."""
 
 METHODS = {
-    "shift": SHIFT,
-    "closed-form": CLOSED_FORM,
-    "optimal": OPTIMAL,
-    "foot-optimal": FOOT_OPTIMAL,
+    "shift": style.SHIFT,
+    "closed-form": style.CLOSED_FORM,
+    "optimal": style.OPTIMAL,
+    "foot-optimal": style.FOOT_OPTIMAL,
 }
 """The role of each method's plan in all figures."""
 AT_LIMIT = math.radians(1e-6)
@@ -579,12 +570,12 @@ def foot_figures(plan: Plan, role: Role) -> list[Figure]:
         return []
     motions = []
     for looks, angles, distances in (
-        (DESIRED, plan.desired, None),
+        (style.DESIRED, plan.desired, None),
         (WITHOUT, plan.direct, plan.direct_distances),
         (role, plan.predicted, plan.distances),
     ):
         points = leg.joint_positions(angles)
-        if looks is DESIRED:  # the desired position may be out of reach
+        if looks is style.DESIRED:  # the desired position may be out of reach
             points = np.concatenate([points[:, :-1], plan.task.desired_foot[:, None]], axis=1)
         motions.append(Motion(looks, points, distances))
     words = (
@@ -613,7 +604,7 @@ def joint_figure(plan: Plan, role: Role, j: int) -> Figure:
     desired, direct, predicted = (
         timeline.degrees(values[:, j], looks)
         for values, looks in (
-            (plan.desired, DESIRED),
+            (plan.desired, style.DESIRED),
             (plan.direct, WITHOUT),
             (plan.predicted, role),
         )
@@ -630,7 +621,7 @@ def joint_figure(plan: Plan, role: Role, j: int) -> Figure:
             "drawn where they are near.",
         ),
         angles=(desired, direct, predicted),
-        requests=(desired, timeline.degrees(plan.requests[:, j], REQUESTED, held=True)),
+        requests=(desired, timeline.degrees(plan.requests[:, j], style.REQUESTED, held=True)),
         limits=limits and (math.degrees(limits[0]), math.degrees(limits[1])),
         clock=plan.task.leg is not None or len(plan.names) > 1,
     )

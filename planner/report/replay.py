@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from planner.model.evidence import OPEN_TOP_SPEED
-from planner.report import figure
+from planner.report import figure, style
 from planner.report.figure import (
     Axis,
     Curve,
@@ -36,16 +36,6 @@ from planner.report.page import (
     spoken,
     table_section,
 )
-from planner.report.style import (
-    APPROXIMATION,
-    DESIRED,
-    DIRECT,
-    LIMIT,
-    LOWER_BOUND,
-    OPTIMAL,
-    REQUESTED,
-    SHIFT,
-)
 from planner.report.table import NOTHING, Column, Row, Table, at_most, number
 from planner.trajectory import Array, error_norm
 
@@ -57,7 +47,7 @@ if TYPE_CHECKING:
 UNITS = {"rad": ("deg", math.degrees(1.0)), "1": ("%", 100.0)}
 """By a log's unit: the page's unit, and the factor to it."""
 
-AS_IT_IS = DIRECT._replace(label="as it is")
+AS_IT_IS = style.DIRECT._replace(label="as it is")
 """The path itself as requests."""
 
 MOST_ROWS = 500
@@ -310,8 +300,8 @@ def arm_figure(replay: Replay, arm: Leg) -> Figure:
     by_name = {each.name: each for each in replay.joints}
     joints = [by_name[name] for name in arm.joint_names]
     path = arm.joint_positions(np.column_stack([each.desired for each in joints]))
-    motions = [Motion(DESIRED, path)]
-    for kind, role in (("direct", AS_IT_IS), ("predicted", OPTIMAL)):
+    motions = [Motion(style.DESIRED, path)]
+    for kind, role in (("direct", AS_IT_IS), ("predicted", style.OPTIMAL)):
         angles = [
             each.recorded_angles if each.inversion is None else getattr(each, kind)
             for each in joints
@@ -330,12 +320,12 @@ def joint_figure(replay: Replay, j: int) -> Figure:
     """A joint: its angles and errors, where it is planned, and its requests."""
     timeline, joint = _timeline(replay), replay.joints[j]
     unit, factor = UNITS[joint.path.unit]
-    desired = timeline.curve(factor * joint.desired, DESIRED, "path")
+    desired = timeline.curve(factor * joint.desired, style.DESIRED, "path")
     request_curves = [
         timeline.curve(factor * requests, role, label, held=True)
         for requests, role, label in (
-            (joint.recorded_requests, APPROXIMATION, "recorded requests"),
-            (joint.requests, REQUESTED, ""),
+            (joint.recorded_requests, style.APPROXIMATION, "recorded requests"),
+            (joint.requests, style.REQUESTED, ""),
         )
     ]
     if joint.inversion is None:
@@ -345,10 +335,14 @@ def joint_figure(replay: Replay, j: int) -> Figure:
             requests=(desired, *request_curves),
         )  # fmt: skip
     assert joint.predicted is not None, "a planned joint is simulated"
-    angles = ((joint.direct, AS_IT_IS), (joint.shifted, SHIFT), (joint.predicted, OPTIMAL))
+    angles = (
+        (joint.direct, AS_IT_IS),
+        (joint.shifted, style.SHIFT),
+        (joint.predicted, style.OPTIMAL),
+    )
     span = replay.path.limits.get(joint.name)
     fast = (
-        Span(timeline.per_second * a, timeline.per_second * b, DIRECT, 0.16)
+        Span(timeline.per_second * a, timeline.per_second * b, style.DIRECT, 0.16)
         for a, b in joint.too_fast
     )
     shade_note = "; shaded where the path is faster than the joint can be" if joint.too_fast else ""
@@ -374,14 +368,14 @@ def speeds_figure(fastest: Fastest) -> Figure:
     unit = "cm" if fastest.foot else "deg"
     tolerance = (100.0 if fastest.foot else math.degrees(1.0)) * fastest.tolerance
     speeds = np.array([each.speed for each in fastest.curve])
-    looks = {"direct": AS_IT_IS, "shifted": SHIFT, "planned": OPTIMAL}
+    looks = {"direct": AS_IT_IS, "shifted": style.SHIFT, "planned": style.OPTIMAL}
     curves = [
         Curve(role, speeds, tolerance * np.array([getattr(each, kind) for each in fastest.curve]))
         for kind, role in looks.items()
     ]
     bounds = tolerance * np.array([each.bound for each in fastest.curve])
     if np.isfinite(bounds).any():
-        curves.append(Curve(LOWER_BOUND, speeds, bounds))
+        curves.append(Curve(style.LOWER_BOUND, speeds, bounds))
     ends = (float(speeds[0]), float(speeds[-1]))
     finite = np.concatenate([curve.y[np.isfinite(curve.y)] for curve in curves[1:]])
     top = min(20.0 * tolerance, 1.05 * max(float(np.max(finite)), tolerance))
@@ -397,7 +391,7 @@ def speeds_figure(fastest: Fastest) -> Figure:
         (
             Panel(
                 Axis("largest error", unit, (0.0, top)),
-                (line(ends, (tolerance, tolerance), LIMIT), *curves),
+                (line(ends, (tolerance, tolerance), style.LIMIT), *curves),
                 height=1.8,
             ),
         ),
@@ -408,8 +402,10 @@ def factors_figure(fastest: Fastest) -> Figure:
     """The speed along the replay."""
     timeline = _timeline(fastest.replay)
     factors = np.append(fastest.factors, fastest.factors[-1:])
-    curves = [timeline.curve(factors, OPTIMAL, "speed")]
-    constant = timeline.curve(np.full(len(factors), fastest.constant), LIMIT, "largest constant")
+    curves = [timeline.curve(factors, style.OPTIMAL, "speed")]
+    constant = timeline.curve(
+        np.full(len(factors), fastest.constant), style.LIMIT, "largest constant"
+    )
     return timeline.figure(
         "factors",
         [Panel(Axis("times the recorded speed", from_zero=True), (constant, *curves), height=1.8)],
@@ -551,22 +547,22 @@ def errors_figure(rows: Sequence[Mapping[str, Any]], unit: str) -> Figure:
         return np.array([np.nan if row[kind] is None else row[kind] for _, row in own])
 
     numbers = {float(k): str(k) for k in range(1, len(rows) + 1)} if len(rows) <= FEW else None
-    looks = {"direct_rms": DIRECT, "shifted_rms": SHIFT, "planned_rms": OPTIMAL}
+    looks = {"direct_rms": style.DIRECT, "shifted_rms": style.SHIFT, "planned_rms": style.OPTIMAL}
     curves = [
         Curve(
             role,
             places,
             values(kind),
-            marks="rings" if role is SHIFT else "dots",
+            marks="rings" if role is style.SHIFT else "dots",
             notes=notes,
-            hidden=role is DIRECT,
+            hidden=role is style.DIRECT,
         )
         for kind, role in looks.items()
     ]
     if np.isfinite(bounds := values("lower_bound")).any():
         ends = places[:, None] + np.array([-0.4, 0.4])
         heights = np.column_stack([bounds, bounds])
-        curves.append(Curve(LOWER_BOUND._replace(dashes="-"), joined(ends), joined(heights)))
+        curves.append(Curve(style.LOWER_BOUND._replace(dashes="-"), joined(ends), joined(heights)))
     return Figure(
         f"errors_{unit}",
         "Error of each recording",

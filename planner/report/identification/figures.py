@@ -13,6 +13,7 @@ import numpy.typing as npt
 from planner.identification.log import Log
 from planner.identification.result import Identification, Interval, LogFit
 from planner.model.joint import JointModel
+from planner.report import style
 from planner.report.figure import Axis, Curve, Figure, Panel, Span, Words, line
 from planner.report.identification.words import (
     estimate,
@@ -21,17 +22,7 @@ from planner.report.identification.words import (
     unit_of,
     units_of,
 )
-from planner.report.style import (
-    CLOSED_FORM,
-    DESIRED,
-    DIRECT,
-    GRID,
-    INK,
-    MUTED,
-    OPTIMAL,
-    REQUESTED,
-    Role,
-)
+from planner.report.style import Role
 from planner.trajectory import Array, index_of_largest
 
 MOST_POINTS = 1500
@@ -48,9 +39,9 @@ CLOSE_UP = 3.0
 APART = "window across a corner of f"
 """Name of the pale dots of a cloud."""
 
-MEASURED = DESIRED._replace(label="measured")
-FITTED = CLOSED_FORM._replace(label="model, fitted", width=1.4)
-UNSEEN = OPTIMAL._replace(label="model, rows held out", width=1.4)
+MEASURED = style.DESIRED._replace(label="measured")
+FITTED = style.CLOSED_FORM._replace(label="model, fitted", width=1.4)
+UNSEEN = style.OPTIMAL._replace(label="model, rows held out", width=1.4)
 BAR = 9.0
 """Width of a bar [pt]."""
 
@@ -151,8 +142,8 @@ def cloud_figure(identification: Identification, prefix: str = "") -> Figure:
     curves = [line((-factor * reach, factor * reach), (0, 0)), line((0, 0), (-factor * highest,
               factor * highest))]  # fmt: skip
     for mask, role, opacity, name in (
-        (finite & points.apart, MUTED, 0.3, APART),
-        (finite & ~points.apart, INK, 0.6, "measured"),
+        (finite & points.apart, style.MUTED, 0.3, APART),
+        (finite & ~points.apart, style.INK, 0.6, "measured"),
     ):
         places = np.flatnonzero(mask)
         places = places[:: max(1, math.ceil(len(places) / MOST_POINTS))]
@@ -167,7 +158,9 @@ def cloud_figure(identification: Identification, prefix: str = "") -> Figure:
     if identification.saturates and corners[-1] <= reach:
         corner, top = factor * float(corners[-1]), factor * float(model.speed(corners[-1]))
         low = -factor * highest
-        curves.append(line((corner, corner), (low, top), MUTED._replace(dashes=(0, (1.0, 1.5)))))
+        curves.append(
+            line((corner, corner), (low, top), style.MUTED._replace(dashes=(0, (1.0, 1.5))))
+        )
         words = (  # at the lower edge, where a joint has no dots: they lie about f
             Words(
                 "θ₀ + dead band" if model.steady.dead_band else "θ₀",
@@ -178,7 +171,9 @@ def cloud_figure(identification: Identification, prefix: str = "") -> Figure:
             ),
             Words("v_max", -factor * reach, factor * model.v_max, across="left"),
         )
-    curves.append(Curve(CLOSED_FORM._replace(width=2.4), factor * ends, speeds, "f, identified"))
+    curves.append(
+        Curve(style.CLOSED_FORM._replace(width=2.4), factor * ends, speeds, "f, identified")
+    )
     age, oldest = 1e3 * model.lag, 1e3 * (model.lag + model.acceleration_time)
     end_note = ""
     if not identification.saturates and corners[-1] <= reach:
@@ -226,13 +221,13 @@ def intervals_figure(identification: Identification, prefix: str = "") -> Figure
             100.0 * (each - least) / (most - least)
             for each in (*np.clip(interval, least, most), value, *marks)
         )
-        role = CLOSED_FORM if row.bounded else DIRECT
+        role = style.CLOSED_FORM if row.bounded else style.DIRECT
         label = "95 % interval" if row.bounded else "interval without an end"
         y = float(k)
         curves += [
-            _stroke(GRID, (0, 100), (y, y), BAR, "", legend=False),
+            _stroke(style.GRID, (0, 100), (y, y), BAR, "", legend=False),
             _stroke(role, (low, high), (y, y), BAR, label),
-            _stroke(INK, (estimated, estimated), (y - 0.22, y + 0.22), 2.0, "estimate"),
+            _stroke(style.INK, (estimated, estimated), (y - 0.22, y + 0.22), 2.0, "estimate"),
         ]
         words += [
             Words(figure(factor * mark, scaled) if mark else "0", end, y + 0.18, across, "top")
@@ -328,23 +323,23 @@ def _log_panels(identification: Identification, fit: LogFit) -> tuple[Panel, Pan
     held_out, residuals = fit.held_out, angles - predicted
     above = [
         _log_curve(MEASURED, times, angles),
-        _log_curve(REQUESTED._replace(width=1.1), times, requests, held=True),
+        _log_curve(style.REQUESTED._replace(width=1.1), times, requests, held=True),
         _log_curve(FITTED, times, np.where(held_out, np.nan, predicted)),
         _log_curve(UNSEEN, times, np.where(held_out, predicted, np.nan)),
     ]
     outliers = outliers_of(fit)
     below = [
-        _log_curve(INK._replace(label="residual", width=0.9), times, residuals),
-        Curve(DIRECT, times[outliers], residuals[outliers], "outliers", marks="rings"),
+        _log_curve(style.INK._replace(label="residual", width=0.9), times, residuals),
+        Curve(style.DIRECT, times[outliers], residuals[outliers], "outliers", marks="rings"),
     ]
     edges = np.flatnonzero(np.diff(np.concatenate([[0], held_out.astype(int), [0]])))
     shades = [
-        Span(float(times[start]), float(times[end - 1]), GRID, 0.45, legend="held out")
+        Span(float(times[start]), float(times[end - 1]), style.GRID, 0.45, legend="held out")
         for start, end in zip(edges[::2], edges[1::2], strict=True)
         if end - start < len(times)
     ]
     band = 2.0 * units.factor * identification.noise
-    noise = [Span(-band, band, CLOSED_FORM, 0.16, "y", legend="± 2 noise")]
+    noise = [Span(-band, band, style.CLOSED_FORM, 0.16, "y", legend="± 2 noise")]
     quantity = "angle" if units.si else "position"
     return (
         Panel(Axis(quantity, units.angle), _drawn(above), spans=tuple(shades), height=1.9),

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from planner.evaluation.reproduction import STEP_AMPLITUDES
+from planner.report import style
 from planner.report.figure import (
     Axis,
     Curve,
@@ -24,31 +25,18 @@ from planner.report.figure import (
     joined,
     line,
 )
-from planner.report.style import (
-    APPROXIMATION,
-    CLOSED_FORM,
-    DESIRED,
-    DIRECT,
-    FOOT_OPTIMAL,
-    GRID,
-    MUTED,
-    OPTIMAL,
-    PLAIN,
-    REQUESTED,
-    SHIFT,
-    Role,
-)
+from planner.report.style import Role
 from planner.trajectory import Array
 
 if TYPE_CHECKING:
     from planner.evaluation.reproduction import JointOutcome, PlannedWalk, Reproduction
 
 ROLES = {
-    "direct": DIRECT,
-    "shift": SHIFT,
-    "closed_form_plain": PLAIN,
-    "optimal": OPTIMAL,
-    "foot_optimal": FOOT_OPTIMAL,
+    "direct": style.DIRECT,
+    "shift": style.SHIFT,
+    "closed_form_plain": style.PLAIN,
+    "optimal": style.OPTIMAL,
+    "foot_optimal": style.FOOT_OPTIMAL,
 }
 """The methods that are drawn, in order; the closed form with knots refined is not the paper's."""
 
@@ -104,12 +92,12 @@ def direct_foot_figure(reproduction: Reproduction) -> Figure:
     """Figure 1: the foot's paths from the side, joined at the same instants by thin lines."""
     desired, actual = reproduction.walk.desired_foot, reproduction.foot["direct"]
     pairs = 100.0 * np.stack([desired[::TIED], actual[::TIED]], axis=1)
-    ties = GRID._replace(label="the same instants", width=1.2)
+    ties = style.GRID._replace(label="the same instants", width=1.2)
     draw = timeline_of(reproduction).path
     curves = (
         Curve(ties, joined(pairs[:, :, 0]), joined(pairs[:, :, 2])),
-        draw(desired, DESIRED),
-        draw(actual, DIRECT),
+        draw(desired, style.DESIRED),
+        draw(actual, style.DIRECT),
     )
     return Figure(
         "figure1_foot_direct",
@@ -164,8 +152,8 @@ def foot_paths_figure(
         UPWARD,
         (
             line(ends, (100.0 * ground,) * 2),
-            Curve(GRID._replace(width=9.0), joints[:, 0], joints[:, 2], "leg", legend=False),
-            timeline_of(planned).path(foot, DESIRED),
+            Curve(style.GRID._replace(width=9.0), joints[:, 0], joints[:, 2], "leg", legend=False),
+            timeline_of(planned).path(foot, style.DESIRED),
             *paths,
         ),
         words=(
@@ -175,7 +163,7 @@ def foot_paths_figure(
         ),
         height=2.5,
     )
-    motions = [Motion(DESIRED, planned.legs["desired"])]
+    motions = [Motion(style.DESIRED, planned.legs["desired"])]
     for method, role in ROLES.items():
         distances = np.linalg.norm(legs[method][:, -1] - foot, axis=1)
         motions.append(Motion(role, legs[method], distances, hidden=method in HIDDEN))
@@ -233,7 +221,10 @@ JOINTS: Mapping[str, tuple[tuple[str, str], tuple[Drawn, ...]]] = {
             "Every joint starts late and then moves at its top speed at most. The paper shows the "
             "rotator.",
         ),
-        (Drawn("desired", DESIRED, "requested = desired"), Drawn("direct", DIRECT, "actual")),
+        (
+            Drawn("desired", style.DESIRED, "requested = desired"),
+            Drawn("direct", style.DIRECT, "actual"),
+        ),
     ),
     "figure6_approximation": (
         (
@@ -242,7 +233,7 @@ JOINTS: Mapping[str, tuple[tuple[str, str], tuple[Drawn, ...]]] = {
             "automatically; in the paper they were drawn by hand. Where the desired angles are "
             "faster than the joint, the lines must leave them.",
         ),
-        (Drawn("desired", DESIRED),),
+        (Drawn("desired", style.DESIRED),),
     ),
     "figure7_trajectories": (
         (
@@ -251,10 +242,10 @@ JOINTS: Mapping[str, tuple[tuple[str, str], tuple[Drawn, ...]]] = {
             "They know no limits: where the joint has some, a robot would clip them.",
         ),
         (
-            Drawn("desired", DESIRED),
-            Drawn("closed_form_plain.requests", REQUESTED),
-            Drawn("closed_form_plain.approximation.angles", APPROXIMATION),
-            Drawn("closed_form_plain.predicted", CLOSED_FORM, "actual"),
+            Drawn("desired", style.DESIRED),
+            Drawn("closed_form_plain.requests", style.REQUESTED),
+            Drawn("closed_form_plain.approximation.angles", style.APPROXIMATION),
+            Drawn("closed_form_plain.predicted", style.CLOSED_FORM, "actual"),
         ),
     ),
     "joints_by_method": (
@@ -263,12 +254,12 @@ JOINTS: Mapping[str, tuple[tuple[str, str], tuple[Drawn, ...]]] = {
             "What the joints do while the foot goes as in Figure 8.",
         ),
         (
-            Drawn("desired", DESIRED),
-            Drawn("direct", DIRECT),
-            Drawn("closed_form_plain.predicted", PLAIN),
-            Drawn("optimal.predicted", OPTIMAL, hidden=True),
-            Drawn("foot_optimal", FOOT_OPTIMAL),
-            Drawn("foot_requests", REQUESTED, "requests, foot-optimised", hidden=True),
+            Drawn("desired", style.DESIRED),
+            Drawn("direct", style.DIRECT),
+            Drawn("closed_form_plain.predicted", style.PLAIN),
+            Drawn("optimal.predicted", style.OPTIMAL, hidden=True),
+            Drawn("foot_optimal", style.FOOT_OPTIMAL),
+            Drawn("foot_requests", style.REQUESTED, "requests, foot-optimised", hidden=True),
         ),
     ),
     "optimised_trajectories": (
@@ -278,9 +269,9 @@ JOINTS: Mapping[str, tuple[tuple[str, str], tuple[Drawn, ...]]] = {
             "of a percent of the lower bound.",
         ),
         (
-            Drawn("desired", DESIRED),
-            Drawn("optimal.requests", REQUESTED),
-            Drawn("optimal.predicted", OPTIMAL, "actual"),
+            Drawn("desired", style.DESIRED),
+            Drawn("optimal.requests", style.REQUESTED),
+            Drawn("optimal.predicted", style.OPTIMAL, "actual"),
         ),
     ),
     "foot_optimised_trajectories": (
@@ -290,9 +281,9 @@ JOINTS: Mapping[str, tuple[tuple[str, str], tuple[Drawn, ...]]] = {
             "which compensate for one another.",
         ),
         (
-            Drawn("desired", DESIRED),
-            Drawn("foot_requests", REQUESTED),
-            Drawn("foot_optimal", FOOT_OPTIMAL, "actual"),
+            Drawn("desired", style.DESIRED),
+            Drawn("foot_requests", style.REQUESTED),
+            Drawn("foot_optimal", style.FOOT_OPTIMAL, "actual"),
         ),
     ),
 }
@@ -309,7 +300,7 @@ def _joints(
     def curves(joint: JointOutcome) -> list[Curve]:
         return [
             *(draw(attrgetter(each.values)(joint), each.role, each.label,
-                   held=each.role is REQUESTED, hidden=each.hidden) for each in specs),
+                   held=each.role is style.REQUESTED, hidden=each.hidden) for each in specs),
             *more(joint),
         ]  # fmt: skip
 
@@ -325,8 +316,8 @@ def _lines(reproduction: Reproduction) -> Curves:
         fine = np.linspace(0.0, fit.samples, 20 * fit.samples + 1)  # knots lie between samples
         knots, values = np.mod(fit.knots, fit.samples), np.degrees(fit.values)
         return [
-            Curve(APPROXIMATION, timeline.step * fine, np.degrees(fit(fine))),
-            Curve(APPROXIMATION, timeline.step * knots, values, "knots", marks="rings"),
+            Curve(style.APPROXIMATION, timeline.step * fine, np.degrees(fit(fine))),
+            Curve(style.APPROXIMATION, timeline.step * knots, values, "knots", marks="rings"),
         ]
 
     return curves
@@ -346,13 +337,14 @@ def _step_test(reproduction: Reproduction, number: int, amplitude: float, captio
     panel = Panel(
         Axis("angle", "deg", (-0.12 * amplitude, 1.24 * amplitude)),
         (
-            timeline.degrees(response.requests, REQUESTED, held=True),
-            timeline.degrees(response.angles, CLOSED_FORM, "actual"),
+            timeline.degrees(response.requests, style.REQUESTED, held=True),
+            timeline.degrees(response.angles, style.CLOSED_FORM, "actual"),
         ),
         f"top speed {speed:.3g} deg per tick",
         spans=(
-            Span(start, middle, MUTED, SHADE, words=f"lag {response.lag} ticks", words_side="left"),
-            Span(middle, end, CLOSED_FORM, SHADE,
+            Span(start, middle, style.MUTED, SHADE, words=f"lag {response.lag} ticks",
+                 words_side="left"),
+            Span(middle, end, style.CLOSED_FORM, SHADE,
                  words=f"acceleration {response.acceleration} ticks"),
         ),
         height=1.6,
@@ -368,7 +360,7 @@ def _speed(reproduction: Reproduction) -> Figure:
     errors = np.linspace(-2.2, 2.2, 89) * theta_0
     speeds = model.tick * np.degrees(model.speed(np.radians(errors)))
     far, high = float(errors[-1]), 1.35 * v_max
-    dotted = MUTED._replace(dashes=(0, (1.0, 1.5)))
+    dotted = style.MUTED._replace(dashes=(0, (1.0, 1.5)))
     panel = Panel(
         Axis("f(x)", "deg per tick", (-high, high)),
         (
@@ -376,7 +368,7 @@ def _speed(reproduction: Reproduction) -> Figure:
             line((0.0, 0.0), (-high, high)),
             line((theta_0, theta_0), (0.0, v_max), dotted),
             line((-theta_0, -theta_0), (0.0, -v_max), dotted),
-            Curve(CLOSED_FORM, errors, speeds, "f"),
+            Curve(style.CLOSED_FORM, errors, speeds, "f"),
         ),
         words=(
             Words("θ₀", theta_0, 0.0, upward="top"),

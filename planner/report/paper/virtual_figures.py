@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from planner.evaluation.reproduction import JointOutcome, approximation
+from planner.report import style
 from planner.report.figure import Axis, Curve, Figure, Panel, Timeline, joined, thin
 from planner.report.paper.figures import (
     HIDDEN,
@@ -14,18 +15,7 @@ from planner.report.paper.figures import (
     foot_paths_figure,
     joints_figure,
 )
-from planner.report.style import (
-    APPROXIMATION,
-    CLOSED_FORM,
-    DESIRED,
-    DIRECT,
-    FOOT_OPTIMAL,
-    INK,
-    MUTED,
-    PLAIN,
-    REQUESTED,
-    Role,
-)
+from planner.report.style import Role
 
 if TYPE_CHECKING:
     from planner.evaluation.virtual_experiment import VirtualOutcome
@@ -33,10 +23,14 @@ if TYPE_CHECKING:
 VIRTUAL_FEATURED = ("foot_paths", "joints_by_method")
 """The figures after the key figures: the moving leg and its joints."""
 
-PATHS = {"direct": DIRECT, "closed_form_plain": PLAIN, "foot_optimal": FOOT_OPTIMAL}
+PATHS = {
+    "direct": style.DIRECT,
+    "closed_form_plain": style.PLAIN,
+    "foot_optimal": style.FOOT_OPTIMAL,
+}
 """The methods whose foot paths are drawn, each over all its cycles."""
 
-PREDICTED = Role("predicted", INK.light, INK.dark, width=1.1, dashes=(0, (1, 1.6)))
+PREDICTED = Role("predicted", style.INK.light, style.INK.dark, width=1.1, dashes=(0, (1, 1.6)))
 
 
 def virtual_figures(outcome: VirtualOutcome) -> tuple[Figure, ...]:
@@ -86,16 +80,16 @@ def _step_tests(outcome: VirtualOutcome) -> Figure:
         measured, predicted = [], []
         for fit in identification.fits:
             middle = float(np.mean(fit.log.requests[last]))
-            measured.append(once.degrees(fit.log.angles[last] - middle, INK))
-            predicted.append(once.degrees(fit.predicted[last] - middle, CLOSED_FORM))
+            measured.append(once.degrees(fit.log.angles[last] - middle, style.INK))
+            predicted.append(once.degrees(fit.predicted[last] - middle, style.CLOSED_FORM))
         times = joined(curve.x for curve in measured)
         angles, model = (joined(curve.y for curve in each) for each in (measured, predicted))
         curves = (
-            Curve(CLOSED_FORM._replace(width=1.4), times, model, "identified model"),
-            Curve(INK, times, angles, "measured by the sensor", marks="dots", opacity=0.55),
+            Curve(style.CLOSED_FORM._replace(width=1.4), times, model, "identified model"),
+            Curve(style.INK, times, angles, "measured by the sensor", marks="dots", opacity=0.55),
         )
         panels.append(Panel(Axis("angle", "deg"), curves, joint.name))
-        rest = Curve(MUTED._replace(width=0.9), times, angles - model, "residual")
+        rest = Curve(style.MUTED._replace(width=0.9), times, angles - model, "residual")
         title = f"{joint.name}, residual, {np.degrees(identification.rms):.2f} deg rms"
         panels.append(Panel(Axis("residual", "deg"), (rest,), title, height=0.6))
     return once.figure(
@@ -116,8 +110,8 @@ def _joints_direct(outcome: VirtualOutcome) -> Figure:
 
     def curves(joint: JointOutcome) -> list[Curve]:
         return [
-            draw(joint.desired, DESIRED, "requested = desired"),
-            *_walked(outcome, "direct", joint, DIRECT, f"actual, {len(run.angles)} cycles"),
+            draw(joint.desired, style.DESIRED, "requested = desired"),
+            *_walked(outcome, "direct", joint, style.DIRECT, f"actual, {len(run.angles)} cycles"),
             draw(joint.direct, PREDICTED),
         ]
 
@@ -141,10 +135,10 @@ def _trajectories(outcome: VirtualOutcome) -> Figure:
             "model's fidelity. Requests beyond a joint's limits are cut off by the robot.",
         ),
         lambda joint: [
-            draw(joint.desired, DESIRED),
-            draw(joint.closed_form_plain.requests, REQUESTED, held=True),
-            draw(approximation(joint.closed_form_plain), APPROXIMATION),
-            *_walked(outcome, "closed_form_plain", joint, PLAIN, "actual"),
+            draw(joint.desired, style.DESIRED),
+            draw(joint.closed_form_plain.requests, style.REQUESTED, held=True),
+            draw(approximation(joint.closed_form_plain), style.APPROXIMATION),
+            *_walked(outcome, "closed_form_plain", joint, style.PLAIN, "actual"),
         ],
     )
 
@@ -160,9 +154,9 @@ def _foot_optimised(outcome: VirtualOutcome) -> Figure:
             "the foot closer, as planned.",
         ),
         lambda joint: [
-            draw(joint.desired, DESIRED),
-            draw(requests[:, _index(outcome, joint)], REQUESTED, held=True),
-            *_walked(outcome, "foot_optimal", joint, FOOT_OPTIMAL, "actual"),
+            draw(joint.desired, style.DESIRED),
+            draw(requests[:, _index(outcome, joint)], style.REQUESTED, held=True),
+            *_walked(outcome, "foot_optimal", joint, style.FOOT_OPTIMAL, "actual"),
             draw(joint.foot_optimal, PREDICTED),
         ],
     )
@@ -178,7 +172,7 @@ def _joints_by_method(outcome: VirtualOutcome) -> Figure:
             "What the joints do while the foot goes along its paths.",
         ),
         lambda joint: [
-            draw(joint.desired, DESIRED),
+            draw(joint.desired, style.DESIRED),
             *(
                 curve
                 for method, role in ROLES.items()
@@ -224,9 +218,11 @@ def _learning(outcome: VirtualOutcome) -> Figure:
     low, high = min(bound, float(np.min(errors - deviations))), float(np.max(errors + deviations))
     room = 0.2 * (high - low)
     curves = (
-        Curve(APPROXIMATION._replace(label="lower bound of the models"), ends, np.full(2, bound)),
-        Curve(FOOT_OPTIMAL._replace(label="mean of the cycles"), trials, errors),
-        Curve(INK, trials, errors, "trials", legend=False, marks="dots"),
+        Curve(
+            style.APPROXIMATION._replace(label="lower bound of the models"), ends, np.full(2, bound)
+        ),
+        Curve(style.FOOT_OPTIMAL._replace(label="mean of the cycles"), trials, errors),
+        Curve(style.INK, trials, errors, "trials", legend=False, marks="dots"),
     )
     return Figure(
         "learning",
