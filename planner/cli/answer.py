@@ -13,7 +13,7 @@ from planner.cli.desired import Desired, leg_title
 from planner.cli.models import beside, model_words, verdict_document
 from planner.cli.settings import FROM_URDF
 from planner.model.evidence import OPEN_TOP_SPEED
-from planner.planning.plan import Plan, RequestMotion
+from planner.planning.plan import Plan
 from planner.planning.result import FootInversion, Inversion
 from planner.planning.time_shift import (
     CLEARLY,
@@ -48,6 +48,7 @@ def document(prepared: Prepared, plan: Plan, missed: list[str]) -> dict[str, Any
     for j, name in enumerate(desired.names):
         inversion, unit = plan.inversions[j] if plan.inversions else None, desired.unit(j)
         ends = np.degrees([plan.expected[j].low, plan.expected[j].high]).tolist()
+        motion = plan.motions[j]
         joints[name] = {
             **errors_document(np.degrees(plan.errors[:, j]), unit),
             "norm": inversion and inversion.norm,
@@ -64,7 +65,11 @@ def document(prepared: Prepared, plan: Plan, missed: list[str]) -> dict[str, Any
                 f"expected_rms_{unit}": math.degrees(shift.expected[j].error),
             },
             **verdict_document(desired.models[j]),
-            **_motion(plan.motions[j], unit),
+            f"largest_step_{unit}": math.degrees(motion.largest_step),
+            "reversals_per_s": motion.reversals_per_s,
+            f"path_length_{unit}": math.degrees(motion.path_length),
+            f"desired_path_length_{unit}": math.degrees(motion.desired_length),
+            f"beyond_desired_{unit}": math.degrees(motion.beyond),
             f"requests_{unit}": np.degrees(plan.requests[:, j]).tolist(),
             f"predicted_{unit}": np.degrees(plan.predicted[:, j]).tolist(),
             **({} if task.load is None else {"load_Nm": task.load[:, j].tolist()}),
@@ -117,32 +122,31 @@ def document(prepared: Prepared, plan: Plan, missed: list[str]) -> dict[str, Any
 
 def summary(prepared: Prepared, plan: Plan) -> str:
     """The plan for people."""
-    desired, rows = prepared.desired, []
+    desired, task, rows = prepared.desired, plan.task, []
+    labels = [
+        name if desired.unit(j) == "deg" else f"{name} [% of its range]"
+        for j, name in enumerate(desired.names)
+    ]
     has_estimate = any(np.isfinite(each.error) for each in plan.expected)
-    text = (
-        f"{len(plan.requests)} requests, one every {1e3 * desired.period:g} ms; "
-        f"{model_words(prepared.settings.model)}\n"
-    )
-    for j in range(len(desired.names)):
+    by_feet = prepared.settings.plan.method == "foot-optimal"
+    for j, (label, expected) in enumerate(zip(labels, plan.expected, strict=True)):
         errors = errors_document(np.degrees(plan.errors[:, j]), "deg")
         bounded = [NOTHING, NOTHING]
-        by_feet = prepared.settings.plan.method == "foot-optimal"
-        has_bound = not (plan.task.load_of_pose or plan.models[j].exceeds_v_max)
-        if plan.inversions and has_bound and not by_feet:
+        if plan.inversions and not (by_feet or task.load_of_pose or plan.models[j].exceeds_v_max):
             inversion = plan.inversions[j]
             bounded = [f"{np.degrees(inversion.lower_bound):.3f}", percent(inversion.gap)]
-        robot = [expected_words(plan.expected[j])] * has_estimate
-        rows.append(
-            [_label(desired, j), *(f"{error:.3f}" for error in errors.values()), *robot, *bounded]
-        )
-    robot = ["on the robot"] * has_estimate
-    text += text_table(["joint", "rms [deg]", "max [deg]", *robot, "lower bound", "gap"], rows)
-    text += f"\n\n{motions_table(plan).text()}"
-    labels = [_label(desired, j) for j in range(len(desired.names))]
+        robot = [expected_words(expected)] * has_estimate
+        rows.append([label, *(f"{error:.3f}" for error in errors.values()), *robot, *bounded])
+    titles = ["joint", "rms [deg]", "max [deg]", *["on the robot"] * has_estimate, "lower bound"]
+    text = (
+        f"{len(plan.requests)} requests, one every {1e3 * desired.period:g} ms; "
+        f"{model_words(prepared.settings.model)}\n{text_table([*titles, 'gap'], rows)}"
+        f"\n\n{motions_table(plan).text()}"
+    )
     if over_models := models_errors_table(plan, labels):
         text += (
-            f"\n\n{plan.task.norm} errors over the nominal model and "
-            f"{max(map(len, plan.task.models)) - 1} drawn from its intervals:\n{over_models.text()}"
+            f"\n\n{task.norm} errors over the nominal model and {max(map(len, task.models)) - 1} "
+            f"drawn from its intervals:\n{over_models.text()}"
         )
     if desired.legs:
         parts = {name: plan.of_leg(leg) for name, leg in desired.legs.items()}
@@ -152,9 +156,15 @@ def summary(prepared: Prepared, plan: Plan) -> str:
         text += f"\nfoot: {rms:.3f} cm rms from its path, {largest:.3f} cm at most"
         if plan.expected_foot is not None:
             text += f"; on the robot {100.0 * plan.expected_foot:.3f} cm rms to expect"
-        text += _bounded_foot(plan)
+        if plan.of_foot is not None and plan.foot_bound:
+            weighted = "" if len(set(plan.of_foot.weights)) == 1 else " as weighted"
+            norm = {"rms": "rms", "max": "at most"}[task.norm]
+            text += (
+                f"\nno requests within the limits bring it below {100.0 * plan.foot_bound:.3f} cm "
+                f"{norm}{weighted}: the plan is {percent(plan.of_foot.gap)} above that"
+            )
     if plan.method != "shift":
-        text += f"\n{_best_shift(desired, plan)}"
+        text += f"\n{_best_shift(desired, labels, plan)}"
     else:
         leads = zip(desired.names, plan.leads, strict=True)
         text += f"\nearly by: {', '.join(f'{name} {1e3 * lead:.0f} ms' for name, lead in leads)}"
@@ -172,21 +182,21 @@ def summary(prepared: Prepared, plan: Plan) -> str:
         text += f"\nlower bounds of the model only: {', '.join(unknown)} ({OPEN_TOP_SPEED})"
     if reason := no_bound(plan):
         text += f"\nthere is no lower bound {reason}"
-    if np.any(np.isfinite(plan.task.max_step)):
+    if np.any(np.isfinite(task.max_step)):
         text += "\nlower bounds are for requests with steps of any size"
     if desired.unreachable:
         text += f"\n{desired.unreachable} samples were out of the leg's reach"
     return text
 
 
-def _best_shift(desired: Desired, plan: Plan) -> str:
+def _best_shift(desired: Desired, labels: Sequence[str], plan: Plan) -> str:
     """Errors of the desired angles sent early by the best time: the baseline of a plan."""
     shift, each = shifted(plan.task), []
     for j, lead in enumerate(shift.leads):
         expected = np.degrees(shift.expected[j].error)
         robot = "" if np.isnan(expected) else f", on the robot {expected:.3f}"
         error = np.degrees(rms(shift.errors[:, j]))
-        each.append(f"{_label(desired, j)} {error:.3f}{robot} ({1e3 * lead:.0f} ms early)")
+        each.append(f"{labels[j]} {error:.3f}{robot} ({1e3 * lead:.0f} ms early)")
     if len(each) > 6:  # more are too many to list
         largest = math.degrees(max(rms(errors) for errors in shift.errors.T))
         moving = np.ptp(plan.desired, axis=0) > 0.0
@@ -203,12 +213,6 @@ def _best_shift(desired: Desired, plan: Plan) -> str:
     return text
 
 
-def _label(desired: Desired, joint: int) -> str:
-    """The joint's name, with the unit if its errors are not angles."""
-    name = desired.names[joint]
-    return name if desired.unit(joint) == "deg" else f"{name} [% of its range]"
-
-
 def _over_models(
     inversion: Inversion | FootInversion, unit: str, factor: float
 ) -> dict[str, Any] | None:
@@ -217,36 +221,10 @@ def _over_models(
         return None
     return {
         name: {
-            **{
-                f"{which}_{unit}": factor * error
-                for which, error in plan.over_models._asdict().items()
-            },
+            **{f"{which}_{unit}": factor * e for which, e in plan.over_models._asdict().items()},
             f"of_each_{unit}": (factor * plan.errors_of_models).tolist(),
         }
         for name, plan in (("robust_plan", inversion), ("nominal_plan", inversion.nominal))
-    }
-
-
-def _bounded_foot(plan: Plan) -> str:
-    """The lower bound for the foot, in words; empty without one."""
-    if plan.of_foot is None or not plan.foot_bound:
-        return ""
-    weighted = "" if len(set(plan.of_foot.weights)) == 1 else " as weighted"
-    norm = {"rms": "rms", "max": "at most"}[plan.task.norm]
-    return (
-        f"\nno requests within the limits bring it below {100.0 * plan.foot_bound:.3f} cm {norm}"
-        f"{weighted}: the plan is {percent(plan.of_foot.gap)} above that"
-    )
-
-
-def _motion(motion: RequestMotion, unit: str) -> dict[str, float]:
-    """How the requests of a joint move, for machines."""
-    return {
-        f"largest_step_{unit}": math.degrees(motion.largest_step),
-        "reversals_per_s": motion.reversals_per_s,
-        f"path_length_{unit}": math.degrees(motion.path_length),
-        f"desired_path_length_{unit}": math.degrees(motion.desired_length),
-        f"beyond_desired_{unit}": math.degrees(motion.beyond),
     }
 
 
@@ -256,12 +234,6 @@ def errors_document(errors: Array, unit: str, factor: float = 1.0) -> dict[str, 
         f"rms_{unit}": factor * error_norm(errors, "rms"),
         f"max_{unit}": factor * error_norm(errors, "max"),
     }
-
-
-ASSUMED = (
-    "The URDF has no more than the top speeds of the servos; the rest of their models is assumed. "
-    "Identify the joints before these requests are sent."
-)
 
 
 def plan_report(
@@ -316,10 +288,13 @@ def comparison_report(
 
 
 def _notes(prepared: Prepared) -> list[str]:
-    desired = prepared.desired
-    shares = [name for j, name in enumerate(desired.names) if desired.unit(j) != "deg"]
-    notes = [ASSUMED] if prepared.settings.model.file == FROM_URDF else []
-    if shares:
+    desired, notes = prepared.desired, []
+    if prepared.settings.model.file == FROM_URDF:
+        notes.append(
+            "The URDF has no more than the top speeds of the servos; the rest of their models is "
+            "assumed. Identify the joints before these requests are sent."
+        )
+    if shares := [name for j, name in enumerate(desired.names) if desired.unit(j) != "deg"]:
         notes.append(f"{', '.join(shares)}: degrees stand for percent of the joint's range.")
     return notes
 

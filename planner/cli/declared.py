@@ -78,8 +78,8 @@ class Declared:
         otherwise: The effect of leaving it unset, in words, if the default does not show it.
         example: An example value, if there is no default.
         set_to: Its value in a template, if that is not the default.
-        option: Its option on the command line, such as ``--cyclic/--no-cyclic``; "" for none, True
-            for one of the key's name.
+        option: Its option on the command line, such as ``--cyclic/--no-cyclic``; "" for none,
+            ``--`` for one of the key's name.
         by_joint: The key of the same table that takes values of the option for single joints.
         only: The methods, or formats, of its table on which it has an effect; () for all.
         click: Arguments for click that do not follow from the above.
@@ -94,7 +94,7 @@ class Declared:
     otherwise: str = ""
     example: Any = None
     set_to: Any = None
-    option: Any = ""
+    option: str = ""
     by_joint: str = ""
     only: tuple[str, ...] = ()
     click: Mapping[str, Any] = field(default_factory=dict)
@@ -134,7 +134,7 @@ def setting(
     return field(default=default, metadata={"declared": Declared(help, **own, click=click | about)})
 
 
-option = partial(setting, option=True)
+option = partial(setting, option="--")
 """Declare a key of a table that is also an option of the same name."""
 
 
@@ -275,7 +275,7 @@ def _declared(cls: type[Settings]) -> dict[str, Declared]:
         base, notes = _unwrapped(annotation)
         in_words = any(isinstance(note, Expected) for note in notes)
         declared = each.metadata.get("declared", Declared())
-        named = f"--{each.name.replace('_', '-')}" if declared.option is True else declared.option
+        named = f"--{each.name.replace('_', '-')}" if declared.option == "--" else declared.option
         keys[each.name] = replace(
             declared,
             option=named,

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, TypeVar
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 import numpy as np
 
@@ -200,12 +200,7 @@ def desired_of(run: settings.Run, leg: Leg | None, folder: str = "") -> Desired:
         return _half_ellipse(run, path.half_ellipse, leg, folder)
     if path.file is None:
         raise BadSetting("no path: expected ", Key("path.file"), " or [path.half_ellipse]")
-    return _from_file(run, leg, folder)
-
-
-def _from_file(run: settings.Run, leg: Leg | None, folder: str) -> Desired:
-    """The desired motion of a file: a joint path, or a foot path by inverse kinematics."""
-    path, file = run.path, beside(folder, str(run.path.file))
+    file = beside(folder, path.file)
     table, even = path_table(file), path.rate_hz is None and path.speed is None
     if is_foot_path(table):
         if leg is None:
@@ -227,18 +222,25 @@ def _from_file(run: settings.Run, leg: Leg | None, folder: str) -> Desired:
             f"joint '{foreign[0]}' of {joints.path} is not on the leg; its joints: "
             f"{', '.join(leg.joint_names)}"
         )
+    limits = _limits_of(joints.names, named, run.model, folder)
+    return _of_joints(joints, models, closed, remarks, limits=limits, leg=leg, legs=legs)
+
+
+def _of_joints(
+    path: JointPath,
+    models: tuple[JointModel, ...],
+    cyclic: bool,
+    remarks: tuple[Remark, ...],
+    *,
+    limits: dict[str, tuple[float, float]],
+    **legs: Any,
+) -> Desired:
+    """The desired motion of a joint path."""
+    remarks = (*remarks, *refused_models(path.names, models))
     return Desired(
-        joints.names,
-        joints.angles,
-        models,
-        _limits_of(joints.names, named, run.model, folder),
-        leg,
-        units=joints.units,
-        cyclic=closed,
-        remarks=(*remarks, *refused_models(joints.names, models)),
-        loads=joints.loads,
-        legs=legs,
-    )
+        path.names, path.angles, models, limits, units=path.units, cyclic=cyclic, remarks=remarks,
+        loads=path.loads, **legs,
+    )  # fmt: skip
 
 
 def _in_step(
@@ -247,8 +249,11 @@ def _in_step(
     """The path with a sample every ``period`` [s], whether it repeats, and remarks on it."""
     first, speed = path.samples[0], run.path.speed
     closed, remarks = repeats(getattr(path, first), run.plan.cyclic)
-    if isinstance(path, JointPath):
-        remarks += _small(path)
+    if isinstance(path, JointPath) and len(path.angles) >= 10 and set(path.units) == {"deg"}:
+        span, name = float(np.max(np.degrees(np.ptp(path.angles, axis=0)))), path.names[0]
+        if 0.0 < span < LEAST_DEG:
+            words = f"{path.path}: the angles span only {span:.2g} degrees: are they radians? then "
+            remarks += (Remark(f"{words}rename {name}_deg to {name}_rad"),)
     resample = run.path.rate_hz is not None
     resampled = path.in_step(period, resample=resample, cyclic=closed, speed=speed)
     rows: Array = getattr(path, first)
@@ -272,21 +277,6 @@ def _in_step(
     return resampled, closed, remarks
 
 
-def _small(path: JointPath) -> tuple[Remark, ...]:
-    """A remark on a path in degrees whose joints all span as little as in radians."""
-    span = float(np.max(np.degrees(np.ptp(path.angles, axis=0))))
-    few = len(path.angles) < 10
-    if few or set(path.units) != {"deg"} or not 0.0 < span < LEAST_DEG:
-        return ()
-    name = path.names[0]
-    return (
-        Remark(
-            f"{path.path}: the angles span only {span:.2g} degrees: are they radians? then rename "
-            f"{name}_deg to {name}_rad"
-        ),
-    )
-
-
 def load_joints(file: str, run: settings.Run) -> Desired:
     """Read a joint path whose rate is that of the models."""
     table = path_table(file)
@@ -296,17 +286,7 @@ def load_joints(file: str, run: settings.Run) -> Desired:
     models = models_of(run.model, joints.names, rate_hz=run.path.rate_hz)
     models = _models_in(joints.units, run.model, models)
     joints.check_period(models[0].period)
-    closed, remarks = repeats(joints.angles, run.plan.cyclic)
-    return Desired(
-        joints.names,
-        joints.angles,
-        models,
-        {},
-        units=joints.units,
-        cyclic=closed,
-        remarks=(*remarks, *refused_models(joints.names, models)),
-        loads=joints.loads,
-    )
+    return _of_joints(joints, models, *repeats(joints.angles, run.plan.cyclic), limits={})
 
 
 def refused_models(names: Sequence[str], models: Sequence[JointModel]) -> tuple[Remark, ...]:
@@ -337,18 +317,14 @@ def _models_in(
             "nothing; name models of theirs, as identify writes them, with ",
             Key("model.file"),
         )
-    return tuple(
-        _model_of_shares(each) if unit in SHARES else each
-        for unit, each in zip(units, models, strict=True)
-    )
-
-
-def _model_of_shares(model: JointModel) -> JointModel:
-    """A model whose angles are shares of a range, with a percent for a degree."""
-    angles = [each.name for each in fields(model) if each.metadata["unit"].startswith("rad")]
-    scaled = {name: SHARES["range"] * getattr(model, name) for name in angles}
-    evidence = model.evidence and model.evidence.scaled(SHARES["range"])
-    return replace(model, **scaled).with_evidence(evidence)
+    factor, in_units = SHARES["range"], []
+    for unit, each in zip(units, models, strict=True):
+        if unit in SHARES:
+            angles = [f.name for f in fields(each) if f.metadata["unit"].startswith("rad")]
+            scaled = replace(each, **{name: factor * getattr(each, name) for name in angles})
+            each = scaled.with_evidence(each.evidence and each.evidence.scaled(factor))
+        in_units.append(each)
+    return tuple(in_units)
 
 
 def limits_of(limits: settings.Limits, desired: Desired) -> Limits:

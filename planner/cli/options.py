@@ -126,10 +126,12 @@ def settings(*keys: str, **helps: str) -> Callable[[Command], Command]:
 
         decorators = []
         for key in keys:
+            declared = SETTINGS[key]
             own = helps.get(_parameter(key)) or helps.get(key.rpartition(".")[2], "")
-            if key.startswith("plan.") and "plan.method" not in keys:
-                own = own or _of_any_method(SETTINGS[key])
-            decorators.append(_option(key, SETTINGS[key], own))
+            if key.startswith("plan.") and "plan.method" not in keys and not own:
+                own = declared.help.partition(": ")[2] if declared.only else declared.help
+                own = own[:1].upper() + own[1:]  # without the methods, of which there is no choice
+            decorators.append(_option(key, declared, own))
         return several(*decorators)(with_settings)
 
     return decorate
@@ -137,12 +139,6 @@ def settings(*keys: str, **helps: str) -> Callable[[Command], Command]:
 
 def _parameter(key: str) -> str:
     return key.replace(".", "_")
-
-
-def _of_any_method(declared: Declared) -> str:
-    """The help of a setting without its methods, for a command without a choice of method."""
-    words = declared.help.partition(": ")[2] if declared.only else declared.help
-    return words[:1].upper() + words[1:]
 
 
 def _option(key: str, declared: Declared, of_command: str) -> Callable[[Command], Command]:

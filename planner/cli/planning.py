@@ -24,7 +24,6 @@ from planner.files.robot import LegPlace
 from planner.planning.arguments import checked_leg, has_intervals, limits_of_each
 from planner.planning.inversion import planned
 from planner.planning.plan import Method, Plan
-from planner.planning.result import Inversion
 from planner.planning.task import Task
 from planner.trajectory import Array, error_norm, index_of_largest
 
@@ -74,7 +73,10 @@ def load(run: settings.Run, folder: str = "") -> Prepared:
     """Load the inputs that the settings name, for any method; see :func:`prepare`."""
     place = find_leg(run.leg, folder)
     desired = desired_of(run, load_leg(place), folder)
-    desired = replace(desired, remarks=(*desired.remarks, *unused(run.plan, desired)))
+    if desired.loads is not None and run.plan.load is None:
+        words = "the load in the path's columns is not used: ask for it with "
+        unused = Remark(words, Key("plan.load", "column"))
+        desired = replace(desired, remarks=(*desired.remarks, unused))
     starts = starts_of(run.start, desired.names, cyclic=desired.cyclic)
     limits, carried = limits_of(run.limits, desired), load_of(run.plan, desired)
     return Prepared(run, place, desired, limits, starts, carried, folder)
@@ -84,8 +86,7 @@ def check_settings(run: settings.Run, desired: Desired) -> None:
     """Refuse settings that do not go with the method or the path."""
     plan_settings, method = run.plan, Key("plan.method", run.plan.method)
     ignored = [f"plan.{name}" for name in plan_settings.without_effect(plan_settings.method)]
-    started = run.start.deg is not None or run.start.joints
-    if started and plan_settings.method in ("closed-form", "foot-optimal"):
+    if plan_settings.method in ("closed-form", "foot-optimal") and run.start.keys_set:
         ignored.append("start.deg")
     for name in ignored:
         raise BadSetting(Key(name), " has no effect with ", method)
@@ -96,8 +97,7 @@ def check_settings(run: settings.Run, desired: Desired) -> None:
                 method, " plans for a foot path: it needs columns x_m, y_m, z_m and a leg"
             )
     pairs = zip(desired.names, desired.models, strict=True)
-    without = [name for name, model in pairs if not has_intervals(model)]
-    if plan_settings.robust is not None and without:
+    if plan_settings.robust and (without := [name for name, m in pairs if not has_intervals(m)]):
         raise BadSetting(
             Key("plan.robust", plan_settings.robust),
             f" draws models from intervals, and the model of {', '.join(without)} has none "
@@ -148,7 +148,15 @@ def plan_of(
         leg, foot = (desired.leg, desired.foot) if whole else (None, None)
         plan = replace(plan, task=replace(plan.task, lower=lower, upper=upper, leg=leg, foot=foot))
     for each in plan.inversions:
-        _check_bound(each, desired)
+        if each.error < each.lower_bound - ROUNDING:
+            unit, (error, bound) = (
+                desired.unit(each.column),
+                np.degrees([each.error, each.lower_bound]),
+            )
+            raise FailedCheck(
+                f"{desired.names[each.column]}: an error of {error:.6g} {unit} is below its own "
+                f"lower bound of {bound:.6g} {unit}; please report this with the path and the model"
+            )
     chosen = run.limits.deg is not None or run.limits.joints
     beyond = beyond_limits(plan, desired)
     if beyond and (chosen or plan_settings.method != "closed-form"):  # which ignores limits
@@ -239,17 +247,6 @@ def task_of(prepared: Prepared) -> Task:
     if plan_settings.method != "closed-form":  # which ignores limits
         options |= {"limits": limits, "start": prepared.starts}
     return Task.of(desired.models, desired.angles, names=desired.names, **options)
-
-
-def _check_bound(inversion: Inversion, desired: Desired) -> None:
-    """Make sure that the error is not below the lower bound on the error of any requests."""
-    error, unit = inversion.error, desired.unit(inversion.column)
-    if error < inversion.lower_bound - ROUNDING:
-        raise FailedCheck(
-            f"{desired.names[inversion.column]}: an error of {np.degrees(error):.6g} {unit} is "
-            f"below its own lower bound of {np.degrees(inversion.lower_bound):.6g} {unit}; please "
-            "report this with the path and the model"
-        )
 
 
 Load = Array | Callable[[Array], Array]
@@ -357,11 +354,3 @@ def _load_of_masses(
         return loads
 
     return torques
-
-
-def unused(plan: settings.Plan, desired: Desired) -> tuple[Remark, ...]:
-    """A remark on a path whose load the settings do not use."""
-    if desired.loads is None or plan.load is not None:
-        return ()
-    key = Key("plan.load", "column")
-    return (Remark("the load in the path's columns is not used: ask for it with ", key),)

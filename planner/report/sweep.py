@@ -12,15 +12,7 @@ from typing import Any, Literal
 import numpy as np
 
 from planner.report.figure import Axis, Curve, Figure, Panel
-from planner.report.page import (
-    Card,
-    Listing,
-    Page,
-    Section,
-    footer,
-    spoken,
-    table_section,
-)
+from planner.report.page import Card, Listing, Page, Section, footer, spoken, table_section
 from planner.report.style import DIRECT, FOOT_OPTIMAL, INK, LIMIT, OPTIMAL, Role
 from planner.report.table import Column, Row, Table
 
@@ -139,7 +131,7 @@ class Swept:
     def verdict(self) -> str:
         """The answer in a few words."""
         if not self.front:
-            return "No point has a plan"
+            return f"None of {len(self.outcomes)} points has a plan"
         slow, fast = self.front[0], self.front[-1]
         if self.requirement is not None:
             value, best = self.requirement.value, self.best
@@ -178,20 +170,13 @@ class Swept:
         return f"request-planner sweep {shlex.quote(self.file)} {options} --out {folder}"
 
 
-def sweep_page(
-    swept: Swept,
-    *,
-    sources: Sequence[Listing] = (),
-) -> str:
+def sweep_page(swept: Swept, *, sources: Sequence[Listing] = ()) -> str:
     """The whole page."""
     planned = sum(each.planned for each in swept.outcomes)
     key_figures = [Card(f"{planned}", "", f"of {len(swept.outcomes)} points have a plan")]
     sections = []
     if swept.front:
         slow, fast = swept.front[0], swept.front[-1]
-        commands = "\n".join(
-            f"# point {each.number}\n{swept.command(each)}" for each in swept.front
-        )
         key_figures += [
             Card(f"{fast.speed:.3g}", swept.speed_unit,
                  f"the fastest of the front, at {fast.error:.3g} {swept.error_unit}"),
@@ -200,7 +185,8 @@ def sweep_page(
             Card(f"{slow.direct / max(slow.error, 1e-9):.3g}", "times",
                  "that error without a plan, with the desired angles as requests"),
         ]  # fmt: skip
-        values = {"table": points_table(swept), "commands": commands}
+        commands = [f"# point {each.number}\n{swept.command(each)}" for each in swept.front]
+        values = {"table": points_table(swept), "commands": "\n".join(commands)}
         sections.append(Section("The front", FRONT, values))
     if swept.failures:
         rows = [
@@ -208,10 +194,8 @@ def sweep_page(
             for reason, points in list(swept.failures.items())[:20]
         ]
         columns = Column("parameters", words=True), Column("points"), Column("reason", words=True)
-        title = "Points without a plan"
-        sections.append(
-            table_section(title, Table("first point", columns, tuple(rows), label=title))
-        )
+        table = Table("first point", columns, tuple(rows), label="Points without a plan")
+        sections.append(table_section(table.label, table))
     head, _, tail = swept.verdict.partition(": ")
     return Page(
         heading="Speed against error",
@@ -238,13 +222,15 @@ prints is that of the table.</p>
 
 def points_table(swept: Swept) -> Table:
     """The points of the front with their parameters, speeds and errors."""
-    parameters = (WORDS[name] for name in swept.names)
-    titles = [f"{words} [{unit}]" if unit else words for words, unit in parameters]
-    titles += [f"speed [{swept.speed_unit}]", f"error [{swept.error_unit}]"]
-    titles += [f"without a plan [{swept.error_unit}]", "too fast"]
+    parameters = [WORDS[name] for name in swept.names]
+    speed = () if WORDS["speed"] in parameters else ((("speed", swept.speed_unit)),)
+    errors = (("error", swept.error_unit), ("without a plan", swept.error_unit), ("too fast", ""))
+    titles = [
+        f"{words} [{unit}]" if unit else words for words, unit in (*parameters, *speed, *errors)
+    ]
     rows = []
     for each in swept.front:
-        numbers = (*each.point, each.speed, each.error, each.direct)
+        numbers = (*each.point, *[each.speed] * len(speed), each.error, each.direct)
         fast = f"{100.0 * each.too_fast:.0f} % {each.slowest}" if each.slowest else "nowhere"
         best = "\nbest" if each is swept.best else ""
         rows.append(Row(f"{each.number}{best}", (*(f"{value:.4g}" for value in numbers), fast)))

@@ -114,7 +114,8 @@ def _print_summary(document: Mapping[str, Any], words: str, *, as_json: bool) ->
     """Print the answer, and fail if no point meets the requirement."""
     print_answer(document, words, as_json=as_json)
     if document["missed"]:
-        raise click.ClickException(f"{document['missed']}; the files are written all the same")
+        missed = document["missed"] if document["front"] else "no plan"
+        raise click.ClickException(f"{missed}; the files are written all the same")
 
 
 def write_sweep(
@@ -192,9 +193,10 @@ def summary(swept: Swept) -> str:
     """The sweep for people: the verdict, the front, and the first ten reasons for no plan."""
     from planner.report.sweep import points_table
 
-    planned = sum(each.planned for each in swept.outcomes)
-    lines = [swept.verdict, f"{planned} of {len(swept.outcomes)} points have a plan; the front:"]
+    lines = [swept.verdict]
     if swept.front:
+        planned = sum(each.planned for each in swept.outcomes)
+        lines.append(f"{planned} of {len(swept.outcomes)} points have a plan; the front:")
         lines.append(points_table(swept).text())
         lines.append(f"again: {swept.command(swept.best or swept.front[-1])}")
     for reason, outcomes in list(swept.failures.items())[:10]:

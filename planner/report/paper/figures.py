@@ -79,7 +79,7 @@ def paper_figures(reproduction: Reproduction) -> tuple[Figure, ...]:
         _joints(reproduction, "figure6_approximation", more=_lines(reproduction)),
         _joints(reproduction, "figure7_trajectories"),
         _foot_paths(reproduction),
-        _joints(reproduction, "joints_by_method", _distance_panel(reproduction)),
+        _joints(reproduction, "joints_by_method", distance_panel(reproduction, reproduction.foot)),
         _joints(reproduction, "optimised_trajectories"),
         _joints(reproduction, "foot_optimised_trajectories"),
     )
@@ -171,13 +171,13 @@ def foot_paths_figure(
     return Figure(name, *words, ACROSS, (panel,), equal=True, movie=movie)
 
 
-def _distance_panel(reproduction: Reproduction) -> Panel:
-    """The foot's distances; some methods are hidden at first."""
-    timeline, desired = timeline_of(reproduction), reproduction.walk.desired_foot
-    curves = []
+def distance_panel(planned: PlannedWalk, paths: Mapping[str, Array]) -> Panel:
+    """The foot's distances, some methods hidden at first; ``paths`` [m]: (n, 3) or of cycles."""
+    timeline, curves = timeline_of(planned), list[Curve]()
     for method, role in ROLES.items():
-        distances = 100.0 * np.linalg.norm(reproduction.foot[method] - desired, axis=1)
-        curves.append(timeline.curve(distances, role, hidden=method in HIDDEN))
+        distances = 100.0 * np.linalg.norm(paths[method] - planned.walk.desired_foot, axis=-1)
+        cycles = np.atleast_2d(distances)
+        curves += timeline.cycles(cycles, role, hidden=method in HIDDEN)[: distances.ndim]
     axis = Axis("distance", "cm", from_zero=True)
     return Panel(axis, tuple(curves), "foot, from its desired path")
 

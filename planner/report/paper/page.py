@@ -22,10 +22,10 @@ from planner.report.page import (
 from planner.report.paper.figures import FEATURED
 from planner.report.paper.results import (
     Results,
+    bounds_table,
     dropped_words,
     executed_table,
     foot_table,
-    limits_table,
     signed_percent,
     table_1,
     table_2,
@@ -74,7 +74,7 @@ def paper_page(results: Results, figures: Sequence[Figure], files: Sequence[str]
             _moments(featured),
             Section("Table 2: joint angles", TABLE_2, context | _titled(table_2(results))),
             Section("The foot", FOOT, context | _titled(foot_table(results), "centimetres")),
-            Section("How good could any requests be?", BOUNDS, {"table": limits_table(results)}),
+            Section("How good could any requests be?", BOUNDS, {"table": bounds_table(results)}),
             figures_section("Figures", rest),
         ],
         listings=[file_links(files), Listing("Parameters", parameter_rows), *_ends(results)],

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -95,15 +94,13 @@ def paper_results(reproduction: Reproduction) -> dict[str, Any]:
 
 def distance_entry(distance: Distance, published: Published | None) -> dict[str, Any]:
     """A distance beside the paper's own, if it has one."""
-    paper = None
-    if published is not None:
-        paper = {
-            "L2": published.L2.mean,
-            "Linf": published.Linf.mean,
-            "L2_deviation": published.L2.deviation,
-            "Linf_deviation": published.Linf.deviation,
-        }
-    return {"L2": distance.rms, "Linf": distance.max, "paper": paper}
+    paper = published and {
+        "L2": published.L2.mean,
+        "Linf": published.Linf.mean,
+        "L2_deviation": published.L2.deviation,
+        "Linf_deviation": published.Linf.deviation,
+    }
+    return {**_norms(distance), "paper": paper}
 
 
 def _heads(command: str, note: str, **units: str) -> dict[str, Any]:
@@ -176,6 +173,11 @@ def virtual_results(outcome: VirtualOutcome) -> dict[str, Any]:
     """
     planned, constants = outcome.planned, outcome.constants
     sensed, predicted = outcome.sensed_table2, planned.table2
+    mean_table2 = {
+        joint: {pair: over.mean for pair, over in pairs.items()}
+        for joint, pairs in outcome.table2.items()
+    }
+    mean_foot = {method: over.mean for method, over in outcome.foot_table.items()}
     return {
         **_heads(
             "reproduce --robot virtual",
@@ -216,7 +218,7 @@ def virtual_results(outcome: VirtualOutcome) -> dict[str, Any]:
         },
         "learning": {
             "trials": [
-                {"L2": each.mean.rms, "Linf": each.mean.max, "std": {"L2": each.deviation.rms}}
+                {**_norms(each.mean), "std": {"L2": each.deviation.rms}}
                 for each in outcome.learnt_foot
             ],
             "cycles_of_each": MEASURED_CYCLES,
@@ -224,7 +226,7 @@ def virtual_results(outcome: VirtualOutcome) -> dict[str, Any]:
             "stopped": outcome.learning.stopped or None,
         },
         "best_shift_samples": outcome.shift_samples,
-        "baseline_deviation": _baseline_deviation(outcome),
+        "baseline_deviation": float(np.mean(deviations(mean_table2, mean_foot))),
         **_bounds(planned),
         "parameters": {
             "models": {
@@ -245,41 +247,39 @@ def _entry(
 ) -> dict[str, Any]:
     return {
         **distance_entry(over.mean, published),
-        "std": {"L2": over.deviation.rms, "Linf": over.deviation.max},
-        "sensed": {
-            "L2": sensed.mean.rms,
-            "Linf": sensed.mean.max,
-            "std": {"L2": sensed.deviation.rms, "Linf": sensed.deviation.max},
-        },
-        "predicted": {"L2": predicted.rms, "Linf": predicted.max},
+        "std": _norms(over.deviation),
+        "sensed": {**_norms(sensed.mean), "std": _norms(sensed.deviation)},
+        "predicted": _norms(predicted),
         "loss": over.mean.rms / predicted.rms - 1.0,
     }
 
 
+def _norms(distance: Distance) -> dict[str, float]:
+    return {"L2": distance.rms, "Linf": distance.max}
+
+
 def _identification_entry(identification: Identification, unseen: float) -> dict[str, Any]:
     """The identification, and the same in the paper's units beside its Table 1."""
-    period = identification.model.period
-    paper = _in_paper_units(JointModel.ers210a().parameters(), period)
-    ours = _in_paper_units(identification.model.parameters(), period)
-    ends = [
-        _in_paper_units({name: of[end] for name, of in identification.intervals.items()}, period)
-        for end in (0, 1)
-    ]
+    period, held_out = identification.model.period, identification.held_out_rms
+    lower, upper = ({name: of[end] for name, of in identification.intervals.items()}
+                    for end in (0, 1))  # fmt: skip
+    of_paper, of_ours = JointModel.ers210a().parameters(), identification.model.parameters()
+    paper, ours, least, most = (
+        _in_paper_units(values, period) for values in (of_paper, of_ours, lower, upper)
+    )
     return {
         **identification.to_dict(),
         "rms_deg": math.degrees(identification.rms),
-        "held_out_rms_deg": None
-        if identification.held_out_rms is None
-        else math.degrees(identification.held_out_rms),
+        "held_out_rms_deg": None if held_out is None else math.degrees(held_out),
         "unseen_walk_rms_deg": math.degrees(unseen),
         "table1": {
             name: {
-                "value": ours[name],
-                "lower": ends[0][name],
-                "upper": ends[1][name],
+                "value": value,
+                "lower": least[name],
+                "upper": most[name],
                 "paper": paper[name] if name != "offset_deg" else None,
             }
-            for name in ours
+            for name, value in ours.items()
         },
     }
 
@@ -293,17 +293,6 @@ def _in_paper_units(values: dict[str, float], period: float) -> dict[str, float]
         "acceleration_ticks": values["acceleration_time"] / period,
         "offset_deg": math.degrees(values["offset"]),
     }
-
-
-def _baseline_deviation(outcome: VirtualOutcome) -> float:
-    """Mean relative deviation of the ten baseline figures from the paper's."""
-    table2 = {
-        joint: {pair: over.mean for pair, over in pairs.items()}
-        for joint, pairs in outcome.table2.items()
-    }
-    foot = {method: over.mean for method, over in outcome.foot_table.items()}
-    values = deviations(table2, foot)
-    return sum(values) / len(values)
 
 
 def joint_paths(reproduction: Reproduction) -> dict[str, Array]:
@@ -382,11 +371,9 @@ def paper_text(results: Results) -> str:
     blocks = [
         distances_text(results),
         "",
-        "Lower bound on the error under any requests [deg rms]; gap: how far above a plan is",
-        bounds_table(results, 2).text(),
-        "",
-        "How far requests go beyond the joint's limits [deg]: the closed form knows none",
-        excess_table(results).text(),
+        "Lower bound on the rms error under any requests, how far above it a plan is, and how far",
+        "its requests go beyond the joint's limits, of which the closed form knows none",
+        bounds_table(results).text(),
         "",
         "Closed form and optimised requests are planned joint by joint: better in every joint need",
         "not be better in the foot. Refining the knots is ours, not the paper's.",
@@ -456,39 +443,21 @@ def foot_table(results: Results) -> Table:
     return Table("", columns, tuple(rows), label="Foot distances")
 
 
-def bounds_table(results: Results, digits: int = 3) -> Table:
-    """The lower bound of every joint, and the plans' gaps."""
-    bounds = results["bounds"]
-    rows = [Row("lower bound", tuple(number(bound["rms"], digits) for bound in bounds.values()))]
-    for label, key in GAPS.items():
-        rows.append(Row(f"gap, {label}", tuple(percent(bound[key]) for bound in bounds.values())))
-    return Table("", tuple(map(Column, bounds)), tuple(rows), label="Lower bounds")
-
-
-def excess_table(results: Results) -> Table:
-    """How far requests go beyond the limits of every joint [degrees]."""
-    limits, rows = results["limits"], []
+def bounds_table(results: Results) -> Table:
+    """The lower bound of every joint, the plans' gaps, and how far requests go beyond limits."""
+    bounds, limits = results["bounds"].values(), results["limits"].values()
+    ends = (signed(f"{limit['lower']:.0f} to {limit['upper']:.0f}") for limit in limits)
+    rows = [
+        Row("lower bound [degrees]", tuple(number(bound["rms"], 3) for bound in bounds)),
+        *(Row(f"gap, {label}", tuple(percent(bound[key]) for bound in bounds))
+          for label, key in GAPS.items()),
+        Row("limits of the requests [degrees]", tuple(ends)),
+    ]  # fmt: skip
     for method in ("closed_form_plain", "closed_form", "optimal", "foot_optimal"):
-        excesses = (each["excess"][method] for each in limits.values())
+        excesses = (limit["excess"][method] for limit in limits)
         cells = tuple(f"{excess:.1f}" if excess else "kept" for excess in excesses)
-        rows.append(Row(METHODS[method].split(":")[0], cells))
-    return Table("", tuple(map(Column, limits)), tuple(rows), label="Beyond the limits")
-
-
-def limits_table(results: Results) -> Table:
-    """Bounds, limits, and how far requests go beyond these, for a page."""
-    bounds, excess, limits = bounds_table(results), excess_table(results), results["limits"]
-    first, *gaps = bounds.rows
-    ends = tuple(
-        signed(f"{limit['lower']:.0f} to {limit['upper']:.0f}") for limit in limits.values()
-    )
-    rows = (
-        replace(first, about="lower bound [degrees]"),
-        *gaps,
-        Row("limits of the requests [degrees]", ends),
-        *(replace(row, about=f"beyond them, {row.about} [degrees]") for row in excess.rows),
-    )
-    return replace(bounds, rows=rows)
+        rows.append(Row(f"beyond them, {METHODS[method].split(':')[0]} [degrees]", cells))
+    return Table("", tuple(map(Column, results["bounds"])), tuple(rows), label="Lower bounds")
 
 
 def table_1(results: Results) -> Table:

@@ -10,10 +10,11 @@ from planner.evaluation.reproduction import JointOutcome, approximation
 from planner.report import style
 from planner.report.figure import Axis, Curve, Figure, Panel, Timeline, joined, thin
 from planner.report.paper.figures import (
-    HIDDEN,
     ROLES,
+    distance_panel,
     foot_paths_figure,
     joints_figure,
+    timeline_of,
 )
 from planner.report.style import Role
 
@@ -46,15 +47,11 @@ def virtual_figures(outcome: VirtualOutcome) -> tuple[Figure, ...]:
     )
 
 
-def _timeline(outcome: VirtualOutcome) -> Timeline:
-    return Timeline(outcome.constants.request_period, len(outcome.planned.walk.desired))
-
-
 def _foot_paths(outcome: VirtualOutcome) -> Figure:
     """Figure 8: the path of the foot in every cycle; on the page the first of them walks."""
     paths = []
     for method, role in PATHS.items():
-        draw, cycles = _timeline(outcome).path, outcome.foot_paths[method]
+        draw, cycles = timeline_of(outcome.planned).path, outcome.foot_paths[method]
         mean = draw(cycles.mean(axis=0), role)
         paths += [mean, thin(mean, [draw(path, role) for path in cycles])]
     return foot_paths_figure(
@@ -73,7 +70,7 @@ def _foot_paths(outcome: VirtualOutcome) -> Figure:
 
 def _step_tests(outcome: VirtualOutcome) -> Figure:
     """Figures 3 and 4: the sensors' records of each step test's last cycle, and the model's."""
-    timeline, last = _timeline(outcome), slice(-len(outcome.planned.walk.desired), None)
+    timeline, last = timeline_of(outcome.planned), slice(-len(outcome.planned.walk.desired), None)
     once = Timeline(timeline.period, timeline.samples, cyclic=False)
     panels = []
     for identification, joint in zip(outcome.identifications, outcome.planned.joints, strict=True):
@@ -106,7 +103,7 @@ def _step_tests(outcome: VirtualOutcome) -> Figure:
 
 def _joints_direct(outcome: VirtualOutcome) -> Figure:
     """Figure 2: the joints under the direct method, and the models' predictions."""
-    draw, run = _timeline(outcome).degrees, outcome.runs["direct"]
+    draw, run = timeline_of(outcome.planned).degrees, outcome.runs["direct"]
 
     def curves(joint: JointOutcome) -> list[Curve]:
         return [
@@ -125,7 +122,7 @@ def _joints_direct(outcome: VirtualOutcome) -> Figure:
 
 def _trajectories(outcome: VirtualOutcome) -> Figure:
     """Figure 7: desired, approximation, requests, and the angles of every cycle."""
-    draw = _timeline(outcome).degrees
+    draw = timeline_of(outcome.planned).degrees
     return joints_figure(
         outcome.planned,
         "trajectories",
@@ -144,7 +141,7 @@ def _trajectories(outcome: VirtualOutcome) -> Figure:
 
 
 def _foot_optimised(outcome: VirtualOutcome) -> Figure:
-    draw, requests = _timeline(outcome).degrees, outcome.runs["foot_optimal"].requests
+    draw, requests = timeline_of(outcome.planned).degrees, outcome.runs["foot_optimal"].requests
     return joints_figure(
         outcome.planned,
         "foot_optimised_trajectories",
@@ -163,7 +160,7 @@ def _foot_optimised(outcome: VirtualOutcome) -> Figure:
 
 
 def _joints_by_method(outcome: VirtualOutcome) -> Figure:
-    draw = _timeline(outcome).degrees
+    draw = timeline_of(outcome.planned).degrees
     return joints_figure(
         outcome.planned,
         "joints_by_method",
@@ -180,20 +177,9 @@ def _joints_by_method(outcome: VirtualOutcome) -> Figure:
                 for curve in _walked(outcome, method, joint, role, hidden=method == "optimal")
             ),
         ],
-        _distance_panel(outcome),
+        distance_panel(outcome.planned, outcome.foot_paths),
         clock=True,
     )
-
-
-def _distance_panel(outcome: VirtualOutcome) -> Panel:
-    """The foot's distances in every cycle; some methods are hidden at first."""
-    desired, timeline = outcome.planned.walk.desired_foot, _timeline(outcome)
-    curves: list[Curve] = []
-    for method, role in ROLES.items():
-        distances = np.linalg.norm(outcome.foot_paths[method] - desired, axis=2)
-        curves += timeline.cycles(100.0 * distances, role, hidden=method in HIDDEN)
-    axis = Axis("distance", "cm", from_zero=True)
-    return Panel(axis, tuple(curves), "foot, from its desired path")
 
 
 def _walked(
@@ -201,7 +187,7 @@ def _walked(
     *, hidden: bool = False,
 ) -> tuple[Curve, Curve]:  # fmt: skip
     angles = np.degrees(outcome.runs[method].angles[:, :, _index(outcome, joint)])
-    return _timeline(outcome).cycles(angles, role, label, hidden=hidden)
+    return timeline_of(outcome.planned).cycles(angles, role, label, hidden=hidden)
 
 
 def _index(outcome: VirtualOutcome, joint: JointOutcome) -> int:
