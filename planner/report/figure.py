@@ -8,12 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from planner.report.style import LIMIT, MUTED, Role
 from planner.trajectory import Array
+
+if TYPE_CHECKING:
+    from planner.planning.plan import Plan
 
 MARGIN = 0.06
 """Room beside the values of an axis, as a share of their span."""
@@ -267,6 +270,11 @@ class Timeline:
     period: float
     samples: int
     cyclic: bool = True
+
+    @classmethod
+    def of(cls, plan: Plan) -> Timeline:
+        """The times of a plan."""
+        return cls(plan.period, len(plan.desired), plan.cyclic)
 
     @property
     def unit(self) -> str:

@@ -26,7 +26,6 @@ from planner.report.page import (
     spoken,
     table_section,
 )
-from planner.report.style import Role
 from planner.report.table import (
     NO_BOUND,
     NOTHING,
@@ -34,6 +33,7 @@ from planner.report.table import (
     Row,
     Table,
     at_most,
+    number,
     percent,
     signed,
     two_digits,
@@ -76,7 +76,7 @@ def plan_page(
     leg reaches; ``legs`` are those of a robot whose joints are all planned.
     """
     role = METHODS[method]
-    timeline = timeline_of(plan)
+    timeline = Timeline.of(plan)
     rows = (
         Row(f"{timeline.step * k:.6g}", tuple(f"{angle:.3f}" for angle in angles))
         for k, angles in enumerate(np.degrees(plan.requests).tolist())
@@ -211,7 +211,16 @@ def remarks(
     lines = [f"{each}." for each in missed]
     lines += map(sentence, advice(plan))
     if unreachable:
-        lines.append(_out_of_reach(plan, foot_given, unreachable))
+        head = f"{unreachable} of {len(plan.desired)} positions are out of the leg's reach"
+        words = "; the distances count them."
+        if foot_given is not None:
+            given = size(np.linalg.norm(plan.foot - foot_given, axis=1), 100.0)
+            words = (
+                ". The path was clamped to what the leg can reach, and all distances here are to "
+                "the clamped path. To the path as given the foot's distance is "
+                f"{given.rms:.3f} cm rms, {given.max:.3f} cm at most."
+            )
+        lines.append(head + words)
     if jumps := jumps_of(plan):
         samples = ", ".join(str(sample) for sample in jumps[:5])
         lines.append(
@@ -255,18 +264,6 @@ def jumps_of(plan: Plan) -> list[int]:
         return []
     closed = np.vstack([desired, desired[:1]]) if plan.cyclic else desired
     return [int(sample) for sample in leg.jumps(closed)]
-
-
-def _out_of_reach(plan: Plan, foot_given: Array | None, unreachable: int) -> str:
-    head = f"{unreachable} of {len(plan.desired)} positions are out of the leg's reach"
-    if foot_given is None:
-        return f"{head}; the distances count them."
-    original = size(np.linalg.norm(plan.foot - foot_given, axis=1), 100.0)
-    return (
-        f"{head}. The path was clamped to what the leg can reach, and all distances here are to "
-        f"the clamped path. To the path as given the foot's distance is {original.rms:.3f} cm rms, "
-        f"{original.max:.3f} cm at most."
-    )
 
 
 def cards(plan: Plan, legs: Mapping[str, Plan] | None = None) -> list[Card]:
@@ -429,22 +426,20 @@ def joint_rows(plan: Plan) -> list[JointRow]:
             for errors in (plan.errors, plan.direct - plan.desired)
         )
         lower, upper = float(plan.task.lower[j]), float(plan.task.upper[j])
-        bound = float(plan.lower_bounds[j]) if is_bounded(plan) else None
-        requests = plan.requests[:, j]
-        speed, top_speed = plan.speeds[j].highest
-        excess = np.maximum(lower - requests, requests - upper)
-        beyond = float(excess.max())
+        excess = np.maximum(lower - plan.requests[:, j], plan.requests[:, j] - upper)
+        beyond, bounded = float(excess.max()), is_bounded(plan)
+        speed, top_speed, low, high = np.degrees([*plan.speeds[j].highest, lower, upper]).tolist()
         rows.append(
             JointRow(
                 name=name,
                 planned=planned,
                 direct=direct,
-                bound=None if bound is None else math.degrees(bound),
-                gap=None if bound is None else float(plan.gaps[j]),
-                speed=math.degrees(speed),
-                top_speed=math.degrees(top_speed),
+                bound=math.degrees(plan.lower_bounds[j]) if bounded else None,
+                gap=float(plan.gaps[j]) if bounded else None,
+                speed=speed,
+                top_speed=top_speed,
                 too_fast=float(plan.too_fast[j]),
-                limits=(math.degrees(lower), math.degrees(upper)),
+                limits=(low, high),
                 at_limit=int(np.sum(excess >= -AT_LIMIT)),
                 beyond=math.degrees(beyond) if beyond > AT_LIMIT else 0.0,
             )
@@ -454,40 +449,32 @@ def joint_rows(plan: Plan) -> list[JointRow]:
 
 def joints_table(plan: Plan, *, bounded: bool = True) -> Table:
     """Errors, speeds and limits of joints, and lower bounds if wanted and available."""
-    bounded = bounded and is_bounded(plan)
-    has_expected = any(expected_errors(plan))
-    is_shift = plan.method == "shift"
+    bounded, has_expected = bounded and is_bounded(plan), any(expected_errors(plan))
+    is_shift, shift, rows = plan.method == "shift", shifted(plan.task), list[Row]()
     columns = [
         Column("best time shift [deg]" if is_shift else "planned [deg]", ("rms", "max")),
-        *([Column("early [ms]")] if is_shift else []),
-        *([Column("on the robot [deg]")] if has_expected else []),
+        *[Column("early [ms]")] * is_shift,
+        *[Column("on the robot [deg]")] * has_expected,
         Column("without a plan [deg]", ("rms", "max")),
-        *([] if is_shift else [Column("best time shift", ("rms [deg]", "early [ms]"))]),
-        *([Column("lower bound [deg]"), Column("gap")] if bounded else []),
+        *[Column("best time shift", ("rms [deg]", "early [ms]"))] * (not is_shift),
+        *[Column("lower bound [deg]"), Column("gap")] * bounded,
         Column("speed [deg/s]", ("desired", "top")),
-        Column("too fast"),
-        Column("limits [deg]"),
-        Column("at or beyond limits"),
+        *map(Column, ("too fast", "limits [deg]", "at or beyond limits")),
     ]
-    rows, shift = [], shifted(plan.task)
-    early = zip((np.degrees(rms(errors)) for errors in shift.errors.T), shift.leads, strict=True)
-    for row, expected, (error, lead) in zip(joint_rows(plan), plan.expected, early, strict=True):
-        bounds = [
-            NOTHING if row.bound is None else f"{row.bound:.3f}",
-            NOTHING if row.gap is None or math.isinf(row.gap) else percent(row.gap),
-        ]
+    early = zip(shift.errors.T, shift.leads, strict=True)
+    for row, expected, (errors, lead) in zip(joint_rows(plan), plan.expected, early, strict=True):
+        early_by, robot = f"{1e3 * lead:.0f}", expected_words(expected).replace(" (", "\n")
+        gap = NOTHING if row.gap is None or math.isinf(row.gap) else percent(row.gap)
         planned, direct = (
             tuple(f"{error:.3f}" for error in errors) for errors in (row.planned, row.direct)
         )
-        early_by = f"{1e3 * lead:.0f}"
-        robot = expected_words(expected).replace(" (", "\n").removesuffix(")")
         cells: list[str | tuple[str, ...]] = [
             planned,
-            *([early_by] if is_shift else []),
-            *([robot] if has_expected else []),
+            *[early_by] * is_shift,
+            *[robot.removesuffix(")")] * has_expected,
             direct,
-            *([] if is_shift else [(f"{error:.3f}", early_by)]),
-            *(bounds if bounded else []),
+            *[(f"{np.degrees(rms(errors)):.3f}", early_by)] * (not is_shift),
+            *[number(row.bound, 3), gap] * bounded,
             (f"{row.speed:.0f}", f"{row.top_speed:.0f}"),
             percent(row.too_fast, 0),
             _limits(*row.limits),
@@ -499,11 +486,10 @@ def joints_table(plan: Plan, *, bounded: bool = True) -> Table:
 
 def models_errors_table(plan: Plan, labels: Sequence[str]) -> Table | None:
     """Errors of a robust plan over the models that joints may have, beside the nominal plan's."""
-    unit, factor = ("deg", math.degrees(1.0)) if plan.of_foot is None else ("cm", 100.0)
+    unit, factor, rows = "deg", math.degrees(1.0), list[Row]()
     results: Sequence[Inversion | FootInversion] = plan.inversions
     if plan.of_foot is not None:
-        labels, results = ["foot"], [plan.of_foot]
-    rows = []
+        unit, factor, labels, results = "cm", 100.0, ["foot"], [plan.of_foot]
     for label, robust in zip(labels, results, strict=True):
         if robust.nominal is None:
             return None
@@ -516,11 +502,10 @@ def models_errors_table(plan: Plan, labels: Sequence[str]) -> Table | None:
 
 def _limits(lower: float, upper: float) -> str:
     low, high = (signed(f"{limit:.1f}").removesuffix(".0") for limit in (lower, upper))
-    if math.isfinite(lower) and math.isfinite(upper):
+    has_lower, has_upper = math.isfinite(lower), math.isfinite(upper)
+    if has_lower and has_upper:
         return f"{low} to {high}"
-    if math.isfinite(lower):
-        return f"at least {low}"
-    return f"at most {high}" if math.isfinite(upper) else "none"
+    return f"at least {low}" if has_lower else f"at most {high}" if has_upper else "none"
 
 
 def motions_table(plan: Plan) -> Table:
@@ -555,15 +540,10 @@ def feet_table(legs: Mapping[str, Plan]) -> Table:
     return Table("foot", tuple(columns), tuple(rows), label="Feet")
 
 
-def timeline_of(plan: Plan) -> Timeline:
-    """The times of the samples."""
-    return Timeline(plan.period, len(plan.desired), plan.cyclic)
-
-
 # The figures.
 
 
-def foot_figures(plan: Plan, role: Role) -> list[Figure]:
+def foot_figures(plan: Plan, role: style.Role) -> list[Figure]:
     """The moving leg, and its foot's error over time."""
     leg = plan.task.leg
     if leg is None:
@@ -582,12 +562,12 @@ def foot_figures(plan: Plan, role: Role) -> list[Figure]:
         "The leg and the paths of its foot",
         "Move the slider and the leg follows, drag it and it turns.",
     )
-    return [timeline_of(plan).leg("leg", words, motions), distances_figure({"": plan}, role)]
+    return [Timeline.of(plan).leg("leg", words, motions), distances_figure({"": plan}, role)]
 
 
-def distances_figure(legs: Mapping[str, Plan], role: Role) -> Figure:
+def distances_figure(legs: Mapping[str, Plan], role: style.Role) -> Figure:
     """The error of each foot over time, without a plan and with it; "" for the only leg."""
-    timeline = timeline_of(next(iter(legs.values())))
+    timeline = Timeline.of(next(iter(legs.values())))
     feet = {
         name: [
             timeline.curve(100.0 * distances, looks)
@@ -598,9 +578,11 @@ def distances_figure(legs: Mapping[str, Plan], role: Role) -> Figure:
     return figure.foot_figure(timeline, feet)
 
 
-def joint_figure(plan: Plan, role: Role, j: int) -> Figure:
+def joint_figure(plan: Plan, role: style.Role, j: int) -> Figure:
     """A joint's angles as desired, without a plan and with it, and its requests."""
-    timeline, limits = timeline_of(plan), plan.task.limits[j]
+    timeline, comparison = Timeline.of(plan), "without a plan, and with it"
+    if plan.method == "shift":
+        comparison = "with the desired angles as requests, and with these the best time early"
     desired, direct, predicted = (
         timeline.degrees(values[:, j], looks)
         for values, looks in (
@@ -609,9 +591,6 @@ def joint_figure(plan: Plan, role: Role, j: int) -> Figure:
             (plan.predicted, role),
         )
     )
-    comparison = "without a plan, and with it"
-    if plan.method == "shift":
-        comparison = "with the desired angles as requests, and with these the best time early"
     return figure.joint_figure(
         timeline,
         f"joint_{j}",
@@ -622,6 +601,6 @@ def joint_figure(plan: Plan, role: Role, j: int) -> Figure:
         ),
         angles=(desired, direct, predicted),
         requests=(desired, timeline.degrees(plan.requests[:, j], style.REQUESTED, held=True)),
-        limits=limits and (math.degrees(limits[0]), math.degrees(limits[1])),
+        limits=(math.degrees(plan.task.lower[j]), math.degrees(plan.task.upper[j])),
         clock=plan.task.leg is not None or len(plan.names) > 1,
     )
