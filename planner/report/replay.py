@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import PurePath
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -37,15 +37,18 @@ from planner.report.page import (
     table_section,
 )
 from planner.report.table import NOTHING, Column, Row, Table, at_most, number
-from planner.trajectory import Array, error_norm
+from planner.trajectory import Array, Distance, error_norm
 
 if TYPE_CHECKING:
     from kinematics.leg import Leg
     from planner.recording.replaying import JointReplay, Replay
     from planner.recording.retiming import Fastest
 
-UNITS = {"rad": ("deg", math.degrees(1.0)), "1": ("%", 100.0)}
-"""By a log's unit: the page's unit, and the factor to it."""
+UNITS = {"rad": ("deg", math.degrees(1.0)), "1": ("percent", 100.0)}
+"""By a log's unit: the unit for people, and the factor to it."""
+
+SIGNS = {"deg": "deg", "percent": "%"}
+"""How a page writes these units."""
 
 AS_IT_IS = style.DIRECT._replace(label="as it is")
 """The path itself as requests."""
@@ -53,14 +56,6 @@ AS_IT_IS = style.DIRECT._replace(label="as it is")
 MOST_ROWS = 500
 """Most rows of the table, for the recordings that are farthest off: a page of some 200 kB."""
 
-FEW = 12
-"""So many recordings have their numbers on the axis, which has round numbers for more."""
-
-MOST_REASONS = 20
-"""Most recordings without a plan that are listed."""
-
-UNIT_NAMES = {"deg": "deg", "percent": "%"}
-"""The page's names of the document's units."""
 
 KINDS = {
     "resent_rms": "as recorded",
@@ -157,23 +152,19 @@ requests keep it.
 
 def _verdict(replay: Replay) -> tuple[str, str]:
     worst = {
-        kind: max(_error(each, each.errors[kind], "max") for each in replay.planned)
+        kind: max(_sizes(each, each.errors[kind]).max for each in replay.planned)
         for kind in ("planned", "direct", "resent")
     }
-    many = len(replay.planned) > 1
+    there = {joint.path.unit for joint in replay.planned}
     units = {"rad": "degrees", "1": "% of the range"}
-    unit = " or ".join(
-        units[each] for each in units if each in {joint.path.unit for joint in replay.planned}
-    )
-    head = (
-        f"By the model the planned joint{'s stay' if many else ' stays'} within "
-        f"{at_most(worst['planned'])} {unit} of {'their paths' if many else 'its path'}"
-    )
-    tail = (
+    unit = " or ".join(words for each, words in units.items() if each in there)
+    stay, paths = ("s stay", "their paths") if len(replay.planned) > 1 else (" stays", "its path")
+    return (
+        f"By the model the planned joint{stay} within {at_most(worst['planned'])} {unit} of "
+        f"{paths}",
         f"where the path itself as requests is up to {worst['direct']:.2g} {unit} off, and the "
-        f"recorded requests at this speed {worst['resent']:.2g}"
+        f"recorded requests at this speed {worst['resent']:.2g}",
     )
-    return head, tail
 
 
 def _remarks(replay: Replay, fastest: Fastest | None) -> list[str]:
@@ -199,32 +190,29 @@ def _remarks(replay: Replay, fastest: Fastest | None) -> list[str]:
 
 def cards(replay: Replay) -> list[Card]:
     """The key figures."""
-    worst = max(replay.planned, key=lambda each: _error(each, each.errors["planned"], "rms"))
+    worst = max(replay.planned, key=lambda each: _sizes(each, each.errors["planned"]).rms)
     unit, factor = UNITS[worst.path.unit]
-    errors = {kind: _error(worst, error, "rms") for kind, error in worst.errors.items()}
+    errors = {kind: _sizes(worst, error).rms for kind, error in worst.errors.items()}
     bound = factor * worst.lower_bound
     bounded = f"; lower bound {bound:.3g}" if math.isfinite(bound) else ""
     entries = [
-        Card(f"{errors['planned']:.3g}", f"{unit} rms",
+        Card(f"{errors['planned']:.3g}", f"{SIGNS[unit]} rms",
              f"the joint that is farthest off, {worst.name}; the best time shift of its path "
              f"leaves {errors['shifted']:.3g}{bounded}"),
     ]  # fmt: skip
-    expected = [each for each in replay.planned if math.isfinite(each.expected)]
-    if expected:
+    if expected := [each for each in replay.planned if math.isfinite(each.expected)]:
         each = max(expected, key=lambda joint: UNITS[joint.path.unit][1] * joint.expected)
         unit, factor = UNITS[each.path.unit]
         entries.append(
-            Card(f"{factor * each.expected:.3g}", f"{unit} rms",
+            Card(f"{factor * each.expected:.3g}", f"{SIGNS[unit]} rms",
                  f"to expect on the robot of {each.name}, the plan's error and the model's")
         )  # fmt: skip
     count, joints = len(replay.moments), len(replay.joints)
-    seconds = (count - 1) * replay.period
-    entries.append(
-        Card(f"{seconds:.3g}", "s",
-             f"{count} requests to {joints} joint{'s' * (joints > 1)} at "
-             f"{1.0 / replay.period:.4g} Hz, for {replay.path.duration:.3g} s of the recording")
-    )  # fmt: skip
-    return entries
+    words = (
+        f"{count} requests to {joints} joint{'s' * (joints > 1)} at {1.0 / replay.period:.4g} Hz, "
+        f"for {replay.path.duration:.3g} s of the recording"
+    )
+    return [*entries, Card(f"{(count - 1) * replay.period:.3g}", "s", words)]
 
 
 def joints_table(replay: Replay) -> Table:
@@ -247,6 +235,13 @@ def joints_table(replay: Replay) -> Table:
             cells.append(f"{joint.path.reason}: recorded requests, re-timed")
         else:
             pairs = {kind: _pair(joint, error) for kind, error in joint.errors.items()}
+            fast = "nowhere"
+            if spans := joint.too_fast:
+                widest = max(spans, key=lambda span: span.last - span.first)
+                fast = f"{widest.first:.2f} to {widest.last:.2f} s"
+                if len(spans) > 1:
+                    total = sum(last - first for first, last in spans)
+                    fast = f"{total:.2g} s in {len(spans)} parts, such as {fast}"
             cells += [
                 pairs["resent"],
                 pairs["direct"],
@@ -254,45 +249,28 @@ def joints_table(replay: Replay) -> Table:
                 pairs["planned"],
                 number(factor * joint.expected, 3),
                 number(factor * joint.lower_bound, 3),
-                _fast_words(joint),
+                fast,
             ]
         rows.append(Row(label, tuple(cells)))
     return Table("joint [deg]", columns, tuple(rows), label="Joints")
 
 
-def _fast_words(joint: JointReplay) -> str:
-    """The parts of the path that are faster than the joint's top speed, in a few words."""
-    spans = joint.too_fast
-    if not spans:
-        return "nowhere"
-    total = sum(last - first for first, last in spans)
-    widest = max(spans, key=lambda span: span.last - span.first)
-    where = f"{widest.first:.2f} to {widest.last:.2f} s"
-    return where if len(spans) == 1 else f"{total:.2g} s in {len(spans)} parts, such as {where}"
-
-
 def moment_figure(replay: Replay) -> Figure:
     """The slider through the episode, with the numbers of its moment."""
+
+    def values(kind: str) -> list[Array | None]:
+        arrays = ((UNITS[each.path.unit][1], getattr(each, kind)) for each in replay.joints)
+        return [None if array is None else np.asarray(factor * array) for factor, array in arrays]
+
+    kinds = {"path": "desired", "request": "requests", "predicted": "predicted"}
     moments = Moments(
         replay.names,
-        tuple(UNITS[each.path.unit][0] for each in replay.joints),
-        {
-            "path": [_in_unit(each, each.desired) for each in replay.joints],
-            "request": [_in_unit(each, each.requests) for each in replay.joints],
-            "predicted": [
-                None if each.predicted is None else _in_unit(each, each.predicted)
-                for each in replay.joints
-            ],
-        },
+        tuple(SIGNS[UNITS[each.path.unit][0]] for each in replay.joints),
+        {name: values(kind) for name, kind in kinds.items()},
         replay.period,
     )
-    return Figure(
-        "moment",
-        "Through the episode",
-        "Move the slider, and the plots below follow.",
-        _timeline(replay).axis,
-        moments=moments,
-    )
+    words = ("Through the episode", "Move the slider, and the plots below follow.")
+    return Figure("moment", *words, _timeline(replay).axis, moments=moments)
 
 
 def arm_figure(replay: Replay, arm: Leg) -> Figure:
@@ -331,7 +309,7 @@ def joint_figure(replay: Replay, j: int) -> Figure:
     if joint.inversion is None:
         words = f"{joint.path.reason}: its recorded requests at the same moments"
         return figure.joint_figure(
-            timeline, f"joint_{j}", (joint.name, sentence(words)), unit=unit,
+            timeline, f"joint_{j}", (joint.name, sentence(words)), unit=SIGNS[unit],
             requests=(desired, *request_curves),
         )  # fmt: skip
     assert joint.predicted is not None, "a planned joint is simulated"
@@ -354,7 +332,7 @@ def joint_figure(replay: Replay, j: int) -> Figure:
         timeline,
         f"joint_{j}",
         (joint.name, sentence(words)),
-        unit=unit,
+        unit=SIGNS[unit],
         angles=(desired, *(timeline.curve(factor * each, role) for each, role in angles)),
         errors=[timeline.curve(factor * (each - joint.desired), role) for each, role in angles[1:]],
         requests=(desired, *request_curves),
@@ -388,14 +366,9 @@ def speeds_figure(fastest: Fastest) -> Figure:
         "Error against speed",
         "The horizontal line is the tolerance.",
         Axis("times the recorded speed", range=ends),
-        (
-            Panel(
-                Axis("largest error", unit, (0.0, top)),
-                (line(ends, (tolerance, tolerance), style.LIMIT), *curves),
-                height=1.8,
-            ),
-        ),
-    )
+        (Panel(Axis("largest error", unit, (0.0, top)),
+               (line(ends, (tolerance, tolerance), style.LIMIT), *curves), height=1.8),),
+    )  # fmt: skip
 
 
 def factors_figure(fastest: Fastest) -> Figure:
@@ -418,17 +391,14 @@ def _listed(names: Iterable[str]) -> str:
     return ", ".join(sorted(names))
 
 
-def _in_unit(joint: JointReplay, values: Array) -> Array:
-    """Angles in degrees, shares in percent."""
-    return np.asarray(UNITS[joint.path.unit][1] * values)
+def _sizes(joint: JointReplay, errors: Array) -> Distance:
+    """Errors in the joint's unit, in two numbers."""
+    factor = UNITS[joint.path.unit][1]
+    return Distance(factor * error_norm(errors, "rms"), factor * error_norm(errors, "max"))
 
 
-def _error(joint: JointReplay, errors: Array, norm: Literal["rms", "max"]) -> float:
-    return UNITS[joint.path.unit][1] * error_norm(errors, norm)
-
-
-def _pair(joint: JointReplay, errors: Array) -> tuple[str, str]:
-    return f"{_error(joint, errors, 'rms'):.3f}", f"{_error(joint, errors, 'max'):.3f}"
+def _pair(joint: JointReplay, errors: Array) -> tuple[str, ...]:
+    return tuple(f"{size:.3f}" for size in _sizes(joint, errors))
 
 
 def _timeline(replay: Replay) -> Timeline:
@@ -464,7 +434,12 @@ def episodes_page(
         )
     ]
     if failures:
-        sections.append(table_section("Left out", failures_table(failures)))
+        left_out = [Row(_short(name), (reason,)) for name, reason in failures.items()]
+        if len(left_out) > 20:  # that is enough to read
+            left_out[20:] = [Row(f"{len(left_out) - 20} more", (NOTHING,))]
+        columns = (Column("reason", words=True),)
+        table = Table("recording", columns, tuple(left_out), label="Left out")
+        sections.append(table_section("Left out", table))
     figures = [errors_figure(rows, unit) for unit in units]
     if len(figures) > 1:
         sections.insert(0, figures_section("", figures[1:]))
@@ -473,7 +448,7 @@ def episodes_page(
         kind: float(np.median([row[f"{kind}_rms"] for row in rows]))
         for kind in ("direct", "shifted", "planned")
     }
-    unit = UNIT_NAMES[units[0]] if len(units) == 1 else "deg, or % of a range,"
+    unit = SIGNS[units[0]] if len(units) == 1 else "deg, or % of a range,"
     return Page(
         heading=f"Replay of {total} recordings",
         eyebrow=f"request-planner replay · {title}",
@@ -487,7 +462,7 @@ def episodes_page(
         good=not failures,
         remarks=[sentence(each) for each in document["remarks"]],
         cards=[
-            Card(f"{worst['planned_rms']:.3g}", f"{UNIT_NAMES[worst['unit']]} rms",
+            Card(f"{worst['planned_rms']:.3g}", f"{SIGNS[worst['unit']]} rms",
                  f"the plan that is farthest off, of {worst['worst_joint']} in "
                  f"{_short(worst['recording'])}; lower bound {number(worst['lower_bound'], 3)}"),
             Card(f"{sum(row['duration_s'] for row in rows):.3g}", "s",
@@ -529,14 +504,6 @@ def episodes_table(rows: Sequence[Mapping[str, Any]], *, fastest: bool) -> Table
     return Table("recording", tuple(map(Column, titles)), tuple(table_rows), label="Recordings")
 
 
-def failures_table(failures: Mapping[str, str]) -> Table:
-    """Why recordings have no plan."""
-    rows = [Row(_short(name), (reason,)) for name, reason in list(failures.items())[:MOST_REASONS]]
-    if (more := len(failures) - MOST_REASONS) > 0:
-        rows.append(Row(f"{more} more", (NOTHING,)))
-    return Table("recording", (Column("reason", words=True),), tuple(rows), label="Left out")
-
-
 def errors_figure(rows: Sequence[Mapping[str, Any]], unit: str) -> Figure:
     """Errors against the number of the recording, in the order in which they were read."""
     own = [(place, row) for place, row in enumerate(rows, 1) if row["unit"] == unit]
@@ -546,19 +513,14 @@ def errors_figure(rows: Sequence[Mapping[str, Any]], unit: str) -> Figure:
     def values(kind: str) -> Array:
         return np.array([np.nan if row[kind] is None else row[kind] for _, row in own])
 
-    numbers = {float(k): str(k) for k in range(1, len(rows) + 1)} if len(rows) <= FEW else None
+    few = range(1, len(rows) + 1) if len(rows) <= 12 else ()  # more have round numbers on the axis
+    numbers = {float(k): str(k) for k in few} or None
     looks = {"direct_rms": style.DIRECT, "shifted_rms": style.SHIFT, "planned_rms": style.OPTIMAL}
     curves = [
-        Curve(
-            role,
-            places,
-            values(kind),
-            marks="rings" if role is style.SHIFT else "dots",
-            notes=notes,
-            hidden=role is style.DIRECT,
-        )
+        Curve(role, places, values(kind), marks="rings" if role is style.SHIFT else "dots",
+              notes=notes, hidden=role is style.DIRECT)
         for kind, role in looks.items()
-    ]
+    ]  # fmt: skip
     if np.isfinite(bounds := values("lower_bound")).any():
         ends = places[:, None] + np.array([-0.4, 0.4])
         heights = np.column_stack([bounds, bounds])
@@ -568,7 +530,7 @@ def errors_figure(rows: Sequence[Mapping[str, Any]], unit: str) -> Figure:
         "Error of each recording",
         "Of its joint that is farthest off. Point at a dot for its recording and joint.",
         Axis("recording", "", (0.5, len(rows) + 0.5), names=numbers),
-        (Panel(Axis("error, rms", UNIT_NAMES[unit], from_zero=True), tuple(curves), height=2.2),),
+        (Panel(Axis("error, rms", SIGNS[unit], from_zero=True), tuple(curves), height=2.2),),
     )
 
 

@@ -20,7 +20,7 @@ from planner.report.identification.page import (
 )
 from planner.report.page import sources_of
 from planner.report.plan import plan_page
-from planner.report.replay import MOST_REASONS, episodes_page, replay_page
+from planner.report.replay import episodes_page, replay_page
 from planner.report.sweep import Outcome, Requirement, Swept, sweep_page
 from planner.robot.candidates import WORDS, Candidate, Compared
 from tests.corpus.page_text import check_needs_nothing_else, figures_of, text_of
@@ -165,7 +165,7 @@ def episodes():
             (0, 1, 3), (0.3, 0.45, 0.25), about, errors, strict=True
         )
     ]  # fmt: skip
-    failed = [f"data/walks, episode {10 + k}" for k in range(MOST_REASONS + 1)]
+    failed = [f"data/walks, episode {10 + k}" for k in range(20 + 1)]
     made = document(rows, left_out=failed)
     made["remarks"] = ["the models are old", "two episodes are short"]
     return episodes_page(made, title="walks", words="follows the state", sources=SOURCES)

@@ -17,7 +17,7 @@ from planner.cli import settings
 from planner.cli.console import BadSetting, Key
 from planner.cli.desired import find_leg
 from planner.cli.export import FOLDERS, write_rows
-from planner.cli.replay.task import RESENT, UNITS, ReplayTask
+from planner.cli.replay.task import RESENT, ReplayTask
 from planner.cli.settings import ReplayFormat
 from planner.exceptions import InvalidInput, PlannerError
 from planner.files.columns import TIME
@@ -32,7 +32,7 @@ from planner.files.text import to_json
 from planner.parallel import carry_out
 from planner.recording.recorded_path import WHY
 from planner.recording.replaying import JointReplay, Replay
-from planner.report.replay import episodes_table
+from planner.report.replay import UNITS, episodes_table
 from planner.robot.schedule import Schedule
 from planner.trajectory import Array, error_norm
 

@@ -24,14 +24,12 @@ from planner.model.evidence import OPEN_TOP_SPEED
 from planner.recording.recorded_path import WHY, RecordedPath, check_length, recorded_path
 from planner.recording.replaying import Replay, replay_at
 from planner.recording.retiming import Fastest, Measure, fastest_at
-from planner.report.replay import joints_table
+from planner.report.replay import UNITS, joints_table
 from planner.trajectory import error_norm
 
 if TYPE_CHECKING:
     from kinematics import Leg
 
-UNITS = {"rad": ("deg", math.degrees(1.0)), "1": ("percent", 100.0)}
-"""By a log's unit: the unit for people, and the factor to it."""
 
 ROUNDING = 1e-9
 """Share of a tolerance by which rounding may miss it."""
@@ -117,7 +115,11 @@ def tasks_of(
 ) -> tuple[ReplayTask, ...]:
     """A task for every recording."""
     _check_tolerance(run, replay)
-    rate = _rate(recordings)
+    rate = None  # that of the recording
+    if recordings[0].dataset:
+        rate = find_dataset(recordings[0].place.file).rate
+    elif len(recordings) > 1 and (logs := first_logs(recordings)):
+        rate = 1.0 / float(np.median([log.period for log in logs]))
     if len(recordings) == 1:  # of several, recordings of unsuitable length are left out
         check_length(
             recordings[0].read(),
@@ -247,7 +249,10 @@ def document(replay: Replay, models: JointModels) -> dict[str, Any]:
 
 def fastest_text(fastest: Fastest) -> str:
     """The largest speed of the recording, and the proof that no much larger one is possible."""
-    size = _allowed(fastest)
+    size = f"{100.0 * fastest.tolerance:.3g} cm"
+    if not fastest.foot:
+        degrees = f"{math.degrees(fastest.tolerance):.3g}"
+        size = f"{degrees} degree{'s' * (degrees != '1')}"
     speed = f"{fastest.speed:.3g} times the speed"
     if fastest.retime == "varying":
         low, high = float(np.min(fastest.factors)), float(np.max(fastest.factors))
@@ -327,13 +332,6 @@ def missed(task: ReplayTask, replay: Replay) -> list[str]:
     return messages
 
 
-def _allowed(fastest: Fastest) -> str:
-    if fastest.foot:
-        return f"{100.0 * fastest.tolerance:.3g} cm"
-    size = f"{math.degrees(fastest.tolerance):.3g}"
-    return f"{size} degree{'s' * (size != '1')}"
-
-
 def replay_report(
     task: ReplayTask, replay: Replay, fastest: Fastest | None, page: str, output: str
 ) -> str:
@@ -374,14 +372,6 @@ def _check_tolerance(run: settings.Run, replay: settings.Replay) -> None:
         raise BadSetting(key, " has no effect without ", Key("replay.fastest", True))
     if replay.fastest and "speed" in replay.keys_set:
         raise BadSetting(Key("replay.speed"), " is what ", Key("replay.fastest", True), " finds")
-
-
-def _rate(recordings: Sequence[Recording]) -> float | None:
-    """Requests per second of a dataset, or of the first of several recordings."""
-    if recordings[0].dataset:
-        return find_dataset(recordings[0].place.file).rate
-    logs = first_logs(recordings) if len(recordings) > 1 else ()
-    return 1.0 / float(np.median([log.period for log in logs])) if logs else None
 
 
 def _limits(limits: settings.Limits, logs: Sequence[Log]) -> dict[str, tuple[float, float]] | None:
