@@ -21,7 +21,7 @@ from planner.evaluation.cross_check import (
     JointComparison,
 )
 from planner.model.evidence import untested_words
-from planner.report import figure
+from planner.report import figure, style
 from planner.report.figure import Axis, Figure, Motion, Panel, Timeline, line, near_limits
 from planner.report.matplotlib_figure import draw_grid
 from planner.report.page import (
@@ -34,9 +34,8 @@ from planner.report.page import (
     sentence,
     table_section,
 )
-from planner.report.style import CLOSED_FORM, DESIRED, FOOT_OPTIMAL, INK, OPTIMAL
 from planner.report.table import NOTHING, Column, Row, Table, number, percent
-from planner.trajectory import error_norm, index_of_largest
+from planner.trajectory import error_norm, index_of_largest, rms
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Picture
@@ -48,7 +47,11 @@ MOST_COLUMNS, COLUMN = 3, 3.6
 SHOWN = "closed_form_paper"
 """The closed form that is drawn."""
 
-FOOT_ROLES = {SHOWN: CLOSED_FORM, "optimal": OPTIMAL, "foot_optimal": FOOT_OPTIMAL}
+FOOT_ROLES = {
+    SHOWN: style.CLOSED_FORM,
+    "optimal": style.OPTIMAL,
+    "foot_optimal": style.FOOT_OPTIMAL,
+}
 """The plans whose feet are drawn."""
 
 
@@ -95,7 +98,12 @@ def comparison_page(
             ),
         ],
         listings=sources,
-        footer=Markup(FOOTER),
+        footer=Markup(
+            f"request-planner {__version__} compare. The closed form inverts each line by the rule "
+            "of Stronger &amp; Stone, <cite>A Model-Based Approach to Robot Joint Control</cite>, "
+            "Section 4. The choice of the lines, with knots refined by simulating the joint, is "
+            "not the paper’s, nor are the optimised requests and the bounds."
+        ),
     ).html()
 
 
@@ -140,23 +148,14 @@ CHECKS = """
 </ul>
 """
 
-FOOTER = (
-    f"request-planner {__version__} compare. The closed form inverts each line by the rule of "
-    "Stronger &amp; Stone, <cite>A Model-Based Approach to Robot Joint Control</cite>, Section 4. "
-    "The choice of the lines, with knots refined by simulating the joint, is not the paper’s, nor "
-    "are the optimised requests and the bounds."
-)
-
 
 # The verdict in words.
 
 
 def verdict(check: CrossCheck) -> tuple[str, str]:
     """The verdict: a headline and its details."""
-    count = len(check.checks) - len(check.failures)
-    if check.passed:
-        head = f"The plans agree: all {count} checks hold"
-    else:
+    head = f"The plans agree: all {len(check.checks)} checks hold"
+    if not check.passed:
         head = f"{len(check.failures)} of {len(check.checks)} checks do not hold"
     words = {SHOWN: "closed form", "optimal": "optimised requests", SECOND: "IPOPT through CasADi"}
     gaps = ", ".join(
@@ -165,8 +164,7 @@ def verdict(check: CrossCheck) -> tuple[str, str]:
         if method in check.methods
     )
     zero = error_above_zero(check, SHOWN) is not None
-    what = "Errors above a lower bound of 0" if zero else "Gaps above the lower bound"
-    tail = f"{what}: {gaps}."
+    tail = f"{'Errors above a lower bound of 0' if zero else 'Gaps above the lower bound'}: {gaps}."
     apart = max(math.degrees(np.max(np.abs(joint.difference(SHOWN)))) for joint in check.joints)
     if apart > 0.0:
         tail += f" The requests of the first two differ by up to {apart:.3g} degrees all the same."
@@ -190,28 +188,23 @@ def error_above_zero(check: CrossCheck, method: str) -> float | None:
 
 def key_figures(check: CrossCheck) -> list[Card]:
     """Agreement, gaps, and the foot."""
-    norm = check.norm
+    norm, count = check.norm, len(check.checks)
     agreement = max(each.value for each in check.checks if each.name == AGREES)
-    cards = [
-        Card(
-            f"{len(check.checks) - len(check.failures)} of {len(check.checks)}",
-            "",
-            "checks hold; the predicted angles are at most "
-            f"{agreement:.1g} rad from an independent simulation",
-        )
-    ]
+    words = (
+        f"checks hold; the predicted angles are at most {agreement:.1g} rad from an independent "
+        "simulation"
+    )
+    cards = [Card(f"{count - len(check.failures)} of {count}", "", words)]
     gaps = {
         SHOWN: "closed form, the paper’s rule, knots refined",
         "optimal": "optimised",
         SECOND: "optimised by IPOPT through CasADi",
     }
-    for method, words in gaps.items():
-        if method not in check.methods:
-            continue
+    for method in [each for each in gaps if each in check.methods]:
         if (error := error_above_zero(check, method)) is not None:
-            cards.append(Card(f"{error:.3g}", f"deg {norm}", f"lower bound 0: {words}"))
+            cards.append(Card(f"{error:.3g}", f"deg {norm}", f"lower bound 0: {gaps[method]}"))
             continue
-        text = f"above the lower bound on the {norm} error: {words}"
+        text = f"above the lower bound on the {norm} error: {gaps[method]}"
         cards.append(Card(above_bound(check, method), "", text))
     if check.foot is not None:
         before, after = (
@@ -224,10 +217,8 @@ def key_figures(check: CrossCheck) -> list[Card]:
         return [*cards, Card(f"{before:.2f} → {after:.2f}", "cm", words)]
     worst = max(check.joints, key=lambda joint: joint.plans["optimal"].error)
     error, bound = math.degrees(worst.plans["optimal"].error), math.degrees(worst.bound)
-    words = (
-        f"the largest error of a joint when optimised, {worst.name}; lower bound {bound:.3g} deg"
-    )
-    return [*cards, Card(f"{error:.3g}", f"deg {norm}", words)]
+    words = f"the largest error of a joint when optimised, {worst.name}; "
+    return [*cards, Card(f"{error:.3g}", f"deg {norm}", f"{words}lower bound {bound:.3g} deg")]
 
 
 def remarks(check: CrossCheck, *, unreachable: int = 0) -> list[str]:
@@ -238,14 +229,16 @@ def remarks(check: CrossCheck, *, unreachable: int = 0) -> list[str]:
             f"{unreachable} of {len(check.joints[0].desired)} samples were out of reach; the "
             "distances are to the path that the leg can reach."
         )
-    beyond = []
-    for joint in check.joints:
-        limits, requests = joint.plans["optimal"].limits, joint.plans[SHOWN].requests
-        if limits is None:
-            continue
-        excess = beyond_limits(requests, limits)
-        if excess > 1e-9:  # more than rounding of degrees [rad]
-            beyond.append(f"{joint.name} by {math.degrees(excess):.3g} degrees")
+    excesses = {
+        joint.name: beyond_limits(joint.plans[SHOWN].requests, limits)
+        for joint in check.joints
+        if (limits := joint.plans["optimal"].limits) is not None
+    }
+    beyond = [
+        f"{name} by {math.degrees(excess):.3g} degrees"
+        for name, excess in excesses.items()
+        if excess > 1e-9  # more than rounding of degrees [rad]
+    ]
     if beyond:
         lines.append(
             f"The closed form knows no limits: it requests more than they allow of "
@@ -273,9 +266,11 @@ def comparison_text(check: CrossCheck) -> str:
 def verdict_line(check: CrossCheck) -> str:
     """The number of checks that hold, and the first that does not."""
     count = f"{len(check.checks) - len(check.failures)} of {len(check.checks)} checks hold"
-    if check.passed:
-        return f"passed: {count}"
-    return f"failed: {count}; {failure_words(check.failures[0])}"
+    return (
+        f"failed: {count}; {failure_words(check.failures[0])}"
+        if check.failures
+        else f"passed: {count}"
+    )
 
 
 def failure_words(check: Check) -> str:
@@ -294,22 +289,19 @@ def plans_table(joints: Sequence[JointComparison]) -> Table:
     for joint in joints:
         for method, plan in joint.plans.items():
             apart = np.degrees(joint.difference(method))
-            most = index_of_largest(np.abs(apart))
-            difference = (NOTHING,) * 3
+            most, difference = index_of_largest(np.abs(apart)), (NOTHING,) * 3
             if method != "optimal":
-                rms = math.sqrt(float(np.mean(apart**2)))
-                difference = (f"{rms:.2f}", f"{abs(apart[most]):.2f}", f"{most}")
+                difference = (f"{rms(apart):.2f}", f"{abs(apart[most]):.2f}", f"{most}")
             errors = (f"{math.degrees(plan.rms):.3f}", f"{math.degrees(plan.max_error):.3f}")
-            expected = math.degrees(plan.expected.error)
-            robot = (number(expected, 3),) * has_expected
+            robot = (number(math.degrees(plan.expected.error), 3),) * has_expected
             row = (*errors, *robot, percent(joint.gap(method)), *difference)
             rows.append(Row(METHODS[method], row, joint.name))
-        column = 0 if joint.plans["optimal"].norm == "rms" else 1
         for level, bound in joint.bounds.items():
             solver_gap = joint.certificates[level].solver_gap
             which = f"{level}, solver gap {percent(solver_gap)}" if solver_gap else level
-            cells = _only(f"{math.degrees(bound):.3f}", column, 6 + has_expected)
-            rows.append(Row(f"lower bound ({which})", cells, joint.name, "bound"))
+            cells = [""] * (6 + has_expected)
+            cells[joint.plans["optimal"].norm == "max"] = f"{math.degrees(bound):.3f}"
+            rows.append(Row(f"lower bound ({which})", tuple(cells), joint.name, "bound"))
     titles = (
         *("rms [deg]", "max [deg]", *["on the robot [deg]"] * has_expected, "gap"),
         *("requests differ: rms [deg]", "most [deg]", "at request"),
@@ -329,8 +321,9 @@ def foot_table(foot: FootComparison) -> Table:
         cells = (*errors, NOTHING if gap is None else percent(gap), *difference)
         rows.append(Row(METHODS[method], cells, "foot"))
     if foot.bound is not None:
-        cells = _only(f"{100.0 * foot.bound:.3f}", 0 if foot.norm == "rms" else 1, 5)
-        rows.append(Row("lower bound within the limits", cells, "foot", "bound"))
+        bound = [""] * 5
+        bound[foot.norm == "max"] = f"{100.0 * foot.bound:.3f}"
+        rows.append(Row("lower bound within the limits", tuple(bound), "foot", "bound"))
     titles = ("rms [cm]", "max [cm]", "gap", "requests differ: rms [deg]", "most [deg]")
     return Table("foot, plan", tuple(map(Column, titles)), tuple(rows), label="Foot")
 
@@ -377,10 +370,6 @@ def notes(joints: Sequence[JointComparison]) -> Iterator[str]:
                 )
 
 
-def _only(cell: str, column: int, columns: int) -> tuple[str, ...]:
-    return tuple(cell if number == column else "" for number in range(columns))
-
-
 # The figures.
 
 
@@ -404,32 +393,19 @@ def comparison_figure(check: CrossCheck) -> Picture:
 def joint_figure(check: CrossCheck, joint: JointComparison, j: int) -> Figure:
     """A joint: its angles, its requests, and how far these differ."""
     timeline = _timeline(check)
-    closed_form, optimal = joint.plans[SHOWN], joint.plans["optimal"]
-    desired, *angles = (
-        timeline.curve(np.degrees(values), role)
-        for values, role in (
-            (joint.desired, DESIRED),
-            (closed_form.predicted, CLOSED_FORM),
-            (optimal.predicted, OPTIMAL),
-        )
-    )
-    requests = [
-        timeline.degrees(plan.requests, role, held=True)
-        for plan, role in ((closed_form, CLOSED_FORM), (optimal, OPTIMAL))
-    ]
-    difference = timeline.degrees(
-        joint.difference(SHOWN), INK._replace(label="difference", width=1.3), held=True
-    )
-    end = timeline.axis.range[1] if timeline.axis.range else 0.0
-    limits = None
-    if optimal.limits is not None:
-        limits = (math.degrees(optimal.limits[0]), math.degrees(optimal.limits[1]))
+    plans = [(joint.plans[SHOWN], style.CLOSED_FORM), (joint.plans["optimal"], style.OPTIMAL)]
+    angles = [(joint.desired, style.DESIRED), *((plan.predicted, role) for plan, role in plans)]
+    requests = [timeline.degrees(plan.requests, role, held=True) for plan, role in plans]
+    look = style.INK._replace(label="difference", width=1.3)
+    difference = timeline.degrees(joint.difference(SHOWN), look, held=True)
+    end, limits = timeline.step * timeline.last, joint.plans["optimal"].limits
+    lines = near_limits(limits and np.degrees(limits).tolist(), requests[1], end=end)
     return timeline.figure(
         f"joint_{j}",
         [
-            Panel(Axis("angle", "deg"), (desired, *angles), "predicted"),
-            Panel(Axis("request", "deg"), (*near_limits(limits, requests[1], end=end), *requests),
-                  "requested"),
+            Panel(Axis("angle", "deg"), tuple(timeline.degrees(*each) for each in angles),
+                  "predicted"),
+            Panel(Axis("request", "deg"), (*lines, *requests), "requested"),
             Panel(Axis("difference", "deg"), (line((0.0, end), (0.0, 0.0)), difference),
                   "requests, closed form − optimised", height=0.8),
         ],
@@ -456,7 +432,7 @@ def foot_figure(check: CrossCheck) -> Figure:
 def leg_figure(check: CrossCheck, foot: FootComparison, leg: Leg) -> Figure:
     """The leg as desired, and under the plans."""
     joints = np.column_stack([joint.desired for joint in check.joints])
-    motions = [Motion(DESIRED, leg.joint_positions(joints))]
+    motions = [Motion(style.DESIRED, leg.joint_positions(joints))]
     for method, role in FOOT_ROLES.items():
         plan = foot.plans[method]
         motions.append(Motion(role, leg.joint_positions(plan.predicted), plan.distances))

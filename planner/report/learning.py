@@ -22,7 +22,6 @@ from planner.report.page import (
     sentence,
     spoken,
 )
-from planner.report.style import Role
 from planner.report.table import NOTHING, Column, Row, Table
 from planner.trajectory import Array
 
@@ -81,24 +80,38 @@ def learning_page(
     sources: Sequence[Listing] = (),
 ) -> str:
     """The page about the next plan; the last requests and their mean cycle are (n, k) [rad]."""
-    ended = all(each.stopped for each in progress)
-    trials = len(progress[0].errors)
+    trials, ended = len(progress[0].errors), all(each.stopped for each in progress)
     count = "1 trial" if trials == 1 else f"{trials} trials"
-    head = "Learning has ended" if ended else f"Learnt from {count}"
-    joints = [joint_figure(plan, executed, measured, j) for j in range(len(plan.names))]
-    first = _worst(progress)
-    rest = [each for each in progress if each is not first]
+    worst = max(progress, key=lambda each: float(np.min(each.errors)))
+    rest = [each for each in progress if each is not worst]
     more = [errors_figure(each, f"learning_{j + 2}") for j, each in enumerate(rest)]
+    joints = [joint_figure(plan, executed, measured, j) for j in range(len(plan.names))]
+    verdict = ", ".join(
+        f"{each.name} from {_short(each.errors[0])} to {_short(np.min(each.errors))} {each.unit}"
+        if len(each.errors) > 1
+        else f"{each.name} {_short(each.errors[0])} {each.unit} rms"
+        for each in progress
+    )
     remarks = [about_others] if about_others else []
     remarks += [sentence(f"{each.name}: {text}") for each in progress for text in each.remarks]
     remarks += [sentence(f"{each.name}: {each.stopped}") for each in progress if each.stopped]
+    figures = {
+        f"rms error of the first trial, {worst.name}": worst.errors[0],
+        "of the best trial": np.min(worst.errors) if len(worst.errors) > 1 else math.nan,
+        "lower bound of the model": worst.bound,
+        "noise of one cycle": worst.noise,
+    }
     return Page(
         heading=heading(title),
         eyebrow="request-planner refine",
-        verdict=spoken(head, _verdict(progress), ": "),
+        verdict=spoken("Learning has ended" if ended else f"Learnt from {count}", verdict, ": "),
         remarks=remarks,
-        cards=_cards(progress),
-        figure=errors_figure(first),
+        cards=[
+            Card(_short(value), worst.unit, words)
+            for words, value in figures.items()
+            if not math.isnan(value)
+        ],
+        figure=errors_figure(worst),
         sections=[
             Section("The trials", TRIALS, {"table": trials_table(progress), "more": more}),
             figures_section("The joints", joints),
@@ -110,50 +123,43 @@ def learning_page(
 
 def errors_figure(progress: Progress, name: str = "learning") -> Figure:
     """The error of each trial, with the lower bound."""
-    count = len(progress.errors)
+    count, notes = len(progress.errors), list[str]()
     goes_on = not math.isnan(progress.predicted) and not progress.stopped
     last = count + goes_on
-    trials, ends = np.arange(1.0, count + 1.0), np.array([0.8, last + 0.2])
-    notes = list[str]()
+    trials, ends = np.arange(1.0, count + 1.0), (0.8, last + 0.2)
     error = style.OPTIMAL._replace(label="error", dashes="-")
     curves = [Curve(error, trials, progress.errors, marks=marks) for marks in ("", "dots")]
     if not math.isnan(progress.bound):
-        curves.insert(0, Curve(BOUND, ends, np.full(2, progress.bound)))
+        curves.insert(0, Curve(BOUND, np.array(ends), np.full(2, progress.bound)))
         notes.append("No requests have less error than the lower bound of the model.")
     if goes_on:
         at = np.array([count + 1.0])
         curves.append(Curve(NEXT, at, np.array([progress.predicted]), marks="rings"))
         notes.append("The ring is the error predicted of the next requests.")
     top = 1.1 * float(np.nanmax([*progress.errors, progress.noise, progress.predicted]))
+    names = {float(number): str(number) for number in range(1, last + 1)}
     return Figure(
         name,
         f"{heading(progress.name)}: the error of each trial",
         " ".join(notes),
-        Axis(
-            "trial",
-            names={float(number): str(number) for number in range(1, last + 1)},
-            range=(0.8, last + 0.2),
-        ),
+        Axis("trial", names=names, range=ends),
         (Panel(Axis("rms error", progress.unit, (0.0, top), decimals=3), tuple(curves)),),
     )
 
 
 def joint_figure(plan: Plan, executed: Array, measured: Array, j: int) -> Figure:
     """A joint's angles, its error with what was learnt of it, and its requests before and after."""
-    timeline = Timeline(plan.period, len(plan.desired), plan.cyclic)
-    disturbance = plan.task.disturbance
+    timeline, disturbance = Timeline.of(plan), plan.task.disturbance
     assert disturbance is not None, "a learnt plan has a disturbance"
 
-    def curves(*looks: tuple[Array, Role], held: bool = False) -> list[Curve]:
+    def curves(*looks: tuple[Array, style.Role], held: bool = False) -> list[Curve]:
         return [timeline.degrees(values[:, j], role, held=held) for values, role in looks]
 
+    words = "Angles; the measured error and the part of it that repeats; and requests."
     return figure.joint_figure(
         timeline,
         f"learning_joint_{j + 1}",
-        (
-            heading(plan.names[j]),
-            "Angles; the measured error and the part of it that repeats; and requests.",
-        ),
+        (heading(plan.names[j]), words),
         angles=curves((plan.desired, style.DESIRED), (measured, EXECUTED), (plan.predicted, NEXT)),
         errors=curves((measured - plan.desired, ERROR), (disturbance, LEARNT)),
         requests=curves((executed, BEFORE), (plan.requests, AFTER), held=True),
@@ -164,53 +170,26 @@ def joint_figure(plan: Plan, executed: Array, measured: Array, j: int) -> Figure
 
 def trials_table(progress: Sequence[Progress]) -> Table:
     """The errors of all trials."""
-    most = max(len(each.errors) for each in progress)
-    rows = []
-    for number in range(most):
-        cells = []
-        for each in progress:
-            there = number < len(each.errors)
-            note = "\nbest" if there and number == each.best else ""
-            cells.append(f"{_short(each.errors[number], 4)}{note}" if there else NOTHING)
+    rows, best = [], "\nbest"
+    for number in range(max(len(each.errors) for each in progress)):
+        cells = (
+            f"{_short(each.errors[number], 4)}{best * (number == each.best)}"
+            if number < len(each.errors)
+            else NOTHING
+            for each in progress
+        )
         rows.append(Row(str(number + 1), tuple(cells)))
-    for about, values in (
-        ("predicted next", [each.predicted for each in progress]),
-        ("lower bound", [each.bound for each in progress]),
-        ("noise of a cycle", [each.noise for each in progress]),
+    for about, name, kind in (
+        ("predicted next", "predicted", ""),
+        ("lower bound", "bound", "bound"),
+        ("noise of a cycle", "noise", ""),
     ):
-        texts = tuple(NOTHING if math.isnan(value) else _short(value, 4) for value in values)
-        rows.append(Row(about, texts, kind="bound" if about == "lower bound" else ""))
+        values = (getattr(each, name) for each in progress)
+        texts = (NOTHING if math.isnan(value) else _short(value, 4) for value in values)
+        rows.append(Row(about, tuple(texts), kind=kind))
     columns = tuple(Column(f"{each.name} [{each.unit}]") for each in progress)
     return Table("trial", columns, tuple(rows), label="Errors of the trials, rms")
 
 
-def _verdict(progress: Sequence[Progress]) -> str:
-    """From the first trial to the best."""
-    return ", ".join(
-        f"{each.name} from {_short(each.errors[0])} to {_short(np.min(each.errors))} {each.unit}"
-        if len(each.errors) > 1
-        else f"{each.name} {_short(each.errors[0])} {each.unit} rms"
-        for each in progress
-    )
-
-
-def _worst(progress: Sequence[Progress]) -> Progress:
-    return max(progress, key=lambda each: float(np.min(each.errors)))
-
-
 def _short(value: float, digits: int = 3) -> str:
     return f"{value:.{digits}g}" if value >= 5e-4 else "0"  # rounding
-
-
-def _cards(progress: Sequence[Progress]) -> list[Card]:
-    """First error, best error and bound of the joint or foot with the largest remaining error."""
-    worst = _worst(progress)
-    cards = [
-        Card(_short(worst.errors[0]), worst.unit, f"rms error of the first trial, {worst.name}")
-    ]
-    if len(worst.errors) > 1:
-        cards.append(Card(_short(np.min(worst.errors)), worst.unit, "of the best trial"))
-    if not math.isnan(worst.bound):
-        cards.append(Card(_short(worst.bound), worst.unit, "lower bound of the model"))
-    cards.append(Card(_short(worst.noise), worst.unit, "noise of one cycle"))
-    return cards
