@@ -21,10 +21,9 @@ if TYPE_CHECKING:
     from planner.identification.log import Log
     from planner.identification.result import Identification
     from planner.model.joint import JointModel
-    from planner.robot.arm import Arm, Servo
+    from planner.robot.arm import Arm
     from planner.robot.candidates import Compared
     from planner.robot.measure import Check
-    from planner.robot.protocols import ServoProtocol
 
 
 BUSY = 0.5
@@ -115,7 +114,7 @@ def calibrate(
         request-planner play requests.csv --bus virtual --model arm.toml -o log.csv
     """  # noqa: D301
     from planner.robot import measure
-    from planner.robot.arm import Arm
+    from planner.robot.arm import Arm, Servo
 
     if choices["rate_hz"] < SLOWEST:
         got = f"{choices['rate_hz']:g}"
@@ -129,8 +128,19 @@ def calibrate(
     joints = chosen or tuple(ids)
     folder = Path(output).with_name(f"{Path(output).stem}_logs")
     results: dict[str, Compared] = {}
+    zeros: dict[str, int] = dict(choices["zeros"])
     with buses.open_bus(choices, ids) as bus:
-        arm = Arm(bus, _servos(ids, choices, bus.protocol))
+        zero, turn = zeros.get("", bus.protocol.middle), bus.protocol.ticks_per_turn
+        servos = {
+            name: Servo(
+                id=servo,
+                zero_tick=zeros.get(name, zero),
+                direction=-1 if name in choices["reversed_"] else 1,
+                ticks_per_turn=turn,
+            )
+            for name, servo in ids.items()
+        }
+        arm = Arm(bus, servos)
         with Progress() as progress:
             progress("asking the servos")
             checked = measure.check(arm)
@@ -143,8 +153,8 @@ def calibrate(
                 f"at most {most:.2g}; choose {rate:.0f} Hz or less."
             )
         ranges = measure.servo_ranges(arm, checked.angles, math.radians(choices["reach_deg"]))
-        if not (yes or dry_run) and _wants_hand(ranges):
-            ranges = _by_hand(arm)
+        if not (yes or dry_run):
+            ranges = _asked_ranges(arm, ranges)
         arm = measure.with_ranges(arm, ranges)
         tests = 32.0  # of a joint, with the ways to their beginnings [s]
         seconds = len(joints) * (choices["duration_s"] + tests)
@@ -173,23 +183,6 @@ def calibrate(
     )
 
 
-def _servos(
-    ids: Mapping[str, int], choices: Mapping[str, Any], protocol: ServoProtocol
-) -> dict[str, Servo]:
-    from planner.robot.arm import Servo
-
-    zeros: dict[str, int] = dict(choices["zeros"])
-    return {
-        name: Servo(
-            id=servo,
-            zero_tick=zeros.get(name, zeros.get("", protocol.middle)),
-            direction=-1 if name in choices["reversed_"] else 1,
-            ticks_per_turn=protocol.ticks_per_turn,
-        )
-        for name, servo in ids.items()
-    }
-
-
 def _checked_text(arm: Arm, check: Check, period: float) -> str:
     from planner.robot.arm import SETTINGS
 
@@ -209,7 +202,10 @@ def _checked_text(arm: Arm, check: Check, period: float) -> str:
     return "\n".join(lines)
 
 
-def _wants_hand(ranges: Mapping[str, Any]) -> bool:
+def _asked_ranges(arm: Arm, ranges: dict[str, Any]) -> dict[str, Any]:
+    """These ranges [rad], or those that a hand shows, as the user chooses."""
+    from planner.robot.measure import ranges_by_hand
+
     spans = ", ".join(
         f"{name} {math.degrees(low):.0f}:{math.degrees(high):.0f}"
         for name, (low, high) in ranges.items()
@@ -217,18 +213,10 @@ def _wants_hand(ranges: Mapping[str, Any]) -> bool:
     click.echo(f"Ranges [deg]: {spans}", err=True)
     answer = click.prompt(
         "Enter to keep them, or h to show them by hand (the torque goes off: hold the arm)",
-        type=click.Choice(["", "h"]),
-        default="",
-        show_choices=False,
-        show_default=False,
-        err=True,
-    )
-    return bool(answer == "h")
-
-
-def _by_hand(arm: Arm) -> dict[str, Any]:
-    from planner.robot.measure import ranges_by_hand
-
+        type=click.Choice(["", "h"]), default="", show_choices=False, show_default=False, err=True,
+    )  # fmt: skip
+    if answer != "h":
+        return ranges
     for servo in arm.servos.values():
         arm.bus.write(servo.id, "torque", 0)
     click.echo("Turn every joint to both ends of its range, then press Enter.", err=True)
@@ -405,12 +393,10 @@ def check(
                         outdated.append(name)
                 judged = holds or beyond < 1.0
                 if beyond:
-                    then = (
-                        " and was not compared" if beyond < 1.0 else ": use a longer --duration-s"
-                    )
+                    then = " and was not compared"
                     changes.append(
                         f"{100.0 * beyond:.0f} % of the motion is beyond the logs of the "
-                        f"calibration{then}"
+                        f"calibration{then if beyond < 1.0 else ': use a longer --duration-s'}"
                     )
                 verdict = "holds" if holds else "no longer holds" if judged else "is not judged"
                 document[name] = {

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from contextlib import nullcontext
+from contextlib import AbstractContextManager, nullcontext
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -16,16 +16,11 @@ from planner.files.staging import staged
 if TYPE_CHECKING:
     from planner.identification.excitation import Excitation
     from planner.identification.result import Identification
-    from planner.model.joint import JointModel
 
 KINDS = ("combined", "steps", "multisine", "chirp", "random-steps", "triangle", "slow-triangle")
 
 UNNAMED = "requested"
 """The joint of a signal without a name, whose column is requested_deg."""
-
-
-FINEST = 1e-9
-"""Finest step of a sensor [deg]: a turn of it then has 38 bits, more than any sensor."""
 
 
 @click.command()
@@ -123,14 +118,33 @@ def excite(
         request-planner excite --kind random-steps --limits-deg -60:30 --rate-hz 50 \\
             --model joint.toml --joint elbow -o elbow.csv
     """  # noqa: D301
+    import numpy as np
+
     from planner.cli.models import models_of
     from planner.files.paths import write_joint_path
+    from planner.files.table import table_text
+    from planner.identification.excitation import excite as make
     from planner.identification.excitation import expect
     from planner.report.identification.text import excitation_text
 
     _check(choices)
     (model,) = models_of(run.model, [joint])
-    excitation = _make(choices, model)
+    centre, rate, kind = choices["centre_deg"], choices["rate_hz"], choices["kind"]
+    duration = choices["duration_s"]
+    if duration is None:
+        duration = 60.0 if kind == "combined" else 20.0
+    low, high, *amplitudes = map(math.radians, (*choices["limits_deg"], *choices["amplitude_deg"]))
+    excitation = make(
+        kind.replace("-", "_"),
+        limits=(low, high),
+        period=model.period if rate is None else 1.0 / rate,
+        duration=duration,
+        centre=None if centre is None else math.radians(centre),
+        amplitudes=amplitudes or None,
+        cycles=choices["cycles"],
+        highest=choices["highest_hz"],
+        seed=choices["seed"],
+    )
     expected = expect(
         excitation,
         model,
@@ -138,7 +152,14 @@ def excite(
         resolution=math.radians(choices["resolution_deg"]),
         seed=choices["seed"],
     )
-    log = nullcontext() if expected_log is None else staged(expected_log, _log(joint, expected))
+    log: AbstractContextManager[None] = nullcontext()
+    if expected_log is not None:
+        (fit,) = expected.fits
+        prefix = "" if joint == UNNAMED else f"{joint}_"
+        angles = np.degrees([fit.log.requests, fit.log.angles])
+        names = ["t_s", f"{prefix}requested_deg", f"{prefix}actual_deg"]
+        rows = np.vstack([fit.log.times, angles]).T
+        log = staged(expected_log, table_text(names, rows).encode())
     with log:
         deliver(
             _document(excitation, expected),
@@ -149,19 +170,6 @@ def excite(
             output=output,
             as_json=as_json,
         )
-
-
-def _log(joint: str, expected: Identification) -> bytes:
-    """The simulated log from which the expected joint was identified, as CSV."""
-    import numpy as np
-
-    from planner.files.table import table_text
-
-    (fit,) = expected.fits
-    prefix = "" if joint == UNNAMED else f"{joint}_"
-    angles = np.degrees([fit.log.requests, fit.log.angles])
-    names = ["t_s", f"{prefix}requested_deg", f"{prefix}actual_deg"]
-    return table_text(names, np.vstack([fit.log.times, angles]).T).encode()
 
 
 def _check(choices: dict[str, Any]) -> None:
@@ -175,34 +183,11 @@ def _check(choices: dict[str, Any]) -> None:
         if choices[name] not in (None, ()) and kind not in kinds:
             option = f"--{name.replace('_', '-')}"
             raise click.UsageError(f"{option} has no effect with --kind {kind}.")
-    step = choices["resolution_deg"]
-    if 0.0 < step < FINEST:
+    step, finest = choices["resolution_deg"], 1e-9  # a turn of 38 bits: more than any sensor has
+    if 0.0 < step < finest:
         raise click.UsageError(
-            f"--resolution-deg: got {step:g}, expected 0 for none, or at least {FINEST:g}."
+            f"--resolution-deg: got {step:g}, expected 0 for none, or at least {finest:g}."
         )
-
-
-def _make(choices: dict[str, Any], model: JointModel) -> Excitation:
-    from planner.identification.excitation import excite as make
-
-    low, high = choices["limits_deg"]
-    centre = choices["centre_deg"]
-    amplitudes = [math.radians(height) for height in choices["amplitude_deg"]]
-    kind = choices["kind"].replace("-", "_")
-    duration = choices["duration_s"]
-    if duration is None:
-        duration = 60.0 if kind == "combined" else 20.0
-    return make(
-        kind,
-        limits=(math.radians(low), math.radians(high)),
-        period=model.period if choices["rate_hz"] is None else 1.0 / choices["rate_hz"],
-        duration=duration,
-        centre=None if centre is None else math.radians(centre),
-        amplitudes=amplitudes or None,
-        cycles=choices["cycles"],
-        highest=choices["highest_hz"],
-        seed=choices["seed"],
-    )
 
 
 def _document(excitation: Excitation, expected: Identification) -> dict[str, Any]:

@@ -15,7 +15,6 @@ from planner.report.table import text_table
 
 if TYPE_CHECKING:
     from planner.approximation.fit import PiecewiseLinearFit
-    from planner.cli.desired import Desired
 
 
 def _knot(text: str) -> tuple[float, float | None]:
@@ -99,8 +98,10 @@ def fit(
     """  # noqa: D301
     import numpy as np
 
+    from planner.approximation.fit import fit_pwl
     from planner.cli.desired import check_angles, load_joints
     from planner.cli.models import model_words
+    from planner.files.paths import write_curve
 
     path = load_joints(desired, run)
     options.warn_of(path.remarks)
@@ -109,7 +110,7 @@ def fit(
         raise click.UsageError(
             f"--knots writes one joint, got {', '.join(path.names)}; choose one with --joint."
         )
-    arguments = {
+    arguments: dict[str, Any] = {
         "cyclic": path.cyclic,
         "segments": run.plan.segments,
         "max_error": None if max_error is None else math.radians(max_error),
@@ -118,23 +119,33 @@ def fit(
         "required": {_samples(time, path.period): angle for time, angle in required_s},
         "exact": exact,
     }
-    fits = _fits(path, arguments)
+    fits = {}
+    with Progress(len(path.names)) as progress:
+        for j, (name, joint) in enumerate(zip(path.names, path.models, strict=True)):
+            progress(name)
+            with about(name):
+                fits[name] = fit_pwl(
+                    path.angles[:, j], v_max=joint.v_max, tick=joint.period, **arguments
+                )
     document = {
         "cyclic": path.cyclic,
         "period_s": path.period,
         "joints": {name: _document(curve) for name, curve in fits.items()},
     }
     rows = [
-        [
-            name,
-            str(len(curve.slopes)),
-            f"{np.degrees(curve.rms):.3f}",
-            f"{np.degrees(curve.max_error):.3f}",
-        ]
-        for name, curve in fits.items()
+        [name, f"{len(c.slopes)}", *(f"{np.degrees(each):.3f}" for each in (c.rms, c.max_error))]
+        for name, c in fits.items()
     ]
     angles = np.column_stack([curve.angles for curve in fits.values()])
-    _write_extras(fits, knots_file, figure)
+    if knots_file is not None:
+        write_curve(knots_file, next(iter(fits.values())))
+    if figure is not None:
+        from planner.approximation.fit import choices
+        from planner.report.fit import fits_figure
+        from planner.report.matplotlib_figure import write_picture
+
+        alternatives = {name: choices(curve) for name, curve in fits.items()}
+        write_picture(figure, fits_figure(fits, alternatives))
     deliver(
         document,
         f"lines within the top speed; {model_words(run.model)}\n"
@@ -151,37 +162,6 @@ def _samples(time: float, period: float) -> float:
     if not math.isfinite(count):
         return count  # which the fit refuses
     return float(round(count)) if abs(count - round(count)) < 1e-6 else count
-
-
-def _fits(path: Desired, arguments: dict[str, Any]) -> dict[str, PiecewiseLinearFit]:
-    from planner.approximation.fit import fit_pwl
-
-    fits = {}
-    with Progress(len(path.names)) as progress:
-        for j, (name, joint) in enumerate(zip(path.names, path.models, strict=True)):
-            progress(name)
-            with about(name):
-                fits[name] = fit_pwl(
-                    path.angles[:, j], v_max=joint.v_max, tick=joint.period, **arguments
-                )
-    return fits
-
-
-def _write_extras(
-    fits: dict[str, PiecewiseLinearFit], knots_file: str | None, figure: str | None
-) -> None:
-    if knots_file is not None:
-        from planner.files.paths import write_curve
-
-        (curve,) = fits.values()
-        write_curve(knots_file, curve)
-    if figure is not None:
-        from planner.approximation.fit import choices
-        from planner.report.fit import fits_figure
-        from planner.report.matplotlib_figure import write_picture
-
-        alternatives = {name: choices(curve) for name, curve in fits.items()}
-        write_picture(figure, fits_figure(fits, alternatives))
 
 
 def _document(curve: PiecewiseLinearFit) -> dict[str, Any]:

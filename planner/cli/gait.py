@@ -21,9 +21,6 @@ if TYPE_CHECKING:
 PATTERNS = ("walk", "trot", "pace", "bound")
 """The patterns of ``planner.gait.stride``, which takes longer to import."""
 
-SHORTEST, LONGEST = 1e-6, 1e3
-"""Range of the time between samples [s]: beyond it the unit is surely mistaken."""
-
 
 @click.command()
 @options.settings(
@@ -76,10 +73,8 @@ def gait(
     from planner.gait.half_ellipse import half_ellipse
     from planner.gait.stride import stride
 
-    if not SHORTEST <= period <= LONGEST:
-        raise click.UsageError(
-            f"--period: got {period:g}, expected {SHORTEST:g} to {LONGEST:g} seconds."
-        )
+    if not 1e-6 <= period <= 1e3:  # beyond it the unit is surely mistaken
+        raise click.UsageError(f"--period: got {period:g}, expected 1e-06 to 1000 seconds.")
     if fastest != (run.tolerance.cm is not None):
         raise click.UsageError("--fastest and --tolerance-cm go together: give both, or neither.")
     walk = run.path.half_ellipse or HalfEllipse()
@@ -182,9 +177,8 @@ def _shortest(run: Run, leg: Leg, path: Array, period: float) -> tuple[Array, di
             samples=len(path),
             progress=progress,
         )
-    proof, count = cycle.too_short, cycle.samples
+    proof, count, evidence = cycle.too_short, cycle.samples, [model.evidence for model in models]
     fewer = in_samples(path, count)
-    evidence = [model.evidence for model in models]
     unknown = any(each and each.leaves_top_speed_open for each in evidence)
     columns = zip(evidence, leg.joint_angles(fewer).T, cycle.plan.predicted.T, strict=True)
     expected = [expectation(*each, period=period, cyclic=True) for each in columns]
@@ -196,32 +190,27 @@ def _shortest(run: Run, leg: Leg, path: Array, period: float) -> tuple[Array, di
         "untested": {
             name: list(each.untested) for name, each in zip(leg.joint_names, expected, strict=True)
         },
-        "too_short": proof
-        and {
+        "too_short": None,
+    }
+    if proof is not None:
+        document["too_short"] = {
             "samples": proof.samples,
             "cycle_s": proof.samples * period,
             "lower_bound_cm": 100.0 * proof.bound,
-            "of_model_only": bool(unknown),
-        },
-    }
+            "of_model_only": unknown,
+        }
+    proved = "no shorter one is proved impossible"
+    if proof is not None:
+        proved = f"in {proof.samples * period:.4g} s no requests keep it there"
+        proved += f", which holds for the models only: {OPEN_TOP_SPEED}" if unknown else ""
     words = (
         f"a cycle of {count} samples, {count * period:.4g} s, is the shortest at which the planned "
-        f"foot stays within {run.tolerance.cm:g} cm by the model"
-    )
-    words += (
-        "; no shorter one is proved impossible"
-        if proof is None
-        else f"; in {proof.samples * period:.4g} s no requests keep it there"
-    )
-    if proof is not None and unknown:
-        words += f", which holds for the models only: {OPEN_TOP_SPEED}"
-    words += (
-        "\nplan it with --method foot-optimal --norm max: the default, rms, lets the largest error "
+        f"foot stays within {run.tolerance.cm:g} cm by the model; {proved}\n"
+        "plan it with --method foot-optimal --norm max: the default, rms, lets the largest error "
         "be more"
     )
-    if untested := untested_words(leg.joint_names, expected):
-        words += f"\n{untested}"
-    return fewer, document, words
+    untested = untested_words(leg.joint_names, expected)
+    return fewer, document, f"{words}\n{untested}" if untested else words
 
 
 def about(leg: Leg, stride: Stride, period: float) -> dict[str, Any]:

@@ -17,7 +17,6 @@ from planner.report.table import fitted_to
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from planner.evaluation.reproduction import Reproduction
     from planner.evaluation.virtual_experiment import VirtualOutcome
     from planner.report.figure import Figure
 
@@ -99,13 +98,18 @@ Answer = tuple[dict[str, Any], str, list[str]]
 def on_model(folder: Path, progress: Callable[[str], None]) -> Answer:
     """The paper's experiment on the paper's own model."""
     from planner.evaluation.reproduction import reproduce
+    from planner.files.paths import write_foot_path, write_joint_path
     from planner.report.paper.figures import paper_figures
     from planner.report.paper.page import paper_page
-    from planner.report.paper.results import paper_results, paper_text
+    from planner.report.paper.results import joint_paths, paper_results, paper_text
 
     reproduction = reproduce(progress=progress)
     progress("the report")
-    _write_paths(folder, reproduction)
+    period, names = reproduction.model.period, reproduction.walk.joint_names
+    for name, angles in joint_paths(reproduction).items():
+        write_joint_path(folder / f"{name}.csv", names, angles, period=period)
+    for name, path in {"desired": reproduction.walk.desired_foot, **reproduction.foot}.items():
+        write_foot_path(folder / f"foot_{name}.csv", path, period=period)
     document = paper_results(reproduction)
     _write_report(folder, document, paper_figures(reproduction), paper_page)
     return document, paper_text(document), []
@@ -132,19 +136,6 @@ def on_virtual_robot(folder: Path, progress: Callable[[str], None]) -> Answer:
         if not identification.accepted
     ]
     return document, virtual_text(document), failures
-
-
-def _write_paths(folder: Path, reproduction: Reproduction) -> None:
-    from planner.files.paths import write_foot_path, write_joint_path
-    from planner.report.paper.results import joint_paths
-
-    period = reproduction.model.period
-    names = reproduction.walk.joint_names
-    for name, angles in joint_paths(reproduction).items():
-        write_joint_path(folder / f"{name}.csv", names, angles, period=period)
-    write_foot_path(folder / "foot_desired.csv", reproduction.walk.desired_foot, period=period)
-    for name, path in reproduction.foot.items():
-        write_foot_path(folder / f"foot_{name}.csv", path, period=period)
 
 
 def _write_records(folder: Path, outcome: VirtualOutcome) -> None:

@@ -30,6 +30,7 @@ from planner.files.text import Toml, read_toml, to_json, write_text
 from planner.planning.plan import Plan
 from planner.report.page import versions
 from planner.robot.schedule import Schedule
+from planner.trajectory import Array
 
 WRITTEN = ("requests", "angles", "desired", "foot", "report")
 """Keys of [output] that name a file."""
@@ -51,8 +52,17 @@ def read_run(path: str) -> tuple[Toml, Prepared]:
                 check_export(export)
         _check_names(run)
         prepared = prepare(run, str(Path(path).parent))
-        _check_outputs(prepared)
+        if run.export:
+            check_angles(prepared.desired.names, prepared.desired.units)
+        for number, export in enumerate(run.export):  # what the path or the packages cannot give
+            with _in_export(number):
+                check_rows(export, rows_of(export, _schedule(prepared, prepared.desired.angles))[0])
     return file, prepared
+
+
+def _schedule(prepared: Prepared, requests: Array) -> Schedule:
+    """When requests [rad], (n, k), are due."""
+    return Schedule(prepared.desired.names, requests, prepared.desired.period)
 
 
 @contextmanager
@@ -109,18 +119,6 @@ def _check_names(run: settings.Run) -> None:
         owners[path] = key
 
 
-def _check_outputs(prepared: Prepared) -> None:
-    """Refuse outputs that this path or the installed packages cannot give, before computing."""
-    run, desired = prepared.settings, prepared.desired
-    if run.export:
-        check_angles(desired.names, desired.units)
-    draft = Schedule(desired.names, desired.angles, desired.period)
-    for number, export in enumerate(run.export):
-        with _in_export(number):
-            rows, _ = rows_of(export, draft)
-            check_rows(export, rows)
-
-
 def write_run(
     folder: Path, file: str, prepared: Prepared, plan: Plan, *, progress: Callable[[str], None]
 ) -> tuple[dict[str, Any], str, list[str]]:
@@ -132,9 +130,23 @@ def write_run(
     run = prepared.settings
     missed = misses(run, prepared.desired, plan)
     progress("the files")
-    _write_paths(folder, prepared, plan)
-    exports, words = _write_exports(folder, prepared, plan)
-    if page := _place(folder, run, "report"):
+    desired, task = prepared.desired, plan.task
+    for key, angles, loads in (
+        ("requests", plan.requests, task.load),
+        ("angles", plan.predicted, None),
+        ("desired", desired.angles, None),
+    ):
+        if place := _place(folder, getattr(run.output, key)):
+            desired.write(place, angles, loads)
+    if desired.foot is not None and (place := _place(folder, run.output.foot)):
+        write_foot_path(place, plan.foot, period=desired.period)
+    exports, words = [], ""
+    for export in run.export:
+        rows, skipped = rows_of(export, _schedule(prepared, plan.requests))
+        write_rows(str(_place(folder, export.file)), export, rows)
+        exports.append({"file": export.file, **rows_document(export, rows, skipped)})
+        words += f"\n{export.file}: {rows_summary(rows, skipped)}"
+    if page := _place(folder, run.output.report):
         names = [*list_files(folder), MANIFEST]
         files: list[tuple[str, Path | str | None]] = [("run", file)]
         files += [(Path(name).stem, folder / name) for name in names]
@@ -151,41 +163,9 @@ def write_run(
     return results, words, missed
 
 
-def _write_paths(folder: Path, prepared: Prepared, plan: Plan) -> None:
-    """Requests, predicted and desired angles, and positions of the foot, as CSV."""
-    run, desired = prepared.settings, prepared.desired
-    for key, angles in (
-        ("requests", plan.requests),
-        ("angles", plan.predicted),
-        ("desired", desired.angles),
-    ):
-        if file := _place(folder, run, key):
-            desired.write(file, angles, plan.task.load if key == "requests" else None)
-    if desired.foot is not None and (file := _place(folder, run, "foot")):
-        write_foot_path(file, plan.foot, period=desired.period)
-
-
-def _write_exports(
-    folder: Path, prepared: Prepared, plan: Plan
-) -> tuple[list[dict[str, Any]], str]:
-    """The files for robots; their rows, for machines and for people."""
-    documents, words = [], ""
-    for export in prepared.settings.export:
-        schedule = Schedule(prepared.desired.names, plan.requests, plan.period)
-        rows, skipped = rows_of(export, schedule)
-        file = folder / export.file
-        file.parent.mkdir(parents=True, exist_ok=True)
-        write_rows(str(file), export, rows)
-        documents.append({"file": export.file, **rows_document(export, rows, skipped)})
-        words += f"\n{export.file}: {rows_summary(rows, skipped)}"
-    return documents, words
-
-
-def _place(folder: Path, run: settings.Run, key: str) -> Path | None:
-    """The path of an output; None if the run leaves it out."""
-    name = getattr(run.output, key)
-    if not name:
-        return None
-    place: Path = folder / name
-    place.parent.mkdir(parents=True, exist_ok=True)
-    return place
+def _place(folder: Path, name: str) -> Path | None:
+    """The path of an output, whose folder is made; None where its name is empty."""
+    place = folder / name
+    if name:
+        place.parent.mkdir(parents=True, exist_ok=True)
+    return place if name else None

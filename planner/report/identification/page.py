@@ -341,6 +341,10 @@ def calibration_text(comparisons: Mapping[str, Compared], output: str) -> str:
 
 def calibration_page(comparisons: Mapping[str, Compared], output: str) -> str:
     """The same as a page, with every joint's model beside its measurements."""
+
+    def spread(values: Sequence[float], digits: str) -> str:
+        return "–".join(dict.fromkeys(f"{end:{digits}}" for end in (min(values), max(values))))
+
     joints = list(comparisons.items())
     gains = [each.named("shift").error / each.recommended.error for _, each in joints]
     errors = [math.degrees(each.recommended.error) for _, each in joints]
@@ -358,33 +362,26 @@ def calibration_page(comparisons: Mapping[str, Compared], output: str) -> str:
         eyebrow="request-planner calibrate",
         verdict=lines[0]
         if len(lines) == 1
-        else f"Under the recommended requests the errors are {_range(errors, '.2f')} deg rms, "
-        f"{_range(gains, '.2g')} times less than those of the best shift.",
+        else f"Under the recommended requests the errors are {spread(errors, '.2f')} deg rms, "
+        f"{spread(gains, '.2g')} times less than those of the best shift.",
         sections=(
             Section(
                 "Recommendation",
                 "<ul>{% for line in lines %}<li>{{ line }}</li>{% endfor %}</ul><p>{{ step }}</p>",
                 {"lines": lines, "step": Markup().join(parts)},
             ),
-            Section("Every way", WAYS, {"table": candidates_table(comparisons)}),
+            Section(
+                "Every way",
+                '{{ table }}\n<p class="note">The expected error is that of the plan and of its '
+                "model together; a dash where none was known.</p>",
+                {"table": candidates_table(comparisons)},
+            ),
             figures_section("The joints", figures),
         ),
         footer="Errors are measured: every way was played on the servos.",
         good=all(each.identification.accepted for _, each in joints),
         cards=(
-            Card(_range(gains, ".2g"), "×", "closer than the best shift"),
+            Card(spread(gains, ".2g"), "×", "closer than the best shift"),
             Card(str(len(joints)), "", f"joint{'s' * (len(joints) > 1)}"),
         ),
     ).html()
-
-
-WAYS = """
-{{ table }}
-<p class="note">The expected error is that of the plan and of its model together; a dash where
-none was known.</p>
-"""
-
-
-def _range(values: Sequence[float], digits: str) -> str:
-    """From the smallest to the largest, once where they are the same."""
-    return "–".join(dict.fromkeys(f"{end:{digits}}" for end in (min(values), max(values))))

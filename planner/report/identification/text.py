@@ -14,9 +14,8 @@ import numpy as np
 from planner._version import __version__
 from planner.files.joint_model import UNITS
 from planner.identification.excitation import Excitation
-from planner.identification.result import Identification, Interval, Topic
+from planner.identification.result import Identification, Topic
 from planner.report.identification.words import (
-    Parameter,
     errors_table,
     explained,
     joints_table,
@@ -147,63 +146,49 @@ def _shared_warnings(identifications: Mapping[str, Identification]) -> list[str]
 
 def excitation_text(excitation: Excitation, expected: Identification, *, model: str) -> str:
     """Text on a test signal: what it would determine, its parts, and the expected intervals."""
-    estimates = parameters(expected)
-    heights = ", ".join(f"{math.degrees(height):.4g}" for height in excitation.amplitudes)
-    rows = [
-        [
-            row.brief,
-            row.value,
-            row.interval,
-            "no" if not row.determined else "roughly" if row.rough else "yes",
-            row.judgement,
-        ]
-        for row in estimates
-    ]
-    seconds = len(excitation.requests) * excitation.period
-    each: dict[str, list[str]] = {}
-    for part in excitation.parts:
-        each.setdefault(part.name, [part.determines]).append(f"{part.begin:.0f} to {part.end:.0f}")
-    rows_of_parts = [[name, ", ".join(times), what] for name, (what, *times) in each.items()]
-    parts = text_table(["part", "time [s]", "determines"], rows_of_parts) if each else ""
-    return "\n".join(
-        [
-            f"{excitation.kind.replace('_', ' ')} for {seconds:.4g} s: {_determined(estimates)}",
-            f"begins and ends at {math.degrees(excitation.centre):.4g} deg; the largest jump is "
-            f"{math.degrees(excitation.largest_jump):.4g} deg"
-            + (f"; step tests of {heights} deg" if heights else ""),
-            *textwrap.wrap(excitation.meaning, 96),
-            *filter(None, [parts]),
-            f"expected of a joint like {model}:",
-            text_table(["parameter", "identified", "95 % interval", "determined", "known"], rows),
-            _friction(expected),
-            *(f"identify would warn: {warning}" for warning in expected.warnings),
-        ]
-    )
-
-
-def _friction(expected: Identification) -> str:
-    """The accuracy with which a test signal would determine dry friction, in a sentence."""
-    units = units_of(expected)
-    for term in expected.terms:
-        if term.name != "dead_band":
-            continue
-        if math.isinf(term.interval.upper):
-            return "dry friction: would not distinguish a dead band from a static sag"
-        half = term.interval.upper - expected.model.dead_band
-        accuracy = f"{units.factor * half:.2g} {units.angle}"
-        return f"dry friction: would determine the dead band to ± {accuracy}"
-    return "dry friction: would not be determined"
-
-
-def _determined(rows: Sequence[Parameter]) -> str:
-    missing = [row.brief for row in rows if not row.determined]
-    rough = [row.brief for row in rows if row.determined and row.rough]
+    estimates, units = parameters(expected), units_of(expected)
+    missing = [row.brief for row in estimates if not row.determined]
+    rough = [row.brief for row in estimates if row.determined and row.rough]
     statements = [
         f"{how} {', '.join(names)}"
         for how, names in (("would not determine", missing), ("only roughly", rough))
         if names
     ]
-    return "; ".join(statements) if statements else "would determine every parameter"
+    heights = ", ".join(f"{math.degrees(height):.4g}" for height in excitation.amplitudes)
+    known = {True: "yes", False: "no"}
+    rows = [
+        [row.brief, row.value, row.interval,
+         "roughly" if row.determined and row.rough else known[row.determined], row.judgement]
+        for row in estimates
+    ]  # fmt: skip
+    each: dict[str, list[str]] = {}
+    for part in excitation.parts:
+        each.setdefault(part.name, [part.determines]).append(f"{part.begin:.0f} to {part.end:.0f}")
+    rows_of_parts = [[name, ", ".join(times), what] for name, (what, *times) in each.items()]
+    friction = "would not be determined"
+    if dead_band := next((term for term in expected.terms if term.name == "dead_band"), None):
+        half = units.factor * (dead_band.interval.upper - expected.model.dead_band)
+        friction = (
+            "would not distinguish a dead band from a static sag"
+            if math.isinf(half)
+            else f"would determine the dead band to ± {half:.2g} {units.angle}"
+        )
+    return "\n".join(
+        [
+            f"{excitation.kind.replace('_', ' ')} for "
+            f"{len(excitation.requests) * excitation.period:.4g} s: "
+            f"{'; '.join(statements) or 'would determine every parameter'}",
+            f"begins and ends at {math.degrees(excitation.centre):.4g} deg; the largest jump is "
+            f"{math.degrees(excitation.largest_jump):.4g} deg"
+            + (f"; step tests of {heights} deg" if heights else ""),
+            *textwrap.wrap(excitation.meaning, 96),
+            *([text_table(["part", "time [s]", "determines"], rows_of_parts)] if each else []),
+            f"expected of a joint like {model}:",
+            text_table(["parameter", "identified", "95 % interval", "determined", "known"], rows),
+            f"dry friction: {friction}",
+            *(f"identify would warn: {warning}" for warning in expected.warnings),
+        ]
+    )
 
 
 def remarks() -> tuple[str, ...]:
@@ -224,26 +209,20 @@ def _comments(identification: Identification) -> dict[str, str]:
         above.append("plan with columns <joint>_range (0 to 1) or <joint>_percent.")
     above += [f"Warning: {warning}" for warning in identification.warnings]
     for fit in identification.fits:
-        used = int(np.sum(fit.used))
-        above.append(f"From {fit.log.name}: {used} of {len(fit.used)} rows.")
-    units = {key: unit.replace("rad", "1") if share else unit for key, unit in UNITS.items()}
-    return {
-        "": "\n".join(above),
-        **{
-            key: f"[{unit}]" + _interval(identification.intervals.get(key))
-            for key, unit in units.items()
-        },
-    }
-
-
-def _interval(interval: Interval | None) -> str:
-    if interval is None:
-        return ""
-    if interval.bounded:
-        return f", {interval.lower:.5g} to {interval.upper:.5g}"
-    ends = [
-        f"at {word} {end:.5g}"
-        for word, end in (("least", interval.lower), ("most", interval.upper))
-        if np.isfinite(end) and end != 0.0
-    ]
-    return f", {ends[0]}" if ends else ", not determined"
+        above.append(f"From {fit.log.name}: {np.sum(fit.used)} of {len(fit.used)} rows.")
+    comments = {"": "\n".join(above)}
+    for key, unit in UNITS.items():
+        comments[key] = f"[{unit.replace('rad', '1') if share else unit}]"
+        interval = identification.intervals.get(key)
+        if interval is None:
+            continue
+        ends = [f"{end:.5g}" for end in interval if np.isfinite(end)]
+        if interval.bounded:
+            comments[key] += f", {' to '.join(ends)}"
+        elif np.isfinite(interval.lower) and interval.lower != 0.0:
+            comments[key] += f", at least {interval.lower:.5g}"
+        elif np.isfinite(interval.upper) and interval.upper != 0.0:
+            comments[key] += f", at most {interval.upper:.5g}"
+        else:
+            comments[key] += ", not determined"
+    return comments

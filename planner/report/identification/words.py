@@ -23,7 +23,6 @@ ALTERNATIVES = {
 COMPARED = {"delay": "the best pure delay", "first_order": "a delay with a first-order lag"}
 """Descriptions that the verdict compares with."""
 
-MODEL = "the joint model"
 
 NOT_KNOWN = "not known"
 """In place of an uninformative interval: without ends, or from zero to infinity."""
@@ -132,8 +131,7 @@ def unit_of(identification: Identification, name: str) -> tuple[float, str]:
 
 def parameters(identification: Identification) -> list[Parameter]:
     """Every parameter with its interval, in the order of :data:`PARAMETERS`."""
-    units = units_of(identification)
-    rows = []
+    si_too, rows = units_of(identification).si, []
     for name, (words, brief) in PARAMETERS.items():
         if name != "gain" and name not in identification.intervals:
             continue
@@ -142,9 +140,7 @@ def parameters(identification: Identification) -> list[Parameter]:
         if math.isinf(value):  # no limit of the acceleration
             continue
         scaled = Interval(factor * interval.lower, factor * interval.upper)
-        si = ""
-        if units.si and "rad" in UNITS.get(name, ""):
-            si = f"{figure(value, interval)} {raised(UNITS[name])}, {between(interval)}"
+        si = f"{figure(value, interval)} {raised(UNITS.get(name, ''))}, {between(interval)}"
         rows.append(
             Parameter(
                 name=name,
@@ -152,7 +148,7 @@ def parameters(identification: Identification) -> list[Parameter]:
                 brief=brief,
                 value=f"{figure(factor * value, scaled)} {unit}",
                 interval=between(scaled),
-                si=si,
+                si=si if si_too and "rad" in UNITS.get(name, "") else "",
                 judgement=judgement(identification, name, factor, unit),
                 bounded=interval.bounded,
                 rough=is_rough(identification, name),
@@ -205,8 +201,10 @@ def judgement(identification: Identification, name: str, factor: float, unit: st
 
 def is_rough(identification: Identification, name: str) -> bool:
     """Whether an interval is wide, beside the parameter or what it adds to."""
-    value, interval = estimate(identification, name)
-    model = identification.model
+    (value, interval), model = estimate(identification, name), identification.model
+    width = interval.upper - interval.lower
+    if name == "lag" and is_loose(model.tick, width, value):
+        return True
     beside = {
         "lag": model.lag + model.acceleration_time,
         "offset": model.theta_0,
@@ -214,68 +212,53 @@ def is_rough(identification: Identification, name: str) -> bool:
         "sag_sin": model.most_pose_sag,
         "sag_cos": model.most_pose_sag,
     }
-    scale = beside.get(name, value)
-    if name == "lag" and is_loose(model.tick, interval.upper - interval.lower, value):
-        return True
-    return not 0.5 * (interval.upper - interval.lower) <= ROUGH * abs(scale)
+    return not 0.5 * width <= ROUGH * abs(beside.get(name, value))
 
 
 def errors(identification: Identification) -> list[Error]:
     """The errors of the simpler descriptions, and of the joint model at the end."""
     entries = []
-    for alternative in identification.alternatives:
-        times = [
-            f"{1e3 * alternative.parameters[name]:.0f} ms"
-            for name in ("delay", "time_constant")
-            if name in alternative.parameters
-        ]
-        words = ALTERNATIVES.get(alternative.name, alternative.name)
-        detail = " + ".join(times)
-        entries.append(
-            Error(alternative.name, words, detail, alternative.rms, alternative.held_out_rms)
-        )
-    entries.append(Error("", MODEL, "", identification.rms, identification.held_out_rms))
-    return entries
+    for each in identification.alternatives:
+        times = (each.parameters.get(name) for name in ("delay", "time_constant"))
+        detail = " + ".join(f"{1e3 * time:.0f} ms" for time in times if time is not None)
+        words = ALTERNATIVES.get(each.name, each.name)
+        entries.append(Error(each.name, words, detail, each.rms, each.held_out_rms))
+    own = identification.rms, identification.held_out_rms
+    return [*entries, Error("", "the joint model", "", *own)]
 
 
 def errors_table(identification: Identification) -> Table:
     """The errors of every description."""
-    units = units_of(identification)
-    rows = tuple(
-        Row(
-            f"{error.words}\n{error.detail}" if error.detail else error.words,
-            (
-                f"{units.factor * error.rms:.3g}",
-                NOTHING if error.held_out is None else f"{units.factor * error.held_out:.3g}",
-            ),
-            kind="" if error.name else "model",
-        )
-        for error in errors(identification)
-    )
+    units, rows = units_of(identification), []
+    for error in errors(identification):
+        about = f"{error.words}\n{error.detail}" if error.detail else error.words
+        sizes = (None if e is None else units.factor * e for e in (error.rms, error.held_out))
+        cells = (NOTHING if size is None else f"{size:.3g}" for size in sizes)
+        rows.append(Row(about, tuple(cells), kind="" if error.name else "model"))
     columns = (Column("all rows"), Column("held out"))
-    return Table(f"rms error [{units.angle}]", columns, rows, label="Errors")
+    return Table(f"rms error [{units.angle}]", columns, tuple(rows), label="Errors")
 
 
 def verdict(identification: Identification) -> str:
     """Whether the model holds, and what it adds, in one sentence."""
-    units = units_of(identification)
-    error, where = telling_error(identification)
-    share = f"{percent_of(error, identification.signal)} of the motion"
-    sentence = f"{units.factor * error:.3g} {units.angle} rms {where}, {share}"
+    units, (error, where) = units_of(identification), telling_error(identification)
     by_name = {each.name: each.telling for each in errors(identification)}
-    phrases = [
-        f"{compared_with(error, by_name[name])} {words}"
-        for name, words in COMPARED.items()
-        if name in by_name
-    ]
-    tail = f": {', '.join([sentence, *phrases])}"
     words = {
         "holds": "the model holds",
         "usable": "the model is usable, but not exact",
         "worse than a delay": "a pure delay serves better, plan with --method shift",
         "refused": "THE MODEL DOES NOT FIT",
     }
-    return words[identification.verdict] + tail
+    phrases = [
+        f"{words[identification.verdict]}: {units.factor * error:.3g} {units.angle} rms {where}",
+        f"{percent_of(error, identification.signal)} of the motion",
+        *(
+            f"{compared_with(error, by_name[name])} {other}"
+            for name, other in COMPARED.items()
+            if name in by_name
+        ),
+    ]
+    return ", ".join(phrases)
 
 
 def of_several(identifications: Sequence[Identification]) -> str:
@@ -315,21 +298,16 @@ def explained(identifications: Mapping[str, Identification]) -> str:
     return "; ".join(": ".join(reversed(PARAMETERS[name])) for name in rare)
 
 
-PROFILE = (
-    "The joint accelerates by at most {most}: a weak motor, or a profile of the servo's own, of "
-    "acceleration or of speed, which is better switched off (Dynamixel X: Profile Acceleration, "
-    "address 108, and Profile Velocity, 112, at 0; Feetech STS: acceleration, 41, and goal speed, "
-    "46, at 0)."
-)
-
-
 def profile(identification: Identification) -> str:
     """Where a limit of the acceleration may come from, in a sentence; empty where none is known."""
-    if identification.verdict == "refused":
-        return ""
-    for row in parameters(identification):
+    for row in parameters(identification) if identification.verdict != "refused" else ():
         if row.name == "max_acceleration" and row.determined:
-            return PROFILE.format(most=row.short)
+            return (
+                f"The joint accelerates by at most {row.short}: a weak motor, or a profile of the "
+                "servo's own, of acceleration or of speed, which is better switched off (Dynamixel "
+                "X: Profile Acceleration, address 108, and Profile Velocity, 112, at 0; Feetech "
+                "STS: acceleration, 41, and goal speed, 46, at 0)."
+            )
     return ""
 
 
@@ -340,21 +318,19 @@ def determined_words(identification: Identification) -> str:
     rows = parameters(identification)
     missing = {row.name: row.brief for row in rows if not row.determined}
     roughly = {row.name: row.brief for row in rows if row.determined and row.rough}
-    ratio_only = set(missing) == {"v_max", "theta_0"}
-    only = " only roughly" if ratio_only and roughly.pop("gain", "") else ""
-    rough = ", ".join(roughly.values())
-    if ratio_only:
+    if set(missing) == {"v_max", "theta_0"}:
+        only = " only roughly" if roughly.pop("gain", "") else ""
         sentence = (
             f"The logs do not reach the top speed: they determine v_max / theta_0{only}, but "
             "neither of the two alone"
         )
     elif missing:
         sentence = f"The logs do not determine: {', '.join(missing.values())}"
-    elif not rough:
-        return "The logs determine every parameter."
     else:
-        return f"The logs determine every parameter, but some only roughly: {rough}."
-    return f"{sentence}; only roughly known: {rough}." if rough else f"{sentence}."
+        some = f", but some only roughly: {', '.join(roughly.values())}" if roughly else ""
+        return f"The logs determine every parameter{some}."
+    rough = f"; only roughly known: {', '.join(roughly.values())}" if roughly else ""
+    return f"{sentence}{rough}."
 
 
 def telling_error(identification: Identification) -> tuple[float, str]:
@@ -366,14 +342,13 @@ def telling_error(identification: Identification) -> tuple[float, str]:
 
 def compared_with(error: float, other: float) -> str:
     """How an error compares with another one, as in "2.5 times closer than"."""
-    if error <= 0.0:
-        return "infinitely closer than"
-    if other <= 0.0:
-        return "infinitely farther off than"
-    ratio = other / error
+    ratio = other / error if error > 0.0 else math.inf
     if ratio >= 1.05:
-        return f"{ratio:.{1 if ratio < 10 else 0}f} times closer than"
-    return "no closer than" if ratio > 0.95 else f"{1.0 / ratio:.1f} times farther off than"
+        times = "infinitely" if math.isinf(ratio) else f"{ratio:.{1 if ratio < 10 else 0}f} times"
+        return f"{times} closer than"
+    if ratio > 0.95:
+        return "no closer than"
+    return f"{f'{1.0 / ratio:.1f} times' if ratio > 0.0 else 'infinitely'} farther off than"
 
 
 def figure(value: float, interval: Interval) -> str:
