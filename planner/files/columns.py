@@ -131,9 +131,6 @@ OTHER = frozenset(
 )
 """Words for quantities that are no angles."""
 
-TORQUES = frozenset(("torque_on", "torque_enable", "torque_enabled"))
-"""Names for whether the torque is on."""
-
 
 class Scale(NamedTuple):
     """How a logged number becomes an angle: ``factor * number + shift``.
@@ -199,22 +196,35 @@ def with_unit(
 
     All have the same unit, but for shares of a joint's range, which stand beside angles.
     """
-    names, endings = [], []
-    for column in columns:
-        parts = split_unit(column, units)
-        if parts is None:
-            bare = [each for each in columns if split_unit(each, units) is None]
-            raise _without_unit(table, bare, units)
-        names.append(parts[0])
-        endings.append(parts[1])
+    parts = [split_unit(column, units) for column in columns]
+    if bare := [column for column, part in zip(columns, parts, strict=True) if part is None]:
+        name = bare[0]
+        stem, _, word = name.rpartition("_")
+        stem = stem if stem and word.lower() in OTHER_UNITS else name
+        expected = " or ".join(f"{stem}_{unit}" for unit in units if unit not in SHARES)
+        what, advice = f"column '{name}' has no unit", "rename it, or remove it"
+        if len(bare) > 1:
+            what = f"columns {', '.join(map(repr, bare))} have no unit"
+            expected = f"an ending of the unit, such as {expected}"
+            advice = "rename or remove them"
+        raise table.fault(f"{what}; expected {expected}: {advice}")
+    names, endings = zip(*(part for part in parts if part), strict=True)
     if len(set(endings) - set(SHARES)) > 1 or len(set(endings) & set(SHARES)) > 1:
         mixed = ", ".join(columns)
         raise table.fault(f"mixed units ({mixed}); expected one unit in all columns")
     factors = np.array([units[unit] for unit in endings])
     values = table.numbers(columns) * factors
-    _check_size(table, columns, values, LARGEST / factors)
+    beyond = np.argwhere(~(np.abs(values) <= LARGEST))
+    if beyond.size:
+        k, j = beyond[0]
+        cell = table.rows[k][table.names.index(columns[j])].strip()
+        raise table.fault(
+            f"column '{columns[j]}': got {cell}, expected at most {LARGEST / factors[j]:g} either "
+            "way; check the unit",
+            k,
+        )
     values.setflags(write=False)
-    return tuple(names), tuple(endings), values
+    return names, endings, values
 
 
 def pick(table: Table, names: Sequence[str], units: Mapping[str, float]) -> list[str]:
@@ -252,33 +262,6 @@ def check_radians(table: Table, column: str, angles: Array, advice: str) -> None
         k = int(finite[np.argmax(np.abs(angles[finite]))])
         words = f"column '{column}': {turns_words(angles[k])}; if these are degrees, {advice}"
         raise table.fault(words, k)
-
-
-def _without_unit(table: Table, columns: Sequence[str], units: Mapping[str, float]) -> InvalidFile:
-    """The error that columns have no unit of these."""
-    name = columns[0]
-    stem, _, word = name.rpartition("_")
-    if stem and word.lower() in OTHER_UNITS:
-        name = stem
-    expected = " or ".join(f"{name}_{unit}" for unit in units if unit not in SHARES)
-    if len(columns) == 1:
-        what, advice = f"column '{columns[0]}' has no unit", "rename it, or remove it"
-    else:
-        what = f"columns {', '.join(map(repr, columns))} have no unit"
-        expected, advice = f"an ending of the unit, such as {expected}", "rename or remove them"
-    return table.fault(f"{what}; expected {expected}: {advice}")
-
-
-def _check_size(table: Table, columns: Sequence[str], values: Array, largest: Array) -> None:
-    beyond = np.argwhere(~(np.abs(values) <= LARGEST))
-    if beyond.size:
-        k, j = beyond[0]
-        cell = table.rows[k][table.names.index(columns[j])].strip()
-        raise table.fault(
-            f"column '{columns[j]}': got {cell}, expected at most {largest[j]:g} either way; "
-            "check the unit",
-            k,
-        )
 
 
 _WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+")
@@ -423,11 +406,6 @@ def pairs(columns: Sequence[str]) -> tuple[Pair, ...]:
         )
         for joint, by_role in by_joint.items()
     )
-
-
-def torque_columns(columns: Sequence[str]) -> tuple[str, ...]:
-    """The columns that may say whether the torque is on."""
-    return tuple(name for name in columns if name.lower() in TORQUES)
 
 
 def _run(words: Sequence[str]) -> int:

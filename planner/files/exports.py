@@ -20,7 +20,6 @@ from planner.files.staging import cannot_write, output_folder
 from planner.files.table import DECIMALS, csv_text, write_table
 from planner.files.text import write_text
 from planner.robot.schedule import NANOSECONDS, Schedule
-from planner.trajectory import Array
 from planner.validation import shown
 
 NEEDS = {
@@ -55,7 +54,10 @@ def check_format(
     lead: float = 0.0,
     topic: str = TOPIC,
 ) -> None:
-    """Refuse rows whose number, times or joints a format cannot hold, for any angles."""
+    """Refuse rows whose number, times or joints a format cannot hold, for any angles.
+
+    ``lead`` is the time to the first point of a trajectory [s], ``topic`` that of a bag.
+    """
     if form != "csv" and form not in NEEDS:
         raise InvalidInput(f"format: got '{form}', expected csv, {', '.join(NEEDS)}")
     if form in NEEDS:
@@ -123,15 +125,13 @@ def to_ticks(schedule: Schedule, ticks: Ticks) -> npt.NDArray[np.int64]:
     beyond = np.argwhere((counted < least) | (counted > most))
     if beyond.size:
         k, j = beyond[0]
+        pulse = f"a pulse of {counted[k, j]:.0f} us"
         raise InvalidInput(
             f"{schedule.names[j]}: request {k}, {np.degrees(schedule.requests[k, j]):.2f} deg, is "
-            f"{_NAMES[ticks.unit].format(counted[k, j])}, expected {least} to {most}; check the "
-            "zero tick, the ticks per turn and the direction"
+            f"{pulse if ticks.unit == 'us' else f'tick {counted[k, j]:.0f}'}, expected {least} to "
+            f"{most}; check the zero tick, the ticks per turn and the direction"
         )
     return counted.astype(np.int64)
-
-
-_NAMES = {"ticks": "tick {:.0f}", "us": "a pulse of {:.0f} us"}
 
 
 def check_zeros(schedule: Schedule, ticks: Ticks) -> None:
@@ -161,7 +161,11 @@ def joint_trajectory(
         for row, time in zip(positions.tolist(), times.tolist(), strict=True)
     ]
     if velocities:
-        for point, row in zip(points, _velocities(schedule).tolist(), strict=True):
+        # Central differences; the joints stand at the last point, or controllers refuse it.
+        speeds = np.zeros_like(schedule.requests)
+        if len(speeds) > 1:
+            speeds[:-1] = np.gradient(schedule.requests, schedule.period, axis=0)[:-1]
+        for point, row in zip(points, (np.round(speeds, DECIMALS) + 0.0).tolist(), strict=True):
             point["velocities"] = row
     return {
         "header": {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": ""},
@@ -234,14 +238,6 @@ def check_topic(topic: str) -> None:
     """Make sure that a topic has a name."""
     if not topic.strip("/") or any(character.isspace() for character in topic):
         raise InvalidInput(f"topic: got '{topic}', expected a name such as {TOPIC}")
-
-
-def _velocities(schedule: Schedule) -> Array:
-    """Central differences [rad/s]; the joints stand at the last point, or controllers refuse it."""
-    velocities = np.zeros_like(schedule.requests)
-    if len(velocities) > 1:
-        velocities[:-1] = np.gradient(schedule.requests, schedule.period, axis=0)[:-1]
-    return np.asarray(np.round(velocities, DECIMALS) + 0.0, dtype=np.float64)
 
 
 def _as_message(types: Any, message: Mapping[str, Any]) -> Any:

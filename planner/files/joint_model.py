@@ -13,7 +13,7 @@ import numpy as np
 
 from planner.exceptions import InvalidFile, InvalidInput, InvalidModel, nearest
 from planner.files.robot import is_of_robot, legs_text, read_bus
-from planner.files.text import Toml, key_name, read_toml, toml_value, write_text
+from planner.files.text import key_name, read_toml, toml_value, write_text
 from planner.model.evidence import ACCEPTED, GAIN, Evidence, Verdict, warn_of_refused
 from planner.model.joint import JointModel
 from planner.trajectory import LARGEST, Array
@@ -92,21 +92,19 @@ class ModelFile:
 
     def for_joints(self, names: Sequence[str]) -> tuple[JointModel, ...]:
         """The model of each named joint."""
-        return tuple(self._for_joint(name, names) for name in names)
-
-    def _for_joint(self, name: str, names: Sequence[str]) -> JointModel:
-        if name in self.by_joint:
-            return self.by_joint[name]
-        spare = [table for table in self.by_joint if table not in names]
-        hint = nearest(name, spare)
-        if self.common is None or hint:
-            tables = ", ".join(f"[{table}]" for table in self.by_joint) or "none"
-            raise InvalidFile(
-                self.path,
-                f"no table for the joint '{name}'{hint}; tables: {tables}; add [{name}], or write "
-                "the parameters above all tables to have them for every joint",
-            )
-        return self.common
+        models = []
+        for name in names:
+            model = self.by_joint.get(name, self.common)
+            hint = nearest(name, [table for table in self.by_joint if table not in names])
+            if model is None or (hint and name not in self.by_joint):
+                tables = ", ".join(f"[{table}]" for table in self.by_joint) or "none"
+                raise InvalidFile(
+                    self.path,
+                    f"no table for the joint '{name}'{hint}; tables: {tables}; add [{name}], or "
+                    "write the parameters above all tables to have them for every joint",
+                )
+            models.append(model)
+        return tuple(models)
 
 
 def read_models(path: Path | str) -> dict[str, JointModel]:
@@ -159,9 +157,13 @@ def read_model_file(path: Path | str) -> ModelFile:
         for joint, own in content.items()
         if isinstance(own, dict)
     }
-    for table, keys in ((None, common), *tables.items()):
-        for key in keys:
-            _check_key(file, key, table)
+    for table, keys in (("", common), *tables.items()):
+        if unknown := [key for key in keys if key not in KNOWN]:
+            key, place = unknown[0], f" in [{table}]" if table else ""
+            raise file.fault(
+                f"unknown key '{key}'{place}{nearest(key, KNOWN)}; keys: {', '.join(FIELDS)}",
+                (table, key) if table else (key,),
+            )
     complete = not tables or all(key in common for key in REQUIRED)
     model = _model(path, common, common, "") if complete else None
     by_joint = {
@@ -196,7 +198,7 @@ def models_text(
     if bus:
         blocks.append("\n".join(f"{key} = {toml_value(value)}" for key, value in bus.items()))
     for joint, model in models.items():
-        comments = (about or {}).get(joint, {})
+        comments, evidence = (about or {}).get(joint, {}), model.evidence
         lines = [f"[{key_name((joint,))}]"] if joint else []
         lines += [_comment(line) for line in comments.get("", "").splitlines()]
         lines += [
@@ -204,9 +206,37 @@ def models_text(
             + _comment(comments.get(name, f"[{UNITS[name]}]"))
             for name in model.parameters() | above
         ]
-        lines += _evidence_lines(model.evidence)
+        if evidence is not None:
+            tested: tuple[Any, ...] = evidence
+            lines += [
+                f"{key} = {json.dumps(value)}  # {TESTED[key][1]}"
+                for key, value in zip(TESTED, tested, strict=False)
+                if np.size(value) and np.isfinite(value).all()
+            ]
+            if evidence.verdict is not None:
+                accepted = " or ".join(f'"{each}"' for each in ACCEPTED)
+                verdict = toml_value(evidence.verdict)
+                lines.append(f"{VERDICT} = {verdict}  # to plan with only if {accepted}")
+                lines += [f"{REASON} = {toml_value(evidence.reason)}"] * bool(evidence.reason)
+            lines += [
+                f"{name}_interval = [{least!r}, {most!r}]  # 95 %{' [1/s]' * (name == GAIN)}"
+                for name, (least, most) in evidence.intervals.items()
+            ]
+            if evidence.correlations:
+                matrix = json.dumps(evidence.correlations)
+                lines.append(f"{CORRELATIONS} = {matrix}  # of the intervals above")
         if servos and joint in servos:
-            lines += _servo_lines(joint, servos[joint])
+            servo, way = servos[joint], servos[joint].direction
+            lines += [
+                "",
+                f"[{key_name((joint,))}.{SERVO}]",
+                f"id = {servo.id}",
+                f"zero_tick = {servo.zero_tick}  # count at angle 0",
+                f"direction = {way}  # -1 where the servo is mounted the other way round",
+                f"ticks_per_turn = {servo.ticks_per_turn}",
+                f"limits = {list(servo.limits)}  # [rad] least and largest request",
+                *(f"{name} = {value}" for name, value in servo.settings.items()),
+            ]
         blocks.append("\n".join(lines))
     return "\n\n".join(blocks) + "\n"
 
@@ -215,10 +245,9 @@ def updated_text(
     path: Path | str,
     models: Mapping[str, JointModel],
     *,
-    remarks: Sequence[str] = (),
-    about: Mapping[str, Mapping[str, str]] | None = None,
     servos: Mapping[str, Servo] | None = None,
     bus: Mapping[str, str | int] | None = None,
+    **comments: Any,
 ) -> str:
     """Models as :func:`models_text` writes them, with what else the model file at ``path`` holds.
 
@@ -226,20 +255,14 @@ def updated_text(
     table changes nothing of the model above all tables keeps to that model, also to a new one.
     """
     if not has_content(path):
-        return models_text(models, remarks=remarks, about=about, servos=servos, bus=bus)
+        return models_text(models, servos=servos, bus=bus, **comments)
     file = read_model_file(path)
     kept = {} if file.common is None else {"": file.common}
     for joint, model in file.by_joint.items():
         kept[joint] = models.get("", model) if model == file.common else model
     servos = (read_servos(path) if has_servos(path) else {}) | dict(servos or {})
-    text = models_text(
-        kept | dict(models),
-        remarks=remarks,
-        about=about,
-        servos=servos,
-        bus=read_bus(path) if bus is None else bus,
-    )
-    return text + legs_text(path)
+    bus = read_bus(path) if bus is None else bus
+    return models_text(kept | dict(models), servos=servos, bus=bus, **comments) + legs_text(path)
 
 
 def has_content(path: Path | str) -> bool:
@@ -250,45 +273,6 @@ def has_content(path: Path | str) -> bool:
 def _comment(text: str) -> str:
     """A comment on one line, without characters that TOML forbids."""
     return "# " + "".join(mark if mark.isprintable() else " " for mark in text)
-
-
-def _evidence_lines(evidence: Evidence | None) -> list[str]:
-    """The evidence of a model: its test, verdict, intervals and their correlations."""
-    if evidence is None:
-        return []
-    tested: tuple[Any, ...] = evidence
-    lines = [
-        f"{key} = {json.dumps(value)}  # {TESTED[key][1]}"
-        for key, value in zip(TESTED, tested, strict=False)
-        if np.size(value) and np.isfinite(value).all()
-    ]
-    if evidence.verdict is not None:
-        accepted = " or ".join(f'"{each}"' for each in ACCEPTED)
-        lines.append(
-            f"{VERDICT} = {toml_value(evidence.verdict)}  # to plan with only if {accepted}"
-        )
-        lines += [f"{REASON} = {toml_value(evidence.reason)}"] * bool(evidence.reason)
-    lines += [
-        f"{name}_interval = [{least!r}, {most!r}]  # 95 %{' [1/s]' * (name == GAIN)}"
-        for name, (least, most) in evidence.intervals.items()
-    ]
-    if evidence.correlations:
-        matrix = json.dumps(evidence.correlations)
-        lines.append(f"{CORRELATIONS} = {matrix}  # of the intervals above")
-    return lines
-
-
-def _servo_lines(joint: str, servo: Servo) -> list[str]:
-    return [
-        "",
-        f"[{key_name((joint,))}.{SERVO}]",
-        f"id = {servo.id}",
-        f"zero_tick = {servo.zero_tick}  # count at angle 0",
-        f"direction = {servo.direction}  # -1 where the servo is mounted the other way round",
-        f"ticks_per_turn = {servo.ticks_per_turn}",
-        f"limits = {list(servo.limits)}  # [rad] least and largest request",
-        *(f"{name} = {value}" for name, value in servo.settings.items()),
-    ]
 
 
 def has_servos(path: Path | str) -> bool:
@@ -312,15 +296,13 @@ def read_servos(path: Path | str, joints: Sequence[str] | None = None) -> dict[s
         for key, value in table.items():
             if key not in keys:
                 raise file.fault(f"unknown key '{key}'{nearest(key, sorted(keys))}", (*place, key))
+            fits, expected = isinstance(value, int), "a whole number"
             if key == "limits":
-                fits = _reals(value).shape == (2,) and bool(np.isfinite(_reals(value)).all())
-            else:
-                numbers = int | float if key == "ticks_per_turn" else int
-                fits = isinstance(value, numbers) and not isinstance(value, bool)
-            if not fits:
-                expected = {"limits": "two angles [rad]", "ticks_per_turn": "a number"}.get(
-                    key, "a whole number"
-                )
+                fits, expected = _reals(value).shape == (2,), "two angles [rad]"
+                fits = fits and bool(np.isfinite(_reals(value)).all())
+            elif key == "ticks_per_turn":
+                fits, expected = isinstance(value, int | float), "a number"
+            if not fits or isinstance(value, bool):
                 words = f"{key}: got {shown(value)}, expected {expected}"
                 raise file.fault(words, (*place, key))
         if "id" not in table:
@@ -370,18 +352,6 @@ def _model(
         model = JointModel(**{key: value for key, value in keys.items() if key in FIELDS})
     except InvalidModel as error:
         raise InvalidFile(path, f"{place}{error}") from error
-    if not any(key in INTERVALS for key in own):  # identify writes intervals, and radians
-        _check_radians(model, path, place)
-    try:
-        evidence = _tested(own) if "expected_error" in own else {}
-        evidence |= _intervals(own, model) | _verdict(own)
-        return model.with_evidence(Evidence(**evidence)) if evidence else model
-    except InvalidInput as error:
-        raise InvalidFile(path, f"{place}{error}") from error
-
-
-def _check_radians(model: JointModel, path: Path | str, place: str) -> None:
-    """Raise InvalidFile where parameters look like degrees."""
     doubtful = [
         f"{name} = {value:g} {unit}: is it in degrees? expected at most {most:.4g} {unit}; "
         f"{value:g} {unit.replace('rad', 'deg')} are {name} = {math.radians(value):.4g}"
@@ -391,8 +361,24 @@ def _check_radians(model: JointModel, path: Path | str, place: str) -> None:
         )
         if value > most
     ]
-    if doubtful:
+    if doubtful and not any(key in INTERVALS for key in own):  # identify writes them, and radians
         raise InvalidFile(path, place + "; ".join(doubtful))
+    try:
+        evidence = _tested(own) if "expected_error" in own else {}
+        evidence |= _intervals(own, model)
+        if VERDICT in own:
+            evidence["verdict"] = own[VERDICT]
+            if not is_one_of(own[VERDICT], get_args(Verdict)):
+                names = ", ".join(f"'{each}'" for each in get_args(Verdict))
+                raise InvalidInput(f"{VERDICT}: got {shown(own[VERDICT])}, expected one of {names}")
+        if REASON in own:
+            evidence["reason"] = own[REASON]
+            if not isinstance(own[REASON], str):
+                got = shown(own[REASON])
+                raise InvalidInput(f"{REASON}: got {got}, expected the reason in words")
+        return model.with_evidence(Evidence(**evidence)) if evidence else model
+    except InvalidInput as error:
+        raise InvalidFile(path, f"{place}{error}") from error
 
 
 def _tested(keys: Mapping[str, Any]) -> dict[str, Any]:
@@ -436,19 +422,6 @@ def _intervals(keys: Mapping[str, Any], model: JointModel) -> dict[str, Any]:
     return evidence
 
 
-def _verdict(keys: Mapping[str, Any]) -> dict[str, Any]:
-    """The verdict on a model and its reason, as fields of Evidence."""
-    evidence = {
-        name: keys[key] for name, key in (("verdict", VERDICT), ("reason", REASON)) if key in keys
-    }
-    if VERDICT in keys and not is_one_of(keys[VERDICT], get_args(Verdict)):
-        names = ", ".join(f"'{each}'" for each in get_args(Verdict))
-        raise InvalidInput(f"{VERDICT}: got {shown(keys[VERDICT])}, expected one of {names}")
-    if not isinstance(keys.get(REASON, ""), str):
-        raise InvalidInput(f"{REASON}: got {shown(keys[REASON])}, expected the reason in words")
-    return evidence
-
-
 def _reals(value: Any) -> Array:
     """Numbers of a file; NaN for anything else."""
     try:
@@ -459,13 +432,3 @@ def _reals(value: Any) -> Array:
 
 def _as_tuples(value: Any) -> Any:
     return tuple(map(_as_tuples, value)) if isinstance(value, list) else value
-
-
-def _check_key(file: Toml, key: str, table: str | None) -> None:
-    if key in KNOWN:
-        return
-    place = f" in [{table}]" if table is not None else ""
-    raise file.fault(
-        f"unknown key '{key}'{place}{nearest(key, KNOWN)}; keys: {', '.join(FIELDS)}",
-        (key,) if table is None else (table, key),
-    )

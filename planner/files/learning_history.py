@@ -74,44 +74,40 @@ def read_history(path: str, names: Collection[str], desired: Array) -> dict[str,
 
 def write_history(path: str, desired: Array, states: Mapping[str, LearningState]) -> None:
     """Write the state that the next call needs, for a path ``desired`` [rad], (n, k)."""
-    content = {
-        "format": FORMAT,
-        "desired_rad": desired.tolist(),
-        "plans": {
-            name: {
-                "models": [model.parameters() for model in models],
-                "learning": _as_json(learning),
-            }
-            for name, (models, learning) in states.items()
-        },
+    plans = {
+        name: {
+            "models": [model.parameters() for model in models],
+            "learning": {
+                "trials": [
+                    {
+                        "requests_rad": trial.requests.tolist(),
+                        "measured_rad": trial.measured.tolist(),
+                        "error": trial.error,
+                    }
+                    for trial in learning.trials
+                ],
+                "noise_rad": learning.noise.tolist(),
+                "gain": learning.gain,
+                "reidentified": list(learning.reidentified),
+                "delays": [asdict(delay) for delay in learning.delays],
+                "best": learning.best,
+                "floor": list(learning.floor),
+                "next_error": learning.next_error,
+                "stopped": learning.stopped,
+                "remarks": list(learning.remarks),
+            },
+        }
+        for name, (models, learning) in states.items()
     }
-    write_text(path, to_json(content))
-
-
-def _as_json(learning: Learning) -> dict[str, Any]:
-    return {
-        "trials": [
-            {
-                "requests_rad": trial.requests.tolist(),
-                "measured_rad": trial.measured.tolist(),
-                "error": trial.error,
-            }
-            for trial in learning.trials
-        ],
-        "noise_rad": learning.noise.tolist(),
-        "gain": learning.gain,
-        "reidentified": list(learning.reidentified),
-        "delays": [asdict(delay) for delay in learning.delays],
-        "best": learning.best,
-        "floor": [None if math.isnan(part) else part for part in learning.floor],
-        "next_error": None if math.isnan(learning.next_error) else learning.next_error,
-        "stopped": learning.stopped,
-        "remarks": list(learning.remarks),
-    }
+    content = {"format": FORMAT, "desired_rad": desired.tolist(), "plans": plans}
+    write_text(path, to_json(content))  # NaN is null
 
 
 def _learning(content: Mapping[str, Any]) -> Learning:
-    speed, noise = map(_number, content["floor"])
+    speed, noise, next_error = (
+        math.nan if value is None else float(value)
+        for value in (*content["floor"], content.get("next_error"))
+    )
     return Learning(
         trials=tuple(
             Trial(
@@ -127,11 +123,7 @@ def _learning(content: Mapping[str, Any]) -> Learning:
         delays=tuple(SensorDelay(**each) for each in content["delays"]),
         best=int(content["best"]),
         floor=(speed, noise),
-        next_error=_number(content.get("next_error")),
+        next_error=next_error,
         stopped=str(content["stopped"]),
         remarks=tuple(content["remarks"]),
     )
-
-
-def _number(value: float | None) -> float:
-    return math.nan if value is None else float(value)

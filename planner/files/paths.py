@@ -166,7 +166,13 @@ def joint_path(table: Table, *, joints: Sequence[str] = (), even: bool = True) -
     if joints:
         columns = pick(table, joints, JOINT_UNITS)
     else:
-        _check_no_log(table)
+        for pair in pairs(table.names):
+            if pair.requested and pair.actual:
+                raise table.fault(
+                    f"'{pair.requested[0]}' and '{pair.actual[0]}' are columns of a log, expected "
+                    "a path, with one column for each joint; request-planner identify reads logs, "
+                    "and --joint takes single columns as a path"
+                )
         no_joints = {*time_columns(table.names), "index", "sample"}  # which number the rows
         columns = [name for name in table.names if not (name in no_joints or name.endswith(LOAD))]
     if not columns:
@@ -183,17 +189,6 @@ def joint_path(table: Table, *, joints: Sequence[str] = (), even: bool = True) -
             check_radians(table, f"{name}_rad", angles, f"rename it {name}_deg")
     loads = _loads(table, names, all_joints=not joints)
     return JointPath(table.path, names, units, values, read_times(table, even=even), loads)
-
-
-def _check_no_log(table: Table) -> None:
-    """Refuse requested and actual angles of one joint, which are no paths of two joints."""
-    for pair in pairs(table.names):
-        if pair.requested and pair.actual:
-            raise table.fault(
-                f"'{pair.requested[0]}' and '{pair.actual[0]}' are columns of a log, expected a "
-                "path, with one column for each joint; request-planner identify reads logs, and "
-                "--joint takes single columns as a path"
-            )
 
 
 def _loads(table: Table, names: Sequence[str], *, all_joints: bool) -> Array | None:
@@ -268,13 +263,12 @@ def foot_path(table: Table, *, even: bool = True) -> FootPath:
 
 
 def write_foot_path(path: Path | str, positions: Array, *, period: float | None = None) -> None:
-    """Write positions [m], shape (n, 3), as CSV, with a column ``t_s`` where a period is known."""
-    names = [f"{axis}_m" for axis in AXES]
-    if period is None:
-        write_table(path, names, positions)
-    else:
-        times = _times(len(positions), period)
-        write_table(path, [TIME, *names], np.column_stack([times, positions]))
+    """Write positions [m], shape (n, 3), as CSV, with a column ``t_s`` for a period [s]."""
+    names, columns = [f"{axis}_m" for axis in AXES], positions
+    if period is not None:
+        names = [TIME, *names]
+        columns = np.column_stack([_times(len(positions), period), positions])
+    write_table(path, names, columns)
 
 
 def write_curve(path: Path | str, curve: PiecewiseLinear) -> None:

@@ -80,19 +80,9 @@ def write_text(path: Path | str, text: str) -> None:
 
     A file holds the old text or the new one, never a part; see :func:`.staging.staged`.
     """
-    if str(path) == STANDARD_STREAM:
-        _write_standard_output(text)
+    if str(path) != STANDARD_STREAM:
+        write_bytes(path, text.encode())
         return
-    write_bytes(path, text.encode())
-
-
-def write_bytes(path: Path | str, content: bytes) -> None:
-    """Write ``content`` to a file, whole or not at all; see :func:`write_text`."""
-    with staged(path, content):
-        pass
-
-
-def _write_standard_output(text: str) -> None:
     if sys.stdout is None:
         raise InvalidFile(STANDARD_STREAM, "standard output is closed; name a file for the output")
     try:
@@ -103,6 +93,12 @@ def _write_standard_output(text: str) -> None:
         raise
     except OSError as error:
         raise cannot_write(STANDARD_STREAM, error) from error
+
+
+def write_bytes(path: Path | str, content: bytes) -> None:
+    """Write ``content`` to a file, whole or not at all; see :func:`write_text`."""
+    with staged(path, content):
+        pass
 
 
 def to_json(content: Mapping[str, Any]) -> str:
@@ -162,10 +158,10 @@ def read_toml(path: Path | str, *, example: str) -> Toml:
         content = tomllib.loads(text)
     except (ValueError, RecursionError) as error:
         place = re.search(r" \(at line (\d+), column (\d+)\)$", str(error))
+        words = f"{str(error)[: place.start()]} at column {place[2]}" if place else str(error)
         raise InvalidFile(
             path,
-            f"not TOML: {_cut(str(error), place)}; expected lines such as '{example}', and 0.1 "
-            "for .1",
+            f"not TOML: {words}; expected lines such as '{example}', and 0.1 for .1",
             line=int(place[1]) if place else None,
         ) from error
     return Toml(str(path), text, content)
@@ -176,22 +172,18 @@ def _places(text: str) -> Iterator[tuple[int, Place]]:
     current: Place = ()
     counts: dict[Place, int] = {}
     for number, line in enumerate(text.splitlines(), 1):
-        if header := re.match(rf"\s*\[(\[?)\s*({_PATH})\s*\]", line):
-            current = _split(header[2])
+        header = re.match(rf"\s*\[(\[?)\s*({_PATH})\s*\]", line)
+        key = re.match(rf"\s*({_PATH})\s*=", line)
+        path = header[2] if header else key[1] if key else ""
+        parts = tuple(part.strip("\"'") for part in re.findall(_KEY, path))
+        if header:
+            current = parts
             if header[1]:
                 counts[current] = counts.get(current, -1) + 1
                 current = (*current, counts[current])
             yield number, current
-        elif key := re.match(rf"\s*({_PATH})\s*=", line):
-            yield number, (*current, *_split(key[1]))
-
-
-def _split(path: str) -> Place:
-    return tuple(part.strip("\"'") for part in re.findall(_KEY, path))
-
-
-def _cut(message: str, place: re.Match[str] | None) -> str:
-    return f"{message[: place.start()]} at column {place[2]}" if place else message
+        elif key:
+            yield number, (*current, *parts)
 
 
 def key_name(place: Sequence[str | int]) -> str:

@@ -179,8 +179,9 @@ def _tracks(path: Path | str, options: LogOptions) -> tuple[Track, Track, list[s
     if not _on_both(actual, requested):
         raise InvalidFile(
             bag.path,
-            f"no joint is on both topics: {actual.topic} has {_joints_listed(actual)}, "
-            f"{requested.topic} has {_joints_listed(requested)}",
+            f"no joint is on both topics: {actual.topic} has "
+            f"{', '.join(actual.joints[:20]) or 'none'}, {requested.topic} has "
+            f"{', '.join(requested.joints[:20]) or 'none'}",
         )
     actual.stamped, requested.stamped = _clocks(actual, requested)
     words = ["its header" if each.stamped else "receipt" for each in (actual, requested)]
@@ -265,10 +266,6 @@ def _order(
     )
 
 
-def _joints_listed(track: Track) -> str:
-    return ", ".join(track.joints[:20]) or "none"
-
-
 class MessageAngles(NamedTuple):
     """The angles of joints in one field of a message; joints without names are None.
 
@@ -312,32 +309,32 @@ def _actual(path: Path, kinds: Mapping[str, str], command_topic: str | None) -> 
     if command_topic is not None and kinds[command_topic] != CONTROLLER_STATE:
         controllers = [] if set(states) - {command_topic} else controllers
     topics = controllers or [topic for topic in states if topic != command_topic]
-    if len(topics) != 1:
-        what = "several topics hold" if topics else "no topic holds"
-        raise InvalidFile(
-            path,
-            f"{what} actual angles; topics: {_listed(kinds, topics)}; "
-            + ("choose one with --topic" if topics else f"expected {' or '.join(ACTUAL_TYPES)}"),
-        )
-    return topics[0]
+    expected = f"expected {' or '.join(ACTUAL_TYPES)}"
+    return _only(path, kinds, topics, ("hold", "actual angles", "--topic"), expected)
+
+
+def _only(
+    path: Path, kinds: Mapping[str, str], topics: list[str], words: tuple[str, ...], advice: str
+) -> str:
+    """The only one of these topics."""
+    if len(topics) == 1:
+        return topics[0]
+    verb, what, option = words
+    many = f"several topics {verb}" if topics else "no topic holds"
+    raise InvalidFile(
+        path,
+        f"{many} {what}; topics: {_listed(kinds, topics)}; "
+        + (f"choose one with {option}" if topics else advice),
+    )
 
 
 def _requested(path: Path, kinds: Mapping[str, str], actual: str, joint: str | None) -> str:
     topics = [topic for topic, kind in kinds.items() if kind in REQUEST_TYPES and topic != actual]
     if len(topics) > 1 and joint not in (None, ALL_JOINTS):
         topics = [topic for topic in topics if joint in topic] or topics
-    if len(topics) != 1:
-        what = "several topics may hold" if topics else "no topic holds"
-        raise InvalidFile(
-            path,
-            f"{what} the requested angles; topics: {_listed(kinds, topics)}; "
-            + (
-                "choose one with --command-topic"
-                if topics
-                else "record the topic of the commands too, or a controller's state"
-            ),
-        )
-    return topics[0]
+    words = ("may hold", "the requested angles", "--command-topic")
+    advice = "record the topic of the commands too, or a controller's state"
+    return _only(path, kinds, topics, words, advice)
 
 
 def _check(

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from planner.exceptions import InvalidFile, InvalidInput
+from planner.exceptions import InvalidInput
 from planner.files.columns import (
     ANGLE_NAMES,
     SECONDS,
@@ -22,10 +22,10 @@ from planner.files.columns import (
     scale,
     split_name,
     time_column,
-    torque_columns,
 )
 from planner.files.logs.make_log import (
     ALL_JOINTS,
+    ROLES,
     Columns,
     LogOptions,
     Source,
@@ -38,6 +38,9 @@ from planner.files.table import Table, read_table
 from planner.identification.log import Log
 from planner.trajectory import Array
 
+TORQUES = ("torque_on", "torque_enable", "torque_enabled")
+"""Names for whether the torque is on."""
+
 SWITCH = {"0": False, "1": True, "0.0": False, "1.0": True, "false": False, "true": True}
 """Values of a torque column."""
 
@@ -47,44 +50,45 @@ def read_csv_log(path: Path | str, options: LogOptions) -> tuple[Log, ...]:
     table = read_table(path)
     times, clock = _read_clock(table, options)
     torque, switch = _read_torque(table, options)
-    logs = []
-    chosen = _choose_pairs(table, options)
+    logs, chosen = [], _choose_pairs(table, options)
     for pair in chosen:
-        requested, actual = pair.requested[0], pair.actual[0]
-        numbers = table.numbers([requested, actual], missing=True)
+        columns = [each[0] for each in (pair.requested, pair.actual)]
+        numbers = table.numbers(columns, missing=True)
+        units = [options.unit_of(pair.joint, role) for role in ROLES]
+        scales = [
+            _scale(table, column, unit, options)
+            for column, unit in zip(columns, units, strict=True)
+        ]
+        if scales[0].name == "rad":  # requests only: angles may have glitches
+            advice = (
+                "name the columns so or give --unit deg; a joint that turns further is read in "
+                "degrees or turns"
+            )
+            check_radians(table, columns[0], numbers[:, 0], advice)
+        load = f"{pair.joint}{LOAD}" if pair.joint else LOAD.removeprefix("_")
         log_columns = Columns(
             times=times,
             requests=numbers[:, 0],
             angles=numbers[:, 1],
-            request_scale=_scale(
-                table, requested, options.unit_of(pair.joint, "requested"), options
-            ),
-            angle_scale=_scale(table, actual, options.unit_of(pair.joint, "actual"), options),
+            request_scale=scales[0],
+            angle_scale=scales[1],
             torque_on=switch,
-            load=_load(table, pair.joint),
-            requested=requested,
+            load=table.numbers([load], missing=True)[:, 0] if load in table.names else None,
+            requested=columns[0],
         )
-        if log_columns.request_scale.name == "rad":
-            check_radians(  # requests only: angles may have glitches
-                table,
-                requested,
-                log_columns.requests,
-                "name the columns so or give --unit deg; a joint that turns further is read in "
-                "degrees or turns",
-            )
-        source = Source(path=path, line=lambda k: table.lines[k])
+        names = columns
+        if len(chosen) > 1 and pair.joint:  # joints whose columns are alike have one note
+            # The joint as a word: `a` of `act_a` is not the first letter.
+            word = rf"(?:(?<![^\W_])|(?<=[a-z])(?=[A-Z])){re.escape(pair.joint)}(?![^\W_A-Z])"
+            names = [re.sub(word, "<joint>", each) for each in columns]
+        both = " and ".join(dict.fromkeys(scale.name for scale in scales))
         notes = (
-            f"{clock}, {_columns_note(pair, several=len(chosen) > 1)}{torque}",
-            _unit_note(log_columns, options.unit_of(pair.joint, "actual")),
+            f"{clock}, requested from '{names[0]}', actual from '{names[1]}'{torque}",
+            f"angles in {both}, as {'the columns' if units[1] is None else '--unit'} said",
         )
+        source = Source(path=path, line=lambda k: table.lines[k])
         logs.append(make_log(source, log_columns, joint=pair.joint, notes=notes))
     return tuple(logs)
-
-
-def _load(table: Table, joint: str) -> Array | None:
-    """Torque on a joint [N m], shape (n,), from ``<joint>_load_Nm`` or ``load_Nm``, if any."""
-    name = f"{joint}{LOAD}" if joint else LOAD.removeprefix("_")
-    return table.numbers([name], missing=True)[:, 0] if name in table.names else None
 
 
 def csv_joints(path: Path | str, options: LogOptions) -> tuple[str, ...]:  # noqa: ARG001
@@ -103,7 +107,18 @@ def _choose_pairs(table: Table, options: LogOptions) -> tuple[Pair, ...]:
         return (_named_pair(table, candidates, options),)
     complete = _complete(candidates)
     if not complete:
-        raise _no_pair(table, candidates)
+        every = f"columns: {', '.join(table.names)}"
+        half = next((pair for pair in candidates if pair.requested or pair.actual), None)
+        if half is None:
+            raise table.fault(
+                f"no column names a requested or an actual angle; {every}; name them with "
+                "--requested and --actual"
+            )
+        there, other = ROLES if half.requested else ROLES[::-1]
+        raise table.fault(
+            f"'{(half.requested or half.actual)[0]}' is the {there} angle, but no column names the "
+            f"{other} one; {every}; name it with --{other}"
+        )
     chosen = choose_joints(table.path, [pair.joint for pair in complete], options.joint)
     return tuple(_single(table, complete[k]) for k in chosen)
 
@@ -151,22 +166,6 @@ def _single(table: Table, pair: Pair) -> Pair:
     return pair
 
 
-def _no_pair(table: Table, candidates: tuple[Pair, ...]) -> InvalidFile:
-    half = next((pair for pair in candidates if pair.requested or pair.actual), None)
-    every = f"columns: {', '.join(table.names)}"
-    if half is None:
-        return table.fault(
-            f"no column names a requested or an actual angle; {every}; name them with --requested "
-            "and --actual"
-        )
-    there, other = ("requested", "actual") if half.requested else ("actual", "requested")
-    column = (half.requested or half.actual)[0]
-    return table.fault(
-        f"'{column}' is the {there} angle, but no column names the {other} one; {every}; name it "
-        f"with --{other}"
-    )
-
-
 def _scale(table: Table, column: str, user_unit: str | None, options: LogOptions) -> Scale:
     _, column_unit = split_name(column, ANGLE_NAMES)
     if column_unit is not None and user_unit is not None and column_unit != user_unit:
@@ -184,22 +183,6 @@ def _scale(table: Table, column: str, user_unit: str | None, options: LogOptions
         return scale(unit, options.ticks_per_turn)
     except InvalidInput as error:
         raise table.fault(str(error)) from error
-
-
-def _columns_note(pair: Pair, *, several: bool) -> str:
-    """The columns of a joint in words, which are the same for joints whose columns are alike."""
-    requested, actual = pair.requested[0], pair.actual[0]
-    if several and pair.joint:
-        # The joint as a word: `a` of `act_a` is not the first letter.
-        word = rf"(?:(?<![^\W_])|(?<=[a-z])(?=[A-Z])){re.escape(pair.joint)}(?![^\W_A-Z])"
-        requested, actual = (re.sub(word, "<joint>", each) for each in (requested, actual))
-    return f"requested from '{requested}', actual from '{actual}'"
-
-
-def _unit_note(columns: Columns, user_unit: str | None) -> str:
-    requested, actual = columns.request_scale.name, columns.angle_scale.name
-    both = actual if requested == actual else f"{requested} and {actual}"
-    return f"angles in {both}, as {'the columns' if user_unit is None else '--unit'} said"
 
 
 def _read_clock(table: Table, options: LogOptions) -> tuple[Array, str]:
@@ -227,7 +210,9 @@ def _read_torque(table: Table, options: LogOptions) -> tuple[str, Switch | None]
     """The origin of the torque's switch in words, and the switch, shape (n,), if there is one."""
     if options.torque is not None:
         table.place(options.torque)
-    columns = (options.torque,) if options.torque is not None else torque_columns(table.names)
+    columns: tuple[str, ...] = tuple(name for name in table.names if name.lower() in TORQUES)
+    if options.torque is not None:
+        columns = (options.torque,)
     if not columns:
         return "", None
     if len(columns) > 1:

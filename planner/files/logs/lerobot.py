@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from planner.exceptions import InvalidFile, InvalidInput, importing, nearest
 from planner.files.columns import Scale
@@ -18,9 +17,6 @@ from planner.files.logs.make_log import Columns, LogOptions, Source, choose_join
 from planner.files.text import read_json, read_text
 from planner.identification.log import Log
 from planner.trajectory import Array
-
-Rows = npt.NDArray[np.intp]
-"""Places of rows, shape (n,)."""
 
 ACTION, STATE = "action", "observation.state"
 """Features that hold the requested and the actual angles."""
@@ -78,7 +74,12 @@ def read_lerobot(path: Path | str, options: LogOptions) -> tuple[Log, ...]:
                     request_scale=scales[name],
                     angle_scale=scales[name],
                 )
-                logs.append(make_log(source, values, joint=name, notes=_notes(values)))
+                notes = (
+                    f"time from '{TIME}', requested from '{ACTION}' (sent at the time of its row), "
+                    f"actual from '{STATE}'",
+                    f"angles in {values.angle_scale.name}, as --unit said",
+                )
+                logs.append(make_log(source, values, joint=name, notes=notes))
     _check_there(dataset, Path(path), episodes, all_episodes)
     if not logs:
         raise InvalidFile(path, "no row of any episode; is the file cut short?")
@@ -135,16 +136,12 @@ def read_episode(place: EpisodeFile) -> EpisodeRows:
     rows = np.flatnonzero(_one_a_row(file, EPISODE, columns[EPISODE]) == place.episode)
     count = len(columns[TIME])
     action, state = (columns[key].reshape(count, -1)[rows] for key in (ACTION, STATE))
-    return EpisodeRows(columns[TIME].ravel()[rows], action, state, _task(file, rows))
-
-
-def _task(file: Path, rows: Rows) -> str:
-    """The task of the first of some rows, in words; "" where the dataset does not say."""
     try:
         numbers = _one_a_row(file, TASK, read_columns(file, [TASK])[TASK])
-        return find_dataset(file).tasks().get(int(numbers[rows[0]]), "")
+        task = find_dataset(file).tasks().get(int(numbers[rows[0]]), "")
     except (InvalidFile, IndexError):
-        return ""
+        task = ""
+    return EpisodeRows(columns[TIME].ravel()[rows], action, state, task)
 
 
 def lerobot_joints(path: Path | str, options: LogOptions) -> tuple[str, ...]:
@@ -229,14 +226,6 @@ def _episodes_in(file: Path, numbers: Array) -> list[int]:
     if not valid.all():
         raise InvalidFile(file, f"'{EPISODE}': expected whole numbers from 0")
     return [int(number) for number in np.unique(numbers)]
-
-
-def _notes(columns: Columns) -> tuple[str, ...]:
-    return (
-        f"time from '{TIME}', requested from '{ACTION}' (sent at the time of its row), actual from "
-        f"'{STATE}'",
-        f"angles in {columns.angle_scale.name}, as --unit said",
-    )
 
 
 def _ranges(numbers: Iterable[int]) -> str:

@@ -25,8 +25,6 @@ ALL_JOINTS = "all"
 ROLES = ("requested", "actual")
 """Columns of a joint that may have units of their own."""
 
-MOST_EPISODES = 1_000_000
-"""Most episodes in a range; a longer one is a typing error."""
 
 FEWEST_STEPS, ON_STEPS = 100, 0.4
 """Steps of a sensor that angles have to reach, and mean of the unit vectors of their deviations
@@ -92,19 +90,30 @@ class LogOptions:
             value = getattr(self, field.name)
             if field.name != "ticks_per_turn" and not isinstance(value, str | None):
                 raise InvalidInput(f"{field.name}: got {shown(value)}, expected text")
-        _units(self.unit)
+        self.units()
         if self.ticks_per_turn is not None:
             as_positive("ticks per turn", self.ticks_per_turn, "more than 0, such as 4096")
         self.episode_numbers()
 
     def unit_of(self, joint: str, role: str = "") -> str | None:
         """The unit that the user gives for angles of a joint and a role; None for none."""
-        units = _units(self.unit)
+        units = self.units()
         return next((units[name] for name in (joint, role, "") if name in units), None)
 
-    def joints_with_units(self) -> tuple[str, ...]:
-        """The joints whose units the user gives by name."""
-        return tuple(joint for joint in _units(self.unit) if joint not in ("", *ROLES))
+    def units(self) -> dict[str, str]:
+        """Unit by joint or role; the key "" holds the default."""
+        units: dict[str, str] = {}
+        for part in self.unit.split(",") if self.unit is not None else ():
+            joint, _, word = part.rpartition("=")
+            unit = ANGLE_NAMES.get(word.strip().lower())
+            if unit is None:
+                raise InvalidInput(
+                    f"unit '{word.strip()}' is unknown{nearest(word.strip(), ANGLE_UNITS)}; "
+                    f"expected one of {', '.join(ANGLE_UNITS)}, or rad,Jaw=range where joints "
+                    "differ, or requested=us,actual=counts where columns do"
+                )
+            units[joint.strip()] = unit
+        return units
 
     def scale_of(self, joint: str) -> Scale | None:
         """The scale of :meth:`unit_of`."""
@@ -119,7 +128,7 @@ class LogOptions:
         for part in self.episodes.split(","):
             match = re.fullmatch(r"\s*(\d{1,9})\s*(?:-\s*(\d{1,9})\s*)?", part, re.ASCII)
             first, last = (int(match[1]), int(match[2] or match[1])) if match else (1, 0)
-            if last < first or last - first >= MOST_EPISODES:
+            if last < first or last - first >= 1_000_000:  # a typing error
                 raise InvalidInput(
                     f"episodes: got {shown(self.episodes)}, "
                     "expected numbers and ranges such as 0-3,7"
@@ -129,7 +138,13 @@ class LogOptions:
 
 
 def choose_joints(path: Path | str, joints: Sequence[str], joint: str | None) -> tuple[int, ...]:
-    """Places of the joint to read among ``joints``, or of "all"; None where there is only one."""
+    """Places among the joints of ``path`` of the one to read, or of all for "all".
+
+    ``joint`` may be None where there is only one.
+
+    Raises:
+        InvalidFile: There is no such joint, or None is one of several.
+    """
     if joint == ALL_JOINTS and joint not in joints:
         return tuple(range(len(joints)))
     names = ", ".join(each or "(one without a name)" for each in joints)
@@ -142,22 +157,6 @@ def choose_joints(path: Path | str, joints: Sequence[str], joint: str | None) ->
     if joint not in joints:
         raise InvalidFile(path, f"no joint '{joint}'{nearest(joint, joints)}; joints: {names}")
     return (list(joints).index(joint),)
-
-
-def _units(text: str | None) -> dict[str, str]:
-    """Unit by joint; the key "" holds the default."""
-    units: dict[str, str] = {}
-    for part in text.split(",") if text is not None else ():
-        joint, _, word = part.rpartition("=")
-        unit = ANGLE_NAMES.get(word.strip().lower())
-        if unit is None:
-            raise InvalidInput(
-                f"unit '{word.strip()}' is unknown{nearest(word.strip(), ANGLE_UNITS)}; expected "
-                f"one of {', '.join(ANGLE_UNITS)}, or rad,Jaw=range where joints differ, or "
-                "requested=us,actual=counts where columns do"
-            )
-        units[joint.strip()] = unit
-    return units
 
 
 Switch = npt.NDArray[np.bool_]

@@ -23,6 +23,7 @@ from planner.files.logs.lerobot import (
 )
 from planner.files.logs.make_log import (
     ALL_JOINTS,
+    ROLES,
     Columns,
     LogOptions,
     Source,
@@ -230,7 +231,7 @@ def joints_in(path: Path | str, options: LogOptions | None = None) -> tuple[str,
 
 def _check_units(paths: Sequence[Path | str], options: LogOptions, joints: Collection[str]) -> None:
     """Refuse a unit of a joint that is in no file; ``joints`` are the joints of the logs."""
-    unread = set(options.joints_with_units()) - set(joints)
+    unread = set(options.units()) - {"", *ROLES, *joints}
     if not unread or STANDARD_STREAM in map(str, paths):
         return
     names = [name for path in paths for name in joints_in(path, options)]
