@@ -109,12 +109,6 @@ class Declared:
         """Whether a file has to set it."""
         return self.default is MISSING
 
-    @property
-    def default_in_words(self) -> str:
-        """Its default as TOML, or the effect of leaving it unset."""
-        unset = self.required or self.default is None
-        return self.otherwise or ("" if unset else toml_value(self.default))
-
 
 def setting(
     help: str = "",  # noqa: A002
@@ -475,7 +469,7 @@ def template(cls: type[Settings], heading: Sequence[str]) -> str:
         for name, key in table.keys.items():
             default = None if key.required else key.default
             words = f" {key.expected.capitalize()}." * key.expected.startswith("one of")
-            if in_words := key.default_in_words:
+            if in_words := key.otherwise or ("" if default is None else toml_value(default)):
                 visible = default is not None and key.set_to is None
                 words += "" if visible else f" Default: {in_words}."
             lines += _comment(key.help + words)

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 from planner.cli.console import BadSetting, Key
-from planner.cli.desired import Desired, leg_title
+from planner.cli.desired import leg_title
 from planner.cli.models import model_words
 from planner.cli.planning import Prepared, plan_of, task_of
 from planner.exceptions import InvalidFile, about
@@ -29,11 +29,8 @@ from planner.planning.plan import Plan, joined
 from planner.report.learning import Progress, learning_page
 from planner.report.page import sources_of
 from planner.report.plan import no_bound
-from planner.report.table import NOTHING, text_table
+from planner.report.table import number, text_table
 from planner.trajectory import Array
-
-Plans = Mapping[str, Plan]
-"""The plan of each joint, or of the foot under the name "foot"."""
 
 FOOT = "foot"
 """Name of the plan of a foot."""
@@ -61,11 +58,11 @@ class Refined:
     prepared: Prepared
     executed: Array
     measured: Measured
-    plans: Plans
+    plans: Mapping[str, Plan]
     states: Mapping[str, LearningState]
 
     @property
-    def learnt(self) -> Plans:
+    def learnt(self) -> Mapping[str, Plan]:
         """The plans of the measured joints."""
         return {name: self.plans[name] for name in self.plans if name not in self.not_measured}
 
@@ -323,19 +320,17 @@ def document(answer: Refined) -> dict[str, Any]:
 
 def summary(answer: Refined) -> str:
     """The answer for people."""
-    rows = progress_of(answer)
-    measured = len(answer.measured.angles)
-    cycles = "cycle" if measured == 1 else "cycles"
-    first = f"{measured} measured {cycles} of {len(answer.executed)} requests"
-    lines = [f"{first}; {model_words(answer.prepared.settings.model)}"]
-    cells = []
+    rows, cells, measured = progress_of(answer), [], len(answer.measured.angles)
     for each in rows:
-        bound = NOTHING if math.isnan(each.bound) else f"{each.bound:.3f}"
-        errors = [each.errors[0], each.errors[-1], np.min(each.errors), each.predicted]
-        texts = [f"{error:.3f}" for error in errors]
-        cells.append([f"{each.name} [{each.unit}]", *texts, bound, f"{each.noise:.3f}"])
+        errors = (each.errors[0], each.errors[-1], np.min(each.errors), each.predicted)
+        bound, noise = number(each.bound, 3), f"{each.noise:.3f}"
+        cells.append([f"{each.name} [{each.unit}]", *map("{:.3f}".format, errors), bound, noise])
     titles = ["rms error", "first", "last", "best", "predicted next", "lower bound", "noise"]
-    lines.append(text_table(titles, cells))
+    lines = [
+        f"{measured} measured {'cycle' if measured == 1 else 'cycles'} of {len(answer.executed)} "
+        f"requests; {model_words(answer.prepared.settings.model)}",
+        text_table(titles, cells),
+    ]
     for each in rows:
         lines += [f"{each.name}: {text}" for text in each.remarks]
         if each.stopped:
@@ -346,23 +341,26 @@ def summary(answer: Refined) -> str:
 def progress_of(answer: Refined) -> list[Progress]:
     """The errors of each joint, or of the foot, in the user's units."""
     desired, rows = answer.prepared.desired, []
+    file_models = dict(zip(desired.names, desired.models, strict=True))
     for name, plan in answer.learnt.items():
-        learning = plan.learning[0]
-        foot = plan.task.goal == "foot"
-        unit = "cm" if foot else desired.unit(desired.names.index(name))
+        learning, foot = plan.learning[0], plan.task.goal == "foot"
         factor = 100.0 if foot else math.degrees(1.0)
         bound, noise = learning.floor
-        bound = math.nan if no_bound(plan) else bound
         remarks = [as_options(text, desired.names) for text in learning.remarks]
-        if not any("identified anew" in text for text in remarks):
-            remarks += _other_models(plan, name, desired)
+        names = desired.names if foot else (name,)
+        pairs_of_models = zip(names, plan.models, strict=True)
+        changed = [joint for joint, model in pairs_of_models if model != file_models[joint]]
+        if changed and not any("identified anew" in text for text in remarks):
+            whose = f" of {', '.join(changed)}" if foot else ""
+            anew = "is not that of the file: earlier trials identified it anew"
+            remarks.append(f"the model{whose} {anew}")
         rows.append(
             Progress(
                 name=name,
-                unit=unit,
+                unit="cm" if foot else desired.unit(desired.names.index(name)),
                 errors=factor * learning.errors,
                 predicted=factor * learning.next_error,
-                bound=factor * bound,
+                bound=math.nan if no_bound(plan) else factor * bound,
                 noise=factor * noise,
                 gain=learning.gain,
                 best=learning.best,
@@ -371,21 +369,6 @@ def progress_of(answer: Refined) -> list[Progress]:
             )
         )
     return rows
-
-
-def _other_models(plan: Plan, name: str, desired: Desired) -> list[str]:
-    """A remark on models that earlier trials identified anew, so that they differ from the file."""
-    names = desired.names if name == FOOT else (name,)
-    file_models = dict(zip(desired.names, desired.models, strict=True))
-    changed = [
-        joint
-        for joint, model in zip(names, plan.models, strict=True)
-        if model != file_models[joint]
-    ]
-    if not changed:
-        return []
-    whose = f" of {', '.join(changed)}" if name == FOOT else ""
-    return [f"the model{whose} is not that of the file: earlier trials identified it anew"]
 
 
 def as_options(text: str, names: Sequence[str]) -> str:

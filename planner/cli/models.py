@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import nullcontext, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -107,11 +107,6 @@ def _by_settings(
     return tuple(joint_of_top_speed(speeds[joint]) for joint in joints)
 
 
-MOST_IDENTIFIED = 10
-"""Most recordings from which models are identified with ``--model from-log``: further ones of the
-same robot add little information, and time grows with each."""
-
-
 @dataclass(frozen=True, kw_only=True)
 class JointModels:
     """The models of a replay, the default under the key ""; their origin in words, and remarks."""
@@ -170,10 +165,12 @@ def _models_from_recordings(
     from planner.identification.identify import identify
     from planner.recording.recorded_path import is_gripper
 
-    used = recordings[:MOST_IDENTIFIED]
+    used = recordings[:10]  # more of the same robot add little, and time grows with each
     by_joint: dict[str, list[Log]] = {}
-    for log in _readable(used):
-        by_joint.setdefault(log.joint or "joint", []).append(log)
+    for recording in used:
+        with suppress(PlannerError) if len(recordings) > 1 else nullcontext():  # told in planning
+            for log in recording.read():
+                by_joint.setdefault(log.joint or "joint", []).append(log)
     for name in replay.joints:
         if by_joint and name not in by_joint:
             raise BadSetting(
@@ -196,13 +193,12 @@ def _models_from_recordings(
             remarks.append(f"{name}: no model: {error}")
             failure = error
             continue
-        if not identification.accepted:
+        if identification.accepted:
+            models[name] = identification.model
+        else:
             refused[name] = identification.reason
-            failure = InvalidInput(
-                "no model of any joint fits the recording; identify the joints from better logs"
-            )
-            continue
-        models[name] = identification.model
+            words = "no model of any joint fits the recording; identify the joints from better logs"
+            failure = InvalidInput(words)
     if not models:
         raise failure
     if refused:
@@ -219,16 +215,3 @@ def _models_from_recordings(
         words=f"models: identified from {words}",
         remarks=tuple(remarks),
     )
-
-
-def _readable(recordings: Sequence[Recording]) -> Iterator[Log]:
-    """The logs of the readable recordings; errors of unreadable ones are reported in planning.
-
-    The error of a single recording is raised here.
-    """
-    for recording in recordings:
-        try:
-            yield from recording.read()
-        except PlannerError:
-            if len(recordings) == 1:
-                raise

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
@@ -10,10 +10,6 @@ from planner.cli import options, types
 from planner.cli.console import deliver, warn
 from planner.cli.settings import Run
 from planner.exceptions import InvalidFile, about
-
-if TYPE_CHECKING:
-    from planner.cli.desired import Desired
-    from planner.files.paths import JointPath
 
 
 @click.command()
@@ -53,12 +49,19 @@ def simulate(
 
     from planner.cli.desired import load_joints, refused_models, repeats, starts_of
     from planner.cli.models import model_words, verdict_document
+    from planner.files.paths import read_joint_path
     from planner.model.evidence import Expectation, expectation, untested_words
     from planner.model.response import simulate as simulate_joint
     from planner.trajectory import angle_distance
 
     inputs = load_joints(requests, run)
-    path = None if desired is None else _desired(desired, inputs)
+    path = None if desired is None else read_joint_path(desired, joints=inputs.names)
+    if path is not None and len(path.angles) != len(inputs.angles):
+        raise InvalidFile(
+            path.path,
+            f"got {len(path.angles)} samples, expected {len(inputs.angles)}, one per request; "
+            "compare with the path that the requests were planned for",
+        )
     cyclic, remarks = inputs.cyclic, inputs.remarks
     if path is not None:  # its ends are better evidence than the ends of its requests
         cyclic, closing = repeats(path.angles, run.plan.cyclic)
@@ -111,16 +114,3 @@ def simulate(
         output=output,
         as_json=as_json,
     )
-
-
-def _desired(file: str, inputs: Desired) -> JointPath:
-    from planner.files.paths import read_joint_path
-
-    path = read_joint_path(file, joints=inputs.names)
-    if len(path.angles) != len(inputs.angles):
-        raise InvalidFile(
-            file,
-            f"got {len(path.angles)} samples, expected {len(inputs.angles)}, one per request; "
-            "compare with the path that the requests were planned for",
-        )
-    return path

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import click
 
@@ -11,12 +10,6 @@ from planner.cli import options, types
 from planner.cli.console import summarise
 from planner.cli.settings import Method, Run
 from planner.files.text import write_text
-
-if TYPE_CHECKING:
-    from kinematics import Leg
-    from planner.cli.desired import Desired
-    from planner.report.scene import Motion
-    from planner.trajectory import Array
 
 
 @click.command()
@@ -48,7 +41,9 @@ def view(*, run: Run, path: str, requests: str | None, method: Method | None, ht
     from planner.cli.desired import find_leg, leg_title
     from planner.cli.models import model_words
     from planner.cli.planning import load, plan_of, prepare
-    from planner.report.scene import import_meshcat, scene_page
+    from planner.files.paths import read_joint_path
+    from planner.model.response import simulate_joints
+    from planner.report.scene import LOOKS, Motion, import_meshcat, scene_page
 
     if find_leg(run.leg) is None:
         raise click.UsageError("name the leg with --leg.")
@@ -70,42 +65,27 @@ def view(*, run: Run, path: str, requests: str | None, method: Method | None, ht
         plan = plan_of(prepare(replace(run, plan=replace(run.plan, method=method))))
         planned, loads = plan.predicted, plan.task.load
     else:
-        planned, loads = _angles_under(requests, desired)
+        sent = read_joint_path(requests, joints=desired.names)
+        sent.check_period(desired.period)
+        sent.check_samples(len(desired.angles))
+        loads = sent.loads
+        planned = simulate_joints(desired.models, sent.angles, cyclic=desired.cyclic, loads=loads)
+    direct = simulate_joints(desired.models, desired.angles, cyclic=desired.cyclic, loads=loads)
+    order = [desired.names.index(name) for name in desired.leg.joint_names]
+    angles = [each[:, order] for each in (desired.angles, direct, planned)]
+    feet = [desired.leg.foot_positions(each) for each in angles]
+    if desired.foot is not None:
+        feet[0] = desired.foot
+    motions = [
+        Motion(role, each, foot, opacity)
+        for (role, opacity), each, foot in zip(LOOKS, angles, feet, strict=True)
+    ]
     page = scene_page(
         Scene.from_urdf(place.urdf, base=place.base, foot=place.foot, locked=place.locked),
-        _motions(desired.leg, desired, planned, loads),
+        motions,
         period=desired.period,
         cyclic=desired.cyclic,
         title=f"request-planner: {leg_title(run.leg)}",
     )
     write_text(html, page)
     summarise(f"{html}: {len(desired.angles)} samples; {model_words(run.model)}")
-
-
-def _angles_under(requests: str, desired: Desired) -> tuple[Array, Array | None]:
-    """The simulated angles under the requests of a file [rad], and the file's load, (n, k)."""
-    from planner.files.paths import read_joint_path
-    from planner.model.response import simulate_joints
-
-    path = read_joint_path(requests, joints=desired.names)
-    path.check_period(desired.period)
-    path.check_samples(len(desired.angles))
-    angles = simulate_joints(desired.models, path.angles, cyclic=desired.cyclic, loads=path.loads)
-    return angles, path.loads
-
-
-def _motions(leg: Leg, desired: Desired, planned: Array, loads: Array | None) -> tuple[Motion, ...]:
-    """Desired, direct and planned motions, joints in the order of the leg, under these loads."""
-    from planner.model.response import simulate_joints
-    from planner.report.scene import LOOKS, Motion
-
-    order = [desired.names.index(name) for name in leg.joint_names]
-    direct = simulate_joints(desired.models, desired.angles, cyclic=desired.cyclic, loads=loads)
-    angles = [each[:, order] for each in (desired.angles, direct, planned)]
-    feet = [leg.foot_positions(each) for each in angles]
-    if desired.foot is not None:
-        feet[0] = desired.foot
-    return tuple(
-        Motion(role, each, foot, opacity)
-        for (role, opacity), each, foot in zip(LOOKS, angles, feet, strict=True)
-    )

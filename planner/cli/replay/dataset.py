@@ -61,7 +61,11 @@ def write_replay(file: str, recording: Recording, replay: Replay, form: ReplayFo
         with lerobot_dataset(file, layout) as add:
             add(rows, task)
     elif form == "csv":
-        columns = [column_of(joint) for joint in replay.joints]
+        columns = []
+        for log in (joint.path.log for joint in replay.joints):
+            unit = log.written.unit if log.written else {"rad": "rad", "1": "range"}[log.unit]
+            own = log.written.column if log.written else ""
+            columns.append(own or f"{log.joint or 'requested'}_{unit}")
         times = np.arange(len(requests)) * replay.period
         values = np.column_stack([as_written(joint, joint.requests) for joint in replay.joints])
         write_table(file, [TIME, *columns], np.column_stack([times, values]))
@@ -127,15 +131,6 @@ def as_written(joint: JointReplay, values: Array) -> Array:
     if written is None:
         return values
     return np.asarray((values - written.shift) / written.factor)
-
-
-def column_of(joint: JointReplay) -> str:
-    """The column of a joint's requests in CSV: the recording's, or its name and unit."""
-    log = joint.path.log
-    if log.written is not None and log.written.column:
-        return log.written.column
-    unit = log.written.unit if log.written is not None else {"rad": "rad", "1": "range"}[log.unit]
-    return f"{log.joint or 'requested'}_{unit}"
 
 
 HEAD = "head"
