@@ -11,6 +11,7 @@ import numpy as np
 
 from planner.cli.desired import Desired, leg_title
 from planner.cli.models import beside, model_words, verdict_document
+from planner.cli.planning import errors_document
 from planner.cli.settings import FROM_URDF
 from planner.model.evidence import OPEN_TOP_SPEED
 from planner.planning.plan import Plan
@@ -31,7 +32,7 @@ from planner.report.plan import (
     no_bound,
 )
 from planner.report.table import NOTHING, percent, text_table
-from planner.trajectory import Array, error_norm, rms
+from planner.trajectory import rms
 
 if TYPE_CHECKING:
     from kinematics import Leg
@@ -225,14 +226,6 @@ def _over_models(
             f"of_each_{unit}": (factor * plan.errors_of_models).tolist(),
         }
         for name, plan in (("robust_plan", inversion), ("nominal_plan", inversion.nominal))
-    }
-
-
-def errors_document(errors: Array, unit: str, factor: float = 1.0) -> dict[str, float]:
-    """Root mean square and largest of some errors, times a factor, for machines."""
-    return {
-        f"rms_{unit}": factor * error_norm(errors, "rms"),
-        f"max_{unit}": factor * error_norm(errors, "max"),
     }
 
 

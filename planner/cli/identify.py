@@ -5,7 +5,6 @@ from __future__ import annotations
 import pickle
 from collections.abc import Collection, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import fields
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -17,7 +16,6 @@ from planner.files.staging import staged
 from planner.files.text import write_text
 
 if TYPE_CHECKING:
-    from planner.files.logs.make_log import LogOptions
     from planner.files.results import Task
     from planner.identification.log import Log
     from planner.identification.result import Identification
@@ -25,50 +23,10 @@ if TYPE_CHECKING:
 FEW_ROWS = 20_000
 """Most rows for which joints are identified in this process: others would start more slowly."""
 
-recording_options = options.several(
-    click.option(
-        "--time", metavar="COLUMN", help="CSV: the column of times; clock:ms says its unit."
-    ),
-    click.option("--requested", metavar="COLUMN", help="CSV: the column of requested angles."),
-    click.option("--actual", metavar="COLUMN", help="CSV: the column of actual angles."),
-    click.option(
-        "--torque", metavar="COLUMN", help="CSV: the column that is 1 while the torque is on."
-    ),
-    click.option(
-        "--unit",
-        metavar="UNIT",
-        help="Unit of the angles where the log does not say: rad, deg, ticks, turns, us (pulses of "
-        "a hobby servo), counts (of a sensor whose scale is fitted), range (0..1), percent or "
-        "range_m100_100; 'rad,Jaw=range' where joints differ, 'requested=us,actual=counts' where "
-        "columns do.",
-    ),
-    click.option(
-        "--ticks-per-turn",
-        type=float,
-        metavar="N",
-        help="Ticks of one turn, such as 4096, for angles in ticks; for pulses the us of one turn, "
-        "by default 4000.",
-    ),
-    click.option("--topic", metavar="TOPIC", help="Bags: the topic of actual angles."),
-    click.option("--command-topic", metavar="TOPIC", help="Bags: the topic of requested angles."),
-    click.option(
-        "--episodes", metavar="LIST", help="LeRobot: the episodes to read, such as 0-3,7."
-    ),
-)
-"""The options of logs of which every joint is read."""
-
-log_options = options.several(
-    click.option(
-        "--joint", metavar="NAME", help="The joint to read where a log has several, or 'all'."
-    ),
-    recording_options,
-)
-"""The options that :func:`to_log_options` takes."""
-
 
 @click.command()
 @click.argument("logs", nargs=-1, required=True, type=types.INPUT, metavar="LOG...")
-@log_options
+@options.of_logs
 @options.positive(
     "--tick-ms", "Time step of the model.  [default: chosen from the rate of the log]"
 )
@@ -163,13 +121,6 @@ def _tables(output: str) -> list[str]:
         raise InvalidFile(output, f"is no valid model file ({error}); {words}") from error
 
 
-def to_log_options(choices: Mapping[str, Any]) -> LogOptions:
-    """The options about logs among a command's options."""
-    from planner.files.logs.make_log import LogOptions
-
-    return LogOptions(**{each.name: choices[each.name] for each in fields(LogOptions)})
-
-
 def _check(joints: Collection[str], identifications: Mapping[str, Identification]) -> None:
     """Refuse joints without a model, and rejected models; all files are already written."""
     from planner.model.evidence import with_reasons
@@ -193,7 +144,7 @@ def _by_joint(paths: Sequence[str], choices: Mapping[str, Any]) -> dict[str, lis
     """The logs by joint; assumptions of the reader are printed on standard error."""
     from planner.files.logs.read import read_logs
 
-    logs = read_logs(paths, options=to_log_options(choices))
+    logs = read_logs(paths, options=options.to_log_options(choices))
     _echo_notes(logs)
     named = list(dict.fromkeys(log.joint for log in logs if log.joint))
     if choices["joint"] == "all":

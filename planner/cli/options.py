@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import fields
 from functools import wraps
-from typing import Any, Literal, get_args, get_origin
+from typing import TYPE_CHECKING, Any, Literal, get_args, get_origin
 
 import click
 
@@ -14,6 +15,9 @@ from planner.cli import types
 from planner.cli.console import BadSetting, FailedCheck, Key, Remark, warn
 from planner.cli.declared import NUMBER, Declared, Unfit, tables
 from planner.cli.settings import Replay, Run
+
+if TYPE_CHECKING:
+    from planner.files.logs.make_log import LogOptions
 
 Command = Callable[..., Any]
 
@@ -72,6 +76,46 @@ parallel = several(
 """Of commands that carry out many tasks."""
 
 as_json = click.option("--json", "as_json", is_flag=True, help="Print JSON for machines.")
+
+of_recordings = several(
+    click.option(
+        "--time", metavar="COLUMN", help="CSV: the column of times; clock:ms says its unit."
+    ),
+    click.option("--requested", metavar="COLUMN", help="CSV: the column of requested angles."),
+    click.option("--actual", metavar="COLUMN", help="CSV: the column of actual angles."),
+    click.option(
+        "--torque", metavar="COLUMN", help="CSV: the column that is 1 while the torque is on."
+    ),
+    click.option(
+        "--unit",
+        metavar="UNIT",
+        help="Unit of the angles where the log does not say: rad, deg, ticks, turns, us (pulses of "
+        "a hobby servo), counts (of a sensor whose scale is fitted), range (0..1), percent or "
+        "range_m100_100; 'rad,Jaw=range' where joints differ, 'requested=us,actual=counts' where "
+        "columns do.",
+    ),
+    click.option(
+        "--ticks-per-turn",
+        type=float,
+        metavar="N",
+        help="Ticks of one turn, such as 4096, for angles in ticks; for pulses the us of one turn, "
+        "by default 4000.",
+    ),
+    click.option("--topic", metavar="TOPIC", help="Bags: the topic of actual angles."),
+    click.option("--command-topic", metavar="TOPIC", help="Bags: the topic of requested angles."),
+    click.option(
+        "--episodes", metavar="LIST", help="LeRobot: the episodes to read, such as 0-3,7."
+    ),
+)
+"""The options of logs of which every joint is read."""
+
+of_logs = several(
+    click.option(
+        "--joint", metavar="NAME", help="The joint to read where a log has several, or 'all'."
+    ),
+    of_recordings,
+)
+"""The options that :func:`to_log_options` takes."""
 
 REPLAY = "replay."
 """Prefix of the settings of `replay` alone."""
@@ -240,3 +284,10 @@ def put(content: dict[str, Any], key: str, value: Any) -> None:
         table[name] = dict(value)
     else:
         table[name] = list(value) if isinstance(value, tuple) else value
+
+
+def to_log_options(choices: Mapping[str, Any]) -> LogOptions:
+    """The options about logs among a command's options."""
+    from planner.files.logs.make_log import LogOptions
+
+    return LogOptions(**{each.name: choices[each.name] for each in fields(LogOptions)})

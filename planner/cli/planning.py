@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -209,6 +210,14 @@ def beyond_limits(plan: Plan, desired: Desired) -> list[FailedCheck]:
     return failures
 
 
+def errors_document(errors: Array, unit: str, factor: float = 1.0) -> dict[str, float]:
+    """Root mean square and largest of some errors, times a factor, for machines."""
+    return {
+        f"rms_{unit}": factor * error_norm(errors, "rms"),
+        f"max_{unit}": factor * error_norm(errors, "max"),
+    }
+
+
 def off_by(subject: str, error: float, unit: str, norm: str, expected: float) -> str:
     """A missed tolerance in words."""
     return f"{subject} is off by {error:.4g} {unit} ({norm}), expected at most {expected:g}"
@@ -232,10 +241,31 @@ def misses(run: settings.Run, desired: Desired, plan: Plan) -> list[str]:
     return messages
 
 
+def search_options(
+    plan: settings.Plan, period: float, *, units: Mapping[str, float] | None = None
+) -> dict[str, Any]:
+    """The settings of the search, as arguments of :func:`planner.plan`, for a period [s].
+
+    ``units``: by joint, how many of the settings' degrees are one of the joint's unit; by default
+    all are angles [rad].
+    """
+    steps = [math.inf if plan.max_step_deg is None else plan.max_step_deg]
+    if plan.max_request_speed_deg_s is not None:
+        steps.append(plan.max_request_speed_deg_s * period)
+    degrees = min(steps)
+    by_joint = units and {name: degrees / each for name, each in units.items()}
+    return {
+        "norm": plan.norm or "rms",
+        "max_step": math.radians(degrees) if by_joint is None else by_joint,
+        "smoothness": plan.smoothness,
+        "robust": plan.robust,
+    }
+
+
 def task_of(prepared: Prepared) -> Task:
     """The task of the settings; without the torques of a load that depends on the pose."""
     plan_settings, desired, limits = prepared.settings.plan, prepared.desired, prepared.limits
-    options = plan_settings.options(desired.period)
+    options = search_options(plan_settings, desired.period)
     options |= {
         "cyclic": desired.cyclic,
         "load": None if callable(prepared.load) else prepared.load,

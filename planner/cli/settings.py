@@ -1,7 +1,6 @@
 """All settings of a plan, its outputs and a sweep: type, unit, range, default and meaning."""
 
 import math
-from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
 from planner.cli import types
@@ -252,25 +251,6 @@ class Plan(Settings):
     rule: Literal["paper", "exact"] | None = option(
         "Method closed-form: how a line is inverted.", only=("closed-form",), implied="paper"
     )
-
-    def options(self, period: float, *, units: Mapping[str, float] | None = None) -> dict[str, Any]:
-        """The settings of the search, as arguments of :func:`planner.plan`.
-
-        ``units``: by joint, how many of the settings' degrees are one of the joint's unit; by
-        default all are angles [rad].
-        """
-        steps = [math.inf if self.max_step_deg is None else self.max_step_deg]
-        if self.max_request_speed_deg_s is not None:
-            steps.append(self.max_request_speed_deg_s * period)
-        degrees = min(steps)
-        return {
-            "norm": self.norm or "rms",
-            "max_step": math.radians(degrees)
-            if units is None
-            else {name: degrees / each for name, each in units.items()},
-            "smoothness": self.smoothness,
-            "robust": self.robust,
-        }
 
 
 SMOOTHING = tuple(

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from planner.report.figure import Axis, Curve, Figure, Moments, Movie, Panel, Span, Words, around
-from planner.report.style import INK, MUTED, Role, variable
+from planner.report.style import INK, MUTED, ROLES, Role
 from planner.trajectory import Array
 
 ROW = 150
@@ -195,6 +195,14 @@ def _marker(curve: Curve) -> dict[str, Any]:
     else:
         marker = {"color": colour, "opacity": curve.opacity, "line": {"color": colour, "width": 0}}
     return {"mode": "markers", "marker": marker | {"size": 4.5 if curve.opacity < 1.0 else 7}}
+
+
+def variable(role: Role) -> str:
+    """The colour of a role as a page names it, which is light or dark with the page."""
+    for name, candidate in ROLES.items():
+        if candidate.light == role.light:
+            return f"var(--{name})"
+    raise KeyError(f"no colour of the page is {role.light}: give the role one of ROLES")
 
 
 def _dashes(role: Role) -> str:

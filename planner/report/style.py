@@ -103,14 +103,6 @@ SETTINGS: Mapping[str, Any] = {
 """Matplotlib's settings for every picture."""
 
 
-def variable(role: Role) -> str:
-    """The colour of a role as a page names it, which is light or dark with the page."""
-    for name, candidate in ROLES.items():
-        if candidate.light == role.light:
-            return f"var(--{name})"
-    raise KeyError(f"no colour of the page is {role.light}: give the role one of ROLES")
-
-
 def applied() -> AbstractContextManager[None]:
     """A context in which matplotlib draws and saves with these settings."""
     import matplotlib as mpl

@@ -11,7 +11,6 @@ import click
 
 from planner.cli import options, types
 from planner.cli.console import Progress, deliver, print_answer, remark, warn
-from planner.cli.identify import recording_options, to_log_options
 from planner.cli.settings import SMOOTHING, Run
 from planner.cli.settings import Replay as ReplaySettings
 from planner.files.staging import check_folder, check_writable, claimed, staged
@@ -52,7 +51,7 @@ if TYPE_CHECKING:
     "it that of the logs counts.",
     limits_deg="Range of the requests [deg, or percent of the range], of all joints or one.",
 )
-@recording_options
+@options.of_recordings
 @options.output_or_folder
 @click.option("--report", type=types.OUTPUT, help="Write a page (HTML) about the replay.")
 @options.parallel
@@ -99,7 +98,7 @@ def replay(
     from planner.parallel import executor_of
 
     options.check_parallel(workers, scheduler)
-    recordings = recordings_in(logs, to_log_options({**choices, "joint": "all"}))
+    recordings = recordings_in(logs, options.to_log_options({**choices, "joint": "all"}))
     check_writing(replay.write_as, recordings, output)
     if replay.write_as in FOLDERS:  # which with the results beside it is this command's
         check_folder(output)

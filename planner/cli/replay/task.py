@@ -11,11 +11,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from planner.cli import settings
-from planner.cli.answer import errors_document
 from planner.cli.console import BadSetting, Key
 from planner.cli.desired import find_leg, load_leg
 from planner.cli.models import JointModels, first_logs, joint_models
-from planner.cli.planning import off_by, with_load
+from planner.cli.planning import errors_document, off_by, search_options, with_load
 from planner.files.logs.lerobot import find_dataset
 from planner.files.logs.read import Recording
 from planner.identification.grid import measured_speed
@@ -104,7 +103,7 @@ class ReplayTask:
         plan = self.run_settings.plan
         units = {each.name: UNITS[each.unit][1] for each in path.planned}
         solver = {"solver": plan.solver or "gauss-newton"}
-        return plan.options(path.period, units=units) | solver
+        return search_options(plan, path.period, units=units) | solver
 
 
 def tasks_of(

@@ -11,7 +11,8 @@ import pytest
 from click.testing import CliRunner
 
 from planner import InvalidInput, LogOptions
-from planner.cli.identify import identify, log_options, to_log_options
+from planner.cli.identify import identify
+from planner.cli.options import of_logs, to_log_options
 from planner.files import columns
 from planner.files.logs import make_log
 from planner.files.logs.bag import ACTUAL_TYPES, REQUEST_TYPES
@@ -43,7 +44,7 @@ def test_the_command_lines_options_become_log_options():
     told = []
 
     @click.command()
-    @log_options
+    @of_logs
     def command(**choices):
         told.append(to_log_options(choices))
 
