@@ -26,10 +26,6 @@ NEAR = 0.6
 the curves into a line."""
 
 
-THIN = 0.7
-"""Width of a line that is one of many cycles [pt]."""
-
-
 @dataclass(frozen=True, eq=False)
 class Curve:
     """A line, or marks, through points.
@@ -91,7 +87,7 @@ class Span:
 
 @dataclass(frozen=True)
 class Words:
-    """Words in a panel, in the units of its axes; ``v_max`` is written with its index."""
+    """Words at ``x`` and ``y`` of a panel, in the units of its axes; v_max has an index."""
 
     text: str
     x: float
@@ -415,7 +411,7 @@ def around(values: Iterable[Array], *, margin: float = MARGIN) -> tuple[float, f
 def thin(mean: Curve, cycles: Sequence[Curve]) -> Curve:
     """Cycles as one thin line each: dashes of many would fill one another's gaps."""
     x, y = joined(each.x for each in cycles), joined(each.y for each in cycles)
-    return replace(mean, role=mean.role._replace(width=THIN, dashes="-"), x=x, y=y, notes=())
+    return replace(mean, role=mean.role._replace(width=0.7, dashes="-"), x=x, y=y, notes=())
 
 
 def joined(parts: Iterable[Array]) -> Array:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from planner.files.text import write_bytes
-from planner.report.figure import MARGIN, Axis, Curve, Figure, Panel, Span, Words
+from planner.report.figure import MARGIN, Axis, Curve, Figure, Span, Words
 from planner.report.style import INK, SETTINGS, WIDTH, applied
 
 if TYPE_CHECKING:
@@ -116,17 +116,31 @@ def _draw_into(
     """Draw panels, and the legend below a title."""
     heights = [panel.height for panel in figure.panels]
     rows = picture.subplots(len(heights), 1, sharex=True, squeeze=False, height_ratios=heights)
+    handles: dict[str, Any] = {}
     for axes, panel in zip(rows[:, 0], figure.panels, strict=True):
-        _draw_panel(axes, panel)
-        _set_ranges(axes, panel, figure)
+        for span in panel.spans:
+            _draw_span(axes, span)
+        for order, curve in enumerate(curve for curve in panel.curves if not curve.hidden):
+            axes.plot(curve.x, curve.y, zorder=3.0 + 0.01 * order, **_looks(curve))
+        for words in panel.words:
+            _write(axes, words)
+        axes.set_title(panel.title)
+        _set_axis(axes.yaxis, panel.y)
+        if figure.equal:
+            axes.set_aspect("equal", adjustable="datalim")
+            axes.margins(MARGIN)
+        else:
+            axes.margins(y=0.09)
+            axes.set_xlim(*figure.x_range)
+            if panel.y_range is not None or panel.y.from_zero:
+                axes.set_ylim(*(panel.y_range or (0.0, None)))
+        for handle, name in zip(*axes.get_legend_handles_labels(), strict=True):
+            handles.setdefault(name, handle)
     _set_axis(rows[-1, 0].xaxis, figure.x)
     picture.align_ylabels(list(rows[:, 0]))
-    entries = _names(figure)
-    if entries:
-        by_name = _handles(rows[:, 0])
-        handles = [by_name[name] for name in entries]
+    if entries := _names(figure):
         picture.legend(
-            handles,
+            [handles[name] for name in entries],
             entries,
             loc="outside upper left",
             ncols=_columns(entries, width),
@@ -134,17 +148,6 @@ def _draw_into(
             alignment="left",
             title_fontproperties={"weight": "bold", "size": 9.5},
         )
-
-
-def _draw_panel(axes: Axes, panel: Panel) -> None:
-    for span in panel.spans:
-        _draw_span(axes, span)
-    for order, curve in enumerate(curve for curve in panel.curves if not curve.hidden):
-        axes.plot(curve.x, curve.y, zorder=3.0 + 0.01 * order, **_looks(curve))
-    for words in panel.words:
-        _write(axes, words)
-    axes.set_title(panel.title)
-    _set_axis(axes.yaxis, panel.y)
 
 
 def _looks(curve: Curve) -> dict[str, Any]:
@@ -163,14 +166,13 @@ def _looks(curve: Curve) -> dict[str, Any]:
 
 def _draw_span(axes: Axes, span: Span) -> None:
     looks: dict[str, Any] = {"facecolor": (span.role.light, span.opacity), "linewidth": 0.0}
-    label = span.legend or "_"
     shade = axes.axvspan if span.along == "x" else axes.axhspan
-    shade(span.start, span.end, zorder=0.5, label=label, **looks)
+    shade(span.start, span.end, zorder=0.5, label=span.legend or "_", **looks)
     if span.words:
         left = span.words_side == "left"
-        place = (span.start if left else span.end, 0.98)
         axes.annotate(
-            span.words, place, xycoords=("data", "axes fraction"), textcoords="offset points",
+            span.words, (span.start if left else span.end, 0.98),
+            xycoords=("data", "axes fraction"), textcoords="offset points",
             xytext=(-AWAY if left else AWAY, 0), ha="right" if left else "left", va="top",
             fontsize=8.5, color=INK.light,
         )  # fmt: skip
@@ -179,7 +181,7 @@ def _draw_span(axes: Axes, span: Span) -> None:
 def _write(axes: Axes, words: Words) -> None:
     away = {"left": AWAY, "right": -AWAY, "bottom": AWAY, "top": -AWAY}
     axes.annotate(
-        _indexed(words.text),
+        words.text.replace("v_max", V_MAX),
         (words.x, words.y),
         xytext=(away.get(words.across, 0), away.get(words.upward, 0)),
         textcoords="offset points",
@@ -191,32 +193,17 @@ def _write(axes: Axes, words: Words) -> None:
     )
 
 
-def _indexed(words: str) -> str:
-    """Words with v_max as a symbol."""
-    return words.replace("v_max", r"$v_\mathrm{max}$")
+V_MAX = r"$v_\mathrm{max}$"
 
 
 def _set_axis(axis: Any, description: Axis) -> None:
     """The words of an axis: its title, and names where it has them."""
     axis.set_label_text(description.words)
     if description.names is not None:
-        words = [_indexed(name) for name in description.names.values()]
+        words = [name.replace("v_max", V_MAX) for name in description.names.values()]
         axis.set_ticks(list(description.names), labels=words)
         axis.set_tick_params(length=0)
         axis.grid(visible=False)
-
-
-def _set_ranges(axes: Axes, panel: Panel, figure: Figure) -> None:
-    if figure.equal:
-        axes.set_aspect("equal", adjustable="datalim")
-        axes.margins(MARGIN)
-        return
-    axes.margins(y=0.09)
-    axes.set_xlim(*figure.x_range)
-    if panel.y_range is not None:
-        axes.set_ylim(*panel.y_range)
-    elif panel.y.from_zero:
-        axes.set_ylim(bottom=0.0)
 
 
 def _names(figure: Figure) -> list[str]:
@@ -225,14 +212,6 @@ def _names(figure: Figure) -> list[str]:
     names = [curve.name for curve in curves if curve.legend and not curve.hidden]
     spans = [span.legend for panel in figure.panels for span in panel.spans if span.legend]
     return list(dict.fromkeys([*names, *spans]))
-
-
-def _handles(rows: Any) -> dict[str, Any]:
-    handles: dict[str, Any] = {}
-    for axes in rows:
-        for handle, name in zip(*axes.get_legend_handles_labels(), strict=True):
-            handles.setdefault(name, handle)
-    return handles
 
 
 def _columns(names: Sequence[str], width: float) -> int:

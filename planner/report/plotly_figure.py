@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from planner.report.figure import Axis, Curve, Figure, Moments, Movie, Panel, Span, Words, around
+from planner.report.figure import Axis, Curve, Figure, Moments, Movie, Panel, Words, around
 from planner.report.style import INK, MUTED, ROLES, Role
 from planner.trajectory import Array
 
@@ -29,9 +29,6 @@ BOLDER = 1.2
 
 MOST_FRAMES = 1500
 """Most samples of a motion that are shown; of longer motions every second one, or every third."""
-
-DECIMALS = 2
-"""Decimals of positions [cm]: a tenth of a millimetre, less than a pixel."""
 
 
 def live(figure: Figure) -> dict[str, Any]:
@@ -51,20 +48,39 @@ def plot(figure: Figure) -> dict[str, Any]:
     above = ABOVE + (18 if figure.panels[0].title else 0)
     below = 8 if figure.x.names == {} else BELOW
     data, axes, words, shapes = list[Any](), dict[str, Any](), list[Any](), list[Any]()
+    if figure.clock is not None:  # the line at the moment that the moving leg shows
+        shapes.append({"type": "line", "xref": "x", "yref": "paper", "x0": 0, "x1": 0, "y0": 0,
+                       "y1": 1, "line": {"color": colour(INK), "width": 1.2},
+                       "layer": "above"})  # fmt: skip
     for number, (panel, domain) in enumerate(zip(figure.panels, domains, strict=True), 1):
         axis = "y" if number == 1 else f"y{number}"
         axes[axis.replace("y", "yaxis")] = _y_axis(figure, panel, domain)
         data += [{**_trace(curve, figure, panel), "yaxis": axis} for curve in panel.curves]
-        words += [_heading(panel.title, domain[1])] if panel.title else []
+        if panel.title:
+            words.append({"text": f"<b>{_escaped(panel.title)}</b>", "xref": "paper",
+                          "yref": "paper", "x": 0, "y": domain[1], "xanchor": "left",
+                          "yanchor": "bottom", "showarrow": False})  # fmt: skip
         words += [_words(each, axis) for each in panel.words]
-        words += [_span_words(each, axis) for each in panel.spans if each.words]
-        shapes += [_shade(each, axis) for each in panel.spans if each.opacity]
-    follows = figure.clock is not None
+        for span in panel.spans:
+            across, ends = f"{axis} domain", {"x0": span.start, "x1": span.end, "y0": 0, "y1": 1}
+            if span.words:  # beside its upper end
+                left = span.words_side == "left"
+                at = Words(span.words, span.start if left else span.end, 1.0,
+                           across="right" if left else "left", upward="top")  # fmt: skip
+                words.append(_words(at, axis) | {"yref": across})
+            if span.along == "y":
+                ends = {"x0": 0, "x1": 1, "y0": span.start, "y1": span.end}
+            if span.opacity:
+                place = {"xref": "x", "yref": across}
+                place = place if span.along == "x" else {"xref": "paper", "yref": axis}
+                shapes.append({"type": "rect", **place, **ends, "fillcolor": colour(span.role),
+                               "opacity": span.opacity, "line": {"width": 0},
+                               "layer": "below"})  # fmt: skip
     layout = {
         "xaxis": _x_axis(figure),
         **axes,
         "annotations": words,
-        "shapes": [_cursor(), *shapes] if follows else shapes,
+        "shapes": shapes,
         "hovermode": "x unified" if figure.over_time else "closest",
         "showlegend": False,  # the page has its own, of buttons
         "margin": {"l": LEFT, "r": RIGHT, "t": above, "b": below},
@@ -82,43 +98,37 @@ def plot(figure: Figure) -> dict[str, Any]:
 
 def moving_leg(movie: Movie) -> dict[str, Any]:
     """Data for the page's script that draws a leg along its motions, with a time slider."""
-    stride = -(-len(movie.motions[0].points) // MOST_FRAMES)
+    stride, motions = -(-len(movie.motions[0].points) // MOST_FRAMES), []
+    for motion in movie.motions:
+        distances, rms = motion.distances, None
+        if distances is not None:
+            distances, rms = distances[::stride], np.sqrt(np.mean(distances**2))
+        motions.append(
+            {
+                "name": motion.role.label,
+                "colour": colour(motion.role),
+                "width": round(motion.role.width * BOLDER, 2),
+                "dashes": _dashes(motion.role).replace("solid", "none").replace("px", ""),
+                "hidden": motion.hidden,
+                "points": _rounded(motion.points[::stride], 100.0),
+                "distances": _rounded(distances, 100.0),
+                "rms": _rounded(rms, 100.0),
+            }
+        )
     return {
         "kind": "leg",
         "period": stride * movie.period,
         "cyclic": movie.cyclic,
-        "ground": None if movie.ground is None else _centimetres(np.asarray(movie.ground)),
-        "motions": [
-            {
-                "name": motion.role.label,
-                "colour": variable(motion.role),
-                "width": round(motion.role.width * BOLDER, 2),
-                "dashes": _dashes(motion.role).replace("solid", "none").replace("px", ""),
-                "hidden": motion.hidden,
-                "points": _centimetres(motion.points[::stride]),
-                "distances": None
-                if motion.distances is None
-                else _centimetres(motion.distances[::stride]),
-                "rms": None
-                if motion.distances is None
-                else _centimetres(np.sqrt(np.mean(motion.distances**2))),
-            }
-            for motion in movie.motions
-        ],
+        "ground": _rounded(movie.ground, 100.0),
+        "motions": motions,
     }
 
 
 def numbers_over_time(moments: Moments) -> dict[str, Any]:
     """Data for the page's script that shows the numbers of a moment, with a time slider."""
-    every = [each for values in moments.kinds.values() for each in values if each is not None]
-    samples = len(every[0])
+    kinds = moments.kinds.items()
+    samples = next(len(each) for _, values in kinds for each in values if each is not None)
     stride = -(-samples // MOST_FRAMES)
-
-    def rounded(values: Array | None) -> list[float] | None:
-        if values is None:
-            return None
-        return (np.round(values[::stride], DECIMALS) + 0.0).tolist()  # type: ignore[no-any-return]
-
     return {
         "kind": "moment",
         "period": stride * moments.period,
@@ -128,8 +138,11 @@ def numbers_over_time(moments: Moments) -> dict[str, Any]:
             for name, unit in zip(moments.joints, moments.units, strict=True)
         ],
         "kinds": [
-            {"name": name, "values": [rounded(each) for each in values]}
-            for name, values in moments.kinds.items()
+            {
+                "name": name,
+                "values": [each if each is None else _rounded(each[::stride]) for each in values],
+            }
+            for name, values in kinds
         ],
     }
 
@@ -140,9 +153,11 @@ def packed(values: Array) -> dict[str, str]:
     return {"dtype": "f4", "bdata": base64.b64encode(content).decode()}
 
 
-def _centimetres(metres: Array) -> Any:
-    """Lengths in centimetres, as plain numbers."""
-    return (np.round(100.0 * metres, DECIMALS) + 0.0).tolist()  # no minus before zero
+def _rounded(values: Any, factor: float = 1.0) -> Any:
+    """Plain numbers with two decimals, less than a pixel, times a factor: 100 for centimetres."""
+    if values is None:
+        return None
+    return (np.round(factor * np.asarray(values), 2) + 0.0).tolist()  # no minus before zero
 
 
 def _trace(curve: Curve, figure: Figure, panel: Panel) -> dict[str, Any]:
@@ -179,7 +194,7 @@ def _line(curve: Curve) -> dict[str, Any]:
     return {
         "mode": "lines",
         "line": {
-            "color": variable(curve.role),
+            "color": colour(curve.role),
             "width": round(curve.role.width * BOLDER, 2),
             "dash": _dashes(curve.role),
             "shape": "hv" if curve.held else "linear",
@@ -189,15 +204,14 @@ def _line(curve: Curve) -> dict[str, Any]:
 
 
 def _marker(curve: Curve) -> dict[str, Any]:
-    colour = variable(curve.role)
+    look = colour(curve.role)
+    marker = {"color": look, "opacity": curve.opacity, "line": {"color": look, "width": 0}}
     if curve.marks == "rings":
-        marker: dict[str, Any] = {"color": "rgba(0,0,0,0)", "line": {"color": colour, "width": 1.6}}
-    else:
-        marker = {"color": colour, "opacity": curve.opacity, "line": {"color": colour, "width": 0}}
+        marker = {"color": "rgba(0,0,0,0)", "line": {"color": look, "width": 1.6}}
     return {"mode": "markers", "marker": marker | {"size": 4.5 if curve.opacity < 1.0 else 7}}
 
 
-def variable(role: Role) -> str:
+def colour(role: Role) -> str:
     """The colour of a role as a page names it, which is light or dark with the page."""
     for name, candidate in ROLES.items():
         if candidate.light == role.light:
@@ -226,7 +240,7 @@ def _domains(panels: tuple[Panel, ...]) -> tuple[list[tuple[float, float]], floa
 def _axis(axis: Axis, *, standoff: float) -> dict[str, Any]:
     layout: dict[str, Any] = {
         "gridcolor": "var(--grid)",
-        "linecolor": variable(MUTED),
+        "linecolor": colour(MUTED),
         "zeroline": False,
         "title": {"text": _escaped(axis.words), "standoff": standoff},
     }
@@ -254,7 +268,7 @@ def _x_axis(figure: Figure) -> dict[str, Any]:
         "spikesnap": "cursor",
         "spikethickness": 1,
         "spikedash": "solid",
-        "spikecolor": variable(MUTED),
+        "spikecolor": colour(MUTED),
     }
 
 
@@ -269,37 +283,6 @@ def _y_axis(figure: Figure, panel: Panel, domain: tuple[float, float]) -> dict[s
     return layout if ends is None else layout | {"range": list(ends)}
 
 
-def _cursor() -> dict[str, Any]:
-    """The line at the moment that the moving leg shows; the script moves it."""
-    line = {"color": variable(INK), "width": 1.2}
-    return {"type": "line", "xref": "x", "yref": "paper", "x0": 0, "x1": 0, "y0": 0, "y1": 1,
-            "line": line, "layer": "above"}  # fmt: skip
-
-
-def _shade(span: Span, axis: str) -> dict[str, Any]:
-    if span.along == "x":
-        place = {"xref": "x", "yref": f"{axis} domain", "y0": 0, "y1": 1}
-        place |= {"x0": span.start, "x1": span.end}
-    else:
-        place = {"xref": "paper", "yref": axis, "x0": 0, "x1": 1, "y0": span.start, "y1": span.end}
-    return {"type": "rect", **place, "fillcolor": variable(span.role), "opacity": span.opacity,
-            "line": {"width": 0}, "layer": "below"}  # fmt: skip
-
-
-def _heading(text: str, top: float) -> dict[str, Any]:
-    """The title of a panel, whose upper end is at a share of the height."""
-    return {
-        "text": f"<b>{_escaped(text)}</b>",
-        "xref": "paper",
-        "yref": "paper",
-        "x": 0,
-        "y": top,
-        "xanchor": "left",
-        "yanchor": "bottom",
-        "showarrow": False,
-    }
-
-
 def _words(words: Words, axis: str) -> dict[str, Any]:
     text = _escaped(words.text).replace("v_max", "v<sub>max</sub>")
     return {
@@ -311,16 +294,8 @@ def _words(words: Words, axis: str) -> dict[str, Any]:
         "xanchor": words.across,
         "yanchor": words.upward,
         "showarrow": False,
-        "font": {"color": variable(INK), "size": 12},
+        "font": {"color": colour(INK), "size": 12},
     }
-
-
-def _span_words(span: Span, axis: str) -> dict[str, Any]:
-    """The label of a span, beside its upper end."""
-    left = span.words_side == "left"
-    at = Words(span.words, span.start if left else span.end, 1.0,
-               across="right" if left else "left", upward="top")  # fmt: skip
-    return _words(at, axis) | {"yref": f"{axis} domain"}
 
 
 def _escaped(text: str) -> str:
