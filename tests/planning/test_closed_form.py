@@ -10,7 +10,6 @@ import pytest
 
 from planner.approximation.curve import CurveStack, PiecewiseLinear
 from planner.model.joint import JointModel
-from planner.model.response import simulate
 from planner.planning import pattern_search
 from planner.planning.closed_form import approximations, invert_closed_form, requests_of
 from planner.planning.line_inverse import RULES, line_offset
@@ -124,15 +123,6 @@ def test_from_rest_the_first_request_holds_the_joint_at_the_first_desired_angle(
     np.testing.assert_allclose(plan.predicted, expected, rtol=0.0, atol=1e-12)
 
 
-@pytest.mark.parametrize("cyclic", [True, False])
-def test_the_predicted_angles_are_what_the_simulation_says(cyclic):
-    plan = invert_closed_form(ERS210A, REFERENCE_JOINTS[0].desired, cyclic=cyclic)
-    angles = simulate(ERS210A, plan.requests, cyclic=cyclic, start=plan.start)
-    np.testing.assert_array_equal(plan.predicted, angles)
-    assert plan.method == "closed_form"
-    assert plan.cyclic is cyclic
-
-
 @pytest.mark.parametrize("rule", RULES)
 def test_a_constant_is_requested_as_it_is(rule):
     model = replace(ERS210A, offset=0.25)
@@ -140,15 +130,6 @@ def test_a_constant_is_requested_as_it_is(rule):
         plan = invert_closed_form(model, np.full(9, 0.75), cyclic=cyclic, rule=rule)
         np.testing.assert_allclose(plan.requests, 0.5, rtol=0.0, atol=1e-12)
         assert plan.rms <= 1e-12
-
-
-@pytest.mark.parametrize("cyclic", [True, False])
-def test_shifting_and_mirroring_the_desired_angles_changes_nothing_else(cyclic):
-    desired = saturating(np.random.default_rng(12), ERS210A)
-    options = {"cyclic": cyclic, "segments": 8, "refine": False}
-    same = pytest.approx(invert_closed_form(ERS210A, desired, **options).rms, rel=1e-3)
-    assert invert_closed_form(ERS210A, desired + 0.5, **options).rms == same
-    assert invert_closed_form(ERS210A, -desired, **options).rms == same
 
 
 @pytest.mark.parametrize("cyclic", [True, False])
@@ -164,24 +145,6 @@ def test_refining_the_lines_keeps_what_lines_must_keep_and_never_tracks_worse(se
     assert refined.approximation.segments == plain.approximation.segments
     assert np.max(np.abs(refined.approximation.slopes)) <= model.v_max * (1.0 + 1e-9)
     assert np.min(refined.approximation.lengths) >= 1.0 - 1e-9
-
-
-def test_a_refinement_that_tracks_worse_is_not_taken(monkeypatch):
-    def flattened(_problem, curve, **_options):
-        return PiecewiseLinear(
-            knots=curve.knots,
-            values=0.0 * curve.values,
-            samples=curve.samples,
-            tick=curve.tick,
-            cyclic=curve.cyclic,
-        )
-
-    knee = REFERENCE_JOINTS[2].desired
-    plain = invert_closed_form(ERS210A, knee, segments=6, refine=False)
-    monkeypatch.setattr("planner.planning.pattern_search.refined_curve", flattened)
-    np.testing.assert_array_equal(
-        invert_closed_form(ERS210A, knee, segments=6).requests, plain.requests
-    )
 
 
 @pytest.mark.parametrize("cyclic", [True, False])

@@ -7,9 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import planner
 from planner.approximation.curve import CurveStack, PiecewiseLinear, lines_in_force
-from planner.exceptions import InvalidInput
 from planner.model.joint import JointModel
 from planner.planning.closed_form import closed_form_requests
 from planner.planning.line_inverse import RULES, line_offset
@@ -123,31 +121,3 @@ def test_every_request_lies_on_the_line_in_force_raised_by_its_offset(cyclic):
 )
 def test_the_line_in_force_is_the_last_that_has_begun(first, cyclic, expected):
     np.testing.assert_array_equal(lines_in_force(np.array([first]), 6, cyclic=cyclic), [expected])
-
-
-def test_one_curve_has_one_row_and_the_answer_is_read_only():
-    curve = PiecewiseLinear(knots=[0, 40], values=[0.0, 0.1], samples=88, tick=0.008, cyclic=True)
-    requests = planner.closed_form_requests(ERS210A, curve)
-    assert requests.shape == (88,)
-    assert not requests.flags.writeable
-
-
-def test_what_does_not_fit_the_joint_is_refused():
-    flat = PiecewiseLinear(knots=[0, 4], values=[0.0, 0.0], samples=88, tick=0.016, cyclic=True)
-    steep = replace(flat, values=[0.0, 1.0])
-    held = replace(ERS210A, hold=2, v_offset=0.5)
-    even = replace(held, v_offset=0.0)
-    for model, within in (
-        (even, r"within ±v_max = ±5\.45415 rad/s"),
-        (held, r"from -4\.95415 rad/s to 5\.95415 rad/s"),
-    ):
-        told = rf"got 15\.625 rad/s in curve 1, expected slopes {within}; no request"
-        with pytest.raises(InvalidInput, match=told):
-            closed_form_requests(model, [flat, steep, flat])
-    loaded, most = replace(even, speed_per_torque=0.5), 2.0 * np.sin(np.arange(88) / 14.0)
-    with pytest.raises(InvalidInput, match=r"got 5 rad/s in curve 0, expected slopes .* 4\.454"):
-        closed_form_requests(loaded, replace(flat, values=[0.0, 0.32]), load=most)
-    with pytest.raises(InvalidInput, match=r"every 0\.01 s, expected every 0\.016 s"):
-        closed_form_requests(held, replace(flat, tick=0.01))
-    with pytest.raises(InvalidInput, match="rule: got 'best'"):
-        closed_form_requests(held, flat, rule="best")

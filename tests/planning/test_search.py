@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -19,14 +18,10 @@ from planner.planning.search import (
     Judged,
     State,
     allowed_beside,
-    begun,
-    holding,
     judged,
     known_errors,
     minimise,
-    robust_requests,
     smoothed,
-    stages_for,
     without_effect_on_motion,
 )
 from planner.planning.task import Task
@@ -48,31 +43,6 @@ def foot_problem(models=ERS210A, **options):
     return problem, np.tile(problem.desired + beside, len(problem.models) // 3)
 
 
-def test_requests_between_equal_limits_are_held_from_the_first_step_on():
-    problem, angles = foot_problem()
-    held = holding(problem, np.array([False, True, False]), problem.resting[0])
-    active = begun(held, State(problem.resting, angles)).active
-    np.testing.assert_array_equal(active[0], np.tile([0, -1, 0], (22, 1)))
-    np.testing.assert_array_equal(active[1], 0)
-
-
-def test_several_models_without_a_cycle_at_first_begin_at_the_desired_angles(monkeypatch):
-    """The nominal plan's cycle is known; that of the other model is not, and has to be found."""
-    desired = 0.3 * np.sin(2.0 * np.pi * np.arange(40) / 40)
-    problem = track(ERS210A, desired, cyclic=True)
-    others = [(ERS210A,), (replace(ERS210A, offset=0.02),)]
-    begins = []
-
-    def stop(_, state, __):
-        begins.append(state)
-        return state.requests, 1.0
-
-    monkeypatch.setattr("planner.planning.search.minimise", stop)
-    monkeypatch.setattr("planner.planning.problem.Problem.exact_angles", lambda *_: None)
-    robust_requests(problem, others, [(None,)] * 2, problem.resting, robust="mean")
-    np.testing.assert_array_equal(begins[0].angles, np.column_stack([desired, desired]))
-
-
 def test_the_weights_of_the_worst_models_grow_until_their_errors_are_equal():
     """Sags of 0, 0.1 and 0.3 rad: requests of -0.15 miss two of them by 0.15 each, none by more."""
     models = [replace(ERS210A, offset=sag) for sag in (0.0, 0.1, 0.3)]
@@ -80,60 +50,6 @@ def test_the_weights_of_the_worst_models_grow_until_their_errors_are_equal():
     assert made.over_models.worst == pytest.approx(0.15, rel=0.02)  # six rounds leave 1 %
     mean = invert_optimal(models, np.zeros(20), robust="mean")
     np.testing.assert_allclose(mean.requests, -0.4 / 3.0, rtol=0.0, atol=1e-3)
-
-
-def test_the_worst_error_is_smoothed_with_the_weights_under_which_it_was_least(monkeypatch):
-    """Each round's weights are those before times the errors, together 1."""
-    problem = track(ERS210A, np.zeros(20), cyclic=True)
-    scenarios = [(replace(ERS210A, offset=sag),) for sag in (0.0, 0.1, 0.3)]
-    seen, given = [], []
-
-    def record(each, state, stages):
-        made = minimise(each, state, stages)
-        seen.append((each.weights, made[0], made[1]))
-        return made
-
-    monkeypatch.setattr("planner.planning.search.minimise", record)
-    monkeypatch.setattr(
-        "planner.planning.search.smoothed", lambda each, made, **_: given.append(each) or made
-    )
-    robust_requests(problem, scenarios, [(None,)] * 3, problem.resting, robust="worst")
-    even = problem.in_scenarios(scenarios, [(None,)] * 3, "worst")
-    for (weights, column, _), (others, _, _) in pairwise(seen):
-        product = weights * even.errors_of_models(even.exact_angles(column))
-        np.testing.assert_allclose(others, product / np.sum(product))
-    errors = [error for _, _, error in seen]
-    assert given[0].weights == seen[int(np.argmin(errors))][0] != seen[0][0]
-
-
-def test_of_all_rounds_of_weights_the_best_answer_is_smoothed(monkeypatch):
-    """The first goes through all stages with corners of 0.2 and less, the others through three."""
-    problem = track(ERS210A, np.zeros(20), cyclic=True)
-    scenarios = [(replace(ERS210A, offset=sag),) for sag in (0.0, 0.1, 0.3)]
-    errors, seen, given = [0.5, 0.3, 0.2, 0.4, 0.45, 0.25, 0.6], [], []
-
-    def record(each, state, stages):
-        seen.append((each.weights, [stage.radius for stage in stages]))
-        return state.requests + 0.01, errors[len(seen) - 1]
-
-    monkeypatch.setattr("planner.planning.search.minimise", record)
-    monkeypatch.setattr(
-        "planner.planning.search.smoothed",
-        lambda each, made, **options: given.append((each.weights, options)) or made,
-    )
-    options = {"robust": "worst"}
-    made = robust_requests(problem, scenarios, [(None,)] * 3, problem.resting, **options)
-    np.testing.assert_allclose(made, problem.resting + 0.03)
-    ((weights, options),) = given
-    assert weights == seen[2][0]
-    even = problem.in_scenarios(scenarios, [(None,)] * 3, "worst")
-    assert options == {"at_most": even.exact_error(problem.resting)}
-    radii = [stage.radius for stage in NARROW if stage.radius <= 0.2]
-    assert [each for _, each in seen] == [radii] + [radii[-3:]] * 6
-
-
-def test_errors_that_a_robot_would_show_add_in_quadrature():
-    assert Judged(0.3, 0.2, 0.4, 0.1).shown == pytest.approx(0.5)
 
 
 @pytest.mark.parametrize("weights", [(0.5, 0.5), (0.2, 0.8)])
@@ -162,15 +78,6 @@ def test_a_motion_of_a_foot_is_judged_by_what_each_joint_moves_it_in_each_scenar
     expected = np.sqrt(squares)
     assert [found.mean, found.model_error, found.unseen] == pytest.approx(expected, rel=ROUNDING)
     assert found.error == both.error(angles)
-
-
-def test_the_root_mean_square_is_judged_beside_the_largest_error():
-    desired = np.array([0.1, 0.2, 0.3])
-    problem = track(ERS210A, desired, cyclic=True, norm="max")
-    found = judged(problem, (desired + np.array([0.03, 0.0, -0.04]))[:, np.newaxis])
-    assert found.error == pytest.approx(0.04)
-    assert found.mean == pytest.approx(0.05 / math.sqrt(3.0))
-    assert found.model_error == found.unseen == pytest.approx(ENCODER_STEP)
 
 
 def test_what_models_miss_is_at_least_an_encoders_step_and_grows_with_the_motion():
@@ -228,27 +135,6 @@ def test_the_smoothest_of_several_beginnings_is_taken_of_those_that_are_allowed(
     # Where no step is allowed, the smoothest of what was given is left.
     kept = smoothed(replace(problem, smoothness=0.1), best, candidates=[smooth], at_most=0.0)
     np.testing.assert_array_equal(kept, smooth)
-
-
-def test_where_smoothing_meets_a_smaller_error_its_share_is_of_that():
-    """Shaken requests err by 1.2 % more than the plan: the first steps take nearly all of it."""
-    joint = REFERENCE_JOINTS[2]
-    plan = invert_optimal(ERS210A, joint.desired, smoothness=0.0)
-    shaken = plan.requests + 0.05 * np.random.default_rng(0).normal(size=88)
-    problem = track(ERS210A, joint.desired, cyclic=True)
-    made = smoothed(replace(problem, smoothness=0.005), shaken[:, np.newaxis])
-    assert problem.exact_error(shaken[:, np.newaxis]) > 1.01 * plan.rms
-    assert problem.exact_error(made) <= 1.006 * plan.rms
-
-
-def test_where_the_largest_error_counts_wide_corners_come_before_growing_powers():
-    problem = track(ERS210A, np.zeros(4), cyclic=True)
-    assert [*stages_for(problem, NARROW)] == [*NARROW]
-    largest = stages_for(replace(problem, norm="max"), NARROW)
-    radii, powers = [each.radius for each in largest], [each.power for each in largest]
-    assert radii == sorted(radii, reverse=True)
-    assert powers == sorted(powers)
-    assert (radii[0], powers[0], powers[-1]) == (0.5, 2.0, 64.0)
 
 
 def test_the_best_end_of_all_sharp_stages_is_kept_even_if_the_last_is_worse():

@@ -15,8 +15,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import planner
-from planner.planning.stream import HORIZON
-from planner.planning.tick import MOST_MISSED
 from tests.instances import attainable, random_model, saturating
 from tests.pid_servo import PidServo
 
@@ -91,26 +89,6 @@ def test_a_path_in_degrees_is_held_and_said_and_a_joint_that_winds_is_planned():
     assert [(stream.step(rows), stream.problem)[1] for rows in stretches(winding)] == 600 * [""]
 
 
-def test_a_first_measured_angle_in_degrees_is_taken_as_missing_and_said():
-    stream = planner.Stream({"hip": AIBO, "knee": AIBO}, preview=PREVIEW)
-    rows = np.tile([0.1, 0.5], (PREVIEW, 1))
-    requests = stream.step(rows, [0.12, 28.0])
-    assert np.abs(requests - [0.12, 0.5]).max() < 0.05
-    assert stream.problem.startswith("measured: knee got 28 rad, 4.5 turns,")
-    assert "where it should be at 0.5 rad; if these are degrees" in stream.problem
-    stream.step(rows, [0.12, 0.5])
-    assert stream.problem == ""
-
-
-def test_a_path_in_degrees_that_falls_steadily_is_held_where_the_joint_is():
-    degrees = np.linspace(34.0, 3.0, PREVIEW)[:, np.newaxis]
-    stream = planner.Stream(AIBO, preview=PREVIEW)
-    stream.step(np.zeros((PREVIEW, 1)))
-    assert stream.step(degrees)[0] == pytest.approx(0.0, abs=1e-9)
-    assert stream.status == ("held",)
-    assert "if these are degrees" in stream.problem
-
-
 @pytest.mark.parametrize("cycle", [None, 20])
 def test_requests_depend_on_the_preview_and_the_past_only(cycle):
     path = smooth_path(120)
@@ -131,7 +109,7 @@ def test_rows_beyond_the_preview_have_no_effect_and_the_last_of_too_few_is_held(
     assert np.array_equal(one.step(path[30:42]), two.step(padded))  # the last row is held
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(4))
 def test_with_the_whole_path_in_view_a_stream_is_as_good_as_the_whole_plan(seed):
     rng, model = random_joint(2 * seed)
     make = saturating if seed % 2 else attainable
@@ -140,16 +118,6 @@ def test_with_the_whole_path_in_view_a_stream_is_as_good_as_the_whole_plan(seed)
     sent = streamed(model, path[:, np.newaxis], preview=60)[:, 0]
     angles = planner.simulate(model, sent, cyclic=False)
     assert rms(angles - path) <= 1.05 * whole.rms + 2e-3 * model.theta_0
-
-
-def test_a_fifth_of_a_second_is_nearly_the_whole_path_on_motions_that_joints_can_follow():
-    for seed in range(0, 8, 2):
-        rng, model = random_joint(seed)
-        path = np.tile(attainable(rng, model, samples=120), 2)
-        whole = planner.invert_optimal(model, path, cyclic=False)
-        sent = streamed(model, path[:, np.newaxis])[:, 0]
-        error = rms(planner.simulate(model, sent, cyclic=False) - path)
-        assert error <= 1.1 * whole.rms + 2e-3 * model.theta_0
 
 
 def whole_and_streamed(joint, path, cycles):
@@ -179,40 +147,12 @@ def test_a_walk_at_top_speed_is_followed_as_the_whole_plan_where_its_cycle_is_kn
     assert guessed <= 1.1 * whole
 
 
-def test_a_walk_at_top_speed_for_moments_is_followed_as_the_whole_plan():
-    path = walked(np.arange(2 * 88) / 88.0)
-    whole, streamed_alone = whole_and_streamed(AIBO, path[0] + 0.4 * (path - path[0]), (None,))
-    assert streamed_alone <= 1.05 * whole  # 1.2 where the plan does not go on beyond its end
-
-
-def test_a_walk_that_slows_down_and_stops_is_followed_no_worse_for_an_expected_cycle():
-    tick = np.arange(330)
-    speed = 1.0 - 0.2 * np.sin(2.0 * np.pi * tick / 250.0)
-    speed[250:] *= np.clip((275.0 - tick[250:]) / 25.0, 0.0, 1.0)
-    path = walked(np.cumsum(speed) / 88.0)
-    whole, without, expected = whole_and_streamed(AIBO, path, (None, 88))
-    assert expected <= 1.03 * without
-    assert expected >= 0.99 * whole
-
-
 def test_a_path_that_does_not_repeat_is_followed_no_worse_for_an_expected_cycle():
     for seed in range(2):
         rng, model = random_joint(2 * seed)
         path = attainable(rng, model, samples=240)[:, np.newaxis]
         _, without, expected = whole_and_streamed(model, path, (None, 50))
         assert expected <= 1.03 * without + 2e-3 * model.theta_0
-
-
-def test_random_walks_are_followed_about_as_well_where_a_cycle_is_expected_in_vain():
-    model, ratios = AIBO, []
-    for seed in range(4):
-        path = 0.05 * np.cumsum(np.random.default_rng(seed).normal(size=400))[:, np.newaxis]
-        errors = []
-        for cycle in (None, 60, 100):
-            sent = streamed([model], path, cycle=cycle)
-            errors.append(rms(planner.simulate(model, sent[:, 0], cyclic=False) - path[:, 0]))
-        ratios += [each / errors[0] for each in errors[1:]]
-    assert np.mean(ratios) <= 1.04  # 1.06 if only the preview says how much a cycle counts
 
 
 def test_ticks_that_are_missed_or_bad_do_not_end_what_is_known_of_a_cycle():
@@ -233,13 +173,6 @@ def test_ticks_that_are_missed_or_bad_do_not_end_what_is_known_of_a_cycle():
         assert stream.angles == pytest.approx([each[-1] for each in angles], abs=1e-9)
         errors.append(rms((np.transpose(angles) - path)[176:]))
     assert errors[1] <= 0.9 * errors[0]
-
-
-def test_a_cycle_makes_no_difference_to_a_preview_that_is_as_long_as_the_horizon():
-    model, path = AIBO, smooth_path(40)
-    rows = round(HORIZON / model.period)
-    one, two = (streamed(model, path, preview=rows, cycle=each) for each in (None, 20))
-    assert np.array_equal(one, two)
 
 
 @settings(max_examples=15)
@@ -278,19 +211,6 @@ def test_a_request_that_jumps_to_its_limit_does_not_exceed_it_by_rounding():
         assert np.all((lower <= sent) & (sent <= upper))
         reached |= sent == upper
     assert reached.any()
-
-
-def test_a_jump_of_the_path_is_met_in_steps():
-    path = smooth_path(160)
-    path[80:] += 0.6
-    stream = planner.Stream(AIBO, preview=PREVIEW, max_step=0.05)
-    sent = []
-    for k in range(160):  # the jump is not seen before it is there: a new chunk of actions
-        known = path[k : k + PREVIEW] if k >= 80 else path[k : min(k + PREVIEW, 80)]
-        sent.append(stream.step(known)[0])
-    assert np.max(np.abs(np.diff(sent))) <= 0.05
-    angles = planner.simulate(AIBO, sent, cyclic=False)
-    assert rms(angles[120:] - path[120:, 0]) <= 0.01
 
 
 def test_the_largest_step_is_planned_for_and_not_only_cut():
@@ -363,78 +283,6 @@ def test_the_first_request_holds_the_joints_where_they_are():
     assert stream.angles[0] == 0.2
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ({"max_step": [0.1, 0.1]}, "max_step: got"),
-        ({"cycle": 1}, "cycle: got 1, expected the number of rows after which the path repeats"),
-        ({"preview": 1001}, "preview: got 1001, expected a number of rows from 1 to 1000"),
-        ({"cycle": 1001}, "cycle: got 1001, expected .*, from 2 to 1000, or None"),
-    ],
-)
-def test_a_stream_that_cannot_be_is_refused_where_it_is_made(arguments, message):
-    good = {"models": AIBO, "preview": 10}
-    with pytest.raises(planner.InvalidInput, match=message):
-        planner.Stream(**{**good, **arguments})
-
-
-@pytest.mark.parametrize(("preview", "cycle"), [(1, 2), (1000, 1000)])
-def test_previews_and_cycles_are_taken_from_the_shortest_to_the_longest(preview, cycle):
-    stream = planner.Stream(AIBO, preview=preview, cycle=cycle)
-    assert (stream.preview, stream.cycle) == (preview, cycle)
-    assert stream.step(np.full((preview, 1), 0.3))[0] == 0.3
-
-
-def test_joints_with_different_periods_are_refused():
-    with pytest.raises(planner.InvalidInput, match=r"from 0\.008 to 0\.02 s"):
-        planner.Stream({"hip": AIBO, "knee": AIBO.requested_every(0.02)}, preview=10)
-    nearly = AIBO.requested_every(AIBO.period * 1.0005)  # as logs of one robot differ
-    assert planner.Stream([AIBO, nearly], preview=10).period == AIBO.period
-
-
-def test_of_several_joints_at_fault_the_worst_of_the_first_kind_is_named():
-    """What is desired comes before what is measured, and a joint far off before one less so."""
-    joint, path = AIBO, np.zeros((10, 3))
-    options = {"preview": 10, "limits": (-1.0, 1.0)}
-    strict, stream = (planner.Stream([joint] * 3, **options, on_bad=b) for b in ("raise", "hold"))
-    for each in (strict, stream):
-        each.step(path, [0.0, 0.0, 0.0])
-        each.step(path)
-        each.step(path, [0.0, 0.8, 2.5])  # nothing is wrong with what is asked
-        assert each.problem == (
-            "measured: joint_3 is 2.5 rad from where it was 16 ms before, which no joint can be: "
-            "taken as missing"
-        )
-        assert each.status == ("planned",) * 3
-    path[3], path[5] = [1.1, -1.25, 0.0], [-1.15, 0.0, 0.0]
-    told = "desired: joint_2 should go 0.25 rad beyond the angles where the limits on its requests"
-    stream.step(path, [0.0, 0.0, -2.9])
-    assert stream.problem.startswith(told)
-    assert stream.status == ("unreachable", "unreachable", "planned")
-    before = strict.angles
-    with pytest.raises(planner.Infeasible, match=told):
-        strict.step(path, [0.0, 0.0, -2.9])
-    np.testing.assert_array_equal(strict.angles, before)
-
-
-def test_bad_extras_of_a_step_are_said_and_left_out():
-    stream = planner.Stream(AIBO, preview=10)
-    path = smooth_path(40)
-    for bad, word in (
-        ({"measured": [1.0, 2.0, 3.0]}, "measured"),
-        ({"measured": "here"}, "measured"),
-        ({"missed": -1}, "missed"),
-        ({"missed": 0.5}, "missed"),
-    ):
-        assert np.isfinite(stream.step(path[:10], **bad)).all()
-        assert word in stream.problem
-    both = planner.Stream([AIBO] * 2, preview=10)
-    for bad in (0.7, [0.7], np.full((2, 2), 0.7)):
-        both.step(np.zeros((10, 2)), bad)
-        assert both.problem.endswith("expected 2 angles [rad], or NaN")
-        np.testing.assert_array_equal(both.angles, 0.0)
-
-
 @pytest.mark.parametrize("cycle", [None, 20])
 def test_missed_ticks_are_simulated_with_the_last_request_held(cycle):
     model, path = AIBO, smooth_path(120)
@@ -460,17 +308,6 @@ def test_predicted_angles_are_those_of_the_exact_models():
     for j, model in enumerate(models):
         exact = planner.simulate(model, np.array(sent)[:, j], cyclic=False, start=path[0, j])
         assert np.max(np.abs(np.array(angles)[:, j] - exact)) <= 1e-12
-
-
-def test_answers_are_copies_and_arguments_are_left_alone():
-    stream, path = planner.Stream(AIBO, preview=10), smooth_path(60)
-    path.setflags(write=False)
-    requests = stream.step(path)
-    kept = requests.copy()
-    stream.angles[:] = 9.0
-    for k in range(1, 20):
-        stream.step(path[k:])
-    assert np.array_equal(requests, kept)
 
 
 @pytest.mark.parametrize("cycle", [None, 60])
@@ -547,29 +384,12 @@ def test_a_load_at_every_step_is_planned_for():
         assert "load" in stream.problem
 
 
-def test_a_load_that_is_no_number_is_held_where_it_only_makes_the_joint_sag():
-    stream = planner.Stream(replace(AIBO, compliance=0.1), preview=PREVIEW)
-    last = stream.step([0.3], load=0.2)
-    for load in (math.nan, math.inf):
-        assert np.array_equal(stream.step([0.4], load=load), last)
-        assert stream.status == ("held",)
-
-
 def test_an_angle_that_friction_holds_is_within_reach_of_the_limits():
     model = replace(AIBO, dead_band=0.05)
     stream = planner.Stream(model, preview=PREVIEW, limits=(-1.0, 1.0))
     for angle, status in ((1.04, "planned"), (-1.04, "planned"), (1.06, "unreachable")):
         stream.step([angle])
         assert stream.status == (status,)
-
-
-def test_a_lag_longer_than_the_preview_is_followed_late():
-    model = planner.JointModel(v_max=4.0, theta_0=0.3, lag=0.4, acceleration_time=0.1, tick=0.033)
-    path = smooth_path(200) * 0.5
-    sent = streamed(model, path, preview=7)[:, 0]
-    late = planner.simulate(model, sent, cyclic=False)[8:] - path[:-8, 0]
-    assert rms(late) <= 0.05
-    assert np.isfinite(streamed(model, path, preview=1)).all()
 
 
 @pytest.fixture(scope="module")
@@ -609,16 +429,6 @@ def test_on_a_servo_that_is_not_the_model_a_shift_is_beaten_and_measuring_helps(
     assert rms(np.diff(measured[1], n=2)) <= 2.0 * rms(np.diff(blind[1], n=2))  # no oscillation
 
 
-def test_a_glitch_of_the_sensor_moves_the_joint_little(pid_servo):
-    servo, model = pid_servo
-    path = np.full((60, 1), 0.4)
-    stream = planner.Stream(model, preview=10)
-    sent = [stream.step(path[:10], [0.4 + 3.0 * (k == 30)])[0] for k in range(60)]
-    step = model.v_max_per_period
-    assert np.max(np.abs(planner.simulate(model, sent, cyclic=False) - 0.4)) <= 3.0 * step
-    assert servo.period == model.period
-
-
 @pytest.mark.parametrize("hold", [1, 4])
 def test_a_measured_angle_far_off_moves_the_predicted_one_by_what_the_joint_turns_in_a_period(hold):
     model = replace(AIBO, hold=hold)
@@ -628,16 +438,6 @@ def test_a_measured_angle_far_off_moves_the_predicted_one_by_what_the_joint_turn
     before = stream.angles[0]
     stream.step([[0.4]], [2.4])  # counts from the second time on
     assert stream.angles[0] - before == pytest.approx(model.v_max_per_period, rel=1e-9)
-
-
-def test_many_missed_ticks_are_simulated_for_a_slow_joint_too():
-    slow = planner.JointModel(v_max=0.05, theta_0=1.0, lag=0.02, acceleration_time=0.04, tick=0.01)
-    stream = planner.Stream(slow, preview=2)
-    sent = [stream.step([[angle]])[0] for angle in (0.0, 0.5, 0.5)]
-    sent += [sent[-1]] * MOST_MISSED
-    sent.append(stream.step([[0.5]], missed=MOST_MISSED)[0])
-    exact = planner.simulate(slow, sent, cyclic=False)
-    assert stream.angles[0] == pytest.approx(exact[-1], abs=1e-9)
 
 
 def measuring(path, readings):
@@ -674,17 +474,6 @@ def test_a_measured_angle_that_no_joint_could_have_reached_is_missing_and_said(j
     assert problems[40].endswith("8 ms before, which no joint can be: taken as missing")
 
 
-def test_a_joint_that_was_moved_counts_at_its_second_reading():
-    joint, path = AIBO, np.zeros((60, 1))
-    stream = planner.Stream(joint, preview=PREVIEW)
-    problems = []
-    for k, rows in enumerate(stretches(path)):
-        stream.step(rows, [0.7 if k >= 20 else 0.0])
-        problems.append(stream.problem)
-    assert [k for k, problem in enumerate(problems) if problem] == [20]
-    assert stream.angles[0] > 0.1  # where the model, which the requests hold at 0, is drawn to
-
-
 @pytest.mark.parametrize(
     "copied", [copy.copy, copy.deepcopy, lambda stream: pickle.loads(pickle.dumps(stream))]
 )
@@ -706,31 +495,6 @@ def test_a_copy_of_a_stream_goes_on_alike_and_on_its_own(copied, options):
             each.step(np.full((PREVIEW, 1), np.nan))
 
 
-@pytest.mark.parametrize("copied", [copy.copy, lambda stream: pickle.loads(pickle.dumps(stream))])
-def test_a_copy_of_a_stream_knows_the_speed_and_the_last_measured_angle(copied):
-    joint = replace(AIBO, time_constant=0.08)
-    stream, path = planner.Stream(joint, preview=PREVIEW), smooth_path(140)
-    rows = stretches(path)
-    for k, each in enumerate(rows[:80]):
-        stream.step(each, path[k])
-    again = copied(stream)
-    np.testing.assert_array_equal(again.step(rows[80]), stream.step(rows[80]))
-    np.testing.assert_array_equal(again.angles, stream.angles)
-    jump = path[81] + 2.5
-    np.testing.assert_array_equal(again.step(rows[81], jump), stream.step(rows[81], jump))
-    assert again.problem == stream.problem
-    assert again.problem.endswith("taken as missing")
-
-
-def test_a_copy_of_a_stream_keeps_the_largest_step_of_each_joint_that_has_one():
-    joint, path = AIBO, np.array([[0.0, 0.0], [0.5, 0.5]])
-    steps = np.array([0.01, np.inf])
-    again = copy.copy(planner.Stream([joint, joint], preview=PREVIEW, max_step=steps))
-    first, second = again.step(path[:1]), again.step(path[1:])
-    assert abs(second[0] - first[0]) == pytest.approx(0.01)
-    assert abs(second[1] - first[1]) > 0.1
-
-
 def test_predicted_angles_are_exact_where_a_load_decides_the_top_speeds():
     """Steps that saturate the joint both ways, under torques that change from tick to tick."""
     model = replace(AIBO, compliance=0.05, v_offset=0.6, speed_per_torque=0.8)
@@ -746,15 +510,8 @@ def test_predicted_angles_are_exact_where_a_load_decides_the_top_speeds():
     np.testing.assert_allclose(angles, exact, rtol=0.0, atol=1e-12)
 
 
-def test_an_angle_that_was_not_measured_for_long_may_be_far_from_the_last_one():
-    path = 0.02 * np.arange(90)[:, np.newaxis]
-    _, problems = measuring(path, lambda k, angle: angle if k in (5, 70) else math.nan)
-    assert path[70, 0] - path[5, 0] > 1.0
-    assert not any(problems)
-
-
 @pytest.mark.parametrize("cycle", [None, 30])
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_a_mirrored_stream_answers_mirrored_requests_and_says_the_same(seed, cycle):
     rng, model = random_joint(seed)
     mirrored = replace(model, offset=-model.offset, v_offset=-model.v_offset)

@@ -2,21 +2,14 @@
 
 from __future__ import annotations
 
-import inspect
-import pickle
 from dataclasses import fields, replace
 
 import numpy as np
 import pytest
 
-import planner
-from planner import JointModel, invert_foot, invert_optimal, plan, reference_walk, simulate
-from planner.approximation.fit import choices
-from planner.evaluation.reproduction import reproduce
-from planner.evaluation.virtual_experiment import play_experiment
+from planner import JointModel, invert_foot, plan, reference_walk
 from planner.exceptions import Infeasible, InvalidInput
-from planner.planning.plan import Plan, joined
-from planner.planning.task import Task, checked_smoothness
+from planner.planning.task import Task
 
 AIBO = JointModel.ers210a()
 
@@ -74,16 +67,6 @@ def test_what_is_wrong_with_one_joint_is_said_of_it(options, error, message):
     assert "knee" in f"{raised.value}{getattr(raised.value, '__notes__', '')}"
 
 
-def test_the_joints_of_a_plan_joined_again_are_the_plan():
-    made = plan([SERVO, [SERVO, replace(SERVO, lag=0.05)]], PATH, names=NAMES, load=[0.0, 0.2])
-    again = joined([made.joint(j) for j in range(2)])
-    _same(made.task, again.task)
-    for name in ("requests", "predicted", "error", "lower_bounds", "nominal_requests"):
-        np.testing.assert_array_equal(getattr(made, name), getattr(again, name))
-    for each, errors in zip(made.inversions, again.errors_of_models, strict=True):
-        np.testing.assert_array_equal(each.errors_of_models, errors)
-
-
 def test_a_view_with_other_requests_or_options_is_that_of_another_plan():
     walk = reference_walk()
     made = plan(SERVO, PATH, names=NAMES)
@@ -95,23 +78,6 @@ def test_a_view_with_other_requests_or_options_is_that_of_another_plan():
     foot = invert_foot(AIBO, walk.leg, walk.desired_foot[::4], smoothness=0.0)
     up = replace(foot, weights=np.array([0.0, 0.0, 1.0]), norm="max")
     assert up.error == pytest.approx(np.max(np.abs((foot.foot - foot.desired_foot)[:, 2])))
-
-
-def test_a_task_that_was_copied_is_read_only():
-    task = invert_optimal(SERVO, PATH[:, 0], limits=(-1.0, 1.0)).plan.task
-    again = pickle.loads(pickle.dumps(task))
-    _same(task, again)
-    for field in fields(Task):
-        value = getattr(again, field.name)
-        assert not isinstance(value, np.ndarray) or not value.flags.writeable, field.name
-
-
-def test_the_desired_angles_sent_as_they_are_begin_where_the_plan_does():
-    phase = 2.0 * np.pi * np.arange(60) / 60
-    desired = 0.3 * np.sin(phase)
-    made = invert_optimal(AIBO, desired, cyclic=False, start=0.5)
-    expected = simulate(AIBO, desired, cyclic=False, start=0.5)
-    np.testing.assert_array_equal(made.plan.direct[:, 0], expected)
 
 
 def test_the_load_of_the_first_sample_decides_where_a_joint_may_rest_before():
@@ -148,11 +114,6 @@ def test_a_sag_of_a_thousandth_of_a_radian_is_left_out_of_the_limits():
             continue
         with pytest.raises(Infeasible, match="sample 1"):
             Task.of(sagging, desired, limits=(-0.3, 0.3))
-
-
-def test_of_several_angles_beyond_the_limits_the_farthest_is_named():
-    with pytest.raises(Infeasible, match=r"^desired: sample 2 is -0\.7 rad, 0\.4 rad beyond"):
-        Task.of(SERVO, np.array([[0.5], [0.1], [-0.7], [0.6]]), limits=(-0.3, 0.3))
 
 
 def test_requests_keep_a_task_up_to_rounding_and_across_the_boundary_of_a_cycle():
@@ -241,66 +202,3 @@ def test_joined_tasks_have_what_any_of_them_has():
     assert (single.names, single.limits, single.starts) == (("knee",), ((-1.0, 2.0),), (0.2,))
     np.testing.assert_array_equal(single.max_step, [0.2])
     np.testing.assert_array_equal(single.disturbance, 0.1 * PATH[:, 1:])
-
-
-def test_the_view_of_a_foot_has_the_models_of_all_joints_in_each_scenario():
-    walk = reference_walk()
-    servo = AIBO
-    late = replace(servo, lag=0.05)
-    task = Task.of([[servo, late]] * 3, walk.desired_foot[::8], leg=walk.leg)
-    made = Plan(
-        task=task, requests=task.desired, method="foot_optimal", nominal_requests=task.desired
-    ).of_foot
-    assert task.scenarios == ((servo,) * 3, (late,) * 3)
-    assert made.nominal.robust is None
-    steps = np.abs(np.diff(task.desired, axis=0, append=task.desired[:1]))
-    assert made.largest_step == np.max(steps)
-
-
-def test_the_period_of_a_task_is_that_of_its_requests():
-    model = replace(AIBO, hold=3)
-    task = Task.of(model, np.zeros(20))
-    assert task.period == model.period == 3.0 * model.tick
-
-
-BOUND = {"cyclic": True, "norm": "rms", "level": "envelope"}
-
-
-DEFAULTS = {
-    planner.invert_optimal: {"cyclic": True, "norm": "rms", "solver": "gauss-newton"},
-    planner.invert_foot: {
-        "cyclic": True,
-        "norm": "rms",
-        "weights": (1.0, 1.0, 1.0),
-        "unreachable": "nearest",
-    },
-    planner.plan: {"cyclic": True, "method": "optimal"},
-    planner.invert_closed_form: {"cyclic": True, "rule": "paper", "refine": True},
-    planner.invert_shift: {"cyclic": True, "norm": "rms"},
-    planner.closed_form_requests: {"rule": "paper"},
-    planner.line_offset: {"rule": "exact"},
-    planner.fit_pwl: {"cyclic": True, "required": (), "exact": False},
-    choices: {"most": 12},
-    planner.certify: {**BOUND, "time_limit": 60.0},
-    planner.lower_bound: {**BOUND, "time_limit": 60.0},
-    planner.cross_check: BOUND,
-    planner.Stream: {"on_bad": "hold"},
-    planner.Stream.step: {"missed": 0},
-    reproduce: {"segments": 6},
-    play_experiment: {"segments": 6, "cycles": 20, "seed": 0},
-}
-"""Of all options but ``progress``; those that are not here are None."""
-
-
-@pytest.mark.parametrize("function", DEFAULTS, ids=lambda each: each.__qualname__)
-def test_the_defaults_are_those_of_the_documentation(function):
-    stated = {
-        name: each.default
-        for name, each in inspect.signature(function).parameters.items()
-        if each.default not in (each.empty, None) and name != "progress"
-    }
-    assert stated == DEFAULTS[function]
-
-
-def test_half_a_per_cent_of_the_error_is_what_smoother_requests_may_cost_by_default():
-    assert checked_smoothness(None) == 0.005

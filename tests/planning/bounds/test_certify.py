@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from hypothesis import given, reject, settings
 from hypothesis import strategies as st
-from scipy.optimize import linprog
 
 import planner
 from planner.exceptions import InvalidInput, NoSteadyCycle, SolverFailed
@@ -105,14 +104,6 @@ def test_a_zigzag_is_missed_by_what_a_tick_cannot_cover(norm):
     assert bound == pytest.approx((far - gain / (1.0 + kept)) / 2.0, rel=OPTIMAL)
 
 
-def test_the_envelope_of_whole_ticks_is_that_of_the_derivation():
-    kept, gain = envelope_of(ERS210A)
-    v, ratio, a = ERS210A.v_max_per_tick, 2.5 / 7.0, 6.0
-    common = (a - 1.0) / a * ratio / 2.0
-    assert kept == pytest.approx(1.0 - common, rel=1e-12)
-    assert gain == pytest.approx(v * (2.0 / a + common), rel=1e-12)
-
-
 def at_every_tick(model, requests, load, *, cyclic, start=None):
     """Angles of every tick, each of its own sample: the load of a sample acts in those before."""
     torques = None if load is None else np.roll(np.repeat(load, model.hold), 1 - model.hold)
@@ -170,7 +161,7 @@ def test_a_joint_at_rest_meets_the_conditions_of_its_start(model, requests, seed
 
 @pytest.mark.parametrize("norm", NORMS)
 @pytest.mark.parametrize("cyclic", [True, False])
-@settings(max_examples=25)
+@settings(max_examples=15)
 @given(model=ANY_MODEL, desired=trajectories(least=3, most=14), seed=st.integers(0, 2**32 - 1))
 def test_slope_is_below_envelope_and_envelope_below_every_plan(norm, cyclic, model, desired, seed):
     load = loads_of(model, len(desired), seed)
@@ -251,39 +242,9 @@ def test_a_start_raises_the_bound_and_it_still_holds_for_plans_from_there(norm, 
 @pytest.mark.parametrize("norm", NORMS)
 @pytest.mark.parametrize("level", LINEAR_LEVELS)
 @pytest.mark.parametrize("cyclic", [True, False])
-@settings(max_examples=15)
+@settings(max_examples=20)
 @given(
-    model=models(offsets=False),
-    requests=trajectories(least=4, most=12, reach=1.0),
-    seed=st.integers(0, 2**32 - 1),
-)
-def test_any_multipliers_prove_a_bound_that_no_response_goes_below(
-    norm, level, cyclic, model, requests, seed
-):
-    rng = np.random.default_rng(seed)
-    n = len(requests)
-    reachable = set_of(model, n, cyclic=cyclic, level=level)
-    angles = simulate(model, requests, cyclic=cyclic)
-    desired = angles + rng.normal(size=n) * 10.0 ** rng.uniform(-3, 0)
-    rows = len(reachable.limits)
-    for sparsity in (1.0, 0.2):
-        multipliers = rng.exponential(size=rows) * (rng.random(rows) < sparsity)
-        proved = certified_error(
-            reachable,
-            desired,
-            multipliers,
-            norm=norm,
-            slack=model.v_max * model.period,
-        )
-        assert 0.0 <= proved <= error(angles, desired, norm) + ROUNDING
-
-
-@pytest.mark.parametrize("norm", NORMS)
-@pytest.mark.parametrize("level", LINEAR_LEVELS)
-@pytest.mark.parametrize("cyclic", [True, False])
-@settings(max_examples=30)
-@given(
-    model=models(friction=True, poses=True, overcome=True),
+    model=st.one_of(models(offsets=False), models(friction=True, poses=True, overcome=True)),
     requests=trajectories(least=4, most=12),
     seed=st.integers(0, 2**32 - 1),
 )
@@ -341,7 +302,7 @@ def test_a_joint_that_gravity_overcomes_is_held_by_its_friction_above_its_bound(
 
 @pytest.mark.parametrize("hold", [1, 3])
 @pytest.mark.parametrize("norm", NORMS)
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_the_best_plan_of_a_joint_that_sags_by_its_pose_is_above_its_bound(seed, norm, hold):
     rng = np.random.default_rng(seed)
     phase, share = rng.uniform(-math.pi, math.pi), rng.uniform(0.2, 0.8)
@@ -353,32 +314,6 @@ def test_the_best_plan_of_a_joint_that_sags_by_its_pose_is_above_its_bound(seed,
         plan = planner.invert_optimal(model, desired, cyclic=cyclic, norm=norm, smoothness=0.0)
         bound = lower_bound(model, desired, cyclic=cyclic, norm=norm, start=start)
         assert 0.75 * plan.error <= bound <= plan.error
-
-
-@pytest.mark.parametrize("norm", NORMS)
-def test_multipliers_that_pull_between_samples_prove_less_but_never_too_much(norm):
-    model = replace(ERS210A, hold=3)
-    reachable = set_of(model, 8, cyclic=True, level="envelope")
-    desired = np.array([0.0, 1.0] * 4)
-    most = lower_bound(model, desired, norm=norm)
-    rng = np.random.default_rng(0)
-    for _ in range(200):
-        multipliers = rng.exponential(size=reachable.matrix.shape[0]) ** 4
-        proved = certified_error(
-            reachable,
-            desired,
-            multipliers,
-            norm=norm,
-            slack=model.v_max * model.period,
-        )
-        assert proved <= most * (1.0 + OPTIMAL)
-
-
-def test_no_multipliers_prove_nothing():
-    reachable = set_of(ERS210A, 5, cyclic=True, level="slope")
-    nothing = np.zeros(reachable.matrix.shape[0])
-    desired = np.array([0.0, 1.0, 0.0, 1.0, 0.0])
-    assert certified_error(reachable, desired, nothing, norm="rms", slack=0.1) == 0.0
 
 
 @pytest.mark.parametrize("norm", NORMS)
@@ -399,14 +334,6 @@ def test_the_bound_does_not_change_with_shift_mirror_rotation_or_unit(cyclic, no
     assert bound_in_unit / unit == same
 
 
-@pytest.mark.parametrize("cyclic", [True, False])
-def test_the_slope_bound_does_not_know_the_direction_of_time(cyclic):
-    desired = saturating(np.random.default_rng(4), ERS210A, samples=40)
-    forward = lower_bound(ERS210A, desired, cyclic=cyclic, level="slope")
-    backward = lower_bound(ERS210A, desired[::-1], cyclic=cyclic, level="slope")
-    assert backward == pytest.approx(forward, rel=10.0 * OPTIMAL)
-
-
 @pytest.mark.parametrize("norm", NORMS)
 @pytest.mark.parametrize("level", LINEAR_LEVELS)
 def test_what_the_joint_can_do_has_no_bound_but_zero(level, norm):
@@ -414,14 +341,6 @@ def test_what_the_joint_can_do_has_no_bound_but_zero(level, norm):
     model = random_model(rng)
     assert lower_bound(model, np.full(9, 1.5), level=level, norm=norm) == 0.0
     assert lower_bound(model, attainable(rng, model), level=level, norm=norm) < 1e-8
-
-
-def test_the_bound_takes_two_samples():
-    far = 1.0
-    expected = (far - ERS210A.v_max_per_tick) / 2.0
-    for cyclic in (True, False):
-        bound = lower_bound(ERS210A, [0.0, far], cyclic=cyclic, level="slope")
-        assert bound == pytest.approx(expected, rel=OPTIMAL)
 
 
 @pytest.mark.parametrize("norm", NORMS)
@@ -485,7 +404,7 @@ def test_a_long_path_that_is_out_of_reach_in_places_has_the_bound_of_all_of_it(
 
 @pytest.mark.parametrize("norm", NORMS)
 def test_the_bound_of_a_long_motion_with_inertia_is_attained_by_a_motion_of_the_set(norm):
-    """8,000 ticks: in the angles alone the solver stopped at 0.69 of the distance in rms."""
+    """3,000 ticks: in the angles alone the solver stopped at 0.69 of the distance in rms."""
     model = JointModel(
         v_max=5.0,
         theta_0=0.2,
@@ -497,32 +416,15 @@ def test_the_bound_of_a_long_motion_with_inertia_is_attained_by_a_motion_of_the_
         time_constant=0.03,
         max_acceleration=40.0,
     )
-    phase = 2.0 * np.pi * 0.8 * model.period * np.arange(400)
+    phase = 2.0 * np.pi * 0.8 * model.period * np.arange(150)
     desired = 0.6 * np.sin(phase) + 0.3 * np.sin(2.4 * phase)
     reachable = reachable_set(BoundProblem(model, desired, False, norm, None), "envelope")
     motion = nearest_motion(reachable, desired, norm=norm, speed=model.v_max_per_tick).unknowns
-    angles, speeds = motion[:400], model.v_max_per_tick * motion[400:]
+    angles, speeds = motion[:150], model.v_max_per_tick * motion[150:]
     np.testing.assert_allclose(np.diff(angles), speeds.reshape(-1, 20).sum(axis=1), atol=ROUNDING)
     assert np.max(reachable.of_speeds @ speeds - reachable.limits) <= ROUNDING
     bound = lower_bound(model, desired, cyclic=False, norm=norm)
     assert bound == pytest.approx(error(angles, desired, norm), rel=OPTIMAL)
-
-
-@pytest.mark.parametrize("cyclic", [True, False])
-@pytest.mark.parametrize(
-    "inertia", [{"time_constant": 0.05}, {"max_acceleration": 60.0, "dead_band": 0.02}]
-)
-def test_with_inertia_a_speed_within_its_limits_stays_within_them(inertia, cyclic):
-    """So that condition 1 is about the first speed alone."""
-    model = replace(ERS210A, v_offset=0.5, speed_per_torque=0.8, sag_sin=0.02, **inertia)
-    load = np.random.default_rng(1).uniform(-1.0, 1.0, 30)
-    reachable = set_of(model, 30, cyclic=cyclic, level="envelope", load=load)
-    slope = set_of(model, 30, cyclic=cyclic, level="slope", load=load)
-    for row, most in zip(slope.of_speeds.toarray(), slope.limits, strict=True):
-        fastest = linprog(
-            -row, A_ub=reachable.of_speeds, b_ub=reachable.limits, bounds=(None, None)
-        )
-        assert -fastest.fun <= most * (1.0 + ROUNDING)
 
 
 def test_a_solver_without_an_answer_is_an_error(monkeypatch):
@@ -614,30 +516,3 @@ def test_a_joint_at_rest_is_moved_by_the_change_of_its_sag_and_with_inertia_by_a
     assert angles[6] > 0.0  # from there on the old requests hold it back a little
     assert np.all(farthest[7:] >= angles[7:])
     assert np.all(farthest[7:] <= 1.2 * angles[7:])
-
-
-def test_the_exact_level_is_asked_of_the_joint_as_it_was_given_up_to_the_time_limit(monkeypatch):
-    """Between the bound of the level below and the error of a plan, which are the gap's ends."""
-    asked, shares = [], iter([0.0, 0.0, 0.99, 0.99, 1.5])
-
-    def record(problem, incumbent, *, time_limit):
-        asked.append((problem, incumbent, time_limit))
-        return next(shares) * incumbent
-
-    monkeypatch.setattr("planner.planning.bounds.certify.exact_bound", record)
-    model, desired = replace(ERS210A, compliance=0.01), REFERENCE_JOINTS[2].desired[:40]
-    options = {"cyclic": False, "norm": "max", "start": float(desired[0]), "load": 0.5}
-    below = lower_bound(model, desired, **options)
-    plan = planner.invert_optimal(model, desired, smoothness=0.0, **options)
-    for bound in (below, 0.99 * plan.error):
-        proof = certify(model, desired, level="exact", time_limit=7.0, **options)
-        assert (proof.bound, proof.level, proof.norm) == (bound, "exact", "max")
-        assert proof.solver_gap == pytest.approx(plan.error / bound - 1.0)
-        assert lower_bound(model, desired, level="exact", time_limit=8.0, **options) == bound
-    assert certify(model, desired, level="exact", **options).solver_gap == 0.0  # never below it
-    assert [each[2] for each in asked] == [*[7.0, 8.0] * 2, 60.0]
-    problem, incumbent, _ = asked[0]
-    assert (problem.model, problem.cyclic, problem.norm) == (model, False, "max")
-    assert problem.start == desired[0]
-    np.testing.assert_array_equal(problem.load, np.full(40, 0.5))
-    assert incumbent == plan.error

@@ -8,7 +8,6 @@ from hypothesis import strategies as st
 
 from planner.planning.bounds.saturation_relaxation import (
     UNBOUNDED,
-    VIOLATION,
     RequestSet,
     nearest_request,
     separate,
@@ -111,9 +110,3 @@ def test_a_call_that_falls_late_must_have_been_saturated_before():
     angles = np.array([0.0, 0.5, 1.0])
     cut = separate(np.array([0.0, 0.0, -0.25]), angles, RequestSet(0.5, angles, angles))
     assert cut is not None
-
-
-def test_a_shallow_violation_is_not_worth_a_row():
-    angles = np.zeros(2)
-    calls = np.array([0.0, VIOLATION / 4.0])
-    assert separate(calls, angles, RequestSet(0.5, angles, angles)) is None

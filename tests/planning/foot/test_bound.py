@@ -7,9 +7,8 @@ from functools import cache
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.optimize import minimize
 
 from planner.exceptions import NoSteadyCycle, SolverFailed
 from planner.gait.half_ellipse import reference_walk
@@ -22,7 +21,6 @@ from planner.planning.bounds.bundle_method import (
     LagrangianRelaxation,
     Multipliers,
     _first_cells,
-    _linear_terms,
     dual_function,
     minima,
 )
@@ -42,8 +40,6 @@ ROUNDING = 1e-9
 
 CLOSE = 0.01
 """Gap of the plan for the reference walk, half of which was there when this was written."""
-
-KINDS = [(1, True, "rms"), (1, True, "max"), (2, True, "rms"), (1, False, "rms"), (2, False, "max")]
 
 
 @pytest.fixture(autouse=True)
@@ -129,10 +125,9 @@ def test_the_plan_for_the_reference_walk_is_within_a_hundredth_of_the_best():
 @pytest.mark.parametrize(
     ("hold", "cyclic", "norm", "friction", "gravity"),
     [
-        *((*kind, False, False) for kind in KINDS),
-        (1, True, "rms", True, False),
-        (2, False, "max", True, False),
-        (1, True, "rms", False, True),
+        (1, True, "rms", False, False),
+        (1, True, "max", False, False),
+        (1, False, "rms", True, False),
         (2, False, "max", False, True),
     ],
 )
@@ -150,8 +145,7 @@ def test_no_requests_within_the_limits_go_below_it(hold, cyclic, norm, friction,
             assert plan.lower_bound <= error_of(plan, requests)
 
 
-@pytest.mark.parametrize("norm", ["rms", "max"])
-@pytest.mark.parametrize("cyclic", [True, False], ids=["cyclic", "from rest"])
+@pytest.mark.parametrize(("cyclic", "norm"), [(True, "max"), (False, "rms")])
 def test_whatever_the_multipliers_nothing_is_proved_that_is_not_so(cyclic, norm):
     rng = np.random.default_rng(4)
     plan = short_plan(2, cyclic, norm)
@@ -165,33 +159,8 @@ def test_whatever_the_multipliers_nothing_is_proved_that_is_not_so(cyclic, norm)
         assert proved <= 1.0 + ROUNDING  # the plan's own squared error
 
 
-@pytest.mark.parametrize("cyclic", [True, False], ids=["cyclic", "from rest"])
-def test_what_is_between_samples_counts_where_it_adds_least(cyclic):
-    rng = np.random.default_rng(5)
-    task = task_of(short_plan(2, cyclic, "rms"))
-    conditions = [rng.exponential(size=len(each.limits)) for each in task.sets]
-    slopes, constant = _linear_terms(task, conditions)
-    least, at_least = 0.0, []
-    for each, own, low, high in zip(task.sets, conditions, *task.room, strict=True):
-        gradient = each.matrix.T @ own
-        angles = np.where(gradient > 0.0, low, high)  # at samples any other would do
-        least += own @ (each.matrix @ angles - each.limits)
-        at_least.append(angles[each.sampled])
-        assert len(angles) > len(at_least[-1])
-    counted = np.sum(slopes * np.transpose(at_least)) + constant
-    assert counted == pytest.approx(least, rel=ROUNDING)
-
-
-def test_an_axis_that_does_not_count_lowers_the_bound():
-    every, some = (
-        short_plan(1, True, "rms", weights=w, samples=6) for w in ((1.0, 1.0, 1.0), (1.0, 0.0, 1.0))
-    )
-    assert some.lower_bound <= every.error
-    assert some.lower_bound <= error_of(some, every.requests)
-
-
-@pytest.mark.parametrize("weights", [(1.0, 1.0, 1.0), (4.0, 1.0, 0.0)], ids=["equal", "weighted"])
-def test_no_plan_that_is_planted_is_below_it(weights):
+def test_no_plan_that_is_planted_is_below_it():
+    weights = (4.0, 1.0, 0.0)
     shares = np.array(weights) / max(weights)
     rng = np.random.default_rng(6)
     leg = ers210a_leg("hind_right")
@@ -199,7 +168,7 @@ def test_no_plan_that_is_planted_is_below_it(weights):
     models = [replace(ERS210A, tick=tick, hold=hold, offset=0.02) for hold, tick in holds]
     middle = np.mean(leg.limits, axis=0)
     for cyclic in (True, False):
-        requests = middle + np.cumsum(rng.normal(0.0, 0.1, (14, 3)), axis=0)
+        requests = middle + np.cumsum(rng.normal(0.0, 0.1, (10, 3)), axis=0)
         start = None if cyclic else requests[0] + 0.02
         angles = np.transpose(
             [
@@ -207,12 +176,12 @@ def test_no_plan_that_is_planted_is_below_it(weights):
                 for j, (model, column) in enumerate(zip(models, requests.T, strict=True))
             ]
         )
-        noise = rng.normal(0.0, 0.002, (14, 3))
+        noise = rng.normal(0.0, 0.002, (10, 3))
         limits = np.min(requests, axis=0), np.max(requests, axis=0)
         far = 0.1 * (shares == 0.0)  # [m], along an axis that does not count
         foot = leg.foot_positions(angles) + noise + far
         task = Task.of(models, foot, leg=leg, cyclic=cyclic, limits=limits, weights=weights)
-        plan = np.tile(middle, (14, 1)) if cyclic else angles + 0.3 * (angles - angles[0])
+        plan = np.tile(middle, (10, 1)) if cyclic else angles + 0.3 * (angles - angles[0])
         bound = foot_bound(replace(task, start=start), plan)
         assert bound <= np.sqrt(np.mean(noise**2 @ shares))
 
@@ -247,13 +216,6 @@ def test_a_point_out_of_reach_is_missed_by_what_it_is_out_of_reach():
     assert 0.0 <= plan.gap <= 1e-3
 
 
-def test_the_bound_is_never_above_the_error_of_the_plan(monkeypatch):
-    plan = short_plan(1, False, "rms")
-    search = "planner.planning.bounds.foot_bound._branch_and_bound"
-    monkeypatch.setattr(search, lambda *_: 1.0 + 1e-6)  # as the squared error, but for rounding
-    assert foot_bound(plan.plan.task, plan.predicted) == plan.error
-
-
 def test_a_path_that_the_joints_can_follow_has_a_bound_of_nothing():
     leg = WALK.leg
     still = np.tile(leg.foot_positions(np.mean(leg.limits, axis=0)[np.newaxis]), (12, 1))
@@ -263,10 +225,10 @@ def test_a_path_that_the_joints_can_follow_has_a_bound_of_nothing():
 
 def test_whole_turns_of_a_plan_change_no_bound():
     """Joints of robots may turn ten radians either way: a search that began elsewhere fails."""
-    plan = short_plan(1, cyclic=True, norm="rms")
+    plan = short_plan(1, True, "rms", samples=8)
     task, angles = plan.plan.task, plan.predicted
     turned = angles + 2.0 * np.pi * np.array([-2, 0, 1])
-    bound = foot_bound(task, angles)
+    bound = plan.lower_bound
     assert bound > 0.0
     assert foot_bound(task, turned) == pytest.approx(bound, rel=1e-6)
 
@@ -285,12 +247,13 @@ def test_where_the_joints_could_follow_nothing_is_searched(monkeypatch):
 
 
 def test_a_cycle_may_begin_anywhere():
-    plan = short_plan(1, True, "rms")
+    plan = short_plan(1, True, "rms", samples=8)
     task = replace(plan.plan.task, foot=np.roll(plan.desired_foot, 5, axis=0))
     later = foot_bound(task, np.roll(plan.predicted, 5, axis=0))
     assert later == pytest.approx(plan.lower_bound, rel=0.01)
 
 
+@settings(max_examples=10)
 @given(seed=st.integers(0, 1000), share=st.floats(0.0, 2.0), size=st.floats(0.0, 10.0))
 def test_minima_are_proved_from_below_and_reached_from_above(seed, share, size):
     rng = np.random.default_rng(seed)
@@ -313,38 +276,6 @@ def test_minima_are_proved_from_below_and_reached_from_above(seed, share, size):
         assert np.all(proved >= reached - 2.0 * tolerance - ROUNDING * np.abs(reached))
     for _ in range(200):
         assert np.all(proved <= values(rng.uniform(lower, upper)) + ROUNDING)
-
-
-def test_the_least_is_found_at_the_rim_of_a_cell_whose_centre_is_far_away(monkeypatch):
-    # [rad]: the box is one cell
-    monkeypatch.setattr("planner.planning.bounds.bundle_method.WIDEST_CELL", 10.0)
-    leg = WALK.leg
-    lower, upper = (np.tile(limit, (3, 1)) for limit in leg.limits)
-    rim = np.array([lower[0], upper[0], np.where([True, False, True], lower[0], upper[0])])
-    distance = Distance(leg.chain, lower, upper, leg.foot_positions(rim), np.full(3, 100.0))
-    guesses = np.clip(rim, lower + 0.05, upper - 0.05)
-    proved, angles = minima(distance, np.ones(3), np.zeros((3, 3)), guesses, tolerance=1e-3)
-    assert np.all(proved <= 0.0)
-    assert np.all(distance.squared(angles) <= 2e-3)
-
-
-def test_the_least_value_found_is_that_of_a_search_from_many_places():
-    rng = np.random.default_rng(3)
-    leg = WALK.leg
-    lower, upper = (limit[np.newaxis] for limit in leg.limits)
-    distance = Distance(leg.chain, lower, upper, WALK.desired_foot[:1], np.full(3, 100.0))
-    gradients = np.array([[20.0, -5.0, 3.0]])
-    middle = (lower + upper) / 2.0
-    proved, _ = minima(distance, np.ones(1), gradients, middle, tolerance=1e-6)
-
-    def value(angles):
-        return float(distance.squared(angles[np.newaxis])[0] + gradients[0] @ angles)
-
-    searches = [
-        minimize(value, rng.uniform(lower, upper)[0], bounds=np.transpose(leg.limits)).fun
-        for _ in range(10)
-    ]
-    assert proved[0] == pytest.approx(min(searches), abs=1e-4)
 
 
 def cycles(seed, limits):

@@ -8,7 +8,6 @@ from functools import cache
 import numpy as np
 import pytest
 
-from planner.exceptions import InvalidInput
 from planner.gait.half_ellipse import reference_walk
 from planner.model.evidence import Evidence
 from planner.model.joint import JointModel
@@ -16,7 +15,6 @@ from planner.model.response import simulate
 from planner.planning.arguments import drawn_models, models_of_joints
 from planner.planning.inversion import invert_foot, invert_optimal
 from tests.kinematics.made_up_robots import Joint, Y, made_up_leg
-from tests.plans import track
 
 ERS210A = JointModel.ers210a()
 
@@ -118,20 +116,6 @@ def test_limits_and_largest_steps_hold_and_the_plan_is_the_same_again():
     np.testing.assert_array_equal(made.requests, again.requests)
 
 
-def test_a_load_that_depends_on_the_pose_acts_on_all_models():
-    soft = [replace(each, compliance=0.05) for each in MODELS[0]]
-
-    def weight(angles):
-        return 0.2 * np.sin(angles)
-
-    made = invert_foot([soft] * 3, LEG, path(), load=weight, robust="mean")
-    assert made.load_of_pose
-    assert made.nominal.load_of_pose
-    assert made.lower_bound == 0.0
-    np.testing.assert_allclose(np.transpose(made.loads), weight(made.predicted), atol=1e-3)
-    assert made.over_models.mean <= 1.01 * made.nominal.over_models.mean  # other loads
-
-
 def test_every_model_is_judged_under_the_load_that_it_feels():
     soft = replace(ERS210A, compliance=0.05)
     load = np.array([0.3, 0.2, -0.4])
@@ -156,39 +140,3 @@ def test_joints_with_the_same_model_share_what_is_not_known_of_it_and_others_do_
         lags = [[models[1 + 2 * pair + side].lag for side in (0, 1)] for models in (one, two)]
         for (below, above), middle in zip(lags, (SLOWER.lag, 0.033), strict=True):
             assert (below - middle) * (above - middle) < 0.0
-
-
-def test_models_that_do_not_go_together_are_refused():
-    with pytest.raises(InvalidInput, match=r"models: got 3, 1, 2 of the .*rotator.* as many of"):
-        invert_foot([MODELS[0], ERS210A, MODELS[0][:2]], LEG, path())
-    with pytest.raises(InvalidInput, match="without intervals of its parameters"):
-        invert_foot([SLOWER, ERS210A, SLOWER], LEG, path(), robust="mean")
-    alone = invert_foot([[ERS210A]] * 3, LEG, path())
-    assert alone.robust is None
-
-
-@pytest.fixture
-def problem():
-    """Three models under the requests to one joint."""
-    desired = 0.2 * np.sin(2.0 * np.pi * np.arange(20) / 20)
-    nominal = track(ERS210A, desired, cyclic=True)
-    even = nominal.in_scenarios([(each,) for each in MODELS[0]], [(None,)] * 3, "mean")
-    return replace(even, weights=(0.5, 0.3, 0.2))
-
-
-def test_other_limits_and_another_norm_are_those_of_all_scenarios(problem):
-    within = replace(problem, lower=np.array([-0.1]), upper=np.array([0.15]))
-    largest = replace(problem, norm="max")
-    angles = np.random.default_rng(0).normal(size=(20, 3))
-    errors = angles - problem.desired
-    assert largest.error(angles) == pytest.approx(np.sqrt(np.mean(np.max(errors**2, axis=0))))
-    assert (
-        within.error(angles) == problem.error(angles) == pytest.approx(np.sqrt(np.mean(errors**2)))
-    )
-    worst = replace(problem, robust="worst")
-    assert worst.error(angles) == pytest.approx(np.max(np.sqrt(np.mean(errors**2, axis=0))))
-    for changed in (within, largest):
-        requests = changed.admissible(problem.desired)
-        assert changed.exact_angles(requests).shape == angles.shape
-    requests = within.admissible(problem.desired)
-    assert (np.min(requests), np.max(requests)) == (-0.1, 0.15)
