@@ -6,25 +6,12 @@ import contextlib
 import importlib
 import io
 import json
-import math
 from pathlib import Path
 from typing import NamedTuple
 
-import numpy as np
 import pytest
 
-import planner
-from planner.trajectory import rms
-from tests.instances import REFERENCE_JOINTS
-
 SCRIPTS = Path(__file__).resolve().parents[1] / "scripts"
-
-SAME_CYCLE = math.radians(1e-6)
-"""Difference between two simulations of a cycle [rad]: where they stop closing it."""
-
-
-BARELY_ROUNDED = 1e-9
-"""Radius of corners that no angle feels [degrees]."""
 
 
 @pytest.fixture(autouse=True)
@@ -65,19 +52,6 @@ def test_a_run_is_kept_compared_and_written_down(tmp_path):
     assert next(line for line in ratios if line.startswith("rotator")).split()[1:] == ["1"] * 5
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["speed"], "no part speed"),
-        (["fit", "--compare", "nowhere.json"], "nowhere.json: not a run kept by --save"),
-    ],
-)
-def test_what_cannot_be_measured_is_said_in_a_line(arguments, message):
-    answer = run(*arguments)
-    assert answer.returncode == 2
-    assert message in answer.stderr.splitlines()[-1]
-
-
 def test_every_method_stays_within_limits_and_improves_on_the_closed_form():
     from benchmark.instances import random_saturating
     from benchmark.parts.inversion import METHODS, OURS, closed_form, compare
@@ -92,25 +66,6 @@ def test_every_method_stays_within_limits_and_improves_on_the_closed_form():
     for name, result in results.items():
         assert result.rms < start
         assert result.rms <= 1.1 * results[OURS].rms, name
-
-
-@pytest.mark.parametrize("offset", [0.0, 5.0])
-def test_the_rivals_simulate_the_same_joint(offset):
-    from benchmark.rivals.problem import DEGREE
-    from benchmark.rivals.scipy_least_squares import Simulation
-
-    joint = REFERENCE_JOINTS[0]
-    aibo = planner.JointModel.ers210a()
-    model = planner.JointModel(
-        v_max=aibo.v_max,
-        theta_0=aibo.theta_0,
-        lag=0.0353,
-        acceleration_time=0.0421,
-        offset=offset * DEGREE,
-    )
-    angles, *_ = Simulation(model, 88).cycle(joint.desired / DEGREE, BARELY_ROUNDED, 0.0)
-    exact = planner.simulate(model, joint.desired)
-    assert np.max(np.abs(angles * DEGREE - exact)) <= SAME_CYCLE
 
 
 def reference(*arguments: str) -> Answer:
@@ -147,42 +102,3 @@ def test_a_worse_result_fails_the_comparison():
     ]:
         section = compared(old, new)["fits"]
         assert sum(not check.passed for check in checks_of("fits", section)) == failed
-
-
-def test_another_curve_of_the_same_error_is_as_good_on_another_processor(tmp_path):
-    from benchmark.reference.processors import beside
-
-    def kept(name, **cases):
-        cases = {
-            case: {"error": error, "floor": 1e-6, "segments": 6, "knots": [knot], "seconds": 1.0}
-            for case, (error, knot) in cases.items()
-        }
-        run = {"sections": {"fits": {"pace": 1.0, "cases": cases}}}
-        (tmp_path / name).write_text(json.dumps(run))
-        return tmp_path / name
-
-    first = kept("first", equal=(1.0, 2.0), near=(1.0, 2.0), other=(1.0, 2.0), worse=(1.0, 2.0))
-    second = kept(
-        "second", equal=(1.0, 2.0), near=(1.0, 2.0 + 1e-12), other=(1.0, 3.0), worse=(1.1, 3.0)
-    )
-    table, lines = beside("that", first, second)
-    assert table.rows["fits"][:5] == (4, 1, 2, 1, 1)
-    assert lines.splitlines() == ["  fits, worse: by 0.5, loss 10 %"]
-
-
-def test_after_a_log_of_steps_a_plan_tells_the_error_of_a_servo_that_is_not_the_model():
-    """The integral of the servo's speed loop shortens the delay of requests that move."""
-    from benchmark.plants import random_servo
-
-    servo, random = random_servo(4), np.random.default_rng(4)
-    held = [np.full(random.integers(50, 125), random.uniform(-0.3, 1.9)) for _ in range(10)]
-    found = planner.identify(servo.log(np.concatenate(held)[:700]))
-    desired = 0.8 + 0.5 * np.sin(2.0 * np.pi * np.arange(100) / 100)
-    plan = planner.plan(found.model, desired).inversions[0]
-    servo.rest(float(plan.requests[0]))
-    true, _ = servo.play(plan.requests)
-    met = rms(true[0] - desired)
-    bare = found.tested._replace(delay_error=0.0)
-    assert bare.error_of(plan.predicted, period=0.02, cyclic=True) < met / 3.0
-    assert met < plan.expected.error < 2.0 * met
-    assert plan.expected.untested == ("moving requests",)

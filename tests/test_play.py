@@ -135,15 +135,6 @@ def test_a_robot_that_cannot_be_stopped_leaves_a_report_too():
     assert told == [planner.Playback(sent=4)]
 
 
-def test_the_report_is_the_answer_where_there_is_one():
-    robot, told = Robot(), []
-    assert [robot.play(cycles=2, report=told.append)] == told
-    robot.fail_at, robot.failure = 11, KeyboardInterrupt()
-    assert [robot.play(report=told.append)] == told[1:]
-    assert told[1].interrupted
-    assert not told[1].failed
-
-
 def test_a_robot_is_led_to_the_first_request_no_faster_than_the_limit():
     robot, speed = Robot(), 0.5
     report = robot.play(cycles=1, current=[0.1, 0.7], speed=speed)

@@ -14,7 +14,6 @@ from planner.cli.desired import find_leg
 from planner.files.paths import read_foot_path, read_joint_path
 from tests.docs.blocks import ROOT
 from tests.docs.shell import commands
-from tests.kinematics.made_up_robots import Joint, X, Y, urdf_text
 
 PAGE = ROOT / "docs" / "any_leg.md"
 
@@ -102,22 +101,3 @@ def test_speeds_come_from_the_urdf(run, robot, foot):
     result = run("plan", foot, "--leg", robot, *FRONT, "--model", "urdf")
     assert result.exit_code == 2
     assert "the URDF has no usable top speed of joint 'front_left_rotator'" in result.stderr
-
-
-def test_a_sliding_joint_is_locked_in_metres(run, tmp_path):
-    joints = [
-        Joint((0, 0, 0), X, kind="prismatic", lower=-0.2, upper=0.2),
-        Joint((0, 0, 0), X),
-        Joint((0, 0, 0), Y),
-        Joint((0, 0, -0.1), Y),
-    ]
-    (tmp_path / "slider.urdf").write_text(urdf_text(joints, (0, 0, -0.1)))
-    ends = ("--urdf", "slider.urdf", "--base", "link_0", "--foot", "tip")
-    paths = []
-    for place in ("0m", "0.05m"):
-        result = run("gait", *ends, "--lock", f"joint_1={place}", "--samples", 8)
-        assert result.exit_code == 0, result.stderr
-        rows = [line.split(",")[-3:] for line in result.stdout.splitlines()[1:]]
-        paths.append(np.array(rows, dtype=float))
-    moved = paths[1] - paths[0]
-    np.testing.assert_allclose(moved, np.tile([0.05, 0.0, 0.0], (8, 1)), rtol=0.0, atol=1e-6)

@@ -6,14 +6,12 @@ import json
 import math
 import warnings
 
-import click
 import numpy as np
 import pytest
 
 from kinematics import exceptions as kinematics
 from planner.approximation.fit import fit_pwl
 from planner.exceptions import (
-    InvalidFile,
     InvalidInput,
     NoSteadyCycle,
     OutsideEquation13,
@@ -42,35 +40,25 @@ ENDS = {
         "hip: --max-step-deg and --highest-hz, --lock, --limits-deg, --start-deg, --rate-hz and "
         "--lead-s: 3, 2",
     ),
-    "lengths of a path": (InvalidInput("samples: 3"), 2, "hip: samples: 3"),
     "advice": (
         InvalidInput("give max_error, max_rms or unreachable='nearest'; x-max_error, max_errors"),
         2,
         "hip: give --max-error, --max-rms or --unreachable nearest; x-max_error, max_errors",
     ),
-    "a file": (InvalidFile("cycles", "max_rms"), 2, "hip: cycles: --max-rms"),
     "a leg": (kinematics.InvalidInput("locked: no joint"), 2, "--lock: no joint"),
-    "a leg that fails": (kinematics.KinematicsError("odd"), 1, "odd"),
     "memory": (
         MemoryError(),
         2,
         "not enough memory for so many samples; shorten the path, or plan fewer requests per "
         "second",
     ),
-    "a disk": (
-        OSError(28, "No space left on device"),
-        2,
-        "standard output: no space left on device; choose another place",
-    ),
     "a place": (
         OSError(13, "Permission denied", "out.csv"),
         2,
         "out.csv: permission denied; choose another place",
     ),
-    "anything": (OSError("Odd"), 2, "standard output: odd; choose another place"),
     "a reader": (BrokenPipeError(), 141, None),
     "a user": (KeyboardInterrupt(), 130, None),
-    "an answer": (click.Abort(), 130, None),
 }
 """What may be raised, the exit status, and what is said on standard error."""
 

@@ -12,19 +12,6 @@ from planner.identification.excitation import excite
 SHORT = ("--limits-deg", "-30:40", "--duration-s", "8", "--rate-hz", "50")
 
 
-def test_the_expected_log_is_one_that_identify_reads(run, tmp_path):
-    asked = ("excite", "--kind", "steps", *SHORT)
-    asked = (*asked, "--expected-log", "log.csv", "-o", "signal.csv", "--joint", "knee")
-    expected = json.loads(run(*asked, "--json").stdout)["expected"]
-    assert (tmp_path / "log.csv").read_text().startswith("t_s,knee_requested_deg,knee_actual_deg\n")
-    found = json.loads(run("identify", "log.csv", "--no-hold-out", "--json").stdout)
-    assert found["joint"] == "knee"
-    assert found["model"]["v_max"] == pytest.approx(expected["model"]["v_max"], rel=1e-3)
-    assert run("excite", *SHORT, "--expected-log", "no/folder/x").exit_code == 2
-    assert run("excite", *SHORT, "-o", "no/folder/x", "--expected-log", "y.csv").exit_code == 2
-    assert not (tmp_path / "y.csv").exists()
-
-
 @pytest.mark.parametrize(
     ("kind", "options", "settings"),
     [

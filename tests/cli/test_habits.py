@@ -86,15 +86,6 @@ def test_quiet_leaves_the_data_alone(run, desired, arguments):
     assert result.stderr == ""
 
 
-def test_quiet_leaves_warnings_and_errors(run, desired, tmp_path):
-    model = tmp_path / "model.toml"
-    model.write_text("v_max = 5.0\ntheta_0 = 0.03\nlag = 0.03\nacceleration_time = 0.08\n")
-    result = run("-q", "plan", desired, "--model", model, "--method", "closed-form")
-    assert result.stderr.startswith("request-planner: warning: the paper's rule assumes")
-    assert result.stderr.count("\n") == 1
-    assert run("-q", "plan", "nowhere.csv").stderr.endswith("check the name and the folder\n")
-
-
 @pytest.mark.parametrize("asked", ["NO_COLOR", "FORCE_COLOR"])
 def test_colours_are_for_those_who_ask_and_not_in_data(run, monkeypatch, asked):
     for name in ("NO_COLOR", "FORCE_COLOR", "TERM"):

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-import json
 import math
 import tomllib
 from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
-from planner.cli import cli
 from planner.files.joint_model import models_text, read_model_file
-from planner.files.paths import read_joint_path, write_joint_path
 from planner.files.table import write_table
 from planner.identification.excitation import excite
 from planner.model.evidence import Evidence
@@ -40,37 +36,6 @@ def write_log(file, *, joints=("knee",), model=TRUE, moving=9, duration=8.0):
     table[:, 1:] = np.degrees(table[:, 1:])
     table[:, 1 + 2 * moving :] = 0.0
     write_table(file, names, table)
-
-
-@pytest.fixture(scope="module")
-def identified(tmp_path_factory):
-    """A folder with a log, the model and the page made of it, and what was said."""
-    folder = tmp_path_factory.mktemp("identified")
-    write_log(folder / "log.csv")
-    result = CliRunner().invoke(
-        cli,
-        [
-            "identify",
-            str(folder / "log.csv"),
-            "-o",
-            str(folder / "joint.toml"),
-            "--report",
-            str(folder / "report.html"),
-        ],
-    )
-    return folder, result
-
-
-def test_plan_takes_the_model_that_identify_wrote(identified, run, desired, tmp_path):
-    folder, _ = identified
-    model = folder / "joint.toml"
-    result = run("plan", desired, "--model", model, "-o", tmp_path / "requests.csv", "--json")
-    assert result.exit_code == 0, result.stderr
-    requests = np.radians(json.loads(result.stdout)["joints"]["hip"]["requests_deg"])
-    wanted = read_joint_path(desired, joints=["hip"]).angles[:, 0]
-    direct = simulate(TRUE, wanted) - wanted
-    planned = simulate(TRUE, requests) - wanted  # on the true joint, not on the identified one
-    assert np.sqrt(np.mean(planned**2)) < 0.1 * np.sqrt(np.mean(direct**2))
 
 
 def test_a_joint_that_says_nothing_is_left_out_of_all_and_ends_with_status_1(run, tmp_path):
@@ -119,57 +84,6 @@ def test_joints_identified_in_processes_are_those_identified_one_by_one(run, tmp
         answers.append(result.stderr.replace(f"{few}.toml", "arm.toml"))
     assert answers[0] == answers[1]
     assert (tmp_path / "0.toml").read_text() == (tmp_path / "10000.toml").read_text()
-
-
-RUN_FILE = """
-[path]
-file = "desired.csv"
-[model]
-file = "bad.toml"
-"""
-
-SWEEP_FILE = f"""{RUN_FILE}
-[sweep.parameters]
-speed = [1.0]
-"""
-
-
-@pytest.mark.usefixtures("brief")
-@pytest.mark.parametrize(
-    "line",
-    [
-        "plan desired.csv --model bad.toml -o out.csv",
-        "simulate desired.csv --model bad.toml -o out.csv",
-        "simulate desired.csv --model bad.toml --desired desired.csv -o out.csv",
-        "compare brief.csv --model bad.toml",
-        "refine desired.csv measured.csv --desired desired.csv --model bad.toml -o out.csv "
-        "--no-reidentify",
-        "run run.toml --out folder",
-        "run run.toml --check",
-        "sweep sweep.toml --out folder --workers 1",
-        "replay demo.csv --model bad.toml -o out.csv",
-    ],
-)
-def test_every_command_says_once_of_all_joints_that_a_model_is_not_to_be_planned_with(
-    run, desired, tmp_path, line
-):
-    known = Evidence(verdict="refused", reason="it misses 41 % of the motion")
-    TRUE.with_evidence(known).to_toml(tmp_path / "bad.toml")
-    (tmp_path / "run.toml").write_text(RUN_FILE)
-    (tmp_path / "sweep.toml").write_text(SWEEP_FILE)
-    path = read_joint_path(desired)
-    angles = np.roll(path.angles, 8, axis=0)
-    write_joint_path("measured.csv", path.names, angles, period=0.008)
-    columns = np.column_stack([0.008 * np.arange(88), np.degrees(path.angles), np.degrees(angles)])
-    names = [f"{joint}_{which}_deg" for which in ("req", "act") for joint in path.names]
-    write_table("demo.csv", ["t_s", *names], columns)
-    result = run(*line.split())
-    assert result.exit_code == 0, result.output
-    (said,) = [line for line in result.stderr.splitlines() if "not plan with" in line]
-    assert said == (
-        "request-planner: warning: do not plan with the models of hip, knee (it misses 41 % of the "
-        "motion): identify them anew"
-    )
 
 
 def tables_of(file):

@@ -55,27 +55,6 @@ def test_an_error_below_its_own_bound_is_reported_and_nothing_is_written(run, de
     assert not desired.with_name("requests.csv").exists()
 
 
-@pytest.mark.parametrize(
-    ("most", "size", "said"), [("inf", 40.0, True), ("1.2", 40.0, False), ("inf", 5.0, False)]
-)
-def test_bounds_of_a_path_above_an_unknown_top_speed_are_of_the_model_only(
-    run, tmp_path, most, size, said
-):
-    model, page = tmp_path / "joint.toml", tmp_path / "page.html"
-    model.write_text(
-        "v_max = 1.0\ntheta_0 = 0.1\nlag = 0.02\nacceleration_time = 0.05\ntick = 0.02\n"
-        f"expected_error = 0.002\nv_max_interval = [1.0, {most}]\n"
-    )
-    desired = size * np.sin(2.0 * np.pi * np.arange(50) / 50.0)
-    path = "elbow_deg\n" + "".join(f"{angle}\n" for angle in desired)
-    output = ("-o", tmp_path / "r.csv", "--report", page)
-    done = run("plan", "-", "--model", model, *output, stdin=path)
-    assert (
-        "lower bounds of the model only: elbow (the logs do not determine" in done.stderr
-    ) == said
-    assert ("For elbow this holds for the model only" in page.read_text()) == said
-
-
 @pytest.mark.parametrize(("rate", "lost"), [(3, True), (50, False)])
 def test_a_motion_that_a_low_rate_loses_is_said(run, tmp_path, rate, lost):
     """At 3 requests a second a motion of 3 Hz has the same angle at every request."""

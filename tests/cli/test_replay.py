@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 from kinematics import urdf_path
-from planner import JointModel, Log, LogOptions, read_logs, replay, simulate
-from planner.cli.replay.task import refuted_joints, tasks_of
+from planner import JointModel, LogOptions, read_logs, simulate
+from planner.cli.replay.task import tasks_of
 from planner.files.staging import list_files
 from planner.identification.grid import sound_rows
 
@@ -100,7 +100,6 @@ UNITS = ("--unit", "range_m100_100,gripper=percent")
 def test_a_bag_is_replayed_and_what_is_written_drives_the_joints_there(
     storage, form, run, model, tmp_path
 ):
-    """A controller's state is replayed; the planned trajectory is sent, and recorded once more."""
     rosbag2 = pytest.importorskip("rosbags.rosbag2", reason="needs the extra bags")
     from tests.files.logs.bags import PERIOD, START, Kit, store, write
 
@@ -128,17 +127,6 @@ def test_a_bag_is_replayed_and_what_is_written_drives_the_joints_there(
     for j in range(2):
         path = np.interp(1.25 * 0.02 * np.arange(len(planned)), times, angles[:, j])
         assert np.sqrt(np.mean((done[:, j] - path) ** 2)) < 0.005
-    again = []
-    for k, (request, angle) in enumerate(zip(planned, done, strict=True)):
-        at = START + k * tick
-        again.append(("/arm/joint_trajectory", at, kit.trajectory(at, request, names)))
-        again.append(("/joint_states", at, kit.joint_state(at, angle, names)))
-    write(tmp_path / "again", types, again, storage=storage)
-    second = run("replay", "again", "--model", model, "--track", "action", "--json")
-    assert second.exit_code == 0, second.stderr
-    recorded = json.loads(second.stdout)["joints"]["elbow"]["recorded"]["rms_deg"]
-    off = np.degrees(np.sqrt(np.mean((done - planned)[:, 0] ** 2)))
-    assert recorded == pytest.approx(off, rel=1e-6)
 
 
 def test_a_dataset_comes_back_as_a_dataset(run, dataset, model):
@@ -174,25 +162,6 @@ def test_a_dataset_comes_back_as_a_dataset(run, dataset, model):
     names = ("shoulder_pan", "elbow_flex", "gripper")
     expected = [[], [f"{name}: {bridged}" for name in names], []]
     assert [each["remarks"] for each in told] == expected
-
-
-@pytest.mark.usefixtures("in_this_process")
-def test_an_episode_is_planned_though_the_texts_of_tasks_cannot_be_read(run, dataset, model):
-    parquet = pytest.importorskip("pyarrow.parquet", reason="needs the extra parquet")
-    for old in (dataset / "meta").glob("tasks.*"):
-        old.unlink()
-    (dataset / "meta" / "tasks.jsonl").write_bytes(b"[" * 10**5)
-    result = run(
-        *("replay", dataset, "--episodes", "0-1", *UNITS, "--model", model),
-        *("--as", "lerobot", "-o", "planned"),
-    )
-    assert result.exit_code == 0, result.stderr
-    file = dataset / "meta" / "tasks.jsonl"
-    assert f"{file} cannot be read: the task is called 'follow the planned requests'" in (
-        result.stderr
-    )
-    tasks = parquet.read_table(dataset.parent / "planned/meta/tasks.parquet").to_pylist()
-    assert [each["task"] for each in tasks] == ["follow the planned requests"]
 
 
 def _held(folder):
@@ -367,19 +336,3 @@ def test_a_joint_that_cannot_be_identified_gets_its_recorded_requests_and_is_nam
     assert result.exit_code == 0, result.stderr
     assert "warning: wrist: no model: " in result.stderr
     assert "no model: recorded requests, re-timed" in result.stderr
-
-
-@pytest.mark.parametrize(
-    ("begin", "end", "v_max", "refuted"),
-    [(0.0, 1.0, 1.0, []), (0.9, 1.9, 1.0, ["elbow"]), (1.6, 1.9, 1.0, []), (0.9, 1.9, 50.0, [])],
-)
-def test_a_model_is_refuted_by_the_part_that_is_replayed_alone(begin, end, v_max, refuted):
-    """And by more than the larger of the two top speeds of a joint that is faster one way."""
-    times = 0.02 * np.arange(100)
-    angles = np.where(times < 1.5, 0.2 * np.sin(3.0 * times), 1.0)  # 50 times as fast as it can be
-    log = Log(times=times, requests=angles, angles=angles, joint="elbow")
-    model = JointModel(
-        v_max=v_max, v_offset=v_max / 2.0, theta_0=0.5 * v_max, lag=0.02, acceleration_time=0.02
-    )
-    made = replay(log, model.requested_every(0.02), begin=begin, end=end)
-    assert refuted_joints(made) == refuted

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-from dataclasses import replace
 from functools import partial
 from importlib import import_module
 from types import SimpleNamespace
@@ -15,14 +14,13 @@ import pytest
 
 from planner import JointModel
 from planner.cli import buses
-from planner.cli.calibrate import _changes, _errors
+from planner.cli.calibrate import _errors
 from planner.cli.play import _a_row_each
 from planner.exceptions import BusError
 from planner.files.joint_model import read_models, read_servos
 from planner.files.logs.read import read_logs
 from planner.files.paths import read_joint_path
 from planner.identification.log import Log
-from planner.identification.result import Interval
 from planner.model.evidence import Evidence
 from planner.model.response import simulate
 from planner.robot import measure
@@ -152,18 +150,6 @@ def test_a_second_run_can_take_the_logs_as_they_are(calibrated, command_line, mo
     assert np.array_equal(taken, [kept.angles])
 
 
-@pytest.mark.parametrize("kind", buses.KINDS)
-def test_every_kind_of_virtual_servo_is_calibrated_from_its_own_middle(run, kind):
-    assert set(buses.KINDS) == set(servo_bus.KINDS)
-    given = ("--ids", "1,off=2", "--zero-tick", "off=500", "--rate-hz", "16")
-    result = run("calibrate", "--bus", f"virtual:{kind}", *given, "--dry-run")
-    assert result.exit_code == 0, result.stderr
-    assert "joint_1: at 0.0 deg, noise 0.00; P " in result.stderr
-    protocol = servo_bus.KINDS[kind].protocol
-    angle = 360.0 * (protocol.middle - 500) / protocol.ticks_per_turn
-    assert f"off: at {angle:.1f} deg, noise 0.00; P " in result.stderr
-
-
 def test_logs_of_another_range_are_not_taken(calibrated, command_line, monkeypatch):
     folder, _ = calibrated
     monkeypatch.chdir(folder)
@@ -276,20 +262,6 @@ def test_a_servo_that_falls_silent_ends_a_record(run, arm, faulty, tmp_path):
     assert 25 < len((tmp_path / "log.csv.part").read_text().splitlines()) < 60
 
 
-def test_a_parameter_has_changed_where_the_intervals_before_and_now_are_apart():
-    before = JointModel(v_max=5.0, theta_0=0.5, lag=0.02, acceleration_time=0.02, dead_band=0.02)
-    before = before.with_evidence(Evidence(intervals={"v_max": (4.0, 6.0), "lag": (0.01, 0.03)}))
-    now = replace(before, v_max=3.0, theta_0=0.6, lag=0.025, dead_band=0.021)
-    intervals = {
-        "v_max": Interval(2.0, 3.9),
-        "theta_0": Interval(0.56, 0.64),  # without an interval before: within a tenth
-        "lag": Interval(0.001, 0.04),
-        "dead_band": Interval(0.0, 0.023),
-    }
-    found = SimpleNamespace(model=now, intervals=intervals)
-    assert _changes(before, found) == ["v_max is 3, and was 5", "theta_0 is 0.6, and was 0.5"]
-
-
 @pytest.fixture
 def fake_calibration(monkeypatch):
     """Joints whose calibration is made up; the one called broken ends it."""
@@ -359,12 +331,6 @@ def test_joints_that_are_done_are_in_the_file_where_a_later_one_fails(
     assert text.splitlines()[2] == 'bus = "virtual"'
     assert text.endswith("\n".join(leg) + "\n")
     assert [file.name for file in tmp_path.iterdir()] == ["arm.toml"]
-    choices = {"bus": "feetech", "port": "/dev/ttyA", "baud_rate": 57_600}
-    servos = SimpleNamespace(servos=read_servos(arm))
-    settings = {"joint_1": {}, "done": {}}
-    CALIBRATE._write("new.toml", fake_calibration, servos, settings, choices)
-    written = (tmp_path / "new.toml").read_text()
-    assert 'bus = "feetech"\nport = "/dev/ttyA"\nbaud_rate = 57600\n' in written
 
 
 @pytest.mark.parametrize("answer", ["", "h"])
@@ -398,21 +364,6 @@ def test_ranges_are_those_of_the_servos_or_those_that_a_hand_shows(run, answer, 
     expected = np.degrees(shown["joint_1"]) if answer else [-30.0, 30.0]
     assert limits[0]["joint_1"] == pytest.approx(expected, abs=0.2)
     assert torques == ([[0.0]] if answer else [])
-
-
-def test_a_joint_that_something_moves_is_warned_of(run, monkeypatch):
-    own, noise = measure.check, 0.51
-
-    def check(arm):
-        angles = {"still": 0.0, "moved": np.radians(noise)}
-        return own(arm)._replace(noise=angles, lost=0.125)
-
-    monkeypatch.setattr(measure, "check", check)
-    result = run("calibrate", "--bus", "virtual", "--dry-run", "--ids", "still=1,moved=2")
-    words = f"moved: its angle varies by {noise:.2f} deg at rest; is something moving it?"
-    assert words in result.stderr
-    assert "still: its angle varies" not in result.stderr
-    assert "12.5 % of the answers are lost" in result.stderr
 
 
 CHECKED = (
@@ -522,22 +473,6 @@ def test_the_port_is_that_of_the_command_or_of_the_file_and_is_given_back(run, a
     speaking = ("--bus", "feetech", "--port", "/dev/c", "--duration-s", "2")
     assert run(*record, *speaking).exit_code == 1  # the servo speaks another
     assert [port.closed for port in ports] == [1, 1, 1, 1]
-    for words, given in (
-        ("--bus dynamixel needs --port, such as --port /dev/ttyACM0.", ("--bus", "dynamixel")),
-        (
-            "--port has no effect with --bus virtual; leave",
-            ("--bus", "virtual", "--port", "/dev/a"),
-        ),
-    ):
-        assert words in run(*record, *given).stderr
-    arm.write_text(ARM)
-    assert "arm.toml does not name the bus of its servos: name it with --bus" in run(*record).stderr
-    arm.write_text('bus = "can"\n' + ARM)
-    assert "arm.toml: bus: got 'can', expected one of virtual, feetech" in run(*record).stderr
-    arm.write_text('bus = "dynamixel"\nbaud_rate = "fast"\n' + ARM)
-    said = "arm.toml, line 2: baud_rate: got 'fast', expected a whole number"
-    assert said in run(*record).stderr
-    assert len(ports) == 4
 
 
 def test_a_row_belongs_to_the_request_at_whose_time_it_was_due():

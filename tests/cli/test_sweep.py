@@ -110,16 +110,6 @@ def test_a_search_finds_the_fastest_within_an_error_and_the_least_error_of_a_spe
     assert 0.3 - 1e-6 < least.best.error < 0.33
 
 
-def test_a_search_is_the_same_again_and_another_one_for_another_seed(sought):
-    more = "evaluations = 24\nat_error_cm = 0.3\n"
-    first, _ = sought(more)
-    again, ran = sought(more, resume=True)
-    assert (again, ran) == (first, 0)
-    other, _ = sought(f"{more}seed = 1\n")
-    assert other.outcomes[0] != first.outcomes[0]
-    assert first.outcomes[:4] == sought(more.replace("24", "20"))[0].outcomes[:4]
-
-
 def test_the_front_has_no_point_that_another_beats_in_both():
     rng = np.random.default_rng(2)
     outcomes = tuple(Outcome((float(k),), *rng.random(2)) for k in range(60))
@@ -158,20 +148,11 @@ def test_the_nearest_point_is_told_where_none_meets_what_is_required():
         (GAIT + "lenght = [0.1]\n", 15, "unknown key .*lenght.*did you mean '(length|height)'"),
         (GAIT + "length = [0.2, 0.1]\n", 15, "expected a list of rising numbers"),
         (GAIT + "length = [0.0, 0.1]\n", 15, "length: got 0, expected .*above 0"),
-        (GAIT + "ground_fraction = [0.5, 1.5]\n", 15, "got 1.5, expected a number above 0 and"),
         (GAIT + "period_s = [0.01]\n", 15, "4 to 1000000 requests, which are 0.008 s apart"),
-        (GAIT + "period_s = [1e308]\n", 15, "got 1e.308, expected 4 to 1000000 requests"),
         (GAIT + "speed = [1.0, 2.0]\n", 15, "is of the path of a file; use .*period_s"),
         (GAIT, 14, "is empty, expected values of one or more of length, height"),
         (GAIT + "length = [0.1]\n[sweep]\nat_speed = 2.0\n", 17, "is for the path of a file"),
-        (GAIT + "length = [0.1]\n[sweep]\nat_error_deg = 2.0\n", 17, "is for the path of joints"),
-        (GAIT + "length = [0.1]\n[sweep]\nseed = 1\n", 17, "no effect with .*grid"),
         (GAIT + "length = [0.1, 0.2]\n[sweep]\nmethod = 'cma'\n", 17, "needs two parameters"),
-        (
-            GAIT + "length = [0.1, 0.2]\nheight = [0.01]\n[sweep]\nmethod = 'cma'\n",
-            16,
-            "height: got one value, expected two or more with method cma",
-        ),
         (
             GAIT + "length = [0.1]\n[sweep]\nat_error_cm = 1\nat_speed_cm_s = 20\n",
             18,

@@ -48,29 +48,3 @@ def test_the_legs_go_where_the_paths_and_the_requests_say(run, foot, shown):
     assert np.max(np.abs(desired.foot - read_foot_path(foot).positions)) <= SAME
     assert np.max(np.abs(same.angles - planned.angles)) <= SAME
     assert np.max(np.abs(other.angles - planned.angles)) > 1e-3
-
-
-@pytest.mark.usefixtures("meshcat", "foot")
-@pytest.mark.parametrize(
-    ("asked", "method"),
-    [
-        ("foot.csv", "foot-optimal"),
-        ("joints.csv", "optimal"),
-        ("foot.csv --method closed-form", "closed-form"),
-    ],
-)
-def test_a_foot_path_is_planned_for_the_foot_unless_another_method_is_named(
-    run, monkeypatch, asked, method
-):
-    names = [f"front_left_{name}" for name in ("rotator", "abductor", "knee")]
-    write_joint_path("joints.csv", names, np.full((8, 3), 0.1), period=0.008)
-    planned = []
-
-    def plan_of(prepared):
-        planned.append(prepared.settings.plan.method)
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr("planner.cli.planning.plan_of", plan_of)
-    asked = (*asked.split(), "--leg", "front-left", "--html", "page.html")
-    assert run("view", *asked).exit_code == 130
-    assert planned == [method]

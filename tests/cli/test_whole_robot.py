@@ -9,9 +9,7 @@ import numpy as np
 import pytest
 
 from kinematics import Leg, urdf_path
-from planner.cli.desired import legs_among
-from planner.cli.settings import Model
-from planner.files.paths import read_joint_path, write_joint_path
+from planner.files.paths import read_joint_path
 from planner.files.robot import read_legs
 from tests.cli.test_servos import ARM
 
@@ -112,49 +110,3 @@ def test_ticks_beyond_the_range_of_a_servo_are_refused(run, robot, tmp_path):
     assert result.exit_code == 2
     assert "front_left_knee: request 1 is 31 deg, expected -30 to 30 deg" in result.stderr
     assert not (tmp_path / "ticks.csv").exists()
-
-
-def test_requests_stay_within_the_ranges_of_the_servos_or_each_joint_is_named(run, robot, tmp_path):
-    time = 0.02 * np.arange(50)
-    angles = np.radians(20.0) * np.sin(2.0 * np.pi * np.column_stack([time, time + 0.1]))
-    names = ["front_left_knee", "front_right_knee"]
-    write_joint_path(tmp_path / "path.csv", names, angles, period=0.02)
-    robot.write_text(robot_text(reach=np.radians(24.0)))
-    asked = ("plan", "path.csv", "--rate-hz", "50", "--model", robot, "-o", "requests.csv")
-    result = run(*asked)
-    assert result.exit_code == 0, result.stderr
-    requests = np.degrees(read_joint_path(tmp_path / "requests.csv").angles)
-    assert 23.0 < np.max(np.abs(requests)) <= 24.0 + 1e-6
-    warned = run(*asked, "--method", "closed-form", "--json").stderr.splitlines()
-    said = [line for line in warned if "beyond the limits -24.00 to 24.00; --method opt" in line]
-    assert [line.split(": ")[2] for line in said] == names
-
-
-def test_legs_are_those_all_of_whose_joints_are_planned(tmp_path):
-    knee, *others = (f"front_left_{joint}" for joint in ("knee", "rotator", "abductor"))
-    assert list(legs_among([knee, "tail", *others], Model())) == ["front-left"]
-    assert legs_among([knee, "tail"], Model()) == {}
-    shutil.copy(urdf_path("reference_leg.urdf"), tmp_path)
-    own = '[leg.hind-right]\nurdf = "reference_leg.urdf"\nbase = "hip"\nfoot = "foot"\n'
-    (tmp_path / "own.toml").write_text(own)
-    found = legs_among(["knee", "rotator", "abductor"], Model(file="own.toml"), str(tmp_path))
-    assert list(found) == ["hind-right"]
-
-
-@pytest.mark.parametrize(
-    ("change", "arguments", "message"),
-    [
-        (("[leg.hind-left]", "[leg.tail]"), (), "expected front-left, front-right, hind-left"),
-        (("", ""), ("--leg", "front-left"), "leave out --leg and --fastest"),
-        (('base = "body"', ""), (), "[leg.front-left] has no base"),
-        (('"ers210a.urdf"', '"gone.urdf"'), (), "gone.urdf"),
-    ],
-)
-def test_a_robot_that_is_not_described_is_refused_in_one_line(
-    run, robot, change, arguments, message
-):
-    robot.write_text(robot_text().replace(*change))
-    result = run("gait", "--pattern", "trot", "--model", robot, *arguments, "-o", "out.csv")
-    assert result.exit_code == 2
-    assert message in result.stderr
-    assert not robot.with_name("out.csv").exists()

@@ -122,14 +122,6 @@ def test_a_path_may_be_as_large_as_a_limit_and_no_larger(tmp_path, monkeypatch, 
         read_joint_path(file)
 
 
-def test_a_soft_joint_whose_logs_leave_its_top_speed_open_is_no_model_in_degrees(tmp_path):
-    file = tmp_path / "model.toml"
-    file.write_text(
-        MODEL.replace("5.0", "80.0").replace("0.1\n", "4.0\nv_max_interval = [2, inf]\n")
-    )
-    assert read_model_file(file).one().theta_0 == 4.0
-
-
 def test_a_joint_without_a_model_and_a_misspelt_table_are_refused(tmp_path):
     file = tmp_path / "model.toml"
     tables = "".join(f"[{name}]\n{MODEL}" for name in ("rotator", "knee"))
@@ -144,16 +136,3 @@ def test_a_joint_without_a_model_and_a_misspelt_table_are_refused(tmp_path):
 @pytest.fixture(scope="module")
 def file(tmp_path_factory):
     return tmp_path_factory.mktemp("any") / "file"
-
-
-@pytest.mark.parametrize("character", ["\u200b", "\u202e", "\U000e0001"])
-def test_a_name_without_end_that_cannot_be_printed_keeps_a_message_short_and_whole(file, character):
-    file.write_text(f"knee_deg,ankle{character * 9999}\n1,2\n3,4\n")
-    with pytest.raises(InvalidFile) as caught:
-        read_joint_path(file)
-    message = str(caught.value)
-    escaped = character.encode("unicode_escape").decode()
-    assert message.startswith(f"{file}, line 1: column 'ankle{escaped}{escaped}")
-    assert message.endswith("rename it, or remove it")
-    assert message.isprintable()
-    assert len(message) < 2000

@@ -115,22 +115,15 @@ def test_a_file_of_a_robot_is_read_written_and_read_again(tmp_path, file, snapsh
 
 BAD = {
     "a negative error": ("expected_error = 0.01", "expected_error = -0.01"),
-    "an error too large": ("expected_error = 0.01", "expected_error = 1e300"),
-    "a delay too large": ("delay_error = 0.004", "delay_error = 1e300"),
-    "a spread too large": ("[0.5, 1.5]", "[1e300, 1e300]"),
     "a negative error of motion": ("[20.0, 0.03]", "[20.0, -0.03]"),
     "an error that is none": ("tested_speed = 3.0", "tested_speed = nan"),
-    "an error that is a list": ("delay_error = 0.004", "delay_error = [0.004]"),
     "one angle": ("[-0.5, 0.25]", "-0.5"),
-    "three angles": ("[-0.5, 0.25]", "[-0.5, 0.0, 0.25]"),
     "a pair for pairs": ("[[1.0, 0.01], [20.0, 0.03]]", "[1.0, 0.01]"),
-    "threes for pairs": ("[[1.0, 0.01], [20.0, 0.03]]", "[[1.0, 0.01, 2.0]]"),
     "two intervals of one": ("gain_interval", "theta_0_interval = [0.0, 1.0]\ngain_interval"),
     "a value above its interval": ("[4.5, inf]", "[4.5, 4.9]"),
     "a value below its interval": ("[50.00000000001, 51.5]", "[50.1, 51.5]"),
     "an interval upside down": ("[4.5, inf]", "[inf, 4.5]"),
     "a number for an interval": ("[4.5, inf]", "5.0"),
-    "an interval from a word": ("[4.5, inf]", '["fast", inf]'),
     "an interval from nothing": ("[4.5, inf]", "[nan, inf]"),
     "an unknown verdict": ('"usable"', '"good"'),
     "a reason that is no text": ("""'it "misses" 4 % of the motion'""", "4"),
@@ -141,7 +134,6 @@ BAD = {
         "correlations = [[1.0, -0.5], [-0.5, 1.0]]\n",
         "theta_0_interval = [0.05, 0.2]\n[knee]\ntheta_0 = 3.15\n",
     ),
-    "text for a time": ("lag = 0.03", "lag = 'long'"),
     "an unknown key of a joint": ("dead_band", "deadband"),
 }
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 import os
-import signal
 import subprocess
 import sys
 from contextlib import suppress
@@ -18,9 +17,6 @@ from planner.exceptions import InvalidFile
 from planner.files import staging
 from planner.files.paths import GrowingLog
 from planner.files.staging import (
-    check_folder,
-    check_writable,
-    claimed,
     list_files,
     output_folder,
     staged,
@@ -58,22 +54,6 @@ def test_a_written_file_has_the_permissions_of_any_new_file_and_keeps_those_it_h
     written.chmod(0o640)
     write_text(written, "newer")
     assert written.stat().st_mode & 0o777 == 0o640
-
-
-def test_a_killed_process_leaves_the_old_file_and_the_next_one_nothing_of_it(tmp_path):
-    file = tmp_path / "plan.csv"
-    file.write_text("old")
-    code = (
-        "import os; from planner.files.staging import staged\n"
-        f"with staged({str(file)!r}, b'half'):\n"
-        "    os.kill(os.getpid(), 9)\n"
-    )
-    done = subprocess.run([sys.executable, "-P", "-c", code], check=False)
-    assert done.returncode == -signal.SIGKILL
-    assert file.read_text() == "old"
-    write_text(file, "new")
-    assert file.read_text() == "new"
-    assert list_files(tmp_path) == ["plan.csv"]
 
 
 def test_a_file_that_another_process_writes_is_not_swept_away(tmp_path):
@@ -231,26 +211,6 @@ def test_a_run_at_work_is_left_alone_by_a_second_one_on_the_same_folder(tmp_path
     assert sorted(file.name for file in tmp_path.iterdir()) == ["link", "other", "out"]
 
 
-def test_without_locks_runs_are_made_and_nothing_is_removed(tmp_path, monkeypatch):
-    def none(*_):
-        raise OSError(95, "Operation not supported")
-
-    left = [tmp_path / f".out.{age}-{'0' * 16}" for age in ("new", "old")]
-    for folder in left:
-        folder.mkdir()
-    with claimed(tmp_path / "other") as locked, claimed(tmp_path / "other") as again:
-        assert locked
-        assert again
-    monkeypatch.setattr("fcntl.flock", none)
-    with claimed(tmp_path / "out") as locked, claimed(tmp_path / "out") as again:
-        assert not locked
-        assert not again
-        _run(tmp_path / "out")
-    write_text(tmp_path / "a.csv", "1")
-    assert all(folder.exists() for folder in left)
-    assert list_files(tmp_path / "out") == ["a.csv", "results.json"]
-
-
 def test_everything_is_on_the_disk_before_a_rename_makes_it_an_output(tmp_path, monkeypatch):
     flushed, renamed = [], []
     fsync, replace = os.fsync, os.replace
@@ -294,38 +254,6 @@ def test_a_folder_that_cannot_be_replaced_stays_as_it_was(tmp_path, monkeypatch)
     with pytest.raises(InvalidFile, match=r"cannot be replaced \(invalid cross-device link\)"):
         _run(out, "b.csv")
     assert list_files(tmp_path) == ["out/a.csv", "out/results.json"]
-
-
-@pytest.mark.parametrize(
-    ("check", "message"),
-    [
-        (check_writable, "{}: cannot be written ({}); choose another place for the output"),
-        (check_folder, "{}: cannot be made ({}); choose another folder"),
-    ],
-)
-def test_what_cannot_be_written_is_known_before(tmp_path, monkeypatch, check, message):
-    (tmp_path / "file").touch()
-    check(tmp_path / "new")
-    for name, reason, refused in (
-        ("file/new", "not a directory", ()),
-        ("new", "permission denied", (os.W_OK,)),
-        ("new", "permission denied", (os.X_OK,)),
-    ):
-        monkeypatch.setattr("os.access", lambda _, mode, no=refused: not any(mode & n for n in no))
-        with pytest.raises(InvalidFile) as caught:
-            check(tmp_path / name)
-        assert str(caught.value) == message.format(tmp_path / name, reason)
-    monkeypatch.undo()
-    if check is check_writable:
-        with pytest.raises(InvalidFile, match=r"no such file or directory"):
-            check(tmp_path / "missing" / "new")
-        with pytest.raises(InvalidFile, match=r"is a directory"):
-            check(tmp_path)
-        check(os.devnull)
-    else:
-        check(tmp_path / "missing" / "new")
-        with pytest.raises(InvalidFile, match="is a file, expected a folder"):
-            check(tmp_path / "file")
 
 
 def test_a_log_has_every_row_as_soon_as_it_was_measured_and_its_name_at_the_end(tmp_path):

@@ -144,22 +144,6 @@ def test_a_damaged_result_counts_as_missing_and_is_computed_again(damage, tmp_pa
     assert work.held(results.folder) == whole
 
 
-def test_a_result_that_cannot_be_kept_is_said_of_the_output(tmp_path, monkeypatch):
-    results = Results(tmp_path / "out", {"power": 2})
-
-    def full(_):
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr("os.fsync", full)
-    with pytest.raises(InvalidInput) as caught:
-        results.write(Task("task", 2), b"4")
-    assert str(caught.value) == (
-        f"{tmp_path / 'out'}: cannot be written (no space left on device); choose another place "
-        "for the output"
-    )
-    assert work.held(results.folder) == {}
-
-
 def test_a_folder_of_results_is_removed_unless_it_is_resumed(tmp_path):
     settings, task = {"speed": 1.5, "joints": ("hip", "knee")}, Task("task", 2)
     first = Results(tmp_path / "out", settings)

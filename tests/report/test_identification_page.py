@@ -17,7 +17,6 @@ from planner.report.identification.figures import (
     cloud_of,
 )
 from planner.report.identification.page import identification_page
-from planner.report.identification.words import joints_table
 from tests.report.made_up import made_up, made_up_log, never_saturated
 
 WIDTH, HEIGHT = 420, 900
@@ -29,17 +28,6 @@ def several():
     refused = replace(never_saturated(), verdict="refused", held_out_rms=None)
     gripper = made_up(made_up_log(unit="1", joint="<gripper> & co", name="<img src=x>.csv"))
     return identification_page({"hip": made_up(), "knee": refused, "<gripper> & co": gripper})
-
-
-def test_rows_that_were_left_out_are_counted_with_the_reason():
-    found = made_up()
-    log, used = found.fits[0].log, found.fits[0].used.copy()
-    torque_on = log.torque_on.copy()
-    torque_on[500:507] = used[500:507] = False
-    fit = replace(found.fits[0], log=replace(log, torque_on=torque_on), used=used)
-    page = identification_page({"": replace(found, fits=(fit,))})
-    assert "rows left out, and why" in page
-    assert "7 without torque" in page
 
 
 def test_a_page_on_data_that_says_nothing_can_still_be_drawn():
@@ -86,19 +74,6 @@ def test_the_cloud_shows_points_about_the_identified_line(found_by):
     assert figure.x.range[1] == pytest.approx(np.degrees(reach))
     if found.saturates:
         assert line.y[5] == pytest.approx(np.degrees(found.model.v_max))
-
-
-def test_the_table_of_joints_has_each_number_under_its_own_title():
-    table = joints_table({"hip": made_up(), "knee": with_dead_band(made_up())})
-    titles = [column.title for column in table.columns]
-    hip, knee = (dict(zip(titles, row.cells, strict=True)) for row in table.rows)
-    assert (hip["dead band"], knee["dead band"]) == ("–", "0.573 deg")
-    late = replace(made_up(), verdict="worse than a delay")
-    (row,) = joints_table({"hip": late}).rows
-    assert (row.cells[0], row.kind) == ("worse than a delay", "broken")
-    for joint in hip, knee:
-        assert joint["held out"] == "0.219 deg"
-        assert joint["best delay"] == hip["best delay"] != "–"
 
 
 def with_dead_band(found):

@@ -86,21 +86,6 @@ def test_a_model_that_a_pure_delay_beats_is_not_to_be_planned_with():
     assert "worse than a delay" in text
 
 
-def test_the_text_of_one_joint_begins_with_the_verdict_and_ends_with_warnings_and_what_to_do():
-    lines = identification_text({"hip": never_saturated()}).splitlines()
-    assert lines[0].startswith("hip: the model holds: ")
-    assert lines[-2].startswith("warning: the joint never saturates")
-    assert lines[-1] == (
-        "next: record hip, which shows top speed: request-planner excite --kind steps --limits-deg "
-        "-39:51 --rate-hz 50 --joint hip -o more.csv; then identify from all logs"
-    )
-    told = {line.split("  ")[0]: line for line in lines}
-    assert "at least 172" in told["top speed v_max"]
-    assert "only bounded from below" in told["threshold theta_0"]
-    assert told["best pure delay (110 ms)"].split()[-2:] == ["3.44", "3.61"]
-    assert told["the joint model"].split()[-2:] == ["0.199", "0.219"]
-
-
 def test_warnings_of_many_joints_come_once_ordered_and_one_line_says_what_to_do_next():
     finding = never_saturated().findings[0]
     friction = Finding("friction", "the log does not determine dry friction")

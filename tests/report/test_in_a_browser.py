@@ -127,24 +127,6 @@ def test_the_leg_follows_the_pointer_in_a_plot_which_tells_values_with_units(qui
     assert " ms" in quiet.ask(_plot("plot.querySelector('.hoverlayer').textContent"))
 
 
-def test_a_zoom_is_one_of_all_joints_and_outlives_a_change_of_colours(quiet, report):
-    _open(quiet, report)
-    x, y = _place(quiet, 50, 60)
-    quiet.point("mouseMoved", x, y)
-    quiet.point("mousePressed", x, y, button="left", clickCount=1)
-    quiet.point("mouseMoved", x + 120, y, button="left")
-    quiet.point("mouseReleased", x + 120, y, button="left", clickCount=1)
-    quiet.wait_for(_plot("plot.layout.xaxis.range[0] > 20"))
-    span = quiet.ask(_plot("plot.layout.xaxis.range"))
-    assert 100 < span[1] - span[0] < 400
-    assert quiet.ask(
-        _plot("plot.data.every((trace) => trace.xaxis === undefined || trace.xaxis === 'x')")
-    )
-    quiet.prefer(dark=True)
-    quiet.wait_for(_plot(f"plot.layout.font.color === '{ROLES['ink'].dark}'"))
-    assert quiet.ask(_plot("plot.layout.xaxis.range")) == span
-
-
 def test_an_entry_of_the_legend_hides_its_curve_in_every_panel(quiet, report):
     _open(quiet, report)
     shown = _plot(

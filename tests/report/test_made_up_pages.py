@@ -26,7 +26,6 @@ from planner.robot.candidates import WORDS, Candidate, Compared
 from tests.corpus.page_text import check_needs_nothing_else, figures_of, text_of
 from tests.corpus.test_corpus import masked
 from tests.report.made_up import made_up, made_up_log, never_saturated
-from tests.report.test_episodes_page import document, row
 
 SOURCES = sources_of("page.html", [("recording", "walks_2.csv"), ("<model>", "arm.toml")])
 
@@ -54,10 +53,6 @@ def calibration():
     ways = ("direct", "shift", "optimal")
     found = {f"to_{best}": calibrated(best, accepted=best != "shift") for best in ways}
     return f"{calibration_text(found, 'arm.toml')}\n{calibration_page(found, 'my_arm.toml')}"
-
-
-def one_calibration():
-    return calibration_page({"knee": calibrated("closed_form")}, "arm.toml")
 
 
 def identification():
@@ -150,6 +145,29 @@ def fastest_replay():
     )
 
 
+def row(number, planned=0.2, unit="deg", **others):
+    """What ``replay --json`` says of a recording."""
+    errors = {"resent_rms": 3.0, "direct_rms": 2.0, "shifted_rms": 1.0, "planned_rms": planned}
+    return {
+        "recording": f"data/walks, episode {number}",
+        "requests": 100,
+        "duration_s": 2.0,
+        "speed": 1.5,
+        "worst_joint": "elbow",
+        "unit": unit,
+        **errors,
+        "expected_on_robot_rms": None,
+        "lower_bound": 0.1,
+        "remarks": [],
+        **others,
+    }
+
+
+def document(rows, *, speed=1.5, left_out=()):
+    failed = dict.fromkeys(left_out, "is the file cut short?")
+    return {"track": "state", "speed": speed, "recordings": rows, "left_out": failed, "remarks": []}
+
+
 def episodes():
     columns = ("resent_rms", "direct_rms", "shifted_rms", "expected_on_robot_rms", "lower_bound")
     errors = (
@@ -177,10 +195,6 @@ def swept(*outcomes, required=None):
     return sweep_page(made, sources=SOURCES)
 
 
-def unplanned_sweep():
-    return swept(*(Outcome((0.5 + k, 0.1), reason="too far") for k in range(3)))
-
-
 def missed_sweep():
     points = (
         Outcome((0.5, -0.2), 0.5, 0.2, 0.9, 3.0, 0.0, ""),
@@ -197,13 +211,11 @@ PAGES = {
     made.__name__: made
     for made in (
         calibration,
-        one_calibration,
         identification,
         robot,
         replayed_arm,
         fastest_replay,
         episodes,
-        unplanned_sweep,
         missed_sweep,
     )
 }

@@ -152,17 +152,6 @@ def test_a_clamped_path_tells_the_distance_to_the_path_as_given_too(outcome):
     assert "all distances here are to the clamped path" in said
 
 
-@pytest.mark.parametrize("norm", ["rms", "max"])
-def test_the_gap_is_that_of_the_error_that_the_bound_is_about(outcome, norm):
-    errors = np.abs(outcome.errors)
-    error = np.max(errors, axis=0) if norm == "max" else np.sqrt(np.mean(errors**2, axis=0))
-    plan = asked(outcome, goal="angles", norm=norm)
-    plan.__dict__["lower_bounds"] = error / 1.25
-    (row, *_) = joint_rows(plan)
-    assert row.gap == pytest.approx(0.25)
-    assert row.bound == pytest.approx(np.degrees(error[0]) / 1.25)
-
-
 def test_every_name_is_escaped_and_every_request_shown(outcome):
     page = page_of(
         asked(outcome, names=("a<b>", "c&d", "e")),

@@ -11,7 +11,7 @@ import pytest
 
 from kinematics import Leg, urdf_path
 from kinematics.scene import Scene
-from planner.report.scene import LOOKS, MOST_FRAMES, Motion, scene_page
+from planner.report.scene import LOOKS, Motion, scene_page
 from planner.report.style import DESIRED, DIRECT, FOOT_OPTIMAL
 
 PERIOD = 0.008
@@ -94,19 +94,3 @@ def test_the_foot_is_animated_along_its_path_in_real_time_and_for_ever(commands,
     assert [key["time"] for key in keys[".position"]] == list(range(41))
     assert np.max(np.abs(values - np.concatenate([foot, foot[:1]]))) <= ROUNDING
     assert len(keys[".quaternion"]) == 41
-
-
-def test_a_motion_from_rest_does_not_join_its_ends_and_a_long_one_is_thinned(scene, leg):
-    page = _page(scene, _shown(leg, samples=2 * MOST_FRAMES + 1), cyclic=False)
-    (told,) = [each for each in _commands(page) if each["type"] == "set_animation"]
-    clip = told["animations"][0]["clip"]
-    assert len(clip["tracks"][0]["keys"]) == -(-(2 * MOST_FRAMES + 1) // 3)
-    assert clip["fps"] == pytest.approx(1.0 / (3.0 * PERIOD))
-
-
-def test_the_page_is_the_same_every_time_and_asks_nobody(scene, leg):
-    page = _page(scene, _shown(leg), title="a <walk>")
-    assert page == _page(scene, _shown(leg), title="a <walk>")
-    assert "<title>a &lt;walk&gt;</title>" in page
-    assert not re.findall(r"<(?:script|img|link)[^>]*(?:src|href)=\"(?!data:)", page)
-    assert "default-src 'none'" in page

@@ -83,17 +83,3 @@ def test_a_table_that_is_wider_than_the_terminal_goes_on_below_with_every_cell(w
         cells = [cell for block in blocks for cell in block[j][len(row[0]) :].split("  ") if cell]
         assert [cell.strip() for cell in cells] == row[1:]
     assert text_table(WIDE, ROWS) == whole
-
-
-def test_a_column_that_does_not_fit_even_alone_is_broken_between_words():
-    rows = [["sines", "1", "lag and time constant"], ["steps", "2", "lag"]]
-    with fitted_to(16):
-        told = text_table(["part", "n", "determines"], rows).splitlines()
-    assert told[:3] == ["part   n", "sines  1", "steps  2"]
-    assert [line.split() for line in told[3:]] == [
-        ["part", "determines"],
-        ["sines", "lag", "and"],
-        ["time"],
-        ["constant"],
-        ["steps", "lag"],
-    ]

@@ -308,19 +308,3 @@ def test_joints_are_led_at_half_a_radian_per_second_and_time_begins_after_that()
     assert rows[0][0] - begin == pytest.approx(0.5 / 0.5 + 0.5, abs=3.0 * PERIOD)
     assert [row[1] for row in rows] == pytest.approx(PERIOD * np.arange(6), abs=1e-3)
     assert all(row[2].tolist() == [0.5, -0.2] for row in rows)
-
-
-@pytest.mark.parametrize(
-    ("given", "message"),
-    [
-        ({"id": 253}, "servo: got the identifier 253, expected 0 to 252"),
-        ({"id": -1}, "servo: got the identifier -1, expected 0 to 252"),
-        ({"direction": 0}, "direction: got 0, expected 1 or -1"),
-        ({"ticks_per_turn": 1.9}, "ticks_per_turn: got 1.9, expected 2 or more"),
-        ({"ticks_per_turn": math.inf}, "ticks_per_turn: got inf, expected 2 or more"),
-        ({"limits": (1.0, 1.0)}, r"limits: got \[1.0, 1.0\], expected the lower one first"),
-    ],
-)
-def test_what_is_no_servo_is_refused(given, message):
-    with pytest.raises(InvalidInput, match=f"^{message}$"):
-        Servo(**{"id": 252, **given})

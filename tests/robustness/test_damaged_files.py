@@ -1,9 +1,9 @@
-"""Whatever happened to a file on its way, it is read or refused with one line that names it.
-
-Damaged logs, Parquet files, bags and datasets are in ``tests/files/logs/test_any_log.py``.
-"""
+"""Whatever happened to a file on its way, it is read or refused with one line that names it."""
 
 from __future__ import annotations
+
+import json
+from contextlib import suppress
 
 import click
 import numpy as np
@@ -12,10 +12,12 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from kinematics import KinematicsError, Leg, urdf_path
-from planner import InvalidInput, read_logs
+from planner import InvalidInput, LogOptions, read_logs
 from planner.cli.run_file import read_run
 from planner.files.joint_model import read_model_file
 from planner.files.paths import read_foot_path, read_joint_path
+from tests.files.logs.bags import START, Kit, only_file, store, write
+from tests.files.logs.datasets import v21
 
 JOINTS = "t_s,hip_deg,knee_deg\n" + "".join(f"{0.008 * k:.3f},{k},{-k}\n" for k in range(9))
 FOOT = "x_m,y_m,z_m\n" + "".join(f"{0.01 * k:.2f},0.02,-0.1\n" for k in range(9))
@@ -49,10 +51,20 @@ def _read_robot(path):
     leg.inverse(leg.foot_positions(np.zeros((2, len(leg.joint_names)))), unreachable="nearest")
 
 
+def _read_logs(path):
+    for log in read_logs(path, options=LogOptions(joint="all", unit="rad")):
+        assert np.isfinite(log.requests).all()
+        assert (np.diff(log.times) > 0).all()
+
+
+ENTRY = {"goal_position": 0.5, "position": 0.25, "torque_enable": True}
+BAM = json.dumps({"entries": [{"timestamp": 0.01 * k, **ENTRY} for k in range(6)]})
+
 READERS = {
     "joints.csv": (JOINTS.encode(), read_joint_path),
     "foot.csv": (FOOT.encode(), read_foot_path),
-    "log.csv": (LOG.encode(), read_logs),
+    "log.csv": (LOG.replace("_deg", "").encode(), _read_logs),
+    "log.json": (BAM.encode(), _read_logs),
     "models.toml": (MODELS.encode(), read_model_file),
     "run.toml": (RUN.encode(), lambda path: read_run(str(path))),
     "robot.urdf": (ROBOT, _read_robot),
@@ -120,3 +132,57 @@ def test_a_damaged_file_is_read_or_refused(name, accidents, tmp_path_factory):
         assert len(message) < 2000, message
     except click.UsageError:
         pass  # options that the run file's keys stand for
+
+
+@pytest.fixture(scope="module", params=["db3", "mcap", "bag", "parquet", "yaml"])
+def log(request, tmp_path_factory):
+    """A file of a log that is no text or beside others, what it holds, and what is read."""
+    folder = tmp_path_factory.mktemp("logs")
+    if request.param == "parquet":
+        file = v21(folder / "set") / "data" / "chunk-000" / "episode_000001.parquet"
+        return file, file.read_bytes(), file
+    ros1 = request.param == "bag"
+    types = store(ros1=ros1)
+    states = [Kit(types).state(START + k, [0.1 * k, 0.2], [0.1, 0.2]) for k in range(4)]
+    messages = [("/s", START + k, each) for k, each in enumerate(states)]
+    storage = {"bag": "ros1", "mcap": "mcap"}.get(request.param, "sqlite3")
+    run = write(folder / "run.bag", types, messages, storage=storage)
+    if request.param == "yaml":
+        return run / "metadata.yaml", (run / "metadata.yaml").read_bytes(), run
+    file = run if ros1 else only_file(run, f".{request.param}")
+    return file, file.read_bytes(), file
+
+
+@settings(max_examples=60)
+@given(accidents=st.lists(DAMAGE, min_size=0, max_size=4))
+@example(accidents=[("cut", 0, 0, b"\0")])
+@example(accidents=[])
+def test_a_damaged_log_is_read_or_refused(log, accidents):
+    file, content, read = log
+    for accident in accidents:
+        content = damaged(content, accident)
+    file.write_bytes(content)
+    try:
+        _read_logs(read)
+    except InvalidInput as error:
+        message = str(error)
+        assert message.isprintable(), message
+
+
+VALUES = st.recursive(
+    st.one_of(st.none(), st.booleans(), st.integers(), st.floats(), st.text(max_size=3)),
+    lambda inner: st.one_of(st.lists(inner, max_size=4), st.dictionaries(st.text(), inner)),
+    max_leaves=8,
+)
+
+
+@settings(max_examples=40)
+@given(described=VALUES, names=VALUES)
+def test_any_description_of_a_dataset_is_read_or_refused(described, names, tmp_path_factory):
+    root = tmp_path_factory.mktemp("any") / "set"
+    file = v21(root) / "meta" / "info.json"
+    features = {"action": {"names": names}, "observation.state": {"names": names}}
+    for content in (described, {"codebase_version": "v3.0", "features": features}):
+        file.write_text(json.dumps(content))
+        with suppress(InvalidInput):
+            read_logs(root, options=LogOptions(joint="all", unit="deg", episodes="1"))

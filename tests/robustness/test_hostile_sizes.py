@@ -177,11 +177,3 @@ def test_what_is_too_large_is_refused_soon_and_within_little_memory(name, forks,
     assert len(done.stderr) < 2000
     assert done.stdout == ""
     assert sorted(tmp_path.iterdir()) == before
-
-
-def test_a_curve_of_a_billion_samples_is_refused():
-    from planner import InvalidInput, PiecewiseLinear
-
-    curve = {"knots": [0.0, 1.0], "values": [0, 1], "samples": 10**9, "tick": 0.01, "cyclic": False}
-    with pytest.raises(InvalidInput, match="samples: got 1000000000, expected"):
-        PiecewiseLinear.from_dict(curve)

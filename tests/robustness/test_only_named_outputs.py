@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from pathlib import Path
 
@@ -30,22 +29,12 @@ WRITING = {
 
 HOSTILE = {
     "a column": ("desired.csv", f"t_s,{EVIL}_deg\n0,1\n0.008,2\n", ["plan", "desired.csv"]),
-    "a cell": ("desired.csv", f"knee_deg\n1\n{EVIL}\n", ["plan", "desired.csv"]),
-    "a formula": ("desired.csv", 'knee_deg\n1\n"=1+1"\n', ["plan", "desired.csv"]),
-    "a log's column": ("log.csv", f"t_s,{EVIL}\n0,1\n", ["identify", "log.csv"]),
     "a model": ("m.toml", f'v_max = "{EVIL}"\n', ["simulate", "desired.csv", "--model", "m.toml"]),
-    "a run file": ("run.toml", f'[path]\nfile = "{EVIL}"\n', ["run", "run.toml"]),
     "a run file's output": (
         "run.toml",
         RUN.replace("r.html", "../hacked"),
         ["run", "run.toml", "--out", "out"],
     ),
-    "a run file's absolute output": (
-        "run.toml",
-        RUN.replace("r.html", "/tmp/hacked"),
-        ["run", "run.toml", "--out", "out"],
-    ),
-    "JSON": ("log.json", json.dumps({"entries": [{"position": EVIL}]}), ["identify", "log.json"]),
     "a pickle called CSV": (
         "log.csv",
         "cos\nsystem\n(S'touch hacked'\ntR.",
@@ -64,11 +53,6 @@ HOSTILE = {
     "a bag's description": (
         "bag/metadata.yaml",
         "!!python/object/apply:os.system ['touch hacked']\n",
-        ["identify", "bag"],
-    ),
-    "a bag's text": (
-        "bag/metadata.yaml",
-        f'rosbag2_bagfile_information: !!python/name:os.system "{EVIL}"\n',
         ["identify", "bag"],
     ),
 }

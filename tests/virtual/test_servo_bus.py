@@ -10,11 +10,9 @@ import pytest
 
 from planner.robot.arm import Arm, Servo
 from planner.robot.bus import Bus, SerialPort
-from planner.robot.protocols import BROADCAST, FEETECH, PING, WRITE
+from planner.robot.protocols import BROADCAST, FEETECH, WRITE
 from planner.virtual.servo_bus import (
-    ACTION,
     KINDS,
-    REG_WRITE,
     Faults,
     VirtualPort,
     VirtualServos,
@@ -162,13 +160,3 @@ def test_a_write_to_all_servos_is_answered_by_none_and_obeyed_by_all(kind):
     assert one == protocol.answer(2, 0, b"")
     assert servos.feed(protocol.instruction(BROADCAST, WRITE, content)) == b""
     assert servos.motors.powered.all()
-
-
-def test_a_write_for_later_takes_effect_with_the_action_and_not_before():
-    servos, torque = VirtualServos(2), FEETECH.registers["torque"].address
-    content = bytes([torque, 1])
-    assert servos.feed(FEETECH.instruction(2, REG_WRITE, content)) == FEETECH.answer(2, 0, b"")
-    servos.feed(FEETECH.instruction(1, PING))
-    assert not servos.motors.powered.any()
-    assert servos.feed(FEETECH.instruction(BROADCAST, ACTION)) == b""
-    assert servos.motors.powered.tolist() == [0, 1]

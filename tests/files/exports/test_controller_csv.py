@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from planner.exceptions import InvalidInput, MissingExtra
 from planner.files.exports import Ticks, check_format, to_ticks, write_controller_csv
 from planner.files.paths import read_joint_path
-from planner.robot.schedule import ON_TIME, Schedule, never_sent, repeated, resampled
+from planner.robot.schedule import ON_TIME, Schedule, never_sent, resampled
 
 ROUNDING = 1e-10
 """Twelve decimals of a degree are written [rad]."""
@@ -93,18 +93,6 @@ def test_a_held_row_is_the_request_of_its_time(rows, period, rate):
     assert (held.times <= (numbers + 1.0) * period + slack).all()
     assert held.duration - given_rows.duration + slack >= 0.0
     assert held.duration - given_rows.duration <= 1.0 / rate + slack
-
-
-def test_schedules_without_end_are_refused_before_they_are_made(schedule):
-    with pytest.raises(InvalidInput, match="expected at most 1000000; ask for a lower rate"):
-        resampled(schedule, 1e12)
-    with pytest.raises(InvalidInput, match="expected at most 1000000; ask for fewer cycles"):
-        repeated(schedule, 10**12)
-    with pytest.raises(InvalidInput, match="500001 cycles make 1000002 rows, expected at most"):
-        repeated(_numbered(2, 0.01), 500_001)
-    assert len(repeated(_numbered(2, 0.01), 500_000).requests) == 10**6
-    with pytest.raises(InvalidInput, match="between: got 'spline', expected 'hold' or 'linear'"):
-        resampled(schedule, 50.0, between="spline")
 
 
 def test_a_period_that_is_written_rounded_loses_no_request():

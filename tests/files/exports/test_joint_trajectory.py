@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-import errno
-import sqlite3
-
 import numpy as np
 import pytest
 
-from planner.exceptions import InvalidFile, InvalidInput
 from planner.files.exports import TOPIC, TYPE, joint_trajectory, write_bag, write_trajectory_yaml
 from planner.files.staging import list_files
 from planner.robot.schedule import Schedule
@@ -49,22 +45,6 @@ def test_velocities_are_those_of_the_requests_and_end_at_rest(schedule):
         np.max(np.abs(velocities[1:-1, 0] - exact[1:-1])) < 0.01
     )  # h² / 6 of the third derivative
     assert velocities[-1].tolist() == [0.0, 0.0, 0.0]
-
-
-@pytest.mark.parametrize(
-    ("period", "lead", "message"),
-    [
-        (1e-10, 0.0, "ROS has whole nanoseconds"),
-        (1e9, 0.0, "ROS has whole nanoseconds up to 2147483647 s"),
-        (1e300, 0.0, "ROS has whole nanoseconds up to 2147483647 s"),
-        (0.008, 1e300, "ROS has whole nanoseconds up to 2147483647 s"),
-        (0.008, -1.0, "lead: got -1 s, expected 0 or more"),
-        (0.008, float("nan"), "lead: got nan s, expected 0 or more"),
-    ],
-)
-def test_times_that_ros_has_not_are_refused(period, lead, message):
-    with pytest.raises(InvalidInput, match=message):
-        joint_trajectory(Schedule(("knee",), np.zeros((9, 1)), period), lead=lead)
 
 
 def test_yaml_is_read_back_by_the_parser_of_ros(schedule, tmp_path):
@@ -110,41 +90,3 @@ def test_a_bag_is_read_back(schedule, tmp_path, storage):
     assert message.points[0].time_from_start.sec == 2
     for point, given in zip(message.points, points["points"], strict=True):
         assert point.velocities.tolist() == given.get("velocities", [])
-
-
-@pytest.mark.parametrize("storage", ["sqlite3", "mcap"])
-def test_the_same_requests_make_the_same_bag_wherever_it_is(schedule, tmp_path, storage):
-    pytest.importorskip("rosbags", reason="needs the extra bags")
-    message = joint_trajectory(schedule, velocities=True)
-    for place in ("one", "two"):
-        write_bag(tmp_path / place / "walk", message, storage=storage, topic="/arm/goal")
-    one, two = tmp_path / "one" / "walk", tmp_path / "two" / "walk"
-    for name in list_files(one):
-        assert (one / name).read_bytes() == (two / name).read_bytes(), name
-
-
-def test_a_bag_replaces_a_bag_but_nothing_else(schedule, tmp_path):
-    pytest.importorskip("rosbags", reason="needs the extra bags")
-    message = joint_trajectory(schedule)
-    write_bag(tmp_path / "walk", message)
-    write_bag(tmp_path / "walk", message, storage="mcap")
-    assert list_files(tmp_path / "walk") == ["metadata.yaml", "results.json", "walk.mcap"]
-    (tmp_path / "walk" / "notes.txt").write_text("mine")
-    with pytest.raises(InvalidFile, match=r"holds files that no earlier run made \(notes.txt\)"):
-        write_bag(tmp_path / "walk", message)
-    assert (tmp_path / "walk" / "walk.mcap").exists()
-
-
-@pytest.mark.parametrize("storage", ["sqlite3", "mcap"])
-def test_a_bag_on_a_full_disk_is_refused_whole(schedule, tmp_path, monkeypatch, storage):
-    rosbag2 = pytest.importorskip("rosbags.rosbag2", reason="needs the extra bags")
-
-    def full(*_):
-        if storage == "mcap":
-            raise OSError(errno.ENOSPC, "No space left on device")
-        raise sqlite3.OperationalError("database or disk is full")
-
-    monkeypatch.setattr(rosbag2.Writer, "write", full)
-    with pytest.raises(InvalidFile, match=r"walk: cannot be written \("):
-        write_bag(tmp_path / "walk", joint_trajectory(schedule), storage=storage)
-    assert list_files(tmp_path) == []

@@ -13,7 +13,6 @@ from planner.files.lerobot_export import Layout, lerobot_dataset, write_lerobot
 from planner.files.logs.lerobot import read_lerobot
 from planner.files.logs.make_log import LogOptions
 from planner.files.staging import list_files
-from planner.robot.schedule import Schedule
 
 SINGLE = 1e-7
 """Half a step of float32 at angles below 1.5 rad, rounded up [rad]."""
@@ -49,25 +48,6 @@ def test_the_description_says_where_everything_is(schedule, tmp_path, parquet):
     stats = json.loads((out / "meta" / "stats.json").read_text())
     assert stats["action"]["max"] == pytest.approx([0.4, 0.3, 1.2], abs=1e-6)
     assert stats["action"]["count"] == [64]
-
-
-@pytest.mark.parametrize(
-    ("period", "fps"),
-    [
-        (1 / 30, 30),
-        (0.03334, 30),
-        (0.0334, 29.9401),
-        (1 / 49.85, 49.85),
-        (0.0200602, 49.85),
-        (0.0123, 81.3008),
-    ],
-)
-def test_the_rate_is_what_it_is(tmp_path, parquet, period, fps):
-    write_lerobot(tmp_path / "out", Schedule(("knee",), np.zeros((4, 1)), period))
-    info = json.loads((tmp_path / "out" / "meta" / "info.json").read_text())
-    assert info["fps"] == fps
-    data = parquet.read_table(tmp_path / "out" / "data" / "chunk-000" / "file-000.parquet")
-    assert np.allclose(data["timestamp"].to_pylist(), np.arange(4) / fps, atol=SINGLE)
 
 
 def test_episodes_follow_one_another(tmp_path, parquet, monkeypatch):

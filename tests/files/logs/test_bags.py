@@ -151,18 +151,6 @@ def test_topics_beside_a_controllers_state_are_read_where_the_options_name_them(
     assert log.notes[0] == f"actual from {actual}, requested from {requested}"
 
 
-def test_one_number_is_for_the_chosen_joint(tmp_path):
-    folder = _command_bag(
-        tmp_path / "run",
-        lambda kit, _, row: kit.number(row[1]),
-        topic="/knee_controller/command",
-        extra=[("/hip_controller/command", lambda kit, _: kit.number(0.0))],
-    )
-    (log,) = read_logs(folder, options=LogOptions(joint="knee"))
-    _assert_holds_the_angles(log, "knee")
-    assert "numbers of /knee_controller/command taken for knee" in log.notes
-
-
 def test_states_before_the_first_command_are_left_out_and_said_so(tmp_path):
     folder = _command_bag(tmp_path / "run", COMMANDS["trajectory"], late=7)
     (log,) = read_logs(folder, options=LogOptions(joint="hip"))
