@@ -51,18 +51,6 @@ def test_a_change_of_a_source_that_is_imported_leaves_no_compiled_code_of_before
     assert all(other.exists() for other in others)
 
 
-def test_compiled_code_goes_where_numba_is_told_or_to_the_user_or_nowhere(
-    modules, tmp_path, monkeypatch
-):
-    (modules["one"].parent / "__pycache__").write_text("no folder")
-    assert folder_of("one").parent == tmp_path / "user" / "request-planner"
-    monkeypatch.setattr(compilation.CONFIG, "CACHE_DIR", str(tmp_path / "told"))
-    assert folder_of("one").parent == tmp_path / "told"
-    (tmp_path / "nowhere").write_text("no folder")
-    monkeypatch.setattr(compilation.CONFIG, "CACHE_DIR", str(tmp_path / "nowhere"))
-    assert folder_of("one") is None
-
-
 @pytest.fixture
 def announced(tmp_path, monkeypatch, caplog):
     """What is announced of two compiled functions by a process of its own, after others."""

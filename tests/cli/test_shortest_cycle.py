@@ -9,7 +9,7 @@ import pytest
 from planner import JointModel
 from planner.files.paths import read_foot_path
 from planner.gait import stride
-from planner.model.evidence import Evidence
+from planner.model.evidence import OPEN_TOP_SPEED, Evidence
 
 TESTED = Evidence(0.01, 1.0, 0.0, (-3.0, 3.0))
 """Of a joint whose logs were slow."""
@@ -62,4 +62,20 @@ def test_the_path_is_planned_within_the_tolerance_as_is_said(run, fastest):
         "samples": count,
         "cycle_s": pytest.approx(0.008 * count),
         "too_short": None,
+    }
+
+
+def test_a_cycle_that_is_proved_too_short_is_told_with_what_the_proof_holds_for(fastest):
+    proof = stride.TooShort(12, 0.0022)
+    evidence = Evidence(0.01, intervals={"v_max": (5.0, 5.5)})
+    knee = "[front_left_knee]\nv_max_interval = [5.0, inf]\n"
+    said = fastest(evidence, proof, of_knee=knee).stderr
+    assert "by the model; in 0.096 s no requests keep it there" in said
+    assert f"holds for the models only: {OPEN_TOP_SPEED}\n" in said
+    document = json.loads(fastest(evidence, proof, "--json", of_knee=knee).stdout)
+    assert document["fastest"]["too_short"] == {
+        "samples": 12,
+        "cycle_s": pytest.approx(0.096),
+        "lower_bound_cm": pytest.approx(0.22),
+        "of_model_only": True,
     }

@@ -101,6 +101,12 @@ def sought(swept, monkeypatch):
     return lambda more="", **options: swept(SOUGHT + more, **options)
 
 
+def test_steps_are_even_from_the_first_to_the_last_value(tmp_path):
+    file = tmp_path / "sweep.toml"
+    file.write_text(GAIT + "length = [0.01, 0.02]\n[sweep]\nsteps = 3\n")
+    assert read_sweep(str(file)).values["length"] == pytest.approx([0.01, 0.015, 0.02])
+
+
 def test_a_search_finds_the_fastest_within_an_error_and_the_least_error_of_a_speed(sought):
     fastest, ran = sought("evaluations = 80\nat_error_cm = 0.3\n")
     assert len(fastest.outcomes) == ran

@@ -72,6 +72,7 @@ CASES = {
         "refine path.csv stride.csv --desired path.csv",
         "refine path.csv bare.csv --desired path.csv",
         "plan loaded.csv --joint hip --model motor.toml --load urdf",
+        "gait --pattern trot --model arm.toml",
     ],
     "check-json": f"check {ARM} --duration-s 4 --rate-hz 50 --json",
     "check-named": f"check {ARM} --duration-s 4 --joint hip",
@@ -159,7 +160,10 @@ CASES = {
     "plan-motor-json": "plan path.csv --model motor.toml --speed 0.5 --robust worst "
     "--max-step-deg 8 --json",
     "plan-page": f"plan stride.csv {CLAMPED} --report page.html -o out.csv",
-    "plan-options": "plan path.csv --joint hip --solver ipopt -q",
+    "plan-options": [
+        "plan path.csv --joint hip --solver ipopt -q",
+        "plan rest.csv --method shift -o out.csv",
+    ],
     "plan-pose": f"plan requests.csv {PERMUTED} --model soft.toml --load urdf-dynamics "
     "--method closed-form --segments 4 --no-cyclic --tolerance-deg 6 -o out.csv",
     "plan-rest": "plan path.csv --no-cyclic --start-deg 2 --limits-deg knee=0:40 --norm max -v",
@@ -299,7 +303,9 @@ CASES = {
     ],
     "reproduce-file": "reproduce --out path.csv",
     "run": "run run.toml",
-    "run-check": ["run walk.toml --check", "run walk.toml --check --json"],
+    "run-check": [
+        f"run {each} --check" for each in ("walk.toml", "walk.toml --json", "soft_run.toml")
+    ],
     "run-walk": "run walk.toml --out out --json",
     "simulate": "simulate requests.csv --model joint.toml",
     "simulate-motor": "simulate requests.csv --model motor.toml --json",

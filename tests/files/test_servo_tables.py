@@ -33,6 +33,8 @@ def written(tmp_path, **changes):
     ("changes", "line", "message"),
     [
         ({"id": None}, 3, r"\[knee.servo\] has no id"),
+        ({"id": "253"}, None, "got the identifier 253, expected 0 to 252"),
+        ({"direction": "0"}, None, "direction: got 0, expected 1 or -1"),
         ({"id": "1.5"}, 4, "id: got 1.5, expected a whole number"),
         ({"id": "true"}, 4, "id: got True, expected a whole number"),
         ({"zero_tick": '"left"'}, 5, "zero_tick: got 'left', expected a whole number"),

@@ -95,24 +95,6 @@ def test_candidates_have_the_figures_of_what_was_played_after_the_run_in(monkeyp
     assert found.recommended is found.named("direct")  # all are as good: the simplest
 
 
-@pytest.mark.parametrize("limits", [LIMITS, (0.2, 1.1)])
-def test_the_motion_that_compares_them_is_one_that_the_joint_can_follow(limits):
-    desired = candidates.test_motion(replace(MODEL, v_max=50.0), limits)
-    assert len(desired) * MODEL.period == pytest.approx(5.0)
-    middle, reach = np.mean(limits), 0.5 * np.ptp(limits)
-    assert desired[[0, 1, -2, -1]] == pytest.approx(middle, abs=1e-3)
-    # A tenth of the range is free on either side.
-    moves = desired[len(desired) // 2 :] - middle
-    assert np.array([moves.min(), moves.max()]) == pytest.approx([-0.64 * reach, 0.72 * reach])
-    assert np.abs(desired - middle).max() <= (0.8 + 1e-9) * reach
-    slow = candidates.test_motion(replace(MODEL, v_max=0.5), limits)
-    assert np.max(np.abs(np.diff(slow))) / MODEL.period == pytest.approx(0.6 * 0.5)
-    sines = desired[: len(desired) // 2]
-    power = np.abs(np.fft.rfft(sines - sines.mean())) ** 2
-    above = np.fft.rfftfreq(len(sines), MODEL.period) > 2.0
-    assert power[above].sum() < 0.01 * power.sum()  # fast sines leave no room for large ones
-
-
 def test_the_simplest_of_ways_that_are_about_as_good_is_recommended():
     desired = candidates.test_motion(MODEL, LIMITS)
     errors = {"shift": 1.05e-3, "closed_form": 1.01e-3, "optimal": 1.0e-3}

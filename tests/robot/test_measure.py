@@ -13,7 +13,6 @@ from planner.identification.log import Log
 from planner.robot.arm import Arm, Servo
 from planner.robot.bus import Bus
 from planner.robot.measure import (
-    LOOKS,
     angles_of,
     check,
     move,
@@ -73,50 +72,6 @@ def test_a_servo_that_reports_a_fault_is_named_before_anything_moves():
     arm = Arm(Bus(VirtualPort(servos), FEETECH), {f"joint_{k}": Servo(id=k) for k in (1, 2)})
     with pytest.raises(BusError, match=r"joint_2: the servo reports .*; switch it off"):
         check(arm)
-
-
-class Looks:
-    """A bus whose every look takes a time [s] of its own, with angles [rad] that vary."""
-
-    def __init__(self, durations, angles):
-        self.looks, self.time, self.patience = iter(zip(durations, angles, strict=True)), 0.0, 0.05
-        self.port = SimpleNamespace(now=lambda: self.time, baud_rate=1_000_000)
-        self.asked = self.lost = 0
-        self.protocol, self.pinged = FEETECH, []
-
-    def ping(self, servo):
-        self.pinged.append(servo)
-
-    def measure(self):
-        duration, angles = next(self.looks)
-        self.time, self.asked = self.time + duration, self.asked + 2
-        return SimpleNamespace(angles=np.array(angles), errors=(0, 0))
-
-
-def looked(durations, angles):
-    bus = Looks(durations, angles)
-    servos = {"a": Servo(id=3), "b": Servo(id=4)}
-    arm = SimpleNamespace(bus=bus, servos=servos, names=("a", "b"), settings=dict)
-    arm.measure = bus.measure
-    return check(arm), bus
-
-
-def test_a_look_tells_the_angle_its_noise_and_how_long_whole_answers_take():
-    odd = np.arange(LOOKS) % 2 == 1
-    angles = np.column_stack([0.2 + 0.01 * odd, np.full(LOOKS, -0.3)])
-    angles[3:7, 1] = np.nan  # lost
-    angles[20, 1] = 0.7  # once, of 46
-    durations = np.where(np.isnan(angles[:, 1]), 0.9, np.where(odd, 0.003, 0.002))
-    durations[10] = 0.008
-    found, bus = looked(durations, angles)
-    assert bus.pinged == [3, 4]
-    assert found.angles == pytest.approx({"a": 0.205, "b": -0.3})
-    assert found.noise == pytest.approx({"a": 0.005, "b": math.sqrt(45.0) / 46.0})
-    # With a sync write of 20 bytes.
-    assert found.tick_time == pytest.approx(np.median(durations[durations < 0.1]) + 200e-6)
-    assert bus.patience == pytest.approx(2.0 * 0.008)
-    quick, bus = looked(np.full(LOOKS, 1e-4), angles)
-    assert (quick.lost, bus.patience) == (0.0, 2e-3)
 
 
 def test_a_row_that_was_not_measured_is_no_angle_nor_is_one_that_came_too_late():
