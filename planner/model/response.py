@@ -17,7 +17,6 @@ from planner.model.joint import (
     request_ages,
     weights_by_tick,
 )
-from planner.model.law import State
 from planner.trajectory import LARGEST, SAME, Array, Mask, as_trajectory, steps
 from planner.validation import as_flag, as_number, freeze, shown
 
@@ -101,24 +100,19 @@ def motion_under(
     Raises:
         NoSteadyCycle: The response does not settle.
     """
-    from planner.model.kernel import run
-    from planner.model.steady_cycle import Cycle, run_steady_cycle
+    from planner.model.steady_cycle import respond
 
-    count, ages = len(requests), request_ages(model)
-    law, weights, motion = model.law, weights_by_tick(model), np.empty((3, count))
-    numbers = np.arange(-ages.oldest, count - ages.youngest)  # before sample k from the k-th on
-    history = requests.take(numbers if cyclic else np.maximum(numbers, 0), mode="wrap")
-    if torques is None:
-        torques = np.zeros(count)
+    count, torques = len(requests), np.zeros(len(requests)) if torques is None else torques
+    weights, oldest, motion = (
+        weights_by_tick(model),
+        request_ages(model).oldest,
+        np.empty((3, count)),
+    )
     sags, faster = model.compliance * torques, model.faster_per_tick(torques)
-    if start is None:
-        start = float(model.rest(requests[0], torques[0]))
-    if not cyclic:
-        state = State(start, 0.0, float(model.rest_integral(start, torques[0])))
-        run(law, weights, history, sags, faster, state, model.hold - 1, motion)
-        return motion
-    cycle = Cycle(law, weights, history, ages.oldest, sags, faster, motion)
-    if apart := run_steady_cycle(cycle, start, MOST_CYCLES):
+    begin, sent = np.nan if start is None else start, np.ascontiguousarray(requests)
+    if apart := respond(
+        model.law, weights, sent, oldest, sags, faster, begin, cyclic, MOST_CYCLES, motion
+    ):
         raise NoSteadyCycle(apart, MOST_CYCLES)
     return motion
 

@@ -1,4 +1,6 @@
-"""The steady cycle of a joint: the state at which a cycle of requests ends as it starts, compiled.
+"""The response of a joint to requests, compiled: from rest, or in its steady cycle.
+
+A steady cycle begins in the state in which it ends.
 
 Import this module where it is used, inside functions, as ``model/kernel.py``.
 """
@@ -10,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from planner.compilation import compiled, inner
-from planner.model.kernel import at_rest, exceeds_drive, moving_states, run
+from planner.model.kernel import at_rest, exceeds_drive, moving_states, rest_angle, run
 from planner.model.law import Law, State
 from planner.trajectory import Array
 
@@ -69,18 +71,54 @@ class Cycle(NamedTuple):
 
 
 @compiled
-def run_steady_cycle(cycle: Cycle, near: float, most: int) -> float:
-    """Run the cycle that repeats itself.
+def respond(
+    law: Law,
+    weights: Array,
+    requests: Array,
+    oldest: int,
+    sags: Array,
+    faster: Array,
+    start: float,
+    cyclic: bool,
+    most: int,
+    motion: Array,
+) -> float:
+    """The response of a joint to requests.
 
     Args:
-        cycle: The joint and its requests; filled with its motion.
-        near: Angle near which the ends of the cycle are sought [rad].
-        most: Most runs of a response that still drifts.
+        law: The joint.
+        weights: Weight of each request at each tick of a period, youngest first, (hold, width).
+        requests: Requests [rad], (n,).
+        oldest: Age of the oldest one that acts [requests].
+        sags: Sag under the load in each period, kappa tau [rad], (n,).
+        faster: How much faster the joint is in the positive direction [rad/tick], (n,).
+        start: From rest: angle before the first request [rad]; NaN where that one holds the joint.
+            It is the angle near which the ends of a cycle are sought.
+        cyclic: Whether the requests repeat for ever.
+        most: Most runs of a cycle that still drifts.
+        motion: Filled with the state after each period, (3, n).
 
     Returns:
-        How far the ends of the cycle are apart [rad]; 0 where it is closed to
-        :data:`CYCLE_TOLERANCE`.
+        How far the ends of a cycle are apart [rad]; 0 where it is closed to
+        :data:`CYCLE_TOLERANCE`, and from rest.
     """
+    samples = len(requests)
+    history = np.empty(samples + weights.shape[1] - 1)
+    for i in range(len(history)):
+        history[i] = requests[(i - oldest) % samples if cyclic else max(i - oldest, 0)]
+    if np.isnan(start):
+        start = rest_angle(law, requests[0], sags[0])
+    if cyclic:
+        cycle = Cycle(law, weights, history, oldest, sags, faster, motion)
+        return _run_steady_cycle(cycle, start, most)
+    state = at_rest(law, start, sags[0])
+    run(law, weights, history, sags, faster, state, len(weights) - 1, motion)
+    return 0.0
+
+
+@inner
+def _run_steady_cycle(cycle: Cycle, near: float, most: int) -> float:
+    """Run the cycle that repeats itself, its ends near an angle: see :func:`respond`."""
     law = cycle.law
     v_max = law.top if exceeds_drive(law) else law.top - law.friction
     slower, faster = extremes(cycle.faster)

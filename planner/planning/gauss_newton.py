@@ -19,10 +19,10 @@ from typing import NamedTuple
 import numpy as np
 
 from planner.compilation import compiled, inner
-from planner.model.kernel import at_rest, moving_states, periods, rest_angle, run
+from planner.model.kernel import at_rest, moving_states, periods
 from planner.model.law import Law
 from planner.model.response import MOST_CYCLES
-from planner.model.steady_cycle import Cycle, run_steady_cycle
+from planner.model.steady_cycle import respond
 from planner.planning.factorisation import (
     Factor,
     Places,
@@ -268,37 +268,33 @@ def law_of(drive: Array) -> Law:
 
 
 @inner
-def respond(spec: Spec, requests: Array, angles: Array) -> bool:
+def simulate_all(spec: Spec, requests: Array, angles: Array) -> bool:
     """Fill the angles of the exact models [rad], (n, A), those of :func:`planner.simulate`.
 
     A cycle need not be unique. Where a drive has none the angles become NaN, and the answer False.
     """
     samples, joints = requests.shape
-    cyclic, oldest, width = spec.cyclic, spec.oldest, spec.weights.shape[2]
-    history, motion = np.empty(samples + width - 1), np.empty((3, samples))
+    column, motion = np.empty(samples), np.empty((3, samples))
     for a in range(len(spec.drives)):
-        row, j = spec.drives[a], a % joints
-        law, weights = law_of(row), spec.weights[a, : int(row[10])]
-        sags, faster = spec.periods[0, a], spec.periods[1, a]
-        for i in range(len(history)):
-            number = (i - oldest) % samples if cyclic else max(i - oldest, 0)
-            history[i] = requests[number, j]
-        if not cyclic:
-            run(
-                law,
-                weights,
-                history,
-                sags,
-                faster,
-                at_rest(law, row[13], sags[0]),
-                len(weights) - 1,
-                motion,
-            )
-        else:
-            cycle = Cycle(law, weights, history, oldest, sags, faster, motion)
-            if run_steady_cycle(cycle, rest_angle(law, requests[0, j], sags[0]), MOST_CYCLES) > 0.0:
-                angles[:] = np.nan
-                return False
+        row, sags, faster = spec.drives[a], spec.periods[0, a], spec.periods[1, a]
+        for k in range(samples):
+            column[k] = requests[k, a % joints]
+        weights, start = spec.weights[a, : int(row[10])], np.nan if spec.cyclic else row[13]
+        apart = respond(
+            law_of(row),
+            weights,
+            column,
+            spec.oldest,
+            sags,
+            faster,
+            start,
+            spec.cyclic,
+            MOST_CYCLES,
+            motion,
+        )
+        if apart > 0.0:
+            angles[:] = np.nan
+            return False
         for k in range(samples):
             angles[k, a] = motion[0, k]
     return True
@@ -306,8 +302,8 @@ def respond(spec: Spec, requests: Array, angles: Array) -> bool:
 
 @compiled
 def set_motion(spec: Spec, requests: Array, angles: Array) -> bool:
-    """:func:`respond` for Python."""
-    return respond(spec, requests, angles)
+    """:func:`simulate_all` for Python."""
+    return simulate_all(spec, requests, angles)
 
 
 @inner
@@ -979,7 +975,7 @@ def go_through(
                 break
         copied(point.requests, ends[number])
         if stage.radius < SIMULATED:
-            respond(spec, ends[number], angles[number])
+            simulate_all(spec, ends[number], angles[number])
     copied(point.requests, search.requests)
     copied(point.states, search.states)
 

@@ -21,7 +21,7 @@ from planner.compilation import compiled, inner
 from planner.model.kernel import pose_sag
 from planner.model.law import Law
 from planner.model.response import MOST_CYCLES
-from planner.planning.gauss_newton import Spec, law_of, limit, respond
+from planner.planning.gauss_newton import Spec, law_of, limit, simulate_all
 from planner.planning.line_inverse import (
     AT_TOP_SPEED,
     LEAST_SHARE,
@@ -198,7 +198,7 @@ def squared_error(
     if not set_requests(lines, law_of(spec.drives[0]), spec.cyclic, knots, values, requests):
         return -1.0
     limit(spec, requests)
-    if not respond(spec, requests, angles):
+    if not simulate_all(spec, requests, angles):
         return math.inf
     total = 0.0
     for k in range(len(requests)):
