@@ -181,7 +181,8 @@ def steps(values: Array, *, cyclic: bool) -> Array:
     Returns:
         Their n or n - 1 changes.
     """
-    return np.asarray(np.diff(values, axis=0, append=values[: 1 if cyclic else 0]))
+    after = np.concatenate([values[1:], values[:1]]) if cyclic else values[1:]
+    return np.asarray(after - values[: len(after)])
 
 
 def reversals(values: Array, *, cyclic: bool) -> int:

@@ -41,7 +41,7 @@ from planner.approximation.problem import (
     required_knots,
 )
 from planner.exceptions import SolverFailed
-from planner.trajectory import Array, Mask
+from planner.trajectory import Array, Mask, steps
 
 WINDOW = 16
 """Most knots that are moved together; of more, windows of so many are moved in turn. 80 fits of 14
@@ -430,8 +430,7 @@ def slope_bounded(
     Returns:
         The sequence, shape (n,). Cost O(n) in practice.
     """
-    ends = desired[-1:] if cyclic else desired[:1]
-    if float(np.max(np.abs(np.diff(desired, prepend=ends)))) <= step:
+    if float(np.max(np.abs(steps(desired, cyclic=cyclic)), initial=0.0)) <= step:
         return desired.copy()
     from planner.approximation.kernel import open_ended
 
@@ -439,7 +438,7 @@ def slope_bounded(
     if not cyclic:
         return open_ended(desired, weights, step)
     n = desired.size
-    three = open_ended(np.tile(desired, 3), np.tile(weights, 3), step)
+    three = open_ended(np.concatenate([desired] * 3), np.concatenate([weights] * 3), step)
     cycle = three[n : 2 * n]
     if abs(three[n] - three[2 * n]) <= 1e-9 * np.ptp(desired) or n > LONGEST_QP:
         return cycle

@@ -403,6 +403,23 @@ def squares(away: Array) -> float:
 
 
 @inner
+def rows_away(spec: Spec, smoothing: bool) -> int:
+    """Number of rows of S: see :func:`set_away`."""
+    samples = len(spec.resting)
+    if not smoothing:
+        return samples
+    return samples - (0 if spec.cyclic else 1) + (samples if spec.centring > 0.0 else 0)
+
+
+@compiled
+def roughness(spec: Spec, requests: Array) -> float:
+    """The sum of squares that smoothing lowers [rad^2]: ``Problem.roughness``."""
+    away = np.empty((rows_away(spec, True), requests.shape[1]))
+    set_away(spec, requests, True, away)
+    return squares(away)
+
+
+@inner
 def set_responses(spec: Spec, stage: Stage, point: Point, a: int, first: int, size: int) -> None:
     """Fill a drive's defects and their derivatives in ``size`` samples, from the first one on."""
     drives, _, width = spec.weights.shape
@@ -567,16 +584,13 @@ def allocated(spec: Spec, smoothing: bool) -> Point:
     drives, _, width = spec.weights.shape
     states, parts, scenarios = drives * spec.parts, spec.parts, len(spec.shares)
     blocks, size = (1, drives) if spec.together else (scenarios, joints)
-    rows = samples
-    if smoothing:  # second differences, and distances from the middle of a dead band
-        rows = samples - (0 if spec.cyclic else 1) + (samples if spec.centring > 0.0 else 0)
     return Point(
         np.zeros((samples, joints)),
         np.zeros((samples, states)),
         np.zeros((samples, states)),
         np.zeros((drives, parts, parts + 2 * width, samples)),
         np.zeros((samples, blocks, size, size + 1)),
-        np.zeros((rows, joints)),
+        np.zeros((rows_away(spec, smoothing), joints)),
         np.zeros(3),
     )
 

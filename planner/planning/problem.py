@@ -197,14 +197,9 @@ class Problem:
         request holds the joint (``docs/math.md``, section 6). Near other requests it is that of
         the change from these, and their squared distances.
         """
-        away = self.centring * (requests - self.resting) if self.centring else 0.0
-        if self.near is not None:
-            requests = requests - self.near
-        after = requests[:1] if self.cyclic else requests[:0]
-        before = requests[-1:] if self.cyclic else requests[:1]
-        around = np.concatenate([before, requests, after])
-        differences = around[:-2] - 2.0 * around[1:-1] + around[2:]
-        return float(np.vdot(differences, differences) + np.vdot(away, away))
+        from planner.planning.gauss_newton import roughness
+
+        return roughness(self.spec, np.ascontiguousarray(requests))
 
     def errors(self, angles: Array) -> tuple[Array, Array]:
         """The goal's errors in each scenario, and their derivatives by its joints' angles.
@@ -242,6 +237,11 @@ class Problem:
         if self.robust == "worst":
             return float(errors.max())
         return math.sqrt(float(errors @ errors) / len(errors))
+
+    def mean_error(self, angles: Array) -> float:
+        """Root mean square error over samples and scenarios, by their weights [rad]."""
+        squares = self.squares(angles).sum(axis=0) @ np.asarray(self.weights)
+        return math.sqrt(float(squares) / len(angles))
 
     def distances(self, angles: Array) -> Array:
         """Weighted root of the squared errors over the scenarios [rad], (n,)."""

@@ -449,8 +449,7 @@ def judged(problem: Problem, angles: Array) -> Judged:
     known = known_errors(models, angles, cyclic=problem.cyclic)
     step = np.full(len(known), ENCODER_STEP)
     model_error, unseen = (math.sqrt(float(shares @ each**2)) for each in (known, step))
-    mean = math.sqrt(float(problem.squares(angles).sum(axis=0) @ weights) / len(angles))
-    return Judged(problem.error(angles), mean, model_error, unseen)
+    return Judged(problem.error(angles), problem.mean_error(angles), model_error, unseen)
 
 
 def reached_by(problem: Problem, requests: Array) -> tuple[State, Judged] | None:
@@ -523,7 +522,7 @@ class _Bound(NamedTuple):
     def used(self, motion: Judged, error: float) -> float:
         """Share of the allowed rise of an error that a motion uses; inf where it exceeds limits."""
         room = self.error(motion) - error
-        if motion.mean > self.mean:
+        if motion.mean > self.mean or math.isnan(motion.error):
             return math.inf
         return (motion.error - error) / room if room > 0.0 else math.inf
 
@@ -536,7 +535,7 @@ def _smoothest(problem: Problem, state: State, start: Judged, error: float, boun
     rise, so that each step takes ``w = c (J_allowed - J) / |D2 R|^2`` anew from the requests from
     which it sets out, with a factor c that grows while the exact error is allowed. Where it is not,
     c is such that the weight itself falls. ``start`` are the errors of the state, ``error`` is that
-    of the best plan.
+    of the best plan. The models' errors count as those at the start.
     """
     power = stages_for(problem, NARROW)[-1].power
     best, least = state.requests, problem.roughness(state.requests)
@@ -556,11 +555,11 @@ def _smoothest(problem: Problem, state: State, start: Judged, error: float, boun
         weight = min(factor * allowed / before, bound.heaviest * share ** (power - 2.0))
         stage = Stage(radius, weight, power, 1, smoothing=True)
         (smoother,), (reached,) = _gone_through(problem, search, [stage])
-        now, used = problem.roughness(smoother), math.inf
-        motion = None if np.isnan(reached[0, 0]) else judged(problem, reached)
-        if motion is not None:
-            used = bound.used(motion, error)
-        if used <= 1.0 and motion is not None:
+        now, motion = problem.roughness(smoother), start._replace(error=problem.error(reached))
+        if problem.norm == "max":
+            motion = motion._replace(mean=problem.mean_error(reached))
+        used = bound.used(motion, error)
+        if used <= 1.0:
             if now < least:
                 best, least = smoother, now
             bound = bound._replace(shown=min(bound.shown, bound.growth * motion.shown))

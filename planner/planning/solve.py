@@ -35,7 +35,7 @@ from planner.planning.search import (
     smoothed,
 )
 from planner.planning.task import Task
-from planner.trajectory import Array, Mask, rms
+from planner.trajectory import Array, Mask, rms, steps
 
 # Effects were measured over 109 joints, half of them outside Equation 13.
 
@@ -331,8 +331,8 @@ def search(problem: Problem, state: State) -> Array:
     (model,) = problem.models
     starts, best = [state], minimise(problem, state, NARROW)
     near = FAR * problem.error(state.angles)
-    limited = time_accelerating(problem, state.angles) > ACCELERATING
-    limited = limited and best[1] > near + ENCODER_STEP
+    limited = math.isfinite(model.max_acceleration) and best[1] > near + ENCODER_STEP
+    limited = limited and time_accelerating(problem, state.angles) > ACCELERATING
     if limited or below_top_speed(problem, state.angles) <= COMPARED:
         starts.append(state._replace(requests=best_closed_form(problem)))
         best = min(best, minimise(problem, starts[1], NARROW), key=itemgetter(1))
@@ -372,15 +372,15 @@ def initial_guess(problem: Problem) -> State:
         ideal = within_attainable_range(model, ideal, float(problem.start[0]), load)
     torques = np.zeros(count) if load is None else np.roll(load, -1)  # on the way to the next
     low, high = (limit * model.period for limit in model.speed_limits(torques, ideal))
-    steps = np.diff(ideal, append=ideal[:1] if cyclic else ideal[-1:])
-    steps = np.clip(steps, low, high)
+    to_next = steps(np.append(ideal, ideal[:1] if cyclic else ideal[-1:]), cyclic=False)
+    to_next = np.clip(to_next, low, high)
     samples = np.arange(count)
     knots = samples + int(model.switching_time / model.period + SAME_TIME)
     knots = knots if cyclic else np.minimum(knots, count - 2)
     at = knots % count
-    slopes = steps[at] / model.period
+    slopes = to_next[at] / model.period
     offsets = interpolated_offset(model, slopes, rule="exact", load=torques[at], angle=ideal[at])
-    requests = ideal[at] + steps[at] * (samples - knots) + offsets - model.pose_sag(ideal[at])
+    requests = ideal[at] + to_next[at] * (samples - knots) + offsets - model.pose_sag(ideal[at])
     return State(problem.admissible(requests[:, np.newaxis]), ideal[:, np.newaxis])
 
 
@@ -414,9 +414,9 @@ def below_top_speed(problem: Problem, ideal: Array) -> int:
     (model,), (load,) = problem.models, problem.loads
     limits = model.speed_limits(0.0 if load is None else load, ideal[:, 0])
     low, high = ((1.0 - BARELY_SLOWER) * limit * model.period for limit in limits)
-    before = ideal[-1:] if problem.cyclic else ideal[:1]
-    steps = np.diff(ideal[:, 0], prepend=before[:, 0])
-    fast = (steps <= low) | (steps >= high)
+    before = ideal[-1:, 0] if problem.cyclic else ideal[:1, 0]
+    moved = ideal[:, 0] - np.concatenate([before, ideal[:-1, 0]])
+    fast = (moved <= low) | (moved >= high)
     resting = 0 if problem.cyclic else request_ages(model).youngest + 1
     return int(np.count_nonzero(~fast[resting:]))
 
@@ -443,9 +443,8 @@ def within_attainable_range(
     if load is None and model.most_pose_sag == 0.0:
         low, high = (limit * model.period * moving for limit in model.speed_limits())
     else:
-        steps = np.diff(moving, prepend=0.0)  # 1 once it moves
         limits = model.speed_limits(0.0 if load is None else load, angles)
-        low, high = (np.cumsum(limit * model.period * steps) for limit in limits)
+        low, high = (np.cumsum(limit * model.period * (moving > 0.0)) for limit in limits)
     return np.clip(angles, start + low, start + high)
 
 
