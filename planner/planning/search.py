@@ -535,7 +535,7 @@ def _smoothest(problem: Problem, state: State, start: Judged, error: float, boun
     rise, so that each step takes ``w = c (J_allowed - J) / |D2 R|^2`` anew from the requests from
     which it sets out, with a factor c that grows while the exact error is allowed. Where it is not,
     c is such that the weight itself falls. ``start`` are the errors of the state, ``error`` is that
-    of the best plan. The models' errors count as those at the start.
+    of the best plan.
     """
     power = stages_for(problem, NARROW)[-1].power
     best, least = state.requests, problem.roughness(state.requests)
@@ -543,6 +543,8 @@ def _smoothest(problem: Problem, state: State, start: Judged, error: float, boun
     if least <= STRAIGHT or most <= error:
         return best
     search, now, cost = begun(problem, state), least, 0.0
+    evidence = [model.evidence for model in problem.nominal]
+    varying = any(each is not None and each.depends_on_motion for each in evidence)
     if power != 2.0 and error:  # the sum of the powers at the start, in units of the error
         shares = np.minimum(problem.distances(state.angles) / error, LARGEST_SHARE)
         cost = float(np.sum(shares**power))
@@ -556,7 +558,9 @@ def _smoothest(problem: Problem, state: State, start: Judged, error: float, boun
         stage = Stage(radius, weight, power, 1, smoothing=True)
         (smoother,), (reached,) = _gone_through(problem, search, [stage])
         now, motion = problem.roughness(smoother), start._replace(error=problem.error(reached))
-        if problem.norm == "max":
+        if varying and not math.isnan(motion.error):
+            motion = judged(problem, reached)
+        elif problem.norm == "max":
             motion = motion._replace(mean=problem.mean_error(reached))
         used = bound.used(motion, error)
         if used <= 1.0:
