@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from planner.approximation.curve import CurveStack, PiecewiseLinear
-from planner.exceptions import InvalidInput
 
 CYCLE = PiecewiseLinear(
     knots=[2.0, 5.5, 8.0], values=[1.0, -1.0, 0.5], samples=10, tick=0.5, cyclic=True
@@ -32,11 +31,6 @@ def test_a_cycle_repeats_itself_before_and_after():
     np.testing.assert_allclose(CYCLE(index - 30.0), CYCLE(index), atol=1e-14)
 
 
-def test_a_cycle_is_continuous_at_its_boundary():
-    assert CYCLE(10.0) == CYCLE(0.0)
-    np.testing.assert_allclose(CYCLE(np.nextafter(10.0, 0.0)), CYCLE(0.0), atol=1e-14)
-
-
 def test_beyond_its_ends_a_path_continues_its_end_lines():
     np.testing.assert_allclose(PATH([-2.0, 11.0]), [2.0, 1.1], atol=1e-14)
 
@@ -53,24 +47,6 @@ def test_at_a_knot_the_slope_is_that_of_the_segment_after():
     assert np.array_equal(PATH.slope_at(PATH.knots), PATH.slopes[[0, 1, 1]])
 
 
-def test_angles_are_the_curve_at_the_samples():
-    assert np.array_equal(CYCLE.angles, CYCLE(np.arange(10.0)))
-
-
-def test_one_knot_makes_a_constant_cycle():
-    curve = PiecewiseLinear(knots=[3.0], values=[0.1], samples=7, tick=1.0, cyclic=True)
-    assert curve.segments == 1
-    assert np.all(curve.slopes == 0.0)
-    assert np.all(curve.angles == 0.1)
-
-
-def test_a_curve_does_not_change_with_the_arrays_it_was_made_from():
-    knots = np.array([0.0, 1.0])
-    curve = PiecewiseLinear(knots=knots, values=[0.0, 1.0], samples=2, tick=1.0, cyclic=False)
-    knots[1] = 5.0
-    assert curve.knots[1] == 1.0
-
-
 INDEX = np.linspace(-7.0, 17.0, 49) + 0.013
 """Places between samples, before, in and after the samples."""
 
@@ -84,13 +60,6 @@ def test_plain_data_gives_the_curve_back_to_the_last_digit(curve):
     assert np.array_equal(again(INDEX), curve(INDEX))
 
 
-def test_the_data_of_a_curve_with_numbers_of_numpy_is_plain():
-    numbers = {"samples": np.int64(10), "tick": np.float32(0.5), "cyclic": np.bool_(True)}
-    curve = PiecewiseLinear(knots=[0.0, 4.0], values=[0.0, 1.0], **numbers)
-    data = json.loads(json.dumps(curve.to_dict()))
-    assert (data["samples"], data["tick"], data["cyclic"]) == (10, 0.5, True)
-
-
 OVER = {"samples": 10, "tick": 0.5}
 
 
@@ -102,20 +71,3 @@ def test_its_slopes_and_lengths_are_those_of_every_curve(cyclic):
         curve = PiecewiseLinear(knots=k, values=v, cyclic=cyclic, **OVER)
         np.testing.assert_array_equal(lengths, curve.lengths)
         np.testing.assert_array_equal(slopes, curve.slopes)
-
-
-def test_knots_may_be_shared():
-    stack = CurveStack(knots=[0.0, 4.0], values=np.zeros((3, 2)), cyclic=True, **OVER)
-    np.testing.assert_array_equal(stack.knots, [[0.0, 4.0]] * 3)
-
-
-def test_only_curves_that_agree_are_stacked():
-    same = {"knots": [0.0, 4.0], "values": [0.0, 1.0], "cyclic": True, **OVER}
-    one = PiecewiseLinear(**same)
-    assert CurveStack.of([one, one]).values.shape == (2, 2)
-    single = {"knots": [0.0], "values": [0.0]}
-    for change in (single, {"samples": 11}, {"tick": 0.25}, {"cyclic": False}):
-        with pytest.raises(InvalidInput, match="curve 2 has another number"):
-            CurveStack.of([one, one, PiecewiseLinear(**{**same, **change})])
-    with pytest.raises(InvalidInput, match="got none"):
-        CurveStack.of([])

@@ -9,7 +9,6 @@ import pytest
 
 from planner.approximation import kernel
 from planner.approximation.problem import Problem, candidate
-from planner.approximation.search import moved, with_moved_knots
 from planner.approximation.values import best_values, descend
 from tests.from_python import from_python
 
@@ -60,20 +59,6 @@ def test_a_descent_between_knots_that_stay_moves_the_others(cyclic):
     end = descend(problem, start, rounds=8)
     assert np.array_equal(end.knots[1:3], knots[1:3])
     assert end.error < 0.999 * start.error
-
-
-@pytest.mark.parametrize("cyclic", [True, False])
-def test_moving_a_knot_along_the_curve_keeps_the_slopes_and_moving_helps(cyclic):
-    rng = np.random.default_rng(11)
-    problem = problem_of(rng, cyclic=cyclic)
-    start = best_values(problem, knots_of(rng, size=6, cyclic=cyclic))
-    start = descend(problem, start, rounds=15)
-    for other in moved(problem, start):
-        assert np.count_nonzero(other.knots != start.knots) == 1
-        assert np.min(slacks_of(problem, other)) >= -SAME
-    found = with_moved_knots(problem, [start])
-    assert found.error < start.error
-    assert candidate(problem, found.knots, found.values).error == pytest.approx(found.error)
 
 
 @pytest.mark.parametrize("cyclic", [True, False])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -15,13 +14,12 @@ from planner.approximation.exact import (
     PROVED,
     Relaxation,
     first_multipliers,
-    halves_of,
     proved_best,
 )
 from planner.approximation.fit import fit_pwl
-from planner.approximation.problem import Candidate, Problem
+from planner.approximation.problem import Problem
 from planner.approximation.values import best_values
-from planner.exceptions import Infeasible, InvalidInput
+from planner.exceptions import Infeasible
 from tests.approximation.enumeration import enumerated
 from tests.approximation.samples import KINDS, oracle_instance, oracle_instances, samples_of
 
@@ -34,7 +32,7 @@ ZERO = 1e-9
 TABLE = json.loads((Path(__file__).parent / "oracle.json").read_text())
 
 
-@pytest.mark.parametrize("seed", range(16))
+@pytest.mark.parametrize("seed", range(8))
 def test_the_proved_optimum_is_that_of_all_sets_of_knots(seed):
     each = enumerated(seed)
     fit = fit_pwl(each.desired, **each.settings, segments=each.segments, exact=True)
@@ -106,36 +104,6 @@ def test_no_multipliers_lift_the_bound_above_the_optimum(kind):
         assert bound <= best.error * (1.0 + 1e-9) + 1e-12
 
 
-@pytest.mark.parametrize("step", [0.05, 5.0])
-def test_the_bound_of_a_paths_knots_is_attained_by_their_own_multipliers(step):
-    rng = np.random.default_rng(6)
-    problem = Problem(desired=samples_of("walk", 30, rng), step=step, cyclic=False)
-    knots = [0, 9, 17, 29]
-    curve = best_values(problem, np.array(knots, dtype=float))
-    relaxation = Relaxation(problem)
-    multipliers = first_multipliers(problem, curve)
-    found = relaxation.bound([np.array([knot]) for knot in knots], multipliers)
-    assert found.chain == knots
-    assert found.error == pytest.approx(curve.error, rel=1e-6)
-
-
-def test_every_chain_is_in_one_half():
-    levels = [np.arange(0, 5), np.arange(2, 9), np.arange(3, 11)]
-    halves = halves_of(levels)
-
-    def chains(sets):
-        return [chain for chain in product(*map(list, sets)) if chain[0] < chain[1] < chain[2]]
-
-    assert sorted(chains(levels)) == sorted(chain for half in halves for chain in chains(half))
-
-
-def test_knots_that_must_all_move_at_once_are_found():
-    # Descents and grids of chords and lines end 15 % above this.
-    desired = samples_of("sines", 88, np.random.default_rng(1))
-    asked = {"v_max": np.ptp(desired), "tick": 1.0, "cyclic": False, "segments": 3}
-    assert fit_pwl(desired, **asked).rms <= CLOSE * fit_pwl(desired, **asked, exact=True).rms
-
-
 def test_the_fewest_segments_for_an_rms_error_are_proved_fewest():
     desired = samples_of("sines", 40, np.random.default_rng(3))
     fit = fit_pwl(desired, v_max=1.0, tick=1.0, max_rms=0.2, exact=True)
@@ -143,24 +111,6 @@ def test_the_fewest_segments_for_an_rms_error_are_proved_fewest():
     assert fit.rms <= 0.2 < fewer.rms
     with pytest.raises(Infeasible, match="with knots on samples reach"):
         fit_pwl(desired, v_max=1.0, tick=1.0, max_rms=0.2, segments=2, exact=True)
-
-
-def test_too_many_samples_for_a_proof_are_refused():
-    with pytest.raises(InvalidInput, match="exact: got 401 samples, expected at most 400"):
-        fit_pwl(np.sin(np.arange(401.0)), v_max=1.0, tick=1.0, segments=3, exact=True)
-
-
-def test_at_given_knots_any_number_of_samples_has_its_optimum():
-    desired, knots = np.sin(0.05 * np.arange(401.0)), np.arange(0, 401, 20)
-    asked = {"v_max": 1.0, "tick": 1.0, "cyclic": False, "knots": knots}
-    assert fit_pwl(desired, **asked, exact=True).rms == fit_pwl(desired, **asked).rms
-
-
-def test_a_start_that_is_best_already_is_proved_so():
-    problem = Problem(desired=np.array([0.0, 1.0, 0.0, -1.0] * 3), step=5.0, cyclic=False)
-    knots = np.array([0.0, 5.0, 11.0])
-    best = proved_best(problem, Candidate(knots, np.zeros(3), 6.0))
-    assert best.error <= best_values(problem, knots).error
 
 
 @pytest.mark.parametrize("cyclic", [True, False])

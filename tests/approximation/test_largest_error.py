@@ -89,7 +89,7 @@ def test_no_deal_of_the_samples_to_fewer_lines_has_a_solution(seed, cyclic):
 
 
 @pytest.mark.parametrize("cyclic", [True, False])
-@pytest.mark.parametrize("seed", range(60))
+@pytest.mark.parametrize("seed", range(20))
 def test_the_curve_keeps_the_error_and_the_slopes_and_has_no_short_segment(seed, cyclic):
     problem, bound = instance(seed, 10, 400, cyclic=cyclic)
     course = minimum_link(problem, bound)
@@ -125,16 +125,6 @@ def test_the_fewest_segments_are_the_same_shifted_mirrored_and_reversed(given, s
         assert fewest(np.roll(desired, shift), bound * (1.0 + 1e-9)) <= own
     else:
         assert fewest(desired[:-1], bound * (1.0 + 1e-9)) <= own
-
-
-@pytest.mark.parametrize("cyclic", [True, False])
-def test_thousands_of_samples_need_few_segments_for_a_largest_error(cyclic):
-    rng = np.random.default_rng(4)
-    desired = np.resize(samples_of("sines", 90, rng), 2700)
-    fit = fit_pwl(desired, v_max=2.0, tick=1.0, cyclic=cyclic, max_error=0.1)
-    assert fit.max_error <= 0.1 * (1.0 + 1e-9)
-    short = fit_pwl(desired[:90], v_max=2.0, tick=1.0, max_error=0.1)
-    assert fit.segments <= 1.1 * 30 * short.segments
 
 
 @pytest.mark.parametrize("cyclic", [True, False])

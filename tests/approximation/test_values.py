@@ -47,12 +47,6 @@ def test_values_at_given_knots_are_those_of_an_independent_solver(cyclic, step, 
         assert candidate(problem, knots, values).error == pytest.approx(expected, rel=1e-6)
 
 
-def test_values_between_which_no_sample_lies_are_determinate():
-    problem = Problem(desired=np.array([0.0, 1.0, 0.0, -1.0]), step=5.0, cyclic=True)
-    values = solve_values(problem, np.array([0.5, 1.5, 2.5, 3.5]), near=np.ones(4))
-    assert np.all(np.isfinite(values))
-
-
 @given(st.lists(st.floats(-1e3, 1e3), min_size=2, max_size=8), st.floats(1e-9, 1e3), st.booleans())
 def test_repaired_values_keep_every_limit_in_floating_point(values, limit, cyclic):
     values = np.array(values)
@@ -60,11 +54,6 @@ def test_repaired_values_keep_every_limit_in_floating_point(values, limit, cycli
     repaired = within_slopes(values, limits, cyclic=cyclic)
     rises = np.diff(np.append(repaired, repaired[0]) if cyclic else repaired)
     assert np.all(np.abs(rises) <= limits * (1.0 + 1e-12))
-
-
-def test_values_within_their_limits_stay_as_they_are():
-    values = np.array([0.1, 0.7, -0.3])
-    assert np.array_equal(within_slopes(values, np.ones(2), cyclic=False), values)
 
 
 def undamped_step(hessian, gradient, rows, bounds):
@@ -86,7 +75,3 @@ def test_the_small_qp_is_solved_like_an_independent_solver_does(seed):
     expected = cp.Problem(cp.Minimize(cost), [rows @ x <= bounds]).solve(solver="CLARABEL")
     assert np.all(rows @ step <= bounds + 1e-9)
     assert 0.5 * step @ hessian @ step + gradient @ step == pytest.approx(expected, abs=1e-7)
-
-
-def test_a_hessian_that_is_not_convex_has_no_minimum():
-    assert undamped_step(-np.eye(2), np.ones(2), np.ones((1, 2)), np.ones(1)) is None

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from planner.evaluation.reproduction import best_lead
 from planner.model.joint import JointModel
-from planner.model.response import simulate, simulate_joints
+from planner.model.response import simulate_joints
 from planner.trajectory import angle_distance
 from tests.independent import equation_3
 
@@ -21,18 +20,6 @@ DESIRED = np.column_stack([0.5 * np.sin(PHASE), 0.3 * np.cos(2.0 * PHASE)])
 
 def _distance(angles):
     return angle_distance(angles.ravel(), DESIRED.ravel())
-
-
-def test_the_best_time_shift_is_the_best_of_all_simulated_one_by_one():
-    unshifted = simulate_joints([JOINT, JOINT], DESIRED, cyclic=True)
-    lead, distances = best_lead(unshifted, _distance), []
-    for early in range(88):
-        requests = np.roll(DESIRED, -early, axis=0)
-        angles = np.column_stack([simulate(JOINT, requests[:, j]) for j in range(2)])
-        distances.append(_distance(angles).rms)
-    assert lead == int(np.argmin(distances))
-    least = _distance(np.roll(unshifted, -lead, axis=0)).rms
-    assert least == pytest.approx(min(distances), abs=1e-10)  # closed to 1e-12
 
 
 def test_the_best_lead_is_that_of_equation_3_with_the_figures_of_table_1():
@@ -54,14 +41,3 @@ def test_the_best_lead_is_that_of_equation_3_with_the_figures_of_table_1():
     assert best_lead(unshifted, _distance) == best
     least = _distance(np.roll(unshifted, -best, axis=0)).rms
     assert least == pytest.approx(distances[best].rms, abs=1e-10)
-
-
-def test_two_ticks_more_of_lag_make_the_best_lead_two_samples_longer():
-    later = replace(JOINT, lag=JOINT.lag + 2 * JOINT.tick)
-    found = []
-    for joint in (JOINT, later):
-        unshifted = simulate_joints([joint, joint], DESIRED, cyclic=True)
-        lead = best_lead(unshifted, _distance)
-        found.append((lead, _distance(np.roll(unshifted, -lead, axis=0)).rms))
-    assert found[1][0] == found[0][0] + 2
-    assert found[1][1] == pytest.approx(found[0][1], abs=1e-10)

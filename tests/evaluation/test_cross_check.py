@@ -24,14 +24,12 @@ from planner.evaluation.checks import (
     second_answer,
 )
 from planner.evaluation.cross_check import METHODS, SECOND, compare_joint, cross_check, judge_foot
-from planner.exceptions import InvalidInput, NoSteadyCycle, SolverFailed
+from planner.exceptions import NoSteadyCycle, SolverFailed
 from planner.model.evidence import Evidence
 from planner.model.joint import JointModel
 from planner.planning.bounds.reachable_set import LEVELS
 from planner.planning.closed_form import invert_closed_form
-from planner.planning.direct_transcription import TranscriptionOptions
 from planner.planning.inversion import invert_foot, invert_optimal
-from planner.report.comparison import comparison_text
 from tests.instances import attainable, random_model, saturating
 from tests.plans import claiming, inversion
 from tests.strategies import models, trajectories
@@ -81,19 +79,6 @@ def test_the_reference_walk_passes_in_the_joints_and_in_the_foot(of_walk, walk):
     assert {check.subject for check in of_walk.checks} == {*walk.joint_names, "foot"}
 
 
-def test_the_figures_are_those_of_the_plans_that_the_library_makes(of_walk, walk):
-    for j, joint in enumerate(of_walk.joints):
-        closed_form = planner.invert_closed_form(JOINT, walk.desired[:, j], segments=6)
-        assert np.array_equal(joint.plans["closed_form_paper"].requests, closed_form.requests)
-        for level, bound in joint.bounds.items():
-            assert bound == planner.lower_bound(JOINT, walk.desired[:, j], level=level)
-        assert joint.gap("optimal") == pytest.approx(joint.plans["optimal"].rms / joint.bound - 1.0)
-        assert list(joint.bounds) == ["slope", "envelope"]
-    foot = planner.invert_foot(JOINT, walk.leg, walk.desired_foot)
-    of_foot = of_walk.foot.plans["foot_optimal"]
-    assert (*of_foot.rms, *of_foot.max_error) == pytest.approx((foot.rms, foot.max_error))
-
-
 def test_in_the_foot_the_plan_for_all_joints_is_the_best(of_walk):
     rms = {method: float(plan.rms[0]) for method, plan in of_walk.foot.plans.items()}
     assert list(rms) == list(METHODS)
@@ -110,16 +95,6 @@ def test_random_joints_pass(seed):
     desired = (saturating if seed % 2 else attainable)(rng, model, samples=44)
     check = cross_check(model, desired, cyclic=seed % 3 > 0, norm="max" if seed == 5 else "rms")
     assert check.passed, check.failures
-
-
-def test_joints_may_differ_and_one_may_come_alone():
-    slow = replace(JOINT, v_max=0.5 * JOINT.v_max)
-    both = cross_check([JOINT, slow], np.column_stack([BRIEF, BRIEF]), names=["hip", "knee"])
-    alone = cross_check(slow, BRIEF)
-    assert [joint.name for joint in both.joints] == ["hip", "knee"]
-    assert both.joints[1].plans["optimal"].rms == alone.joints[0].plans["optimal"].rms
-    assert both.joints[0].plans["optimal"].rms < both.joints[1].plans["optimal"].rms
-    assert both.foot is None
 
 
 def test_limits_hold_for_all_joints_or_one_by_one():
@@ -183,16 +158,6 @@ def test_the_second_solvers_plan_is_a_plan_of_its_own_and_as_good(of_walk):
         }
 
 
-def test_a_second_solver_that_fails_costs_its_plan_and_fails_a_check(monkeypatch):
-    options = TranscriptionOptions(iterations=1)
-    monkeypatch.setattr("planner.planning.direct_transcription.OPTIONS", options)
-    check = cross_check(JOINT, BRIEF)
-    assert not check.passed
-    assert [(each.plan, each.name) for each in check.failures] == [(METHODS[SECOND], SOLVED)]
-    assert SECOND not in check.methods
-    assert SECOND not in check.to_dict()["joints"]["joint_1"]["methods"]
-
-
 def test_optimised_requests_that_are_not_as_good_as_the_second_solvers_fail():
     plans = _plans()
     better = replace(plans["optimal"], solver="ipopt")
@@ -236,20 +201,6 @@ def test_requests_sent_at_another_time_make_the_optimised_plan_the_worse():
     }
 
 
-@pytest.mark.parametrize(("dead_band", "fails"), [(0.0, True), (0.02, False)])
-def test_an_error_below_an_encoders_step_counts_as_none_within_a_dead_band_only(dead_band, fails):
-    joint, desired = replace(JOINT, dead_band=dead_band), 0.02 * np.sin(PHASE)
-    closed = {
-        f"closed_form_{rule}": invert_closed_form(joint, desired, rule=rule)
-        for rule in ("paper", "exact")
-    }
-    plan = invert_optimal(joint, desired)
-    late = replace(plan, requests=np.roll(plan.requests, 1))
-    assert plan.error < 0.5 * late.error < 0.7e-3, "far worse, but below the 1.5e-3 of an encoder"
-    broken = _broken(compare_joint("hip", {**closed, "optimal": late}, levels=LEVELS[:1]))
-    assert ((OPTIMAL, f"no worse than {EXACT}") in broken) == fails
-
-
 KNOWN = {
     "one error": Evidence(0.02),
     "by acceleration": Evidence(0.006, by_acceleration=((0.0, 0.001), (10.0, 0.006), (40.0, 0.05))),
@@ -275,13 +226,6 @@ def test_a_plan_as_smooth_as_its_models_known_error_allows_passes_and_a_late_one
     assert (OPTIMAL, f"no worse than {EXACT}") in _broken(
         compare_joint("hip", {**closed, "optimal": late}, levels=LEVELS[:1])
     )
-
-
-def test_a_slow_sine_with_a_large_known_error_passes():
-    joint = JointModel(v_max=5.0, theta_0=0.2, lag=0.03, acceleration_time=0.05, tick=0.02)
-    desired = np.radians(10.0) * np.sin(2.0 * np.pi * np.arange(167) / 167)
-    check = cross_check(joint.with_evidence(KNOWN["one error"]), desired, level="slope")
-    assert check.passed, check.failures
 
 
 def test_requests_beyond_the_limits_are_noticed():
@@ -312,12 +256,6 @@ def test_bounds_out_of_order_are_noticed():
     assert all(
         check.passed for check in bound_checks("hip", {"slope": 0.1, "envelope": 0.1}, {"o": 0.1})
     )
-
-
-def test_a_check_of_what_is_not_a_number_fails():
-    (check,) = bound_checks("hip", {"slope": 0.1}, {"optimised": math.nan})
-    assert not check.passed
-    assert check.to_dict()["value"] is None
 
 
 def test_a_plan_for_the_foot_that_is_late_fails_in_the_foot(of_walk, walk):
@@ -362,48 +300,6 @@ def test_json_carries_all_that_is_needed_to_compute_the_figures_again(of_walk):
     assert document["foot"]["methods"]["foot_optimal"]["largest_request_difference_deg"] == 0.0
 
 
-def test_json_has_no_infinities():
-    check = cross_check(JOINT, np.zeros(20), limits=(-math.inf, np.pi))
-    document = check.to_dict()
-    json.dumps(document, allow_nan=False)
-    assert document["joints"]["joint_1"]["limits_deg"] == [None, 180.0]
-
-
-@pytest.mark.parametrize("level", LEVELS[:2])
-def test_the_bounds_go_up_to_the_level_that_was_asked_for(level):
-    bounds = cross_check(JOINT, BRIEF, level=level).joints[0].bounds
-    assert list(bounds) == list(LEVELS[: LEVELS.index(level) + 1])
-
-
-def test_the_solver_gap_of_a_bound_is_reported_where_there_is_one(of_walk):
-    joint = of_walk.joints[0]
-    assert joint.to_dict()["solver_gaps"] == {"slope": 0.0, "envelope": 0.0}
-    assert "solver gap" not in comparison_text(of_walk)
-    unsure = joint.certificates["envelope"]._replace(solver_gap=0.0123)
-    unsure = replace(joint, certificates={**joint.certificates, "envelope": unsure})
-    told = comparison_text(replace(of_walk, joints=(unsure,), foot=None))
-    assert "rotator, lower bound (envelope, solver gap 1.23 %)" in told
-
-
-WRONG = {
-    "models": ({"model": [JOINT] * 3}, InvalidInput, "got several of a joint"),
-    "rates": (
-        {"model": [JOINT, replace(JOINT, hold=2)], "desired": np.zeros((9, 2))},
-        InvalidInput,
-        "different rates",
-    ),
-}
-
-
-@pytest.mark.parametrize(("change", "error", "message"), WRONG.values(), ids=WRONG)
-def test_what_cannot_be_compared_is_refused(change, error, message):
-    given = {"model": JOINT, "desired": DESIRED, **change}
-    model, desired = given.pop("model"), given.pop("desired")
-    with pytest.raises(error) as raised:
-        cross_check(model, desired, **given)
-    assert message in str(raised.value)
-
-
 def test_the_foot_is_planned_for_under_what_was_asked_of_its_joints(monkeypatch, walk):
     asked, told = [], []
 
@@ -425,11 +321,6 @@ def test_the_foot_is_planned_for_under_what_was_asked_of_its_joints(monkeypatch,
     np.testing.assert_array_equal(given["limits"], [[-3.0] * 3, [2.0, 3.0, 3.0]])
     np.testing.assert_array_equal(given["load"], np.full((11, 3), 0.2))
     assert told == [*walk.joint_names, "foot"]
-
-
-def test_a_leg_has_a_column_for_each_joint(walk):
-    with pytest.raises(InvalidInput, match="got 1 columns, expected 3, one for each joint"):
-        cross_check(JOINT, DESIRED, leg=walk.leg)
 
 
 @pytest.mark.parametrize("norm", ["rms", "max"])

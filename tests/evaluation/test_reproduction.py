@@ -55,13 +55,6 @@ def test_the_closed_form_as_in_the_paper_is_that_of_its_six_lines_without_refine
     assert printed == "1.08"  # as the README says
 
 
-def test_refined_knots_are_better_in_every_joint_and_need_not_be_in_the_foot(reproduction):
-    for joint in reproduction.joints:
-        assert joint.closed_form.rms <= joint.closed_form_plain.rms
-    foot = reproduction.foot_table
-    assert foot["closed_form_plain"].rms < foot["closed_form"].rms
-
-
 def test_the_plan_for_the_foot_keeps_it_closest_and_inside_the_limits(reproduction):
     foot = reproduction.foot_table["foot_optimal"]
     assert foot.rms <= 0.62
@@ -71,30 +64,10 @@ def test_the_plan_for_the_foot_keeps_it_closest_and_inside_the_limits(reproducti
     assert np.all(reproduction.foot_plan.requests <= upper)
 
 
-def test_the_distances_of_the_foot_follow_from_the_requests_of_the_plan_for_it(reproduction):
-    angles = np.column_stack(
-        [simulate(reproduction.model, requests) for requests in reproduction.foot_plan.requests.T]
-    )
-    foot = reproduction.walk.leg.foot_positions(angles)
-    errors = 100.0 * np.linalg.norm(foot - reproduction.walk.desired_foot, axis=1)
-    stated = reproduction.foot_table["foot_optimal"]
-    assert stated.rms == pytest.approx(np.sqrt(np.mean(errors**2)), abs=1e-9)
-    assert stated.max == pytest.approx(np.max(errors), abs=1e-9)
-    for j, joint in enumerate(reproduction.joints):
-        assert np.array_equal(joint.foot_optimal, reproduction.foot_plan.predicted[:, j])
-
-
 def test_no_plan_beats_its_bound_and_the_optimised_one_is_worse_by_its_share_at_most(reproduction):
     for joint in reproduction.joints:
         most = 1.0051 * joint.closed_form.rms  # an encoder's step beside the noise's share
         assert joint.optimal.lower_bound <= joint.optimal.rms <= most
-
-
-def test_optimised_requests_stay_inside_the_limits_of_the_joints(reproduction):
-    lower, upper = reproduction.walk.leg.limits
-    for j, joint in enumerate(reproduction.joints):
-        assert np.min(joint.optimal.requests) >= lower[j]
-        assert np.max(joint.optimal.requests) <= upper[j]
 
 
 def test_every_distance_follows_from_the_requests_by_simulation(reproduction):
@@ -124,20 +97,6 @@ def test_lag_and_acceleration_time_are_read_off_any_joint():
     response = measure_step_response(joint, 1.0, samples=200)
     assert (response.lag, response.acceleration) == (7, 3)
     assert response.v_max == pytest.approx(4.0)
-
-
-def test_every_part_is_timed(reproduction):
-    assert set(reproduction.seconds) == {
-        "walk",
-        "baselines",
-        "closed_form",
-        "optimal",
-        "foot_optimal",
-        "bounds",
-        "foot_bound",
-        "step_tests",
-    }
-    assert min(reproduction.seconds.values()) > 0.0
 
 
 def test_joints_that_sag_are_optimised_for_where_they_can_rest_within_their_limits(monkeypatch):

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from kinematics import Leg, urdf_path
-from planner import Infeasible, InvalidInput, JointModel, invert_foot
+from planner import Infeasible, JointModel, invert_foot
 from planner.gait import stride
 from planner.gait.stride import in_samples
 
@@ -52,11 +52,6 @@ def test_a_path_in_as_many_samples_is_itself(circle):
     twice = in_samples(circle, 48)
     assert twice[::2] == pytest.approx(circle)
     assert twice[1::2] == pytest.approx((circle + np.roll(circle, -1, axis=0)) / 2.0)
-
-
-def test_a_tolerance_above_0_is_needed(leg, circle):
-    with pytest.raises(InvalidInput, match="expected more than 0 m"):
-        stride.shortest_cycle(JOINT, leg, lambda _: circle, tolerance=0.0)
 
 
 def test_a_path_that_any_cycle_keeps_takes_the_fewest_samples(leg, circle):

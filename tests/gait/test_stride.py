@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -10,12 +9,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from kinematics import KinematicsError, Leg, Limits, UnreachableFoot
-from planner.exceptions import Infeasible, PlannerError
+from kinematics import Limits, UnreachableFoot
+from planner.exceptions import Infeasible
 from planner.gait.half_ellipse import half_ellipse
 from planner.gait.stride import DEXTEROUS, HIGHEST, LONGEST, dexterity, stride
 from tests.kinematics.made_up_robots import Joint, X, Y, made_up_leg
-from tests.robustness.hostile import NUMBERS, OTHERS
 
 TRACED = 1e-9
 """Largest distance to the foot that the inverse leaves [m]."""
@@ -134,26 +132,3 @@ def test_a_stride_on_which_the_leg_would_have_to_leap_is_an_error(leg):
     assert stride(replace(leg, limits=limits), length=0.01, **given).length == 0.01
     with pytest.raises(Infeasible, match="leap to another pose after sample"):
         stride(replace(leg, limits=limits), length=0.14, **given)
-
-
-def test_a_leap_from_the_last_sample_to_the_first_is_one_too(leg, monkeypatch):
-    def leap_at_the_end(_, angles):
-        np.testing.assert_array_equal(angles[-1], angles[0])
-        return np.array([len(angles) - 2])
-
-    monkeypatch.setattr(Leg, "jumps", leap_at_the_end)
-    with pytest.raises(Infeasible, match="leap to another pose after sample 39;"):
-        stride(leg, samples=40, length=0.02, height=0.01)
-
-
-def test_a_place_out_of_reach_is_an_error(leg):
-    with pytest.raises(Infeasible, match="no half ellipse around this place, however small"):
-        stride(leg, hip_height=0.6)
-
-
-@pytest.mark.parametrize("place", ["leg", "samples", "length", "hip_height", "heading"])
-def test_whatever_is_given_is_answered_or_refused(leg, place):
-    good = {"leg": leg, "samples": 4, "length": 0.02, "height": 0.01}
-    for value in (*NUMBERS, *OTHERS):
-        with suppress(PlannerError, KinematicsError):
-            assert np.isfinite(stride(**{**good, place: value}).angles).all()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from dataclasses import replace
 from types import SimpleNamespace
@@ -11,8 +10,8 @@ import numpy as np
 import pytest
 
 import planner
-from planner.identification.fit import fit_joint, moving, with_observed_speed
-from planner.identification.grid import resampled, runs_of, timing_of
+from planner.identification.fit import fit_joint, with_observed_speed
+from planner.identification.grid import resampled, timing_of
 from planner.identification.intervals import (
     correlation_time,
     intervals_of,
@@ -29,7 +28,6 @@ from tests.identification.made import (
     AIBO,
     NOISE,
     changed,
-    identified_rich,
     identified_steps,
     measured,
     rich_log,
@@ -62,22 +60,6 @@ def test_intervals_hold_the_truth_nineteen_times_in_twenty():
     assert np.sqrt(np.mean(errors**2)) <= 0.125  # so a quarter of a tick is two deviations
 
 
-def test_narrow_intervals_are_196_hundredths_of_a_deviation_to_either_side():
-    found = planner.identify(rich_log(noise=NOISE, rows=400), hold_out=False)
-    deviations = np.sqrt(np.diag(found.covariance))
-    names = "v_max", "theta_0", "lag", "acceleration_time", "offset"
-    for name, deviation in list(zip(names, deviations, strict=True))[:4]:
-        interval = found.intervals[name]
-        half = (interval.upper - interval.lower) / 2.0
-        assert half == pytest.approx(1.97 * deviation, rel=0.01), name
-
-
-def test_the_interval_of_a_joint_without_a_lag_begins_at_zero():
-    log = rich_log(replace(AIBO, lag=0.0), noise=NOISE, rows=250)
-    lower, upper = planner.identify(log, hold_out=False).intervals["lag"]
-    assert lower == 0.0 < upper < AIBO.tick
-
-
 def test_the_interval_of_a_dead_band_is_as_wide_as_its_estimates_scatter():
     joint = replace(AIBO, dead_band=0.03)
     found = [
@@ -108,15 +90,6 @@ def test_a_joint_that_never_saturates_shows_only_the_ratio():
     assert "record steps larger than about 0.2 rad" in said
 
 
-def test_without_noise_a_joint_that_never_saturates_has_no_top_speed_either():
-    requests = np.repeat([0.0, 0.002] * 4, 50)
-    angles = planner.simulate(AIBO, requests, cyclic=False)
-    found = planner.identify((AIBO.tick * np.arange(400), requests, angles), hold_out=False)
-    assert found.intervals["v_max"].upper == math.inf
-    said = next(warning for warning in found.warnings if "saturates" in warning)
-    assert "only v_max/theta_0" in said
-
-
 def test_a_joint_that_saturates_has_bounded_intervals_and_a_covariance():
     found = identified_steps()
     assert found.saturates
@@ -124,25 +97,6 @@ def test_a_joint_that_saturates_has_bounded_intervals_and_a_covariance():
     deviations = np.sqrt(np.diag(found.covariance))
     for deviation, (lower, upper) in zip(deviations, found.intervals.values(), strict=True):
         assert 1.5 * deviation <= (upper - lower) / 2.0 <= 2.5 * deviation
-
-
-def test_derivatives_that_outgrow_numbers_are_no_error(monkeypatch):
-    """Those of a joint that nearly rings for ever; warnings are errors here."""
-    (log,) = step_logs(AIBO, amplitudes=(0.5,), samples=250)
-    (fit,) = fit_joint([log], timing_of([log], tick=None, hold=None))
-    huge = fit.slopes()._replace(of_law=1e200 * fit.slopes().of_law)
-    monkeypatch.setattr("planner.identification.least_squares.slopes_of", lambda *_, **__: huge)
-    assert not np.isnan(uncertainty_of(fit).covariance).all()
-
-
-def test_slow_motion_cannot_tell_the_delays_apart():
-    times = np.arange(600) * AIBO.period
-    requests = 0.2 * np.sin(2.0 * np.pi * 0.5 * times)
-    rng = np.random.default_rng(0)
-    angles = measured(planner.simulate(AIBO, requests, cyclic=False), rng)
-    found = planner.identify((times, requests, angles), hold_out=False)
-    assert found.intervals["lag"].upper - found.intervals["lag"].lower >= 2.0 * AIBO.tick
-    assert any("lag lies anywhere" in warning for warning in found.warnings)
 
 
 @pytest.mark.parametrize("seed", [3, 4, 9])
@@ -192,14 +146,6 @@ def test_correlated_rows_count_for_fewer():
     assert correlation_time(np.zeros(10)) == 1.0
 
 
-def test_everything_can_be_written_as_json():
-    found = planner.identify(rich_log(amplitude=GENTLE, noise=NOISE / 10.0), hold_out=False)
-    kept = json.loads(json.dumps(found.to_dict(), allow_nan=False))
-    assert replace(found, fastest=math.nan).to_dict()["fastest"] is None
-    assert kept["intervals"]["v_max"][1] is None
-    assert kept["model"]["lag"] == found.model.lag
-
-
 @pytest.mark.parametrize(
     ("angles", "requests", "message"),
     [
@@ -211,36 +157,6 @@ def test_everything_can_be_written_as_json():
 def test_a_log_without_motion_is_refused(angles, requests, message):
     with pytest.raises(planner.InvalidInput, match=message):
         planner.identify((np.arange(60) * 0.02, requests, angles))
-
-
-def test_a_log_without_torque_is_refused():
-    log = step_logs()[0]
-    for rows in (0, 9):
-        few = changed(log, torque_on=np.arange(264) < rows)
-        with pytest.raises(planner.InvalidInput, match=f"^the log has {rows} rows to learn from"):
-            planner.identify(few)
-
-
-def test_a_run_has_three_rows_with_torque_or_more():
-    log = rich_log(rows=40)
-    torque = np.isin(np.arange(40), [5, 6, 10, 11, 12, *range(20, 30), 39])
-    runs = [rows for _, rows in runs_of([changed(log, torque_on=torque)], 0.0)]
-    assert runs == [slice(10, 13), slice(20, 30)]
-    part = resampled([changed(log, torque_on=torque)], tick=AIBO.tick, reach=0.1, burn_in=0.1)
-    assert part.firsts == ((0, 20),)  # the others are within the time that is left out
-    moved = replace(part, angles=np.arange(10.0))
-    assert moving(moved) is moved
-    with pytest.raises(planner.InvalidInput, match="has 9 rows"):
-        moving(replace(moved, angles=moved.angles[:9]))
-
-
-def test_logs_of_different_joints_are_refused():
-    log = step_logs()[0]
-    columns = {"times": log.times, "requests": log.requests, "angles": log.angles}
-    with pytest.raises(planner.InvalidInput, match="logs of one joint"):
-        planner.identify([{**columns, "joint": "knee"}, {**columns, "joint": "hip"}])
-    with pytest.raises(planner.InvalidInput, match="got units '1', 'rad', expected logs of one"):
-        planner.identify([columns, {**columns, "unit": "1"}])
 
 
 @pytest.mark.parametrize("dead_band", [0.0, 0.02])
@@ -342,20 +258,6 @@ def test_noise_is_what_differs_from_row_to_row_and_structure_what_does_not(fitte
     assert noise_of(replace(fit, residuals=outliers, scale=0.01)) == pytest.approx(0.01, rel=0.1)
 
 
-def test_a_joint_that_is_always_at_top_speed_may_have_any_gain_beside_a_threshold():
-    """A few rows of noise show a threshold; the largest gain does as well."""
-    fast = replace(AIBO, v_max=2.0, theta_0=0.01)
-    requests = np.repeat([0.0, 1.0, -1.0, 1.0, -1.0], 60)
-    angles = planner.simulate(fast, requests, cyclic=False)
-    noisy = measured(angles, np.random.default_rng(1))
-    found = planner.identify((AIBO.tick * np.arange(300), requests, noisy), hold_out=False)
-    assert found.gain_interval.upper == math.inf
-    assert found.gain_interval.lower <= 200.0
-    lower, upper = found.intervals["theta_0"]
-    assert lower == 0.0
-    assert upper >= 0.01
-
-
 @pytest.mark.parametrize(("amplitude", "rows"), [(0.13, 250), (0.14, 120)])
 def test_an_interval_ends_where_the_profile_has_risen_as_far_as_it_may(amplitude, rows):
     """That of a top speed that few rows show. Two halvings end beyond it, by less than as much."""
@@ -373,12 +275,6 @@ def test_an_interval_ends_where_the_profile_has_risen_as_far_as_it_may(amplitude
     for end in ends:
         assert 0.95 < rise(end) < 2.0
         assert rise((end + fit.parameters.v_max) / 2.0) < 0.6
-
-
-def test_ends_of_intervals_are_plain_numbers_as_model_files_have_them():
-    for found in (identified_rich(), identified_steps()):
-        ends = [end for interval in found.intervals.values() for end in interval]
-        assert {type(end) for end in [*ends, *found.gain_interval]} == {float}
 
 
 def test_where_residuals_are_alike_the_loss_may_rise_by_a_fifth_of_it():

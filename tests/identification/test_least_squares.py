@@ -9,12 +9,10 @@ import numpy as np
 import pytest
 
 import planner
-from planner.identification import identify as module
 from planner.identification.excitation import excite
 from planner.identification.grid import resampled
 from planner.identification.least_squares import (
     USUAL,
-    Fit,
     huber,
     least_squares,
     respond,
@@ -97,24 +95,6 @@ def test_rows_count_by_their_weights():
     assert np.max(np.abs(far / bare - 1.0)[:4]) > 0.01
 
 
-@pytest.mark.parametrize("without", [0, 1])
-def test_the_first_angle_of_a_run_without_rows_stays(without):
-    """Chunks of a long log may hold too few rows to compare any."""
-    whole = grid_of(step_logs())
-    kept = whole.run != without
-    columns = ("before", "share", "run", "angles", "weights")
-    part = replace(whole, **{name: getattr(whole, name)[kept] for name in columns})
-    begin = Parameters.of(AIBO)._replace(gain=30.0, lag=0.02)
-    fit = least_squares(part, begin, starts=whole.measured_starts)
-    assert fit.starts[without] == whole.measured_starts[without]
-    assert fit.starts[1 - without] != whole.measured_starts[1 - without]
-    assert fit.parameters.gain == pytest.approx(Parameters.of(AIBO).gain, rel=0.2)
-
-
-WORSE = 1.02
-"""How much more than the fit of a whole search misses one that began at a fit may."""
-
-
 @cache
 def log():
     requests = excite("combined", limits=(-0.8, 0.8), period=0.02, duration=5.0).requests
@@ -124,44 +104,3 @@ def log():
 @cache
 def found():
     return planner.identify(log())
-
-
-def poor(fit: Fit) -> Fit:
-    """The same joint but much weaker, as where a search has gone astray."""
-    weak = fit.parameters._replace(gain=0.3 * fit.parameters.gain)
-    return least_squares(fit.grid, weak, free=np.zeros_like(fit.free), starts=fit.starts)
-
-
-def test_where_rows_are_weighed_the_joint_found_before_is_one_of_the_beginnings(monkeypatch):
-    whole, searches, least = module._with_motor, [], found().rms
-
-    def astray(logs, timing, joints):
-        search = whole(logs, timing, joints)
-        searches.append(logs)
-        if len(searches) == 1:
-            return search
-        plain, joint = (each._replace(fit=poor(each.fit)) for each in (search.plain, search.joint))
-        return search._replace(plain=plain, joint=joint)
-
-    def uneven(fits, _):
-        weights = np.where(np.arange(len(log().times)) % 2, 0.9, 1.0)
-        return tuple(replace(fit.log, weights=weights) for fit in fits)
-
-    monkeypatch.setattr(module, "_with_motor", astray)
-    monkeypatch.setattr(module, "with_weights", uneven)
-    assert planner.identify(log(), hold_out=False).rms <= WORSE * least
-    assert len(searches) == 2
-
-
-def test_rows_held_out_are_predicted_by_the_joint_of_all_rows_fitted_to_the_others(monkeypatch):
-    whole, known = module.with_motor, found()
-
-    def astray(fit, terms):
-        fit, terms = whole(fit, terms)
-        held = len(fit.grid.angles) < 0.7 * len(log().times)
-        return (poor(fit), terms) if held else (fit, terms)
-
-    monkeypatch.setattr(module, "with_motor", astray)
-    again = planner.identify(log())
-    assert again.rms == pytest.approx(known.rms, rel=0.1)
-    assert again.held_out_rms <= 1.2 * known.held_out_rms

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 import planner
-from planner.identification.grid import timing_of
 from planner.identification.log import TURN, unwrapped
 from tests.identification.made import AIBO, NOISE, changed, rich_log
 
@@ -102,22 +101,6 @@ def test_glitches_shares_and_slow_logs_are_left_alone():
     assert unwrapped(slow) == (slow, 0)
 
 
-def test_a_log_carries_the_torque_of_every_row_or_none():
-    log = rich_log()
-    assert log.load is None
-    loaded = replace(log, load=np.ones(len(log.times)))
-    assert not loaded.load.flags.writeable
-    with pytest.raises(planner.InvalidTrajectory, match=r"load: got shape \(3,\), expected"):
-        replace(log, load=[1.0, 2.0, 3.0])
-    with pytest.raises(planner.InvalidTrajectory, match="not finite"):
-        replace(log, load=np.full(len(log.times), np.nan))
-
-
-def test_the_first_half_of_a_loaded_log_has_the_load_of_its_rows():
-    log = replace(rich_log(noise=NOISE), load=np.linspace(0.0, 1.0, 400))
-    assert planner.identify(log).held_out_rms <= 2.0 * NOISE
-
-
 def test_every_row_of_every_piece_with_known_requests_is_used():
     log = rich_log(noise=NOISE)
     times = log.times + 2.0 * (np.arange(400) >= 200)
@@ -126,11 +109,6 @@ def test_every_row_of_every_piece_with_known_requests_is_used():
     assert used[[198, 199, 398, 399]].all()
     assert used[:200].sum() >= 170
     assert used[200:].sum() >= 170
-
-
-def test_the_logs_of_a_joint_leave_room_for_the_delay_of_the_longest_not_of_their_sum():
-    logs = [rich_log(rows=rows) for rows in (100, 140, 120)]
-    assert timing_of(logs, tick=None, hold=None).reach == pytest.approx(0.25 * 139 * AIBO.period)
 
 
 @pytest.mark.parametrize("period", [0.008, 1.0 / 30.0, 0.1, 0.2])
@@ -146,65 +124,3 @@ def test_a_turn_lost_between_rows_far_apart_is_found_whether_requests_wrap_or_no
     assert jumps == np.count_nonzero(np.abs(np.diff(angles % TURN)) > 4.0) > 0
     assert np.allclose(found.angles - found.requests, angles - requests, rtol=0.0, atol=SAME)
     assert np.allclose(np.diff(found.angles), np.diff(angles), rtol=0.0, atol=SAME)
-
-
-@pytest.mark.parametrize("period", [5.0, 1e-5])
-def test_times_in_another_unit_are_refused_with_the_option_that_names_it(period):
-    log = rich_log()
-    with pytest.raises(planner.InvalidInput, match=f"one row every {period:g} s, .* --time COLU"):
-        planner.identify(changed(log, times=period * np.arange(len(log.times))))
-
-
-def test_a_mapping_is_refused_for_a_key_that_is_missing_or_unknown():
-    log = rich_log(rows=50)
-    columns = {"times": log.times, "requests": log.requests, "angles": log.angles}
-    with pytest.raises(planner.InvalidTrajectory, match=r"^log 1: missing \['angles'\]"):
-        planner.identify({name: columns[name] for name in ("times", "requests")})
-    with pytest.raises(planner.InvalidTrajectory, match=r"^log 1: unknown \['volts'\]"):
-        planner.identify({**columns, "volts": log.angles})
-    with pytest.raises(planner.InvalidTrajectory, match=r"^arm: angles: got 2 samples"):
-        planner.identify({**columns, "angles": [0.0, 1.0], "name": "arm"})
-
-
-def test_an_error_in_a_triple_of_arrays_names_its_place_among_the_logs():
-    log = rich_log(rows=50)
-    slow = (5.0 * np.arange(50), log.requests, log.angles)
-    with pytest.raises(planner.InvalidInput, match=r"^log 2: one row every 5 s"):
-        planner.identify([(log.times, log.requests, log.angles), slow])
-
-
-def test_the_row_before_which_time_does_not_pass_is_named():
-    log = rich_log(rows=50)
-    times = log.times.copy()
-    times[7] = times[6]
-    with pytest.raises(planner.InvalidTrajectory, match=r"got 0\.048 s in row 7 after 0\.048 s"):
-        changed(log, times=times)
-
-
-@pytest.mark.parametrize(
-    ("wrong", "message"),
-    [
-        (
-            {"angles": np.full(50, 2e9)},
-            r"arm: angles: got 2e\+09 at index 0, expected at most 1e\+09",
-        ),
-        ({"measured": [[1], [1, 0]]}, "arm: measured: .*; expected flags"),
-    ],
-)
-def test_a_column_that_is_none_is_named_with_its_log(wrong, message):
-    log = replace(rich_log(rows=50), name="arm", notes=["angles in deg"])
-    assert log.notes == ("angles in deg",)
-    with pytest.raises(planner.InvalidTrajectory, match=f"^{message}"):
-        replace(log, **wrong)
-
-
-def test_weights_are_shares_one_a_row():
-    log = rich_log()
-    np.testing.assert_array_equal(log.weights, 1.0)
-    for weights, words in (
-        (np.full(len(log.times), 1.5), "weights"),
-        (np.full(len(log.times), -0.1), "got -0.1, expected 0 to 1"),
-        (np.ones(7), "one a time"),
-    ):
-        with pytest.raises(planner.InvalidTrajectory, match=words):
-            changed(log, weights=weights)

@@ -95,8 +95,3 @@ def test_a_top_speed_that_nothing_bounds_is_not_imposed_on_the_part_that_is_fitt
     assert found.intervals["v_max"].upper == math.inf
     (delay,) = (each for each in found.alternatives if each.name == "delay")
     assert found.held_out_rms <= delay.held_out_rms
-
-
-def test_joints_that_were_not_moved_say_so(recordings):
-    with pytest.raises(planner.InvalidInput, match="the requests never change"):
-        planner.identify(so101(recordings, "triangle_wave", "Rotation"))

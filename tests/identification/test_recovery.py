@@ -82,15 +82,6 @@ def test_the_model_keeps_the_logs_period_in_ticks_of_a_millisecond_or_those_that
     assert math.isclose(found.tick, SERVO.period / hold)
 
 
-@pytest.mark.parametrize("hold", [1, 20])
-def test_which_ticks_a_slow_joint_has_is_decided_by_how_well_they_fit(hold):
-    joint = replace(SERVO, tick=SERVO.period / hold, hold=hold, lag=0.02, acceleration_time=0.05)
-    found = planner.identify(rich_log(joint, rows=1500, noise=NOISE), hold_out=False)
-    assert found.model.hold == hold
-    assert math.isclose(found.model.period, SERVO.period)
-    assert found.intervals["lag"].lower <= joint.lag <= found.intervals["lag"].upper
-
-
 @pytest.mark.parametrize(
     ("constant", "period"), [(0.0, 0.0079), (0.0, 0.02), (0.02, 0.005), (0.02, 0.0081)]
 )
@@ -113,18 +104,6 @@ def test_what_is_found_belongs_to_the_joint_and_not_to_the_rate_of_its_log(const
     assert abs(model.time_constant - constant) <= 0.001
     assert gain.lower <= 20.0 <= gain.upper
     assert gain.upper / gain.lower <= 1.04
-
-
-def test_a_long_window_has_fewer_ticks_than_a_model_may_have():
-    joint = replace(SERVO, acceleration_time=0.6, lag=0.02)
-    log = rich_log(joint, rows=1500, noise=NOISE, amplitude=0.6)
-    found = planner.identify(log, hold_out=False).model
-    assert abs(found.acceleration_time / 0.6 - 1.0) <= 0.05
-
-
-def test_a_tick_that_is_asked_for_is_that_of_the_model_to_the_last_digit():
-    log = rich_log(AIBO, rows=150, amplitude=1.0)
-    assert planner.identify(log, tick=AIBO.tick, hold_out=False).model.tick == AIBO.tick
 
 
 @pytest.mark.parametrize(
@@ -178,17 +157,6 @@ def test_failed_readings_in_a_row_are_left_out_however_many(reading, count):
     assert_close(found.model, AIBO, EXACT)
 
 
-@pytest.mark.parametrize("rows", [[0, 399], [1, 398]])
-def test_glitches_at_the_ends_of_a_log_are_left_out(rows):
-    log = rich_log()
-    angles = log.angles.copy()
-    angles[rows] += 2.0
-    found = planner.identify(changed(log, angles=angles), hold_out=False)
-    assert not found.fits[0].used[rows].any()
-    assert any("left out are 2 measured angles" in text for text in found.warnings)
-    assert_close(found.model, AIBO, EXACT)
-
-
 def test_a_request_acts_at_its_own_time_where_the_reading_failed():
     log = rich_log()
     failed = np.diff(log.requests, prepend=log.requests[:1]) != 0.0
@@ -210,30 +178,6 @@ def test_dropped_rows_are_bridged():
     assert abs(found.model.lag - AIBO.lag) <= 2 * QUARTER * AIBO.tick
 
 
-def test_uneven_rows_are_taken_when_they_are():
-    rng = np.random.default_rng(3)
-    fine = rich_log(AIBO, rows=900, amplitude=1.0)
-    rows = np.unique(np.cumsum(rng.integers(1, 4, size=400)))
-    rows = rows[rows < 900]
-    # The requests that a sparse log misses would be unknown, so they change only where it has rows.
-    requests = fine.requests[rows][np.searchsorted(rows, np.arange(900), side="right") - 1]
-    requests[: rows[0]] = requests[rows[0]]
-    angles = measured(planner.simulate(AIBO, requests, cyclic=False), rng)
-    log = planner.Log(times=fine.times[rows], requests=requests[rows], angles=angles[rows])
-    found = planner.identify(log, tick=0.008, hold=2, hold_out=False)
-    assert_found(found.model, AIBO)
-
-
-def test_several_logs_count_together():
-    logs = step_logs()
-    together = identified_steps()
-    alone = planner.identify(logs[0], hold_out=False)
-    assert len(together.fits) == 2
-    width = {n: together.intervals[n].upper - together.intervals[n].lower for n in ("v_max", "lag")}
-    for name, wide in width.items():
-        assert wide < alone.intervals[name].upper - alone.intervals[name].lower
-
-
 @pytest.mark.parametrize("form", ["triple", "array", "mapping", "list", "generator"])
 def test_logs_may_be_plain_arrays(form):
     log = step_logs()[0]
@@ -247,40 +191,6 @@ def test_logs_may_be_plain_arrays(form):
     }[form]
     expected = planner.identify(log, hold_out=False).model
     assert planner.identify(given, hold_out=False).model == expected
-
-
-def test_numbers_too_small_to_matter_do_not_end_an_identification_or_a_plan():
-    """Underflow is an error only where a user says so, and then not in here."""
-    model = planner.JointModel(
-        v_max=5.0, theta_0=0.3, lag=0.02, acceleration_time=0.06, tick=0.005, hold=4
-    )
-    times = 0.02 * np.arange(400)
-    requests = 0.6 * np.sign(np.sin(np.pi * times)) + 0.3 * np.sin(1.4 * np.pi * times)
-    noise = 1e-3 * np.random.default_rng(0).normal(size=400)
-    log = planner.Log(
-        times=times,
-        requests=requests,
-        angles=planner.simulate(model, requests, cyclic=False) + noise,
-    )
-    with np.errstate(all="raise"):
-        assert planner.identify(log).model.v_max == pytest.approx(5.0, rel=0.05)
-        path = 1.2 * np.sin(2.0 * np.pi * np.arange(88) / 88)
-        assert planner.invert_optimal(planner.JointModel.ers210a(), path, norm="max").gap >= 0.0
-
-
-def test_ticks_as_long_as_rows_are_not_taken_for_less_than_a_percent_of_the_loss():
-    """The window is three rows long, so that ticks of a row fit by 0.4 % better."""
-    joint = planner.JointModel(
-        v_max=5.90844161611189,
-        theta_0=0.47913949598003,
-        lag=0.02256848263955137,
-        acceleration_time=0.02608332602627264,
-        tick=0.0005,
-        dead_band=0.05529372330357782,
-    )
-    found = planner.identify(logged(joint, period=0.0081, rows=3704, seed=14), hold_out=False)
-    assert found.model.tick < 0.002
-    assert found.model.lag == pytest.approx(joint.lag, abs=0.001)
 
 
 @pytest.mark.parametrize("sag", [-0.05, -0.012])

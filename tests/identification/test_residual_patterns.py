@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import planner
-from planner.identification.excitation import excite
 from planner.identification.fit import fit_joint
 from planner.identification.grid import timing_of
 from planner.identification.residual_patterns import (
@@ -22,21 +21,18 @@ from planner.identification.residual_patterns import (
     stuck,
     with_weights,
 )
-from planner.identification.result import Interval, LogFit, runs_of_fits
+from planner.identification.result import Interval, LogFit
 from planner.identification.terms import with_calm_friction, with_terms
-from planner.model.evidence import errors_of_motion
 from tests.identification.made import (
     AIBO,
     NOISE,
     STICKY,
     changed,
-    hobby_servo,
     holds_log,
     identified_rich,
     identified_steps,
     on_the_table,
     rich_log,
-    servo,
     step_logs,
 )
 
@@ -74,17 +70,6 @@ def test_the_same_steps_ring_in_a_mirrored_log():
     assert notes[0] == notes[1]
     ((_, words),) = notes[0]
     assert "ringing: after 5 of 5 steps" in words
-
-
-def test_a_loaded_hobby_servo_is_predicted_and_its_asymmetry_named():
-    rng = np.random.default_rng(0)
-    requests = np.repeat(rng.uniform(-1.2, 1.2, size=24), rng.integers(15, 60, size=24))
-    found = planner.identify(hobby_servo(requests, 0.02))
-    assert np.degrees(found.held_out_rms) <= 5.5
-    assert "asymmetry:" in named(found)
-    up, down = (found.model.v_max + way * found.model.v_offset for way in (1.0, -1.0))
-    assert abs(np.degrees(up) / 220.0 - 1.0) <= 0.1
-    assert 250.0 <= np.degrees(down) <= 360.0  # seldom reached: it still accelerates
 
 
 @pytest.mark.parametrize(("ends", "said"), [((-1.2, -0.1), 1), ((-1.2, 0.1), 0)])
@@ -200,12 +185,6 @@ def test_a_joint_like_the_model_shows_nothing():
     assert not named(identified_rich())
 
 
-def test_a_log_in_which_the_joint_is_sent_nowhere_is_no_fault():
-    log = rich_log(noise=NOISE, rows=400)
-    idle = changed(log, requests=np.full(400, 0.1), angles=np.full(400, 0.1))
-    assert planner.identify([log, idle], hold_out=False).rms < 2.0 * NOISE
-
-
 def test_rows_in_which_the_joint_stands_on_something_are_left_out_with_a_note():
     free = holds_log(rows=3000)
     log, low = on_the_table(free)
@@ -221,11 +200,6 @@ def test_rows_in_which_the_joint_stands_on_something_are_left_out_with_a_note():
     assert found.model.dead_band == pytest.approx(STICKY.dead_band, rel=0.1)
 
 
-def test_a_joint_with_friction_that_stands_on_nothing_has_no_contact():
-    found = planner.identify(holds_log(seed=1), hold_out=False)
-    assert not any("contact" in text for text in found.warnings)
-
-
 def test_the_dead_band_is_that_of_calm_motion():
     """A log whose joint is shaken shows half of it."""
     shaken = replace(holds_log(replace(STICKY, dead_band=0.01), seed=1), name="shaken")
@@ -235,26 +209,6 @@ def test_the_dead_band_is_that_of_calm_motion():
     fit, _ = with_terms(*fit_joint(alike, timing_of(alike, tick=None, hold=None)))
     assert fit.parameters.dead_band == pytest.approx(STICKY.dead_band, rel=0.05)
     assert with_calm_friction(alike, fit) is fit
-
-
-def test_rows_without_torque_do_not_make_a_log_wide():
-    """A log of small motion, moved by hand in the end."""
-    shaken = holds_log(replace(STICKY, dead_band=0.01), seed=1)
-    last = np.arange(len(shaken.times)) >= 0.75 * len(shaken.times)
-    moved = np.where(last, shaken.angles + 2.0 * np.sin(0.5 * shaken.times), shaken.angles)
-    by_hand = replace(shaken, name="shaken", angles=moved, torque_on=~last)
-    found = planner.identify([replace(holds_log(), name="calm"), by_hand], hold_out=False)
-    assert found.model.dead_band == pytest.approx(STICKY.dead_band, rel=0.05)
-
-
-def test_the_dead_band_is_not_that_of_a_log_of_small_motion_alone():
-    """What holds a joint at rest is more than what slows it down."""
-    held = replace(STICKY, dead_band=1.5 * STICKY.dead_band)
-    small = replace(holds_log(held, seed=1, largest=0.2), name="small")
-    found = planner.identify([holds_log(), small], hold_out=False)
-    assert found.model.dead_band < 1.35 * STICKY.dead_band  # both fitted together
-    alone = planner.identify(small, hold_out=False)
-    assert alone.model.dead_band == pytest.approx(held.dead_band, rel=0.05)
 
 
 def uneven(share, *, calm=1e-3, scale=1.0):
@@ -286,48 +240,6 @@ def test_rows_weigh_by_the_error_to_expect_of_their_acceleration():
     for share in (0.5, 1.0, 1.1):
         assert with_weights([uneven(share)], 1e-5) is None
     assert with_weights([uneven(8.0)], 1.0) is None
-
-
-def test_rows_at_uneven_times_accelerate_as_those_at_even_ones():
-    """The times of the rows jitter by a tenth of a period, and the angles are those at them."""
-    even = uneven(8.0)
-    rng = np.random.default_rng(1)
-    times = even.log.times + 1e-3 * rng.uniform(-1.0, 1.0, size=2400)
-    late = np.interp(times, even.log.times, even.predicted)
-    angles = even.log.angles + late - even.predicted
-    log = changed(even.log, times=times, angles=angles, requests=angles)
-    jittered = replace(even, log=log, predicted=late, held_out_predicted=late)
-    one, other = (
-        errors_of_motion(runs_of_fits([each], held_out=False)).by_acceleration
-        for each in (even, jittered)
-    )
-    np.testing.assert_allclose(other[-1], one[-1], rtol=0.1)
-    weights = [with_weights([each], 1e-5)[0].weights for each in (even, jittered)]
-    assert np.mean(np.abs(weights[1] - weights[0])) <= 0.05
-
-
-def test_rows_that_are_not_fitted_keep_their_weight_and_part_what_is_beside_them():
-    whole = uneven(8.0)
-    used = np.ones(2400, dtype=bool)
-    used[600:640] = used[1800] = False
-    (log,) = with_weights([replace(whole, used=used)], 1e-5)
-    assert np.all(log.weights[~used] == 1.0)
-    assert np.all(log.weights[1801:] < 0.3)
-
-
-def test_what_a_model_lacks_in_fast_motion_does_not_spoil_slow_motion():
-    """Play before the sensor shows most in steps; with even weights the sine is off by 1.5 mrad."""
-    known = {"gain": 20.0, "up": 4.0, "down": 4.0, "delay": 0.02, "constant": 0.03}
-    test = excite("combined", limits=(-0.8, 0.8), duration=40.0, period=0.01)
-    reached = servo(test.requests, 0.01, **known, play=0.04, behind=True)
-    reached += np.random.default_rng(0).normal(scale=5e-4, size=len(reached))
-    times = 0.01 * np.arange(len(reached))
-    log = planner.Log(times=times, requests=test.requests, angles=reached)
-    model = planner.identify(log, hold_out=False).model
-    slow = 0.4 * np.sin(0.8 * np.pi * 0.01 * np.arange(500))
-    met = servo(slow, 0.01, **known, play=0.04, behind=True)
-    errors = planner.simulate(model, slow, cyclic=False, start=0.0) - met
-    assert np.sqrt(np.mean(errors[100:] ** 2)) <= 1.0e-3
 
 
 def test_rows_in_which_nothing_moves_a_joint_are_left_out_and_named():
@@ -363,13 +275,3 @@ def test_a_joint_that_moves_one_way_or_rests_in_its_dead_band_is_not_stuck():
         requests[650:680], requests[720:740] = (at + share * travel for share in (far, -near))
         held = changed(log, angles=angles, requests=requests)
         assert bool(stuck(held)) == is_stuck
-
-
-def test_angles_of_another_joint_are_not_left_out_as_if_it_were_stuck():
-    draw = np.random.default_rng(2)
-    requests, others = (np.repeat(draw.uniform(-0.7, 0.7, 600 // k), k) for k in (30, 20))
-    log = planner.Log(times=0.02 * np.arange(600), requests=requests, angles=others)
-    assert np.sum([len(rows) for rows in stuck(log)]) > 300
-    found = planner.identify(log)
-    assert found.verdict == "refused"
-    assert "the joint does not move" not in " ".join(found.warnings)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +9,6 @@ import pytest
 
 from planner.identification.identify import identify
 from planner.identification.log import Log
-from planner.identification.result import Interval
 from planner.model.joint import JointModel
 from planner.model.response import simulate
 from tests.identification.made import identified_rich, identified_steps
@@ -28,16 +26,6 @@ def test_the_delay_after_steps_is_as_uncertain_as_the_covariance_of_its_paramete
     half = 1.96 * np.sqrt(way @ found.covariance @ way)
     # Intervals follow the loss where it is no parabola, by a few percent here.
     assert found.tested.delay_error == pytest.approx(half, rel=0.1)
-
-
-def test_the_delay_after_steps_counts_the_farther_end_of_an_interval_whichever_it_is():
-    found = identified_steps()
-    lag, near, far = found.model.lag, 0.001, 0.01
-    later, sooner = (
-        replace(found, intervals=found.intervals | {"lag": Interval(lag - below, lag + above)})
-        for below, above in ((near, far), (far, near))
-    )
-    assert later.tested.delay_error == pytest.approx(sooner.tested.delay_error)
 
 
 @pytest.mark.parametrize(
@@ -85,26 +73,6 @@ def test_a_joint_was_as_fast_as_in_rows_that_are_not_fitted():
     assert words in warning  # and nothing of the other log
 
 
-def test_the_least_top_speed_is_the_measured_one_where_the_fit_has_a_higher_one():
-    """A motor that overshoots after a large step whose rows are not fitted, and is slow then."""
-    v_max, theta_0, friction, step = 6.5, 0.15, 0.03, 0.0005
-    times = np.arange(420) / 30.0
-    fine = step * np.arange(int(times[-1] / step) + 2)
-    before = np.clip(np.searchsorted(times, fine - 0.04, side="right") - 1, 0, None)
-    requests = 0.35 * np.sin(0.5 * np.pi * times) + 0.2 * np.sin(1.2 * np.pi * times + 1.0)
-    angle, speed, path = requests[0] + np.radians(80.0), 0.0, []
-    for request in requests[before]:
-        error = np.sign(request - angle) * max(abs(request - angle) - friction, 0.0)
-        speed += (np.clip(v_max / theta_0 * error, -v_max, v_max) - speed) * step / 0.03
-        angle += speed * step
-        path.append(angle)
-    encoder = 2.0 * np.pi / 4096
-    angles = encoder * np.round(np.interp(times, fine, path) / encoder)
-    found = identify(Log(times=times, requests=requests, angles=angles), hold_out=False)
-    assert found.intervals["v_max"].lower >= np.max(np.abs(angles[3:] - angles[:-3])) / 0.101 > 6.0
-    assert any("7 on which requests before the log act" in text for text in found.warnings)
-
-
 def test_the_error_to_expect_is_the_larger_one_of_all_rows_and_of_those_held_out():
     found = identified_rich()
     for held_out, expected in ((2.0 * found.rms, 2.0), (0.5 * found.rms, 1.0), (None, 1.0)):
@@ -123,29 +91,6 @@ def test_what_a_model_gains_over_a_delay_is_told_by_rows_held_out():
         expected = factor * found.held_out_rms / delay
         assert other.tested.over_delay == pytest.approx(expected, rel=1e-3)
     assert np.isnan(replace(found, held_out_rms=None).tested.over_delay)
-
-
-def test_rows_that_are_fitted_do_not_bound_a_top_speed_that_others_exceed():
-    """A servo whose speed was limited after the first step, whose request came before the log."""
-    times = 0.02 * np.arange(700)
-    turns = np.random.default_rng(5).choice([-0.8, 0.1, 0.9], 24)
-    requests = np.repeat(turns, 30)[: len(times)]
-    requests[:30] = 1.2
-    fast = JointModel(v_max=6.0, theta_0=0.2, lag=0.02, acceleration_time=0.06, tick=0.02)
-    start = simulate(fast, requests[:30], cyclic=False, start=-1.2)
-    limited = replace(fast, v_max=2.0, theta_0=0.2 / 3.0)
-    slow = simulate(limited, requests[29:], cyclic=False, start=float(start[-1]))
-    angles = np.append(-1.2, np.concatenate([start[:-1], slow]))[: len(times)]
-    noise = np.radians(0.05) * np.random.default_rng(3).standard_normal(len(times))
-    found = identify(Log(times=times, requests=requests, angles=angles + noise))
-    assert not found.fits[0].used[0]
-    assert found.model.v_max >= 0.9 * np.max(np.diff(angles)) / 0.02
-    assert found.intervals["v_max"].lower >= 0.9 * 6.0
-    assert found.intervals["v_max"].upper == np.inf
-    (warning,) = [words for words in found.warnings if "a limit in the servo" in words]
-    moved, bound = map(float, re.findall(r"([\d.]+) rad/s", warning))
-    assert moved == pytest.approx(np.max(angles[5:] - angles[:-5]) / 0.1, rel=0.01)
-    assert 2.0 <= bound < 2.1
 
 
 def test_the_error_by_motion_is_that_of_rows_held_out():

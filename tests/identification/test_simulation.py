@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 
 import planner
 from planner.identification.grid import glitches, resampled
-from planner.identification.least_squares import respond, slopes_of
+from planner.identification.least_squares import respond
 from planner.identification.log import GAP
-from planner.identification.parameters import Parameters, units
+from planner.identification.parameters import Parameters
 from tests.identification.made import changed, rich_log
 from tests.strategies import models, trajectories
 
@@ -26,9 +26,6 @@ PLAIN = planner.JointModel(
 )
 
 STICKY = replace(PLAIN, dead_band=0.03, v_offset=0.4, compliance=0.05, speed_per_torque=0.3)
-
-SLOPE = 1e-5
-"""Difference quotients with steps of 1e-6 agree to this, relative to the largest slope."""
 
 
 def log_of(model, requests):
@@ -54,39 +51,6 @@ def test_a_joint_with_dry_friction_and_a_load_is_simulated_as_the_planner_simula
     assert np.max(np.abs(predicted - log.angles)) <= SAME_RUN
 
 
-def test_a_joint_that_comes_to_rest_does_not_waver():
-    """The derivative by the dead band is that of the side on which the joint rests."""
-    rng = np.random.default_rng(0)
-    for _ in range(50):
-        theta_0, lag, ramp = rng.uniform([0.05, 0.005, 0.005], [0.4, 0.03, 0.05])
-        model = replace(PLAIN, theta_0=theta_0, lag=lag, acceleration_time=ramp)
-        log = log_of(model, np.repeat([0.0, rng.uniform(0.05, 0.15)], [10, 300]))
-        grid = resampled([log], tick=PLAIN.tick, reach=0.5, burn_in=0.0)
-        at = Parameters.of(model)._replace(v_max=np.inf)
-        errors = respond(grid, at, log.angles[:1]).errors[-400:]
-        assert np.max(np.abs(errors)) < 1e-3
-        assert np.all(errors >= 0.0)
-
-
-FIELDS = [name for name in Parameters._fields if name not in ("acceleration", "play")]
-
-
-@pytest.mark.parametrize("field", FIELDS)
-@pytest.mark.parametrize("model", [PLAIN, STICKY], ids=["plain", "with dry friction and a load"])
-def test_the_derivatives_are_slopes(model, field):
-    slopes_agree(model, field)
-
-
-@pytest.mark.parametrize("field", [*FIELDS, "acceleration"])
-@pytest.mark.parametrize("constant", [0.0, 0.03])
-def test_the_derivatives_are_slopes_with_an_acceleration_limit(field, constant):
-    slow = replace(STICKY, time_constant=constant, max_acceleration=120.0, theta_0=0.4)
-    if field.endswith("integral_rate"):
-        slow = replace(slow, **{field: 8.0}, time_constant=0.03)
-    if constant or field != "time_constant":
-        slopes_agree(slow, field)
-
-
 def test_what_friction_takes_of_the_acceleration_is_added_in_the_model():
     motor = replace(STICKY, time_constant=0.03, max_acceleration=40.0)
     at = Parameters.of(motor)
@@ -94,22 +58,6 @@ def test_what_friction_takes_of_the_acceleration_is_added_in_the_model():
     share = -math.expm1(-motor.tick / 0.03)
     assert at.acceleration == pytest.approx(40.0 - share * gain * motor.dead_band / motor.tick)
     assert at.model(tick=motor.tick, hold=motor.hold) == motor
-
-
-def slopes_agree(model, field):
-    load = np.cumsum(np.random.default_rng(1).normal(scale=0.1, size=400))
-    log = replace(rich_log(model, load=load), load=load)
-    grid = resampled([log], tick=model.tick, reach=0.5, burn_in=0.0)
-    at, starts = Parameters.of(model), log.angles[:1]
-    only = np.array([name == field for name in Parameters._fields])
-    slopes = slopes_of(grid, at, starts, only).by_parameter / units(grid, at)[only]
-    step = 1e-6 * max(getattr(at, field), 0.1)
-    ahead, behind = (
-        respond(grid, at._replace(**{field: getattr(at, field) + way}), starts).predicted
-        for way in (step, -step)
-    )
-    quotients = (ahead - behind) / (2.0 * step)
-    assert np.max(np.abs(quotients - slopes[:, 0])) <= SLOPE * np.max(np.abs(quotients))
 
 
 def test_torque_that_returns_starts_anew_with_the_requests_that_came_before():

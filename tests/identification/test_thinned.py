@@ -10,7 +10,7 @@ from planner.identification.grid import MOST_ROWS, resampled, thinned
 from planner.identification.least_squares import respond
 from planner.identification.parameters import Parameters
 from planner.trajectory import rms
-from tests.identification.made import AIBO, NOISE, QUANTUM, changed, measured, rich_log
+from tests.identification.made import AIBO, NOISE, QUANTUM, measured, rich_log
 
 ROWS = 2 * MOST_ROWS + 1
 """The fewest rows of which some are chosen, and one."""
@@ -25,11 +25,6 @@ def burst_log(model=AIBO, *, rows=ROWS, at=28_000):
     return planner.Log(times=model.period * np.arange(rows), requests=requests, angles=angles)
 
 
-def test_logs_of_less_than_twice_the_rows_stay_as_they_are():
-    log = rich_log(rows=ROWS - 2)
-    assert thinned([log]) == (log,)
-
-
 def test_some_rows_of_several_long_logs_are_kept_in_each():
     logs = [rich_log(rows=5 * MOST_ROWS // 4, seed=seed) for seed in range(4)]
     kept = [np.sum(log.torque_on) for log in thinned(logs)]
@@ -37,32 +32,11 @@ def test_some_rows_of_several_long_logs_are_kept_in_each():
     assert min(kept) >= MOST_ROWS // 10
 
 
-def test_the_beginning_of_a_log_that_is_not_divided_is_kept():
-    logs = [rich_log(rows=40, seed=seed) for seed in range(2 * ROWS // 40)]
-    for log, some in zip(logs, thinned(logs), strict=True):
-        if np.all(some.torque_on):
-            assert np.array_equal(some.measured, grid.sound_rows(log))
-
-
 def test_the_largest_steps_are_kept():
     log = burst_log()
     (some,) = thinned([log])
     assert some.torque_on[28_000:28_400].all()
     assert np.sum(some.torque_on) <= 1.1 * MOST_ROWS
-
-
-def test_the_largest_loads_are_kept():
-    load = np.zeros(ROWS)
-    load[28_000:28_400] = 1.0
-    (some,) = thinned([replace(rich_log(rows=ROWS), load=load)])
-    assert some.torque_on[28_000:28_400].all()
-
-
-def test_of_motion_that_repeats_itself_all_parts_are_kept():
-    cycle = 2000  # rows: as many as a group of stretches
-    log = rich_log(rows=10 * MOST_ROWS)
-    (some,) = thinned([changed(log, requests=np.resize(log.requests[:cycle], len(log.times)))])
-    assert set(np.flatnonzero(some.torque_on) % cycle) == set(range(cycle))
 
 
 def test_a_joint_with_inertia_moves_in_a_stretch_as_in_the_whole_log():

@@ -7,7 +7,7 @@ import pytest
 
 import planner
 from planner.identification.fit import evenly_timed
-from planner.identification.grid import fine_hold, measured_speed, timing_of
+from planner.identification.grid import timing_of
 from tests.identification.made import AIBO, NOISE, changed, measured, rich_log, step_logs
 
 JITTER = 1e-3
@@ -88,29 +88,6 @@ def test_dropped_rows_and_gaps_keep_their_places():
         assert np.std((even.times - true)[part]) <= 1e-3 * AIBO.period
 
 
-def test_pieces_of_such_unlike_rates_that_even_times_would_overlap_keep_theirs():
-    log = rich_log()
-    later = np.concatenate([[0.0], np.full(119, 0.008), [0.14], np.full(279, 0.013)])
-    unlike = changed(log, times=np.cumsum(later))
-    assert evenly_timed([unlike], AIBO.period) == ((unlike,), 0.0)
-
-
-def test_a_period_is_the_mean_of_times_that_are_rounded_to_milliseconds():
-    log = rich_log(rows=400, noise=NOISE)
-    times = np.round(np.arange(400) / 120.0, 3)
-    model = planner.identify(changed(log, times=times), hold_out=False).model
-    assert abs(model.period - 1.0 / 120.0) <= 1e-5  # the median would be 8 ms
-
-
-def test_a_loop_that_is_late_now_and_then_has_the_period_of_most_of_its_rows():
-    log = rich_log(rows=400, noise=NOISE)
-    late = np.random.default_rng(2).random(400) < 0.15
-    timing = timing_of(
-        [changed(log, times=np.cumsum(np.where(late, 0.028, 0.0205)))], tick=None, hold=None
-    )
-    assert abs(timing.period - 0.0205) <= 1e-9  # the mean would be 21.6 ms
-
-
 @pytest.mark.parametrize(
     ("period", "given", "tick", "hold"),
     [
@@ -135,27 +112,3 @@ def test_ticks_are_those_asked_for_or_of_five_milliseconds_and_at_most_twenty(
     assert (timing.tick, timing.period) == pytest.approx((tick, period))
     assert timing.hold == hold
     assert timing.ticking(1.01 * tick)[1:3] == pytest.approx((tick, hold))
-
-
-@pytest.mark.parametrize(
-    ("period", "window", "hold"),
-    [(0.0004, 0.0, 1), (0.008, 0.05, 8), (0.02, 0.05, 20), (0.1, 0.05, 20), (0.02, 0.5, 10)],
-)
-def test_a_fit_ends_on_ticks_of_a_millisecond_and_fewer_of_a_long_window(period, window, hold):
-    assert fine_hold(period, window) == hold
-
-
-@pytest.mark.parametrize(("row", "speed"), [(9, 5.0), (10, 5.0), (15, 5.0), (16, 0.0), (4, 0.0)])
-def test_a_joint_is_as_fast_as_in_a_tenth_of_a_second_with_one_of_the_rows_in_it(row, speed):
-    """It jumps by half a radian from row 10 to 11, and by more in rows that say nothing."""
-    rows = np.arange(60)
-    angles = 0.5 * (rows > 10) + 9.0 * (rows > 20) + 9.0 * (rows == 30) + 9.0 * (rows > 40)
-    log = planner.Log(
-        times=0.02 * rows + 0.2 * (rows > 20),
-        requests=angles,
-        angles=angles,
-        torque_on=rows <= 40,
-        measured=rows != 30,
-    )
-    assert measured_speed(log, rows == row) == pytest.approx(speed)
-    assert measured_speed(log) == pytest.approx(5.0)

@@ -4,17 +4,12 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import planner
-from planner.identification.fit import fit_joint
-from planner.identification.grid import timing_of
-from planner.identification.least_squares import respond
-from planner.identification.terms import excerpt_of
-from tests.identification.made import NOISE, hobby_servo, measured, random_servo, rich_log, servo
+from tests.identification.made import measured, random_servo, servo
 
 DEFECTS = ("backlash:",)
 
@@ -84,36 +79,3 @@ def test_a_servo_with_neither_shows_neither(seed):
     found = planner.identify(random_servo(seed, kinds=("steps",), seconds=SECONDS), hold_out=False)
     assert not told(found)
     assert found.model.max_acceleration == math.inf
-
-
-def test_residuals_that_are_noise_show_nothing():
-    assert not sentences(rich_log(noise=NOISE, rows=600))
-
-
-def test_without_anything_more_an_enlarged_joint_is_the_model():
-    log = hobby_servo(np.repeat(np.random.default_rng(0).uniform(-1.0, 1.0, 20), 40), 0.02)
-    (fit,) = fit_joint([log], timing_of([log], tick=None, hold=None))
-    excerpt = excerpt_of(fit)
-    found = respond(excerpt.grid, fit.parameters, excerpt.starts).predicted
-    assert np.max(np.abs(found - fit.predicted[excerpt.compared])) <= 1e-12
-    assert np.mean(excerpt.compared) >= 0.8
-
-
-def test_a_log_of_two_pieces_names_rows_of_either():
-    logs = [
-        replace(random_servo(3, kinds=("steps",), seconds=part, play=0.05), name=name)
-        for name, part in (("one", 6.0), ("two", 8.0))
-    ]
-    (said,) = sentences(logs)
-    assert "one rows" in said or "two rows" in said
-
-
-def test_a_sensor_that_hung_and_jumps_back_makes_no_top_speed():
-    log = rich_log(rows=1500, amplitude=1.2, noise=NOISE)
-    angles = log.angles.copy()
-    end = 850 + int(np.argmax(np.abs(angles[850:950] - angles[600])))
-    assert abs(angles[end] - angles[600]) > 0.7  # in a row
-    angles[600:end] = angles[600]
-    found = planner.identify(replace(log, angles=angles), hold_out=False)
-    assert found.model.v_max == pytest.approx(planner.JointModel.ers210a().v_max, rel=0.02)
-    assert not any("a limit in the servo" in words for words in found.warnings)

@@ -10,19 +10,15 @@ import numpy as np
 import pytest
 
 import planner
-from planner.exceptions import ANGLE_UNIT
 from planner.identification.fit import fit_joint
 from planner.identification.grid import resampled, timing_of
 from planner.identification.intervals import intervals_of, uncertainty_of
 from planner.identification.judgement import (
     exchanged_columns,
-    is_loose,
-    notes_on,
     undetermined_delays,
     verdict_on,
 )
-from planner.identification.parameters import MOST_SAG, only
-from planner.identification.result import Finding, HeldOut, Interval
+from planner.identification.result import HeldOut, Interval
 from planner.report.identification.text import next_step
 from tests.identification.made import (
     AIBO,
@@ -43,35 +39,6 @@ PERIOD = 0.02
 """Of the made logs [s]."""
 
 
-@pytest.mark.parametrize(
-    ("delayed", "verdict", "why"),
-    [
-        (True, "refused", "% of the motion, and a mere delay hardly more"),
-        (False, "usable", "% of the motion"),
-    ],
-)
-def test_a_model_that_misses_a_fifth_has_to_be_better_than_a_mere_delay(delayed, verdict, why):
-    """Of the gentle motion a delay misses 1.7 times as much as the model."""
-    log = rich_log(rows=600, amplitude=0.1)
-    late = np.concatenate([np.zeros(6), log.requests[:-6]])
-    clean = late if delayed else log.angles
-    noise = 0.225 * np.std(clean) * np.random.default_rng(0).standard_normal(600)
-    found = planner.identify(changed(log, angles=clean + noise), hold_out=False)
-    assert found.verdict == verdict
-    assert found.reason.endswith(why)
-
-
-def test_a_model_that_something_simpler_beats_is_usable_and_says_so():
-    """A joint that merely repeats its requests, between two rows later: some 40 % better."""
-    times = np.arange(500) * AIBO.period
-    rng = np.random.default_rng(1)
-    requests = np.repeat(rng.uniform(-0.5, 0.5, 60), 10)[:500]
-    angles = np.interp(times - 0.0444, times, requests) + rng.normal(0.0, NOISE, 500)
-    found = planner.identify(planner.Log(times=times, requests=requests, angles=angles))
-    assert found.verdict == "usable"
-    assert found.reason == "a delay with a first-order lag predicts better"
-
-
 def test_a_model_that_holds_says_which_of_friction_and_gravity_its_log_does_not_show():
     sticky = replace(JOINT, dead_band=0.03)
     for joint, load, missing in (
@@ -84,29 +51,6 @@ def test_a_model_that_holds_says_which_of_friction_and_gravity_its_log_does_not_
         found = planner.identify(log)
         assert found.verdict == "holds"
         assert found.reason.partition("; ")[2] == missing
-
-
-def test_a_model_that_could_not_be_tested_is_usable_and_says_why():
-    rich = rich_log(rows=300)
-    requests = np.concatenate([np.zeros(400), rich.requests])
-    angles = planner.simulate(AIBO, requests, cyclic=False)
-    angles = measured(angles, np.random.default_rng(0), noise=NOISE, quantum=0.0)
-    times = np.arange(len(requests)) * AIBO.period
-    log = planner.Log(times=times, requests=requests, angles=angles)
-    found = planner.identify(log)
-    assert found.held_out_rms is None
-    assert (found.verdict, found.reason) == ("usable", "it was not tested on rows held out")
-    assert planner.identify(log, hold_out=False).verdict == "holds"
-
-
-def test_the_second_half_of_the_rows_with_torque_is_held_out():
-    log = rich_log(noise=NOISE, rows=400)
-    off = changed(log, torque_on=np.arange(400) < 300)
-    for found, first in ((identified_rich(), 200), (planner.identify(off), 150)):
-        (fit,) = found.fits
-        rows = np.flatnonzero(fit.held_out)
-        assert rows[0] == first
-        assert np.all(np.isfinite(fit.held_out_predicted[rows]))
 
 
 @pytest.mark.parametrize(
@@ -137,34 +81,6 @@ def test_of_unknown_delays_more_rows_are_asked_for_where_a_joint_responds_betwee
     assert not undetermined_delays(fit, narrow)
 
 
-@pytest.mark.parametrize(("steps", "topic"), [(5, "delays"), (6, "log")])
-def test_of_a_log_with_a_few_steps_between_rests_no_more_steps_are_asked_for(steps, topic):
-    """Even where most of the way is slow, as in the signal that excite proposes."""
-    log = rich_log(JOINT, rows=2000)
-    requests = 0.3 * np.sin(2.0 * np.pi * 0.5 * log.times)
-    rows = round(0.5 / log.period)
-    for k in range(steps + 1):
-        requests[k * rows : (k + 1) * rows] = 0.25 if k % 2 else -0.25
-    angles = planner.simulate(JOINT, requests, cyclic=False)
-    log = changed(log, requests=requests, angles=angles)
-    (fit,) = fit_joint([log], timing_of([log], tick=None, hold=None))
-    fit = replace(fit, parameters=fit.parameters._replace(lag=0.0, acceleration_time=0.0))
-    wide = {"lag": Interval(0.0, 0.04), "acceleration_time": Interval(0.0, 0.09)}
-    assert {each.topic for each in undetermined_delays(fit, wide)} == {topic}
-
-
-def test_a_joint_that_overshoots_for_a_moment_has_no_column_in_another_scale():
-    requests = np.repeat([-0.7, 0.7] * 2, 100)
-    times = 0.02 * np.arange(len(requests))
-    since = np.arange(len(requests)) % 100 - 4.0
-    swing = 0.8 * np.exp(-since / 6.0) * np.cos(since / 3.0)
-    angles = requests * (1.0 + np.where(since >= 0.0, swing, -1.0))
-    log = changed(rich_log(JOINT, rows=len(requests)), times=times, requests=requests)
-    overshooting = planner.identify(changed(log, angles=angles), hold_out=False).findings
-    assert np.ptp(angles) > 1.4 * np.ptp(requests)
-    assert not any("scale of a column" in each.words for each in overshooting)
-
-
 def test_how_well_the_middle_of_a_window_is_known_counts_what_its_length_does():
     """Two windows about one middle leave a joint that closes in on a step apart by K a^2 / 24."""
     window, delays = 0.05, []
@@ -186,13 +102,6 @@ def test_what_was_held_out_is_predicted_to_the_noise():
     errors = (fit.held_out_predicted - log.angles)[fit.held_out]
     assert np.isclose(np.sqrt(np.mean(errors**2)), found.held_out_rms)
     assert np.isnan(fit.held_out_predicted[~fit.held_out]).all()
-
-
-def test_hold_out_can_be_left_out():
-    found = planner.identify(rich_log(noise=NOISE), hold_out=False)
-    assert found.held_out_rms is None
-    assert not found.fits[0].held_out.any()
-    assert all(other.held_out_rms is None for other in found.alternatives)
 
 
 def test_a_saturating_joint_is_better_described_by_the_model_than_by_anything_simpler():
@@ -237,13 +146,6 @@ def test_of_a_log_of_noise_one_warning_says_that_it_holds_no_motion():
     assert not any("holds no motion" in warning for warning in moved.warnings)
 
 
-def test_a_joint_that_sticks_badly_is_refused():
-    log = rich_log(noise=NOISE)
-    stuck = np.clip(log.angles, -0.1, 0.1)  # something holds it
-    found = planner.identify(changed(log, angles=stuck), hold_out=False)
-    assert not found.accepted
-
-
 def test_outliers_weigh_little_and_are_not_held_against_the_model():
     log = rich_log(noise=NOISE)
     angles = log.angles.copy()
@@ -254,15 +156,6 @@ def test_outliers_weigh_little_and_are_not_held_against_the_model():
     assert np.max(weights[201:204]) < 0.1
     assert np.median(weights) == 1.0
     assert abs(found.model.v_max / AIBO.v_max - 1.0) <= 0.01
-
-
-def test_a_joint_that_jumps_is_none_even_if_it_mostly_rests():
-    requests = np.repeat([0.0, 0.5, 0.0, 0.5, 0.0], 20)
-    times = 0.02 * np.arange(len(requests))
-    found = planner.identify(
-        (times, requests, requests), hold_out=False
-    )  # there at once: faster than any lag
-    assert not found.accepted
 
 
 def waves(shape, frequency):
@@ -289,16 +182,6 @@ def test_an_inverted_sign_is_refused_by_name_even_if_the_motion_repeats_itself(s
     assert "invert the sign of one column" in warning
 
 
-def test_it_does_not_matter_which_column_is_inverted_or_where_zero_is():
-    log = rich_log(noise=NOISE)
-    for requests, angles in ((-log.requests, log.angles), (log.requests, 1.0 - log.angles)):
-        found = planner.identify(changed(log, requests=requests, angles=angles), hold_out=False)
-        assert not found.accepted
-        assert names_the_sign(found)
-        assert len(found.findings) == 1
-        assert not any("does not repeat itself" in text for text in found.warnings)
-
-
 def test_a_joint_that_is_late_by_less_than_half_a_cycle_has_no_wrong_sign():
     times = AIBO.period * np.arange(500)
     requests = 0.1 * np.sin(2.0 * np.pi * 5.0 * times)  # half a cycle of 100 ms, 90 of delay
@@ -314,18 +197,6 @@ def test_angles_that_have_nothing_to_do_with_the_requests_have_no_sign():
     assert not found.accepted
     assert any("the model does not fit" in warning for warning in found.warnings)
     assert not names_the_sign(found)
-
-
-def test_a_log_in_which_the_joint_always_saturates_bounds_theta_0_from_above_only():
-    fast = planner.JointModel(
-        v_max=4.0, theta_0=0.02, lag=0.02, acceleration_time=0.05, tick=AIBO.period
-    )
-    requests = np.where(np.arange(300) // 60 % 2 == 0, 2.0, -2.0)
-    requests[:5] = 0.0
-    angles = planner.simulate(fast, requests, cyclic=False)
-    noisy = measured(angles, np.random.default_rng(0))
-    found = planner.identify((AIBO.period * np.arange(300), requests, noisy), hold_out=False)
-    assert any("theta_0 is only known to be less than" in text for text in found.warnings)
 
 
 @pytest.mark.parametrize(("factor", "verdict"), [(0.2, "refused"), (1.5, "usable")])
@@ -382,16 +253,6 @@ class Judged(NamedTuple):
 
 def topics(judged):
     return [each.topic for each in judged.notes]
-
-
-def test_a_model_that_is_tested_and_misses_little_holds(fitted):
-    found = judged(fitted, held={})
-    assert (found.verdict, found.reason) == (
-        "holds",
-        "it misses 1 % of the motion in the part that was held out; the log shows neither dry "
-        "friction nor gravity",
-    )
-    assert topics(found) == []
 
 
 @pytest.mark.parametrize(("share", "verdict"), [(0.99, "holds"), (0.96, "usable"), (0.94, "worse")])
@@ -465,34 +326,6 @@ def test_dry_friction_that_may_be_a_tenth_of_the_motion_is_hidden(fitted):
     assert "friction" not in topics(refused)  # of a model that is not used anyway
 
 
-@pytest.mark.parametrize(("unit", "sag"), [("rad", "36.1 deg"), ("1", "0.63")])
-def test_a_parameter_at_the_edge_of_the_search_is_named_in_the_unit_of_the_log(unit, sag, fitted):
-    """A sag by the angle ends at most at 0.63 rad, a lag a tick below the reach of the search."""
-    fit, bounds = fitted
-    last, free = fit.grid.reach - fit.grid.tick, fit.free | only("sag_sin")
-    for lag, sag_sin, told in (
-        (last, 0.0, [f"lag ended at the edge of the search, at {1e3 * last:.3g} ms"]),
-        (0.02, MOST_SAG, [f"sag_sin ended at the edge of the search, at {sag}"]),
-        (0.9 * last, 0.0, []),
-    ):
-        at = fit.parameters._replace(lag=lag, sag_sin=sag_sin)
-        enlarged = replace(fit, parameters=at, free=free)
-        written = ANGLE_UNIT.set("deg")
-        notes = judged((enlarged, bounds), unit=unit).notes
-        ANGLE_UNIT.reset(written)
-        edges = [each.words for each in notes if each.topic == "search"]
-        assert [words.split(":")[0] for words in edges] == told
-
-
-@pytest.mark.parametrize(("least", "told"), [(5.0, ["1.2 rad"]), (0.0, [])])
-def test_a_threshold_is_told_to_be_less_than_the_least_gain_says(least, told, fitted):
-    fit, bounds = fitted
-    known = bounds | {"gain": Interval(least, np.inf), "v_max": Interval(5.0, 6.0)}
-    notes = judged((fit, known)).notes
-    said = [each.words for each in notes if each.topic == "threshold"]
-    assert [words.split(": ")[0].split(" than ")[1] for words in said] == told
-
-
 def test_motion_that_repeats_itself_is_not_taken_for_columns_that_are_exchanged():
     """It is like the requests a part of a cycle later, too."""
     log = waves("sine", 2.0)
@@ -500,45 +333,3 @@ def test_motion_that_repeats_itself_is_not_taken_for_columns_that_are_exchanged(
     for each, exchanged in ((log, False), (turned, True)):
         grid = resampled([each], tick=0.005, reach=1.0, burn_in=0.0)
         assert (exchanged_columns(grid) is not None) is exchanged
-
-
-def test_holes_in_the_times_are_told_with_their_rows_and_times():
-    log = rich_log(rows=600)
-    kept = np.flatnonzero(np.isin(np.arange(600) // 50, (1, 3, 4, 6, 8, 11)))
-    columns = {name: getattr(log, name)[kept] for name in ("times", "requests", "angles")}
-    timing = timing_of([log], tick=None, hold=None)
-    (said,) = notes_on([planner.Log(name="hip", **columns)], timing, [0])
-    pauses = [
-        f"{51 * log.period:.2g} s after row {row} at {log.times[at]:.4g} s"
-        for row, at in ((49, 99), (149, 249), (199, 349))
-    ]
-    assert said.words.startswith(f"hip: rows are missing for {', '.join(pauses)} and 1 more: ")
-    assert notes_on([log], timing, [0]) == []
-
-
-@pytest.mark.parametrize(("jumps", "often"), [(1, "once"), (2, "2 times")])
-def test_turns_are_counted_in_the_note_of_their_log(jumps, often):
-    logs = [replace(rich_log(rows=50), name=name) for name in ("hip", "knee")]
-    timing = timing_of(logs, tick=None, hold=None)
-    (said,) = notes_on(logs, timing, [0, jumps])
-    words = f"knee: the actual or requested angle jumps by a whole turn {often}, as encoders do"
-    assert said.words.startswith(words)
-
-
-def test_what_speaks_against_the_columns_is_said_where_the_model_misses_much(fitted):
-    fit, _ = fitted
-    found = judged(fitted, against=Finding("sign", ""), signal=fit.rms / 0.15)
-    assert (found.verdict, topics(found)) == ("refused", ["sign"])
-    exchanged = Finding("columns", "")
-    assert judged(fitted, exchanged=exchanged).notes == []
-    missing = judged(fitted, exchanged=exchanged, signal=fit.rms / 0.15)
-    assert topics(missing) == ["error", "columns"]
-    shaken = judged(fitted, shaken=[Finding("shaken", "")], held={"beyond": True})
-    assert (shaken.verdict, topics(shaken)) == ("usable", ["shaken", "held out"])
-    assert judged(fitted, tested=False).reason == "it was not tested on rows held out"
-
-
-def test_a_time_is_loose_from_half_of_it_and_two_ticks_on():
-    for value, most in ((0.08, 0.04), (0.01, 0.016)):
-        assert not is_loose(0.008, 0.96 * most, value)
-        assert is_loose(0.008, 1.04 * most, value)

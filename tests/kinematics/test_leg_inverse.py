@@ -86,14 +86,6 @@ def test_a_leg_that_cannot_move_its_foot_in_three_directions_is_searched(joints,
         leg.joint_angles(foot + 0.3)
 
 
-@pytest.mark.parametrize("off", [1e-8, 1e-6, 1e-4])
-def test_a_foot_next_to_its_last_axis_is_reached(off, tmp_path):
-    joints = [Joint((0, 0, 0), X), Joint((0, 0, 0), Y), Joint((0, 0, -0.1), Y)]
-    leg = made_up_leg(tmp_path, joints, (0, 0.02, -off))
-    foot = leg.foot_positions(np.random.default_rng(1).uniform(-1.0, 1.0, (20, 3)))
-    np.testing.assert_allclose(leg.foot_positions(leg.joint_angles(foot)), foot, atol=EXACT)
-
-
 def test_the_closed_form_finds_every_pose_that_the_search_finds(closed_shape):
     leg = closed_shape
     free = replace(leg, limits=Limits(np.full(3, -np.pi), np.full(3, np.pi)))
@@ -144,40 +136,12 @@ def test_the_first_pose_is_the_one_deepest_inside_the_limits():
     np.testing.assert_array_equal(choose(poses, allowed, limits), [[0.1, 0.8]])
 
 
-def test_of_poses_equally_deep_the_larger_last_angle_is_taken():
-    poses = np.array([[[0.5, -0.5], [-0.5, 0.5], [0.5 + 1e-12, 0.5]]])
-    limits = Limits(np.array([-1.0, -1.0]), np.array([1.0, 1.0]))
-    np.testing.assert_array_equal(choose(poses, np.ones((1, 3), bool), limits), poses[:, 2])
-
-
 def test_each_later_pose_is_the_nearest_to_the_one_before():
     poses = np.array([[[0.0], [3.0]], [[2.9], [0.3]], [[3.1], [0.4]], [[0.5], [0.6]]])
     limits = Limits(np.array([-1.0]), np.array([4.0]))
     allowed = np.array([[True, False], [True, True], [True, True], [True, True]])
     chosen = choose(poses, allowed, limits)
     np.testing.assert_array_equal(chosen[:, 0], [0.0, 0.3, 0.4, 0.5])
-
-
-def test_a_joint_that_cannot_turn_about_has_the_long_way_to_its_other_end():
-    poses = np.array([[[2.9], [2.9]], [[-2.9], [1.0]]])
-    limits = Limits(np.array([-3.0]), np.array([3.0]))
-    chosen = choose(poses, np.ones((2, 2), bool), limits)
-    np.testing.assert_array_equal(chosen[:, 0], [2.9, 1.0])
-
-
-def test_of_later_poses_equally_near_the_one_deeper_inside_is_taken():
-    poses = np.array([[[0.0], [0.0]], [[-0.2], [0.2 + 1e-12]]])  # as around the stretched leg
-    limits = Limits(np.array([-1.0]), np.array([2.0]))
-    np.testing.assert_array_equal(choose(poses, np.ones((2, 2), bool), limits)[1], poses[1, 1])
-
-
-def test_the_pose_does_not_depend_on_rounding_of_the_point():
-    leg = ers210a_leg("front_left")
-    rng = np.random.default_rng(6)
-    foot = leg.foot_positions(rng.uniform(*leg.limits, (200, 3)))
-    for point in foot:
-        one, other = leg.joint_angles([point])[0], leg.joint_angles([point * (1 + 1e-15)])[0]
-        np.testing.assert_allclose(one, other, atol=1e-4)
 
 
 def endless_leg(folder, name, *, end=np.inf):
@@ -288,13 +252,6 @@ def test_the_fully_stretched_leg_is_within_reach(knee):
         leg.joint_angles(foot * (1.0 + 5e-8))
 
 
-def test_a_knee_that_only_just_stretches_reaches_the_stretched_leg(tmp_path):
-    joints = [Joint((0, 0, 0), Y), Joint((0, 0, 0), X), Joint((0, 0, -0.2), Y, lower=0.0)]
-    leg = made_up_leg(tmp_path, joints, (0.0, 0.0, -0.2))
-    foot = leg.foot_positions([[0.4, 0.3, 0.0], [-0.7, 0.2, 0.0], [0.1, 0.0, 0.0]])
-    assert leg.inverse(foot).distance.max() < EXACT
-
-
 @pytest.mark.parametrize("name", LEGS)
 def test_every_corner_of_the_limits_is_within_reach(name):
     leg = ers210a_leg(name)
@@ -308,9 +265,3 @@ def test_a_foot_on_the_hips_own_axis_is_within_reach():
     foot = wide.foot_positions([[0.7, 0.5 * np.pi, 0.0]])
     np.testing.assert_allclose(foot, [[0.0, 0.133, 0.0]], atol=CLOSE)
     assert wide.inverse(foot).distance.max() < EXACT
-
-
-def test_a_leg_folded_onto_its_hip_is_within_reach(tmp_path):
-    joints = [Joint((0, 0, 0), Y), Joint((0, 0, 0), X), Joint((0, 0, -0.2), Y, upper=np.pi)]
-    leg = made_up_leg(tmp_path, joints, (0.0, 0.0, -0.2))
-    assert leg.inverse([[0.0, 0.0, 0.0]]).distance.max() < EXACT

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from made_up_robots import Joint, X, Y, Z, made_up_leg, reference_leg, urdf_text
 
-from kinematics import InvalidInput, Leg, Limits, UnsupportedLeg
+from kinematics import Leg, Limits, UnsupportedLeg
 from kinematics.inverse import choose, jumps
 from kinematics.scene import Scene
 from planner.gait.stride import LEAST_DEXTERITY, dexterity, standing_pose
@@ -75,35 +75,6 @@ def test_the_bodies_of_a_scene_are_where_the_joints_are_held(arm):
     assert np.abs(places[-1] - elsewhere[-1]).max() > 0.01
     spare = leg.chain.tip  # from the third joint over the held ones to the tip
     assert np.linalg.norm(spare) > 0.2
-
-
-@pytest.mark.parametrize(
-    ("locked", "message"),
-    [
-        ({"wrist": 0.0}, "locked: no joint 'wrist' that moves in the URDF; joints: arm_joint, "),
-        ({"tip_mount": 0.0}, "locked: no joint 'tip_mount' that moves"),
-        (
-            {"joint_2": 2.5 + 1e-8},
-            "locked: joint 'joint_2' at 2.5, expected -2.5 to 2.5, its range",
-        ),
-        ({"joint_2": 2.6}, "locked: joint 'joint_2' at 2.6, expected -2.5 to 2.5, its range"),
-        ({"joint_1": float("nan")}, "locked: joint 'joint_1' at nan, expected -inf to inf"),
-    ],
-)
-def test_a_joint_that_cannot_be_held_is_refused(arm, locked, message):
-    with pytest.raises(InvalidInput, match=message):
-        Leg.from_urdf(arm, base="link_0", foot="tip", locked=locked)
-
-
-def test_a_joint_may_be_held_beyond_its_range_by_rounding(arm):
-    for ends in (2.5 + 1e-10, -2.5 - 1e-10):
-        held_there = Leg.from_urdf(arm, base="link_0", foot="tip", locked={"joint_2": ends})
-        assert "joint_2" not in held_there.joint_names
-
-
-def test_a_leg_needs_a_joint_that_is_not_held(arm):
-    with pytest.raises(UnsupportedLeg, match="every joint between 'link_0' and 'tip' is locked"):
-        Leg.from_urdf(arm, base="link_0", foot="tip", locked=held(1, 2, 3, 4, 5))
 
 
 def test_joints_that_mimic_or_slide_may_be_held(tmp_path):
@@ -177,16 +148,6 @@ def test_a_path_starts_near_the_pose_that_is_asked_for():
     np.testing.assert_allclose(free.foot_positions(mirrored), foot, atol=REACHED)
 
 
-def test_a_pose_names_joints_of_the_leg(arm):
-    ends = {"base": "link_0", "foot": "tip", "locked": held(4, 5)}
-    leg = Leg.from_urdf(arm, **ends, near={"joint_3": 0.7})
-    np.testing.assert_array_equal(leg.near, [0.0, 0.0, 0.7])
-    with pytest.raises(InvalidInput, match="near: joint 'joint_4' is not on the leg"):
-        Leg.from_urdf(arm, **ends, near={"joint_4": 0.7})
-    with pytest.raises(InvalidInput, match="near: joint 'joint_3' at nan, expected an angle"):
-        Leg.from_urdf(arm, **ends, near={"joint_3": float("nan")})
-
-
 def test_joints_that_a_pose_does_not_name_are_at_the_end_of_their_range_nearest_to_0(tmp_path):
     joints = [
         Joint((0, 0, 0), X),
@@ -225,16 +186,6 @@ def test_the_first_pose_is_one_from_which_the_path_need_not_jump():
     np.testing.assert_allclose(leg.joint_angles(foot), angles, atol=1e-6)
 
 
-def test_of_several_first_poses_the_one_with_the_fewest_jumps_is_taken(monkeypatch):
-    poses = np.tile(np.array([0.0, 1.0, 2.0, 3.0])[:, None], (3, 1, 1))
-    monkeypatch.setattr(
-        "kinematics.inverse.jumps", lambda _, path: range([3, 1, 2, 1][round(path[0, 0])])
-    )
-    limits = Limits(np.array([-4.0]), np.array([4.0]))  # 0 is deepest inside
-    chosen = choose(poses, np.ones((3, 4), bool), limits, chain=reference_leg().chain)
-    np.testing.assert_array_equal(chosen, np.ones((3, 1)))
-
-
 @given(scale=st.floats(0.5, 2.0), ratio=st.floats(0.6, 1.6))
 def test_the_standing_pose_is_dexterous_and_within_the_limits(scale, ratio, tmp_path_factory):
     joints = [
@@ -258,10 +209,3 @@ def test_of_two_poses_that_are_as_good_a_leg_stands_with_its_knee_at_a_positive_
     knee = Joint((0, 0, -0.2), Y, lower=-2.5, upper=2.5)
     leg = made_up_leg(tmp_path, [Joint((0, 0, 0), X), hip, knee], (0, 0, -0.2))
     assert standing_pose(leg)[2] > 0.5
-
-
-def test_dexterity_is_nothing_where_the_leg_is_stretched():
-    leg = reference_leg()
-    bent, stretched = dexterity(leg.chain, np.array([[0.0, 0.0, 1.0], [0.0, 0.0, 0.0]]))
-    assert bent > 0.01
-    assert stretched <= 1e-12

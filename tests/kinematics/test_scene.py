@@ -88,15 +88,6 @@ def test_the_foot_that_is_seen_is_where_the_leg_has_it(urdf, base, foot):
         assert scene.places(row)[scene.still.ngeoms + last] == pytest.approx(position, abs=SAME)
 
 
-def test_only_the_leg_moves():
-    scene = Scene.from_urdf(urdf_path("ers210a.urdf"), base="body", foot="front_left_ball")
-    moving = {shape.name.rsplit("_", 1)[0] for shape in scene.moving.geometryObjects}
-    assert moving == {f"front_left_{part}" for part in ("shoulder", "upper", "lower", "ball")}
-    still = {shape.name for shape in scene.still.geometryObjects}
-    assert "hind_right_ball_0" in still
-    assert not any("front_left" in name for name in still)
-
-
 def test_a_leg_without_shapes_is_drawn_as_bones_from_joint_to_foot(tmp_path):
     file = _robot(tmp_path, "")
     scene = Scene.from_urdf(file, base="base", foot="foot")
@@ -144,13 +135,6 @@ def test_what_cannot_be_drawn_is_left_out(tmp_path):
 def test_a_shape_that_cannot_be_is_refused(tmp_path, geometry):
     with pytest.raises(InvalidInput, match="a shape cannot be drawn: "):
         shapes_of(_robot(tmp_path, _visual(geometry)))
-
-
-def test_a_scene_is_refused_like_a_leg(tmp_path):
-    with pytest.raises(InvalidInput, match="foot: frame 'toe' is not in the URDF"):
-        Scene.from_urdf(urdf_path("reference_leg.urdf"), base="hip", foot="toe")
-    with pytest.raises(InvalidInput, match="cannot be read"):
-        Scene.from_urdf(tmp_path / "missing.urdf", base="hip", foot="foot")
 
 
 def test_what_hangs_on_a_locked_joint_alone_stays():

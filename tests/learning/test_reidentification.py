@@ -111,21 +111,3 @@ def test_a_top_speed_that_the_trials_do_not_show_stays_as_it_was(size, v_max):
     assert found.v_max == pytest.approx(v_max, rel=0.02)
     assert found.v_max / found.theta_0 == pytest.approx(20.0, rel=0.05)
     assert (found.tick, found.hold) == (KNOWN.tick, KNOWN.hold)
-
-
-def test_angles_of_another_joint_give_no_model():
-    angles = 0.3 * np.random.default_rng(1).standard_normal(80)
-    log = refining._log(KNOWN, REQUESTS[0][:80], angles, cyclic=True, load=None)
-    assert refining._identified(KNOWN, [log]) is None
-
-
-def test_the_joint_whose_model_is_identified_anew_is_named_and_the_trial_kept(monkeypatch):
-    plan = planner.plan(KNOWN, np.column_stack([REQUESTS[0], REQUESTS[0]]))
-    monkeypatch.setattr(
-        refining, "better_model", lambda *given: OTHER if given[3:] == (1, 0.2) else None
-    )
-    after, last, (remark,) = refining.reidentified(plan, [None] * 4, (1, 0), [0.1, 0.2])
-    assert (list(after.models), last) == ([KNOWN, OTHER], (1, 3))
-    assert remark.startswith("the model of joint 2 was identified anew from the measured cycles")
-    same, last, remarks = refining.reidentified(plan, [None] * 4, (1, 0), [0.1, 0.1])
-    assert (same, last, remarks) == (plan, (1, 0), [])

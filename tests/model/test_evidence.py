@@ -13,17 +13,12 @@ import planner
 from planner.exceptions import InvalidFile, InvalidInput
 from planner.files.joint_model import models_text
 from planner.model.evidence import (
-    ENCODER_STEP,
     Evidence,
-    Expectation,
     Run,
     errors_of_motion,
     expectation,
-    refusal,
     under_moving_requests,
-    unproven_gains,
     untested_words,
-    with_reasons,
 )
 from planner.model.joint import JointModel
 
@@ -46,11 +41,6 @@ def test_the_error_grows_with_the_acceleration_of_a_motion(acceleration, error):
     angles, period = sine(acceleration * ROOT / (2.0 * np.pi) ** 2)
     # Differences of 200 samples a cycle miss a sine's acceleration by 1e-4 of it.
     assert SEEN.error_of(angles, period=period, cyclic=True) == pytest.approx(error, rel=2e-4)
-
-
-def test_without_pairs_the_error_is_that_of_all_rows():
-    angles, period = sine(1.0)
-    assert Evidence(0.03).error_of(angles, period=period, cyclic=True) == 0.03
 
 
 @pytest.mark.parametrize(
@@ -84,15 +74,6 @@ def test_motion_is_outside_by_the_part_that_accelerates_most_however_long_it_res
         assert seen.exceeded(moved, period=0.005, cyclic=cyclic) == outside
 
 
-@pytest.mark.parametrize(
-    ("middle", "outside"), [(-1.2, True), (-1.18, False), (1.18, False), (1.2, True)]
-)
-def test_motion_is_outside_at_either_end_of_the_tested_angles(middle, outside):
-    angles, period = sine(0.01)
-    found = SEEN.exceeded(middle + angles, period=period, cyclic=True)
-    assert found == (("angle",) if outside else ())
-
-
 def test_after_a_log_of_steps_the_error_of_the_delay_counts_with_the_speed():
     """It is what a sine's angles miss if they come 20 ms late, and what was tested beside it."""
     steps = SEEN._replace(delay_error=0.02)
@@ -112,16 +93,6 @@ def test_a_plan_is_outside_of_a_log_of_steps_where_the_delay_counts_most():
         told = expectation(seen, angles, angles, period=period, cyclic=True)
         words = untested_words(["knee"], [told])
         assert words.endswith(": knee (moving requests: the logs hold steps only)") is outside
-
-
-@pytest.mark.parametrize(("steps", "outside"), [(0.9, False), (1.1, True)])
-def test_a_delay_that_counts_for_less_than_a_step_of_an_encoder_is_none(steps, outside):
-    angles, period = sine(0.1, 1.0)
-    speed = 2.0 * np.pi * 0.1 / ROOT
-    seen = SEEN._replace(
-        delay_error=steps * ENCODER_STEP / speed, by_acceleration=((0.0, 1e-6), (8.0, 1e-6))
-    )
-    assert ("moving requests" in seen.exceeded(angles, period=period, cyclic=True)) is outside
 
 
 def held(requests, rows):
@@ -160,12 +131,6 @@ def test_a_cycle_is_as_fast_and_as_accelerated_as_where_it_begins_again():
     assert told == pytest.approx(3 * told[:1])
 
 
-def test_what_is_expected_of_a_plan_is_outside_under_a_load_that_was_not_tested():
-    for load, untested in ((None, ()), (np.full(200, 0.6), ("load",))):
-        told = expectation(SEEN, 0.0 * PHASE, 0.0 * PHASE, period=0.01, cyclic=True, load=load)
-        assert told.untested == untested
-
-
 def test_what_is_not_known_is_not_exceeded_but_for_a_load():
     angles, period = sine(9.0, 10.0)
     assert not Evidence(0.01).exceeded(angles, period=period, cyclic=True)
@@ -197,26 +162,6 @@ def test_errors_that_grow_with_the_acceleration_are_found_as_they_are(power):
     assert np.log(spread) == pytest.approx(np.log([1.0 / 1.8, 1.8]), rel=0.1)
 
 
-@pytest.mark.parametrize("sizes", [(0.001, 0.004), (0.004, 0.001)])
-def test_parts_of_the_same_acceleration_have_one_error_whatever_their_order(sizes):
-    """A square wave of the speed: parts hold one change each."""
-    speeds = np.where(np.arange(1602) // 50 % 2, 0.3, -0.3)
-    runs = [Run(0.02 * np.cumsum(speeds), np.full((1, 1602), size), 0.02) for size in sizes]
-    ((_, error),), _ = errors_of_motion(runs)
-    assert error == pytest.approx(0.002)
-
-
-def test_the_order_of_motions_changes_nothing():
-    runs = grown(power=1)
-    assert errors_of_motion(runs) == errors_of_motion(runs[::-1])
-
-
-def test_an_error_that_falls_with_the_acceleration_is_told_as_the_same_for_all():
-    by_acceleration, _ = errors_of_motion(grown(power=-1))
-    (_, calm), (_, most) = by_acceleration
-    assert calm == most
-
-
 def test_the_noise_of_the_sensor_is_no_error_of_the_joint():
     rng, times = np.random.default_rng(0), 0.02 * np.arange(3000)
     angles = 0.3 * np.sin(2.0 * np.pi * 0.5 * times)
@@ -236,21 +181,6 @@ def test_a_log_without_motion_or_too_short_says_nothing_of_acceleration():
     assert errors_of_motion([Run(np.zeros(500), np.ones((1, 500)), 0.02)]) == unknown
     assert errors_of_motion([Run(PHASE[:10], PHASE[np.newaxis, :10], 0.02)]) == unknown
     assert errors_of_motion([]) == unknown
-
-
-def test_of_an_error_below_the_noise_a_tenth_of_its_square_stays():
-    angles = 0.3 * np.sin(np.pi * 0.02 * np.arange(400))
-    ((_, error), _), _ = errors_of_motion(
-        [Run(angles, np.full((1, 400), 0.001), 0.02)], noise=0.002
-    )
-    assert error == pytest.approx(0.001 * math.sqrt(0.1), rel=1e-3)
-
-
-def test_parts_in_which_the_joint_rests_say_nothing_of_its_motion():
-    moving = 0.3 * np.sin(2.0 * np.pi * 0.5 * 0.02 * np.arange(400))
-    rest = Run(1e-4 * moving, np.full((1, 400), 1e-5), 0.02)
-    runs = [Run(moving, np.full((1, 400), 0.01), 0.02)]
-    assert errors_of_motion([*runs, *(5 * [rest])]) == errors_of_motion(runs)
 
 
 def test_nine_motions_of_ten_are_in_the_range_where_they_scatter_more_than_parts_of_a_log():
@@ -293,13 +223,6 @@ def test_the_interval_of_the_delay_counts_at_the_upper_end_of_the_range_only():
     tested = SEEN.error_of(angles, period=period, cyclic=True)
     assert (least, low, high) == pytest.approx((0.5 * tested, 0.5 * tested, 2.0 * tested))
     assert most == pytest.approx(np.hypot(high, 0.05 * speed), rel=1e-3)
-
-
-def test_without_a_spread_no_range_is_told():
-    angles, period = sine(0.2)
-    told = expectation(SEEN, angles, angles, period=period, cyclic=True)
-    assert math.isnan(told.low)
-    assert math.isnan(told.high)
 
 
 def test_a_model_carries_its_evidence_until_a_parameter_changes():
@@ -346,14 +269,6 @@ def test_correlations_that_are_none_are_refused_of_a_caller_and_in_a_file(wrong,
         JointModel.from_toml(tmp_path / "joint.toml")
 
 
-def test_a_large_matrix_of_correlations_is_shown_in_a_short_line():
-    intervals = dict.fromkeys(("v_max", "lag", "acceleration_time", "offset"), (0.0, 1.0))
-    wrong = tuple(tuple(0.123456789 * (i + 5) for i in range(4)) for _ in range(4))
-    with pytest.raises(InvalidInput, match=r"^correlations: got .{,100}, expected") as refused:
-        JointModel.ers210a().with_evidence(Evidence(intervals=intervals, correlations=wrong))
-    assert len(str(refused.value)) < 300
-
-
 def test_intervals_in_another_unit_are_scaled_but_for_times_and_the_gain():
     intervals = {
         "v_max": (1.0, np.inf),
@@ -374,17 +289,6 @@ def test_evidence_in_another_unit_is_scaled_but_for_loads_times_and_shares():
     )
 
 
-def test_a_short_log_is_cut_into_shorter_parts():
-    angles = 0.3 * np.sin(2.0 * np.pi * 2.0 * 0.02 * np.arange(60))
-    (_, (_, error)), _ = errors_of_motion([Run(angles, np.full((1, 60), 0.01), 0.02)])
-    assert error == pytest.approx(0.01)
-
-
-def test_reasons_beyond_the_third_are_counted_by_their_joints():
-    reasons = dict(zip("abcdef", ("slow", "slow", "late", "stuck", "weak", "weak"), strict=True))
-    assert with_reasons(reasons) == "a, b (slow), c (late), d (stuck) and 2 more"
-
-
 def test_the_same_joint_with_requests_at_another_rate_has_its_intervals_moved_with_it():
     intervals = {"lag": (0.03, 0.034), "gain": (40.0, 50.0), "v_max": (5.0, 6.0)}
     joint = JointModel.ers210a().with_evidence(SEEN._replace(intervals=intervals))
@@ -401,33 +305,7 @@ def test_the_same_joint_with_requests_at_another_rate_has_its_intervals_moved_wi
     assert (same.hold, same.evidence) == (2, joint.evidence)
 
 
-def test_an_error_that_the_noise_hides_may_be_none():
-    noise = 0.002 * np.random.default_rng(0).standard_normal((1, len(PHASE)))
-    hidden = errors_of_motion([Run(0.3 * np.sin(PHASE), noise, 0.02)], noise=0.002)
-    assert hidden.spread[0] == 0.0
-    shown = errors_of_motion([Run(0.3 * np.sin(PHASE), noise, 0.02)], noise=0.001)
-    assert shown.spread[0] > 0.5
-
-
-def test_evidence_that_is_none_is_refused():
-    with pytest.raises(InvalidInput, match="evidence: got 'much', expected an Evidence or None"):
-        JointModel.ers210a().with_evidence("much")
-
-
 REFUSED = Evidence(verdict="refused", reason='the joint is "stuck"')
-
-
-def test_models_near_pure_delays_and_motion_beyond_the_tests_are_listed_by_joint():
-    shares = (0.93, 0.8, 0.85, math.nan)
-    known = [*(Evidence(over_delay=share) for share in shares), None]
-    near = "on rows held out the errors of models are near those of pure delays: a (93 %), c (85 %)"
-    assert unproven_gains("abcde", known) == near
-    assert not unproven_gains("b", known[1:2])
-    ways = (("speed", "load"), (), ("moving requests",))
-    told = [Expectation(0.1, each) for each in ways]
-    beyond = "a (speed, load), c (moving requests: the logs hold steps only)"
-    assert untested_words("abc", told).endswith(f"errors may be larger: {beyond}")
-    assert not untested_words("b", told[1:2])
 
 
 def test_who_reads_or_streams_a_model_that_is_not_to_be_planned_with_is_warned_once(tmp_path):
@@ -447,32 +325,6 @@ def test_who_reads_or_streams_a_model_that_is_not_to_be_planned_with_is_warned_o
     planner.Stream({"ankle": models["ankle"]}, preview=25)
 
 
-def test_a_model_that_a_delay_beats_is_refused_and_one_alone_is_named_in_the_singular():
-    worse = Evidence(verdict="worse than a delay")
-    assert worse.refused
-    assert worse.leaves_top_speed_open
-    words = "do not plan with the model of {} (worse than a delay): "
-    words += "use --method shift, or identify it anew"
-    assert refusal({"hip": worse, "knee": SEEN, "ankle": None}) == words.format("hip")
-    assert refusal({"": worse, "knee": SEEN}) == words.format("every other joint")
-    of_two = refusal({"hip": worse, "knee": REFUSED})
-    assert of_two.endswith(": identify them anew"), "no shift is recommended for the knee"
-    assert not refusal({"hip": None, "knee": SEEN})
-
-
-def test_the_only_model_of_a_file_is_warned_of_as_the_model(tmp_path):
-    JointModel.ers210a().with_evidence(REFUSED).to_toml(tmp_path / "joint.toml")
-    with pytest.warns(UserWarning, match="^do not plan with the model .the joint is .stuck..: ide"):
-        planner.read_models(tmp_path / "joint.toml")
-
-
-@pytest.mark.parametrize("verdict", [None, "holds", "usable"])
-def test_models_that_may_be_planned_with_are_read_without_a_word(tmp_path, verdict):
-    known = SEEN._replace(verdict=verdict, reason="it misses 3 % of the motion" if verdict else "")
-    JointModel.ers210a().with_evidence(known).to_toml(tmp_path / "joint.toml")
-    assert planner.read_models(tmp_path / "joint.toml")[""].evidence == known
-
-
 def test_with_ticks_of_another_length_the_intervals_hold_the_parameters_of_the_same_joint():
     joint = JointModel(
         v_max=5.0,
@@ -490,14 +342,3 @@ def test_with_ticks_of_another_length_the_intervals_hold_the_parameters_of_the_s
     assert (low / other.theta_0, high / other.theta_0) == pytest.approx((0.98, 1.02))
     low, high = other.evidence.intervals["max_acceleration"]
     assert (low - other.max_acceleration, high) == (pytest.approx(-20.0), np.inf)
-
-
-def test_what_is_known_of_a_joint_moves_with_its_gain_and_its_lag():
-    seen = Evidence(intervals={"lag": (0.01, 0.03), "gain": (10.0, 12.0), "v_max": (4.0, 5.0)})
-    moved = seen.moved({"gain": 2.0}, {"lag": 0.005}).intervals
-    assert moved == {
-        "lag": pytest.approx((0.015, 0.035)),
-        "gain": (20.0, 24.0),
-        "v_max": (4.0, 5.0),
-    }
-    assert seen.moved({}, {"lag": -0.02}).intervals["lag"] == pytest.approx((0.0, 0.01))

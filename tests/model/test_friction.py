@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
 import casadi
@@ -11,7 +10,6 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from planner.exceptions import InvalidInput
 from planner.model.joint import JointModel, request_ages
 from planner.model.law import State
 from planner.model.response import motion_under, rest_requests, sensitivities, simulate
@@ -19,7 +17,6 @@ from planner.model.symbolic import period, period_function
 from tests.independent import equation_2, from_rest, next_cycle
 from tests.instances import random_model
 from tests.model.rounded_periods import rounded_periods
-from tests.model.test_symbolic import chained
 from tests.strategies import INTEGRALS, models, trajectories
 
 SAME = 1e-12
@@ -120,21 +117,6 @@ def test_the_cycle_is_the_one_that_the_motion_from_its_start_settles_into(model,
     np.testing.assert_allclose(simulate(model, requests, load=load), settled, rtol=0.0, atol=1e-9)
 
 
-@given(models(friction=True), trajectories(), st.floats(-1.0, 1.0), st.booleans())
-def test_a_constant_load_is_an_offset_of_requests_and_speeds(model, requests, load, cyclic):
-    expected = simulate(
-        replace(
-            model,
-            offset=model.offset + model.compliance * load,
-            v_offset=model.v_offset + model.speed_per_torque * load,
-        ),
-        requests,
-        cyclic=cyclic,
-    )
-    angles = simulate(model, requests, cyclic=cyclic, load=load)
-    np.testing.assert_allclose(angles, expected, rtol=0.0, atol=1e-9)
-
-
 @given(
     models(friction=True, overshoots=False), trajectories(), st.integers(0, 19), st.floats(0.0, 1.0)
 )
@@ -163,16 +145,6 @@ def test_the_request_that_holds_an_angle_holds_it_in_the_middle_of_the_dead_band
         requests = np.full(60, request + aside * DRY.dead_band)
         moved = simulate(DRY, requests, cyclic=False, start=0.7, load=0.4)
         np.testing.assert_allclose(moved, 0.7, rtol=0.0, atol=1e-15)
-
-
-def test_cycles_with_inertia_close_under_rough_requests():
-    rng = np.random.default_rng(4)
-    for _ in range(150):
-        model = with_inertia(rng, random_dry_model(rng, whole=False))
-        requests = rng.choice([-2.0, 0.0, 2.0], 20)
-        motion = motion_under(model, requests, cyclic=True)
-        following = next_cycle(model, requests, motion[0, -1], moving=motion[1:, -1])
-        np.testing.assert_allclose(following, motion[0], rtol=0.0, atol=2.0 * CLOSED + SAME)
 
 
 def test_a_joint_with_inertia_coasts_through_its_dead_band_and_friction_stops_it():
@@ -310,45 +282,3 @@ def test_the_bending_is_the_slope_of_the_slopes():
             for s in (1.0, -1.0)
         )
         np.testing.assert_allclose(bending[:, j], (above - below) / (2.0 * step), atol=1e-6)
-
-
-def test_with_friction_the_bending_is_that_of_all_requests_moved_together():
-    rng = np.random.default_rng(9)
-    model = random_dry_model(rng, whole=False)
-    before, width, step = rng.uniform(-1.0, 1.0, 9), request_ages(model).width, 1e-5
-    windows = before[:, np.newaxis] + rng.uniform(-2.0, 2.0, (9, width)) * model.theta_0
-    bending = rounded_periods(model, before, windows, 0.3).bending[:, 0]
-    above, below = (
-        rounded_periods(model, before, windows + s * step, 0.3).by_request[:, 0]
-        for s in (1.0, -1.0)
-    )
-    together = (above - below).sum(axis=1) / (2.0 * step)
-    np.testing.assert_allclose(bending.sum(axis=1), together, atol=1e-6)
-
-
-@pytest.mark.parametrize("hold", [1, 3])
-@pytest.mark.parametrize("cyclic", [True, False])
-@pytest.mark.parametrize("inert", [True, False])
-def test_periods_in_symbols_in_a_row_are_the_simulation_under_load(cyclic, hold, inert):
-    rng = np.random.default_rng(hold)
-    model = random_dry_model(rng, whole=False, hold=hold, offset=True)
-    model = with_inertia(rng, model) if inert else model
-    requests, load = rng.uniform(-1.0, 1.0, 40), loads(40)
-    motion = motion_under(model, requests, cyclic=cyclic, torques=load)
-    state = State(*motion[:, -1]) if cyclic else State(requests[0] + model.sag(load[0]))
-    run = chained(model, requests, state, cyclic=cyclic, load=load)
-    np.testing.assert_allclose(run, motion[0], rtol=0.0, atol=CLOSED)
-
-
-@pytest.mark.parametrize(
-    ("load", "said"),
-    [
-        ([0.0, math.nan, 0.0], "load: got values that are not finite"),
-        ([0.0, 0.0, -9.0], "load: got -9 N m at sample 2, against which the joint cannot move up"),
-        (50.0, "load: got 50 N m at sample 0, against which the joint cannot move down"),
-    ],
-)
-def test_a_load_that_cannot_be_is_refused(load, said):
-    for function in (simulate, sensitivities):
-        with pytest.raises(InvalidInput, match=said):
-            function(DRY, [0.0, 0.1, 0.2], load=load)

@@ -14,7 +14,6 @@ from planner.model.joint import JointModel
 from planner.model.law import State, fastest_integral
 from planner.model.response import motion_under, rest_angles, rest_requests, simulate
 from planner.planning.line_inverse import line_offset
-from planner.trajectory import rms
 from tests.model.test_symbolic import chained
 from tests.strategies import INTEGRALS, models, trajectories
 
@@ -149,48 +148,8 @@ def test_a_speed_loop_reaches_its_top_speed_against_any_load(way):
     assert line_offset(model, 4.9 * way, load=-2.0) == pytest.approx(line_offset(model, 4.9 * way))
 
 
-def test_a_load_that_the_demand_of_a_speed_loop_cannot_make_up_for_is_refused():
-    model = replace(servo("integral_rate"), speed_per_torque=0.0)  # its demand is limited before
-    with pytest.raises(planner.InvalidInput, match="cannot move up"):
-        simulate(model, np.zeros(5), load=5.5)
-    with pytest.raises(planner.InvalidInput, match="cannot move"):
-        planner.Stream(model, preview=5, on_bad="raise").step(
-            np.zeros((5, 1)), load=np.full((5, 1), 5.5)
-        )
-
-
 PATH = np.radians(25.0) * np.cos(2.0 * np.pi * np.arange(250) / 250)
 """Slow enough to be followed [rad]."""
-
-
-@EACH
-@pytest.mark.parametrize("cyclic", [True, False])
-def test_plans_know_what_the_integral_does(name, cyclic):
-    model = servo(name)
-    assert planner.invert_optimal(model, PATH, cyclic=cyclic).rms <= np.radians(0.05)
-    form = planner.invert_closed_form(model, PATH, cyclic=cyclic)
-    bare = planner.invert_closed_form(servo(name, BARE), PATH, cyclic=cyclic)
-    assert form.rms <= bare.rms + np.radians(0.1)
-
-
-@EACH
-def test_a_stream_knows_what_the_integral_does(name):
-    model, desired = servo(name), np.tile(PATH, 2)
-    stream = planner.Stream(model, preview=40)
-    rows = [desired[k : k + 40, np.newaxis] for k in range(len(desired) - 40)]
-    requests = np.array([stream.step(row)[0] for row in rows])
-    angles = simulate(model, requests, cyclic=False)
-    assert rms(angles - desired[: len(angles)]) <= np.radians(0.2)
-
-
-@EACH
-def test_limits_hold_every_angle_within_them(name):
-    model = servo(name)
-    low, high = float(np.min(PATH)) - model.offset, float(np.max(PATH)) - model.offset
-    made = planner.invert_optimal(model, PATH, cyclic=False, limits=(low - 0.05, high + 0.05))
-    assert made.rms <= np.radians(0.5)
-    with pytest.raises(planner.Infeasible):
-        planner.invert_optimal(model, PATH, limits=(low + 0.02, high))
 
 
 @EACH

@@ -82,21 +82,6 @@ def test_derivatives_by_parameters_along_a_log_are_slopes_with_inertia(field, ad
     assert np.quantile(np.abs(quotients - found), 0.9) <= 1e-5 * np.max(np.abs(quotients))
 
 
-def test_derivatives_along_several_logs_are_those_along_each():
-    smooth = replace(INERT, dead_band=0.0)  # friction would end the motion of each log
-    at, free = Parameters.of(smooth), np.ones(len(Parameters._fields), dtype=bool)
-    free[-3:] = False  # which it does not have
-    logs = [rich_log(smooth, seed=seed, rows=60 + 20 * seed) for seed in range(3)]
-
-    def slopes(chosen):
-        grid = resampled(chosen, tick=INERT.tick, reach=0.5, burn_in=0.0)
-        starts = np.array([log.angles[0] + 0.01 for log in chosen])
-        return slopes_of(grid, at, starts, free).by_parameter / units(grid, at)[free]
-
-    alone = np.concatenate([slopes([log]) for log in logs])
-    np.testing.assert_allclose(slopes(logs), alone, rtol=1e-9, atol=1e-12)
-
-
 @pytest.mark.parametrize("added", [{}, *(at | SAG for at in INTEGRALS)])
 def test_the_derivative_by_the_first_angle_is_a_slope(added):
     log = rich_log(INERT)

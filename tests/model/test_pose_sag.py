@@ -144,26 +144,6 @@ def test_plans_compensate_for_the_sag(inertia, cyclic):
         assert made.rms <= 0.25 * rms(unaware - PATH)
 
 
-def test_a_bound_is_below_the_plan_and_within_seven_percent_of_it_at_top_speed():
-    desired = 1.2 * np.sin(2.0 * np.pi * np.arange(88) / 88) ** 3
-    made = planner.invert_optimal(HANGING, desired)
-    assert 0.93 * made.rms <= made.lower_bound <= made.rms
-
-
-def test_direct_transcription_finds_the_same_plan():
-    desired = 1.2 * np.sin(2.0 * np.pi * np.arange(60) / 60) ** 3
-    own = planner.invert_optimal(HANGING, desired)
-    other = planner.invert_optimal(HANGING, desired, solver="ipopt")
-    assert own.rms == pytest.approx(other.rms, rel=0.01)
-
-
-def test_limits_of_the_requests_hold_what_the_sag_leaves_of_the_angles():
-    made = planner.invert_optimal(HANGING, 0.8 * PATH, limits=(-0.46, 0.46))
-    assert np.max(np.abs(made.requests)) <= 0.46
-    with pytest.raises(planner.Infeasible):
-        planner.invert_optimal(HANGING, PATH, limits=(-0.46, 0.46))
-
-
 def test_a_stream_compensates_for_the_sag():
     desired = np.tile(PATH, 2)
     stream = planner.Stream(HANGING, preview=40)
@@ -182,10 +162,6 @@ def test_the_largest_sag_has_an_angle_at_rest_for_every_request(share):
     angles = model.rest(requests)
     np.testing.assert_allclose(requests + model.pose_sag(angles), angles, rtol=0.0, atol=1e-12)
     assert np.all(np.diff(angles) > 0.0)
-
-
-def test_an_exact_bound_is_not_claimed_for_it():
-    assert planner.certify(HANGING, PATH[::5], level="exact").level == "envelope"
 
 
 def test_lines_are_inverted_without_it():

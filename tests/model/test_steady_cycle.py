@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from planner import Infeasible, InvalidModel, JointModel, invert_optimal, line_offset, simulate
+from planner import InvalidModel, JointModel, line_offset, simulate
 from tests.strategies import INTEGRALS
 
 SETTLED = 1e-9
@@ -62,29 +62,6 @@ def test_a_joint_comes_to_rest_up_to_the_integral_that_is_refused(name, dead_ban
     assert angles[-1] == pytest.approx(1.0, abs=1e-3)
     with pytest.raises(InvalidModel, match="without a time_constant"):
         replace(slower, time_constant=0.0)
-
-
-def test_with_an_integral_the_top_speed_is_v_max_and_no_friction_holds_the_joint():
-    model = JointModel(
-        v_max=5.0,
-        theta_0=0.2,
-        lag=0.01,
-        acceleration_time=0.004,
-        tick=0.004,
-        time_constant=0.03,
-        integral_rate=10.0,
-        dead_band=0.02,
-    )
-    far = simulate(model, np.r_[0.0, 90.0 * np.ones(2000)], cyclic=False)
-    assert np.diff(far)[-1] / model.tick == pytest.approx(5.0, rel=1e-6)
-    with pytest.raises(Infeasible, match="start"):
-        invert_optimal(
-            model,
-            0.3 + 0.1 * np.sin(0.1 * np.arange(60)),
-            cyclic=False,
-            limits=(0.05, 1.0),
-            start=0.04,
-        )
 
 
 STICKY = JointModel(

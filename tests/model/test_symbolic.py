@@ -60,20 +60,6 @@ def test_the_ages_of_held_requests_are_counted_in_requests(hold, lag, accelerati
     assert (min(felt), max(felt)) == expected
 
 
-def test_from_rest_minus_one_stands_for_the_requests_before_the_first():
-    numbers = acting(request_ages(JointModel.ers210a()), 7, cyclic=False)
-    assert numbers[0].tolist() == [-1] * 6
-    assert numbers[6].tolist() == [1, 0, -1, -1, -1, -1]
-    assert acting(request_ages(JointModel.ers210a()), 7, cyclic=True)[0].tolist() == [
-        2,
-        1,
-        0,
-        6,
-        5,
-        4,
-    ]
-
-
 def chained(model, requests, state, *, cyclic, load=None):
     """Angles of periods in CasADi symbols, one after the other."""
     names = ("angle", "speed", "integral", "load")

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-import pickle
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from planner import InvalidInput, JointModel, Log, replay, simulate
+from planner import JointModel, Log, replay, simulate
 from planner.model.evidence import Evidence
 from planner.recording.recorded_path import is_gripper, recorded_path
 from planner.recording.replaying import replay_at
@@ -60,12 +59,6 @@ def test_the_plan_is_closest_whatever_the_speed(speed):
     assert len(joint.requests) == int((COUNT - 1) / speed + 1e-6) + 1
 
 
-def test_twice_as_fast_takes_half_the_time():
-    log = recorded()
-    made = replay(log, SERVO, speed=2.0)
-    assert made.joints[0].desired == pytest.approx(log.angles[::2], abs=1e-12)
-
-
 def test_the_action_is_what_was_asked():
     log = recorded()
     (joint,) = replay(log, SERVO, track="action").joints
@@ -73,14 +66,6 @@ def test_the_action_is_what_was_asked():
     assert joint.recorded_requests == pytest.approx(log.requests, abs=1e-12)
     assert joint.recorded_angles == pytest.approx(log.angles, abs=1e-12)
     assert rms(joint.errors["planned"]) < 0.1 * rms(joint.recorded_errors)
-
-
-def test_the_errors_of_the_recorded_run_are_those_of_the_part_that_is_replayed():
-    log = recorded()
-    (joint,) = replay(log, SERVO, begin=20 * OWN, end=70 * OWN).joints
-    assert joint.recorded_errors == pytest.approx((log.angles - log.requests)[20:71], abs=1e-12)
-    (whole,) = replay(log, SERVO).joints
-    assert len(whole.recorded_errors) == COUNT
 
 
 def test_grippers_and_joints_without_a_model_get_their_recorded_requests():
@@ -122,12 +107,6 @@ def test_jitter_and_gaps_are_bridged_on_even_requests():
     assert made.period == pytest.approx(OWN, rel=1e-3)
     assert len(made.requests) == pytest.approx(COUNT + 25, abs=1)
     assert any("gap of 0.5" in remark for remark in made.path.remarks)
-
-
-def test_the_rate_may_be_any_number():
-    made = replay(recorded(), SERVO, rate=49.85)
-    assert made.period == pytest.approx(1.0 / 49.85)
-    assert made.planned[0].inversion.model.hold == SERVO.hold
 
 
 def test_joints_that_begin_later_keep_their_time():
@@ -181,13 +160,6 @@ def test_requests_as_recorded_the_path_itself_and_its_best_shift_are_run_by_the_
         assert rms(joint.errors["shifted"]) < rms(run(early(lead)) - path)
 
 
-def test_the_expected_error_holds_that_of_the_model():
-    seen = Evidence(0.01, speed=0.2)
-    (joint,) = replay(recorded(), SERVO.with_evidence(seen)).joints
-    assert joint.expected == pytest.approx(np.hypot(joint.inversion.rms, 0.01))
-    assert joint.untested == ("speed",)
-
-
 @pytest.mark.parametrize(
     ("error", "off", "serve"),
     [(0.45, -1, False), (0.55, -1, True), (0.55, 19, True), (0.55, 20, False), (0.55, 149, False)],
@@ -220,35 +192,6 @@ def test_recorded_requests_may_serve_only_along_the_recorded_angles_at_their_spe
     assert made.resent_may_serve == (made.joints if serve else ())
 
 
-def test_a_replay_can_be_sent_to_another_process():
-    made = replay([recorded("elbow"), recorded("gripper")], SERVO)
-    again = pickle.loads(pickle.dumps(made))
-    assert np.array_equal(again.requests, made.requests)
-    assert again.summary() == made.summary()
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ({"speed": 1e4}, "1 request remains"),
-        ({"rate": 1e-9}, "got a request every 1e+09 s, expected one every 1e-05 to 5 s"),
-        ({"rate": 1e9}, "got a request every 1e-09 s, expected one every 1e-05 to 5 s"),
-        ({"begin": 2.0, "end": 1.0}, "expected an end after the begin"),
-        ({"rate": -1.0}, "expected more than 0 requests a second"),
-    ],
-)
-def test_what_cannot_be_replayed_is_refused(arguments, message):
-    recorded_path(recorded(), SERVO, begin=-5e-10, end=2.98 + 5e-10)  # by rounding alone
-    with pytest.raises(InvalidInput) as refusal:
-        replay(recorded(), SERVO, **arguments)
-    assert message in str(refusal.value)
-
-
-def test_two_logs_of_one_joint_are_two_recordings():
-    with pytest.raises(InvalidInput, match="2 logs of joint 'elbow'"):
-        replay([recorded(), recorded()], SERVO)
-
-
 def test_under_a_load_of_the_pose_no_plan_made_before_is_kept():
     loaded = replace(SERVO, compliance=0.05)
     path = recorded_path([recorded("elbow"), recorded("wrist")], loaded)
@@ -262,15 +205,6 @@ def test_under_a_load_of_the_pose_no_plan_made_before_is_kept():
     )
     assert np.array_equal(made.requests, anew.requests)
     assert not np.allclose(made.requests, before.requests)
-
-
-def test_steps_by_joint_may_name_joints_that_are_not_planned():
-    path = recorded_path([recorded("elbow"), recorded("wrist")], SERVO)
-    steps = {"elbow": 0.03, "wrist": 0.02}
-    known = {"elbow": replay_at(path, path.moments(1.0)).joints[0].inversion}
-    made = replay_at(path, path.moments(1.0), known=known, max_step=steps)
-    assert made.joints[0].inversion is known["elbow"]
-    assert made.joints[1].inversion.largest_step <= 0.02 * (1.0 + 1e-12)
 
 
 def test_at_its_own_speed_a_recording_of_any_length_keeps_its_last_row():
@@ -310,21 +244,6 @@ def test_the_torque_of_a_log_acts_at_the_moments_of_the_replay_on_all_kinds_of_r
     assert rms(own.errors["resent"]) < 1e-9  # what was sent makes what was done
 
 
-def test_a_replay_holds_the_joint_where_the_recording_is_when_it_begins():
-    (joint,) = replay(recorded(), SERVO, begin=1.0).joints
-    assert joint.desired[0] > 0.3
-    assert joint.inversion.start == joint.desired[0]
-    assert joint.direct[0] == joint.resent[0] == joint.shifted[0] == joint.desired[0]
-    assert joint.resent == pytest.approx(
-        simulate(
-            SERVO,
-            np.append(joint.requests[0], joint.recorded_requests[1:]),
-            cyclic=False,
-            start=float(joint.desired[0]),
-        )
-    )
-
-
 def test_a_part_that_is_too_fast_up_to_the_end_ends_with_the_recording():
     requests = np.concatenate([np.zeros(60), 0.1 * np.arange(1.0, 31.0)])  # 5 rad/s
     times = OWN * np.arange(90)
@@ -332,46 +251,6 @@ def test_a_part_that_is_too_fast_up_to_the_end_ends_with_the_recording():
     (joint,) = replay(log, SERVO, track="action", smoothness=0.0).joints
     (span,) = joint.too_fast
     assert span == pytest.approx((59 * OWN, 89 * OWN))
-
-
-def test_the_summary_of_a_replay_has_the_figures_of_its_joints():
-    logs = [recorded("elbow", requests=asked(1.5)), recorded("wrist", requests=asked(0.3))]
-    known = SERVO.with_evidence(Evidence(0.01, speed=0.2))
-    made = replay(logs, {"elbow": SERVO, "wrist": known}, speed=2.0)
-    told = made.summary()
-    lines = [line.split() for line in repr(made).splitlines()]
-    assert " ".join(lines[0]) == (
-        "Replay at 2 times the speed: 75 requests to 2 joints, one every 20 ms"
-    )
-    for joint, line in zip(made.joints, lines[2:], strict=True):
-        plan = joint.inversion
-        assert line == [joint.name, f"{plan.rms:.4g}", f"{plan.max_error:.4g}", "rad"]
-        assert plan.max_error > 1.2 * plan.rms
-    assert "of its range" in repr(replay(recorded("jaw", unit="1"), SERVO, speed=4.0))
-    assert (told["track"], told["speed"], told["requests"]) == ("state", 2.0, 75)
-    assert told["period_s"] == pytest.approx(OWN)
-    assert told["duration_s"] == pytest.approx(74 * OWN)
-    for joint in made.joints:
-        figures = told["joints"][joint.name]
-        for kind, errors in joint.errors.items():
-            largest = float(np.max(np.abs(errors)))
-            assert figures["errors"][kind] == pytest.approx({"rms": rms(errors), "max": largest})
-        assert figures["lead_s"] == joint.lead
-        assert figures["lower_bound"] == joint.inversion.lower_bound
-        assert figures["largest_step"] == joint.inversion.largest_step
-        assert figures["norm"] == "rms"
-        assert figures["untested"] == (["speed"] if joint.name == "wrist" else [])
-        assert figures["too_fast_s"] == [list(span) for span in joint.too_fast]
-        assert figures["recorded_rms"] == rms(joint.recorded_errors)
-        off = joint.path.requests - joint.path.angles
-        assert figures["recorded_rms"] == pytest.approx(rms(off))
-    assert told["joints"]["elbow"]["expected_rms"] is None
-    assert told["joints"]["wrist"]["expected_rms"] == pytest.approx(
-        math.hypot(made.joints[1].inversion.rms, 0.01)
-    )
-    errors = [float(np.max(np.abs(each.errors["planned"]))) for each in made.joints]
-    assert made.max_error == pytest.approx(max(errors))
-    assert max(errors) > 2.0 * min(errors)
 
 
 def test_the_bound_of_each_joint_of_a_replay_is_its_own_and_of_the_rms_whatever_the_norm():
@@ -384,20 +263,6 @@ def test_the_bound_of_each_joint_of_a_replay_is_its_own_and_of_the_rms_whatever_
     assert largest[0].lower_bound < largest[0].inversion.lower_bound
     pose = replay(logs[0], replace(SERVO, compliance=0.01), load=np.cos)
     assert math.isnan(pose.joints[0].lower_bound)
-
-
-def test_limits_by_joint_are_those_of_that_joint():
-    logs = [recorded("elbow"), recorded("wrist")]
-    limits = {"wrist": (-0.01, 0.62)}
-    elbow, wrist = replay(logs, SERVO, speed=2.0, limits=limits).joints
-    assert (elbow.inversion.limits, wrist.inversion.limits) == (None, (-0.01, 0.62))
-
-
-def test_what_a_speed_is_called_follows_from_the_moments():
-    path = recorded_path([recorded()], SERVO)
-    moments = 1.5 * OWN * np.arange(40)
-    assert replay_at(path, moments).speed == pytest.approx(1.5)
-    assert replay_at(path, moments.copy(), speed=3.0).speed == 3.0
 
 
 def test_the_load_of_a_pose_that_belongs_to_the_recording_acts_unless_another_is_given():

@@ -14,7 +14,7 @@ from planner.gait.half_ellipse import reference_walk
 from planner.model.evidence import Evidence
 from planner.recording.recorded_path import recorded_path
 from planner.recording.replaying import replay_at
-from planner.recording.retiming import Measure, _nearby, _Search, fastest_at
+from planner.recording.retiming import Measure, _Search, fastest_at
 
 SERVO = JointModel(v_max=4.0, theta_0=0.2, lag=0.03, acceleration_time=0.05, tick=0.005, hold=4)
 PERIOD = SERVO.period
@@ -71,13 +71,6 @@ def test_a_speed_at_which_requests_are_too_far_apart_for_the_path_is_too_high():
     assert "at this speed a request every 20 ms loses 17 % of the motion of" in remarks[-1]
 
 
-def test_requests_of_the_fastest_replay_stay_within_limits(constant):
-    limits = (-0.01, 0.81)
-    found = fastest(log(swing(0.8, 150)), SERVO, tolerance=TOLERANCE, limits=limits)
-    assert np.max(constant.replay.requests) > 0.82
-    assert np.max(found.replay.requests) <= 0.81
-
-
 def test_the_bound_proves_a_speed_a_little_higher_impossible(constant):
     assert constant.speed < constant.impossible.speed < 1.1 * constant.speed
     assert constant.impossible.bound > 1.0
@@ -105,13 +98,6 @@ def test_of_two_joints_the_one_that_is_farther_off_decides(constant):
         assert each.direct == pytest.approx(alone.direct, rel=0.2)
 
 
-def test_of_two_joints_that_are_too_slow_the_one_whose_top_speed_is_known_is_named():
-    logs = [log(swing(0.4, 75)), log(swing(0.4, 75), "wrist")]
-    unseen = SERVO.with_evidence(Evidence(0.01))
-    found = fastest(logs, {"elbow": unseen, "wrist": SERVO}, tolerance=TOLERANCE)
-    assert (found.impossible.joint, found.impossible.of_model_only) == ("wrist", False)
-
-
 def test_what_was_asked_and_not_done_contradicts_no_model():
     times = PERIOD * np.arange(60)
     asked = np.where(times < 0.4, 0.0, 1.0)
@@ -134,27 +120,6 @@ def test_a_varying_factor_is_faster_where_it_can_be():
     bends = np.abs(np.diff(found.factors[:-1])) / PERIOD
     assert np.max(bends) == pytest.approx(2.0 * found.constant, rel=0.05)  # in half a second to it
     assert found.retime == "varying"
-
-
-def test_a_share_of_a_range_may_be_off_by_as_many_percent():
-    found = fastest(log(swing(0.8, 150), "jaw", unit="1"), SERVO, tolerance=np.radians(2.0))
-    (joint,) = found.replay.joints
-    assert 0.01 < np.max(np.abs(joint.errors["planned"])) <= 0.02
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ({}, "tolerance: got none, or two"),
-        ({"tolerance": 0.1, "foot_tolerance": 0.1}, "tolerance: got none, or two"),
-        ({"tolerance": 9e-10}, "tolerance: got 9e-10, expected more than 0: 1e-09 or more"),
-        ({"foot_tolerance": 0.01}, "needs the leg"),
-    ],
-)
-def test_what_makes_no_sense_is_refused(arguments, message):
-    with pytest.raises(InvalidInput) as refusal:
-        fastest(log(swing(0.8, 150)), SERVO, **arguments)
-    assert message in str(refusal.value)
 
 
 def test_a_recording_that_its_model_refutes_at_its_own_speed_proves_no_limit():
@@ -262,29 +227,6 @@ def test_the_lowest_speed_that_is_proved_too_high_is_found_to_a_hundredth(proved
     assert [each.speed for each in found.curve][-1] == pytest.approx(1.15 * impossible.speed)
 
 
-def test_between_two_speeds_that_decide_none_is_planned_that_a_bound_proves_too_high(monkeypatch):
-    made_up = MadeUp(monkeypatch, best=1.05, proved=1.1)
-    found = found_for(made_up)
-    assert 1.05 / 1.0101 <= found.constant <= 1.05
-    searched = {speed for speed, _, _ in made_up.tried} - {each.speed for each in found.curve}
-    assert {speed for speed in searched if speed > 1.12} == {2.0}
-
-
-def test_where_no_speed_is_proved_too_high_the_curve_ends_beyond_the_speed_found(monkeypatch):
-    found = found_for(MadeUp(monkeypatch, best=1.3))
-    assert found.impossible is None
-    speeds = [each.speed for each in found.curve]
-    assert len(speeds) == 7
-    assert speeds[0] == pytest.approx(0.5 * found.constant)
-    assert speeds[-1] == pytest.approx(1.15 * 1.5 * found.constant)
-    assert found.constant in speeds
-    assert speeds == sorted(speeds)
-    for each in found.curve:
-        planned = each.speed / 1.3
-        assert each[1:4] == pytest.approx((5.0 * planned, 2.0 * planned, planned))
-        assert each.bound == 0.0
-
-
 def test_joints_that_the_rms_leaves_beyond_the_tolerance_are_planned_for_the_largest_error(
     monkeypatch,
 ):
@@ -297,22 +239,6 @@ def test_joints_that_the_rms_leaves_beyond_the_tolerance_are_planned_for_the_lar
             assert known == {}  # the joint is planned anew
     worse = found_for(MadeUp(monkeypatch, best=1.0, largest=0.8))
     assert worse.curve[-1].planned == pytest.approx(worse.curve[-1].speed)  # that of the rms
-
-
-def test_a_joint_within_the_tolerance_keeps_its_plan_where_another_is_planned_anew(monkeypatch):
-    made_up = MadeUp(monkeypatch, best=1.0, largest=1.6)
-
-    def wrist_is_close(path, moments, **options):
-        made = made_up.replay_at(path, moments, **options)
-        made.joints[1].inversion.max_error = 0.5 * TOLERANCE
-        return made
-
-    monkeypatch.setattr("planner.recording.retiming.replay_at", wrist_is_close)
-    logs = [log(swing(0.5, ROWS)), log(swing(0.5, ROWS), "wrist")]
-    fastest(logs, SERVO, tolerance=TOLERANCE)
-    kept = [list(known) for _, norm, known in made_up.tried if norm == "max"]
-    assert kept
-    assert all(each == ["wrist"] for each in kept)
 
 
 def test_a_tolerance_for_the_foot_counts_its_distance_in_the_order_of_the_legs_joints():
@@ -334,29 +260,6 @@ def test_a_tolerance_for_the_foot_counts_its_distance_in_the_order_of_the_legs_j
     assert [each.name for each in found.late(made)] == [each.name for each in made.planned]
     with pytest.raises(InvalidInput, match="leg: its joint 'knee' is not planned"):
         Measure.of(recorded_path(logs[2:], SERVO), None, 0.004, leg)
-
-
-def test_the_foot_of_a_recorded_leg_is_kept_within_its_tolerance_without_a_bound(monkeypatch):
-    made_up = MadeUp(monkeypatch, best=1.0, largest=0.5)
-    monkeypatch.setattr("planner.recording.retiming.lower_bound", None)  # there is none for a foot
-    leg = reference_walk().leg
-    rows = reference_walk().desired
-    logs = [
-        log(np.resize(column, 200), name)
-        for name, column in zip(leg.joint_names, rows.T, strict=True)
-    ]
-    found = fastest(logs, SERVO, foot_tolerance=0.004, leg=leg)
-    assert (found.foot, found.tolerance, found.impossible) == (True, 0.004, None)
-    assert all(np.isnan(each.bound) for each in found.curve)
-    made, faster = (
-        made_up.replay_at(each.path, each.path.moments(speed), speed=speed)
-        for each in (found.replay,)
-        for speed in (found.speed, 1.02 * found.speed)
-    )
-    measure = Measure.of(found.replay.path, None, 0.004, leg)
-    assert (
-        np.max(measure.errors(made, "planned")) <= 1.0 < np.max(measure.errors(faster, "planned"))
-    )
 
 
 def test_of_several_joints_and_units_the_largest_share_of_its_tolerance_counts():
@@ -401,17 +304,6 @@ def test_a_bound_is_about_the_load_of_the_log_and_the_tolerance_of_the_joint(mon
             assert load is None
 
 
-def test_errors_count_for_as_long_as_a_joint_answers_at_the_speed_of_the_replay():
-    """Over 0.15 s of the replay to either side, at twice the speed 0.3 s of the recording."""
-    moments = np.arange(0.0, 10.0, 0.04)
-    errors = np.where(np.abs(moments - 5.0) < 0.01, 0.7, 0.0)
-    at = np.arange(0.0, 10.0, 0.05)
-    near = _nearby(SimpleNamespace(moments=moments, speed=2.0), errors, at)
-    expected = np.where(np.abs(at - 5.0) < 0.3, 0.7, 1e-3)
-    inside = np.abs(np.abs(at - 5.0) - 0.3) > 0.01  # or at the edge
-    np.testing.assert_array_equal(near[inside], expected[inside])
-
-
 def search(rows=401, *, first=0.0, **options):
     path = replace(recorded_path(log(swing(0.8, rows)), SERVO), first=first)
     return _Search(path, Measure.of(path, TOLERANCE, None, None), lambda _: None, options)
@@ -442,46 +334,6 @@ def test_a_recording_begins_at_the_first_moment_from_which_all_of_it_can_be_foll
 
     moment = looking.first_at_rest()
     assert moment == (None if found is None else pytest.approx(found))
-
-
-def test_a_bound_is_that_of_the_part_from_rest(monkeypatch):
-    asked = []
-
-    def bound(_, desired, *, start, **__):
-        asked.append((len(desired), start == desired[0]))
-        return 3.0 * TOLERANCE
-
-    monkeypatch.setattr("planner.recording.retiming.lower_bound", bound)
-    looking, said = search(), []
-    looking.progress = said.append
-    for part in ((1.0, 0.0), (2.0, 0.0), (1.0, 2.0), (1.0, 2.0, 4.0), (1.0, 2.0, 99.0)):
-        assert list(looking.bounds(*part)) == [("elbow", pytest.approx(3.0))]
-    assert asked == [(rows, True) for rows in (401, 201, 301, 101, 301)]
-    assert said[1:3] == [
-        "elbow: the lower bound at 2 times the speed",
-        "elbow: the lower bound at 1 times the speed from 2 s",
-    ]
-
-
-def test_under_a_load_of_the_pose_a_speed_without_a_plan_is_too_fast(monkeypatch):
-    made_up = MadeUp(monkeypatch, best=9.0)
-
-    def limited(path, moments, *, speed, **options):
-        if speed > least:
-            raise Infeasible("the load does not settle")
-        return made_up.replay_at(path, moments, speed=speed, **options)
-
-    monkeypatch.setattr("planner.recording.retiming.replay_at", limited)
-    swung = log(0.2 + swing(0.5, ROWS))
-    least = 1.5
-    found = fastest(swung, SERVO, tolerance=TOLERANCE, load=np.cos)
-    assert least / 1.0101 <= found.constant <= least
-    assert [each.speed for each in found.curve][-1] == found.constant
-    with pytest.raises(Infeasible, match="does not settle"):
-        fastest(swung, SERVO, tolerance=TOLERANCE)
-    least = 0.9
-    with pytest.raises(Infeasible, match="does not settle"):
-        fastest(swung, SERVO, tolerance=TOLERANCE, load=np.cos)
 
 
 @pytest.mark.parametrize(("half_of", "most"), [(0.5, 6.0), (2.0, 1.0)])
