@@ -13,10 +13,6 @@ from planner.cli.console import (
     BAR,
     KEY,
     Progress,
-    complain,
-    detail,
-    remark,
-    summarise,
     warn,
 )
 
@@ -101,27 +97,3 @@ def test_a_warning_is_wrapped_on_a_terminal_and_one_line_elsewhere(monkeypatch):
             assert len(lines) == 1
         text = " ".join(" ".join(lines).split())
         assert text == f"request-planner: warning: {LONG}"
-
-
-def test_the_first_line_of_a_summary_and_the_label_of_a_notice_stand_out(monkeypatch, capsys):
-    monkeypatch.setenv("FORCE_COLOR", "1")
-    monkeypatch.delenv("NO_COLOR", raising=False)
-    summarise("first\nsec\x1bond\nthird")  # which a terminal would obey
-    warn("a warning:\nof warning: \x1b")
-    remark("a remark\n\x1b")
-    complain("an\n  error \x1b")
-    assert capsys.readouterr().err == (
-        "\x1b[1mfirst\x1b[0m\nsec\\x1bond\nthird\n"
-        "request-planner: \x1b[33mwarning:\x1b[0m a warning: of warning: \\x1b\n"
-        "request-planner: a remark \\x1b\n"
-        "\x1b[31m\x1b[1mrequest-planner:\x1b[0m an error \\x1b\n"
-    )
-    with click.Context(click.Command("plan")) as context:
-        context.meta[KEY] = "quiet"
-        summarise("first")
-        remark("a remark")
-        detail("a detail")
-        assert capsys.readouterr().err == ""
-        warn("a warning")
-        complain("an error")
-        assert capsys.readouterr().err.count("\n") == 2

@@ -7,11 +7,7 @@ import json
 import numpy as np
 import pytest
 
-from planner.cli.run_file import read_run
 from planner.files.paths import read_joint_path
-
-SAME = 1e-10
-"""Files carry 12 decimals of a degree; a joint's answer does not magnify that much [rad]."""
 
 ROUNDED = 1e-6
 """A foot path in a file carries 12 decimals of a metre, which the search magnifies [rad]."""
@@ -156,13 +152,3 @@ def test_a_run_that_fails_leaves_the_last_ones_folder(run, write, tmp_path):
     assert {each.name: each.read_bytes() for each in (tmp_path / "it").iterdir()} == before
     left = [each.name for each in tmp_path.iterdir() if each.name.startswith(".")]
     assert left == []
-
-
-@pytest.mark.parametrize("for_leg", ["false", "true"])
-def test_a_walk_of_a_run_goes_where_its_heading_points(write, tmp_path, for_leg):
-    leg = '[leg]\nname = "reference"\nunreachable = "nearest"\n'
-    walk = f"[path.half_ellipse]\nheading_deg = 90\nfor_leg = {for_leg}\n"
-    foot = read_run(str(tmp_path / write(leg + walk)))[1].desired.foot
-    x, y, _ = (foot - foot.mean(axis=0)).T
-    assert np.ptp(y) > 0.05  # [m]; straight on it is 0
-    assert np.ptp(x) == pytest.approx(0.0, abs=SAME)

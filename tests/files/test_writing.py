@@ -21,7 +21,7 @@ from planner.files.staging import (
     output_folder,
     staged,
 )
-from planner.files.text import read_text, to_json, write_text
+from planner.files.text import to_json, write_text
 from tests.parallel.work import at_work_on
 
 
@@ -82,27 +82,6 @@ def test_writing_through_a_link_keeps_the_link(tmp_path):
     write_text(link, "new")
     assert link.is_symlink()
     assert file.read_text() == "new"
-
-
-def test_a_name_that_no_file_can_have_is_bad_input(tmp_path):
-    loop = tmp_path / "loop"
-    loop.symlink_to(loop)
-    for name, reason in (
-        (loop, r"too many levels of symbolic links"),
-        (tmp_path, "is a directory"),
-        (tmp_path / "a\0b", "[a-z: ]*embedded null [a-z ]+"),  # a byte, or a character in a path
-        (tmp_path / ("x" * 300), "file name too long"),
-        (tmp_path / "missing" / "plan.csv", "no such file or directory"),
-    ):
-        with pytest.raises(InvalidFile, match=rf"cannot be written \({reason}\); choose another"):
-            write_text(name, "text")
-    assert list(tmp_path.iterdir()) == [loop]
-    with pytest.raises(InvalidFile, match=r"cannot be read \([a-z: ]*embedded null [a-z ]+\)"):
-        read_text(tmp_path / "a\0b")
-    for name in (loop, tmp_path / "a\0b"):
-        with pytest.raises(InvalidFile, match="choose another"), output_folder(name):
-            pass
-    assert list(tmp_path.iterdir()) == [loop]
 
 
 def test_several_files_appear_or_none_where_one_cannot(tmp_path):

@@ -5,18 +5,14 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
 import planner
-from planner.evaluation.checks import AGREES, Check
+from planner.evaluation.checks import Check
 from planner.planning.bounds import foot_bound
 from planner.report.comparison import (
-    SHOWN,
-    above_bound,
     comparison_page,
     foot_table,
-    key_figures,
     remarks,
     verdict,
 )
@@ -41,35 +37,6 @@ def failed(check):
     wrong = Check("knee", "optimised", "holds <always>", 2.0, 1.0, "rad", "rounding")
     joint = replace(check.joints[2], checks=(*check.joints[2].checks, wrong))
     return replace(check, joints=(*check.joints[:2], joint))
-
-
-def test_the_verdict_comes_first_and_tells_agreement_gaps_and_difference(check, page):
-    head, tail = verdict(check)
-    assert head == f"The plans agree: all {len(check.checks)} checks hold"
-    gaps = [100.0 * joint.gap("optimal") for joint in check.joints]
-    for order in (1, -1):
-        turned = replace(check, joints=check.joints[::order])
-        assert above_bound(turned, "optimal") == f"{min(gaps):.2f} – {max(gaps):.2f} %"
-    assert f"{min(gaps):.2f} – {max(gaps):.2f} %" in tail
-    apart = [np.degrees(joint.difference(SHOWN)) for joint in check.joints]
-    assert {bool(each.max() > -each.min()) for each in apart} == {True, False}
-    for joints, largest in (
-        (check.joints, max(np.abs(each).max() for each in apart)),
-        *(((joint,), np.abs(each).max()) for joint, each in zip(check.joints, apart, strict=True)),
-    ):
-        assert f"up to {largest:.3g} degrees" in verdict(replace(check, joints=joints))[1]
-    assert page.index(head) < page.index("<table>")
-    assert f"15 of {len(WALK.desired)} samples were out of reach" in page
-    agreements = [each.value for each in check.checks if each.name == AGREES]
-    assert min(agreements) < max(agreements)
-    first, *_ = key_figures(check)
-    assert f"at most {max(agreements):.1g} rad" in first.words
-    figures = {each.figure for each in key_figures(check)}
-    assert f"{len(check.checks)} of {len(check.checks)}" in figures
-    foot = [
-        100.0 * float(check.foot.plans[method].rms[0]) for method in ("optimal", "foot_optimal")
-    ]
-    assert f"{foot[0]:.2f} → {foot[1]:.2f}" in figures
 
 
 def test_what_does_not_hold_is_said_first(failed):

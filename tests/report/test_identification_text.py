@@ -26,14 +26,6 @@ def row(identification, name):
     return next(row for row in parameters(identification) if row.name == name)
 
 
-def test_a_parameter_is_shown_in_degrees_and_in_si_with_the_digits_that_its_interval_deserves():
-    found = row(made_up(), "v_max")
-    assert found.value == "312.5 deg/s"
-    assert found.interval == "310.8 to 314.2"
-    assert found.si == "5.454 rad/s, 5.424 to 5.484"
-    assert row(made_up(), "lag").value == "32.00 ms"
-
-
 @pytest.mark.parametrize(
     ("name", "value", "shown"),
     [

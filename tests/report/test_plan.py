@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from dataclasses import replace
 
 import numpy as np
@@ -14,7 +13,6 @@ from kinematics import Limits
 from planner.report.page import sources_of
 from planner.report.plan import (
     WITHOUT,
-    cards,
     foot_figures,
     joint_rows,
     joints_table,
@@ -28,8 +26,6 @@ from planner.report.style import FOOT_OPTIMAL
 SAME = 1e-12
 """The same figure by another route [m, rad]."""
 
-DIGITS = 1.1
-"""How many times itself a size is that is rounded up to two digits, at most: 1.0 from above."""
 
 WALK = planner.reference_walk()
 SERVO = planner.JointModel.ers210a()
@@ -66,18 +62,6 @@ def page_of(outcome, **about):
     return plan_page(outcome, **{"title": "leg <1>", "method": "foot-optimal", **about})
 
 
-def test_the_verdict_is_about_the_foot_where_there_is_one(outcome):
-    head, tail = verdict(outcome)
-    said = re.fullmatch(r"By the model the foot stays within ([\d.]+) cm of its path", head)
-    largest = 100.0 * outcome.distances.max()
-    assert largest <= float(said[1]) <= DIGITS * largest
-    said = re.search(r"up to ([\d.]+) cm", tail)
-    largest = 100.0 * outcome.direct_distances.max()
-    assert largest <= float(said[1]) <= DIGITS * largest
-    head, _ = verdict(asked(outcome, goal="angles", leg=None, foot=None))
-    assert re.fullmatch(r"By the model the joints stay within [\d.]+ degrees of their paths", head)
-
-
 @pytest.mark.parametrize(
     ("error", "told"), [(5.046, "5.1"), (0.0612, "0.062"), (3.0, "3"), (101.0, "110"), (0.0, "0")]
 )
@@ -88,19 +72,6 @@ def test_no_joint_leaves_the_distance_within_which_it_is_said_to_stay(outcome, e
     one.__dict__["predicted"] = WALK.desired[:, :1] + errors
     head, _ = verdict(one)
     assert head == f"By the model the joint stays within {told} degrees of its path"
-
-
-def test_a_path_that_is_too_fast_is_remarked(outcome):
-    (said,) = [each for each in remarks(outcome, unreachable=0, missed=()) if "faster" in each]
-    steps = np.abs(np.roll(WALK.desired, -1, axis=0) - WALK.desired)
-    shares = (steps > SERVO.v_max * SERVO.period).mean(axis=0)
-    for name, share in zip(WALK.joint_names, shares, strict=True):
-        assert f"{name} ({100 * share:.0f} % of the path" in said
-    fastest = WALK.joint_names[int(np.argmax(steps.max(axis=0)))]
-    assert f"top speed of: {fastest} (" in said
-    assert any(card.words.startswith(f"{fastest}, the fastest") for card in cards(outcome))
-    slow = asked(outcome, desired=0.1 * WALK.desired)
-    assert not [each for each in remarks(slow, unreachable=0, missed=()) if "faster" in each]
 
 
 def test_what_goes_wrong_is_remarked(outcome, page):
@@ -142,14 +113,6 @@ def test_requests_beyond_a_limit_are_said_to_be_beyond_it_and_by_how_much(outcom
         found = [f"{WALK.joint_names[0]} by 2 degrees" in each for each in said]
         assert any(found) == beyond
         assert any(each.startswith("Requests at a limit") for each in said) != beyond
-
-
-def test_a_clamped_path_tells_the_distance_to_the_path_as_given_too(outcome):
-    given = WALK.desired_foot + np.array([0.0, 0.0, 0.01])
-    (said,) = remarks(outcome, foot_given=given, unreachable=7, missed=())[:1]
-    distances = np.linalg.norm(outcome.foot - given, axis=1)
-    assert f"{100.0 * np.sqrt(np.mean(distances**2)):.3f} cm rms" in said
-    assert "all distances here are to the clamped path" in said
 
 
 def test_every_name_is_escaped_and_every_request_shown(outcome):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -20,17 +19,3 @@ def test_the_error_that_joints_stay_within_is_not_rounded_down(size, speed):
     (promised,) = re.findall(r"stays within (\S+) degrees", page)
     largest = np.degrees(np.max(np.abs(made.planned[0].errors["planned"])))
     assert largest <= float(promised) <= 1.1 * largest
-
-
-def test_the_error_of_a_hand_is_a_share_of_its_range():
-    hand = [replace(each, unit="1") for each in logs("hand")]
-    for recorded, unit in (
-        (hand, "% of the range"),
-        ([*hand, *logs("elbow")], "degrees or % of the range"),
-    ):
-        joints = [each.joint for each in recorded]
-        page = replay_page(
-            replay(recorded, SERVO, joints=joints), title="demo.csv", words="follows"
-        )
-        promised, off = re.findall(rf"([\d.]+) {unit} o", page)[:2]
-        assert 0.0 < float(promised) < float(off)

@@ -133,24 +133,6 @@ def test_joint_states_are_held_against_the_commands_before_them(tmp_path, comman
     _assert_holds_the_angles(*read_logs(folder, options=options), "knee")
 
 
-@pytest.mark.parametrize(
-    ("options", "actual", "requested"),
-    [
-        ({}, STATE, STATE),
-        ({"command_topic": "/commands"}, "/joint_states", "/commands"),
-        ({"topic": "/joint_states", "command_topic": STATE}, "/joint_states", STATE),
-        ({"topic": STATE, "command_topic": "/commands"}, STATE, "/commands"),
-    ],
-)
-def test_topics_beside_a_controllers_state_are_read_where_the_options_name_them(
-    tmp_path, options, actual, requested
-):
-    states = lambda kit, stamp: kit.state(stamp, [0.0, 0.1], [0.5, 0.6])  # noqa: E731
-    folder = _command_bag(tmp_path / "run", COMMANDS["trajectory"], extra=[(STATE, states)])
-    (log,) = read_logs(folder, options=LogOptions(joint="hip", **options))
-    assert log.notes[0] == f"actual from {actual}, requested from {requested}"
-
-
 def test_states_before_the_first_command_are_left_out_and_said_so(tmp_path):
     folder = _command_bag(tmp_path / "run", COMMANDS["trajectory"], late=7)
     (log,) = read_logs(folder, options=LogOptions(joint="hip"))
