@@ -85,17 +85,6 @@ def test_what_is_overdue_is_skipped_and_the_rest_is_in_step_with_the_clock():
     assert report.mean_lateness == pytest.approx(0.05 * TICK)  # over the ten that were sent
 
 
-@pytest.mark.parametrize(("ticks", "skipped", "overruns"), [(1, 0, 1), (2, 1, 1), (0.75, 0, 0)])
-def test_the_moment_at_which_the_next_is_due_is_too_late(ticks, skipped, overruns):
-    robot = Robot()
-    robot.stall_at, robot.stall = 1, ticks * TICK
-    report = robot.play(cycles=2)
-    assert (report.sent, report.skipped, report.overruns) == (8 - skipped, skipped, overruns)
-    robot.rows = []
-    led = robot.play(cycles=1, current=[0.1, 0.9], speed=0.1 / 3.0 / TICK)
-    assert (led.sent, led.skipped, led.overruns) == (6, 0, overruns)
-
-
 def test_the_last_request_is_sent_however_late():
     robot = Robot()
     robot.stall_at, robot.stall = 0, 99.0

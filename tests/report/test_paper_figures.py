@@ -42,22 +42,6 @@ def test_the_foot_of_the_moving_leg_goes_along_the_drawn_paths(figures):
             np.testing.assert_allclose(path.y[:-1], foot[:, 2], atol=1e-9)
 
 
-def test_knots_lie_on_the_lines_of_their_joint(reproduction, figures):
-    drawn = [
-        (panel, curve)
-        for figure in figures.values()
-        for panel in figure.panels
-        for curve in panel.curves
-        if curve.name == "knots"
-    ]
-    assert len(drawn) == len(reproduction.joints)
-    for joint, (_, knots) in zip(reproduction.joints, drawn, strict=True):
-        fit = joint.closed_form_plain.approximation
-        samples = knots.x / (1e3 * reproduction.model.period)
-        assert len(samples) == len(fit.knots)
-        np.testing.assert_allclose(knots.y, np.degrees(fit(samples)), atol=1e-9)
-
-
 def test_the_step_tests_shade_lag_and_acceleration_time(reproduction, figures):
     period = 1000.0 * reproduction.model.period
     for number, amplitude in enumerate(STEP_AMPLITUDES, 3):

@@ -66,21 +66,6 @@ def test_the_top_speed_is_where_torque_and_friction_balance():
     assert fastest(QUIET) * TICK == pytest.approx(2.5, rel=WEIGHT)
 
 
-@pytest.mark.parametrize(
-    "change",
-    [
-        {"battery_voltage": 5.0},
-        {"gear_ratio": 320.0},
-        {"coulomb_friction": 0.6},
-    ],
-    ids=lambda change: next(iter(change)),
-)
-def test_what_weakens_the_motor_or_brakes_the_gear_lowers_the_top_speed(change):
-    constants = replace(QUIET, **change)
-    assert constants.top_speed < 0.9 * QUIET.top_speed
-    assert fastest(constants) == pytest.approx(constants.top_speed, rel=2 * WEIGHT)
-
-
 @pytest.mark.parametrize("delay", [0.016, 0.032, 0.040])
 def test_a_request_moves_nothing_before_its_delay_and_the_joint_right_after(delay):
     robot = VirtualRobot(constants=replace(QUIET, transport_delay=delay))
@@ -90,27 +75,6 @@ def test_a_request_moves_nothing_before_its_delay_and_the_joint_right_after(dela
     moved = np.abs(angles - angles[0])
     assert np.max(moved[: late + 1]) < 1e-4
     assert moved[late + 1] > 1e-3
-
-
-def test_the_sensor_speaks_in_counts_of_ten_bits_near_the_truth():
-    ramp = np.linspace((0.0, 0.0, 0.0), (0.5, 0.4, 0.9), 80)
-    recording = VirtualRobot().play(ramp)
-    count = Constants().count
-    assert count == pytest.approx(math.radians(300.0 / 1024.0))
-    counts = recording.sensed / count
-    assert np.max(np.abs(counts - np.round(counts))) < 1e-9
-    farthest = count / 2.0 + 5.0 * Constants().sensor_noise
-    assert np.max(np.abs(recording.sensed - recording.angles)) < farthest
-    assert np.unique(np.round(counts[:, 2])).size > 50
-
-
-def test_what_is_played_in_two_parts_is_what_is_played_in_one():
-    rows = hold((0.5, 0.4, 0.9), 60)
-    whole = VirtualRobot().play(rows)
-    robot = VirtualRobot()
-    first, second = robot.play(rows[:25]), robot.play(rows[25:])
-    assert np.array_equal(whole.angles, np.vstack([first.angles, second.angles]))
-    assert np.array_equal(whole.times, np.concatenate([first.times, second.times]))
 
 
 def test_a_leg_that_is_left_alone_never_gains_energy():
