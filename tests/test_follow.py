@@ -120,21 +120,6 @@ class Slow(TwoJoints):
         return np.zeros(2)
 
 
-@pytest.mark.filterwarnings("error")
-def test_a_stream_that_cannot_keep_its_period_is_warned_of_once_and_another_is_not():
-    robot = Following()
-    robot.stream = Slow(robot, [TICK] * 60)
-    with pytest.warns(UserWarning, match=r"planning a tick takes 7.81 ms .* is 7.8125 ms") as told:
-        robot.follow(np.zeros((60, 2)))
-    assert len(told) == 1
-    quick, slow = 0.9 * TICK, 3.0 * TICK
-    robot.stream = Slow(robot, [slow] * 3 + [quick] * 6 + [slow] + [quick] * 9)
-    report = robot.follow(lambda tick: np.zeros((9, 2)) if tick < 27 else None)
-    assert (report.sent, report.skipped, report.overruns) == (19, 8, 4)  # most are quick
-    robot.stream = Slow(robot, [slow] * 9)
-    robot.follow(np.zeros((25, 2)), measure=lambda: setattr(robot, "time", robot.time + TICK))
-
-
 def test_ctrl_c_and_errors_end_it_as_they_end_the_player():
     robot, reports = Following(), []
     robot.fail_at, robot.failure = 5, KeyboardInterrupt()

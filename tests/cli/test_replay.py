@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import shutil
 import signal
 import subprocess
@@ -262,19 +261,6 @@ def test_a_replay_that_is_complete_is_not_computed_again(run, dataset, model, ne
 
 
 @pytest.mark.usefixtures("in_this_process")
-def test_an_episode_changed_in_place_is_planned_again(run, dataset, model):
-    words = ("replay", dataset, *UNITS, "--model", model, "--as", "lerobot", "-o", "planned")
-    assert run(*words, "--workers", 1).exit_code == 0
-    file = dataset / "data/chunk-000/episode_000001.parquet"
-    content, time = bytearray(file.read_bytes()), file.stat().st_mtime_ns
-    content[100] ^= 1
-    file.write_bytes(content)
-    os.utime(file, ns=(time + 1, time + 1))
-    again = run(*words, "--workers", 1, "--resume")
-    assert "nothing is missing" not in again.stderr
-
-
-@pytest.mark.usefixtures("in_this_process")
 def test_what_failed_alone_is_done_again_once_it_is_mended(run, dataset, model):
     file = dataset / "data/chunk-000/episode_000001.parquet"
     good = file.read_bytes()
@@ -314,17 +300,6 @@ def test_a_recording_that_begins_in_motion_is_answered_with_where_to_begin_it(ru
     answered = run(*ask, "--begin-s", begin)
     assert answered.exit_code == 0, answered.stderr
     assert "the recording contradicts" not in answered.stderr
-
-
-def test_steps_of_requests_are_limited_in_the_unit_of_the_joint(run, demo, model):
-    result = run(
-        *("replay", demo, "--model", model, "--joint", "elbow", "--joint", "jaw"),
-        *("--max-step-deg", 2, "--smoothness", 0.1, "-o", "out.csv"),
-    )
-    assert result.exit_code == 0, result.stderr
-    steps = np.abs(np.diff(np.loadtxt("out.csv", delimiter=",", skiprows=1), axis=0)).max(axis=0)
-    assert steps[1] <= 2.0 + 1e-6
-    assert steps[2] <= 0.02 + 1e-6
 
 
 def test_a_joint_that_cannot_be_identified_gets_its_recorded_requests_and_is_named(run, demo):

@@ -214,6 +214,19 @@ def test_lost_packets_are_counted_and_their_rows_lie_between_their_neighbours(
     assert np.max(np.abs(np.diff(angles))) < 4.0
 
 
+def test_an_angle_that_was_not_read_is_warned_of_though_every_request_was_sent(
+    run, arm, requests, monkeypatch
+):
+    def perform(_, rows, *, period, cycles, keep):
+        for number, row in enumerate(np.tile(rows, (cycles, 1))):
+            keep(period * number, row, row + (np.nan if number == 0 else 0.0))
+        return Playback(sent=len(rows))
+
+    monkeypatch.setattr(Arm, "perform", perform)
+    said = run("play", requests, "--bus", "virtual", "--model", arm).stderr
+    assert "0 of 150 requests were not sent in time and 1 of 150 angles were not read" in said
+
+
 def test_a_log_tells_what_was_requested_from_what_was_measured(run, arm, tmp_path, monkeypatch):
     monkeypatch.setattr(Arm, "goals", lambda _: np.array([0.5]))
     asked = ("--bus", "virtual", "--model", arm, "--duration-s", "0.2")
