@@ -109,17 +109,6 @@ def test_a_row_with_one_unknown_request_is_not_sent_and_one_held_joint_counts():
     assert (report.sent, report.held) == (2, 2)
 
 
-class Slow(TwoJoints):
-    """A stream whose ticks take a time on the robot's clock."""
-
-    def __init__(self, robot, seconds):
-        self.robot, self.seconds, self.status = robot, list(seconds), ()
-
-    def step(self, desired, measured=None, *, missed=0):  # noqa: ARG002
-        self.robot.time += self.seconds.pop(0)
-        return np.zeros(2)
-
-
 def test_ctrl_c_and_errors_end_it_as_they_end_the_player():
     robot, reports = Following(), []
     robot.fail_at, robot.failure = 5, KeyboardInterrupt()
