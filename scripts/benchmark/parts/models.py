@@ -49,7 +49,7 @@ def measure(options: Options) -> list[Table]:
     every = {**arm, **pendulums(Path(folder))}
     if options.instances > 3:
         every |= humanoid(Path(folder))
-    return [halves(every), *unseen(arm), *simulated]
+    return [halves(every), *unseen(arm), alternate(arm), *simulated]
 
 
 def halves(joints: Mapping[str, Sequence[planner.Log]]) -> Table:
@@ -102,7 +102,7 @@ def unseen(arm: Mapping[str, Sequence[planner.Log]]) -> list[Table]:
             each.parameters["delay"] for each in result.alternatives if each.name == "delay"
         ]
         motions = np.array(
-            [motion for log in unfitted for motion in motions_of(result, log, delay)]
+            [motion for log in unfitted for motion in motions_of(result, log, delay, parts_of(log))]
         )
         met, late, expected, low, high = motions.T
         model, pure = float(np.median(met)), float(np.median(late))
@@ -119,6 +119,48 @@ def unseen(arm: Mapping[str, Sequence[planner.Log]]) -> list[Table]:
     return tables
 
 
+def alternate(arm: Mapping[str, Sequence[planner.Log]]) -> Table:
+    """Models of every second motion of the recordings of :func:`unseen` on the others."""
+    table = Table(
+        "Models of the SO-101's joints fitted to every second of these motions",
+        ("delay", "model", "worst", "over a delay", *TERMS),
+        note=f"As above, of the motions of {MOTION:g} s that were not fitted.",
+        stub="joint",
+    )
+    for name, logs in arm.items():
+        rest = [log for log in logs if log.name not in FITTED]
+        if not rest or "Jaw" in name:
+            continue
+        fitted = [part_of(log, part) for log in rest for part in parts_of(log)[::2]]
+        result = planner.identify(fitted)
+        (delay,) = [
+            each.parameters["delay"] for each in result.alternatives if each.name == "delay"
+        ]
+        motions = [
+            motion for log in rest for motion in motions_of(result, log, delay, parts_of(log)[1::2])
+        ]
+        model, pure = (float(np.median([each[k] for each in motions])) for k in (0, 1))
+        worst = 1e3 * max(motion.met for motion in motions)
+        table.add(name, 1e3 * pure, 1e3 * model, worst, model / pure, *terms(result))
+    return table
+
+
+def parts_of(log: planner.Log) -> list[slice]:
+    """The rows of each motion of a recording, but for the first second of all."""
+    length = round(MOTION / log.period)
+    first = range(round(1.0 / log.period), len(log.times) - length + 1, length)
+    parts = [slice(row, row + length) for row in first]
+    return [part for part in parts if np.ptp(log.requests[part]) > 0.0]
+
+
+def part_of(log: planner.Log, part: slice) -> planner.Log:
+    """A motion as a recording."""
+    times, requests, angles = log.times[part], log.requests[part], log.angles[part]
+    return planner.Log(
+        times=times, requests=requests, angles=angles, name=f"{log.name} {part.start}"
+    )
+
+
 class Motion(NamedTuple):
     """A part of a recording: errors of model and delay, and the model's expected error [rad]."""
 
@@ -129,17 +171,15 @@ class Motion(NamedTuple):
     high: float
 
 
-def motions_of(result: planner.Identification, log: planner.Log, delay: float) -> Iterator[Motion]:
-    """The parts of a recording in which the joint moves, but for the first second of all."""
+def motions_of(
+    result: planner.Identification, log: planner.Log, delay: float, parts: Sequence[slice]
+) -> Iterator[Motion]:
+    """The errors in these parts of a recording."""
     model, evidence = result.model, result.tested
     start, period = float(log.angles[0]), log.period
     predicted = planner.simulate(model, log.requests, cyclic=False, start=start)
     late = np.interp(log.times - delay, log.times, log.requests)
-    length = round(MOTION / period)
-    for first in range(round(1.0 / period), len(predicted) - length + 1, length):
-        part = slice(first, first + length)
-        if np.ptp(log.requests[part]) == 0.0:
-            continue
+    for part in parts:
         met, by_delay = (
             math.sqrt(np.mean((angles - log.angles)[part] ** 2)) for angles in (predicted, late)
         )
