@@ -23,7 +23,9 @@ def answers(plan):
     found = made_up()
     replayed = planner.replay(made_up_log(duration=2.0), found.model)
     fit = planner.fit_pwl(PATH, v_max=4.0, tick=0.008)
-    return [plan, plan.inversions[0], found, found.model, made_up_log(), replayed, fit]
+    (learning,) = planner.refine(plan.inversions[0], plan.predicted[:, 0] + 0.01).plan.learning
+    plans = [plan, plan.inversions[0], learning, learning.trials[0]]
+    return [*plans, found, found.model, made_up_log(), replayed, fit]
 
 
 def test_every_answer_is_shown_in_a_few_lines_of_text_and_html(plan):

@@ -79,6 +79,7 @@ from planner.identification.terms import (
     pays,
     with_calm_friction,
     with_integral,
+    with_known_sign,
     with_motor,
     with_terms,
 )
@@ -392,6 +393,7 @@ def _with_shorter_ticks(search: _Search) -> _Search:
     fine = refitted(logs, fit, tick=tick)
     if search.motor and fine.cost > (1.0 + LOST) * fit.cost:
         fine, terms = with_integral(*with_motor(fine, terms))
+    fine, terms = with_known_sign(fine, terms)
     paper = abs(fit.grid.tick - PAPER_TICK) <= 1e-3 * PAPER_TICK
     likely = paper and fit.parameters.time_constant <= 0.0
     if timing.hold == 1 and (not better(fit, fine) if likely else pays(fine, fit)):

@@ -52,6 +52,9 @@ BISECTIONS = 2
 """Halvings that narrow the end of an interval, each one fit (half: up to 1.8 times as wide; twice:
 down to 0.6, in 1.1 times the time)."""
 
+SCALES = ("v_max", "theta_0", "gain")
+"""Parameters whose intervals are wide by factors."""
+
 GAIN = Parameters._fields.index("gain")
 V_MAX = Parameters._fields.index("v_max")
 ROWS = tuple(COORDINATES.values())
@@ -399,11 +402,27 @@ def over_ticks(intervals: Mapping[str, Interval], longer: Fit, fit: Fit) -> dict
         if ends.bounded:
             rough = ROUGH_FRICTION if name == "dead_band" else ROUGH
             rough = rough if fine.has_inertia else 1.0
-            by = abs(after[name] - before[name]) + (rough - 1.0) * (ends.upper - ends.lower) / 2.0
-            least = 0.0 if ends.lower >= 0.0 else -math.inf
-            ends = Interval(max(ends.lower - by, least), ends.upper + by)
+            values = after[name], before[name]
+            if name in SCALES and ends.lower > 0.0:
+                logarithms = Interval(*map(math.log, ends))
+                here, there = map(math.log, values)
+                ends = Interval(*map(math.exp, _wider(logarithms, here, there, rough)))
+            else:
+                least = 0.0 if ends.lower >= 0.0 else -math.inf
+                ends = _wider(ends, values[0], values[1], rough)
+                ends = Interval(max(ends.lower, least), ends.upper)
+            if name == "v_max" and ends.upper >= peak_command(fit):  # no row tells it from more
+                ends = Interval(ends.lower, math.inf)
         found[name] = ends
     return found
+
+
+def _wider(ends: Interval, value: float, coarse: float, rough: float) -> Interval:
+    """Ends further from a value by a factor, and by what that of coarse ticks differs from it."""
+    by = abs(value - coarse)
+    return Interval(
+        value - rough * (value - ends.lower) - by, value + rough * (ends.upper - value) + by
+    )
 
 
 def covariance_of(

@@ -361,8 +361,8 @@ trials on servos from their physics the middle half missed 0.13 to 0.28 of it; b
 their errors were up to five times the predicted ones.)"""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Trial(ReadOnly):
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Trial(ReadOnly, Summarised):
     """Requests as they were executed, in one cycle or in several.
 
     Attributes:
@@ -379,6 +379,10 @@ class Trial(ReadOnly):
     def __post_init__(self) -> None:
         """Freeze the arrays."""
         freeze(self.requests, self.measured)
+
+    def _summarised(self) -> Summary:
+        """Its cycles and its error."""
+        return Summary(f"Trial of {self.cycles} cycles: error {self.error:.4g} rad (foot: m)")
 
     @property
     def mean(self) -> Array:
@@ -407,8 +411,8 @@ class SensorDelay:
     removed: float
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Learning(ReadOnly):
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Learning(ReadOnly, Summarised):
     """The state of learning: all data, beside the plan, for the next cycle.
 
     Attributes:
@@ -439,6 +443,17 @@ class Learning(ReadOnly):
     next_error: float = math.nan
     stopped: str = ""
     remarks: tuple[str, ...] = ()
+
+    def _summarised(self) -> Summary:
+        """The error of each trial, and what is expected of the next, or why there is none."""
+        rows = [
+            (f"{number}", f"{trial.cycles}", f"{trial.error:.4g}")
+            for number, trial in enumerate(self.trials, start=1)
+        ]
+        rest = f"ended: {self.stopped}" if self.stopped else f"next error {self.next_error:.4g}"
+        plural = "s" * (len(rows) > 1)
+        head = f"Learning from {len(rows)} trial{plural}, the best is {self.best + 1}; {rest}"
+        return Summary(head, ("trial", "cycles", "error [rad, foot: m]"), rows)
 
     @property
     def errors(self) -> Array:
