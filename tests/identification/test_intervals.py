@@ -191,8 +191,8 @@ def test_intervals_reach_as_far_as_longer_ticks_move_a_parameter_and_a_rough_los
         "gain": Interval(19.0, 21.0),
     }
     for motor, expected in (
-        (0.03, ((0.016, 0.026), (0.0, 0.0895), (-0.02, 0.02), (0.0136, 0.0224), (17.0, 23.0))),
-        (0.0, ((0.018, 0.024), (0.001, 0.06), (-0.01, 0.01), (0.014, 0.022), (18.0, 22.0))),
+        (0.03, ((0.016, 0.026), (0.0, 0.09), (-0.02, 0.02), (0.0136, 0.0224), (17.19, 23.15))),
+        (0.0, ((0.018, 0.024), (0.001, 0.06), (-0.01, 0.01), (0.014, 0.022), (18.10, 22.05))),
     ):
         longer, fit = (
             SimpleNamespace(
@@ -202,7 +202,8 @@ def test_intervals_reach_as_far_as_longer_ticks_move_a_parameter_and_a_rough_los
         )
         found = over_ticks(ends, longer, fit)
         assert found.pop("v_max") == ends["v_max"]
-        np.testing.assert_allclose(list(found.values()), expected, atol=1e-12)
+        np.testing.assert_allclose(found.pop("gain"), expected[-1], rtol=3e-4)  # by factors
+        np.testing.assert_allclose(list(found.values()), expected[:-1], atol=1e-12)
 
 
 @pytest.fixture(scope="module")
