@@ -595,8 +595,15 @@ def allocated(spec: Spec, smoothing: bool) -> Point:
     )
 
 
+PATTERNS, MOST_KEPT = 8, 4096  # patterns that are kept, and most samples of one: some 1 kB each
+_KEPT: dict[tuple[int, ...], Pattern] = {}
+
+
 def pattern_of(spec: Spec, *, smoothing: bool) -> Pattern:
     """The pattern of the steps of a problem: unknowns are eliminated in order of time.
+
+    It depends on the numbers of samples, joints, drives and requests that act alone. The last
+    patterns are kept, as joints of one robot and other plans of one path have the same.
 
     Without second differences and limits on changes requests are eliminated first, then states: a
     Schur complement remains. With them each request follows the last condition on which it acts;
@@ -605,6 +612,10 @@ def pattern_of(spec: Spec, *, smoothing: bool) -> Pattern:
     """
     samples, joints = spec.resting.shape
     drives, _, width = spec.weights.shape
+    options = spec.cyclic, spec.together, spec.limited, smoothing
+    key = *options, spec.oldest, spec.parts, len(spec.shares), samples, joints, drives, width
+    if (kept := _KEPT.get(key)) is not None:
+        return kept
     states, every = drives * spec.parts, np.arange(samples)
     ahead = spec.oldest
     turns = (every + ahead) % samples  # when the last condition is eliminated on which each acts
@@ -624,7 +635,12 @@ def pattern_of(spec: Spec, *, smoothing: bool) -> Pattern:
     position = np.empty(len(time), dtype=np.uint32)
     position[np.lexsort((kind, time))] = np.arange(len(time))
 
-    return pattern_in_order(spec, smoothing, position)
+    pattern = pattern_in_order(spec, smoothing, position)
+    if samples <= MOST_KEPT:
+        if len(_KEPT) >= PATTERNS:
+            _KEPT.clear()
+        _KEPT[key] = pattern
+    return pattern
 
 
 @compiled

@@ -25,7 +25,7 @@ from planner.trajectory import Array
 
 if TYPE_CHECKING:
     from kinematics.leg import Leg
-    from planner.planning.gauss_newton import Pattern, Spec
+    from planner.planning.gauss_newton import Spec
 
 RIDGE = 1e-4
 """Curvature added to that of a foot's squared errors, where a joint that does not move the foot has
@@ -270,11 +270,6 @@ class Problem:
         holds = np.array([model.hold for model in self.models])
         speeds = self.units * (angles - before) / holds
         return np.hstack([angles, speeds, *(np.zeros_like(speeds) for _ in range(self.parts - 2))])
-
-    @cached_property
-    def patterns(self) -> dict[bool, Pattern]:
-        """Patterns of the steps of a search without smoothing, and with it, once computed."""
-        return {}
 
     @property
     def unlimited(self) -> Problem:

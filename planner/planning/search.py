@@ -98,13 +98,10 @@ def _gone_through(problem: Problem, search: Search, stages: Sequence[Stage]) -> 
 
     The angles are those of the exact models where corners are sharp, else NaN, (stages, n, A).
     """
-    samples, smoothing = len(search.requests), stages[0].smoothing
-    if smoothing not in problem.patterns:
-        problem.patterns[smoothing] = pattern_of(problem.spec, smoothing=smoothing)
     ends = np.empty((len(stages), *search.requests.shape))
-    angles = np.empty((len(stages), samples, len(problem.models)))
-    rows = np.array(stages, dtype=np.float64)
-    go_through(problem.spec, problem.patterns[smoothing], search, rows, ends, angles)
+    angles = np.empty((len(stages), len(search.requests), len(problem.models)))
+    pattern = pattern_of(problem.spec, smoothing=stages[0].smoothing)
+    go_through(problem.spec, pattern, search, np.array(stages, dtype=np.float64), ends, angles)
     return ends, angles
 
 
@@ -544,7 +541,8 @@ def _smoothest(problem: Problem, state: State, start: Judged, error: float, boun
         return best
     search, now, cost = begun(problem, state), least, 0.0
     evidence = [model.evidence for model in problem.nominal]
-    varying = any(each is not None and each.depends_on_motion for each in evidence)
+    varying = problem.foot is not None
+    varying |= any(each is not None and each.depends_on_motion for each in evidence)
     if power != 2.0 and error:  # the sum of the powers at the start, in units of the error
         shares = np.minimum(problem.distances(state.angles) / error, LARGEST_SHARE)
         cost = float(np.sum(shares**power))
