@@ -5,12 +5,14 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 import planner
 from planner.evaluation.checks import Check
 from planner.planning.bounds import foot_bound
 from planner.report.comparison import (
+    SHOWN,
     comparison_page,
     foot_table,
     remarks,
@@ -24,7 +26,7 @@ WALK = planner.reference_walk()
 def check():
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(foot_bound, "EFFORT", 100)  # weaker, as valid
-        return planner.cross_check(planner.JointModel.ers210a(), WALK.desired, leg=WALK.leg)
+        return planner.cross_check(planner.JointModel.ers210a(), WALK.desired[::4], leg=WALK.leg)
 
 
 @pytest.fixture(scope="module")
@@ -37,6 +39,12 @@ def failed(check):
     wrong = Check("knee", "optimised", "holds <always>", 2.0, 1.0, "rad", "rounding")
     joint = replace(check.joints[2], checks=(*check.joints[2].checks, wrong))
     return replace(check, joints=(*check.joints[:2], joint))
+
+
+def test_the_largest_difference_of_the_requests_is_told_whichever_its_sign(check):
+    for joint in check.joints:
+        largest = np.degrees(np.abs(joint.difference(SHOWN)).max())
+        assert f"up to {largest:.3g} degrees" in verdict(replace(check, joints=(joint,)))[1]
 
 
 def test_what_does_not_hold_is_said_first(failed):

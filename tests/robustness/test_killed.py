@@ -44,10 +44,6 @@ COMMANDS = {
         [*EXPORT, "1", "--format", "mcap", "-o", "a.mcap"],
         [*EXPORT, "2", "--format", "mcap", "-o", "a.mcap"],
     ),
-    "export bag": (
-        [*EXPORT, "1", "--format", "bag", "-o", "a"],
-        [*EXPORT, "2", "--format", "bag", "-o", "a"],
-    ),
     "export lerobot": (
         [*EXPORT, "1", "--format", "lerobot", "-o", "a"],
         [*EXPORT, "2", "--format", "lerobot", "-o", "a"],
@@ -127,7 +123,7 @@ def test_an_output_is_the_last_good_one_or_the_new_one_whenever_the_run_is_kille
         assert forks.run(folder, *second, die_at=k).returncode == DEATH
         held = _held(folder)
         after, restored = _own(held), held.items() >= old.items()
-        if name in ("run", "export mcap", "export bag", "export lerobot"):
+        if name in ("run", "export mcap", "export lerobot"):
             assert after in (old, new) or (not after and _moved_away(held) == old)
         else:  # each file by itself
             assert after.keys() == old.keys()

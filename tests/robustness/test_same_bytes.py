@@ -11,7 +11,6 @@ from tests.robustness.test_only_named_outputs import LOG, PATH
 
 COMMANDS = {
     "plan optimal": ["plan", "desired.csv"],
-    "fit": ["fit", "desired.csv", "--max-rms", "2"],
     "identify": ["identify", "log.csv", "--hold", "1"],
     "compare": ["compare", "desired.csv", "--joint", "knee", "--segments", "4"],
 }
