@@ -14,7 +14,7 @@ import pytest
 
 import planner
 from planner.cli import cli
-from planner.cli.declared import NUMBER, fitted, tables, template, understand
+from planner.cli.declared import NUMBER, fitted, tables, template, toml_value, understand
 from planner.cli.options import SETTINGS
 from planner.cli.program import COMMANDS
 from planner.cli.settings import HalfEllipse, Replay, Run
@@ -41,7 +41,8 @@ def markdown(cls) -> str:
         if table.keys:
             lines += ["", "| key | expected | default | what it is for |", "|---|---|---|---|"]
         for name, key in table.keys.items():
-            default = "must be there" if key.required else cell(key.default_in_words) or "–"
+            given = key.otherwise or ("" if key.default is None else toml_value(key.default))
+            default = "must be there" if key.required else cell(given) or "–"
             lines.append(f"| `{name}` | {cell(key.expected)} | {default} | {cell(key.help)} |")
         if table.free:
             lines += ["", f"Any joint of the path, set to {table.free}."]
