@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from planner.approximation.fit import fit_pwl
-from planner.exceptions import Infeasible, InvalidInput
+from planner.exceptions import Infeasible
 from tests.approximation.samples import KINDS, closed, problems, samples_of
 
 SLOPE_ROUNDING = 1e-12
@@ -130,28 +130,6 @@ def test_an_attainable_rms_error_with_a_required_angle_is_not_refused(cyclic):
     assert fit.rms <= attainable * (1.0 + 2e-9)
     with pytest.raises(Infeasible, match="max_rms and v_max"):
         fit_pwl(desired, max_rms=attainable * (1.0 - 1e-4), **asked)
-
-
-@pytest.mark.parametrize(
-    ("asked", "message"),
-    [
-        ({"max_error": 1.0, "max_rms": 1.0}, "max_error, max_rms: got both"),
-        ({"knots": [1, 2], "segments": 2}, "knots, segments: got both"),
-        ({"knots": [1, 2], "max_error": 1.0}, "knots, max_error: got both"),
-        ({"knots": [1, 2], "max_rms": 1.0}, "knots, max_rms: got both"),
-        ({"exact": "no", "segments": 2}, "exact: got 'no', expected True or"),
-        ({"exact": True}, "exact: expected segments or max_rms"),
-        ({"exact": True, "segments": 2, "max_error": 1.0}, "exact: got max_error"),
-        ({"required": [60]}, "required: got a knot at 60, expected 0 up to, without, 60"),
-        ({"required": [60], "cyclic": False}, r"got a knot at 60, expected 0 to 59 \[samples\]"),
-        ({"required": [3.5], "exact": True, "segments": 3}, r"required: got a knot at 3\.5 with"),
-        ({"knots": [3.5, 20], "exact": True}, r"knots: got a knot at 3\.5 with exact"),
-        ({"required": ["first"]}, "required knots: got 'first'"),
-    ],
-)
-def test_arguments_that_make_no_sense_are_refused(asked, message):
-    with pytest.raises(InvalidInput, match=message):
-        fit_pwl(SINE, **{"v_max": 0.2, "tick": 1.0, **asked})
 
 
 @pytest.mark.parametrize("cyclic", [True, False])

@@ -24,8 +24,7 @@ from planner.evaluation.checks import (
     second_answer,
 )
 from planner.evaluation.cross_check import METHODS, SECOND, compare_joint, cross_check, judge_foot
-from planner.exceptions import NoSteadyCycle, SolverFailed
-from planner.model.evidence import Evidence
+from planner.exceptions import NoSteadyCycle
 from planner.model.joint import JointModel
 from planner.planning.bounds.reachable_set import LEVELS
 from planner.planning.closed_form import invert_closed_form
@@ -201,33 +200,6 @@ def test_requests_sent_at_another_time_make_the_optimised_plan_the_worse():
     }
 
 
-KNOWN = {
-    "one error": Evidence(0.02),
-    "by acceleration": Evidence(0.006, by_acceleration=((0.0, 0.001), (10.0, 0.006), (40.0, 0.05))),
-}
-
-
-@pytest.mark.filterwarnings("ignore::planner.OutsideEquation13")
-@pytest.mark.parametrize("norm", ["rms", "max"])
-@pytest.mark.parametrize("known", KNOWN)
-def test_a_plan_as_smooth_as_its_models_known_error_allows_passes_and_a_late_one_fails(known, norm):
-    """Closed form and smoothed plan are judged with the known error of the best plan."""
-    joint = JointModel(
-        v_max=6.0, theta_0=0.08, lag=0.05, acceleration_time=0.06, tick=0.02, dead_band=0.06
-    ).with_evidence(KNOWN[known])
-    desired = 0.3 * np.clip(2.0 * np.sin(2.0 * np.pi * np.arange(50) / 50), -1.0, 1.0)
-    closed = {
-        f"closed_form_{rule}": replace(invert_closed_form(joint, desired, rule=rule), norm=norm)
-        for rule in ("paper", "exact")
-    }
-    plan = invert_optimal(joint, desired, norm=norm)
-    assert not _broken(compare_joint("hip", {**closed, "optimal": plan}, levels=LEVELS[:1]))
-    late = replace(plan, requests=np.roll(plan.requests, 4))
-    assert (OPTIMAL, f"no worse than {EXACT}") in _broken(
-        compare_joint("hip", {**closed, "optimal": late}, levels=LEVELS[:1])
-    )
-
-
 def test_requests_beyond_the_limits_are_noticed():
     plans = _plans()
     lower, upper = float(np.min(plans["optimal"].requests)), 1.0
@@ -298,29 +270,6 @@ def test_json_carries_all_that_is_needed_to_compute_the_figures_again(of_walk):
     assert all(check["reason"] for check in document["checks"])
     assert {c["unit"] for c in document["checks"]} == {"rad", "m", "failures", "of the error"}
     assert document["foot"]["methods"]["foot_optimal"]["largest_request_difference_deg"] == 0.0
-
-
-def test_the_foot_is_planned_for_under_what_was_asked_of_its_joints(monkeypatch, walk):
-    asked, told = [], []
-
-    def stop(*arguments, **options):
-        asked.append((*arguments, options))
-        raise SolverFailed("foot", "asked")
-
-    monkeypatch.setattr("planner.evaluation.cross_check.invert_foot", stop)
-    monkeypatch.setattr("planner.evaluation.cross_check._plans", lambda *_: {})
-    monkeypatch.setattr("planner.evaluation.cross_check.compare_joint", lambda *_, **__: None)
-    sagging, desired = replace(JOINT, compliance=0.01), walk.desired[::8]
-    options = {"cyclic": False, "norm": "max", "load": 0.2, "progress": told.append}
-    with pytest.raises(SolverFailed, match="asked"):
-        cross_check(sagging, desired, leg=walk.leg, limits=(-3.0, [2.0, 3.0, 3.0]), **options)
-    ((models, leg, foot, given),) = asked
-    assert (models, leg) == ((sagging,) * 3, walk.leg)
-    np.testing.assert_array_equal(foot, walk.leg.foot_positions(desired))
-    assert (given["cyclic"], given["norm"]) == (False, "max")
-    np.testing.assert_array_equal(given["limits"], [[-3.0] * 3, [2.0, 3.0, 3.0]])
-    np.testing.assert_array_equal(given["load"], np.full((11, 3), 0.2))
-    assert told == [*walk.joint_names, "foot"]
 
 
 @pytest.mark.parametrize("norm", ["rms", "max"])

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import planner
 from planner.evaluation import reproduction as paper
-from planner.evaluation.reproduction import Clock, measure_step_response, plan_walk
+from planner.evaluation.reproduction import measure_step_response
 from planner.model.joint import JointModel
 from planner.model.response import simulate
 
@@ -97,46 +95,3 @@ def test_lag_and_acceleration_time_are_read_off_any_joint():
     response = measure_step_response(joint, 1.0, samples=200)
     assert (response.lag, response.acceleration) == (7, 3)
     assert response.v_max == pytest.approx(4.0)
-
-
-def test_joints_that_sag_are_optimised_for_where_they_can_rest_within_their_limits(monkeypatch):
-    """Every plan of a joint is for its own model, limits and column of the walk."""
-    asked = []
-
-    def joint(model, desired, **options):
-        asked.append((model, desired, options))
-        return SimpleNamespace(lower_bound=0.0, requests=desired, predicted=desired)
-
-    walk = planner.reference_walk()
-    foot = SimpleNamespace(lower_bound=0.0, requests=walk.desired + 1.0, predicted=walk.desired - 1)
-    models = [replace(JointModel.ers210a(), offset=sag) for sag in (0.0, 0.2, -0.9)]
-    foot.models = tuple(models)
-    monkeypatch.setattr("planner.evaluation.reproduction.invert_closed_form", joint)
-    monkeypatch.setattr("planner.evaluation.reproduction.invert_optimal", joint)
-    monkeypatch.setattr("planner.evaluation.reproduction.invert_foot", lambda *_: foot)
-    told = []
-    made = plan_walk(models, segments=5, clock=Clock(told.append))
-    assert len(asked) == 9
-    for j, (model, name) in enumerate(zip(models, paper.JOINTS, strict=True)):
-        lower, upper = (float(each[j]) for each in walk.leg.limits)
-        plain, refined, (own, resting, options) = asked[3 * j : 3 * j + 3]
-        for (each, desired, lines), refine in ((plain, False), (refined, True)):
-            assert each is model
-            np.testing.assert_array_equal(desired, walk.desired[:, j])
-            assert lines == {"segments": 5, "rule": "paper", "refine": refine}
-        assert (own, options) == (model, {"limits": (lower, upper)})
-        np.testing.assert_allclose(
-            resting, np.clip(walk.desired[:, j], lower + model.offset, upper + model.offset)
-        )
-        outcome = made.joints[j]
-        assert (outcome.name, outcome.limits) == (name, (lower, upper))
-        np.testing.assert_array_equal(outcome.foot_requests, foot.requests[:, j])
-        np.testing.assert_array_equal(outcome.foot_optimal, foot.predicted[:, j])
-        np.testing.assert_array_equal(outcome.direct, simulate(model, walk.desired[:, j]))
-        assert told[4 + 3 * j : 7 + 3 * j] == [
-            f"the closed form for the {name}",
-            f"the optimised requests for the {name}",
-            f"the lower bound for the {name}",
-        ]
-    np.testing.assert_array_equal(made.requests["shift"], np.roll(walk.desired, -made.lead, axis=0))
-    assert np.any(asked[8][1] != walk.desired[:, 2])

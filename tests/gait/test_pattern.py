@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -82,19 +80,3 @@ def test_all_legs_have_one_stroke_at_the_height_of_the_body_at_which_the_lowest_
     assert min(strides[0].length, strides[0].height) > 0.0
     assert walk.items() <= vars(strides[0]).items()
     assert list(made) == list(legs)
-
-
-def test_legs_with_a_base_each_stand_at_the_height_of_their_own(legs):
-    def from_its_hip(name, leg):
-        steps = leg.chain.translations.copy()
-        steps[0] = 0.0
-        return replace(leg, base=f"{name} hip", chain=replace(leg.chain, translations=steps))
-
-    apart = {name: from_its_hip(name, leg) for name, leg in legs.items()}
-    stood = {
-        name: float(leg.foot_positions(standing_pose(leg)[None])[0, 2])
-        for name, leg in apart.items()
-    }
-    assert min(stood.values()) < max(stood.values()) - 1e-3
-    made = gait(apart, "trot", samples=SAMPLES)
-    assert {name: float(each.stride.centre[2]) for name, each in made.items()} == stood

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,7 +13,6 @@ from planner.identification.grid import timing_of
 from planner.identification.residual_patterns import (
     _contradictions,
     _drift,
-    _ringing,
     contacts,
     patterns,
     stops,
@@ -51,25 +49,6 @@ def test_ringing_that_the_models_inertia_explains_is_not_named():
     step = int(np.flatnonzero(np.diff(log.requests))[0]) + 1
     assert np.max(fit.predicted[step:]) > 1.05 * np.max(log.requests), "the model overshoots"
     assert "ringing:" not in named(found)
-
-
-def test_the_same_steps_ring_in_a_mirrored_log():
-    """Three steps up and two down; a third one down is one that the joint does not make."""
-    asked, reached = np.array([[0.0, 0.5, 0.0, 0.5, 0.0, 0.5, level] for level in (-0.1, 0.45)])
-    since = 0.008 * np.tile(np.arange(60.0), 7)
-    requests, angles, modelled = np.repeat([asked, reached, asked], 60, axis=1)
-    left = np.exp(-20.0 * since)
-    angles -= left * np.cos(50.0 * since) * np.repeat(np.diff(reached, prepend=0.0), 60)
-    modelled -= left * np.repeat(np.diff(asked, prepend=0.0), 60)
-    notes = []
-    for way in (1.0, -1.0):
-        times = 0.008 * np.arange(420)
-        log = planner.Log(times=times, requests=way * requests, angles=way * angles, name="log")
-        fit = SimpleNamespace(log=log, predicted=way * modelled)
-        notes.append(_ringing(AIBO, fit, 1e-4))
-    assert notes[0] == notes[1]
-    ((_, words),) = notes[0]
-    assert "ringing: after 5 of 5 steps" in words
 
 
 @pytest.mark.parametrize(("ends", "said"), [((-1.2, -0.1), 1), ((-1.2, 0.1), 0)])
@@ -256,22 +235,3 @@ def test_rows_in_which_nothing_moves_a_joint_are_left_out_and_named():
     assert not found.fits[0].used[610:840].any()
     assert "the joint does not move in 2" in " ".join(found.warnings)
     assert stuck(log) == []
-
-
-def test_a_joint_that_moves_one_way_or_rests_in_its_dead_band_is_not_stuck():
-    """For long it is stuck where it is requested far one way alone, to where it goes elsewhere."""
-    log = rich_log(noise=NOISE, rows=1500)
-    travel, here = np.ptp(log.angles), log.angles[600]
-    for far, near, rows, at, is_stuck in (
-        (0.4, 0.15, 250, here, True),
-        (0.4, 0.05, 250, here, True),
-        (0.4, 0.05, 190, here, False),
-        (0.4, 0.05, 250, np.max(log.angles), False),  # a stop
-        (0.2, 0.2, 250, here, False),
-    ):
-        angles, requests = log.angles.copy(), log.requests.copy()
-        angles[600 : 600 + rows] = at
-        requests[600:850] = angles[600:850]
-        requests[650:680], requests[720:740] = (at + share * travel for share in (far, -near))
-        held = changed(log, angles=angles, requests=requests)
-        assert bool(stuck(held)) == is_stuck

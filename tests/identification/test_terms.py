@@ -14,7 +14,6 @@ from tests.identification.made import (
     AIBO,
     identified_rich,
     identified_steps,
-    logged,
     measured,
     rich_log,
     swung,
@@ -26,8 +25,6 @@ EXACT = 1e-6
 """Without noise terms are found to this, relative to their size."""
 
 STICKY = replace(AIBO, dead_band=math.radians(2.0))
-
-MOTOR = ("time_constant", "max_acceleration", "dead_band")
 
 
 def noisy_log(model, *, seed=0, rows=1500, load=None):
@@ -209,54 +206,3 @@ def test_an_integral_and_the_sag_that_it_hides_are_found_together(integral, rate
     assert getattr(found.model, sag) == pytest.approx(sags[sag], rel=0.2)
     assert found.model.v_offset == 0.0  # gravity shows in the top speeds, too
     assert found.rms <= 1.1 * math.hypot(NOISE, QUANTUM / math.sqrt(12.0))
-
-
-def test_a_servo_that_its_load_overcomes_is_found_from_nothing():
-    """Without inertia, friction and sag together a fit misses a quarter of the motion."""
-    truth = planner.JointModel(
-        v_max=22.0,
-        theta_0=0.4,
-        lag=0.002,
-        acceleration_time=0.003,
-        tick=0.001,
-        time_constant=0.25,
-        dead_band=0.1,
-        sag_sin=-0.5,
-    )
-    times, random, logs = 0.005 * np.arange(1200), np.random.default_rng(3), []
-    for requests in (1.2 * np.sin(2.1 * times) + 0.5 * np.sin(5.3 * times), np.sin(0.9 * times**2)):
-        angles = planner.simulate(truth, np.repeat(requests, 5), cyclic=False)[::5]
-        noisy = angles + 0.001 * random.normal(size=len(times))
-        logs.append(planner.Log(times=times, requests=requests, angles=noisy))
-    found = planner.identify(logs, hold_out=False)
-    assert found.rms <= 0.0011
-    for name in ("time_constant", "dead_band", "sag_sin", "theta_0"):
-        assert getattr(found.model, name) == pytest.approx(getattr(truth, name), rel=0.03), name
-
-
-@pytest.mark.parametrize(
-    ("numbers", "seed", "noise", "known"),
-    [
-        # Shorter ticks take more of its acceleration limit, which once held the fit where it was.
-        ((6.027, 0.33, 0.0253, 0.0093, 0.0154, 57.59, 0.04622), 13, 3.0, {"dead_band": 0.05}),
-        # Lag and window in place of the inertia once were a local optimum, five times worse.
-        (
-            (5.4645, 0.34282, 0.006725, 0.02168, 0.03233, 35.254, 0.06863),
-            37,
-            1.2,
-            {"time_constant": 0.1, "gain": 0.1},
-        ),
-    ],
-    ids=["friction nearly holds it", "its delay is lag and inertia"],
-)
-def test_a_motor_that_moves_on_its_own_ticks_is_found(numbers, seed, noise, known):
-    names = ("v_max", "theta_0", "lag", "acceleration_time", *MOTOR)
-    truth = planner.JointModel(tick=0.0005, **dict(zip(names, numbers, strict=True)))
-    found = planner.identify(logged(truth, period=0.02, rows=1500, seed=seed), hold_out=False)
-    assert found.rms <= noise * found.noise
-    for name, rel in known.items():
-        value, true = (
-            each.v_max / each.theta_0 if name == "gain" else getattr(each, name)
-            for each in (found.model, truth)
-        )
-        assert value == pytest.approx(true, rel=rel), name

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -11,14 +10,12 @@ import pytest
 
 import planner
 from planner.identification.fit import fit_joint
-from planner.identification.grid import resampled, timing_of
+from planner.identification.grid import timing_of
 from planner.identification.intervals import intervals_of, uncertainty_of
 from planner.identification.judgement import (
-    exchanged_columns,
-    undetermined_delays,
     verdict_on,
 )
-from planner.identification.result import HeldOut, Interval
+from planner.identification.result import HeldOut
 from planner.report.identification.text import next_step
 from tests.identification.made import (
     AIBO,
@@ -51,45 +48,6 @@ def test_a_model_that_holds_says_which_of_friction_and_gravity_its_log_does_not_
         found = planner.identify(log)
         assert found.verdict == "holds"
         assert found.reason.partition("; ")[2] == missing
-
-
-@pytest.mark.parametrize(
-    ("sudden", "late", "asked"),
-    [
-        (True, 0.9, ["record more rows a second"]),
-        (True, 1.1, []),
-        (False, 0.9, 2 * ["record sudden steps to tell it from other delays"]),
-    ],
-)
-def test_of_unknown_delays_more_rows_are_asked_for_where_a_joint_responds_between_two_rows(
-    sudden, late, asked
-):
-    """How late it responds is in rows of the log."""
-    log = rich_log(JOINT, noise=NOISE)
-    if not sudden:
-        requests = 0.3 * np.sin(2.0 * np.pi * 1.5 * log.times)
-        log = changed(log, requests=requests, angles=planner.simulate(JOINT, requests))
-    (fit,) = fit_joint([log], timing_of([log], tick=None, hold=None))
-    known = {"lag": 0.4, "acceleration_time": 0.2, "time_constant": late - 0.5}
-    known = {name: share * log.period for name, share in known.items()}
-    fit = replace(fit, parameters=fit.parameters._replace(**known))
-    wide = {"lag": Interval(0.0, 0.04), "acceleration_time": Interval(0.0, 0.09)}
-    notes = undetermined_delays(fit, wide)
-    assert {each.topic for each in notes} <= {"log" if sudden else "delays"}  # no more steps
-    assert [re.split("[:;] ", each.words)[-1] for each in notes] == asked
-    narrow = {name: Interval(known[name], known[name] + 0.001) for name in wide}
-    assert not undetermined_delays(fit, narrow)
-
-
-def test_how_well_the_middle_of_a_window_is_known_counts_what_its_length_does():
-    """Two windows about one middle leave a joint that closes in on a step apart by K a^2 / 24."""
-    window, delays = 0.05, []
-    for length in (0.005, window):
-        joint = replace(JOINT, v_max=50.0, theta_0=2.5, tick=1e-4, hold=1)
-        joint = replace(joint, lag=0.045 - length / 2.0, acceleration_time=length)
-        angles = planner.simulate(joint, np.repeat([0.0, 1.0], [1, 1999]), cyclic=False)
-        delays.append(np.log(1.0 - angles[-1]) / 20.0)
-    assert delays[1] - delays[0] == pytest.approx(20.0 * (window**2 - 0.005**2) / 24.0, rel=0.05)
 
 
 def test_what_was_held_out_is_predicted_to_the_noise():
@@ -268,17 +226,6 @@ def test_a_delay_that_is_five_percent_closer_to_held_out_rows_wins(share, verdic
     assert judged(fitted, held={"delay": 30.0}, simple={"delay": share}).verdict == "holds"
 
 
-@pytest.mark.parametrize(("share", "beaten"), [(0.99, False), (0.97, True)])
-def test_what_predicts_two_percent_better_is_simpler(share, beaten, fitted):
-    found = judged(fitted, held={"first_order": share})
-    assert ("simpler" in topics(found)) is beaten
-    assert found.verdict == ("usable" if beaten else "holds")
-    assert ("a delay with a first-order lag predicts better" in found.reason) is beaten
-    for each in found.notes:
-        ours, theirs = fitted[0].rms, share * fitted[0].rms
-        assert f"(rms {theirs:.3g} rad against {ours:.3g} rad)" in each.words
-
-
 def test_the_larger_error_of_all_rows_and_of_those_held_out_decides(fitted):
     fit, _ = fitted
     signal = fit.rms / 0.08
@@ -324,12 +271,3 @@ def test_dry_friction_that_may_be_a_tenth_of_the_motion_is_hidden(fitted):
     refused = judged(fitted, friction=np.inf, signal=2.0 * fit.rms)
     assert refused.verdict == "refused"
     assert "friction" not in topics(refused)  # of a model that is not used anyway
-
-
-def test_motion_that_repeats_itself_is_not_taken_for_columns_that_are_exchanged():
-    """It is like the requests a part of a cycle later, too."""
-    log = waves("sine", 2.0)
-    turned = changed(log, requests=log.angles, angles=log.requests)
-    for each, exchanged in ((log, False), (turned, True)):
-        grid = resampled([each], tick=0.005, reach=1.0, burn_in=0.0)
-        assert (exchanged_columns(grid) is not None) is exchanged

@@ -77,27 +77,6 @@ def test_the_bodies_of_a_scene_are_where_the_joints_are_held(arm):
     assert np.linalg.norm(spare) > 0.2
 
 
-def test_joints_that_mimic_or_slide_may_be_held(tmp_path):
-    joints = [
-        Joint((0, 0, 0), Z, kind="prismatic"),
-        *ARM[:3],
-        Joint((0, 0, 0.1), X, extra='<mimic joint="joint_2"/>'),
-    ]
-    path = tmp_path / "lift.urdf"
-    path.write_text(urdf_text(joints, TIP), encoding="utf-8")
-    with pytest.raises(UnsupportedLeg, match=r"joint_5.*mimics another.*lock it"):
-        Leg.from_urdf(path, base="link_1", foot="tip")
-    with pytest.raises(UnsupportedLeg, match=r"joint_1.*no axis.*lock it"):
-        Leg.from_urdf(path, base="link_0", foot="tip", locked={"joint_5": 0.0})
-    low, high = (
-        Leg.from_urdf(path, base="link_0", foot="tip", locked={"joint_1": lift, "joint_5": 0.0})
-        for lift in (0.0, 0.25)
-    )
-    pose = [[0.1, 0.2, 0.3]]
-    risen = high.foot_positions(pose) - low.foot_positions(pose)
-    np.testing.assert_allclose(risen, [[0.0, 0.0, 0.25]], atol=ROUNDING)
-
-
 def test_the_speeds_are_those_of_the_urdf_where_they_can_be_meant(tmp_path):
     text = urdf_text(ARM[:3], TIP)
     for number, speed in enumerate(("7.5", "101", "0")):

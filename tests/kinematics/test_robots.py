@@ -16,8 +16,6 @@ from kinematics.robot import SHIPPED
 DRAWING = 5e-5
 """Sony's vectors are rounded and their ball fitted: they hold to this [m]."""
 
-WRITTEN = 5e-7
-"""Inertias are written with seven digits: they hold to this, relatively."""
 
 VECTORS = {  # rotator, abductor, knee [deg]: ball of the left leg in the body [mm]
     "front_left": [
@@ -111,32 +109,6 @@ def test_the_reference_leg_is_its_formula(angles):
     expected = [lower * c1 * s3 + reach * c2 * s1, reach * s2, lower * s1 * s3 - reach * c2 * c1]
     found = reference_leg().foot_positions([angles])
     np.testing.assert_allclose(found, [expected], atol=1e-15)
-
-
-@pytest.mark.parametrize("name", SHIPPED)
-def test_every_inertia_is_that_of_the_links_first_solid(name):
-    links = [link for link in root_of(name).findall("link") if link.find("inertial") is not None]
-    assert links
-    for link in links:
-        inertial, solid = link.find("inertial"), link.find("collision")
-        assert inertial.find("origin").attrib == solid.find("origin").attrib
-        moments = inertial.find("inertia").attrib
-        found = [float(moments[key]) for key in ("ixx", "iyy", "izz")]
-        mass = float(inertial.find("mass").get("value"))
-        np.testing.assert_allclose(
-            found, mass * second_moments(solid.find("geometry")[0]), rtol=WRITTEN
-        )
-        assert {moments[key] for key in ("ixy", "ixz", "iyz")} == {"0"}
-
-
-def second_moments(shape):
-    """Moments of inertia per mass of a homogeneous solid [m²]."""
-    if shape.tag == "box":
-        squares = numbers(shape.get("size")) ** 2
-        return (squares.sum() - squares) / 12.0
-    radius, length = float(shape.get("radius")), float(shape.get("length"))
-    across = radius**2 / 4.0 + length**2 / 12.0
-    return np.array([across, across, radius**2 / 2.0])
 
 
 def test_a_leg_may_be_seen_from_any_frame_above_it():

@@ -10,14 +10,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-import planner
 from planner import InvalidTrajectory
-from planner.learning import measurements
 from planner.learning.measurements import (
     LATENCY_ERROR,
     check_angles,
     check_trial,
-    delays_to_remove,
     earlier,
     later,
     learnt,
@@ -25,7 +22,7 @@ from planner.learning.measurements import (
     pure_delay,
 )
 from planner.model.joint import JointModel
-from planner.planning.result import SensorDelay, Trial
+from planner.planning.result import Trial
 
 COUNT = 2.0 * math.pi / 4096.0
 """A count of a sensor of 12 bit [rad]."""
@@ -183,22 +180,6 @@ def test_a_delay_is_found_to_a_tenth_of_a_sample(samples, cyclic):
     delay, share = pure_delay(measured, motion(time), PERIOD, cyclic=cyclic)
     assert delay == pytest.approx(samples * PERIOD, abs=0.1 * PERIOD)
     assert share == (pytest.approx(1.0, abs=0.05) if samples else 0.0)
-
-
-@pytest.mark.parametrize(
-    ("share", "latencies", "removed"),
-    [(0.91, 0.51, True), (0.89, 0.51, False), (0.91, 0.49, False), (0.91, -2.0, False)],
-)
-def test_a_delay_is_the_sensors_where_it_explains_nine_tenths_and_is_half_the_models_latency(
-    share, latencies, removed, monkeypatch
-):
-    model = planner.JointModel.ers210a()
-    plan = SimpleNamespace(models=[model, replace(model, lag=0.1)])
-    seconds = [latencies * each.latency for each in plan.models]
-    found = tuple(SensorDelay(seconds=each, share=share, removed=0.0) for each in seconds)
-    monkeypatch.setattr(measurements, "delays_of", lambda *_: found)
-    cycles = np.zeros((1, 1, 2))
-    assert delays_to_remove(plan, cycles, cycles[0]) == (seconds if removed else [0.0, 0.0])
 
 
 @pytest.mark.parametrize("samples", [2.0, -3.0, 0.5])

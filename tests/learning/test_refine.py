@@ -11,7 +11,6 @@ from benchmark.plants import MadeJoint, random_joint, random_path, random_servo
 
 import planner
 from planner.learning import refine as refining
-from planner.model.evidence import Evidence
 from planner.planning.result import Trial
 from planner.trajectory import Array
 
@@ -58,20 +57,6 @@ def test_no_random_joint_diverges_without_another_model() -> None:
         noise = math.hypot(joint.noise, joint.count / math.sqrt(12.0))
         assert errors[-1] < errors[0]
         assert max(errors) < 1.05 * errors[0] + noise
-
-
-def test_what_the_model_was_known_to_miss_is_learnt_and_not_left_to_smoother_requests() -> None:
-    """What was measured hides nothing: errors fall below an encoder's step, as without evidence."""
-    true = replace(KNOWN, lag=1.2 * KNOWN.lag, theta_0=1.2 * KNOWN.theta_0)
-    desired = random_path(1, 88, span=1.0, fastest=0.02)
-    for evidence in (None, Evidence(error=math.radians(5.0))):
-        plan = planner.invert_optimal(KNOWN.with_evidence(evidence), desired)
-        for _ in range(4):
-            plan = planner.refine(plan, planner.simulate(true, plan.requests), reidentify=False)
-            assert not plan.stopped
-        error = rms(planner.simulate(true, plan.requests) - desired)
-        assert error < 0.5 * ENCODER_STEP
-        assert plan.model.evidence == evidence
 
 
 def test_a_servo_from_physics_is_learnt_on_the_wrong_model() -> None:
@@ -161,22 +146,6 @@ def test_a_sensors_delay_stays_what_it_was_and_the_same_requests_are_one_trial()
     twice = planner.refine(replace(plan, learning=(once.learning,)), noisy[2])
     assert [trial.cycles for trial in twice.learning.trials] == [3]
     assert twice.learning.trials[0].error == pytest.approx(rms(noisy.mean(axis=0) - desired))
-
-
-def test_of_many_trials_the_worst_makes_room_and_the_best_is_kept() -> None:
-    plan = planner.invert_optimal(KNOWN, random_path(5, 60, span=1.0, fastest=0.03))
-    true = replace(KNOWN, theta_0=1.1 * KNOWN.theta_0)
-    plan = planner.refine(plan, planner.simulate(true, plan.requests), reidentify=False)
-    (first,) = plan.learning.trials
-    many = tuple(
-        Trial(requests=first.requests + 0.01 * k, measured=first.measured + 0.01 * k, error=1.0 + k)
-        for k in range(1, 30)
-    )
-    plan = replace(plan, learning=(replace(plan.learning, trials=(first, *many)),))
-    after = planner.refine(plan, planner.simulate(true, plan.requests), reidentify=False)
-    assert [trial.error for trial in after.learning.trials[:-1]] == [first.error, *range(2, 30)]
-    np.testing.assert_array_equal(after.learning.trials[-1].requests[:, 0], plan.requests)
-    assert after.learning.best in (0, 29)
 
 
 @pytest.mark.parametrize("seed", [2, 4])
@@ -384,63 +353,6 @@ def test_a_foot_is_learnt_with_all_joints_at_once(monkeypatch: pytest.MonkeyPatc
     assert since == [2, 2]  # the trial after which the last of the joints' models was changed
 
 
-MAYBE_SLOWER = KNOWN.with_evidence(Evidence(intervals={"v_max": (4.0, 5.6), "lag": (0.028, 0.036)}))
-"""A joint that may be slower than its model."""
-
-
-@pytest.mark.parametrize("foot", [False, True], ids=["joint", "foot"])
-def test_after_a_robust_plan_what_was_measured_takes_the_place_of_the_drawn_models(
-    foot: bool,
-) -> None:
-    """The next plan is that after the same requests of a plan for the nominal model alone."""
-    true = replace(KNOWN, v_max=4.4, lag=0.035)
-    if foot:
-        walk = planner.reference_walk()
-        rest = walk.desired[0]
-        angles = rest + 0.1 * (walk.desired[::4] - rest)
-        plan = planner.invert_foot(
-            MAYBE_SLOWER, walk.leg, walk.leg.foot_positions(angles), robust="mean"
-        )
-        measured = np.column_stack([planner.simulate(true, each) for each in plan.requests.T])
-        models = tuple((model,) for model in plan.models)
-        plain = replace(plan, models=models, robust=None, nominal_requests=None)
-    else:
-        desired = 0.4 * np.sin(2.0 * np.pi * np.arange(60) / 60)
-        plan = planner.invert_optimal(MAYBE_SLOWER, desired, robust="worst")
-        measured = planner.simulate(true, plan.requests)
-        plain = replace(plan, models=((plan.model,),), robust=None, nominal_requests=None)
-    after, expected = (planner.refine(each, measured) for each in (plan, plain))
-    np.testing.assert_array_equal(after.requests, expected.requests)
-    np.testing.assert_array_equal(after.predicted, expected.predicted)
-    assert (after.robust, after.nominal) == (None, None)
-    assert any("was for several models" in remark for remark in after.learning.remarks)
-    columns = after.requests.reshape(len(after.requests), -1).T
-    angles = np.column_stack([planner.simulate(true, each) for each in columns])
-    again = planner.refine(after, angles.reshape(after.requests.shape))
-    assert not any("was for several models" in remark for remark in again.learning.remarks)
-
-
-def test_robust_first_requests_help_the_first_cycle_and_hinder_none_of_the_next() -> None:
-    """Over joints that the intervals allow: what is learnt is as good from either start."""
-    desired = 0.4 * np.sin(2.0 * np.pi * np.arange(60) / 60)
-    joints = [replace(KNOWN, v_max=v_max, lag=lag) for v_max in (4.1, 4.6) for lag in (0.03, 0.035)]
-    worst = []
-    for robust in (None, "worst"):
-        first = planner.invert_optimal(MAYBE_SLOWER, desired, robust=robust)
-        errors = np.zeros((len(joints), 4))
-        for number, joint in enumerate(joints):
-            plan = first
-            for trial in range(4):
-                angles = planner.simulate(joint, plan.requests)
-                errors[number, trial] = rms(angles - desired)
-                plan = planner.refine(plan, angles, reidentify=False)
-        worst.append(errors.max(axis=0))
-    alone, robust_start = worst
-    assert robust_start[0] < 0.9 * alone[0]
-    assert np.all(np.diff(robust_start) <= 0.0)
-    assert robust_start[-1] < 1.1 * alone[-1]
-
-
 PHASE = 2.0 * np.pi * np.arange(88) / 88
 
 
@@ -527,19 +439,6 @@ def test_what_is_learnt_with_a_gain_is_that_share_of_what_is_new(attained) -> No
     np.testing.assert_allclose(less.disturbance, 0.02 / 3.0, rtol=0.05)
 
 
-def test_noise_lets_an_error_exceed_the_best_by_a_fifth_of_a_deviation(attained) -> None:
-    """Of the mean of its cycles: of eight, each off by 0.02 rad to either side, 0.0015 rad."""
-    apart = 0.02 * np.sign(np.sin(44.0 * PHASE + 0.1))
-    cycles = np.stack([apart, -apart] * 4)
-    for more, best in ((0.0008, 1), (0.003, 0)):
-        plan = attained
-        for error in (0.01, 0.01 + more):
-            measured = attained.desired + error + cycles
-            plan = planner.refine(plan, measured, reidentify=False, sensor_delay=0.0)
-        assert plan.learning.noise[0] == pytest.approx(0.02 * math.sqrt(8.0 / 7.0), rel=0.25)
-        assert plan.learning.best == best
-
-
 @pytest.fixture(scope="module")
 def a_foot() -> planner.FootInversion:
     walk = planner.reference_walk()
@@ -553,26 +452,3 @@ def test_deviations_of_a_joint_are_those_of_the_foot_in_its_weighted_norm(j, a_f
     scales = a_foot.plan.task.axis_scales
     expected = math.sqrt(np.mean(np.sum(((moved - foot) * scales) ** 2, axis=1)))
     assert refining._size(a_foot.plan, off) == pytest.approx(expected, rel=1e-3)
-
-
-def test_a_small_error_changes_requests_of_a_saturated_joint_little() -> None:
-    """Requests 5 degrees away have about the same error by the model, and others by the joint."""
-    time = np.arange(100) * 0.01
-    wave = 16 * np.sin(2 * np.pi * time) + 5 * np.sin(4 * np.pi * time + 1)
-    desired = np.radians(11 + 1.1 * wave + 2.2 * np.sin(6 * np.pi * time))
-    joint = planner.JointModel(
-        v_max=4.1,
-        theta_0=0.163,
-        lag=0.0,
-        acceleration_time=0.01,
-        tick=0.01,
-        dead_band=0.013,
-        v_offset=-0.41,
-        time_constant=0.068,
-    )
-    plan = planner.invert_optimal(joint, desired)
-    angles = planner.simulate(joint, plan.requests)
-    for phase in (0.0, 2.0, 3.0):
-        error = np.radians(0.2) * np.sin(2 * np.pi * time + phase)
-        change = planner.refine(plan, angles + error).requests - plan.requests
-        assert np.max(np.abs(change)) <= np.radians(1.0)

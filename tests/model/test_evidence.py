@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import json
 import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-import planner
-from planner.exceptions import InvalidFile, InvalidInput
-from planner.files.joint_model import models_text
 from planner.model.evidence import (
     Evidence,
     Run,
@@ -241,34 +237,6 @@ def test_a_model_that_was_not_tested_promises_nothing_whatever_its_intervals():
     assert told.untested == ()
 
 
-@pytest.mark.parametrize(
-    "wrong",
-    [
-        ((1.0, np.nan), (np.nan, 1.0)),
-        ((1.0, 5.0), (5.0, 1.0)),
-        ((30.0, 0.0), (0.0, 30.0)),
-        ((1.0, 0.5), (0.4, 1.0)),
-        ((1.0,),),
-        ((1.0, 0.5), (0.5,)),
-        "high",
-    ],
-)
-def test_correlations_that_are_none_are_refused_of_a_caller_and_in_a_file(wrong, tmp_path):
-    joint = JointModel.ers210a()
-    intervals = {"v_max": (4.0, 5.6), "lag": (0.03, 0.034)}
-    right = joint.with_evidence(Evidence(intervals=intervals, correlations=((1, 0.5), (0.5, 1))))
-    with pytest.raises(InvalidInput, match=r"symmetric matrix .* each interval: v_max, lag"):
-        joint.with_evidence(right.evidence._replace(correlations=wrong))
-    right.to_toml(tmp_path / "joint.toml")
-    text = (tmp_path / "joint.toml").read_text()
-    assert JointModel.from_toml(tmp_path / "joint.toml").evidence == right.evidence
-    start = text.index("correlations = ")
-    matrix = json.dumps(wrong).replace("NaN", "nan")
-    (tmp_path / "joint.toml").write_text(f"{text[:start]}correlations = {matrix}\n")
-    with pytest.raises(InvalidFile, match=r"symmetric matrix .* each interval: v_max, lag"):
-        JointModel.from_toml(tmp_path / "joint.toml")
-
-
 def test_intervals_in_another_unit_are_scaled_but_for_times_and_the_gain():
     intervals = {
         "v_max": (1.0, np.inf),
@@ -303,26 +271,6 @@ def test_the_same_joint_with_requests_at_another_rate_has_its_intervals_moved_wi
     }
     same = joint.requested_every(2.0 * joint.tick)
     assert (same.hold, same.evidence) == (2, joint.evidence)
-
-
-REFUSED = Evidence(verdict="refused", reason='the joint is "stuck"')
-
-
-def test_who_reads_or_streams_a_model_that_is_not_to_be_planned_with_is_warned_once(tmp_path):
-    bad, good = (JointModel.ers210a().with_evidence(each) for each in (REFUSED, SEEN))
-    text = models_text({"hip": bad, "knee": bad, "ankle": good})
-    (tmp_path / "arm.toml").write_text(text)
-    words = "do not plan with the models of hip, knee .the joint is .stuck..: identify them anew"
-    with pytest.warns(UserWarning, match=words) as read:
-        models = planner.read_models(tmp_path / "arm.toml")
-    with pytest.warns(UserWarning, match=words) as streamed:
-        planner.Stream(models, preview=25)
-    assert [each.filename for each in (*read, *streamed)] == [__file__, __file__]
-    assert models["hip"].evidence == REFUSED
-    with pytest.warns(UserWarning, match="the model of knee"):
-        JointModel.from_toml(tmp_path / "arm.toml", "knee")
-    assert JointModel.from_toml(tmp_path / "arm.toml", "ankle").evidence == SEEN
-    planner.Stream({"ankle": models["ankle"]}, preview=25)
 
 
 def test_with_ticks_of_another_length_the_intervals_hold_the_parameters_of_the_same_joint():

@@ -103,14 +103,6 @@ def test_a_switch_between_samples_falls_at_its_true_time(knot):
     assert requests[rising] - requests[rising - 1] > 2.0 * curve.slopes[0] * 0.008
 
 
-@pytest.mark.parametrize("rule", RULES)
-def test_a_line_alone_is_followed_from_one_end_to_the_other(rule):
-    desired = 2.0 * ERS210A.period * np.arange(120)
-    plan = invert_closed_form(ERS210A, desired, cyclic=False, rule=rule, refine=False)
-    tick_of_motion = 2.0 * ERS210A.tick
-    assert np.max(np.abs(plan.errors[-20:])) <= (1e-9 if rule == "exact" else tick_of_motion)
-
-
 @pytest.mark.parametrize("hold", [1, 4])
 def test_from_rest_the_first_request_holds_the_joint_at_the_first_desired_angle(hold):
     rng = np.random.default_rng(hold)
@@ -177,23 +169,6 @@ def test_the_search_for_knots_counts_the_error_of_the_simulated_requests(terms, 
         refined = pattern_search.refined_curve(problem, curve, rule="exact", ahead=ahead)
         better = requests_of(model, CurveStack.of([refined]), rule="exact", load=problem.loads[0]).T
         assert problem.exact_error(problem.admissible(better)) < error
-
-
-def test_the_search_leaves_a_curve_that_the_joint_cannot_follow():
-    """A line that is a little too steep becomes less so by the first move that flattens it."""
-    desired = np.zeros(88)
-    task = Task.of([ERS210A], desired, names=("",), cyclic=True)
-    problem, rise = problem_of(task).unlimited, 1.001 * ERS210A.v_max_per_tick
-    curve = PiecewiseLinear(
-        knots=np.array([10.0, 20.0, 60.0]),
-        values=np.array([0.0, 10.0 * rise, 0.0]),
-        samples=88,
-        tick=ERS210A.tick,
-        cyclic=True,
-    )
-    ahead = ERS210A.switching_time / ERS210A.period
-    refined = pattern_search.refined_curve(problem, curve, rule="exact", ahead=ahead)
-    assert np.max(np.abs(refined.slopes)) <= ERS210A.v_max * (1.0 + 1e-6)
 
 
 def test_lines_are_as_steep_each_way_as_the_joint_is_fast():

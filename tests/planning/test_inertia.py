@@ -63,18 +63,6 @@ def test_limits_and_steps_are_kept():
     assert np.max(np.abs(np.diff(plan.requests, append=plan.requests[0]))) <= 0.05
 
 
-def test_a_robust_plan_is_better_over_its_models_than_the_nominal_one():
-    models = [INERT, replace(INERT, time_constant=0.036), replace(INERT, time_constant=0.012)]
-    robust = planner.invert_optimal(models, SWING, smoothness=0.0)
-    nominal = planner.invert_optimal(INERT, SWING, smoothness=0.0)
-
-    def missed(requests):
-        errors = [planner.simulate(model, requests) - SWING for model in models]
-        return float(np.sqrt(np.mean(np.square(errors))))
-
-    assert missed(robust.requests) <= missed(nominal.requests)
-
-
 @EVERY
 def test_a_stream_follows_a_path_with_the_inertia_in_mind(model):
     path = 0.3 - 0.3 * np.cos(2.0 * np.pi * np.arange(200) / 100)[:, np.newaxis]

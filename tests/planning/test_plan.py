@@ -11,7 +11,7 @@ import planner
 from planner.exceptions import InvalidInput
 from planner.files.paths import read_joint_path
 from planner.model.evidence import Evidence
-from planner.planning.plan import Plan, joined, request_motion
+from planner.planning.plan import Plan, request_motion
 from planner.planning.solve import Solved
 from planner.planning.task import Task
 
@@ -211,27 +211,6 @@ def test_reversals_are_counted_by_second_where_requests_turn_by_more_than_roundi
     )
 
 
-def test_the_largest_step_is_that_of_each_joint():
-    requests = np.array([[0.0, 0.0], [0.1, 0.3], [0.3, 0.4]])
-    cyclic, once = (
-        planted(requests, requests, cyclic=each).largest_steps.tolist() for each in (True, False)
-    )
-    assert cyclic == pytest.approx([0.3, 0.4])
-    assert once == pytest.approx([0.2, 0.3])
-
-
-def test_joined_plans_have_nominal_requests_where_any_of_them_has():
-    models = [AIBO, [AIBO, dataclasses.replace(AIBO, lag=0.05)]]
-    made = planner.plan(models, DESIRED)
-    for order in ((0, 1), (1, 0)):
-        each = [made.joint(j) for j in order]
-        again = joined(each)
-        np.testing.assert_array_equal(again.nominal_requests, made.nominal_requests[:, order])
-        assert [len(errors) for errors in again.errors_of_models] == [(1, 2)[j] for j in order]
-    assert joined([made.joint(0)] * 2).nominal_requests is None
-    np.testing.assert_array_equal(made.requests[:, 0], made.nominal_requests[:, 0])
-
-
 def test_the_errors_of_all_models_are_in_their_order_the_nominal_one_first():
     others = [dataclasses.replace(AIBO, offset=sag) for sag in (0.1, -0.3)]
     made = planted(np.zeros((5, 2)), np.full((5, 2), 0.05), [[AIBO, *others], [SLOW]])
@@ -387,21 +366,3 @@ def test_every_option_of_a_foot_is_asked_of_the_search_too(unsearched):
     np.testing.assert_array_equal(made.disturbance, added)
     np.testing.assert_array_equal(made.desired_foot, foot)
     assert len(task.scenarios) == 2
-
-
-def test_a_closed_form_is_that_of_each_joint_by_its_options_and_is_not_smoothed():
-    told = []
-    options = {"method": "closed_form", "segments": 5, "refine": False}
-    paper, exact = (
-        planner.plan(AIBO, DESIRED, rule=rule, progress=told.append, **options)
-        for rule in (None, "exact")
-    )
-    assert told == ["joint_1", "joint_2"] * 2
-    for made, rule in ((paper, "paper"), (exact, "exact")):
-        assert (made.method, made.solver, made.task.smoothness) == ("closed_form", None, 0.0)
-        for j in range(2):
-            alone = planner.invert_closed_form(
-                AIBO, DESIRED[:, j], segments=5, rule=rule, refine=False
-            )
-            np.testing.assert_array_equal(made.requests[:, j], alone.requests)
-    assert not np.array_equal(paper.requests, exact.requests)

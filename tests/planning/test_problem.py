@@ -64,46 +64,6 @@ def test_the_exact_angles_are_those_of_the_simulation(joints, hold, cyclic):
         np.testing.assert_allclose(angles[:, joint], alone, rtol=0.0, atol=SAME)
 
 
-def reached(problem, requests, angles, radius):
-    """Where every period leads from these angles."""
-    point = allocated(problem.spec, smoothing=False)
-    point.requests[:], point.states[:] = requests, angles
-    evaluate(problem.spec, Stage(radius, 1.0), 1.0, point)
-    return angles + point.defects, point.slopes[0, 0, 0]
-
-
-@CYCLIC
-@HELD
-def test_from_the_exact_angles_every_period_leads_to_the_next_one(hold, cyclic):
-    rng = np.random.default_rng([2, hold, cyclic])
-    model = random_model(rng, whole=False, hold=hold, offset=True)
-    desired = saturating(rng, model, samples=30)
-    start = None if cyclic else float(desired[0])
-    problem = track(model, desired, cyclic=cyclic, start=start)
-    requests = problem.admissible(problem.resting + rng.uniform(-0.1, 0.1, (30, 1)))
-    angles = problem.exact_angles(requests)
-    sharp, _ = reached(problem, requests, angles, 1e-12)
-    np.testing.assert_allclose(sharp, angles, rtol=0.0, atol=SAME)
-    assert np.max(np.abs(reached(problem, requests, angles, 0.3)[0] - angles)) > 1e-4
-
-
-def test_a_joint_that_finds_no_cycle_leaves_the_problem_without_angles(monkeypatch):
-    both = np.full(2, np.inf)
-    problem = Problem(
-        models=(ERS210A, ERS210A),
-        desired=np.zeros((88, 2)),
-        lower=-both,
-        upper=both,
-        max_step=both,
-        loads=(None, None),
-    )
-    requests = np.zeros((88, 2))
-    assert problem.exact_angles(requests) is not None
-    monkeypatch.setattr("planner.planning.gauss_newton.set_motion", lambda *_: False)
-    assert problem.exact_angles(requests) is None
-    assert problem.exact_error(requests) == math.inf
-
-
 def test_from_rest_the_first_requests_hold_the_joints_at_their_starts():
     problem, requests = stacked(6, 2, cyclic=False)
     free = np.full_like(requests, 7.0)
@@ -129,21 +89,6 @@ def test_scenarios_count_by_their_weights_and_keep_the_first_request_of_the_nomi
     weighted = replace(both, weights=(0.2, 0.8))
     distances = weighted.distances(np.tile([3.0, 1.0], (3, 1)))
     np.testing.assert_allclose(distances, math.sqrt(0.2 * 9.0 + 0.8 * 1.0), rtol=1e-12)
-
-
-INERT = replace(ERS210A, time_constant=0.03, max_acceleration=80.0)
-
-
-def test_at_a_steady_speed_the_state_of_a_joint_with_inertia_leads_to_the_next():
-    for model in (INERT, replace(INERT, hold=3)):
-        requests = 0.3 + 0.4 * model.v_max_per_period * np.arange(200.0)
-        angles = simulate(model, requests, cyclic=False, start=0.3)
-        problem = track(model, requests, cyclic=False, start=0.3)
-        point = allocated(problem.spec, smoothing=False)
-        point.requests[:] = requests[:, np.newaxis]
-        point.states[:] = problem.states_of(angles[:, np.newaxis])
-        evaluate(problem.spec, Stage(1e-9, 1.0), 1.0, point)
-        np.testing.assert_allclose(point.defects[100:], 0.0, rtol=0.0, atol=SAME)
 
 
 def loaded(**options):
@@ -206,20 +151,6 @@ def test_the_largest_error_over_several_models_is_that_of_all_of_them_together()
     assert several.error(angles) == pytest.approx(0.4)
     even = replace(several, robust="mean")
     assert even.error(angles) == pytest.approx(math.sqrt((0.16 + 0.09) / 2.0))
-
-
-def test_the_models_of_every_scenario_begin_where_their_joint_does():
-    problem, requests = stacked(9, 2, cyclic=False)
-    other = tuple(replace(model, lag=2.0 * model.lag) for model in problem.models)
-    both = problem.in_scenarios([problem.models, other], [(None, None)] * 2, "mean")
-    assert both.nominal == problem.models
-    np.testing.assert_array_equal(both.spec.drives[:, 13], np.tile(problem.start, 2))
-    angles = both.exact_angles(requests)
-    np.testing.assert_array_equal(angles[:, :2], problem.exact_angles(requests))
-    for joint, model in enumerate(other):
-        start = float(problem.start[joint])
-        alone = simulate(model, requests[:, joint], cyclic=False, start=start)
-        np.testing.assert_allclose(angles[:, 2 + joint], alone, rtol=0.0, atol=SAME)
 
 
 def test_with_dry_friction_roughness_counts_how_far_requests_are_from_the_middle_of_the_band():

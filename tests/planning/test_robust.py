@@ -96,38 +96,6 @@ def test_limits_and_largest_steps_hold_for_several_models_too():
     np.testing.assert_array_equal(again.requests, made.requests)
 
 
-def test_several_models_that_are_one_get_the_plan_of_that_one():
-    alone = invert_optimal(ERS210A, SINE)
-    made = invert_optimal([ERS210A] * 3, SINE)
-    assert made.rms <= alone.rms + 1e-4
-    single = invert_optimal([ERS210A], SINE)
-    np.testing.assert_array_equal(single.requests, alone.requests)
-    assert single.models == ()
-
-
-def test_models_are_drawn_from_an_identification_alike_every_time(identified):
-    models = drawn_models(identified.model)
-    assert models == drawn_models(identified.model)
-    assert models[1:] != drawn_models(identified.model, seed=1)[1:]
-    assert len(models) == 9
-    assert models[0] is identified.model
-    for name, interval in identified.intervals.items():
-        values = np.array([getattr(model, name) for model in models])
-        assert np.ptp(values) > 0.0
-        width = interval.upper - interval.lower
-        assert np.all(np.abs(values - values[0]) <= 1.2 * width)  # theta_0 follows from the gain
-    covariance = identified.covariance
-    lag, time = (list(identified.intervals).index(n) for n in ("lag", "acceleration_time"))
-    correlation = covariance[lag, time] / np.sqrt(covariance[lag, lag] * covariance[time, time])
-    order = list(identified.model.evidence.intervals)
-    told = np.array(identified.model.evidence.correlations)
-    lag, time = order.index("lag"), order.index("acceleration_time")
-    assert told[lag, time] == pytest.approx(correlation, abs=1e-4)
-    # The gain is known better than v_max and theta_0 are one by one.
-    gains = [each.v_max / each.theta_0 for each in models]
-    assert np.ptp(gains) <= np.ptp(identified.gain_interval)
-
-
 def test_a_plan_for_an_identification_is_good_for_the_models_that_it_allows(identified):
     alone, made = (
         invert_optimal(each, SINE, smoothness=0.0) for each in (identified.model, identified)
@@ -152,22 +120,6 @@ def test_a_plan_for_a_joint_that_may_be_slower_is_better_for_models_that_it_was_
     before, after = (errors(fresh, each.requests, fast) for each in (made.nominal, made))
     assert np.max(after) <= 0.96 * np.max(before)
     assert np.sqrt(np.mean(after**2)) <= 0.96 * np.sqrt(np.mean(before**2))
-
-
-@pytest.mark.parametrize("robust", ["mean", "worst"])
-def test_no_robust_plan_is_worse_over_its_models_than_the_plan_for_the_nominal_one(robust):
-    for model, desired in ((SLOWER, SINE), (SLOWER, REFERENCE_JOINTS[2].desired)):
-        made = invert_optimal(model, desired, robust=robust)
-        alone = invert_optimal(model, desired)
-        np.testing.assert_array_equal(made.nominal.requests, alone.requests)
-        assert made.nominal.models == made.models == drawn_models(model)
-        after, before = made.over_models, made.nominal.over_models
-        assert getattr(after, robust) <= getattr(before, robust)
-        assert after == (
-            made.errors_of_models[0],
-            pytest.approx(np.sqrt(np.mean(made.errors_of_models**2))),
-            np.max(made.errors_of_models),
-        )
 
 
 def test_models_are_drawn_as_their_intervals_and_correlations_say():
@@ -204,31 +156,6 @@ def test_what_cannot_be_below_0_leaves_the_others_drawn_as_their_correlations_sa
     assert len(models) == 401
     assert np.ptp([each.lag for each in models]) > 0.009
     assert np.max(np.abs(delays - delays[0])) < 6e-4
-
-
-def test_a_window_that_may_end_at_0_moves_models_no_later_than_their_lag_allows():
-    """Its correlation with the lag, 1, says nothing: a log with moving requests knows the sum."""
-    servo = replace(ERS210A, lag=0.009, acceleration_time=0.008, time_constant=0.0)
-    intervals = {
-        "lag": (0.007, 0.011),
-        "acceleration_time": (0.0, 0.032),
-        "time_constant": (0.0, 0.02),
-    }
-    for delay_error in (0.0, 0.002):
-        evidence = Evidence(
-            intervals=intervals,
-            correlations=((1.0, 1.0, 0.0), (1.0, 1.0, 0.0), (0.0, 0.0, 1.0)),
-            delay_error=delay_error,
-        )
-        models = drawn_models(servo.with_evidence(evidence), pairs=40)
-        delays = np.array([each.lag + each.acceleration_time / 2.0 for each in models])
-        assert np.ptp([each.acceleration_time for each in models]) > 0.02
-        assert np.min([each.lag for each in models]) >= 0.0
-        assert np.max(np.abs(delays - delays[0])) == pytest.approx(delay_error, abs=1e-12)
-        assert {each.time_constant for each in models} == {0.0}  # no log called for one
-    by_hand = servo.with_evidence(Evidence(intervals=intervals))
-    delays = [each.lag + each.acceleration_time / 2.0 for each in drawn_models(by_hand, pairs=40)]
-    assert np.max(delays) > delays[0] + 0.005
 
 
 @pytest.mark.parametrize("name", ["time_constant", "max_acceleration"])
@@ -314,15 +241,3 @@ def test_every_model_is_judged_under_the_load_that_it_feels():
             expected = errors(models, plan_.requests, SINE, load=load)
             np.testing.assert_allclose(plan_.errors_of_models, expected, rtol=0.0, atol=1e-12)
     assert invert_optimal([ERS210A, OTHERS[0]], SINE, load=1.0).load is None  # neither feels it
-
-
-def test_a_model_in_a_sequence_of_one_is_that_of_the_joint_in_any_case():
-    with pytest.raises(InvalidInput, match="robust: got 'mean' for a sequence of one model"):
-        invert_optimal([SLOWER], SINE, robust="mean")
-    both = np.column_stack([SINE, 0.5 * SINE])
-    for models, desired in (([[SLOWER]], SINE), ([[SLOWER], [ERS210A]], both)):
-        with pytest.raises(InvalidInput, match="robust: got 'mean' for a sequence of one model"):
-            plan(models, desired, robust="mean")
-    made = plan([[ERS210A], SLOWER], both, robust="mean")  # without intervals, and with
-    assert [len(each.models) for each in made.inversions] == [0, 9]
-    assert [each.robust for each in made.inversions] == [None, "mean"]

@@ -21,11 +21,9 @@ from planner.planning.search import (
     judged,
     known_errors,
     minimise,
-    smoothed,
-    without_effect_on_motion,
 )
 from planner.planning.task import Task
-from tests.instances import REFERENCE_JOINTS, saturating
+from tests.instances import saturating
 from tests.plans import track
 
 ERS210A = JointModel.ers210a()
@@ -117,26 +115,6 @@ def test_more_is_allowed_where_nearly_the_same_motion_follows_from_many_requests
     assert allowed.by(Judged(0.04, 0.2, 2.0, 0.05))
 
 
-def test_the_smoothest_of_several_beginnings_is_taken_of_those_that_are_allowed():
-    """The desired angles, sent early, are smoother than a plan, and too far off to be allowed."""
-    joint = REFERENCE_JOINTS[2]
-    best = invert_optimal(ERS210A, joint.desired, smoothness=0.0).requests[:, np.newaxis]
-    smooth = invert_optimal(ERS210A, joint.desired).requests[:, np.newaxis]
-    far = np.roll(joint.desired, -8)[:, np.newaxis]
-    problem = track(ERS210A, joint.desired, cyclic=True)
-    shaken = best + 1e-3 * np.random.default_rng(0).normal(size=best.shape)
-
-    def made(requests, *others):
-        return smoothed(replace(problem, smoothness=0.005), requests, candidates=others)
-
-    assert problem.roughness(made(shaken, smooth)) <= problem.roughness(smooth)
-    for other in (far, np.full_like(best, np.mean(best))):
-        np.testing.assert_array_equal(made(best, other), made(best))
-    # Where no step is allowed, the smoothest of what was given is left.
-    kept = smoothed(replace(problem, smoothness=0.1), best, candidates=[smooth], at_most=0.0)
-    np.testing.assert_array_equal(kept, smooth)
-
-
 def test_the_best_end_of_all_sharp_stages_is_kept_even_if_the_last_is_worse():
     """The beginning too: a search never makes requests worse by the exact model."""
     desired = saturating(np.random.default_rng(4), ERS210A, samples=40)
@@ -146,40 +124,3 @@ def test_the_best_end_of_all_sharp_stages_is_kept_even_if_the_last_is_worse():
     again, error = minimise(problem, State(best, problem.exact_angles(best)), NARROW[:1])
     np.testing.assert_array_equal(again, best)
     assert error == least
-
-
-def test_smoothing_keeps_the_share_of_the_best_plan_where_that_is_another():
-    joint = REFERENCE_JOINTS[2]
-    plan = invert_optimal(ERS210A, joint.desired, smoothness=0.0)
-    problem = track(ERS210A, joint.desired, cyclic=True)
-    late = (plan.requests + 0.05 * np.random.default_rng(0).normal(size=88))[:, np.newaxis]
-    best = plan.predicted[:, np.newaxis]
-    assert problem.exact_error(late) > 1.01 * problem.error(best)
-    np.testing.assert_array_equal(
-        smoothed(replace(problem, smoothness=0.005), late, best=best), late
-    )
-    more = smoothed(replace(problem, smoothness=0.05), late, best=best)
-    assert problem.exact_error(more) <= 1.05 * problem.error(best)
-    assert problem.roughness(more) < problem.roughness(late)
-
-
-def test_requests_act_on_rest_alone_if_no_angle_within_their_ages_moves():
-    """A request acts 4 and 5 samples later; the path moves into samples 6 and 7, of twelve."""
-    model = JointModel(v_max=5.0, theta_0=0.05, lag=0.024, acceleration_time=0.016)
-    desired = np.array([0.0] * 6 + [0.1] + [0.2] * 5)
-    from_rest = track(model, desired, cyclic=False)
-    assert (from_rest.ages.youngest, from_rest.ages.oldest) == (4, 5)
-
-    def resting(problem, margin):
-        return np.flatnonzero(without_effect_on_motion(problem, margin)).tolist()
-
-    assert resting(from_rest, 0) == [0, *range(4, 12)]
-    assert resting(from_rest, 1) == [*range(5, 12)]
-    assert resting(from_rest, 9) == []
-    # A joint that does not begin on the path moves into the first sample, a cycle back to it.
-    beside = replace(from_rest, start=np.array([0.01]))
-    assert resting(beside, 0) == [0, *range(4, 12)]
-    assert resting(beside, 4) == [8, 9, 10, 11]
-    cyclic = track(model, desired, cyclic=True)
-    assert resting(cyclic, 0) == [0, 4, 5, 6, 9, 10, 11]
-    assert resting(cyclic, 1) == [5, 10, 11]

@@ -11,7 +11,6 @@ from planner.gait.half_ellipse import reference_walk
 from planner.model.evidence import Evidence
 from planner.model.joint import JointModel
 from planner.planning.inversion import invert_foot, invert_optimal
-from planner.planning.plan import request_motion
 from planner.planning.search import smoothed
 from tests.instances import REFERENCE_JOINTS, attainable, random_model, saturating
 from tests.plans import track
@@ -132,59 +131,6 @@ def test_a_smooth_path_is_not_flattened_for_smoothness():
     assert plan.rms < 0.11 * ENCODER_STEP  # what the share allows
 
 
-@CYCLIC
-def test_smoother_requests_never_pass_the_error_that_is_not_to_be_passed(cyclic):
-    joint = REFERENCE_JOINTS[1]
-    plan = invert_optimal(ERS210A, joint.desired, cyclic=cyclic, smoothness=0.0)
-    start = None if cyclic else float(joint.desired[0])
-    problem = track(ERS210A, joint.desired, cyclic=cyclic, start=start)
-    requests = plan.requests[:, np.newaxis]
-    given = problem.exact_error(requests)
-    smoother = smoothed(replace(problem, smoothness=0.1), requests, at_most=1.0001 * given)
-    assert problem.exact_error(smoother) <= 1.0001 * given + ROUNDING
-    assert problem.roughness(smoother) < problem.roughness(requests)
-
-
-@pytest.mark.parametrize("norm", ["rms", "max"])
-@pytest.mark.parametrize("desired", [0.0, 0.7], ids=["at zero", "elsewhere"])
-def test_what_does_not_change_is_left_alone(desired, norm):
-    problem = track(ERS210A, np.full(20, desired), cyclic=True, norm=norm)
-    smoother = smoothed(replace(problem, smoothness=0.005), problem.resting)
-    np.testing.assert_array_equal(smoother, problem.resting)
-
-
-def reversals(plan, column):
-    """How often the requests to a joint turn [1/s]."""
-    requests, period = plan.requests[:, column], plan.models[column].period
-    return request_motion(requests, requests, period=period, cyclic=True).reversals_per_s
-
-
-def expected(plan):
-    """The foot's error with the known ones of the joints [m], through the leg's Jacobians."""
-    known = [
-        model.evidence.error_of(angles, period=model.period, cyclic=True)
-        for model, angles in zip(plan.models, plan.predicted.T, strict=True)
-    ]
-    moved = plan.leg.jacobians(plan.predicted) * np.array(known)
-    return np.sqrt(plan.rms**2 + np.sum(moved**2) / len(moved))
-
-
-def test_a_leg_of_hobby_servos_does_not_chatter_for_errors_that_its_models_miss():
-    """Its foot moves in a plane, so that the abductor may rest."""
-    known = Evidence(0.008, by_acceleration=((0.0, 0.004), (60.0, 0.012)))
-    servo = JointModel(
-        v_max=8.0, theta_0=0.3, lag=0.024, acceleration_time=0.05, tick=0.005, hold=4
-    ).with_evidence(known)
-    leg, phase = reference_walk().leg, 2.0 * np.pi * np.arange(25) / 25
-    swing = np.column_stack([0.4 * np.sin(phase), np.full(25, 0.35), 0.9 + 0.4 * np.abs(phase - 3)])
-    path = leg.foot_positions(swing)
-    exact, plan = (invert_foot(servo, leg, path, smoothness=share) for share in (0.0, None))
-    assert np.ptp(plan.requests[:, 1]) == 0.0 < np.ptp(exact.requests[:, 1])
-    for column in (0, 2):
-        assert reversals(plan, column) <= 8.0 < reversals(exact, column)
-    assert expected(plan) <= expected(exact)
-
-
 def test_a_plan_for_the_foot_is_smoothed_within_the_share_of_the_foots_error():
     walk = reference_walk()
     rugged, plan = (
@@ -206,22 +152,6 @@ def test_what_a_model_is_known_to_miss_is_not_worth_rough_requests():
     allowed = allowed_where_requests_shake(exact.rms, 0.005, noise=np.radians(0.25))
     assert plan.rms <= allowed + ROUNDING
     assert rough(plan) < 0.3 * rough(exact)
-
-
-def test_an_encoder_shows_no_less_than_its_step_however_well_a_model_was_tested():
-    desired = saturating(np.random.default_rng(3), ERS210A)
-    tested = ERS210A.with_evidence(Evidence(error=1e-9))
-    plan, other = (invert_optimal(model, desired) for model in (ERS210A, tested))
-    np.testing.assert_array_equal(other.requests, plan.requests)
-
-
-def test_for_the_largest_error_smoothing_leaves_the_root_mean_square_near_where_it_was():
-    """One sample that no joint could reach: the largest error would bear a joint at rest."""
-    desired = 0.1 * np.sin(2.0 * np.pi * np.arange(60) / 60)
-    desired[30] += 1.5
-    exact, plan = (invert_optimal(ERS210A, desired, norm="max", smoothness=s) for s in (0.0, 0.005))
-    assert rough(plan) < rough(exact)
-    assert plan.rms <= allowed_error(exact.rms, 0.1) + ROUNDING
 
 
 def test_a_joint_does_not_rest_because_its_largest_error_would_bear_it():

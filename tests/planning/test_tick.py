@@ -9,9 +9,7 @@ import pytest
 
 from planner.model.joint import request_ages, weights_by_tick
 from planner.model.law import State
-from planner.model.response import simulate
 from planner.planning import tick
-from planner.planning.stream import Stream
 from planner.planning.tick import EXCEEDING, JOINT, RESTING, SAMPLE, STATE, Problem
 from tests.from_python import from_python
 from tests.instances import random_model
@@ -151,22 +149,3 @@ def test_a_plan_moves_on_by_every_period_that_has_elapsed(missed):
     np.testing.assert_array_equal(sent, np.minimum(np.arange(8.0) + missed, 7.0))
     np.testing.assert_array_equal(plan, np.minimum(np.arange(10.0, 20.0) + missed + 1, 19.0))
     assert width <= len(sent)
-
-
-@pytest.mark.parametrize("number", [0, 1])
-def test_inverted_lines_follow_a_ramp(number):
-    model = replace(joint(number), compliance=0.0)
-    assert request_ages(model).youngest > 0
-    count, slope = 60, 0.4 * model.v_max_per_period
-    stream = Stream(model, preview=count)
-    (one,) = stream._data.joints
-    ages = request_ages(model)
-    samples = np.zeros(count, dtype=SAMPLE)
-    samples["goal"] = slope * np.arange(count)
-    samples["resting"] = samples["goal"] - model.sag(0.0)
-    invert = from_python(tick.inverse_of_line)
-    lines = np.array([invert(one, samples, k) for k in range(count)])
-    # Sample k is the first on which request k of the plan acts.
-    angles = simulate(model, lines, cyclic=False, start=-slope)
-    reached = angles[ages.youngest :] - samples["goal"][: count - ages.youngest]
-    assert abs(reached[-1]) <= 0.6 * slope  # C_m as from rest is no more exact

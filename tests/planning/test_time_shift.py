@@ -16,7 +16,6 @@ from planner.model.response import simulate
 from planner.planning.plan import Plan, joined
 from planner.planning.task import Task
 from planner.planning.time_shift import (
-    LONGEST_LEAD,
     USUAL,
     WORSE_LEADS,
     refining_recommended,
@@ -72,19 +71,6 @@ def test_no_shift_by_whole_samples_or_a_twentieth_of_one_is_better(seed, norm):
         assert made.error <= size * (1.0 + 1e-12)
 
 
-def test_a_lead_is_found_beyond_leads_that_only_make_the_largest_error_worse():
-    rng = np.random.default_rng([5, 27])
-    model = random_model(rng, whole=False, hold=1)
-    samples = int(rng.integers(30, 90))
-    desired = saturating(rng, model, samples=samples) * rng.choice([0.2, 1.0, 3.0])
-    errors = [
-        np.max(np.abs(simulate(model, shifted_by(lead, desired)) - desired)) for lead in range(40)
-    ]
-    assert min(errors[1:4]) > errors[0]
-    made = planner.invert_shift(model, desired, norm="max")
-    assert made.error <= min(errors) < 0.95 * errors[0]
-
-
 def test_from_rest_the_first_request_holds_the_joint_and_the_last_angle_is_held():
     model = replace(ERS210A, offset=0.02)
     made = planner.invert_shift(model, PATH[:40], cyclic=False, start=-0.05)
@@ -126,14 +112,6 @@ def test_requests_of_a_shift_keep_limits_within_which_the_joint_is_held():
     )
     assert np.max(desired) > 0.59
     assert (np.max(plan.requests), np.min(plan.requests) > -0.7) == (0.52, True)
-
-
-def test_a_lead_is_not_sought_beyond_the_longest_one():
-    slow = JointModel(v_max=5.0, theta_0=0.5, lag=1.5, acceleration_time=0.02, tick=0.02)
-    desired = 0.2 * np.sin(2.0 * np.pi * np.arange(400) / 400)
-    task = Task.of([slow], desired, names=("",))
-    assert shifted(task).leads[0] <= LONGEST_LEAD + slow.period
-    assert math.isfinite(shifted(task).rms[0])
 
 
 def test_an_error_of_the_model_is_no_reason_for_a_shift_whose_lead_is_that_models():

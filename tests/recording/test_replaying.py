@@ -192,21 +192,6 @@ def test_recorded_requests_may_serve_only_along_the_recorded_angles_at_their_spe
     assert made.resent_may_serve == (made.joints if serve else ())
 
 
-def test_under_a_load_of_the_pose_no_plan_made_before_is_kept():
-    loaded = replace(SERVO, compliance=0.05)
-    path = recorded_path([recorded("elbow"), recorded("wrist")], loaded)
-    moments = path.moments(1.0)
-    before = replay_at(path, moments)
-    known = {"elbow": before.joints[0].inversion}
-    assert replay_at(path, moments, known=known).joints[0].inversion is known["elbow"]
-    made, anew = (
-        replay_at(path, moments, load=lambda angles: np.cos(angles[:, ::-1]), known=each)
-        for each in (known, None)
-    )
-    assert np.array_equal(made.requests, anew.requests)
-    assert not np.allclose(made.requests, before.requests)
-
-
 def test_at_its_own_speed_a_recording_of_any_length_keeps_its_last_row():
     for count in range(20, 150):
         path = recorded_path([recorded(requests=asked()[:count])], SERVO)

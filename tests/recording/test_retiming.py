@@ -14,7 +14,7 @@ from planner.gait.half_ellipse import reference_walk
 from planner.model.evidence import Evidence
 from planner.recording.recorded_path import recorded_path
 from planner.recording.replaying import replay_at
-from planner.recording.retiming import Measure, _Search, fastest_at
+from planner.recording.retiming import Measure
 
 SERVO = JointModel(v_max=4.0, theta_0=0.2, lag=0.03, acceleration_time=0.05, tick=0.005, hold=4)
 PERIOD = SERVO.period
@@ -227,20 +227,6 @@ def test_the_lowest_speed_that_is_proved_too_high_is_found_to_a_hundredth(proved
     assert [each.speed for each in found.curve][-1] == pytest.approx(1.15 * impossible.speed)
 
 
-def test_joints_that_the_rms_leaves_beyond_the_tolerance_are_planned_for_the_largest_error(
-    monkeypatch,
-):
-    made_up = MadeUp(monkeypatch, best=1.0, largest=1.6)
-    found = found_for(made_up)
-    assert 1.6 / 1.0101 <= found.constant <= 1.6
-    for speed, norm, known in made_up.tried:
-        if norm == "max":
-            assert speed > 1.0
-            assert known == {}  # the joint is planned anew
-    worse = found_for(MadeUp(monkeypatch, best=1.0, largest=0.8))
-    assert worse.curve[-1].planned == pytest.approx(worse.curve[-1].speed)  # that of the rms
-
-
 def test_a_tolerance_for_the_foot_counts_its_distance_in_the_order_of_the_legs_joints():
     walk = reference_walk()
     leg, names = walk.leg, ("knee", "rotator", "abductor")
@@ -277,86 +263,3 @@ def test_of_several_joints_and_units_the_largest_share_of_its_tolerance_counts()
     between = 1.1 * made.planned[1].inversion.max_error
     late = Measure.of(path, between, None, None).late(made)
     assert made.planned[1] in late
-
-
-def test_a_bound_is_about_the_load_of_the_log_and_the_tolerance_of_the_joint(monkeypatch):
-    """Of a joint in shares of its range as many percent as the tolerance has degrees."""
-    asked = []
-
-    def bound(model, desired, *, load, **_):
-        asked.append((model, desired, load))
-        return 0.01
-
-    MadeUp(monkeypatch, best=1.5)
-    monkeypatch.setattr("planner.recording.retiming.lower_bound", bound)
-    sagging = replace(SERVO, compliance=0.05)
-    carried = log(swing(0.8, 401), "elbow", load=np.linspace(0.0, 1.0, 401))
-    jaw = log(swing(0.8, 401), "jaw", unit="1")
-    path = recorded_path([carried, jaw], {"elbow": sagging, "jaw": SERVO}, joints=["elbow", "jaw"])
-    found = fastest_at(path, Measure.of(path, np.radians(4.0), None, None))
-    assert found.impossible is None
-    assert all(each.bound == pytest.approx(0.01 / 0.04) for each in found.curve)  # the jaw's
-    for model, desired, load in asked:
-        if model == sagging:
-            np.testing.assert_allclose(load, np.linspace(0.0, load[-1], len(desired)), atol=1e-9)
-            assert load[-1] > 0.9  # at the last request of a fast replay
-        else:
-            assert load is None
-
-
-def search(rows=401, *, first=0.0, **options):
-    path = replace(recorded_path(log(swing(0.8, rows)), SERVO), first=first)
-    return _Search(path, Measure.of(path, TOLERANCE, None, None), lambda _: None, options)
-
-
-@pytest.mark.parametrize(
-    ("whole", "first", "rows", "found"),
-    [
-        (0.69, 0.2, 201, 0.7),  # by requests, one every 0.02 s
-        (0.31, 0.2, 201, 0.5),  # where the first two seconds can be followed, too
-        (1.57, 0.2, 1601, 1.64),  # by at most a hundred moments of the first half
-        (2.07, 0.2, 201, 2.08),
-        (2.09, 0.2, 201, None),
-    ],
-)
-def test_a_recording_begins_at_the_first_moment_from_which_all_of_it_can_be_followed(
-    whole, first, rows, found, monkeypatch
-):
-    """Of the first half of the part that is replayed."""
-    looking = search(rows, first=first)
-    monkeypatch.setattr(looking, "bounds", lambda *given: bounds(*given))
-
-    def bounds(speed, begin, last):
-        assert speed == 1.0
-        least = whole if last == looking.path.last else 0.49
-        assert last in (looking.path.last, begin + 2.0)
-        return [("wrist", 0.5), ("elbow", 1.1 if begin < least - 1e-9 else 1.0)]
-
-    moment = looking.first_at_rest()
-    assert moment == (None if found is None else pytest.approx(found))
-
-
-@pytest.mark.parametrize(("half_of", "most"), [(0.5, 6.0), (2.0, 1.0)])
-def test_a_varying_factor_is_kept_where_it_is_faster_and_is_at_most_six_times_the_constant_one(
-    half_of, most, monkeypatch
-):
-    """Of a joint that errs in the first half only, and of one that errs all along."""
-    made_up, said = MadeUp(monkeypatch, best=1.3), []
-
-    def half(path, moments, **options):
-        made = made_up.replay_at(path, moments, **options)
-        factors = np.gradient(moments) / path.period
-        errors = TOLERANCE * factors / 1.3 * np.where(moments < half_of * path.last, 1.0, 1e-4)
-        made.joints[0].error_of = lambda _: errors
-        return made
-
-    monkeypatch.setattr("planner.recording.retiming.replay_at", half)
-    swung = log(0.2 + swing(0.5, ROWS))
-    found = fastest(swung, SERVO, tolerance=TOLERANCE, retime="varying", progress=said.append)
-    assert np.max(found.factors[:-1]) == pytest.approx(most * found.constant, rel=0.01)
-    assert (found.speed > 1.2 * found.constant) == (most > 1.0)
-    assert found.constant in [each.speed for each in found.curve]
-    if most > 1.0:  # well before the half that is easy it errs by 0.97 tolerances
-        assert found.factors[100:300] == pytest.approx(0.97 * 1.3, rel=1e-3)
-    assert found.speed >= found.constant
-    assert said.count("varying speed, round 14 of 14") == 1

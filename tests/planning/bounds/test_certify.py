@@ -21,7 +21,6 @@ from planner.planning.bounds.cvxpy_statement import stated_bound
 from planner.planning.bounds.multipliers import bound_of, certified_error, nearest_motion
 from planner.planning.bounds.reachable_set import (
     BoundProblem,
-    distance_from_rest,
     farthest_per_period,
     linearised_set,
     pose_sags,
@@ -29,7 +28,6 @@ from planner.planning.bounds.reachable_set import (
     sides,
     speed_conditions,
 )
-from tests.independent import from_rest
 from tests.instances import REFERENCE_JOINTS, attainable, random_model, saturating
 from tests.strategies import INTEGRALS, models, trajectories
 
@@ -222,24 +220,6 @@ def test_with_one_request_a_tick_the_best_plan_of_a_motor_attains_the_bound():
 
 
 @pytest.mark.parametrize("norm", NORMS)
-@pytest.mark.parametrize("hold", [1, 3])
-def test_a_start_raises_the_bound_and_it_still_holds_for_plans_from_there(norm, hold):
-    rng = np.random.default_rng(hold)
-    model = random_model(rng, whole=False, hold=hold, offset=True)
-    desired = saturating(rng, model, samples=24)
-    start = float(desired[0] + 0.3)
-    for level in LINEAR_LEVELS:
-        free = lower_bound(model, desired, cyclic=False, norm=norm, level=level)
-        bound = lower_bound(model, desired, cyclic=False, norm=norm, level=level, start=start)
-        assert bound > free
-        for _ in range(10):
-            requests = desired - model.offset + 0.2 * rng.normal(size=24)
-            requests[0] = start - model.offset
-            missed = error(from_rest(model, requests, start=start), desired, norm)
-            assert bound <= missed + ROUNDING
-
-
-@pytest.mark.parametrize("norm", NORMS)
 @pytest.mark.parametrize("level", LINEAR_LEVELS)
 @pytest.mark.parametrize("cyclic", [True, False])
 @settings(max_examples=20)
@@ -274,30 +254,6 @@ def test_any_multipliers_of_linearised_conditions_prove_a_bound(
             slack=farthest_per_period(model, load),
         )
         assert 0.0 <= proved <= error(angles, desired, norm) + ROUNDING
-
-
-@pytest.mark.parametrize(("sag", "band"), [(0.15, 0.05), (0.12, 0.03), (0.12, 0.06), (0.3, 0.01)])
-def test_a_joint_that_gravity_overcomes_is_held_by_its_friction_above_its_bound(sag, band):
-    """Friction holds it, or slows it, where its top speed alone would not."""
-    model = JointModel(
-        v_max=5.0,
-        theta_0=0.1,
-        lag=0.016,
-        acceleration_time=0.032,
-        tick=0.008,
-        dead_band=band,
-        sag_cos=-sag,
-    )
-    rng = np.random.default_rng(0)
-    for request in (0.0, 0.1, 0.2):
-        requests = request + 0.01 * rng.normal(size=20)
-        for cyclic in (True, False):
-            angles = simulate(model, requests, cyclic=cyclic)
-            for desired in (np.full(20, np.mean(angles)), angles):
-                start = None if cyclic else float(model.rest(requests[0]))
-                for level in ("slope", "envelope"):
-                    bound = lower_bound(model, desired, cyclic=cyclic, level=level, start=start)
-                    assert bound <= error(angles, desired, "rms") + ROUNDING
 
 
 @pytest.mark.parametrize("hold", [1, 3])
@@ -458,27 +414,6 @@ def test_a_bound_that_a_joint_in_motion_attains_ends_the_search_and_leaves_an_in
     assert "exact bound: closed" in caplog.text
 
 
-@pytest.mark.parametrize("norm", ["rms", "max"])
-@pytest.mark.parametrize(
-    ("lag", "acceleration", "desired"),
-    [
-        (4, 6, [0.0, 0.04, 0.08]),
-        (4, 6, [0.0, 0.01, 0.02, 0.03]),
-        (0, 3, [-0.007, 0.0137, 0.0185]),
-        (0, 1, [0.0, 0.022, 0.044, 0.066]),
-    ],
-)
-def test_a_short_path_that_a_joint_in_motion_almost_follows_ends_the_search(
-    lag, acceleration, desired, norm, caplog
-):
-    caplog.set_level("DEBUG", logger="planner.planning.bounds")
-    joint = replace(
-        JointModel.ers210a(), lag=0.008 * lag, acceleration_time=0.008 * acceleration, hold=2
-    )
-    certify(joint, desired, cyclic=False, norm=norm, level="exact", time_limit=1.0)
-    assert "exact bound: closed" in caplog.text
-
-
 def test_the_bound_for_every_start_is_that_of_the_best_start():
     """Within the lag one request drives the joint: the best start and request are found on a grid.
 
@@ -494,25 +429,3 @@ def test_the_bound_for_every_start_is_that_of_the_best_start():
     for norm, each in (("max", errors.max(0)), ("rms", np.sqrt((errors**2).mean(0)))):
         bound = lower_bound(joint, desired, cyclic=False, norm=norm, level="exact", time_limit=2.0)
         assert each.min() - 1e-4 < bound <= each.min()
-
-
-def test_a_joint_at_rest_is_moved_by_the_change_of_its_sag_and_with_inertia_by_any_such_change():
-    """Until the second request acts, after 4 ticks of lag and the first period."""
-    model = replace(ERS210A, compliance=0.05)
-    load = np.array([0.2, 0.2, 0.5, 0.1, 0.2, 0.2])
-    sagged = model.gain_per_tick * 0.05 * np.abs(load - 0.2)
-    moved = distance_from_rest(model, load, "slope")
-    np.testing.assert_allclose(moved[:5], np.cumsum(sagged)[: len(moved)][:5])
-    np.testing.assert_array_equal(distance_from_rest(model, np.full(6, 0.7), "slope")[:5], 0.0)
-    inert = replace(model, time_constant=0.05)  # it swings on after the load is what it was
-    swinging = distance_from_rest(inert, load, "slope")
-    every = np.arange(1.0, len(swinging) + 1.0)
-    np.testing.assert_allclose(swinging, inert.v_max_per_tick * every)
-    np.testing.assert_array_equal(distance_from_rest(inert, np.full(6, 0.7), "slope")[:5], 0.0)
-    farthest = distance_from_rest(ERS210A, np.zeros(12), "envelope")
-    jump = np.append(0.0, np.full(11, 10.0))  # which no angle can bring below the top speed
-    angles = simulate(ERS210A, jump, cyclic=False, start=0.0)
-    np.testing.assert_allclose(farthest[:7], angles[:7], rtol=0.0, atol=ROUNDING)
-    assert angles[6] > 0.0  # from there on the old requests hold it back a little
-    assert np.all(farthest[7:] >= angles[7:])
-    assert np.all(farthest[7:] <= 1.2 * angles[7:])

@@ -16,11 +16,9 @@ from planner.gait.stride import stride
 from planner.model.joint import JointModel
 from planner.model.response import simulate
 from planner.planning.bounds.bundle_method import (
-    MOST_CELLS,
     Distance,
     LagrangianRelaxation,
     Multipliers,
-    _first_cells,
     dual_function,
     minima,
 )
@@ -186,16 +184,6 @@ def test_no_plan_that_is_planted_is_below_it():
         assert bound <= np.sqrt(np.mean(noise**2 @ shares))
 
 
-def test_limits_that_are_far_apart_take_no_more_cells_than_there_may_be():
-    lower, upper = attainable_angles(
-        [ERS210A] * 3, (np.full(3, -100.0), np.full(3, 100.0)), 20, start=None
-    )
-    assert np.all(upper - lower <= 2.0 * np.pi + 10.0 * ERS210A.v_max * ERS210A.period + ROUNDING)
-    wide = Distance(WALK.leg.chain, lower * 0.0, upper * 9.0, WALK.desired_foot[:20], np.ones(3))
-    owner, _, _ = _first_cells(wide)
-    assert len(owner) <= MOST_CELLS
-
-
 def test_a_solver_that_fails_makes_the_bound_weaker_and_never_wrong(monkeypatch):
     plan = short_plan(1, False, "rms")
     sharp = plan.lower_bound
@@ -207,13 +195,6 @@ def test_a_solver_that_fails_makes_the_bound_weaker_and_never_wrong(monkeypatch)
     nothing = ConicSolution(np.zeros(0), np.zeros(0), "no luck", has_multipliers=False)
     monkeypatch.setattr("planner.planning.bounds.multipliers.ConicSolver.solve", lambda *_: nothing)
     assert 0.0 < replace(plan).lower_bound <= sharp
-
-
-def test_a_point_out_of_reach_is_missed_by_what_it_is_out_of_reach():
-    leg = WALK.leg
-    far = np.tile([0.0, 0.0, -0.5], (12, 1))
-    plan = invert_foot(ERS210A, leg, far)
-    assert 0.0 <= plan.gap <= 1e-3
 
 
 def test_a_path_that_the_joints_can_follow_has_a_bound_of_nothing():
