@@ -1,4 +1,4 @@
-"""Load torques against a pendulum by hand, against energy and against another formulation."""
+"""Load torques against a pendulum by hand and against energy."""
 
 from __future__ import annotations
 
