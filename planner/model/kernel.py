@@ -22,6 +22,12 @@ from planner.trajectory import Array, Indices
 
 
 @inner
+def law_of(row: Array) -> Law:
+    """The law whose numbers an array has first."""
+    return Law(row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7], row[8], row[9])
+
+
+@inner
 def drive(law: Law, error: float, faster: float) -> tuple[float, float]:
     """Equation 2 under a load: the speed that an error demands, without friction.
 

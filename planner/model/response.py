@@ -212,25 +212,15 @@ def checked_start(start: float | None, *, cyclic: bool) -> float | None:
     return angle
 
 
-def sags(models: Sequence[JointModel], loads: Loads | None = None) -> Array:
-    """Sags without the part by the angle, c + kappa tau of (2) [rad].
-
-    Shape (joints,) or (n, joints).
-    """
-    torques = [0.0 if load is None else load for load in loads or [None] * len(models)]
-    each = [model.sag(load) for model, load in zip(models, torques, strict=True)]
-    return np.stack(np.broadcast_arrays(*each), axis=-1)
-
-
 def rest_requests(models: Sequence[JointModel], angles: Array, loads: Loads | None = None) -> Array:
     """Requests that hold joints at these angles, in the middle of the dead band [rad].
 
     There Equation 2 vanishes; shape (..., joints), or (n, joints) under loads.
     """
-    requests: Array = angles - sags(models, loads)
-    for j, model in enumerate(models):
-        requests[..., j] -= model.pose_sag(angles[..., j])
-    return requests
+    torques = [0.0 if load is None else load for load in loads or [None] * len(models)]
+    columns = zip(models, np.moveaxis(angles, -1, 0), torques, strict=True)
+    each = [column - model.sag(load) - model.pose_sag(column) for model, column, load in columns]
+    return np.stack(np.broadcast_arrays(*each), axis=-1)
 
 
 def rest_angles(models: Sequence[JointModel], requests: Array, loads: Loads | None = None) -> Array:

@@ -19,8 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from planner.compilation import compiled, inner
-from planner.model.kernel import at_rest, moving_states, periods
-from planner.model.law import Law
+from planner.model.kernel import at_rest, law_of, moving_states, periods
 from planner.model.response import MOST_CYCLES
 from planner.model.steady_cycle import respond
 from planner.planning.factorisation import (
@@ -258,13 +257,6 @@ def errors_of(spec: Spec, states: Array, values: Array, jacobians: Array) -> Non
 def set_errors(spec: Spec, states: Array, values: Array, jacobians: Array) -> None:
     """:func:`errors_of` for Python."""
     errors_of(spec, states, values, jacobians)
-
-
-@inner
-def law_of(drive: Array) -> Law:
-    """The law of a drive, a row of ``Spec.drives``."""
-    row = drive
-    return Law(row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7], row[8], row[9])
 
 
 @inner

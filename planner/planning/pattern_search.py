@@ -18,10 +18,10 @@ import numpy as np
 
 from planner.approximation.curve import PiecewiseLinear
 from planner.compilation import compiled, inner
-from planner.model.kernel import pose_sag
+from planner.model.kernel import law_of, pose_sag
 from planner.model.law import Law
 from planner.model.response import MOST_CYCLES
-from planner.planning.gauss_newton import Spec, law_of, limit, simulate_all
+from planner.planning.gauss_newton import Spec, limit, simulate_all
 from planner.planning.line_inverse import (
     AT_TOP_SPEED,
     LEAST_SHARE,

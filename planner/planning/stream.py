@@ -150,14 +150,12 @@ class Stream:
         self._path = repeating_path(count, preview, self.cycle or 2, ahead=ahead)
         samples = max(preview + self._path.ahead - ages.youngest, ages.width)
         joints = np.zeros(count, dtype=tick.JOINT)
-        for name in ("offset", "compliance", "theta_0", "dead_band", "hold"):
+        for name in ("compliance", "theta_0", "dead_band", "hold"):
             joints[name] = [getattr(model.steady, name) for model in models]
-        for j, model in enumerate(models):
-            for name, number in zip(model.law._fields, model.law, strict=True):
-                joints[name][j] = number
         ticks = np.array([model.tick for model in models])
         joints["faster"] = ticks * [model.v_offset for model in models]
         joints["faster_by_load"] = ticks * [model.speed_per_torque for model in models]
+        joints["steady_by_load"] = ticks * [model.top_speed_per_torque for model in models]
         joints["v_max"] = [model.v_max_per_tick for model in models]
         joints["travel"] = [model.v_max_per_period for model in models]
         joints["lower"], joints["upper"], joints["max_step"] = *self._limits, self._max_step
@@ -167,6 +165,7 @@ class Stream:
         joints["observer"] = 1.0 - math.exp(-self.period / OBSERVER_TIME)
         self._data = tick.Data(
             joints=joints,
+            laws=np.array([model.law for model in models]),
             states=np.zeros(count, dtype=tick.STATE),
             weights=weights_of_all(models),
             radii=np.geomspace(NEAR, FAR, samples),

@@ -33,7 +33,7 @@ import numpy as np
 from planner.compilation import compiled, inner
 from planner.model.kernel import (
     at_rest,
-    exceeds_drive,
+    law_of,
     moving_states,
     periods,
     pose_sag,
@@ -87,10 +87,9 @@ def _fields(numbers: str, counts: str) -> np.dtype[np.void]:
 
 
 JOINT = _fields(
-    "gain top friction share acceleration sag_sin sag_cos "  # of its law
-    "integral_share integral_inside "
-    "offset compliance "  # its sag [rad], and the change of that by a load [rad/(N m)]
+    "compliance "  # its sag by a load [rad/(N m)]
     "faster faster_by_load "  # how much faster it is in the positive direction, likewise [/tick]
+    "steady_by_load "  # and how much faster at a steady speed by a load
     "v_max travel theta_0 dead_band "  # [rad/tick], [rad/period], [rad], [rad]
     "lower upper max_step "  # of its requests [rad]
     "smoothing "  # sigma
@@ -121,6 +120,7 @@ class Data(NamedTuple):
     """The arrays of a stream."""
 
     joints: Any  # JOINT, (k,)
+    laws: Array  # the numbers of each law, (k, 10)
     states: Any  # STATE, (k,)
     weights: Array  # of each request at each tick, youngest first, (k, most ticks of a period, W)
     radii: Array  # of the corners at each sample [theta_0], (n,)
@@ -155,7 +155,7 @@ def tick(data: Data, path: Repeating, missed: int, strict: bool) -> bool:
         Whether the tick has planned: not with faults where ``strict``, nor if the first tick has
         no angle of a joint; the requests are then NaN.
     """
-    joints, states, weights, radii, sent, plan, desired, load = data
+    joints, laws, states, weights, radii, sent, plan, desired, load = data
     preview, count = desired.shape
     samples, begins = plan.shape[1], np.isnan(states[0].angle)
     youngest = sent.shape[1] - weights.shape[2] + 1  # age of the youngest request that acts
@@ -163,7 +163,7 @@ def tick(data: Data, path: Repeating, missed: int, strict: bool) -> bool:
     unknown = False
     for j in range(count):
         state = states[j]
-        check(joints[j], state, desired, load, j)
+        check(joints[j], law_of(laws[j]), state, desired, load, j)
         state.request = np.nan
         rested[j] = state.fault == NOT_FINITE or state.fault == BLOCKED
         now = state.angle
@@ -182,7 +182,7 @@ def tick(data: Data, path: Repeating, missed: int, strict: bool) -> bool:
     period_samples = np.empty(samples, dtype=SAMPLE)
     for j in range(count):
         joint, state, its_plan, its_sent = joints[j], states[j], plan[j], sent[j]
-        law = law_of(joint)
+        law = law_of(laws[j])
         own = weights[j, : joint.hold]
         if begins:
             state.angle = desired[0, j] if np.isnan(state.measured) else state.measured
@@ -209,7 +209,7 @@ def tick(data: Data, path: Repeating, missed: int, strict: bool) -> bool:
                 sag = rest_offset(law, load_sag, pose_sag(law, sample.goal))
                 sample.resting = sample.goal - sag
                 sample.count = 1.0 if column < preview else shares[j]
-                sample.rounded = (joint.gain * joint.theta_0 * radii[k]) ** 2
+                sample.rounded = (law.gain * joint.theta_0 * radii[k]) ** 2
         problem = Problem(joint, law, own, period_samples, begin, begins)
         improve(problem, state, its_sent, its_plan)
         last = its_sent[-1]
@@ -220,30 +220,11 @@ def tick(data: Data, path: Repeating, missed: int, strict: bool) -> bool:
 
 
 @inner
-def law_of(joint: Record) -> Law:
-    """The law of a joint."""
-    return Law(
-        joint.gain,
-        joint.top,
-        joint.friction,
-        joint.share,
-        joint.acceleration,
-        joint.sag_sin,
-        joint.sag_cos,
-        joint.integral_share,
-        joint.integral_inside,
-        joint.offset,
-    )
-
-
-@inner
-def check(joint: Record, state: Record, desired: Array, load: Array, j: int) -> None:
+def check(joint: Record, law: Law, state: Record, desired: Array, load: Array, j: int) -> None:
     """Set the fault of a joint's arguments; a load that blocks the joint is replaced by 0."""
-    law, finite, blocked, far = law_of(joint), True, False, 0.0
+    finite, blocked, far = True, False, 0.0
     for row in range(len(desired)):
-        faster = joint.faster + joint.faster_by_load * load[row, j]
-        if exceeds_drive(law):
-            faster -= law.gain * joint.compliance * load[row, j]
+        faster = joint.faster + joint.steady_by_load * load[row, j]
         if not abs(faster) < joint.v_max:  # also where the load is no number
             blocked = True
         if not abs(desired[row, j]) <= LARGEST:
