@@ -13,7 +13,6 @@ from planner.virtual.servo_bus import KINDS, Faults
 ASKED = {
     "": (6, "sts3215", Faults(), None),
     "--servos 2 --step-ms 20": (2, "sts3215", Faults(), 0.02),
-    "--protocol feetech": (6, "sts3215", Faults(), None),
     "--protocol dynamixel": (6, "xl430", Faults(), None),
     "--protocol xl320": (6, "xl-320", Faults(), None),
     "--kind mx-64 --protocol dynamixel": (6, "mx-64", Faults(), None),

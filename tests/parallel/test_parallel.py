@@ -87,22 +87,6 @@ def test_a_task_that_kills_every_worker_is_reported_and_no_other_is_lost(tmp_pat
     assert len(work.held(results.folder)) == 7
 
 
-@pytest.mark.parametrize(("asked", "begun"), [(3, 3), (None, 5)])
-def test_there_is_a_worker_for_each_usable_processor_unless_another_number_is_asked_for(
-    monkeypatch, asked, begun
-):
-    made = []
-
-    def processes(workers):
-        made.append(workers)
-        return nullcontext()
-
-    monkeypatch.setattr(parallel, "Processes", processes)
-    monkeypatch.setattr("os.sched_getaffinity", lambda _: set(range(5)))
-    with executor_of(asked):
-        assert made == [begun]
-
-
 def test_a_worker_uses_one_thread_and_this_process_what_it_did(results, monkeypatch):
     monkeypatch.setenv("OMP_NUM_THREADS", "7")
     monkeypatch.delenv("MKL_NUM_THREADS", raising=False)

@@ -27,23 +27,6 @@ def row(identification, name):
 
 
 @pytest.mark.parametrize(
-    ("name", "value", "shown"),
-    [
-        ("time_constant", 0.021, "21.0 ms"),
-        ("max_acceleration", 90.0, "5157 deg/s²"),
-        ("v_offset", 0.1, "5.73 deg/s"),
-        ("compliance", 0.02, "1.15 deg/(N m)"),
-        ("speed_per_torque", 0.2, "11.5 deg/(s N m)"),
-        ("dead_band", 0.01, "0.573 deg"),
-    ],
-)
-def test_every_further_parameter_has_its_unit(name, value, shown):
-    model = dataclasses.replace(made_up().model, **{name: value})
-    intervals = {**made_up().intervals, name: Interval(0.9 * value, 1.1 * value)}
-    assert row(made_up(model=model, intervals=intervals), name).value == shown
-
-
-@pytest.mark.parametrize(
     ("name", "interval", "words"),
     [
         ("v_max", Interval(5.3996, 5.5087), "± 1 %"),

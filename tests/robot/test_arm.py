@@ -261,18 +261,6 @@ def test_a_joint_follows_that_is_near_its_request_or_moves_by_a_degree_in_the_ti
     assert stuck(-12.1, 1.1) == ""
 
 
-@pytest.mark.parametrize(("swing", "stopped"), [(11.9, False), (12.1, True)])
-def test_a_joint_that_stays_follows_unless_its_requests_swing_far(swing, stopped):
-    """Its errors are large for a moment only."""
-    tick = guarded()
-    tick(0.0, np.zeros(2), np.zeros(2))
-    told = ""
-    for k in range(1, 100):
-        request = swing * DEGREE * math.cos(0.05 * math.pi * k)
-        told = told or stops(tick, 0.01 * k, (0.0, request), (0.0, 0.0))
-    assert told.startswith("joint_2: does not follow") == stopped
-
-
 def test_a_fault_is_that_of_its_servo_though_another_is_silent(monkeypatch):
     told = stops(guarded(), 0.01, (0.0, 0.0), (0.0, 0.0), (0, 0x24))
     assert told == "joint_2: the servo reports overheating and overload; stopped"

@@ -80,22 +80,6 @@ def test_what_cannot_be_read_is_reported_with_its_place(tmp_path, snapshot):
     snapshot.check("bam", "".join(said))
 
 
-def test_an_entry_without_a_number_is_left_out_or_not_measured_with_a_note(tmp_path):
-    whole = _entries()
-    for missing, rows, note in (
-        ({"goal_position": math.nan}, -1, "left out, as the time or the request is missing"),
-        ({"position": None}, 0, "the angle is missing, only the request counts"),
-    ):
-        file = _file(tmp_path, {"entries": [*_entries(entry_1=missing), *_later(whole)]})
-        (log,) = read_logs(file)
-        assert len(log.times) == 2 * len(whole) + rows
-        assert f"entry 2: {note}" in log.notes
-
-
-def _later(entries):
-    return [{**entry, "timestamp": 1.0 + entry["timestamp"]} for entry in entries]
-
-
 def test_the_weight_of_the_pendulum_is_the_load(tmp_path):
     positions = np.array([position for _, _, position in SAMPLES])
     pendulum = {"mass": 1.2, "length": 0.15, "entries": _entries()}
