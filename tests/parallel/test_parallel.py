@@ -186,10 +186,6 @@ WORKERS = {
         {"one": __version__, "two": "0.0.1"},
         f"--scheduler: worker two has request-planner 0.0.1, expected {__version__} as here",
     ),
-    "of a newer version": (
-        {"one": "99.0"},
-        f"--scheduler: worker one has request-planner 99.0, expected {__version__} as here",
-    ),
     "fit": ({"one": __version__}, ""),
 }
 """What the workers of a cluster answer when they are asked for their version, and what is said."""
