@@ -306,6 +306,7 @@ CASES = {
     "run-check": [
         f"run {each} --check" for each in ("walk.toml", "walk.toml --json", "soft_run.toml")
     ],
+    "run-leg": "run leg_walk.toml --out out",
     "run-walk": "run walk.toml --out out --json",
     "simulate": "simulate requests.csv --model joint.toml",
     "simulate-motor": "simulate requests.csv --model motor.toml --json",
