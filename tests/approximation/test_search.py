@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
-
 import numpy as np
 
 from planner.approximation.fit import fit_pwl
@@ -18,22 +15,3 @@ def test_ten_thousand_samples_are_fitted_with_hundreds_of_segments():
     ideal = fit_pwl(desired[:100], v_max=0.1, tick=1.0, segments=8)
     assert np.max(np.abs(fit.slopes)) <= 0.1 * (1.0 + 1e-12)
     assert fit.rms <= 1.5 * ideal.rms
-
-
-GROWTH = 200
-"""Memory that a fit of 40 000 samples may take beyond its imports [MB]; their square is 12 GB."""
-
-
-def test_memory_grows_in_proportion_to_the_samples():
-    code = """
-import resource, sys
-import numpy as np
-from planner.approximation.fit import fit_pwl
-desired = np.sin(np.arange(40_000) / 80.0)
-fit_pwl(desired[:600], v_max=0.02, tick=1.0, segments=40)
-before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-fit_pwl(desired, v_max=0.02, tick=1.0, segments=400)
-print((resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) // 1024)
-"""
-    child = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
-    assert int(child.stdout) <= GROWTH

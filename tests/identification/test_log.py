@@ -62,19 +62,6 @@ def test_angles_that_go_on_take_the_turn_of_their_requests():
     assert np.max(np.abs(read.angles - below)) <= SAME
 
 
-def test_a_request_for_a_whole_turn_stays_one():
-    requests = np.repeat([0.0, TURN, 0.0, TURN, 0.0], 150)
-    angles = planner.simulate(replace(AIBO, v_max=12.0, theta_0=0.27), requests, cyclic=False)
-    log = planner.Log(
-        times=AIBO.period * np.arange(len(requests)), requests=requests, angles=angles
-    )
-    assert unwrapped(log) == (log, 0)
-    read, jumps = unwrapped(changed(log, angles=wrapped(angles)))
-    assert jumps > 0
-    assert np.array_equal(read.requests, requests)
-    assert np.max(np.abs(read.angles - angles)) <= SAME
-
-
 def test_angles_that_were_not_measured_make_no_turn():
     """What stands in their rows, here for ten rows and at the start, is of no matter."""
     log = rich_log(noise=NOISE)

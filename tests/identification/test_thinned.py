@@ -25,13 +25,6 @@ def burst_log(model=AIBO, *, rows=ROWS, at=28_000):
     return planner.Log(times=model.period * np.arange(rows), requests=requests, angles=angles)
 
 
-def test_some_rows_of_several_long_logs_are_kept_in_each():
-    logs = [rich_log(rows=5 * MOST_ROWS // 4, seed=seed) for seed in range(4)]
-    kept = [np.sum(log.torque_on) for log in thinned(logs)]
-    assert 0.7 * MOST_ROWS <= sum(kept) <= 1.1 * MOST_ROWS
-    assert min(kept) >= MOST_ROWS // 10
-
-
 def test_the_largest_steps_are_kept():
     log = burst_log()
     (some,) = thinned([log])

@@ -252,13 +252,6 @@ def test_the_fully_stretched_leg_is_within_reach(knee):
         leg.joint_angles(foot * (1.0 + 5e-8))
 
 
-@pytest.mark.parametrize("name", LEGS)
-def test_every_corner_of_the_limits_is_within_reach(name):
-    leg = ers210a_leg(name)
-    corners = np.array(np.meshgrid(*zip(*leg.limits, strict=True))).reshape(3, -1).T
-    assert leg.inverse(leg.foot_positions(corners)).distance.max() < EXACT
-
-
 def test_a_foot_on_the_hips_own_axis_is_within_reach():
     leg = reference_leg()  # straight out to the side the rotator turns the foot on the spot
     wide = replace(leg, limits=Limits(np.full(3, -2.5), np.full(3, 2.5)))

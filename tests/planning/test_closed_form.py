@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from planner.approximation.curve import CurveStack, PiecewiseLinear
+from planner.approximation.curve import CurveStack
 from planner.model.joint import JointModel
 from planner.planning import pattern_search
 from planner.planning.closed_form import approximations, invert_closed_form, requests_of
@@ -85,22 +85,6 @@ def test_requests_change_from_line_to_line_l_plus_half_a_before_each_knot(seed, 
     if not cyclic:
         clear[0] = False  # the first request holds the joint
     np.testing.assert_allclose(plan.requests[clear], expected[clear], rtol=0.0, atol=SAME)
-
-
-@pytest.mark.parametrize("knot", [20.0, 20.3, 20.5, 20.999])
-def test_a_switch_between_samples_falls_at_its_true_time(knot):
-    curve = PiecewiseLinear(
-        knots=[knot, 50.0], values=[0.0, 0.5], samples=88, tick=0.008, cyclic=True
-    )
-    requests = requests_of(ERS210A, CurveStack.of([curve]), rule="exact")[0]
-    expected = switched(ERS210A, curve, rule="exact")
-    clear = ~np.isnan(expected)
-    np.testing.assert_allclose(requests[clear], expected[clear], rtol=0.0, atol=SAME)
-    rising = math.ceil(knot - 7.0)  # first request of the rising line, l + a/2 = 7 before
-    assert requests[rising + 1] - requests[rising] == pytest.approx(
-        curve.slopes[0] * 0.008, abs=SAME
-    )
-    assert requests[rising] - requests[rising - 1] > 2.0 * curve.slopes[0] * 0.008
 
 
 @pytest.mark.parametrize("hold", [1, 4])

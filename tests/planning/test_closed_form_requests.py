@@ -8,33 +8,13 @@ import numpy as np
 import pytest
 
 from planner.approximation.curve import CurveStack, PiecewiseLinear, lines_in_force
-from planner.model.joint import JointModel
 from planner.planning.closed_form import closed_form_requests
-from planner.planning.line_inverse import RULES, line_offset
+from planner.planning.line_inverse import RULES
 from tests.independent import from_rest, next_cycle
 from tests.instances import random_model
 
-ERS210A = JointModel.ers210a()
-
-SAME = 1e-12
-"""Rounding of requests of a few radians [rad]."""
-
 SETTLED = 1e-6
 """Distance from a line of at least a hundred ticks, of which each leaves 5/6 of it [rad]."""
-
-
-def random_stack(rng, model, *, curves, lines, cyclic, samples=88):
-    """Curves within the slopes, with knots between samples and lines shorter than a sample."""
-    size = lines if cyclic else lines + 1
-    knots = np.sort(rng.uniform(0.0, samples, size=(curves, size)), axis=1)
-    knots += 1e-6 * np.arange(size)
-    rise = rng.uniform(-1.0, 1.0, size=(curves, size))
-    values = model.v_max * model.period * rise
-    stack = CurveStack(
-        knots=knots, values=values, samples=samples, tick=model.period, cyclic=cyclic
-    )
-    steepest = np.max(np.abs(stack.slopes), axis=1, keepdims=True)
-    return replace(stack, values=values * (model.v_max / steepest))
 
 
 def curves_of(stack):
@@ -91,20 +71,6 @@ def test_each_of_many_curves_is_where_equation_3_brings_the_joint(seed, cyclic, 
         ahead = model.tick / 2 if rule == "paper" else 0.0
         there = curve(ends) + ahead * curve.slope_at(ends)
         np.testing.assert_allclose(angles[ends], there, rtol=0.0, atol=SETTLED)
-
-
-@pytest.mark.parametrize("cyclic", [True, False])
-def test_every_request_lies_on_the_line_in_force_raised_by_its_offset(cyclic):
-    rng = np.random.default_rng(5)
-    stack = random_stack(rng, ERS210A, curves=30, lines=5, cyclic=cyclic)
-    requests = closed_form_requests(ERS210A, stack)
-    ahead = ERS210A.switching_time / ERS210A.period
-    for curve, row in zip(curves_of(stack), requests, strict=True):
-        later = np.arange(88) + ahead
-        slopes = np.clip(curve.slope_at(later), -ERS210A.v_max, ERS210A.v_max)
-        lines = curve(later) - slopes * ahead * curve.tick
-        raised = lines + line_offset(ERS210A, slopes, rule="paper")
-        np.testing.assert_allclose(row, raised, rtol=0.0, atol=SAME)
 
 
 @pytest.mark.parametrize(

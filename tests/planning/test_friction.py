@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.optimize import minimize
 
 from planner.evaluation.cross_check import cross_check
 from planner.exceptions import Infeasible
@@ -121,25 +120,6 @@ def test_any_joint_gets_a_plan_that_keeps_its_bound(norm, model, desired, seed):
         made = invert_optimal(model, desired, cyclic=cyclic, norm=norm, load=load)
         assert made.lower_bound <= made.error + 1e-9
         assert made.load is None or np.array_equal(made.load, load)
-
-
-@pytest.mark.parametrize("cyclic", [True, False])
-def test_no_requests_do_much_better_where_there_are_few(cyclic):
-    """Against the best of a search without derivatives from many random requests."""
-    rng = np.random.default_rng(3)
-    model = replace(SERVO, lag=0.01, acceleration_time=0.02, tick=0.01, hold=2)
-    desired, load = rng.uniform(-0.1, 0.1, 4), 0.3 * rng.uniform(-1.0, 1.0, 4)
-    made = invert_optimal(model, desired, cyclic=cyclic, load=load)
-    start = None if cyclic else float(desired[0])
-
-    def missed(chosen):
-        requests = chosen if cyclic else np.append(made.requests[0], chosen)
-        return rms(simulate(model, requests, cyclic=cyclic, start=start, load=load), desired)
-
-    tried = [desired[not cyclic :] + rng.uniform(-0.4, 0.4, 3 + cyclic) for _ in range(400)]
-    starts = sorted(tried, key=missed)[:3]
-    least = min(minimize(missed, begin, method="Nelder-Mead").fun for begin in starts)
-    assert made.rms < 1.01 * np.hypot(least, 0.05 * model.dead_band)
 
 
 def test_a_mirrored_joint_has_the_mirrored_plan():

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from planner.gait.half_ellipse import reference_walk
-from planner.model.joint import JointModel, request_ages
+from planner.model.joint import JointModel
 from planner.planning import gauss_newton
 from planner.planning.gauss_newton import MOST_TOGETHER, SPEED_TERM, Search, Stage, pattern_of
 from planner.planning.problem import FootGoal, Problem
@@ -276,41 +276,6 @@ def test_the_gradient_is_half_the_slope_of_the_cost(kind, power):
         assert 2.0 * gradient[k, a] == pytest.approx(slope, abs=1e-5 * scale)
 
 
-@pytest.mark.parametrize("power", [2.0, 4.0, 16.0])
-def test_the_curvature_of_linear_errors_is_half_the_hessian(power):
-    problem = replace(joint(1, cyclic=True, scenarios=3), norm="max", weights=(0.5, 0.2, 0.3))
-    stage, unit = Stage(0.3, 0.0, power), 0.08
-    point = within_a_unit(problem, stage, unit)
-    (block,) = point.quadratic.swapaxes(0, 1)
-    scale = float(np.max(np.abs(block[:, :, :-1])))
-    for a in range(3):
-        move = np.zeros_like(point.states)
-        move[:, a] = STEP
-        high, low = (
-            evaluated(problem, stage, point.requests, point.states + way, unit).quadratic[:, 0]
-            for way in (move, -move)
-        )
-        rise = (high - low)[:, :, -1] / (2.0 * STEP)
-        np.testing.assert_allclose(block[:, :, a], rise, rtol=0.0, atol=1e-5 * scale)
-
-
-def differing_joints():
-    """Joints of different lag, sag and tick, but of one period, that share a problem."""
-    rng = np.random.default_rng(2)
-    models = tuple(random_model(rng, whole=False, hold=2, offset=True) for _ in range(3))
-    models = (replace(models[0], tick=TICK / 2.0, hold=4), *models[1:])
-    desired = np.column_stack([saturating(rng, model, samples=12) for model in models])
-    unlimited = np.full(3, np.inf)
-    return Problem(
-        models=models,
-        desired=desired,
-        lower=-unlimited,
-        upper=unlimited,
-        max_step=unlimited,
-        loads=(None,) * 3,
-    )
-
-
 @CYCLIC
 def test_all_periods_of_a_long_path_lead_where_its_simulation_does(cyclic):
     problem = joint(3, cyclic=cyclic, samples=MOST_TOGETHER + 10)
@@ -319,20 +284,6 @@ def test_all_periods_of_a_long_path_lead_where_its_simulation_does(cyclic):
     point = evaluated(problem, Stage(1e-150, 0.0), requests, angles)
     np.testing.assert_allclose(point.defects, 0.0, atol=1e-12)
     assert np.all(point.slopes[0, 0, 0, 1:] > 0.0)  # also the last ones are filled
-
-
-def test_requests_of_ages_that_do_not_act_on_a_joint_do_not_move_it():
-    problem = differing_joints()
-    assert len({request_ages(model) for model in problem.models}) > 1
-    point = point_at(problem, Stage(0.1, 0.0))
-    ages = problem.ages.youngest + np.arange(problem.ages.width)
-    for joint, model in enumerate(problem.models):
-        own = request_ages(model)
-        beyond = (ages < own.youngest) | (ages > own.oldest)
-        by_request, bending = np.split(point.slopes[joint, 0, 1:].T, 2, axis=-1)
-        assert np.all(by_request[:, beyond] == 0.0)
-        assert np.all(bending[:, beyond] == 0.0)
-        assert np.any(by_request[:, ~beyond] != 0.0)
 
 
 def test_the_curvature_of_a_foot_is_that_of_its_derivatives_and_a_ridge():

@@ -180,23 +180,6 @@ def open_above(**others):
     return ERS210A.with_evidence(Evidence(intervals={"v_max": (4.2, np.inf), **others}))
 
 
-def test_a_top_speed_that_is_open_above_is_drawn_up_to_any_and_keeps_the_gain():
-    models = drawn_models(open_above(gain=(44.0, 45.0)), pairs=2000)
-    speeds = np.array([each.v_max for each in models])
-    faster, slower = speeds[speeds > ERS210A.v_max], speeds[speeds < ERS210A.v_max]
-    assert len(faster) == len(slower) == 2000
-    assert np.min(slower) >= 4.2
-    half = 0.642 / 1.96  # within it lies half of a normal distribution that is cut off at its 95 %
-    assert np.mean(ERS210A.v_max / faster >= 1.0 - half) == pytest.approx(0.5, abs=0.03)
-    assert np.max(faster) > 50.0 * ERS210A.v_max
-    gains = speeds / np.array([each.theta_0 for each in models])
-    assert np.min(gains) >= 44.0
-    assert np.max(gains) <= 45.0
-    # Without a gain theta_0 would stay, and the joint react as fast as it moves: none is drawn.
-    alone = drawn_models(open_above(), pairs=20)
-    assert max(each.v_max for each in alone) == ERS210A.v_max
-
-
 @pytest.mark.parametrize("robust", ["mean", "worst"])
 def test_a_plan_for_an_open_top_speed_bears_joints_that_are_faster_than_the_model(robust):
     """The desired angles are too fast for the model, and would be overshot by a faster joint."""

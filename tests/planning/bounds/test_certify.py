@@ -195,22 +195,6 @@ def test_no_bound_is_proved_of_a_joint_whose_speed_loop_has_an_integral():
         assert certificate.bound == 0.0
 
 
-@pytest.mark.parametrize(
-    ("inertia", "fastest"),
-    [
-        ({"time_constant": 0.04}, lambda law, v: law.share * v / (2.0 - law.share)),
-        ({"max_acceleration": 100.0}, lambda law, _: law.acceleration / 2.0),
-    ],
-    ids=["T", "A"],
-)
-def test_a_zigzag_is_missed_by_what_the_motor_cannot_turn_in_a_tick(inertia, fastest):
-    """All speeds are w or -w, so that w = k v - (1 - k) w, or w = a - w."""
-    motor = replace(ERS210A, acceleration_time=0.008, **inertia)
-    far = 10.0 * motor.v_max_per_tick
-    missed = (far - fastest(motor.law, motor.v_max_per_tick)) / 2.0
-    assert lower_bound(motor, [0.0, far] * 5) == pytest.approx(missed, rel=OPTIMAL)
-
-
 def test_with_one_request_a_tick_the_best_plan_of_a_motor_attains_the_bound():
     motor = replace(ERS210A, acceleration_time=0.008, time_constant=0.04)
     square = np.repeat([-0.3, 0.3], 20)

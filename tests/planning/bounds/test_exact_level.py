@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -79,25 +77,6 @@ def test_the_levels_are_ordered_and_no_plan_goes_below_them(samples, hold, cycli
         ]
         assert bounds[0] <= bounds[1] * (1.0 + 1e-7) + 1e-12
         assert bounds[1] <= bounds[2] <= plan.error
-
-
-@pytest.mark.parametrize(("cyclic", "norm"), [(True, "max"), (False, "rms")])
-def test_no_plan_of_a_joint_with_friction_goes_below_the_levels(cyclic, norm):
-    rng = np.random.default_rng(5)
-    plain = random_model(rng, whole=False)
-    v_max = plain.v_max
-    terms = {"dead_band": 0.02, "v_offset": 0.2 * v_max, "compliance": 0.05}
-    model = replace(plain, **terms, speed_per_torque=0.2 * v_max)
-    desired = saturating(rng, model, samples=14)
-    plan = invert_optimal(model, desired, cyclic=cyclic, norm=norm, load=0.7)
-    options = {"cyclic": cyclic, "norm": norm, "start": plan.start, "load": 0.7, "time_limit": 0.3}
-    bounds = [
-        lower_bound(model, desired, level=level, **options)
-        for level in ("slope", "envelope", "exact")
-    ]
-    assert bounds[0] <= bounds[1] * (1.0 + 1e-7) + 1e-12
-    assert bounds[1] <= bounds[2] <= plan.error
-    assert bounds[2] > 0.0
 
 
 @given(models(friction=True), trajectories(most=12), st.floats(-1.0, 1.0), st.booleans())
