@@ -132,6 +132,10 @@ OTHER = frozenset(
 """Words for quantities that are no angles."""
 
 
+TORQUES = frozenset(("torque_on", "torque_enable", "torque_enabled"))
+"""Names for whether the torque is on."""
+
+
 class Scale(NamedTuple):
     """How a logged number becomes an angle: ``factor * number + shift``.
 

@@ -13,6 +13,7 @@ from planner.files.columns import (
     SECONDS,
     TIME,
     TIME_NAMES,
+    TORQUES,
     Pair,
     Scale,
     check_radians,
@@ -37,9 +38,6 @@ from planner.files.paths import LOAD
 from planner.files.table import Table, read_table
 from planner.identification.log import Log
 from planner.trajectory import Array
-
-TORQUES = ("torque_on", "torque_enable", "torque_enabled")
-"""Names for whether the torque is on."""
 
 SWITCH = {"0": False, "1": True, "0.0": False, "1.0": True, "false": False, "true": True}
 """Values of a torque column."""
