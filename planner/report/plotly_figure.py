@@ -46,7 +46,6 @@ def plot(figure: Figure) -> dict[str, Any]:
     """
     domains, inner = _domains(figure.panels)
     above = ABOVE + (18 if figure.panels[0].title else 0)
-    below = 8 if figure.x.names == {} else BELOW
     data, axes, words, shapes = list[Any](), dict[str, Any](), list[Any](), list[Any]()
     if figure.clock is not None:  # the line at the moment that the moving leg shows
         shapes.append({"type": "line", "xref": "x", "yref": "paper", "x0": 0, "x1": 0, "y0": 0,
@@ -83,14 +82,14 @@ def plot(figure: Figure) -> dict[str, Any]:
         "shapes": shapes,
         "hovermode": "x unified" if figure.over_time else "closest",
         "showlegend": False,  # the page has its own, of buttons
-        "margin": {"l": LEFT, "r": RIGHT, "t": above, "b": below},
+        "margin": {"l": LEFT, "r": RIGHT, "t": above, "b": BELOW},
         "uirevision": "kept",
     }
     return {
         "kind": "plot",
         "data": data,
         "layout": layout,
-        "height": inner + above + below,
+        "height": inner + above + BELOW,
         "clock": figure.clock,
         "views": {name: list(ends) for name, ends in figure.views.items()},
     }

@@ -15,7 +15,6 @@ from planner.identification.result import Identification
 from planner.report.identification.figures import (
     cloud_figure,
     cloud_of,
-    intervals_figure,
     log_figure,
 )
 from planner.report.identification.text import next_step
@@ -132,8 +131,6 @@ HEAD = """
 """
 
 ESTIMATES = """
-<div class="facts">
-<div>
 {{ table }}
 <p class="note">The intervals hold if the model does; its residuals are below.
 {% if open %}Of v<sub>max</sub> and θ<sub>0</sub> the logs show little more than the ratio.
@@ -143,9 +140,6 @@ ESTIMATES = """
   their whole window
   through: there v<sub>max</sub> is read off, and below it the ratio to θ<sub>0</sub>.
 {% endif %}</p>
-</div>
-{{ show(intervals) }}
-</div>
 """
 
 ADDS = """
@@ -200,7 +194,6 @@ def _sections(joint: Joint) -> list[Section]:
             "table": parameters_table(identification, page=True),
             "share": saturated(identification),
             "open": _leaves_top_speed_open(identification),
-            "intervals": intervals_figure(identification, prefix),
         }),
         Section("What the model adds", ADDS, {
             "table": errors_table(identification),
