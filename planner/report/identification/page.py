@@ -64,43 +64,39 @@ def identification_page(
         for k, (name, identification) in enumerate(identifications.items(), 1)
         for prefix in [f"joint{k}_" if several else ""]
     ]
-    first = joints[0]
+    words = of_several([joint.identification for joint in joints])
+    table = _units_above(joints_table(identifications))
+    overview = {"joints": joints, "table": table, "rare": explained(identifications)}
     page = Page(
-        heading=heading(first.name or "a joint")
-        + (", identified" if first.identification.accepted else ", not identified"),
-        eyebrow=f"request-planner identify · {len(first.identification.fits)} "
-        f"log{'s' * (len(first.identification.fits) > 1)}",
-        verdict=_verdict(first.identification),
-        sections=_sections(first),
-        note=profile(first.identification),
+        heading=f"{len(joints)} joints, identified",
+        eyebrow="request-planner identify",
+        verdict=Markup("<strong>{}</strong>: {}").format(
+            words[0].upper() + words[1:],
+            "what is known of each, and what it adds, follows joint by joint.",
+        ),
+        sections=[
+            Section("", OVERVIEW, overview),
+            *(section for joint in joints for section in _sections(joint, alone=False)),
+        ],
         footer=footer("identify", ", with lag and acceleration time of any length"),
-        good=first.identification.accepted,
-        remarks=first.identification.warnings,
-        cards=cards(first.identification),
-        figure=None if several else cloud_figure(first.identification, first.prefix),
+        good=all(joint.identification.accepted for joint in joints),
         listings=sources,
     )
-    if several:
-        table = _units_above(joints_table(identifications))
-        words = of_several([joint.identification for joint in joints])
+    if not several:
+        only = joints[0].identification
+        logs = f"{len(only.fits)} log{'s' * (len(only.fits) > 1)}"
         page = replace(
             page,
-            heading=f"{len(joints)} joints, identified",
-            eyebrow="request-planner identify",
-            verdict=Markup(
-                f"<strong>{words[0].upper()}{words[1:]}</strong>: what is "
-                "known of each, and what it adds, follows joint by joint."
-            ),
-            note="",
-            good=all(joint.identification.accepted for joint in joints),
-            remarks=(),
-            cards=(),
-            sections=[
-                Section("", OVERVIEW, {"joints": joints, "table": table,
-                                       "rare": explained(identifications)}),
-                *(section for joint in joints for section in (_head(joint), *_sections(joint))),
-            ],
-        )  # fmt: skip
+            heading=heading(joints[0].name or "a joint")
+            + (", identified" if only.accepted else ", not identified"),
+            eyebrow=f"{page.eyebrow} · {logs}",
+            verdict=_verdict(only),
+            note=profile(only),
+            remarks=only.warnings,
+            cards=cards(only),
+            figure=cloud_figure(only),
+            sections=_sections(joints[0]),
+        )
     return page.html()
 
 
@@ -166,30 +162,18 @@ ORIGIN = """
 """
 
 
-def _head(joint: Joint) -> Section:
-    return Section("", HEAD, {
-        "joint": joint,
-        "heading": heading,
-        "verdict": _verdict(joint.identification),
-        "profile": profile(joint.identification),
-        "good": joint.identification.accepted,
-        "cloud": cloud_figure(joint.identification, joint.prefix),
-        "cards": cards(joint.identification),
-    })  # fmt: skip
+def _sections(joint: Joint, *, alone: bool = True) -> list[Section]:
+    """A joint's parameters, the improvement by the model, the logs, and the sources.
 
-
-def _sections(joint: Joint) -> list[Section]:
-    """A joint's parameters, the improvement by the model, the logs, and the sources."""
+    Of several joints each has its heading, its cloud and its key figures before them.
+    """
     identification, prefix = joint.identification, joint.prefix
     logs = [
-        (
-            fit.log.name,
-            _angle(identification, fit.rms),
-            log_figure(identification, fit, f"{prefix}log{k}_"),
-        )
+        (fit.log.name, _angle(identification, fit.rms),
+         log_figure(identification, fit, f"{prefix}log{k}_"))
         for k, fit in enumerate(identification.fits, 1)
-    ]
-    return [
+    ]  # fmt: skip
+    sections = [
         Section("What is known, and how well", ESTIMATES, {
             "table": parameters_table(identification, page=True),
             "share": saturated(identification),
@@ -206,6 +190,35 @@ def _sections(joint: Joint) -> list[Section]:
             "model": identification.model,
         }),
     ]  # fmt: skip
+    if alone:
+        return sections
+    head = Section("", HEAD, {
+        "joint": joint,
+        "heading": heading,
+        "verdict": _verdict(identification),
+        "profile": profile(identification),
+        "good": identification.accepted,
+        "cloud": cloud_figure(identification, prefix),
+        "cards": cards(identification),
+    })  # fmt: skip
+    return [head, *sections]
+
+
+def cards(identification: Identification) -> list[Card]:
+    """The key figures."""
+    error, where = telling_error(identification)
+    size, _, unit = _angle(identification, error).partition(" ")
+    short = {row.name: row.bounds if row.rough else row.value for row in parameters(identification)}
+    share = f"; reached in {percent(saturated(identification), 1)} of the measured intervals"
+    reached = "" if _leaves_top_speed_open(identification) else share
+    below = f"error that calls for top speed; speed per error below it: {short['gain']}"
+    return [
+        Card(size, unit,
+             f"rms error {where}; noise: {_angle(identification, identification.noise)}"),
+        Card(short["v_max"], "", f"top speed{reached}"),
+        Card(short["lag"], "", f"lag; acceleration time: {short['acceleration_time']}"),
+        Card(short["theta_0"], "", below),
+    ]  # fmt: skip
 
 
 def _verdict(identification: Identification) -> str:
@@ -220,28 +233,6 @@ def _angle(identification: Identification, radians: float | None) -> str:
     """An angle in the unit of the page."""
     units = units_of(identification)
     return NOTHING if radians is None else f"{units.factor * radians:.3g} {units.angle}"
-
-
-def cards(identification: Identification) -> list[Card]:
-    """The key figures."""
-    error, where = telling_error(identification)
-    number, _, unit = _angle(identification, error).partition(" ")
-    short = {row.name: row.bounds if row.rough else row.value for row in parameters(identification)}
-    share = percent(saturated(identification), 1)
-    reached = (
-        ""
-        if _leaves_top_speed_open(identification)
-        else f"; reached in {share} of the measured intervals"
-    )
-    return [
-        Card(number, unit,
-             f"rms error {where}; noise: {_angle(identification, identification.noise)}"),
-        Card(short["v_max"], "", f"top speed{reached}"),
-        Card(short["lag"], "",
-             f"lag; acceleration time: {short['acceleration_time']}"),
-        Card(short["theta_0"], "",
-             f"error that calls for top speed; speed per error below it: {short['gain']}"),
-    ]  # fmt: skip
 
 
 def _leaves_top_speed_open(identification: Identification) -> bool:

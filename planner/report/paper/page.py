@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 from markupsafe import Markup
@@ -54,7 +53,7 @@ def paper_page(results: Results, figures: Sequence[Figure], files: Sequence[str]
              "gap of every joint’s optimised requests over its lower bound"),
     ]  # fmt: skip
     context: dict[str, Any] = {"results": results, "foot": foot}
-    featured, rest = _split(figures, FEATURED)
+    featured = [figure for figure in figures if figure.name in FEATURED]
     parameters = results["parameters"]
     parameter_rows = [
         *((words, f"{parameters['model'][name]:.6g}")
@@ -71,11 +70,11 @@ def paper_page(results: Results, figures: Sequence[Figure], files: Sequence[str]
         note=_rendered(NOTE, context),
         cards=cards,
         sections=[
-            _moments(featured),
-            Section("Table 2: joint angles", TABLE_2, context | _titled(table_2(results))),
-            Section("The foot", FOOT, context | _titled(foot_table(results), "centimetres")),
+            Section("Moment by moment", MOMENTS, {"featured": featured}),
+            Section("Table 2: joint angles", TABLE_2, context | {"table": table_2(results)}),
+            Section("The foot", FOOT, context | {"table": foot_table(results)}),
             Section("How good could any requests be?", BOUNDS, {"table": bounds_table(results)}),
-            figures_section("Figures", rest),
+            figures_section("Figures", [each for each in figures if each not in featured]),
         ],
         listings=[file_links(files), Listing("Parameters", parameter_rows), *_ends(results)],
         footer=f"{results['made_by']}. Published figures: {results['source']}.",
@@ -166,8 +165,9 @@ def virtual_page(results: Results, figures: Sequence[Figure], files: Sequence[st
         _foot_card(foot),
     ]  # fmt: skip
     context = {"results": results, "foot": foot, "dropped": dropped_words(results)}
-    featured, rest = _split(figures, VIRTUAL_FEATURED)
-    learning, rest = _split(rest, ("learning",))
+    featured = [figure for figure in figures if figure.name in VIRTUAL_FEATURED]
+    learning = [figure for figure in figures if figure.name == "learning"]
+    rest = [figure for figure in figures if figure not in (*featured, *learning)]
     warnings = {name: joint["warnings"] for name, joint in joints.items() if joint["warnings"]}
     return Page(
         heading="The paper’s experiment on a virtual robot",
@@ -176,14 +176,14 @@ def virtual_page(results: Results, figures: Sequence[Figure], files: Sequence[st
         note=results["note"],
         cards=cards,
         sections=[
-            _moments(featured),
+            Section("Moment by moment", MOMENTS, {"featured": featured}),
             Section("Table 1: the joints, identified", VIRTUAL_TABLE_1,
-                    context | _titled(table_1(results), "joint") | {"warnings": warnings}),
-            Section("Table 2: joint angles", VIRTUAL_TABLE_2, context | _titled(table_2(results))),
-            Section("The foot", VIRTUAL_FOOT,
-                    context | _titled(foot_table(results), "centimetres")),
+                    context | {"table": table_1(results), "warnings": warnings}),
+            Section("Table 2: joint angles", VIRTUAL_TABLE_2,
+                    context | {"table": table_2(results)}),
+            Section("The foot", VIRTUAL_FOOT, context | {"table": foot_table(results)}),
             Section("What the plans predicted and the robot did", EXECUTED,
-                    _titled(executed_table(results), "L₂")),
+                    {"table": executed_table(results)}),
             Section("Learning from executed cycles", LEARNING, {**context, "learning": learning}),
             figures_section("Figures", rest),
             Section("What the robot is made of", ROBOT,
@@ -286,23 +286,9 @@ def _foot_card(foot: Results) -> Card:
     )
 
 
-def _split(figures: Sequence[Figure], featured: Sequence[str]) -> tuple[list[Figure], list[Figure]]:
-    first = [figure for figure in figures if figure.name in featured]
-    return first, [figure for figure in figures if figure.name not in featured]
-
-
-def _moments(featured: Sequence[Figure]) -> Section:
-    return Section("Moment by moment", MOMENTS, {"featured": featured})
-
-
 def _ends(results: Results) -> list[Listing]:
     seconds = [(part.replace("_", " "), f"{each:.2f}") for part, each in results["seconds"].items()]
     return [Listing("Seconds", seconds), Listing("Versions", list(results["versions"].items()))]
-
-
-def _titled(table: Table, about: str = "degrees") -> dict[str, Any]:
-    """A table as a section has it, with a title for its first column."""
-    return {"table": replace(table, about=about)}
 
 
 def _rendered(template: str, context: Mapping[str, Any]) -> Markup:

@@ -429,7 +429,7 @@ def table_2(results: Results) -> Table:
         for norm, words in NORMS.items():
             rows.append(Row(words, tuple(_beside(e, norm) for e in entries), label, kind))
     columns = tuple(_column(joint) for joint in results["table2"])
-    return Table("", columns, tuple(rows), label="Table 2", apart=True)
+    return Table("degrees", columns, tuple(rows), label="Table 2", apart=True)
 
 
 def foot_table(results: Results) -> Table:
@@ -440,7 +440,7 @@ def foot_table(results: Results) -> Table:
         cells = tuple(_beside(entry, norm) for norm in NORMS)
         rows.append(Row(label, cells, kind="beyond" if entry["paper"] is None else ""))
     columns = tuple(map(_column, NORMS.values()))
-    return Table("", columns, tuple(rows), label="Foot distances")
+    return Table("centimetres", columns, tuple(rows), label="Foot distances")
 
 
 def bounds_table(results: Results) -> Table:
@@ -475,7 +475,7 @@ def table_1(results: Results) -> Table:
         cells = [number(joint[key]) for joint in joints]
         rows.append(Row(label, (*cells, NOTHING), kind="beyond"))
     columns = tuple(map(Column, (*results["identified"], "paper")))
-    return Table("", columns, tuple(rows), label="Table 1")
+    return Table("joint", columns, tuple(rows), label="Table 1")
 
 
 def executed_table(results: Results) -> Table:
@@ -493,7 +493,7 @@ def executed_table(results: Results) -> Table:
         Column(name, ("planned", "executed", "loss"), joined="{0} > {1} ({2})")
         for name in (*results["table2"], "foot")
     )
-    return Table("", columns, tuple(rows), label="Planned and executed")
+    return Table("L₂", columns, tuple(rows), label="Planned and executed")
 
 
 def signed_percent(share: float) -> str:
