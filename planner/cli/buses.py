@@ -5,12 +5,13 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from planner.cli import options, types
 from planner.cli.console import complain
+from planner.cli.options import Command
 from planner.exceptions import BusError, InvalidFile
 
 if TYPE_CHECKING:
@@ -25,8 +26,6 @@ KINDS = ("sts3215", "xl430", "xl330", "mx-64", "mx-106", "xl-320")
 
 ROBOT = "so101"
 """The LeRobot robot that examples name."""
-
-Command = TypeVar("Command", bound=Callable[..., Any])
 
 
 def _bus(text: str) -> str:
@@ -55,15 +54,17 @@ def bus_options(*, required: bool = False) -> Callable[[Command], Command]:
         f"simulated servos, here and at once, as is virtual:KIND of {', '.join(KINDS)}."
         + ("" if required else "  [default: that of the model file]"),
     )
-    port = click.option("--port", metavar="P", help="The serial port, such as /dev/ttyACM0.")
-    baud_rate = click.option(
-        "--baud-rate",
-        type=click.IntRange(9600),
-        metavar="N",
-        help=f"Bits per second.  [default: {'' if required else 'that of the model file, else '}"
-        "1000000]",
+    default = f"{'' if required else 'that of the model file, else '}1000000"
+    return options.several(
+        bus,
+        click.option("--port", metavar="P", help="The serial port, such as /dev/ttyACM0."),
+        click.option(
+            "--baud-rate",
+            type=click.IntRange(9600),
+            metavar="N",
+            help=f"Bits per second.  [default: {default}]",
+        ),
     )
-    return lambda command: bus(port(baud_rate(command)))
 
 
 def model_option(help_text: str) -> Callable[[Command], Command]:

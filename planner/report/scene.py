@@ -100,7 +100,9 @@ def scene_page(
     animation = meshcat.animation.Animation(default_framerate=1.0 / (stride * period))
     for motion in leg_motions:
         name = motion.role.label
-        leg = _show(viewer, name, scene, scene.moving, [*_parts(motion.role), motion.opacity])
+        colour = int(motion.role.light.removeprefix("#"), 16)
+        parts = [part / 255.0 for part in colour.to_bytes(3)]  # red, green, blue
+        leg = _show(viewer, name, scene, scene.moving, [*parts, motion.opacity])
         poses = scene.configurations(motion.angles[::stride])
         if cyclic:
             poses.append(poses[0])
@@ -108,7 +110,11 @@ def scene_page(
         for number, pose in enumerate(poses):
             leg.viewer = animation.at_frame(viewer, number)
             leg.display(pose)
-        _draw_trace(viewer[f"{name} trace"], motion, TRACE * reach, closed=cyclic)
+        vertices, faces = tube(motion.foot, TRACE * reach, closed=cyclic)
+        if len(faces):
+            mesh = meshcat.geometry.TriangularMeshGeometry(vertices, faces)
+            material = meshcat.geometry.MeshLambertMaterial(color=colour)
+            viewer[f"{name} trace"].set_object(meshcat.geometry.Mesh(mesh, material))
     _draw_ground(
         viewer["ground"], np.concatenate([motion.foot for motion in leg_motions]), TRACE * reach
     )
@@ -136,19 +142,13 @@ def _show(viewer: Any, name: str, scene: Scene, shapes: Any, colour: list[float]
     return visualiser
 
 
-def _draw_trace(node: Any, motion: Motion, radius: float, *, closed: bool) -> None:
-    geometry = import_meshcat().geometry
-    vertices, faces = tube(motion.foot, radius, closed=closed)
-    if len(faces):
-        material = geometry.MeshLambertMaterial(color=_hex(motion.role.light))
-        node.set_object(geometry.Mesh(geometry.TriangularMeshGeometry(vertices, faces), material))
-
-
 def _draw_ground(node: Any, feet: Array, thickness: float) -> None:
     """A plate below the lowest position of the feet [m], shape (n, 3)."""
     geometry = import_meshcat().geometry
     size = 1.3 * max(float(np.ptp(feet[:, :2], axis=0).max()), 10.0 * thickness)
-    material = geometry.MeshLambertMaterial(color=_hex(GRID.light), opacity=0.7)
+    material = geometry.MeshLambertMaterial(
+        color=int(GRID.light.removeprefix("#"), 16), opacity=0.7
+    )
     node.set_object(geometry.Mesh(geometry.Box([size, size, thickness]), material))
     place = np.eye(4)
     place[:2, 3] = 0.5 * (feet[:, :2].min(axis=0) + feet[:, :2].max(axis=0))
@@ -170,15 +170,6 @@ def _look(viewer: Any, points: Array) -> None:
     x, y, z = np.array([0.5, 1.0, 0.3]) * size  # forward, sideways, up
     # Inside the node of the camera y points up: Meshcat turns it.
     viewer["/Cameras/default/rotated/<object>"].set_property("position", [x, z, -y])
-
-
-def _hex(colour: str) -> int:
-    return int(colour.removeprefix("#"), 16)
-
-
-def _parts(role: Role) -> list[float]:
-    """Red, green and blue of a colour, each from 0 to 1."""
-    return [int(role.light[k : k + 2], 16) / 255.0 for k in (1, 3, 5)]
 
 
 def tube(points: Array, radius: float, *, closed: bool) -> tuple[Array, npt.NDArray[np.uint32]]:

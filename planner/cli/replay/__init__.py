@@ -92,9 +92,10 @@ def replay(
             --as lerobot -o planned_dataset
     """  # noqa: D301
     from planner.cli.export import FOLDERS
-    from planner.cli.replay.dataset import check_writing, left_out, replay_many, replayed_before
+    from planner.cli.replay.dataset import ABOUT, check_writing, left_out, origin_of, replay_many
     from planner.cli.replay.task import tasks_of
     from planner.files.logs.read import recordings_in
+    from planner.files.results import finished
     from planner.parallel import executor_of
 
     options.check_parallel(workers, scheduler)
@@ -105,13 +106,12 @@ def replay(
         click.get_current_context().with_resource(claimed(output))
     elif output != "-":
         check_writable(output)
-    if len(recordings) > 1 and resume:
-        before = replayed_before(output, run, replay, recordings)
-        if before is not None:
-            count = len(before["recordings"])
-            remark(f"nothing is missing: {output} holds all {count} recordings, planned like this")
-            _print_all(before, logs, report=report, as_json=as_json)
-            return
+    origin = origin_of(run, replay, recordings) if len(recordings) > 1 and resume else None
+    if origin is not None and (before := finished(output, ABOUT, origin)):
+        count = len(before["recordings"])
+        remark(f"nothing is missing: {output} holds all {count} recordings, planned like this")
+        _print_all(before, logs, report=report, as_json=as_json)
+        return
     with Progress() as progress:
         tasks = tasks_of(run, replay, recordings, progress)
     for each in tasks[0].models.remarks:

@@ -26,7 +26,7 @@ from planner.files.lerobot_export import TASK, Layout, frame_rate, lerobot_datas
 from planner.files.logs.lerobot import ACTION, STATE, find_dataset, read_episode
 from planner.files.logs.read import Recording
 from planner.files.paths import write_joint_path
-from planner.files.results import Results, Task, digest_of, finished, made_from
+from planner.files.results import Results, Task, digest_of, made_from
 from planner.files.table import write_table
 from planner.files.text import to_json
 from planner.parallel import carry_out
@@ -140,13 +140,6 @@ ABOUT = "replay.json"
 """The file of a planned dataset with its settings and errors."""
 
 
-def replayed_before(
-    output: str, run: settings.Run, replay: settings.Replay, recordings: Sequence[Recording]
-) -> Mapping[str, Any] | None:
-    """The answer about the same recordings, if the dataset is there and whole."""
-    return finished(output, ABOUT, _origin(run, replay, recordings))
-
-
 def replay_many(
     recordings: Sequence[ReplayTask],
     output: str,
@@ -161,13 +154,16 @@ def replay_many(
     removed once the dataset is written, unless a recording failed. Memory does not grow with the
     number of recordings, but for their figures. Returns the answer for machines, and that folder.
     """
-    results = Results(output, _settings(recordings[0]), resume=resume)
+    first = recordings[0]
+    models = {name: repr((each, each.evidence)) for name, each in first.models.by_joint.items()}
+    inputs = {"models": models, "rate": first.rate, **_chosen(first.run_settings, first.replay)}
+    results = Results(output, inputs, resume=resume)
     tasks = [Task(each.recording.name, each, _inputs(each.recording)) for each in recordings]
     failed = carry_out(replayed, tasks, results, executor, progress=progress)
     if len(failed) == len(recordings):
         results.remove()
-        first = next(iter(failed.values()))
-        raise PlannerError(f"none of {len(recordings)} recordings can be replayed: {first}")
+        reason = next(iter(failed.values()))
+        raise PlannerError(f"none of {len(recordings)} recordings can be replayed: {reason}")
     figures = []
     about: dict[str, str] = {}
     with ExitStack() as outputs:
@@ -188,13 +184,18 @@ def replay_many(
                 continue
             add(rows, head["task"])
             figures.append(head["figures"])
-        first_task = recordings[0]
-        document = episodes_document(figures, failed, first_task)
+        document: dict[str, Any] = {
+            "track": first.replay.track,
+            "why": WHY[first.replay.track],
+            "models": first.models.words,
+            "speed": None if first.replay.fastest else first.replay.speed,
+            "recordings": figures,
+            "left_out": failed,
+            "remarks": [*first.models.remarks, *_resent_words(figures)],
+        }
         if not failed:
             every = [each.recording for each in recordings]
-            document |= made_from(
-                _origin(first_task.run_settings, first_task.replay, every), document
-            )
+            document |= made_from(origin_of(first.run_settings, first.replay, every), document)
         about[ABOUT] = to_json(document)
     if not failed:
         results.remove()
@@ -243,21 +244,6 @@ def episode_figures(replay: Replay) -> dict[str, Any]:
     }
 
 
-def episodes_document(
-    figures: Sequence[Mapping[str, Any]], failed: Mapping[str, str], task: ReplayTask
-) -> dict[str, Any]:
-    """Many recordings for machines."""
-    return {
-        "track": task.replay.track,
-        "why": WHY[task.replay.track],
-        "models": task.models.words,
-        "speed": None if task.replay.fastest else task.replay.speed,
-        "recordings": [dict(each) for each in figures],
-        "left_out": dict(failed),
-        "remarks": [*task.models.remarks, *_resent_words(figures)],
-    }
-
-
 def episodes_line(document: Mapping[str, Any]) -> str:
     """One line about the replay: track, number of recordings, speed and models."""
     rows, speed = document["recordings"], document["speed"]
@@ -287,13 +273,7 @@ def _resent_words(rows: Sequence[Mapping[str, Any]]) -> list[str]:
     return [f"in {len(of)} of {len(rows)} recordings {RESENT}, {where}"]
 
 
-def _settings(task: ReplayTask) -> dict[str, Any]:
-    """The inputs of every episode beside its recording."""
-    models = {name: repr((each, each.evidence)) for name, each in task.models.by_joint.items()}
-    return {"models": models, "rate": task.rate, **_chosen(task.run_settings, task.replay)}
-
-
-def _origin(
+def origin_of(
     run: settings.Run, replay: settings.Replay, recordings: Sequence[Recording]
 ) -> dict[str, Any]:
     """The inputs of a dataset, before any recording is read or identified."""

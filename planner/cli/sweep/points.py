@@ -143,17 +143,34 @@ def read_sweep(path: str) -> Space:
         values = _values(search, "a gait" if gait else "a file")
         leg = load_leg(find_leg(run.leg, folder))
         of_foot = gait or is_foot_path(path_table(beside(folder, str(run.path.file))))
-        paths = ("a foot" if of_foot else "joints", "a gait" if gait else "a file")
-        requirement = _requirement(search, paths)
+        required = [name for name in REQUIRED if getattr(search, name) is not None]
+        if len(required) > 1:
+            first, second = (Key(f"sweep.{name}") for name in required[:2])
+            raise BadSetting(second, ": got ", first, " too, expected one of them")
+        requirement = None
+        for name in required:
+            of, path_of = REQUIRED[name]
+            if path_of not in ("a foot" if of_foot else "joints", "a gait" if gait else "a file"):
+                raise BadSetting(Key(f"sweep.{name}"), f": is for the path of {path_of}")
+            requirement = Requirement(of, getattr(search, name))
         if gait and leg is None:
             raise BadSetting(Key("sweep.parameters"), ": a gait needs a leg; set ", Key("leg.name"))
         period = math.nan
         if leg is not None and "period_s" in values:
             models = models_of(run.model, leg.joint_names, leg, folder, rate_hz=run.path.rate_hz)
             period = models[0].period
-        for name, each in values.items():
-            for value in each:
-                _check_in_range(name, value, period)
+        for name, value in ((name, value) for name, each in values.items() for value in each):
+            declared, in_file = options.SETTINGS[KEYS[name]], value
+            expected = declared.expected
+            if name == "period_s":
+                in_file = round(value / period)
+                count = expected.removeprefix("a whole number from ")
+                expected = f"{count} requests, which are {period:g} s apart"
+            try:
+                fitted(declared.annotation, in_file)
+            except (ValueError, OverflowError) as error:
+                problem = f": got {value:g}, expected {expected}"
+                raise BadSetting(Key(f"sweep.parameters.{name}"), problem) from error
     return Space(file, run, folder, values, "cm" if of_foot else "deg", requirement, period)
 
 
@@ -195,37 +212,6 @@ def _values(search: Search, path: str) -> dict[str, tuple[float, ...]]:
         name: tuple(np.linspace(values[0], values[-1], search.steps).tolist())
         for name, values in by_name.items()
     }
-
-
-def _requirement(search: Search, paths: Sequence[str]) -> Requirement | None:
-    """The requirement on a point, if there is one."""
-    required = [name for name in REQUIRED if getattr(search, name) is not None]
-    if len(required) > 1:
-        first, second = (Key(f"sweep.{name}") for name in required[:2])
-        raise BadSetting(second, ": got ", first, " too, expected one of them")
-    for name in required:
-        of, path = REQUIRED[name]
-        if path not in paths:
-            raise BadSetting(Key(f"sweep.{name}"), f": is for the path of {path}")
-        return Requirement(of, getattr(search, name))
-    return None
-
-
-def _check_in_range(name: str, value: float, period: float) -> None:
-    """Refuse a value that the key of its parameter does not take in a run file."""
-    declared = options.SETTINGS[KEYS[name]]
-    expected = declared.expected
-    try:
-        if name == "period_s":
-            count = expected.removeprefix("a whole number from ")
-            expected = f"{count} requests, which are {period:g} s apart"
-            fitted(declared.annotation, round(value / period))
-        else:
-            fitted(declared.annotation, value)
-    except (ValueError, OverflowError) as error:
-        raise BadSetting(
-            Key(f"sweep.parameters.{name}"), f": got {value:g}, expected {expected}"
-        ) from error
 
 
 def planned_points(
