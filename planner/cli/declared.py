@@ -71,38 +71,28 @@ class Expected:
 
 @dataclass(frozen=True, eq=False)
 class Declared:
-    """A key as it is declared: the arguments of :func:`setting`, and what follows from its field.
+    """A key as declared: the arguments of :func:`setting`, and what follows from its field."""
 
-    Attributes:
-        help: Its purpose, in a sentence.
-        otherwise: The effect of leaving it unset, in words, if the default does not show it.
-        example: An example value, if there is no default.
-        set_to: Its value in a template, if that is not the default.
-        option: Its option on the command line, such as ``--cyclic/--no-cyclic``; "" for none,
-            ``--`` for one of the key's name.
-        by_joint: The key of the same table that takes values of the option for single joints.
-        only: The methods, or formats, of its table on which it has an effect; () for all.
-        click: Arguments for click that do not follow from the above.
-        annotation: Its annotation, whole.
-        default: Its default; MISSING where it has to be set.
-        type: Its type without None and annotations, such as float, or a Literal of its choices.
-        expected: The expected value, in words.
-        free: Whether it is a table of values by any name, such as ``limits.joints``.
-    """
-
-    help: str = ""
-    otherwise: str = ""
-    example: Any = None
-    set_to: Any = None
+    help: str = ""  # its purpose, in a sentence
+    otherwise: str = ""  # the effect of leaving it unset, in words, if the default does not show it
+    example: Any = None  # an example value, if there is no default
+    set_to: Any = None  # its value in a template, if that is not the default
+    # its option on the command line, such as `--cyclic/--no-cyclic`; "" for none, `--` for one of
+    # the key's name
     option: str = ""
+    # the key of the same table that takes values of the option for single joints
     by_joint: str = ""
+    # the methods, or formats, of its table on which it has an effect; () for all
     only: tuple[str, ...] = ()
+    # arguments for click that do not follow from the above
     click: Mapping[str, Any] = field(default_factory=dict)
-    annotation: Any = None
+    annotation: Any = None  # its annotation, whole
+    # its default; MISSING where it has to be set
     default: Any = field(default_factory=lambda: MISSING)
+    # its type without None and annotations, such as float, or a Literal of its choices
     type: Any = None
-    expected: str = ""
-    free: bool = False
+    expected: str = ""  # the expected value, in words
+    free: bool = False  # whether it is a table of values by any name, such as `limits.joints`
 
     @property
     def required(self) -> bool:
@@ -404,25 +394,17 @@ def _described(value: Any) -> str:
 
 @dataclass(frozen=True)
 class Table:
-    """A table of a file.
+    """A table of a file."""
 
-    Attributes:
-        place: The keys that lead to it, NUMBER for any number; () for the top of the file.
-        about: Its purpose.
-        keys: Its keys.
-        repeated: Whether it may stand there several times.
-        free: The expected values of keys with any name, in words; "" if there are no such keys.
-        example: A value to show for a key with any name.
-        active: Whether a template has it, or only shows it in comments.
-    """
-
+    # the keys that lead to it, NUMBER for any number; () for the top of the file
     place: tuple[str, ...]
-    about: str
-    keys: Mapping[str, Declared]
-    repeated: bool = False
+    about: str  # its purpose
+    keys: Mapping[str, Declared]  # its keys
+    repeated: bool = False  # whether it may stand there several times
+    # the expected values of keys with any name, in words; "" if there are no such keys
     free: str = ""
-    example: Any = None
-    active: bool = True
+    example: Any = None  # a value to show for a key with any name
+    active: bool = True  # whether a template has it, or only shows it in comments
 
     @property
     def header(self) -> str:

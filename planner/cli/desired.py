@@ -53,37 +53,26 @@ SHIPPED = {
 
 @dataclass(frozen=True)
 class Desired:
-    """The desired motion of all joints.
+    """The desired motion of all joints."""
 
-    Attributes:
-        names: The joints.
-        angles: Their desired angles [rad], shape (n, k).
-        models: Their models.
-        limits: Smallest and largest angle of each joint [rad], where a leg has them.
-        leg: The leg, if the settings name one.
-        legs: The legs of a whole robot, by name, whose joints are all among these.
-        foot: Desired positions of the foot [m], shape (n, 3), for a foot path; with "clamp", the
-            positions at the clamped angles.
-        foot_given: With "clamp", the positions before clamping; None if the leg reaches them all.
-        unreachable: Samples whose position the leg cannot reach.
-        units: The joints' units in the file; None if all are angles.
-        cyclic: Whether the path repeats for ever.
-        remarks: What the user should know about the path.
-        loads: Torques on the joints in the file [N m], shape (n, k); None if it has no torques.
-    """
-
-    names: tuple[str, ...]
-    angles: Array
-    models: tuple[JointModel, ...]
+    names: tuple[str, ...]  # the joints
+    angles: Array  # their desired angles [rad], shape (n, k)
+    models: tuple[JointModel, ...]  # their models
+    # smallest and largest angle of each joint [rad], where a leg has them
     limits: dict[str, tuple[float, float]]
-    leg: Leg | None = None
+    leg: Leg | None = None  # the leg, if the settings name one
+    # desired positions of the foot [m], shape (n, 3), for a foot path; with "clamp", the
+    # positions at the clamped angles
     foot: Array | None = None
+    # with "clamp", the positions before clamping; None if the leg reaches them all
     foot_given: Array | None = None
-    unreachable: int = 0
-    units: tuple[str, ...] | None = None
-    cyclic: bool = True
-    remarks: tuple[Remark, ...] = ()
+    unreachable: int = 0  # samples whose position the leg cannot reach
+    units: tuple[str, ...] | None = None  # the joints' units in the file; None if all are angles
+    cyclic: bool = True  # whether the path repeats for ever
+    remarks: tuple[Remark, ...] = ()  # what the user should know about the path
+    # torques on the joints in the file [N m], shape (n, k); None if it has no torques
     loads: Array | None = None
+    # the legs of a whole robot, by name, whose joints are all among these
     legs: Mapping[str, Leg] = field(default_factory=dict)
 
     @property

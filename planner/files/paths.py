@@ -118,23 +118,15 @@ class _Path:
 
 @dataclass(frozen=True)
 class JointPath(_Path):
-    """Angles or requests of some joints over time.
+    """Angles or requests of some joints over time."""
 
-    Attributes:
-        path: Where it came from; ``-`` is standard input.
-        names: The joints.
-        units: Their units in the file; :data:`.SHARES` are of joints without angles.
-        angles: Their angles [rad], shape (n, k), read-only; a percent is carried as a degree.
-        times: Times of the samples [s], shape (n,); None where the file does not say.
-        loads: Torques on the joints [N m], shape (n, k), read-only, 0 for a joint without a column;
-            None where no joint has one.
-    """
-
-    path: str
-    names: tuple[str, ...]
-    units: tuple[str, ...]
-    angles: Array  # (n, k)
-    times: Array | None  # (n,)
+    path: str  # where it came from; `-` is standard input
+    names: tuple[str, ...]  # the joints
+    units: tuple[str, ...]  # their units in the file; `.SHARES` are of joints without angles
+    angles: Array  # their angles [rad], shape (n, k), read-only; a percent is carried as a degree
+    times: Array | None  # times of the samples [s], shape (n,); None where the file does not say
+    # torques on the joints [N m], shape (n, k), read-only, 0 for a joint without a column; None
+    # where no joint has one
     loads: Array | None = None  # (n, k)
     samples: ClassVar[tuple[str, ...]] = ("angles", "loads")
 

@@ -28,30 +28,19 @@ the curves into a line."""
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """A line, or marks, through points.
+    """A line, or marks, through points."""
 
-    Attributes:
-        role: Meaning, with its looks.
-        x: Horizontal values in the unit of the figure's axis, shape (n,).
-        y: Vertical values in the unit of the panel's axis, shape (n,); NaN leaves a gap.
-        label: Its name in legends; the role's own by default. Equal names are hidden together.
-        legend: Whether legends have it; a line for reference is not in them.
-        marks: Draw marks instead of a line: rings or dots.
-        opacity: Opacity of dots.
-        held: Whether each value holds until the next.
-        hidden: Whether only a page shows it, and only on demand.
-        notes: Words that a page adds to each value under the pointer, n of them or none.
-    """
-
-    role: Role
-    x: Array
-    y: Array
+    role: Role  # meaning, with its looks
+    x: Array  # horizontal values in the unit of the figure's axis, shape (n,)
+    y: Array  # vertical values in the unit of the panel's axis, shape (n,); NaN leaves a gap
+    # its name in legends; the role's own by default. Equal names are hidden together
     label: str = ""
-    legend: bool = True
-    marks: Literal["", "rings", "dots"] = ""
-    opacity: float = 1.0
-    held: bool = False
-    hidden: bool = False
+    legend: bool = True  # whether legends have it; a line for reference is not in them
+    marks: Literal["", "rings", "dots"] = ""  # draw marks instead of a line: rings or dots
+    opacity: float = 1.0  # opacity of dots
+    held: bool = False  # whether each value holds until the next
+    hidden: bool = False  # whether only a page shows it, and only on demand
+    # words that a page adds to each value under the pointer, n of them or none
     notes: tuple[str, ...] = ()
 
     @property
@@ -62,27 +51,16 @@ class Curve:
 
 @dataclass(frozen=True)
 class Span:
-    """A shaded part of one axis of a panel.
+    """A shaded part of one axis of a panel."""
 
-    Attributes:
-        start: Its beginning, in the unit of the axis.
-        end: Its end, likewise.
-        role: The role that gives its colour.
-        opacity: Opacity of that colour.
-        along: The axis.
-        words: Its label, at its upper end.
-        words_side: At which end of a horizontal span they stand.
-        legend: Its name in the legend of a file.
-    """
-
-    start: float
-    end: float
-    role: Role
-    opacity: float
-    along: Literal["x", "y"] = "x"
-    words: str = ""
-    words_side: Literal["left", "right"] = "right"
-    legend: str = ""
+    start: float  # its beginning, in the unit of the axis
+    end: float  # its end, likewise
+    role: Role  # the role that gives its colour
+    opacity: float  # opacity of that colour
+    along: Literal["x", "y"] = "x"  # the axis
+    words: str = ""  # its label, at its upper end
+    words_side: Literal["left", "right"] = "right"  # at which end of a horizontal span they stand
+    legend: str = ""  # its name in the legend of a file
 
 
 @dataclass(frozen=True)
@@ -98,27 +76,18 @@ class Words:
 
 @dataclass(frozen=True)
 class Axis:
-    """One side of a panel.
+    """One side of a panel."""
 
-    Attributes:
-        title: The quantity; its unit is added.
-        unit: Unit of the values; "" where the axis has names.
-        range: Least and largest value shown; chosen by the curves where it is None.
-        names: Words at some values, instead of numbers.
-        decimals: Decimals of a value under the pointer.
-        from_zero: Whether zero is at the bottom.
-        least: Smallest extent that is shown, so that rounding does not look like a motion.
-        note: Text after the title and its unit.
-    """
-
-    title: str
-    unit: str = ""
+    title: str  # the quantity; its unit is added
+    unit: str = ""  # unit of the values; "" where the axis has names
+    # least and largest value shown; chosen by the curves where it is None
     range: tuple[float, float] | None = None
-    names: Mapping[float, str] | None = None
-    decimals: int = 2
-    from_zero: bool = False
+    names: Mapping[float, str] | None = None  # words at some values, instead of numbers
+    decimals: int = 2  # decimals of a value under the pointer
+    from_zero: bool = False  # whether zero is at the bottom
+    # smallest extent that is shown, so that rounding does not look like a motion
     least: float = 0.0
-    note: str = ""
+    note: str = ""  # text after the title and its unit
 
     @property
     def words(self) -> str:
@@ -128,23 +97,14 @@ class Axis:
 
 @dataclass(frozen=True, eq=False)
 class Panel:
-    """Curves of one quantity.
+    """Curves of one quantity."""
 
-    Attributes:
-        y: The vertical axis.
-        curves: The curves; later ones lie over earlier ones.
-        title: Its subject, such as the name of a joint.
-        spans: Shades behind the curves.
-        words: Words between them.
-        height: Height beside that of a usual panel.
-    """
-
-    y: Axis
-    curves: tuple[Curve, ...]
-    title: str = ""
-    spans: tuple[Span, ...] = ()
-    words: tuple[Words, ...] = ()
-    height: float = 1.0
+    y: Axis  # the vertical axis
+    curves: tuple[Curve, ...]  # the curves; later ones lie over earlier ones
+    title: str = ""  # its subject, such as the name of a joint
+    spans: tuple[Span, ...] = ()  # shades behind the curves
+    words: tuple[Words, ...] = ()  # words between them
+    height: float = 1.0  # height beside that of a usual panel
 
     @property
     def y_range(self) -> tuple[float, float] | None:
@@ -160,19 +120,13 @@ class Panel:
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """How a leg moves.
+    """How a leg moves."""
 
-    Attributes:
-        role: Meaning, with its looks.
-        points: Positions of its joints and, last, its foot [m], shape (n, joints + 1, 3).
-        distances: Distances of the foot from its desired positions [m], shape (n,), or None.
-        hidden: Whether it is drawn only on demand.
-    """
-
-    role: Role
-    points: Array
+    role: Role  # meaning, with its looks
+    points: Array  # positions of its joints and, last, its foot [m], shape (n, joints + 1, 3)
+    # distances of the foot from its desired positions [m], shape (n,), or None
     distances: Array | None = None
-    hidden: bool = False
+    hidden: bool = False  # whether it is drawn only on demand
 
 
 @dataclass(frozen=True, eq=False)
@@ -203,36 +157,24 @@ class Moments:
 
 @dataclass(frozen=True, eq=False)
 class Figure:
-    """A column of panels over one axis.
+    """A column of panels over one axis."""
 
-    Attributes:
-        name: Name of its files, and its identifier on a page.
-        title: Its subject, in a few words.
-        caption: What to see in it.
-        x: The horizontal axis.
-        panels: The panels, from the top.
-        over_time: Whether that axis is time.
-        equal: Whether a unit is as long along both axes.
-        clock: How many units of the axis a second is, where the figure follows the moving leg of
-            its page and is zoomed in time with the others that do; or None.
-        views: Parts of the axis that a button of that name brings into view.
-        movie: A moving leg that a page shows in place of the panels.
-        moments: Numbers that a page shows in place of the panels, without a leg.
-        wide: Whether it takes the whole width of a page.
-    """
-
-    name: str
-    title: str
-    caption: str
-    x: Axis
-    panels: tuple[Panel, ...] = ()
-    over_time: bool = False
-    equal: bool = False
+    name: str  # name of its files, and its identifier on a page
+    title: str  # its subject, in a few words
+    caption: str  # what to see in it
+    x: Axis  # the horizontal axis
+    panels: tuple[Panel, ...] = ()  # the panels, from the top
+    over_time: bool = False  # whether that axis is time
+    equal: bool = False  # whether a unit is as long along both axes
+    # how many units of the axis a second is, where the figure follows the moving leg of its page
+    # and is zoomed in time with the others that do; or None
     clock: float | None = None
+    # parts of the axis that a button of that name brings into view
     views: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    movie: Movie | None = None
+    movie: Movie | None = None  # a moving leg that a page shows in place of the panels
+    # numbers that a page shows in place of the panels, without a leg
     moments: Moments | None = None
-    wide: bool = False
+    wide: bool = False  # whether it takes the whole width of a page
 
     @property
     def description(self) -> str:

@@ -39,31 +39,18 @@ LEARNT = style.SHIFT._replace(label="learnt: measured less modelled", width=1.8)
 
 @dataclass(frozen=True, eq=False)
 class Progress:
-    """The errors of a joint or a foot that learns.
+    """The errors of a joint or a foot that learns."""
 
-    Attributes:
-        name: The joint, or "foot".
-        unit: Unit of the errors: deg, percent or cm.
-        errors: Error of the mean cycle of each trial, shape (trials,).
-        predicted: Error to expect of the next requests.
-        bound: Lower bound of the model on the error; NaN where there is none.
-        noise: Standard deviation of one cycle about the mean of many.
-        gain: Learning gain, 0 to 1: share of the disturbance that the next requests compensate.
-        best: The trial that the next requests start from.
-        stopped: Why learning has ended; empty while it goes on.
-        remarks: Notes on the use of the measurements.
-    """
-
-    name: str
-    unit: str
-    errors: Array
-    predicted: float
-    bound: float
-    noise: float
-    gain: float
-    best: int
-    stopped: str
-    remarks: tuple[str, ...]
+    name: str  # the joint, or "foot"
+    unit: str  # unit of the errors: deg, percent or cm
+    errors: Array  # error of the mean cycle of each trial, shape (trials,)
+    predicted: float  # error to expect of the next requests
+    bound: float  # lower bound of the model on the error; NaN where there is none
+    noise: float  # standard deviation of one cycle about the mean of many
+    gain: float  # learning gain, 0 to 1: share of the disturbance that the next requests compensate
+    best: int  # the trial that the next requests start from
+    stopped: str  # why learning has ended; empty while it goes on
+    remarks: tuple[str, ...]  # notes on the use of the measurements
 
 
 def learning_page(

@@ -80,18 +80,13 @@ class Card(NamedTuple):
 
 @dataclass(frozen=True)
 class Section:
-    """A part of a page.
+    """A part of a page."""
 
-    Attributes:
-        title: Its heading; none where it is empty.
-        template: Its content, a Jinja template; ``{{ table }}`` is a table, ``{{ show(figure) }}``
-            a figure, and ``{{ figures(several) }}`` draws several side by side.
-        context: Variables of the template.
-    """
-
-    title: str
+    title: str  # its heading; none where it is empty
+    # its content, a Jinja template; `{{ table }}` is a table, `{{ show(figure) }}` a figure, and
+    # `{{ figures(several) }}` draws several side by side
     template: str
-    context: Mapping[str, Any]
+    context: Mapping[str, Any]  # variables of the template
 
 
 def table_section(title: str, table: Table) -> Section:
@@ -113,35 +108,21 @@ class Listing(NamedTuple):
 
 @dataclass(frozen=True)
 class Page:
-    """A page.
+    """A page."""
 
-    Attributes:
-        heading: Its subject, in words.
-        eyebrow: The command that made it, above the heading.
-        verdict: A headline and its details; plain text, or markup.
-        sections: The sections, in order.
-        footer: Source of the model.
-        note: Basis of the verdict, in small letters.
-        good: Whether the verdict is good news.
-        remarks: Remarks, shown first.
-        cards: Key figures.
-        figure: The figure beside the heading; the key figures stand there without one.
-        listings: The lists at the end.
-        downloads: Whether the figures are also in files beside the page.
-    """
-
-    heading: str
-    eyebrow: Any
-    verdict: Any
-    sections: Sequence[Section]
-    footer: Any
-    note: Any = ""
-    good: bool = True
-    remarks: Sequence[str] = ()
-    cards: Sequence[Card] = ()
+    heading: str  # its subject, in words
+    eyebrow: Any  # the command that made it, above the heading
+    verdict: Any  # a headline and its details; plain text, or markup
+    sections: Sequence[Section]  # the sections, in order
+    footer: Any  # source of the model
+    note: Any = ""  # basis of the verdict, in small letters
+    good: bool = True  # whether the verdict is good news
+    remarks: Sequence[str] = ()  # remarks, shown first
+    cards: Sequence[Card] = ()  # key figures
+    # the figure beside the heading; the key figures stand there without one
     figure: Figure | None = None
-    listings: Sequence[Listing] = ()
-    downloads: bool = False
+    listings: Sequence[Listing] = ()  # the lists at the end
+    downloads: bool = False  # whether the figures are also in files beside the page
 
     def html(self) -> str:
         """The whole page; the same content makes the same page."""

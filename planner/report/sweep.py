@@ -36,31 +36,19 @@ Point = tuple[float, ...]
 
 @dataclass(frozen=True)
 class Outcome:
-    """Result of a point: speeds and errors in the units of the sweep.
+    """Result of a point: speeds and errors in the units of the sweep."""
 
-    Attributes:
-        point: The point.
-        speed: How fast it is; NaN without a plan.
-        error: The plan's error, in its norm, of the foot or of the worst joint.
-        largest: Its largest error.
-        direct: The error of the desired angles as requests.
-        too_fast: Share of the path on which a joint would have to exceed its top speed.
-        slowest: That joint; "" where there is none.
-        unreachable: Samples out of the leg's reach, where the settings let these be clamped.
-        reason: Why there is no plan, or which requirement it misses.
-        number: Its number among the points of a sweep, from 1.
-    """
-
-    point: Point
-    speed: float = math.nan
-    error: float = math.nan
-    largest: float = math.nan
-    direct: float = math.nan
+    point: Point  # the point
+    speed: float = math.nan  # how fast it is; NaN without a plan
+    error: float = math.nan  # the plan's error, in its norm, of the foot or of the worst joint
+    largest: float = math.nan  # its largest error
+    direct: float = math.nan  # the error of the desired angles as requests
+    # share of the path on which a joint would have to exceed its top speed
     too_fast: float = math.nan
-    slowest: str = ""
-    unreachable: int = 0
-    reason: str = ""
-    number: int = 1
+    slowest: str = ""  # that joint; "" where there is none
+    unreachable: int = 0  # samples out of the leg's reach, where the settings let these be clamped
+    reason: str = ""  # why there is no plan, or which requirement it misses
+    number: int = 1  # its number among the points of a sweep, from 1
 
     @property
     def planned(self) -> bool:

@@ -36,57 +36,36 @@ def fitted_to(width: int | None) -> Iterator[None]:
 
 @dataclass(frozen=True)
 class Column:
-    """A column of cells, or several under one title.
+    """A column of cells, or several under one title."""
 
-    Attributes:
-        title: Its title.
-        parts: Titles of the columns under it; none for a single column.
-        words: Whether its cells are words, which stand on the left and may break.
-        joined: How a terminal writes the parts of a cell, as for ``str.format``; the first part
-            alone where the second is :data:`NOTHING`.
-    """
-
-    title: str
-    parts: tuple[str, ...] = ()
-    words: bool = False
+    title: str  # its title
+    parts: tuple[str, ...] = ()  # titles of the columns under it; none for a single column
+    words: bool = False  # whether its cells are words, which stand on the left and may break
+    # how a terminal writes the parts of a cell, as for `str.format`; the first part alone where
+    # the second is `NOTHING`
     joined: str = "{0}"
 
 
 @dataclass(frozen=True)
 class Row:
-    """A row.
+    """A row."""
 
-    Attributes:
-        about: Its label, in the first column.
-        cells: Its cells: words, or one for each part of their column. Text after a line break
-            is a note.
-        subject: Its group; rows of one subject stand together.
-        kind: How a page marks it, such as "bound".
-    """
-
-    about: str
+    about: str  # its label, in the first column
+    # its cells: words, or one for each part of their column. Text after a line break is a note
     cells: tuple[str | tuple[str, ...], ...]
-    subject: str = ""
-    kind: str = ""
+    subject: str = ""  # its group; rows of one subject stand together
+    kind: str = ""  # how a page marks it, such as "bound"
 
 
 @dataclass(frozen=True)
 class Table:
-    """A table.
+    """A table."""
 
-    Attributes:
-        about: Title of the first column.
-        columns: The other columns.
-        rows: The rows.
-        label: Its name for screen readers.
-        apart: Whether a terminal shows the subject in a column of its own, once.
-    """
-
-    about: str
-    columns: tuple[Column, ...]
-    rows: tuple[Row, ...]
-    label: str = ""
-    apart: bool = False
+    about: str  # title of the first column
+    columns: tuple[Column, ...]  # the other columns
+    rows: tuple[Row, ...]  # the rows
+    label: str = ""  # its name for screen readers
+    apart: bool = False  # whether a terminal shows the subject in a column of its own, once
 
     def text(self) -> str:
         """The table for a terminal, the subject before each row's label."""

@@ -122,14 +122,11 @@ def _log(
 class Track:
     """The angles of the joints on one topic, as they are gathered.
 
-    Attributes:
-        topic: The topic.
-        stamped: Whether every message had a stamp; at the end, whether its times are the stamps.
-
     Of every message about a joint there are the receipt [ns], the stamp [ns] and the angle.
     """
 
-    topic: str
+    topic: str  # the topic
+    # whether every message had a stamp; at the end, whether its times are the stamps
     stamped: bool = True
     _by_joint: dict[str, tuple[array[int], array[int], array[float]]] = field(default_factory=dict)
 

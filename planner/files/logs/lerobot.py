@@ -241,24 +241,16 @@ def _ranges(numbers: Iterable[int]) -> str:
 
 @dataclass(frozen=True)
 class Dataset:
-    """A dataset as its meta/info.json describes it.
+    """A dataset as its meta/info.json describes it."""
 
-    Attributes:
-        root: The folder that holds ``meta`` and ``data``.
-        names: Names of the columns of ``action`` and of ``observation.state``; None where a
-            feature does not name its joints.
-        written: The same names as the dataset writes them.
-        others: Other features, without the columns that count rows.
-        rate: Rows per second; None where the dataset does not say.
-        robot_type: The robot, as LeRobot calls it.
-    """
-
-    root: Path
+    root: Path  # the folder that holds `meta` and `data`
+    # names of the columns of `action` and of `observation.state`; None where a feature does not
+    # name its joints
     names: Mapping[str, tuple[str, ...] | None]
-    written: Mapping[str, tuple[str, ...] | None]
-    others: tuple[str, ...] = ()
-    rate: float | None = None
-    robot_type: str | None = None
+    written: Mapping[str, tuple[str, ...] | None]  # the same names as the dataset writes them
+    others: tuple[str, ...] = ()  # other features, without the columns that count rows
+    rate: float | None = None  # rows per second; None where the dataset does not say
+    robot_type: str | None = None  # the robot, as LeRobot calls it
 
     def files(self, episodes: frozenset[int] | None) -> tuple[Path, ...]:
         """Its Parquet files, except files whose names exclude all of the episodes."""

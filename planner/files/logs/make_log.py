@@ -199,27 +199,19 @@ class Source:
 
 @dataclass(frozen=True, kw_only=True)
 class Columns:
-    """Contents of a log, as written.
+    """Contents of a log, as written."""
 
-    Attributes:
-        times: Times of the rows [s], shape (n,).
-        requests: Requested angles, shape (n,), in the unit of ``request_scale``.
-        angles: Actual angles, shape (n,), in the unit of ``angle_scale``.
-        request_scale: Scale of the requests.
-        angle_scale: Scale of the angles.
-        torque_on: Whether the torque was on, shape (n,); None where the log does not say.
-        load: Torque on the joint in the direction of positive angles [N m], shape (n,); None where
-            the log does not say.
-        requested: Name of the column of requests; "" where there is none of this joint alone.
-    """
-
-    times: Array  # (n,) [s]
-    requests: Array  # (n,)
-    angles: Array  # (n,)
-    request_scale: Scale
-    angle_scale: Scale
+    times: Array  # times of the rows [s], shape (n,)
+    requests: Array  # requested angles, shape (n,), in the unit of `request_scale`
+    angles: Array  # actual angles, shape (n,), in the unit of `angle_scale`
+    request_scale: Scale  # scale of the requests
+    angle_scale: Scale  # scale of the angles
+    # whether the torque was on, shape (n,); None where the log does not say
     torque_on: Switch | None = None
+    # torque on the joint in the direction of positive angles [N m], shape (n,); None where the
+    # log does not say
     load: Array | None = None  # (n,) [N m]
+    # name of the column of requests; "" where there is none of this joint alone
     requested: str = ""
 
 

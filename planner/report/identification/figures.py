@@ -39,19 +39,13 @@ UNSEEN = style.OPTIMAL._replace(label="model, rows held out", width=1.4)
 
 
 class SpeedPoints(NamedTuple):
-    """One point per interval between two rows.
+    """One point per interval between two rows."""
 
-    Attributes:
-        errors: Mean request over the window of the model, plus its sags, minus the angle [rad].
-        speeds: Change of the angle over the interval [rad/s].
-        saturated: Points whose whole window calls for the top speed.
-        apart: Points whose window lies on both sides of a corner of f: there the mean of f is not
-            f of the mean, so that they need not lie on its curve.
-    """
-
-    errors: Array
-    speeds: Array
-    saturated: npt.NDArray[np.bool_]
+    errors: Array  # mean request over the window of the model, plus its sags, minus the angle [rad]
+    speeds: Array  # change of the angle over the interval [rad/s]
+    saturated: npt.NDArray[np.bool_]  # points whose whole window calls for the top speed
+    # points whose window lies on both sides of a corner of f: there the mean of f is not f of the
+    # mean, so that they need not lie on its curve
     apart: npt.NDArray[np.bool_]
 
 

@@ -49,29 +49,17 @@ class Units(NamedTuple):
 
 
 class Parameter(NamedTuple):
-    """One row of the table of parameters, ready to be printed.
+    """One row of the table of parameters, ready to be printed."""
 
-    Attributes:
-        name: As in the model's file; ``gain`` for v_max / theta_0.
-        words: Its description.
-        brief: A shorter description.
-        value: The estimate, with its unit.
-        interval: The 95 % interval in the same unit.
-        si: Both in SI.
-        judgement: How well it is determined.
-        bounded: Whether it is bounded on both sides.
-        rough: Whether it is unbounded, or bounded by a wide interval only.
-    """
-
-    name: str
-    words: str
-    brief: str
-    value: str
-    interval: str
-    si: str
-    judgement: str
-    bounded: bool
-    rough: bool
+    name: str  # as in the model's file; `gain` for v_max / theta_0
+    words: str  # its description
+    brief: str  # a shorter description
+    value: str  # the estimate, with its unit
+    interval: str  # the 95 % interval in the same unit
+    si: str  # both in SI
+    judgement: str  # how well it is determined
+    bounded: bool  # whether it is bounded on both sides
+    rough: bool  # whether it is unbounded, or bounded by a wide interval only
 
     @property
     def determined(self) -> bool:
