@@ -41,7 +41,7 @@ output_or_folder = click.option(
 def positive(name: str, about: str, default: float | None = None) -> Callable[[Command], Command]:
     """Give a command an option for a number above 0, whose unit ends its name: ``--rate-hz``."""
     unit = name.rpartition("-")[2]
-    kind = types.above_0(types.UNITS[unit])
+    kind = types.above_0(types.OPTION_UNITS[unit])
     return click.option(name, type=kind, default=default, metavar=unit.upper(), help=about)
 
 
@@ -205,7 +205,7 @@ def _option(key: str, declared: Declared, of_command: str) -> Callable[[Command]
         attributes = {"type": str, "multiple": "type" not in attributes, **attributes}
     else:
         unit = "n" if declared.type is int else key.rpartition("_" if "_" in key else ".")[2]
-        units = {"metavar": unit.upper()} if unit in ("n", *types.UNITS) else {}
+        units = {"metavar": unit.upper()} if unit in ("n", *types.OPTION_UNITS) else {}
         attributes = {"type": declared.type, **units, **attributes}
     if declared.by_joint or get_origin(declared.type) is dict:
         attributes["multiple"] = True

@@ -315,7 +315,7 @@ def read_clock(
     if not column.endswith(f"_{unit}"):
         note += f" [{unit}]"
     finite = np.flatnonzero(np.isfinite(numbers))
-    # eleven days: they count from the epoch
+    # times beyond eleven days count from the epoch: float64 would lose microseconds of them
     if not len(finite) or abs(numbers[finite[0]]) * seconds <= 1e6:
         return numbers * seconds, note
     place = table.place(column)

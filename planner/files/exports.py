@@ -30,7 +30,7 @@ NEEDS = {
 }
 """By format: the package that writes it, its name in messages, and the extra with the package."""
 
-UNITS = (*ANGLES, "ticks", "us")
+COLUMN_UNITS = (*ANGLES, "ticks", "us")
 """Units of the columns, which are also the ends of their names."""
 
 MOST_TICKS = 2**31
@@ -78,7 +78,8 @@ def check_format(
 class Ticks:
     """How a servo counts its angle: in ticks, or a hobby servo in microseconds of its pulses.
 
-    Angle 0 is at ``zero``, of single joints at ``zeros``; servos may be mounted the other way.
+    ``per_turn`` are the counts of a full turn. Angle 0 is at the count ``zero``, of single joints
+    at ``zeros``; the servos of the joints ``reversed`` are mounted the other way round.
     """
 
     per_turn: int = 4096
@@ -108,8 +109,8 @@ def write_controller_csv(
         angles = schedule.requests / ANGLES[unit]
         write_table(path, names, np.column_stack([schedule.times, angles]))
         return
-    if unit not in UNITS:
-        raise InvalidInput(f"unit: got '{unit}', expected {', '.join(UNITS)}")
+    if unit not in COLUMN_UNITS:
+        raise InvalidInput(f"unit: got '{unit}', expected {', '.join(COLUMN_UNITS)}")
     times = np.round(schedule.times, DECIMALS).tolist()
     rows = zip(times, to_ticks(schedule, ticks or Ticks()).tolist(), strict=True)
     write_text(path, csv_text(names, ([time, *row] for time, row in rows)))
@@ -223,7 +224,7 @@ def write_bag(
     with output_folder(path, export=f"ROS 2 bag ({storage})") as folder:
         inner = folder / Path(path).resolve().name  # the writer names its files after its folder
         try:
-            # the next is not read before ROS 2 Jazzy
+            # version 8 is the last that ROS 2 reads before Jazzy
             with Writer(inner, version=8, storage_plugin=plugin) as writer:
                 connection = writer.add_connection(topic, TYPE, typestore=types)
                 writer.write(connection, 0, content)

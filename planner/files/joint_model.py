@@ -22,10 +22,10 @@ from planner.validation import as_reals, is_one_of, shown
 if TYPE_CHECKING:
     from planner.robot.arm import Servo
 
-UNITS = {each.name: each.metadata.get("unit", "-") for each in fields(JointModel)}
+PARAMETER_UNITS = {each.name: each.metadata.get("unit", "-") for each in fields(JointModel)}
 """The unit of every parameter."""
 
-FIELDS = tuple(UNITS)
+FIELDS = tuple(PARAMETER_UNITS)
 TESTED: dict[str, tuple[tuple[int, ...], str]] = {
     "expected_error": ((), "[rad] rms error on rows that were not fitted"),
     "tested_speed": ((), "[rad/s] fastest motion of the logs"),
@@ -203,7 +203,7 @@ def models_text(
         lines += [_comment(line) for line in comments.get("", "").splitlines()]
         lines += [
             f"{name} = {getattr(model, name)!r}  "
-            + _comment(comments.get(name, f"[{UNITS[name]}]"))
+            + _comment(comments.get(name, f"[{PARAMETER_UNITS[name]}]"))
             for name in model.parameters() | above
         ]
         if evidence is not None:
@@ -283,7 +283,7 @@ def has_servos(path: Path | str) -> bool:
 
 def read_servos(path: Path | str, joints: Sequence[str] | None = None) -> dict[str, Servo]:
     """The servos of a model file, of these joints or of all: its tables ``[<joint>.servo]``."""
-    from planner.robot.arm import SETTINGS, Servo  # with all that moves servos
+    from planner.robot.arm import SETTINGS, Servo  # imports the drivers of the buses
 
     file = read_toml(path, example="id = 1")
     keys = {each.name for each in fields(Servo)} - {"settings"} | set(SETTINGS)

@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     from planner.recording.replaying import JointReplay, Replay
     from planner.recording.retiming import Fastest
 
-UNITS = {"rad": ("deg", math.degrees(1.0)), "1": ("percent", 100.0)}
+LOG_UNITS = {"rad": ("deg", math.degrees(1.0)), "1": ("percent", 100.0)}
 """By a log's unit: the unit for people, and the factor to it."""
 
 SIGNS = {"deg": "deg", "percent": "%"}
@@ -80,7 +80,11 @@ def replay_page(
     remarks: Sequence[str] = (),
     sources: Sequence[Listing] = (),
 ) -> str:
-    """The page about a replay, and about the search for the fastest one."""
+    """The page about a replay, and about the search for the fastest one.
+
+    ``words`` are its basis, ``verdict`` is about the fastest replay; with an ``arm``, whose joints
+    are all recorded, it moves on the page. ``missed`` are the tolerances that it misses.
+    """
     planned = replay.planned
     sections = [
         Section(
@@ -191,7 +195,7 @@ def _remarks(replay: Replay, fastest: Fastest | None) -> list[str]:
 def cards(replay: Replay) -> list[Card]:
     """The key figures."""
     worst = max(replay.planned, key=lambda each: _sizes(each, each.errors["planned"]).rms)
-    unit, factor = UNITS[worst.path.unit]
+    unit, factor = LOG_UNITS[worst.path.unit]
     errors = {kind: _sizes(worst, error).rms for kind, error in worst.errors.items()}
     bound = factor * worst.lower_bound
     bounded = f"; lower bound {bound:.3g}" if math.isfinite(bound) else ""
@@ -201,8 +205,8 @@ def cards(replay: Replay) -> list[Card]:
              f"leaves {errors['shifted']:.3g}{bounded}"),
     ]  # fmt: skip
     if expected := [each for each in replay.planned if math.isfinite(each.expected)]:
-        each = max(expected, key=lambda joint: UNITS[joint.path.unit][1] * joint.expected)
-        unit, factor = UNITS[each.path.unit]
+        each = max(expected, key=lambda joint: LOG_UNITS[joint.path.unit][1] * joint.expected)
+        unit, factor = LOG_UNITS[each.path.unit]
         entries.append(
             Card(f"{factor * each.expected:.3g}", f"{SIGNS[unit]} rms",
                  f"to expect on the robot of {each.name}, the plan's error and the model's")
@@ -227,7 +231,7 @@ def joints_table(replay: Replay) -> Table:
         Column("faster than the joint", words=True),
     )
     for joint in replay.joints:
-        unit, factor = UNITS[joint.path.unit]
+        unit, factor = LOG_UNITS[joint.path.unit]
         label = joint.name if unit == "deg" else f"{joint.name} [% of its range]"
         cells: list[str | tuple[str, ...]] = [_pair(joint, joint.recorded_errors)]
         if joint.inversion is None:
@@ -259,13 +263,13 @@ def moment_figure(replay: Replay) -> Figure:
     """The slider through the episode, with the numbers of its moment."""
 
     def values(kind: str) -> list[Array | None]:
-        arrays = ((UNITS[each.path.unit][1], getattr(each, kind)) for each in replay.joints)
+        arrays = ((LOG_UNITS[each.path.unit][1], getattr(each, kind)) for each in replay.joints)
         return [None if array is None else np.asarray(factor * array) for factor, array in arrays]
 
     kinds = {"path": "desired", "request": "requests", "predicted": "predicted"}
     moments = Moments(
         replay.names,
-        tuple(SIGNS[UNITS[each.path.unit][0]] for each in replay.joints),
+        tuple(SIGNS[LOG_UNITS[each.path.unit][0]] for each in replay.joints),
         {name: values(kind) for name, kind in kinds.items()},
         replay.period,
     )
@@ -297,7 +301,7 @@ def arm_figure(replay: Replay, arm: Leg) -> Figure:
 def joint_figure(replay: Replay, j: int) -> Figure:
     """A joint: its angles and errors, where it is planned, and its requests."""
     timeline, joint = _timeline(replay), replay.joints[j]
-    unit, factor = UNITS[joint.path.unit]
+    unit, factor = LOG_UNITS[joint.path.unit]
     desired = timeline.curve(factor * joint.desired, style.DESIRED, "path")
     request_curves = [
         timeline.curve(factor * requests, role, label, held=True)
@@ -393,7 +397,7 @@ def _listed(names: Iterable[str]) -> str:
 
 def _sizes(joint: JointReplay, errors: Array) -> Distance:
     """Errors in the joint's unit, in two numbers."""
-    factor = UNITS[joint.path.unit][1]
+    factor = LOG_UNITS[joint.path.unit][1]
     return Distance(factor * error_norm(errors, "rms"), factor * error_norm(errors, "max"))
 
 

@@ -32,7 +32,7 @@ from planner.files.text import to_json
 from planner.parallel import carry_out
 from planner.recording.recorded_path import WHY
 from planner.recording.replaying import JointReplay, Replay
-from planner.report.replay import UNITS, episodes_table
+from planner.report.replay import LOG_UNITS, episodes_table
 from planner.robot.schedule import Schedule
 from planner.trajectory import Array, error_norm
 
@@ -226,9 +226,9 @@ def episode_figures(replay: Replay) -> dict[str, Any]:
     """The row of a recording in a table of many: the joint with the largest error of its plan."""
     worst = max(
         replay.planned,
-        key=lambda each: UNITS[each.path.unit][1] * error_norm(each.errors["planned"], "rms"),
+        key=lambda each: LOG_UNITS[each.path.unit][1] * error_norm(each.errors["planned"], "rms"),
     )
-    unit, factor = UNITS[worst.path.unit]
+    unit, factor = LOG_UNITS[worst.path.unit]
     return {
         "recording": replay.path.name,
         "requests": len(replay.moments),

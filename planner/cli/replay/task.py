@@ -23,7 +23,7 @@ from planner.model.evidence import OPEN_TOP_SPEED
 from planner.recording.recorded_path import WHY, RecordedPath, check_length, recorded_path
 from planner.recording.replaying import Replay, replay_at
 from planner.recording.retiming import Fastest, Measure, fastest_at
-from planner.report.replay import UNITS, joints_table
+from planner.report.replay import LOG_UNITS, joints_table
 from planner.trajectory import error_norm
 
 if TYPE_CHECKING:
@@ -101,7 +101,7 @@ class ReplayTask:
     def options(self, path: RecordedPath) -> dict[str, Any]:
         """Arguments of :func:`planner.plan` beside models, path and limits."""
         plan = self.run_settings.plan
-        units = {each.name: UNITS[each.unit][1] for each in path.planned}
+        units = {each.name: LOG_UNITS[each.unit][1] for each in path.planned}
         solver = {"solver": plan.solver or "gauss-newton"}
         return search_options(plan, path.period, units=units) | solver
 
@@ -178,7 +178,7 @@ def resent_words(replay: Replay) -> str:
     """A remark on joints whose recorded requests may be better than the plan; "" if none."""
     errors = []
     for each in replay.resent_may_serve:
-        unit, factor = UNITS[each.path.unit]
+        unit, factor = LOG_UNITS[each.path.unit]
         resent = factor * error_norm(each.error_of("resent"), "rms")
         errors.append(f"{each.name} ({factor * each.expected:.3f} and {resent:.3f} {unit} rms)")
     if not errors:
@@ -194,7 +194,7 @@ def refuted_joints(replay: Replay) -> list[str]:
         inside = (each.path.times >= replay.path.first) & (each.path.times <= replay.path.last)
         part = replace(each.path.log, torque_on=each.path.log.torque_on & inside)
         limits = each.path.model.speed_limits(0.0, part.angles)
-        # loads push a joint, too
+        # by a load a joint may exceed the top speed of its model a little
         if measured_speed(part) > 1.05 * max(np.max(np.abs(limit)) for limit in limits):
             names.append(each.name)
     return names
@@ -204,7 +204,7 @@ def document(replay: Replay, models: JointModels) -> dict[str, Any]:
     """A replay for machines, in degrees or percent; missing values are null."""
     joints = {}
     for joint in replay.joints:
-        unit, factor = UNITS[joint.path.unit]
+        unit, factor = LOG_UNITS[joint.path.unit]
         plan = joint.inversion
         entry: dict[str, Any] = {
             "planned": plan is not None,
@@ -319,7 +319,7 @@ def missed(task: ReplayTask, replay: Replay) -> list[str]:
     norm = "max" if task.replay.fastest else task.run_settings.plan.norm or "rms"
     if tolerance.deg is not None:
         for joint in replay.planned:
-            unit, factor = UNITS[joint.path.unit]
+            unit, factor = LOG_UNITS[joint.path.unit]
             error = factor * error_norm(joint.errors["planned"], norm)
             if error > tolerance.deg * (1.0 + ROUNDING):
                 messages.append(off_by(joint.name, error, unit, norm, tolerance.deg))
@@ -379,7 +379,7 @@ def _limits(limits: settings.Limits, logs: Sequence[Log]) -> dict[str, tuple[flo
     for log in logs:
         span = limits.joints.get(log.joint, limits.deg)
         if span is not None:
-            _, factor = UNITS[log.unit]
+            _, factor = LOG_UNITS[log.unit]
             by_joint[log.joint or "joint"] = (span[0] / factor, span[1] / factor)
     for name in limits.joints:
         if name not in {log.joint for log in logs}:

@@ -71,6 +71,9 @@ class LogOptions:
         topic: Bags: the topic of actual angles.
         command_topic: Bags: the topic of requested angles.
         episodes: LeRobot: the episodes to read, such as ``0-3,7``.
+
+    Raises:
+        InvalidInput: A choice is no text, an unknown unit, no range of episodes, or not above 0.
     """
 
     joint: str | None = None
@@ -369,7 +372,7 @@ def _slow(times: Array, requests: Array) -> Switch:
     rows = 2 * math.ceil(SLOW_TIME / period) + 1
     ways = np.abs(np.diff(requests, prepend=requests[:1]))
     moved = rows * uniform_filter1d(ways, rows, mode="nearest")
-    # no slow requests are such jumps
+    # a jump by a tenth of the range within the window is no slow motion, however short
     jumps = maximum_filter1d(ways, rows, mode="nearest") > 0.1 * span
     slow: Switch = (moved <= 2.0 * SLOW_SHARE * span) & ~jumps
     far = max(1, round(0.5 * STRAIGHT_TIME / period))

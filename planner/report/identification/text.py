@@ -12,7 +12,7 @@ from typing import get_args
 import numpy as np
 
 from planner._version import __version__
-from planner.files.joint_model import UNITS
+from planner.files.joint_model import PARAMETER_UNITS
 from planner.identification.excitation import Excitation
 from planner.identification.result import Identification, Topic
 from planner.report.identification.words import (
@@ -211,7 +211,7 @@ def _comments(identification: Identification) -> dict[str, str]:
     for fit in identification.fits:
         above.append(f"From {fit.log.name}: {np.sum(fit.used)} of {len(fit.used)} rows.")
     comments = {"": "\n".join(above)}
-    for key, unit in UNITS.items():
+    for key, unit in PARAMETER_UNITS.items():
         comments[key] = f"[{unit.replace('rad', '1') if share else unit}]"
         interval = identification.intervals.get(key)
         if interval is None:

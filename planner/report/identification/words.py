@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from planner.files.joint_model import UNITS
+from planner.files.joint_model import PARAMETER_UNITS
 from planner.identification.judgement import is_loose
 from planner.identification.parameters import TERMS
 from planner.identification.result import Identification, Interval
@@ -107,7 +107,7 @@ def units_of(identification: Identification) -> Units:
 
 def unit_of(identification: Identification, name: str) -> tuple[float, str]:
     """The factor from SI to the unit in which a parameter is shown, and that unit."""
-    units, unit = units_of(identification), UNITS.get(name, "1/s")
+    units, unit = units_of(identification), PARAMETER_UNITS.get(name, "1/s")
     if unit == "s":
         return 1e3, "ms"
     if unit == "rad":
@@ -128,7 +128,7 @@ def parameters(identification: Identification) -> list[Parameter]:
         if math.isinf(value):  # no limit of the acceleration
             continue
         scaled = Interval(factor * interval.lower, factor * interval.upper)
-        si = f"{figure(value, interval)} {raised(UNITS.get(name, ''))}, {between(interval)}"
+        si = f"{figure(value, interval)} {raised(PARAMETER_UNITS.get(name, ''))}, {between(interval)}"
         rows.append(
             Parameter(
                 name=name,
@@ -136,7 +136,7 @@ def parameters(identification: Identification) -> list[Parameter]:
                 brief=brief,
                 value=f"{figure(factor * value, scaled)} {unit}",
                 interval=between(scaled),
-                si=si if si_too and "rad" in UNITS.get(name, "") else "",
+                si=si if si_too and "rad" in PARAMETER_UNITS.get(name, "") else "",
                 judgement=judgement(identification, name, factor, unit),
                 bounded=interval.bounded,
                 rough=is_rough(identification, name),
