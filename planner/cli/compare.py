@@ -26,16 +26,11 @@ if TYPE_CHECKING:
 @click.command()
 @click.argument("path", type=types.INPUT)
 @options.settings(
-    *options.LEG,
-    "leg.unreachable",
-    "model.file",
-    "path.joints",
-    "path.rate_hz",
-    "plan.cyclic",
-    "plan.load",
-    "plan.segments",
-    "plan.norm",
-    "limits.deg",
+    f"leg: {options.LEG} unreachable",
+    "model: file",
+    "path: joints rate_hz",
+    "plan: cyclic load segments norm",
+    "limits: deg",
     segments="Lines of the approximation.",
     norm="Error that optimised requests make small.",
     load="Torque on the joints: gravity at the desired angles by the masses of the leg's URDF, all "

@@ -80,7 +80,7 @@ UNNAMED = "requested"
     help="Another number draws other random steps and noise.",
 )
 @click.option("--joint", default=UNNAMED, metavar="NAME", help="Name of the joint, for the column.")
-@options.settings("model.file")
+@options.settings("model: file")
 @click.option(
     "--noise-deg",
     type=float,

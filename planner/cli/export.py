@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 @click.command()
 @click.argument("requests", type=types.INPUT)
-@options.settings(*options.EXPORT, "path.joints")
+@options.settings(options.EXPORT, "path: joints")
 @options.output_or_folder
 @click.option(
     "--period-s",

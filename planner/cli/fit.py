@@ -26,10 +26,9 @@ def _knot(text: str) -> tuple[float, float | None]:
 @click.command()
 @click.argument("desired", type=types.INPUT)
 @options.settings(
-    "model.file",
-    "path.joints",
-    "plan.cyclic",
-    "plan.segments",
+    "model: file",
+    "path: joints",
+    "plan: cyclic segments",
     segments="Lines of the approximation.",
 )
 @click.option(

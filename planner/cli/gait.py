@@ -24,10 +24,10 @@ PATTERNS = ("walk", "trot", "pace", "bound")
 
 @click.command()
 @options.settings(
-    *options.HALF_ELLIPSE,
-    *options.LEG,
-    "model.file",
-    "tolerance.cm",
+    options.HALF_ELLIPSE,
+    f"leg: {options.LEG}",
+    "model: file",
+    "tolerance: cm",
     cm="With --fastest: largest distance of the foot from its path.",
 )
 @click.option(

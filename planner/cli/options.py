@@ -41,7 +41,7 @@ output_or_folder = click.option(
 def positive(name: str, about: str, default: float | None = None) -> Callable[[Command], Command]:
     """Give a command an option for a number above 0, whose unit ends its name: ``--rate-hz``."""
     unit = name.rpartition("-")[2]
-    kind = types.above_0(types.OPTION_UNITS[unit])
+    kind = types.above_0(types.ENDS[unit])
     return click.option(name, type=kind, default=default, metavar=unit.upper(), help=about)
 
 
@@ -135,18 +135,32 @@ BY_JOINT = {
 }
 """By key for values of single joints: the setting with the option."""
 
-LEG = tuple(f"leg.{key}" for key in ("name", "urdf", "base", "foot", "lock", "near"))
-HALF_ELLIPSE = tuple(key for key in SETTINGS if key.startswith("path.half_ellipse."))
-EXPORT = tuple(key for key in SETTINGS if key.startswith("export."))
+LEG = "name urdf base foot lock near"
+"""The keys of a leg, for :func:`settings`."""
+
+SMOOTHING = "max_step_deg max_request_speed_deg_s smoothness"
+"""The keys of a plan that say how smooth the requests are."""
 
 
-def settings(*keys: str, **helps: str) -> Callable[[Command], Command]:
+def _of_table(table: str) -> str:
+    """All options of a table."""
+    keys = (key.rpartition(".") for key in SETTINGS)
+    return f"{table}: {' '.join(name for place, _, name in keys if place == table)}"
+
+
+HALF_ELLIPSE, EXPORT = map(_of_table, ("path.half_ellipse", "export"))
+
+
+def settings(*groups: str, **helps: str) -> Callable[[Command], Command]:
     """Give a command options that are settings, and hand them to it as ``run``, a typed Run.
 
+    A group is a table of a run file with some of its keys: ``"plan: method cyclic"``.
     An argument ``path`` of the command is the file of the path. Settings of a replay are handed to
     it as ``replay``. A help in ``helps`` takes the place of a setting's own, by the last part of
     its key, or by the key with underscores.
     """
+    parts = (group.partition(":") for group in groups)
+    keys = [f"{table}.{key}" for table, _, names in parts for key in names.split()]
 
     def decorate(command: Command) -> Command:
         @wraps(command)
@@ -205,7 +219,7 @@ def _option(key: str, declared: Declared, of_command: str) -> Callable[[Command]
         attributes = {"type": str, "multiple": "type" not in attributes, **attributes}
     else:
         unit = "n" if declared.type is int else key.rpartition("_" if "_" in key else ".")[2]
-        units = {"metavar": unit.upper()} if unit in ("n", *types.OPTION_UNITS) else {}
+        units = {"metavar": unit.upper()} if unit in ("n", *types.ENDS) else {}
         attributes = {"type": declared.type, **units, **attributes}
     if declared.by_joint or get_origin(declared.type) is dict:
         attributes["multiple"] = True
@@ -242,7 +256,7 @@ def by_argument() -> dict[str, str]:
     """The options of settings, by the library's argument names in messages."""
     names = {}
     for key, declared in SETTINGS.items():
-        if key in HALF_ELLIPSE:  # "samples" are those of any path
+        if key.startswith("path.half_ellipse."):  # "samples" are those of any path
             continue
         table, _, name = key.rpartition(".")
         argument = table if name == "deg" else re.sub("_(deg|hz|s)$", "", name)

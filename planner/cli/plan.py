@@ -6,33 +6,21 @@ import click
 
 from planner.cli import options, types
 from planner.cli.console import Progress, deliver
-from planner.cli.settings import SMOOTHING, Run
+from planner.cli.settings import Run
 from planner.files.text import write_text
 
 
 @click.command()
 @click.argument("path", type=types.INPUT)
 @options.settings(
-    *options.LEG,
-    "leg.unreachable",
-    "model.file",
-    "path.joints",
-    "path.rate_hz",
-    "path.speed",
-    "plan.cyclic",
-    "start.deg",
-    "plan.method",
-    "plan.segments",
-    "plan.rule",
-    "plan.load",
-    "plan.norm",
-    "plan.solver",
-    "plan.weights",
-    *SMOOTHING,
-    "plan.robust",
-    "limits.deg",
-    "tolerance.deg",
-    "tolerance.cm",
+    f"leg: {options.LEG} unreachable",
+    "model: file",
+    "path: joints rate_hz speed",
+    "plan: cyclic",
+    "start: deg",
+    f"plan: method segments rule load norm solver weights {options.SMOOTHING} robust",
+    "limits: deg",
+    "tolerance: deg cm",
 )
 @options.output
 @click.option("--report", type=types.OUTPUT, help="Write a page (HTML) about the plan.")

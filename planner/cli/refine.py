@@ -8,7 +8,7 @@ import click
 
 from planner.cli import options, types
 from planner.cli.console import Progress, deliver, warn
-from planner.cli.settings import SMOOTHING, Run
+from planner.cli.settings import Run
 from planner.files.text import write_text
 
 
@@ -23,20 +23,13 @@ from planner.files.text import write_text
     help="The path that the requests were planned for: of joints, or of a foot with --leg.",
 )
 @options.settings(
-    *options.LEG,
-    "leg.unreachable",
-    "model.file",
-    "path.joints",
-    "path.rate_hz",
-    "plan.cyclic",
-    "start.deg",
-    "plan.method",
-    "plan.load",
-    "plan.norm",
-    "plan.solver",
-    "plan.weights",
-    *SMOOTHING,
-    "limits.deg",
+    f"leg: {options.LEG} unreachable",
+    "model: file",
+    "path: joints rate_hz",
+    "plan: cyclic",
+    "start: deg",
+    f"plan: method load norm solver weights {options.SMOOTHING}",
+    "limits: deg",
 )
 @click.option(
     "--history",

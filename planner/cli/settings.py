@@ -253,12 +253,6 @@ class Plan(Settings):
     )
 
 
-SMOOTHING = tuple(
-    f"plan.{name}" for name in ("max_step_deg", "max_request_speed_deg_s", "smoothness")
-)
-"""Settings of how smooth the requests are."""
-
-
 class Limits(Settings):
     """Ranges of the requests; those of the leg hold where there are none."""
 

@@ -15,11 +15,10 @@ from planner.exceptions import InvalidFile, about
 @click.command()
 @click.argument("requests", type=types.INPUT)
 @options.settings(
-    "model.file",
-    "path.joints",
-    "path.rate_hz",
-    "plan.cyclic",
-    "start.deg",
+    "model: file",
+    "path: joints rate_hz",
+    "plan: cyclic",
+    "start: deg",
     rate_hz="Requests per second, as given to plan: the models take it.",
 )
 @click.option(

@@ -14,7 +14,7 @@ from planner.files.text import write_text
 
 @click.command()
 @click.argument("path", type=types.INPUT)
-@options.settings(*options.LEG, "leg.unreachable", "model.file", "plan.cyclic")
+@options.settings(f"leg: {options.LEG} unreachable", "model: file", "plan: cyclic")
 @click.option(
     "--requests",
     type=types.INPUT,

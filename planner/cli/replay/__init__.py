@@ -11,8 +11,8 @@ import click
 
 from planner.cli import options, types
 from planner.cli.console import Progress, deliver, print_answer, remark, warn
-from planner.cli.settings import SMOOTHING, Run
 from planner.cli.settings import Replay as ReplaySettings
+from planner.cli.settings import Run
 from planner.files.staging import check_folder, check_writable, claimed, staged
 
 if TYPE_CHECKING:
@@ -24,25 +24,15 @@ if TYPE_CHECKING:
 @click.command()
 @click.argument("logs", nargs=-1, required=True, type=types.INPUT, metavar="RECORDING...")
 @options.settings(
-    "model.file",
-    "replay.speed",
-    "replay.track",
-    "replay.joints",
-    "replay.begin_s",
-    "replay.end_s",
-    "replay.rate_hz",
-    "limits.deg",
-    "plan.load",
-    "plan.norm",
-    "plan.solver",
-    *SMOOTHING,
-    "replay.fastest",
-    "tolerance.deg",
-    "tolerance.cm",
-    "replay.retime",
-    *options.LEG,
-    "replay.urdf_joints",
-    "replay.write_as",
+    "model: file",
+    "replay: speed track joints begin_s end_s rate_hz",
+    "limits: deg",
+    f"plan: load norm solver {options.SMOOTHING}",
+    "replay: fastest",
+    "tolerance: deg cm",
+    "replay: retime",
+    f"leg: {options.LEG}",
+    "replay: urdf_joints write_as",
     name="A leg or arm of your robot, with --base and --foot, whose joints are recorded; or a "
     "shipped leg.",
     file="Joint models as TOML, by the names of the recording's joints; 'from-log' identifies them "

@@ -128,7 +128,8 @@ def parameters(identification: Identification) -> list[Parameter]:
         if math.isinf(value):  # no limit of the acceleration
             continue
         scaled = Interval(factor * interval.lower, factor * interval.upper)
-        si = f"{figure(value, interval)} {raised(PARAMETER_UNITS.get(name, ''))}, {between(interval)}"
+        own = raised(PARAMETER_UNITS.get(name, ""))
+        si = f"{figure(value, interval)} {own}, {between(interval)}"
         rows.append(
             Parameter(
                 name=name,
@@ -136,7 +137,7 @@ def parameters(identification: Identification) -> list[Parameter]:
                 brief=brief,
                 value=f"{figure(factor * value, scaled)} {unit}",
                 interval=between(scaled),
-                si=si if si_too and "rad" in PARAMETER_UNITS.get(name, "") else "",
+                si=si if si_too and "rad" in own else "",
                 judgement=judgement(identification, name, factor, unit),
                 bounded=interval.bounded,
                 rough=is_rough(identification, name),
