@@ -15,29 +15,25 @@ from planner.exceptions import InvalidFile, InvalidInput, nearest
 from planner.files.table import Table
 from planner.trajectory import Array, not_radians, turns_words
 
+
+def _words(text: str) -> frozenset[str]:
+    return frozenset(text.split())
+
+
 ANGLE_NAMES: Mapping[str, str] = {
-    "rad": "rad",
-    "radian": "rad",
-    "radians": "rad",
-    "deg": "deg",
-    "degree": "deg",
-    "degrees": "deg",
-    "°": "deg",
-    "tick": "ticks",
-    "ticks": "ticks",
-    "us": "us",
-    "µs": "us",
-    "usec": "us",
-    "count": "counts",
-    "counts": "counts",
-    "adc": "counts",
-    "turn": "turns",
-    "turns": "turns",
-    "range": "range",
-    "percent": "percent",
-    "%": "percent",
-    "range_0_100": "percent",
-    "range_m100_100": "range_m100_100",
+    word: unit
+    for unit, words in {
+        "rad": "rad radian radians",
+        "deg": "deg degree degrees °",
+        "ticks": "tick ticks",
+        "us": "us µs usec",
+        "counts": "count counts adc",
+        "turns": "turn turns",
+        "range": "range",
+        "percent": "percent % range_0_100",
+        "range_m100_100": "range_m100_100",
+    }.items()
+    for word in words.split()
 }
 """Names of the units of an angle, and the unit of each."""
 
@@ -55,17 +51,14 @@ SECONDS: Mapping[str, float] = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 """Units of time, in seconds."""
 
 TIME_NAMES: Mapping[str, str] = {
-    **{unit: unit for unit in SECONDS},
-    "sec": "s",
-    "secs": "s",
-    "second": "s",
-    "seconds": "s",
-    "msec": "ms",
-    "millis": "ms",
-    "usec": "us",
-    "µs": "us",
-    "nsec": "ns",
-    "nanosec": "ns",
+    word: unit
+    for unit, words in {
+        "s": "s sec secs second seconds",
+        "ms": "ms msec millis",
+        "us": "us usec µs",
+        "ns": "ns nsec nanosec",
+    }.items()
+    for word in words.split()
 }
 """Names of the units of time, and the unit of each."""
 
@@ -80,11 +73,8 @@ SHARES: Mapping[str, float] = {"percent": math.pi / 180.0, "range": 100.0 * math
 LENGTHS: Mapping[str, float] = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
 """Length units, in metres."""
 
-OTHER_UNITS = frozenset(
-    (
-        *("degree", "degrees", "radian", "radians", "turn", "turns", "tick", "ticks"),
-        *("meter", "meters", "metre", "metres", "inch", "km"),
-    )
+OTHER_UNITS = _words(
+    "degree degrees radian radians turn turns tick ticks meter meters metre metres inch km"
 )
 """Endings of names that are units too, but unsupported ones."""
 
@@ -103,31 +93,21 @@ WORDS = frozenset(("t", "time", "times", "timestamp", "stamp", "clock", "seconds
 MISSING = ("", "nan", "nat")
 """Placeholder of a missing date."""
 
-REQUESTED = frozenset(
-    (
-        *("requested", "request", "req", "goal", "command", "commanded", "cmd", "target"),
-        *("desired", "des", "reference", "ref", "setpoint", "action"),
-    )
+REQUESTED = _words(
+    "requested request req goal command commanded cmd target "
+    "desired des reference ref setpoint action"
 )
 """Words for a requested angle."""
 
-ACTUAL = frozenset(
-    (
-        *("actual", "act", "present", "measured", "meas", "measurement", "feedback", "state"),
-        *("observed", "observation"),
-    )
-)
+ACTUAL = _words("actual act present measured meas measurement feedback state observed observation")
 """Words for an actual angle."""
 
 PLAIN = frozenset(("position", "pos", "angle"))
 """Words for an angle; without a word for its role, it is an actual one."""
 
-OTHER = frozenset(
-    (
-        *("velocity", "vel", "speed", "effort", "load", "torque", "current", "voltage", "volts"),
-        *("temp", "temperature", "acceleration", "acc", "accel", "pwm", "error", "err", "gain"),
-        *("limit", "min", "max"),
-    )
+OTHER = _words(
+    "velocity vel speed effort load torque current voltage volts temp temperature acceleration acc "
+    "accel pwm error err gain limit min max"
 )
 """Words for quantities that are no angles."""
 

@@ -278,26 +278,19 @@ def _cells(column: Any) -> Any:
     return pa.FixedSizeListArray.from_arrays(flat, column.shape[1])
 
 
+_TASK_COLUMNS = (("task_index", "int64", "int64"), ("task", "unicode", "object"))
 _INDEXED_BY_TASK = {
     "pandas": json.dumps(
         {
             "index_columns": ["task"],
             "column_indexes": [],
             "columns": [
-                {
-                    "name": name,
-                    "field_name": name,
-                    "pandas_type": kind,
-                    "numpy_type": numpy_type,
-                    "metadata": None,
-                }
-                for name, kind, numpy_type in (
-                    ("task_index", "int64", "int64"),
-                    ("task", "unicode", "object"),
-                )
+                {"name": name, "field_name": name, "pandas_type": kind, "numpy_type": numpy_type,
+                 "metadata": None}
+                for name, kind, numpy_type in _TASK_COLUMNS
             ],
             "pandas_version": "2.0.0",
         }
     )
-}
+}  # fmt: skip
 """LeRobot reads the tasks with pandas, and looks them up in the index, which this names."""
