@@ -99,6 +99,12 @@ class Declared:
         """Whether a file has to set it."""
         return self.default is MISSING
 
+    @property
+    def default_in_words(self) -> str:
+        """Its default as TOML, or the effect of leaving it unset."""
+        unset = self.default in (None, MISSING)
+        return self.otherwise or ("" if unset else toml_value(self.default))
+
 
 def setting(
     help: str = "",  # noqa: A002
@@ -451,7 +457,7 @@ def template(cls: type[Settings], heading: Sequence[str]) -> str:
         for name, key in table.keys.items():
             default = None if key.required else key.default
             words = f" {key.expected.capitalize()}." * key.expected.startswith("one of")
-            if in_words := key.otherwise or ("" if default is None else toml_value(default)):
+            if in_words := key.default_in_words:
                 visible = default is not None and key.set_to is None
                 words += "" if visible else f" Default: {in_words}."
             lines += _comment(key.help + words)
