@@ -294,6 +294,10 @@ def _notes(prepared: Prepared) -> list[str]:
 
 def _origins(prepared: Prepared, leg: Leg | None) -> list[tuple[str, str]]:
     """Inputs and settings of the plans: pairs of name and value."""
+
+    def pairs_of(by_joint: Mapping[str, float] | None) -> list[str]:
+        return [f"{joint}={position:g}" for joint, position in (by_joint or {}).items()]
+
     run = prepared.settings
     origins = [("path", run.path.file or "a half ellipse")]
     if leg is not None:
@@ -303,18 +307,14 @@ def _origins(prepared: Prepared, leg: Leg | None) -> list[tuple[str, str]]:
         "model": run.model.file,
         "unreachable": None if leg is None else run.leg.unreachable,
         **{name: plan[name] for name in run.plan.keys if name in plan},
-        "lock": _positions(run.leg.lock) + _positions(run.leg.lock_m, "m"),
-        "near": _positions(run.leg.near),
+        "lock": [*pairs_of(run.leg.lock), *(f"{each}m" for each in pairs_of(run.leg.lock_m))],
+        "near": pairs_of(run.leg.near),
     }
     for name, value in chosen.items():
         if value or value == 0.0:
             several = isinstance(value, list | tuple)
             origins.append((name, ", ".join(map(str, value)) if several else str(value)))
     return origins
-
-
-def _positions(by_joint: Mapping[str, float] | None, unit: str = "") -> list[str]:
-    return [f"{joint}={position:g}{unit}" for joint, position in (by_joint or {}).items()]
 
 
 def _inputs(prepared: Prepared) -> list[tuple[str, str]]:

@@ -240,20 +240,22 @@ def understand(file: Toml, cls: type[AnySettings]) -> AnySettings:
 
 
 def flat(settings: Settings) -> dict[str, Any]:
-    """Every key that has a name of its own, such as ``plan.method``, with its value."""
-    return dict(_flat(type(settings), settings.values(), ()))
+    """Every key that has a name of its own, such as ``plan.method``, with its value.
 
+    The keys of a table that is missing are None.
+    """
 
-def _flat(
-    cls: type[Settings], values: Mapping[str, Any] | None, place: tuple[str, ...]
-) -> Iterator[tuple[str, Any]]:
-    """The keys of a table with their values, all None for a table that is missing."""
-    for name, key in cls.keys.items():
-        value = None if values is None else values[name]
-        if _is_table(key.type):
-            yield from _flat(key.type, value, (*place, name))
-        else:
-            yield key_name((*place, name)), value
+    def items(
+        cls: type[Settings], values: Mapping[str, Any] | None, place: tuple[str, ...]
+    ) -> Iterator[tuple[str, Any]]:
+        for name, key in cls.keys.items():
+            value = None if values is None else values[name]
+            if _is_table(key.type):
+                yield from items(key.type, value, (*place, name))
+            else:
+                yield key_name((*place, name)), value
+
+    return dict(items(type(settings), settings.values(), ()))
 
 
 def _declared(cls: type[Settings]) -> dict[str, Declared]:

@@ -65,24 +65,22 @@ def comparison_page(
     notes: Sequence[str] = (),
 ) -> str:
     """The whole page: verdict and key figures first, sources last; with a leg, it moves."""
-    head, tail = verdict(check)
-    names = [joint.name for joint in check.joints]
-    foot = [foot_figure(check)] if check.foot is not None else []
+    (head, tail), names = verdict(check), [joint.name for joint in check.joints]
+    expected = [each.plans["optimal"].expected.error for each in check.joints]
+    figures = [joint_figure(check, joint, j) for j, joint in enumerate(check.joints)]
+    figures += [foot_figure(check)] if check.foot is not None else []
     plans = {
         "check": check,
         "plans": plans_table(check.joints),
         "foot": None if check.foot is None else foot_table(check.foot),
         "second": check.methods.count(SECOND),
-        "has_expected": any(
-            np.isfinite(each.plans["optimal"].expected.error) for each in check.joints
-        ),
+        "has_expected": bool(np.isfinite(expected).any()),
     }
-    figures = [*(joint_figure(check, joint, j) for j, joint in enumerate(check.joints)), *foot]
     checks = {"table": checks_table(check.checks), "reasons": tolerance_reasons(check.checks)}
+    models = models_table(names, [joint.model for joint in check.joints])
+    subject = f"Plans compared for the leg “{title}”" if leg else heading(title or ", ".join(names))
     return Page(
-        heading=f"Plans compared for the leg “{title}”"
-        if leg
-        else heading(title or ", ".join(names)),
+        heading=subject,
         eyebrow="request-planner compare · closed form and optimised requests",
         verdict=Markup("<strong>{}</strong>. {}").format(head, tail.replace(" %", "\u00a0%")),
         good=check.passed,
@@ -93,9 +91,7 @@ def comparison_page(
             Section("How good each plan is", PLANS, plans),
             Section("Angles and requests", FIGURES, {"pictures": figures}),
             Section("What was checked", CHECKS, checks),
-            table_section(
-                "The models", models_table(names, [joint.model for joint in check.joints])
-            ),
+            table_section("The models", models),
         ],
         listings=sources,
         footer=Markup(

@@ -73,10 +73,10 @@ def plan_page(
     """The whole page.
 
     ``foot_given`` [m], (n, 3), is the desired path of the foot before it was clamped to what the
-    leg reaches; ``legs`` are those of a robot whose joints are all planned.
+    leg reaches; ``legs`` are those of a robot whose joints are all planned, ``unreachable`` the
+    number of samples out of reach, ``missed`` the tolerances that the plan misses.
     """
-    role = METHODS[method]
-    timeline = Timeline.of(plan)
+    role, timeline = METHODS[method], Timeline.of(plan)
     rows = (
         Row(f"{timeline.step * k:.6g}", tuple(f"{angle:.3f}" for angle in angles))
         for k, angles in enumerate(np.degrees(plan.requests).tolist())
@@ -84,18 +84,22 @@ def plan_page(
     columns = tuple(map(Column, plan.names))
     requests = Table(timeline.unit, columns, tuple(rows), label="Requests")
     parts = {name: plan.of_leg(leg) for name, leg in (legs or {}).items()}
-    head, tail = verdict(plan, parts)
     bounded = is_bounded(plan) and method != "foot-optimal"  # of a robot, too: its joints, by feet
-    foot = foot_figures(plan, role)
-    count = max(map(len, plan.task.models)) - 1
-    over = f" · robust, {plan.task.robust} of the nominal and {count} drawn models" if count else ""
+    foot, over_models = foot_figures(plan, role), models_errors_table(plan, plan.names)
     common: dict[str, Any] = {
         "norm": plan.task.norm,
         "robust": plan.task.robust,
         "no_bound": no_bound(plan),
         "bounded": bounded,
+        "over_models": over_models,
     }
-    over_models = models_errors_table(plan, plan.names)
+    sections = []
+    if foot:
+        values = {**common, "foot": foot[1:]}
+        sections.append(Section("The foot", OVER_MODELS + "{{ figures(foot) }}", values))
+    if parts:
+        feet = {"table": feet_table(parts), "feet": [distances_figure(parts, role)]}
+        sections.append(Section("The feet", "{{ table }}{{ figures(feet) }}", feet))
     joints = {
         **common,
         "table": joints_table(plan, bounded=bounded),
@@ -103,30 +107,20 @@ def plan_page(
         "has_expected": any(expected_errors(plan)),
         "joints": [joint_figure(plan, role, j) for j in range(len(plan.names))],
     }
-    sections = [
+    sections += [
         Section("The joints", JOINTS, joints),
-        Section(
-            "The requests",
-            REQUESTS,
-            {"motions": motions_table(plan), "table": requests},
-        ),
+        Section("The requests", REQUESTS, {"motions": motions_table(plan), "table": requests}),
         table_section("The models", models_table(plan.names, plan.models)),
     ]
-    if parts:
-        feet = {"table": feet_table(parts), "feet": [distances_figure(parts, role)]}
-        sections.insert(0, Section("The feet", "{{ table }}{{ figures(feet) }}", feet))
-    if foot:
-        values = {**common, "over_models": over_models, "foot": foot[1:]}
-        sections.insert(0, Section("The foot", OVER_MODELS + "{{ figures(foot) }}", values))
+    count = max(map(len, plan.task.models)) - 1
+    over = f" · robust, {plan.task.robust} of the nominal and {count} drawn models" if count else ""
+    words = remarks(plan, foot_given=foot_given, unreachable=unreachable, missed=missed)
     return Page(
         heading=f"Plan for the leg “{title}”" if plan.task.leg else heading(title),
         eyebrow=f"request-planner plan · {method}{over}",
-        verdict=spoken(head, tail),
+        verdict=spoken(*verdict(plan, parts)),
         good=not (missed or jumps_of(plan)),
-        remarks=[
-            *remarks(plan, foot_given=foot_given, unreachable=unreachable, missed=missed),
-            *notes,
-        ],
+        remarks=[*words, *notes],
         cards=cards(plan, parts),
         figure=foot[0] if foot else None,
         sections=sections,
@@ -177,31 +171,27 @@ cost more accuracy (--smoothness).</p>
 
 def verdict(plan: Plan, legs: Mapping[str, Plan] | None = None) -> tuple[str, str]:
     """The verdict: a headline and its details; of a robot by the parts of its legs."""
-    feet = list((legs or {}).values()) or ([plan] if plan.task.leg else [])
-    if feet:
+    several, unit = len(plan.names) > 1, "degrees"
+    if feet := list((legs or {}).values()) or ([plan] if plan.task.leg else []):
         planned, direct, _ = foot_sizes(feet)
-        unit = "cm"
-        words = "feet stay" if legs else "foot stays", "their paths" if legs else "its path"
-        head = f"By the model the {words[0]} within {at_most(planned.max)} cm of {words[1]}"
+        unit, several = "cm", bool(legs)
+        subject = "feet stay" if legs else "foot stays"
     else:
         planned, direct = (
             size(errors, math.degrees(1.0)) for errors in (plan.errors, plan.direct - plan.desired)
         )
-        unit = "degrees"
-        subject = "joint stays" if len(plan.names) == 1 else "joints stay"
-        whose = "its path" if len(plan.names) == 1 else "their paths"
-        head = f"By the model the {subject} within {at_most(planned.max)} degrees of {whose}"
+        subject = "joints stay" if several else "joint stays"
+    whose = "their paths" if several else "its path"
     tail = (
         f"{two_digits(planned.rms)} {unit} rms. Without a plan, with the desired angles as "
         f"requests, the error is up to {at_most(direct.max)} {unit}, "
         f"{two_digits(direct.rms)} {unit} rms"
     )
+    expected = max(expected_errors(plan)) if not feet else 0.0
     if plan.task.leg and plan.expected_foot:
-        tail += f". On the robot expect about {two_digits(100.0 * plan.expected_foot)} cm rms"
-    elif any(expected_errors(plan)) and not feet:
-        largest = max(each for each in expected_errors(plan) if each)
-        tail += f". On the robot expect about {two_digits(largest)} degrees rms"
-    return head, tail
+        expected = 100.0 * plan.expected_foot
+    tail += f". On the robot expect about {two_digits(expected)} {unit} rms" if expected else ""
+    return f"By the model the {subject} within {at_most(planned.max)} {unit} of {whose}", tail
 
 
 def remarks(
