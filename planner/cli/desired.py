@@ -26,7 +26,7 @@ from planner.files.paths import (
     path_table,
     write_joint_path,
 )
-from planner.files.robot import LegPlace, in_radians, read_legs
+from planner.files.robot import LegPlace, read_legs
 from planner.files.text import STANDARD_STREAM
 from planner.model.evidence import refusal
 from planner.model.joint import JointModel
@@ -103,7 +103,7 @@ class Desired:
 
 def find_leg(leg: settings.Leg, folder: str = "") -> LegPlace | None:
     """The description of the leg; None if the settings name no leg."""
-    near = None if leg.near is None else in_radians(leg.near)
+    near = leg.near and {joint: math.radians(angle) for joint, angle in leg.near.items()}
     urdf, base, foot, lock = (Key(f"leg.{key}") for key in ("urdf", "base", "foot", "lock"))
     is_described = leg.base or leg.foot or leg.lock or leg.lock_m
     if leg.name is not None:
@@ -123,7 +123,8 @@ def find_leg(leg: settings.Leg, folder: str = "") -> LegPlace | None:
         return None
     if leg.base is None or leg.foot is None:
         raise BadSetting(urdf, " needs ", base, " and ", foot, ", the frames at the leg's two ends")
-    locked = in_radians(leg.lock or {}) | dict(leg.lock_m or {})
+    locked = {joint: math.radians(angle) for joint, angle in (leg.lock or {}).items()}
+    locked |= leg.lock_m or {}
     return LegPlace(beside(folder, leg.urdf), leg.base, leg.foot, locked, near)
 
 
@@ -336,7 +337,7 @@ def starts_of(start: settings.Start, joints: Sequence[str], *, cyclic: bool) -> 
         )
     check_joints("start.joints", start.joints, joints)
     common = {} if start.deg is None else dict.fromkeys(joints, start.deg)
-    return in_radians({**common, **start.joints})
+    return {joint: math.radians(each) for joint, each in {**common, **start.joints}.items()}
 
 
 def _limits_of(

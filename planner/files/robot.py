@@ -102,20 +102,15 @@ def _leg(file: Toml, name: str, table: Mapping[str, Any]) -> LegPlace:
         meanings = "; ".join(f"{key} is {KEYS[key]}" for key in missing)
         words = f"[{LEG}.{name}] has no {', '.join(missing)}; {meanings}"
         raise file.fault(words, place)
-    near = table.get("near_deg")
+    locked, near = (
+        {joint: math.radians(angle) for joint, angle in table.get(key, {}).items()}
+        for key in ("lock_deg", "near_deg")
+    )
+    urdf = str(Path(file.path).parent / table["urdf"])
     return LegPlace(
-        str(Path(file.path).parent / table["urdf"]),
-        table["base"],
-        table["foot"],
-        in_radians(table.get("lock_deg", {})),
-        None if near is None else in_radians(near),
+        urdf, table["base"], table["foot"], locked, near if "near_deg" in table else None
     )
 
 
 def _is_number(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
-
-
-def in_radians(degrees: Mapping[str, float]) -> dict[str, float]:
-    """Angles by joint [rad], of angles [deg]."""
-    return {joint: math.radians(angle) for joint, angle in degrees.items()}

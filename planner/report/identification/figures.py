@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -18,14 +17,6 @@ from planner.report.figure import Axis, Curve, Figure, Panel, Span, Words, line
 from planner.report.identification.words import units_of
 from planner.report.style import Role
 from planner.trajectory import Array, index_of_largest
-
-MOST_POINTS = 1500
-"""Points of each kind of a cloud that are drawn, evenly chosen: enough to see a shape, and a light
-page."""
-
-BINS = 10_000
-"""Parts of a log, each drawn by its least and its largest value; a log of twice as many
-rows, over three minutes at 100 Hz, is drawn row by row."""
 
 CLOSE_UP = 3.0
 """Length of the part that is drawn by itself [s]: some ten answers of a hobby servo."""
@@ -129,7 +120,7 @@ def cloud_figure(identification: Identification, prefix: str = "") -> Figure:
         (finite & ~points.apart, style.INK, 0.6, "measured"),
     ):
         places = np.flatnonzero(mask)
-        places = places[:: max(1, math.ceil(len(places) / MOST_POINTS))]
+        places = places[:: max(1, math.ceil(len(places) / 1500))]  # enough to see a shape
         if len(places):
             x, y = factor * points.errors[places], factor * points.speeds[places]
             curves.append(Curve(role, x, y, name, marks="dots", opacity=opacity))
@@ -192,78 +183,66 @@ def cloud_figure(identification: Identification, prefix: str = "") -> Figure:
 
 
 def log_figure(identification: Identification, fit: LogFit, prefix: str) -> Figure:
-    """A log: the whole of it, with a button for the part to look at closely."""
+    """A log: the whole of it, with a button for the part to look at closely.
+
+    Above are requests, angles and prediction, below them the residuals.
+    """
     units, noise, log = units_of(identification), identification.noise, fit.log
-    times = log.times - log.times[0]
-    close = close_up(fit)
-    has_held_out = fit.held_out.any()
-    colours = (
-        "; where the model is dashed, it was fitted without these rows" if has_held_out else ""
-    )
-    shade_note = " The shaded part was held out." if has_held_out else ""
-    outlier_note = ""
-    if len(outliers_of(fit)):
-        outlier_note = "; outliers are rows that the robust fit counted by less than half"
-    least = float(np.min(log.weights[fit.used], initial=1.0))
-    weight_note = (
-        f"; rows of the fastest motion counted by {100.0 * least:.0f} %" if least < 1.0 else ""
-    )
-    level = f"{units.factor * noise:.2g} {units.angle}" if math.isfinite(noise) else "unknown"
-    below = f"Below, measured minus predicted, and twice the noise ({level}) either way"
-    return Figure(
-        f"{prefix}whole",
-        "The whole log",
-        f"Requests, measured angles and prediction{colours}. {below}{outlier_note}{weight_note}. "
-        f"There is no prediction where the torque was off or the requests before are not known."
-        f"{shade_note} The close-up shows the {CLOSE_UP:g} "
-        "seconds in which the joint is farthest from its requests.",
-        Axis("time", "s", (0.0, float(times[-1])), decimals=3),
-        _log_panels(identification, fit),
-        over_time=True,
-        views={
-            "whole log": (0.0, float(times[-1])),
-            "close-up": (float(times[close[0]]), float(times[close[-1]])),
-        },
-        wide=True,
-    )
-
-
-def _log_panels(identification: Identification, fit: LogFit) -> tuple[Panel, Panel]:
-    """Requests, angles and prediction of a log, and below them the residuals."""
-    units, log = units_of(identification), fit.log
-    times = log.times - log.times[0]
+    times, held_out, close = log.times - log.times[0], fit.held_out, close_up(fit)
     requests, angles = units.factor * log.requests, units.factor * log.angles
-    predicted = units.factor * prediction(fit)
-    held_out, residuals = fit.held_out, angles - predicted
+    predicted, outliers = units.factor * prediction(fit), outliers_of(fit)
+    residuals = angles - predicted
     above = [
         _log_curve(MEASURED, times, angles),
         _log_curve(style.REQUESTED._replace(width=1.1), times, requests, held=True),
         _log_curve(FITTED, times, np.where(held_out, np.nan, predicted)),
         _log_curve(UNSEEN, times, np.where(held_out, predicted, np.nan)),
     ]
-    outliers = outliers_of(fit)
     below = [
         _log_curve(style.INK._replace(label="residual", width=0.9), times, residuals),
         Curve(style.DIRECT, times[outliers], residuals[outliers], "outliers", marks="rings"),
     ]
+    drawn = [tuple(curve for curve in curves if len(curve.y)) for curves in (above, below)]
     edges = np.flatnonzero(np.diff(np.concatenate([[0], held_out.astype(int), [0]])))
-    shades = [
+    shades = tuple(
         Span(float(times[start]), float(times[end - 1]), style.GRID, 0.45, legend="held out")
         for start, end in zip(edges[::2], edges[1::2], strict=True)
         if end - start < len(times)
-    ]
-    band = 2.0 * units.factor * identification.noise
-    noise = [Span(-band, band, style.CLOSED_FORM, 0.16, "y", legend="± 2 noise")]
-    quantity = "angle" if units.si else "position"
-    return (
-        Panel(Axis(quantity, units.angle), _drawn(above), spans=tuple(shades), height=1.9),
-        Panel(
-            Axis("residual", units.angle),
-            _drawn(below),
-            "measured − predicted",
-            spans=(*shades, *(noise if math.isfinite(band) else [])),
-        ),
     )
+    band, level = 2.0 * units.factor * noise, "unknown"
+    noises: tuple[Span, ...] = ()
+    if math.isfinite(noise):
+        noises = (Span(-band, band, style.CLOSED_FORM, 0.16, "y", legend="± 2 noise"),)
+        level = f"{units.factor * noise:.2g} {units.angle}"
+    colours, shaded, counted = "", "", ""
+    if held_out.any():
+        colours = "; where the model is dashed, it was fitted without these rows"
+        shaded = " The shaded part was held out."
+    if len(outliers):
+        counted = "; outliers are rows that the robust fit counted by less than half"
+    if (least := float(np.min(log.weights[fit.used], initial=1.0))) < 1.0:
+        counted += f"; rows of the fastest motion counted by {100.0 * least:.0f} %"
+    return Figure(
+        f"{prefix}whole",
+        "The whole log",
+        f"Requests, measured angles and prediction{colours}. Below, measured minus predicted, and "
+        f"twice the noise ({level}) either way{counted}. There is no prediction where the torque "
+        f"was off or the requests before are not known.{shaded} The close-up shows the "
+        f"{CLOSE_UP:g} seconds in which the joint is farthest from its requests.",
+        Axis("time", "s", (0.0, float(times[-1])), decimals=3),
+        (
+            Panel(Axis("angle" if units.si else "position", units.angle), drawn[0], spans=shades,
+                  height=1.9),
+            Panel(Axis("residual", units.angle), drawn[1], "measured − predicted",
+                  spans=(*shades, *noises)),
+        ),
+        over_time=True,
+        views={
+            "whole log": (0.0, float(times[-1])),
+            "close-up": (float(times[close[0]]), float(times[close[-1]])),
+        },
+        wide=True,
+    )  # fmt: skip
 
 
 def outliers_of(fit: LogFit) -> npt.NDArray[np.intp]:
@@ -289,8 +268,11 @@ def prediction(fit: LogFit) -> Array:
     return np.where(fit.held_out, fit.held_out_predicted, fit.predicted)
 
 
-def thinned(times: Array, values: Array, *, bins: int = BINS) -> tuple[Array, Array]:
-    """A curve for drawing: of every part the least and the largest value, NaN where it has none."""
+def thinned(times: Array, values: Array, *, bins: int = 10_000) -> tuple[Array, Array]:
+    """A curve for drawing: of every part the least and the largest value, NaN where it has none.
+
+    A log of twice as many rows as ``bins``, over three minutes at 100 Hz, is drawn row by row.
+    """
     if len(values) <= 2 * bins:
         return times, values
     pieces = []
@@ -310,7 +292,3 @@ def _log_curve(role: Role, times: Array, values: Array, *, held: bool = False) -
     finite = np.flatnonzero(np.isfinite(values))
     span = slice(finite[0], finite[-1] + 1) if len(finite) else slice(0)
     return Curve(role, *thinned(times[span], values[span]), held=held)
-
-
-def _drawn(curves: Sequence[Curve]) -> tuple[Curve, ...]:
-    return tuple(curve for curve in curves if len(curve.y))
