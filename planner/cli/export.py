@@ -59,9 +59,24 @@ def export(
         request-planner export requests.csv --format csv --unit ticks --cycles 10 -o ticks.csv
         request-planner export requests.csv --format yaml --lead-s 2 --joint-names lf_hip,lf_knee
     """  # noqa: D301, E501
+    from planner.cli.desired import check_angles
+    from planner.files.paths import read_joint_path
+    from planner.robot.schedule import Schedule, check_period
+
     (export,) = run.export
     check_export(export)
-    schedule = _read(requests, run.path.joints, period_s)
+    path = read_joint_path(requests, joints=run.path.joints)
+    check_angles(path.names, path.units)
+    period = path.step
+    if period_s is not None:
+        check_period(period_s)
+        path.check_period(period_s)
+        period = period_s
+    elif path.times is None:
+        raise InvalidFile(
+            requests, "no column t_s, so no time between requests; add it, or --period-s"
+        )
+    schedule = Schedule(path.names, path.angles, period)
     if model is not None:
         export = _with_servos(export, model, schedule)
     if export.format in FOLDERS and output == "-":
@@ -105,26 +120,6 @@ def _with_servos(export: Export, model: str, schedule: Schedule) -> Export:
         zero_ticks={name: servo.zero_tick for name, servo in servos.items()},
         reverse=tuple(name for name, servo in servos.items() if servo.direction < 0),
     )
-
-
-def _read(requests: str, joints: tuple[str, ...], period: float | None) -> Schedule:
-    """The requests of the file, at the period of the file or the options."""
-    from planner.cli.desired import check_angles
-    from planner.files.paths import read_joint_path
-    from planner.robot.schedule import Schedule, check_period
-
-    path = read_joint_path(requests, joints=joints)
-    check_angles(path.names, path.units)
-    if period is not None:
-        check_period(period)
-        path.check_period(period)
-    elif path.times is None:
-        raise InvalidFile(
-            requests, "no column t_s, so no time between requests; add it, or --period-s"
-        )
-    else:
-        period = path.step
-    return Schedule(path.names, path.angles, period)
 
 
 FOLDERS = ("bag", "mcap", "lerobot")

@@ -61,6 +61,19 @@ Curves = Callable[["JointOutcome"], Sequence[Curve]]
 
 def paper_figures(reproduction: Reproduction) -> tuple[Figure, ...]:
     """Every figure, in the order of the paper's."""
+    timeline = timeline_of(reproduction)
+
+    def lines(joint: JointOutcome) -> list[Curve]:
+        fit = joint.closed_form_plain.approximation
+        assert fit is not None, "a closed form has an approximation"
+        fine = np.linspace(0.0, fit.samples, 20 * fit.samples + 1)  # knots lie between samples
+        knots, values = np.mod(fit.knots, fit.samples), np.degrees(fit.values)
+        role = style.APPROXIMATION
+        return [
+            Curve(role, timeline.step * fine, np.degrees(fit(fine))),
+            Curve(role, timeline.step * knots, values, "knots", marks="rings"),
+        ]
+
     steps = zip(
         (3, 4),
         STEP_AMPLITUDES,
@@ -76,7 +89,7 @@ def paper_figures(reproduction: Reproduction) -> tuple[Figure, ...]:
         _joints(reproduction, "figure2_joints_direct"),
         *(_step_test(reproduction, *each) for each in steps),
         _speed(reproduction),
-        _joints(reproduction, "figure6_approximation", more=_lines(reproduction)),
+        _joints(reproduction, "figure6_approximation", more=lines),
         _joints(reproduction, "figure7_trajectories"),
         _foot_paths(reproduction),
         _joints(reproduction, "joints_by_method", distance_panel(reproduction, reproduction.foot)),
@@ -305,22 +318,6 @@ def _joints(
         ]  # fmt: skip
 
     return joints_figure(reproduction, name, words, curves, *panels, clock=bool(panels))
-
-
-def _lines(reproduction: Reproduction) -> Curves:
-    timeline = timeline_of(reproduction)
-
-    def curves(joint: JointOutcome) -> list[Curve]:
-        fit = joint.closed_form_plain.approximation
-        assert fit is not None, "a closed form has an approximation"
-        fine = np.linspace(0.0, fit.samples, 20 * fit.samples + 1)  # knots lie between samples
-        knots, values = np.mod(fit.knots, fit.samples), np.degrees(fit.values)
-        return [
-            Curve(style.APPROXIMATION, timeline.step * fine, np.degrees(fit(fine))),
-            Curve(style.APPROXIMATION, timeline.step * knots, values, "knots", marks="rings"),
-        ]
-
-    return curves
 
 
 # The model.
