@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pickle
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from typing import TYPE_CHECKING, Any
 
@@ -16,7 +16,6 @@ from planner.files.staging import staged
 from planner.files.text import write_text
 
 if TYPE_CHECKING:
-    from planner.files.results import Task
     from planner.identification.log import Log
     from planner.identification.result import Identification
 
@@ -68,21 +67,28 @@ def identify(
         request-planner identify log.csv -o joint.toml --report report.html
         request-planner plan desired.csv --model joint.toml -o requests.csv
     """  # noqa: D301
-    from planner.files.joint_model import updated_text
+    from planner.files.joint_model import has_content, read_model_file, updated_text
+    from planner.model.evidence import with_reasons
     from planner.report.identification.text import identification_text, model_comments, remarks
 
     if report == "-":
         raise click.UsageError("--report: standard output takes the model; name a file.")
-    others = _tables(output)
+    try:
+        others = list(read_model_file(output).by_joint) if has_content(output) else []
+    except InvalidFile as error:
+        words = "remove the file to replace it, or choose another name for the model"
+        raise InvalidFile(output, f"is no valid model file ({error}); {words}") from error
     by_joint = _by_joint(logs, choices)
     identifications = _identify_joints(by_joint, choices)
     tables = identifications
+    document: dict[str, Any] = {"joints": {name: e.to_dict() for name, e in tables.items()}}
     if choices["joint"] != "all":
         ((joint, identification),) = identifications.items()
         # A single model is written above all tables: it then holds for a joint of any name.
         # Beside the tables of other joints it gets its own.
         own = joint or (others[0] if len(others) == 1 else "")
         tables = {own if others else "": identification}
+        document = {"joint": joint, **identification.to_dict()}
     if kept := [joint for joint in others if joint not in tables]:
         remark(f"{output}: the models of {', '.join(kept)} stay")
     text = updated_text(
@@ -101,42 +107,20 @@ def identify(
         page = staged(report, identification_page(identifications, sources=sources).encode())
     with page:
         deliver(
-            _document(identifications, every=choices["joint"] == "all"),
+            document,
             identification_text(identifications, "joint.toml" if output == "-" else output),
             lambda file: write_text(file, text),
             output=output,
             as_json=as_json,
         )
-    _check(by_joint, identifications)
-
-
-def _tables(output: str) -> list[str]:
-    """The joints with tables in the model file that is replaced."""
-    from planner.files.joint_model import has_content, read_model_file
-
-    try:
-        return list(read_model_file(output).by_joint) if has_content(output) else []
-    except InvalidFile as error:
-        words = "remove the file to replace it, or choose another name for the model"
-        raise InvalidFile(output, f"is no valid model file ({error}); {words}") from error
-
-
-def _check(joints: Collection[str], identifications: Mapping[str, Identification]) -> None:
-    """Refuse joints without a model, and rejected models; all files are already written."""
-    from planner.model.evidence import with_reasons
-
-    left_out = [joint for joint in joints if joint not in identifications]
-    if left_out:
+    if left_out := [name for name in by_joint if name not in identifications]:
         raise click.ClickException(f"no model of {', '.join(left_out)}; the others are written")
-    refused = {
-        joint or "the joint": each.reason
-        for joint, each in identifications.items()
-        if not each.accepted
-    }
+    refused = {name: each.reason for name, each in identifications.items() if not each.accepted}
     if refused:
+        reasons = {name or "the joint": reason for name, reason in refused.items()}
         which = "the model" if len(refused) == 1 else "the models"
         raise click.ClickException(
-            f"do not plan with {which} of {with_reasons(refused)}; written all the same"
+            f"do not plan with {which} of {with_reasons(reasons)}; written all the same"
         )
 
 
@@ -180,28 +164,36 @@ def _identify_joints(
     from planner.files.results import Task
 
     tick_ms = choices["tick_ms"]
-    options = {
-        "tick": None if tick_ms is None else 1e-3 * tick_ms,
-        "hold": choices["hold"],
-        "hold_out": choices["hold_out"],
+    settings = {name: choices[name] for name in ("hold", "hold_out")}
+    settings["tick"] = None if tick_ms is None else 1e-3 * tick_ms
+    tasks = {
+        joint: Task(joint or "the joint", (joint, tuple(own), settings))
+        for joint, own in logs.items()
     }
-    tasks = [
-        Task(joint or "the joint", (joint, tuple(own), options)) for joint, own in logs.items()
-    ]
     rows = sum(len(log.times) for own in logs.values() for log in own)
-    if len(tasks) > 1 and rows > FEW_ROWS:
-        outcomes = _in_parallel(tasks)
-    else:
-        outcomes = []
-        with Progress(len(tasks)) as progress:
-            for task in tasks:
+    several = len(tasks) > 1 and rows > FEW_ROWS
+    by_name: dict[str, Identification | PlannerError] = {}
+    with Progress(len(tasks), parallel=several) as progress:
+        if several:
+            from planner.parallel import executor_of, outcomes
+
+            with executor_of() as executor:
+                for task, outcome in outcomes(pickled_outcome, [*tasks.values()], executor):
+                    result = outcome.result  # of a process of our own
+                    failure = PlannerError(outcome.reason)
+                    by_name[task.name] = failure if result is None else pickle.loads(result)
+                    progress(task.name)
+        else:
+            for task in tasks.values():
                 progress(f"identifying {task.name}")
-                outcomes.append(outcome_of(task.argument))
-    by_joint = dict(zip(logs, outcomes, strict=True))
-    identifications = {
-        joint: each for joint, each in by_joint.items() if not isinstance(each, PlannerError)
-    }
-    left_out = {joint: each for joint, each in by_joint.items() if isinstance(each, PlannerError)}
+                by_name[task.name] = outcome_of(task.argument)
+    identifications, left_out = dict[str, Identification](), dict[str, PlannerError]()
+    for joint, task in tasks.items():
+        each = by_name[task.name]
+        if isinstance(each, PlannerError):
+            left_out[joint] = each
+        else:
+            identifications[joint] = each
     if not identifications:  # the only joint, or the first of as many as there are
         raise next(iter(left_out.values()))
     for joint, reason in left_out.items():
@@ -209,12 +201,8 @@ def _identify_joints(
     return identifications
 
 
-Arguments = tuple[str, Sequence["Log"], Mapping[str, Any]]
-"""A joint, its logs and the options of :func:`planner.identify`."""
-
-
-def outcome_of(arguments: Arguments) -> Identification | PlannerError:
-    """The identification of a joint, or the error."""
+def outcome_of(arguments: tuple[str, Sequence[Log], Any]) -> Identification | PlannerError:
+    """The identification of a joint from its logs, with these options, or the error."""
     from planner.identification.identify import identify as run
 
     joint, logs, options = arguments
@@ -225,28 +213,6 @@ def outcome_of(arguments: Arguments) -> Identification | PlannerError:
         return error
 
 
-def pickled_outcome(arguments: Arguments) -> bytes:
+def pickled_outcome(arguments: tuple[str, Sequence[Log], Any]) -> bytes:
     """The outcome of a joint, for another process: a task of :mod:`planner.parallel`."""
     return pickle.dumps(outcome_of(arguments))
-
-
-def _in_parallel(tasks: Sequence[Task]) -> list[Identification | PlannerError]:
-    """The outcomes of the joints in their order, one process for each processor."""
-    from planner.parallel import executor_of, outcomes
-
-    by_name: dict[str, Identification | PlannerError] = {}
-    with Progress(len(tasks), parallel=True) as progress, executor_of() as executor:
-        for task, outcome in outcomes(pickled_outcome, tasks, executor):
-            if outcome.result is None:
-                by_name[task.name] = PlannerError(outcome.reason)
-            else:
-                by_name[task.name] = pickle.loads(outcome.result)  # of a process of our own
-            progress(task.name)
-    return [by_name[task.name] for task in tasks]
-
-
-def _document(identifications: Mapping[str, Identification], *, every: bool) -> dict[str, Any]:
-    if every:
-        return {"joints": {joint: each.to_dict() for joint, each in identifications.items()}}
-    ((joint, identification),) = identifications.items()
-    return {"joint": joint, **identification.to_dict()}
