@@ -187,7 +187,8 @@ def _identify_joints(
             for task in tasks.values():
                 progress(f"identifying {task.name}")
                 by_name[task.name] = outcome_of(task.argument)
-    identifications, left_out = dict[str, Identification](), dict[str, PlannerError]()
+    identifications: dict[str, Identification] = {}
+    left_out: dict[str, PlannerError] = {}
     for joint, task in tasks.items():
         each = by_name[task.name]
         if isinstance(each, PlannerError):
