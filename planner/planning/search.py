@@ -13,7 +13,7 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -206,49 +206,29 @@ def robust_requests(
     return smoothed(answer, best, at_most=before)
 
 
-@dataclass(frozen=True, kw_only=True)
-class SmoothingOptions:
-    """Options of the smoothing.
+# In brackets the effect of other values on the sum of squared second differences, in the mean, and
+# on the number of steps, over the smoothing of 86 plans: random joints, some limited, from rest,
+# with dry friction or for the largest error.
 
-    In brackets the effect of other values on the sum of squared second differences, in the mean,
-    and on the number of steps, over the smoothing of 86 plans: random joints, some with limits,
-    from rest, with dry friction or for the largest error.
+RADII = *(0.04,) * 2, *(0.015,) * 16
+"""Radius of the corners in each step of the smoothing [theta_0]."""
 
-    Attributes:
-        radii: Radius of the corners in each step [theta_0].
-        growth: By this the factor c of the weight grows at most after a step within the allowed
-            error [-] (1.7: -1 and +9 %; 6: -2 and +2 %).
-        reduction: By this the weight falls at most after one beyond it [-] (0.25: -1 and +8 %; 0.8:
-            -2 and +6 %).
-        enough: Share of the allowed rise from which on an answer is kept if it was no large gain,
-            and at which steps aim from beyond it (0.8: +7 and -3 %; 0.95: -2 and +8 %).
-        large_gain: Ratio of the second differences after a step to those before up to which it was
-            a large gain, so that another step follows [-] (0.25: 0 and 0 %; 0.8: -4 and +8 %).
-        unchanged: Relative change of the second differences after which no step follows [-],
-        settled: where this share of the allowed rise is used [-] (``unchanged`` 0.05: -2 and +9 %,
-            0.2: +9 and -7 %; ``settled`` 0.25: +5 and -14 %, with needless crossings; 0.8: -8 and
-            +18 %).
-        heaviest: Largest weight of the second differences beside the errors, times ``smoothness``,
-            where an encoder would not show the error [-]: requests that are smooth already are not
-            flattened.
-        mean: Where the largest error counts: relative rise of the root mean square beside
-            ``smoothness`` [-]. Without a limit a joint could rest if it must miss one sample
-            anyway. With 1 requests for the largest errors of the reference walk are two to four
-            times as rough.
-    """
+ENOUGH = 0.9
+"""Share of the allowed rise from which on an answer is kept if it was no large gain, and at which
+steps aim from beyond it (0.8: +7 and -3 %; 0.95: -2 and +8 %)."""
 
-    radii: tuple[float, ...] = (*(0.04,) * 2, *(0.015,) * 16)
-    growth: float = 3.0
-    reduction: float = 0.5
-    enough: float = 0.9
-    large_gain: float = 0.5
-    unchanged: float = 0.1
-    settled: float = 0.5
-    heaviest: float = 50.0
-    mean: float = 20.0
+SETTLED = 0.5
+"""Share of the allowed rise from which on no step follows one that changes the second differences
+by less than a tenth (0.25: +5 and -14 %, with needless crossings; 0.8: -8 and +18 %)."""
 
+HEAVIEST = 50.0
+"""Largest weight of the second differences beside the errors, times ``smoothness``, where an
+encoder would not show the error [-]: requests that are smooth already are not flattened."""
 
-OPTIONS = SmoothingOptions()
+MEAN = 20.0
+"""Where the largest error counts: relative rise of the root mean square beside ``smoothness`` [-].
+Without a limit a joint could rest if it must miss one sample anyway. With 1 requests for the
+largest errors of the reference walk are two to four times as rough."""
 
 STRAIGHT = 1e-24
 """Sum of squared second differences up to which requests count as straight [rad^2]."""
@@ -290,13 +270,13 @@ def smoothed(
     starts = [given, *(other for other in others if other is not None and allowed.by(other[1]))]
     mean = math.inf
     if problem.norm == "max":
-        share = 1.0 + OPTIONS.mean * smoothness
+        share = 1.0 + MEAN * smoothness
         mean = share * math.hypot(errors.mean, errors.model_error)
         mean = max(math.sqrt(max(mean**2 - errors.model_error**2, 0.0)), allowed.unseen)
     shown = _Bound(allowed.shown, 1.0 + smoothness, math.inf, at_most, mean)
 
     def within(unseen: float) -> _Bound:
-        heaviest = OPTIONS.heaviest * smoothness
+        heaviest = HEAVIEST * smoothness
         return _Bound(math.inf, math.inf, heaviest, min(unseen, at_most), max(mean, unseen))
 
     smoother = [_smoothest(problem, *start, errors.error, shown) for start in starts]
@@ -546,7 +526,7 @@ def _smoothest(problem: Problem, state: State, start: Judged, error: float, boun
     if power != 2.0 and error:  # the sum of the powers at the start, in units of the error
         shares = np.minimum(problem.distances(state.angles) / error, LARGEST_SHARE)
         cost = float(np.sum(shares**power))
-    for radius in OPTIONS.radii:
+    for radius in RADII:
         before = now
         allowed = _allowed_rise(error, most, power, len(best), cost)
         if before <= STRAIGHT or allowed <= 0.0 or most <= error:
@@ -566,12 +546,12 @@ def _smoothest(problem: Problem, state: State, start: Judged, error: float, boun
                 best, least = smoother, now
             bound = bound._replace(shown=min(bound.shown, bound.growth * motion.shown))
             most, used = bound.error(motion), bound.used(motion, error)
-            if used > OPTIONS.enough and now > OPTIONS.large_gain * before:
+            if used > ENOUGH and now > 0.5 * before:
                 break
-            factor *= max(used, OPTIONS.growth**-2.0) ** -0.5
+            factor *= max(used, 3.0**-2.0) ** -0.5  # at most three times as large
         else:
-            factor *= max(OPTIONS.enough / used, OPTIONS.reduction) * now / before
-        if OPTIONS.settled < used <= 1.0 and abs(now / before - 1.0) < OPTIONS.unchanged:
+            factor *= max(ENOUGH / used, 0.5) * now / before
+        if SETTLED < used <= 1.0 and abs(now / before - 1.0) < 0.1:
             break
     logging.getLogger(__name__).debug(
         "smoothing: second differences %s", angle_text(math.sqrt(least))
