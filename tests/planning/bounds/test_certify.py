@@ -413,3 +413,20 @@ def test_the_bound_for_every_start_is_that_of_the_best_start():
     for norm, each in (("max", errors.max(0)), ("rms", np.sqrt((errors**2).mean(0)))):
         bound = lower_bound(joint, desired, cyclic=False, norm=norm, level="exact", time_limit=2.0)
         assert each.min() - 1e-4 < bound <= each.min()
+
+
+@pytest.mark.parametrize("norm", NORMS)
+def test_multipliers_that_pull_between_samples_prove_less_but_never_too_much(norm):
+    model = replace(ERS210A, hold=3)
+    reachable = set_of(model, 8, cyclic=True, level="envelope")
+    desired = np.array([0.0, 1.0] * 4)
+    most = lower_bound(model, desired, norm=norm)
+    for multipliers in np.eye(reachable.matrix.shape[0]):
+        proved = certified_error(
+            reachable,
+            desired,
+            multipliers,
+            norm=norm,
+            slack=model.v_max * model.period,
+        )
+        assert proved <= most * (1.0 + OPTIMAL)
