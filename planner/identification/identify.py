@@ -41,6 +41,7 @@ from planner.identification.intervals import (
     intervals_of,
     noise_of,
     over_ticks,
+    over_top_speeds,
     speed_bounded,
     uncertainty_of,
 )
@@ -403,9 +404,10 @@ def _with_shorter_ticks(search: _Search) -> _Search:
 
 def _bounded(logs: Sequence[Log], search: _Search) -> _Bounded:
     """The joint with its intervals; its top speed is at least that of all rows of the logs."""
-    fit = with_observed_speed(with_calm_friction(search.logs, search.joint.fit))
+    fit, others = over_top_speeds(with_calm_friction(search.logs, search.joint.fit))
+    fit = with_observed_speed(fit)
     uncertainty = uncertainty_of(fit)
-    bounds, notes = intervals_of(fit, uncertainty), []
+    bounds, notes = intervals_of(fit, uncertainty, others), []
     lower, upper = bounds["v_max"]
     pairs = zip(search.logs, fit.grid.places, strict=True)  # what held the joint says nothing
     outside = [measured_speed(log, ~used) for log, used in pairs]
@@ -539,7 +541,7 @@ def _answer(
     intervals = all_intervals(fit, bounds, uncertainty)
     if fine is not search:
         longer = refitted(fine.logs, fine.joint.fit, tick=2.0 * fine.timing.tick)
-        intervals = over_ticks(intervals, longer, fine.joint.fit)
+        intervals = over_ticks(intervals, fit, longer, fine.joint.fit)
     verdict, reason, findings = verdict_on(
         fit,
         intervals,

@@ -17,6 +17,7 @@ from planner.identification.intervals import (
     intervals_of,
     noise_of,
     over_ticks,
+    over_top_speeds,
     rise_allowed,
     structure_of,
     uncertainty_of,
@@ -29,6 +30,7 @@ from tests.identification.made import (
     NOISE,
     changed,
     identified_steps,
+    logged,
     measured,
     rich_log,
     step_logs,
@@ -180,10 +182,35 @@ def test_intervals_reach_as_far_as_longer_ticks_move_a_parameter_and_a_rough_los
             )
             for each, tick in ((coarse, 0.002), (fine, 0.001))
         )
-        found = over_ticks(ends, longer, fit)
+        found = over_ticks(ends, fit, longer, fit)
         assert found.pop("v_max") == ends["v_max"]
         np.testing.assert_allclose(found.pop("gain"), expected[-1], rtol=3e-4)  # by factors
         np.testing.assert_allclose(list(found.values()), expected[:-1], atol=1e-12)
+
+
+def test_a_top_speed_that_few_rows_reach_is_sought_among_all_speeds():
+    joint = planner.JointModel(
+        v_max=6.4,
+        theta_0=0.6,
+        lag=0.0137,
+        acceleration_time=0.0073,
+        tick=0.001,
+        dead_band=0.0257,
+        time_constant=0.014,
+        max_acceleration=29.6,
+    )
+    log = logged(joint, period=0.01, rows=1500, seed=76)
+    grid = resampled([log], tick=0.001, reach=0.2, burn_in=0.3)
+    free = only("gain", "v_max", "lag", "dead_band", "time_constant", "acceleration")
+    for near in (0.6, 1.4):
+        at = Parameters.of(joint)._replace(v_max=near * joint.v_max)
+        fit = least_squares(grid, at, free=free)
+        best, others = over_top_speeds(fit)
+        assert best.cost <= fit.cost
+        speeds = [each.parameters.v_max for each in (best, *others)]
+        assert min(speeds) <= joint.v_max <= max(speeds)
+    inertia_alone = replace(fit, parameters=fit.parameters._replace(acceleration=math.inf))
+    assert over_top_speeds(inertia_alone) == (inertia_alone, ())
 
 
 @pytest.fixture(scope="module")
