@@ -11,7 +11,7 @@ import pytest
 
 import planner
 from planner.identification.fit import fit_joint, with_observed_speed
-from planner.identification.grid import timing_of
+from planner.identification.grid import resampled, timing_of
 from planner.identification.intervals import (
     correlation_time,
     intervals_of,
