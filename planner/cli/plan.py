@@ -49,14 +49,14 @@ def plan(*, run: Run, path: str, output: str, report: str | None, as_json: bool)
         request-planner plan foot.csv --leg front-left --solver ipopt -o requests.csv
     """  # noqa: D301
     from planner.cli.answer import document, summary
-    from planner.cli.planning import beyond_limits, misses, plan_of, prepare
+    from planner.cli.planning import beyond_limits, doubted, misses, plan_of, prepare
 
     prepared = prepare(run)
     desired = prepared.desired
     options.warn_of(desired.remarks)
     with Progress(len(desired.names)) as progress:
         result = plan_of(prepared, progress)
-    options.warn_of(beyond_limits(result, desired))
+    options.warn_of([*beyond_limits(result, desired), *doubted(run, desired, result)])
     missed = misses(run, desired, result)
     if report is not None:
         from planner.cli.answer import plan_report

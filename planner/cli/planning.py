@@ -384,3 +384,27 @@ def _load_of_masses(
         return loads
 
     return torques
+
+
+def doubted(run: settings.Run, desired: Desired, plan: Plan) -> list[Remark]:
+    """Remarks on errors that keep the tolerance by the models, but are larger on the robot."""
+    if plan.task.norm != "rms":  # what is expected is a root mean square
+        return []
+    degrees, centimetres = run.tolerance.deg, run.tolerance.cm
+    errors: list[tuple[str, float, float, str, float]] = []
+    if degrees is not None:
+        errors = [
+            (name, *np.degrees([each.error, each.expected.error]), desired.unit(j), degrees)
+            for j, (name, each) in enumerate(zip(desired.names, plan.inversions, strict=True))
+        ]
+    if centimetres is not None and plan.expected_foot is not None:
+        error = error_norm(100.0 * plan.distances, "rms")
+        errors.append(("the foot", error, 100.0 * plan.expected_foot, "cm", centimetres))
+    return [
+        Remark(
+            f"{name} keeps {most:g} {unit} (rms) by the model; on the robot {expected:.3g} {unit} "
+            "is to be expected"
+        )
+        for name, error, expected, unit, most in errors
+        if error <= most < expected
+    ]

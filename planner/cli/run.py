@@ -84,7 +84,7 @@ def folder_of(file: str, out: str | None, in_file: str | None) -> str:
 def carry_out_run(file: Toml, prepared: Prepared, out: str, *, as_json: bool) -> None:
     """Plan, and write the folder of the results."""
     from planner.cli.answer import summary
-    from planner.cli.planning import beyond_limits, plan_of
+    from planner.cli.planning import beyond_limits, doubted, plan_of
     from planner.cli.run_file import speaking_of, write_run
 
     settings, desired = prepared.settings, prepared.desired
@@ -96,7 +96,8 @@ def carry_out_run(file: Toml, prepared: Prepared, out: str, *, as_json: bool) ->
     ):
         plan = plan_of(prepared, progress)
         results, exports, failures = write_run(folder, file.path, prepared, plan, progress=progress)
-    for remark in (*desired.remarks, *beyond_limits(plan, desired)):
+    doubts = doubted(settings, desired, plan)
+    for remark in (*desired.remarks, *beyond_limits(plan, desired), *doubts):
         warn(str(remark))
     words = f"{summary(prepared, plan)}{exports}\n{len(results['files']) + 1} files in {out}"
     print_answer(results, words, as_json=as_json)
