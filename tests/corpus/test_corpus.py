@@ -172,6 +172,7 @@ CASES = {
     "plan-shift": "plan path.csv --method shift --report page.html -o out.csv",
     "plan-shares": [
         "plan shares.csv --model shares.toml --report page.html -o r.csv",
+        "plan shares.csv --model shares.toml --tolerance-deg 1 -o r.csv -q",
         "simulate r.csv --model shares.toml --desired shares.csv -o a.csv",
         "refine r.csv a.csv --desired shares.csv --model shares.toml --no-reidentify -o n.csv",
         "plan shares.csv --model shares.toml --load column --rate-hz 40 --method shift",
