@@ -10,14 +10,14 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
+from scipy.ndimage import maximum_filter1d, minimum_filter1d, uniform_filter1d
 
 from planner.cli.console import BadSetting, Key
 from planner.cli.desired import leg_title
 from planner.cli.models import model_words
 from planner.cli.planning import Prepared, plan_of, task_of
 from planner.exceptions import InvalidFile, about
-from planner.files.columns import pairs, split_unit
+from planner.files.columns import pairs, split_unit, with_unit
 from planner.files.learning_history import LearningState, read_history, write_history
 from planner.files.paths import JOINT_UNITS, UNEVEN, JointPath, joint_path, read_joint_path
 from planner.files.table import Table, read_table
@@ -97,13 +97,13 @@ class Refined:
         return load_columns(loads, len(self.executed))
 
 
-def read_executed(path: str, prepared: Prepared) -> Array:
-    """The requests that were executed [rad], (n, k): a file that ``plan`` or ``refine`` wrote."""
+def read_executed(path: str, prepared: Prepared) -> JointPath:
+    """The requests that were executed: a file that ``plan`` or ``refine`` wrote."""
     desired = prepared.desired
     request_path = read_joint_path(path, joints=desired.names)
     _check_rate(path, request_path.step, desired.period)
     request_path.check_samples(len(desired.angles))
-    return request_path.angles
+    return request_path
 
 
 def _check_rate(path: str, step: float, period: float) -> None:
@@ -117,8 +117,17 @@ def _check_rate(path: str, step: float, period: float) -> None:
         )
 
 
-def read_measured(paths: Sequence[str], prepared: Prepared, *, cycles: int | None) -> Measured:
-    """Measured angles of the joints that are in all files, which begin at the start of a cycle."""
+def read_measured(
+    paths: Sequence[str],
+    prepared: Prepared,
+    executed: JointPath,
+    *,
+    cycles: int | None,
+) -> Measured:
+    """Measured angles of the joints that are in all files, which begin at the start of a cycle.
+
+    Files that have requests, too, must have those that were executed.
+    """
     desired, blocks, unused_rows = prepared.desired, [], 0
     samples = len(desired.angles)
     tables = [_of_a_path(read_table(path), desired.names) for path in paths]
@@ -150,6 +159,7 @@ def read_measured(paths: Sequence[str], prepared: Prepared, *, cycles: int | Non
                 "the file where cycles begin and end, or say with --cycles how many to take"
                 + (", or give the times in t_s if rows were lost" if log.times is None else ""),
             )
+        _check_requests(table, log, executed, desired.period)
         unused_rows += extra
         blocks.append(angles[: count * samples].reshape(count, samples, -1))
     angles = np.concatenate(blocks)
@@ -158,6 +168,38 @@ def read_measured(paths: Sequence[str], prepared: Prepared, *, cycles: int | Non
             paths[0], f"got {len(angles)} of {samples} rows, expected {cycles} cycles"
         )
     return Measured(names or desired.names, angles[: cycles or len(angles)], unused_rows)
+
+
+def _check_requests(table: Table, log: JointPath, executed: JointPath, period: float) -> None:
+    """Raise InvalidFile if a log has other requests than those executed.
+
+    Its requests may be up to two rows early or late, and rounded or clamped a little: what counts
+    is their distance from the range of the executed ones in five rows.
+    """
+    for pair in pairs(table.names):
+        joint = pair.joint or (log.names[0] if len(log.names) == 1 else "")
+        parts = split_unit(pair.requested[0], JOINT_UNITS) if len(pair.requested) == 1 else None
+        if joint not in log.names or parts is None or parts[0] in log.names:
+            continue
+        k = executed.names.index(joint)
+        if parts[1] != executed.units[k] and {parts[1], executed.units[k]} - {"deg", "rad"}:
+            continue
+        column = pair.requested[0]
+        values = with_unit(table, [column], JOINT_UNITS)[2]
+        got = _a_row_each(table, replace(log, angles=values), period)[:, 0]
+        sent = np.resize(executed.angles[:, k], len(got))  # repeats the cycle
+        low, high = minimum_filter1d(sent, 5), maximum_filter1d(sent, 5)
+        beyond = np.maximum(np.maximum(low - got, got - high), 0.0)
+        if np.sqrt(np.mean(beyond**2)) > max(math.radians(1.0), 0.05 * np.std(sent)):
+            worst, factor = int(np.argmax(beyond)), JOINT_UNITS[parts[1]]
+            cycle, request = divmod(worst, len(executed.angles))
+            raise InvalidFile(
+                table.path,
+                f"column '{column}' has {got[worst] / factor:.4g} at request {request + 1} of "
+                f"cycle {cycle + 1}, expected {sent[worst] / factor:.4g} as in {executed.path}: "
+                "this is a log of other requests, or does not begin with a cycle; give the "
+                "requests that were played, and cut the log where a cycle begins",
+            )
 
 
 def _of_a_path(table: Table, joints: Sequence[str]) -> Table:

@@ -106,13 +106,13 @@ def refine(
             "give --method foot-optimal here too"
         )
     executed = read_executed(requests, prepared)
-    angles = read_measured(measured, prepared, cycles=cycles)
+    angles = read_measured(measured, prepared, executed, cycles=cycles)
     if angles.unused:
         warn(f"{angles.unused} measured rows after the last whole cycle are not used")
     with Progress(len(desired.names)) as progress:
         answer = refined(
             prepared,
-            executed,
+            executed.angles,
             angles,
             history=history,
             sensor_delay=None if sensor_delay_ms is None else 1e-3 * sensor_delay_ms,

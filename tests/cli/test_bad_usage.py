@@ -42,6 +42,7 @@ FILES = {
     "leg_slow.csv": f"t_s,{LEG}\n0,1,2,3\n0.02,1,2,3\n0.04,1,2,3\n".encode(),
     "hip_log.csv": b"t_s,hip_requested_deg,hip_actual_deg\n0,1,0\n1,2,1\n2,3,2\n",
     "knee_log.csv": b"t_s,knee_requested_deg,knee_actual_deg\n0,1,0\n1,2,1\n2,3,2\n",
+    "others.csv": b"t_s,requested_deg,actual_deg\n0,1,1\n0.008,2,2\n0.016,14,5\n0.024,9,9\n",
     "gaits": GAITS.encode(),
     "gaits.toml": f"out = 'o'\n{GAITS}height = [0.02]\n".encode(),
     "soft.toml": MODEL.encode() + b"tick = 0.008\ncompliance = 0.1\n",
@@ -204,6 +205,7 @@ BAD = {
     "a sweep here and there": "sweep gaits.toml --workers 2 --scheduler tcp://a:1",
     "a point without a folder": "sweep gaits.toml --at length=0.02",
     "a point without all of its values": "sweep gaits.toml --at height=0.02 --out it",
+    "a log of other requests": "refine d.csv others.csv --desired d.csv --joint hip",
     "a view without a leg": "view desired.csv --html a",
     "a view of some of the joints": "view some.csv --leg reference --html a",
     "a view of requests at another rate": "view foot.csv --leg front-left --html a "

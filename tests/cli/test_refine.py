@@ -139,6 +139,9 @@ def test_the_actual_angles_of_a_log_are_measured_ones(run, desired, execute):
     line = ("refine", "requests.csv", "log.csv", "--desired", desired, "--no-reidentify")
     alone = run(*line, "--joint", "knee")
     assert alone.exit_code == 0, alone.output
+    late = np.column_stack([np.roll(rows[:, 2], 2), rows[:, 3]])
+    write_joint_path("log.csv", ("requested", "actual"), late, period=0.008)
+    assert run(*line, "--joint", "knee").stdout == alone.stdout, "requests two rows late"
 
 
 def keep_columns(file, *names):
