@@ -155,6 +155,7 @@ def test_the_nearest_point_is_told_where_none_meets_what_is_required():
         (GAIT + "length = [0.2, 0.1]\n", 15, "expected a list of rising numbers"),
         (GAIT + "length = [0.0, 0.1]\n", 15, "length: got 0, expected .*above 0"),
         (GAIT + "period_s = [0.01]\n", 15, "4 to 1000000 requests, which are 0.008 s apart"),
+        (GAIT + "period_s = [0.5, 1e308]\n", 15, "got 1e.308, expected 4 to 1000000 requests"),
         (GAIT + "speed = [1.0, 2.0]\n", 15, "is of the path of a file; use .*period_s"),
         (GAIT, 14, "is empty, expected values of one or more of length, height"),
         (GAIT + "length = [0.1]\n[sweep]\nat_speed = 2.0\n", 17, "is for the path of a file"),

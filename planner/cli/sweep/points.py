@@ -159,18 +159,9 @@ def read_sweep(path: str) -> Space:
         if leg is not None and "period_s" in values:
             models = models_of(run.model, leg.joint_names, leg, folder, rate_hz=run.path.rate_hz)
             period = models[0].period
-        for name, value in ((name, value) for name, each in values.items() for value in each):
-            declared, in_file = options.SETTINGS[KEYS[name]], value
-            expected = declared.expected
-            if name == "period_s":
-                in_file = round(value / period)
-                count = expected.removeprefix("a whole number from ")
-                expected = f"{count} requests, which are {period:g} s apart"
-            try:
-                fitted(declared.annotation, in_file)
-            except (ValueError, OverflowError) as error:
-                problem = f": got {value:g}, expected {expected}"
-                raise BadSetting(Key(f"sweep.parameters.{name}"), problem) from error
+        for name, each in values.items():
+            for value in each:
+                _check_in_range(name, value, period)
     return Space(file, run, folder, values, "cm" if of_foot else "deg", requirement, period)
 
 
@@ -212,6 +203,23 @@ def _values(search: Search, path: str) -> dict[str, tuple[float, ...]]:
         name: tuple(np.linspace(values[0], values[-1], search.steps).tolist())
         for name, values in by_name.items()
     }
+
+
+def _check_in_range(name: str, value: float, period: float) -> None:
+    """Refuse a value that the key of its parameter does not take in a run file."""
+    declared = options.SETTINGS[KEYS[name]]
+    expected = declared.expected
+    try:
+        if name == "period_s":
+            count = expected.removeprefix("a whole number from ")
+            expected = f"{count} requests, which are {period:g} s apart"
+            fitted(declared.annotation, round(value / period))
+        else:
+            fitted(declared.annotation, value)
+    except (ValueError, OverflowError) as error:
+        raise BadSetting(
+            Key(f"sweep.parameters.{name}"), f": got {value:g}, expected {expected}"
+        ) from error
 
 
 def planned_points(
