@@ -125,25 +125,29 @@ class Place(click.ParamType):  # type: ignore[type-arg]  # generic from click 8.
 
 def above_0(unit: str) -> Parsed:
     """A number above 0, in this unit."""
-    return Parsed(lambda text: _fitting(finite(text), finite(text) > 0.0), f"more than 0 {unit}")
 
+    def parse(text: str) -> float:
+        number = finite(text)
+        if number <= 0.0:
+            raise ValueError
+        return number
 
-def _fitting(value: Any, fits: bool) -> Any:
-    """The value, if it fits; else ValueError."""
-    if not fits:
-        raise ValueError
-    return value
+    return Parsed(parse, f"more than 0 {unit}")
 
 
 def finite(text: str) -> float:
     """A finite number."""
     number = float(text)
-    return float(_fitting(number, math.isfinite(number)))
+    if not math.isfinite(number):
+        raise ValueError
+    return number
 
 
 def _span(text: str) -> list[float]:
     low, high = (finite(part) for part in text.split(":"))
-    return list(_fitting([low, high], low < high))
+    if not low < high:
+        raise ValueError
+    return [low, high]
 
 
 def _tick(text: str) -> int:
