@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, TypeVar
+from typing import TYPE_CHECKING, Literal, TypeVar
 
 import numpy as np
 
@@ -223,14 +223,23 @@ def _of_joints(
     remarks: tuple[Remark, ...],
     *,
     limits: dict[str, tuple[float, float]],
-    **legs: Any,
+    leg: Leg | None = None,
+    legs: Mapping[str, Leg] | None = None,
 ) -> Desired:
     """The desired motion of a joint path."""
     remarks = (*remarks, *refused_models(path.names, models))
     return Desired(
-        path.names, path.angles, models, limits, units=path.units, cyclic=cyclic, remarks=remarks,
-        loads=path.loads, **legs,
-    )  # fmt: skip
+        path.names,
+        path.angles,
+        models,
+        limits,
+        leg=leg,
+        units=path.units,
+        cyclic=cyclic,
+        remarks=remarks,
+        loads=path.loads,
+        legs=legs or {},
+    )
 
 
 def _in_step(

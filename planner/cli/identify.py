@@ -202,8 +202,12 @@ def _identify_joints(
     return identifications
 
 
-def outcome_of(arguments: tuple[str, Sequence[Log], Any]) -> Identification | PlannerError:
-    """The identification of a joint from its logs, with these options, or the error."""
+Arguments = tuple[str, Sequence["Log"], Mapping[str, Any]]
+"""A joint, its logs and the options of :func:`planner.identify`."""
+
+
+def outcome_of(arguments: Arguments) -> Identification | PlannerError:
+    """The identification of a joint, or the error."""
     from planner.identification.identify import identify as run
 
     joint, logs, options = arguments
@@ -214,6 +218,6 @@ def outcome_of(arguments: tuple[str, Sequence[Log], Any]) -> Identification | Pl
         return error
 
 
-def pickled_outcome(arguments: tuple[str, Sequence[Log], Any]) -> bytes:
+def pickled_outcome(arguments: Arguments) -> bytes:
     """The outcome of a joint, for another process: a task of :mod:`planner.parallel`."""
     return pickle.dumps(outcome_of(arguments))

@@ -245,9 +245,10 @@ def updated_text(
     path: Path | str,
     models: Mapping[str, JointModel],
     *,
+    remarks: Sequence[str] = (),
+    about: Mapping[str, Mapping[str, str]] | None = None,
     servos: Mapping[str, Servo] | None = None,
     bus: Mapping[str, str | int] | None = None,
-    **comments: Any,
 ) -> str:
     """Models as :func:`models_text` writes them, with what else the model file at ``path`` holds.
 
@@ -255,14 +256,15 @@ def updated_text(
     table changes nothing of the model above all tables keeps to that model, also to a new one.
     """
     if not has_content(path):
-        return models_text(models, servos=servos, bus=bus, **comments)
+        return models_text(models, remarks=remarks, about=about, servos=servos, bus=bus)
     file = read_model_file(path)
     kept = {} if file.common is None else {"": file.common}
     for joint, model in file.by_joint.items():
         kept[joint] = models.get("", model) if model == file.common else model
     servos = (read_servos(path) if has_servos(path) else {}) | dict(servos or {})
     bus = read_bus(path) if bus is None else bus
-    return models_text(kept | dict(models), servos=servos, bus=bus, **comments) + legs_text(path)
+    text = models_text(kept | dict(models), remarks=remarks, about=about, servos=servos, bus=bus)
+    return text + legs_text(path)
 
 
 def has_content(path: Path | str) -> bool:
