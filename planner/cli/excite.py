@@ -16,6 +16,7 @@ from planner.files.staging import staged
 if TYPE_CHECKING:
     from planner.identification.excitation import Excitation
     from planner.identification.result import Identification
+    from planner.model.joint import JointModel
 
 KINDS = ("combined", "steps", "multisine", "chirp", "random-steps", "triangle", "slow-triangle")
 
@@ -118,33 +119,14 @@ def excite(
         request-planner excite --kind random-steps --limits-deg -60:30 --rate-hz 50 \\
             --model joint.toml --joint elbow -o elbow.csv
     """  # noqa: D301
-    import numpy as np
-
     from planner.cli.models import models_of
     from planner.files.paths import write_joint_path
-    from planner.files.table import table_text
-    from planner.identification.excitation import excite as make
     from planner.identification.excitation import expect
     from planner.report.identification.text import excitation_text
 
     _check(choices)
     (model,) = models_of(run.model, [joint])
-    centre, rate, kind = choices["centre_deg"], choices["rate_hz"], choices["kind"]
-    duration = choices["duration_s"]
-    if duration is None:
-        duration = 60.0 if kind == "combined" else 20.0
-    low, high, *amplitudes = map(math.radians, (*choices["limits_deg"], *choices["amplitude_deg"]))
-    excitation = make(
-        kind.replace("-", "_"),
-        limits=(low, high),
-        period=model.period if rate is None else 1.0 / rate,
-        duration=duration,
-        centre=None if centre is None else math.radians(centre),
-        amplitudes=amplitudes or None,
-        cycles=choices["cycles"],
-        highest=choices["highest_hz"],
-        seed=choices["seed"],
-    )
+    excitation = _signal(choices, model)
     expected = expect(
         excitation,
         model,
@@ -154,12 +136,7 @@ def excite(
     )
     log: AbstractContextManager[None] = nullcontext()
     if expected_log is not None:
-        (fit,) = expected.fits
-        prefix = "" if joint == UNNAMED else f"{joint}_"
-        angles = np.degrees([fit.log.requests, fit.log.angles])
-        names = ["t_s", f"{prefix}requested_deg", f"{prefix}actual_deg"]
-        rows = np.vstack([fit.log.times, angles]).T
-        log = staged(expected_log, table_text(names, rows).encode())
+        log = staged(expected_log, _log_text(joint, expected).encode())
     with log:
         deliver(
             _document(excitation, expected),
@@ -170,6 +147,43 @@ def excite(
             output=output,
             as_json=as_json,
         )
+
+
+def _signal(choices: dict[str, Any], model: JointModel) -> Excitation:
+    """The signal of the options, for a joint like this."""
+    from planner.identification.excitation import excite as make
+
+    kind = choices["kind"]
+    low, high = map(math.radians, choices["limits_deg"])
+    centre = choices["centre_deg"]
+    rate = choices["rate_hz"]
+    duration = choices["duration_s"]
+    if duration is None:
+        duration = 60.0 if kind == "combined" else 20.0
+    return make(
+        kind.replace("-", "_"),
+        limits=(low, high),
+        period=model.period if rate is None else 1.0 / rate,
+        duration=duration,
+        centre=None if centre is None else math.radians(centre),
+        amplitudes=[math.radians(height) for height in choices["amplitude_deg"]] or None,
+        cycles=choices["cycles"],
+        highest=choices["highest_hz"],
+        seed=choices["seed"],
+    )
+
+
+def _log_text(joint: str, expected: Identification) -> str:
+    """The simulated log from which the expected joint was identified, as CSV."""
+    import numpy as np
+
+    from planner.files.table import table_text
+
+    (fit,) = expected.fits
+    prefix = "" if joint == UNNAMED else f"{joint}_"
+    angles = np.degrees([fit.log.requests, fit.log.angles])
+    names = ["t_s", f"{prefix}requested_deg", f"{prefix}actual_deg"]
+    return table_text(names, np.vstack([fit.log.times, angles]).T)
 
 
 def _check(choices: dict[str, Any]) -> None:

@@ -198,7 +198,7 @@ def models_text(
     if bus:
         blocks.append("\n".join(f"{key} = {toml_value(value)}" for key, value in bus.items()))
     for joint, model in models.items():
-        comments, evidence = (about or {}).get(joint, {}), model.evidence
+        comments = (about or {}).get(joint, {})
         lines = [f"[{key_name((joint,))}]"] if joint else []
         lines += [_comment(line) for line in comments.get("", "").splitlines()]
         lines += [
@@ -206,37 +206,10 @@ def models_text(
             + _comment(comments.get(name, f"[{PARAMETER_UNITS[name]}]"))
             for name in model.parameters() | above
         ]
-        if evidence is not None:
-            tested: tuple[Any, ...] = evidence
-            lines += [
-                f"{key} = {json.dumps(value)}  # {TESTED[key][1]}"
-                for key, value in zip(TESTED, tested, strict=False)
-                if np.size(value) and np.isfinite(value).all()
-            ]
-            if evidence.verdict is not None:
-                accepted = " or ".join(f'"{each}"' for each in ACCEPTED)
-                verdict = toml_value(evidence.verdict)
-                lines.append(f"{VERDICT} = {verdict}  # to plan with only if {accepted}")
-                lines += [f"{REASON} = {toml_value(evidence.reason)}"] * bool(evidence.reason)
-            lines += [
-                f"{name}_interval = [{least!r}, {most!r}]  # 95 %{' [1/s]' * (name == GAIN)}"
-                for name, (least, most) in evidence.intervals.items()
-            ]
-            if evidence.correlations:
-                matrix = json.dumps(evidence.correlations)
-                lines.append(f"{CORRELATIONS} = {matrix}  # of the intervals above")
+        if model.evidence is not None:
+            lines += _evidence_lines(model.evidence)
         if servos and joint in servos:
-            servo, way = servos[joint], servos[joint].direction
-            lines += [
-                "",
-                f"[{key_name((joint,))}.{SERVO}]",
-                f"id = {servo.id}",
-                f"zero_tick = {servo.zero_tick}  # count at angle 0",
-                f"direction = {way}  # -1 where the servo is mounted the other way round",
-                f"ticks_per_turn = {servo.ticks_per_turn}",
-                f"limits = {list(servo.limits)}  # [rad] least and largest request",
-                *(f"{name} = {value}" for name, value in servo.settings.items()),
-            ]
+            lines += _servo_lines(joint, servos[joint])
         blocks.append("\n".join(lines))
     return "\n\n".join(blocks) + "\n"
 
@@ -275,6 +248,44 @@ def has_content(path: Path | str) -> bool:
 def _comment(text: str) -> str:
     """A comment on one line, without characters that TOML forbids."""
     return "# " + "".join(mark if mark.isprintable() else " " for mark in text)
+
+
+def _evidence_lines(evidence: Evidence) -> list[str]:
+    """The evidence of a model: its test, verdict, intervals and their correlations."""
+    tested: tuple[Any, ...] = evidence
+    lines = [
+        f"{key} = {json.dumps(value)}  # {TESTED[key][1]}"
+        for key, value in zip(TESTED, tested, strict=False)
+        if np.size(value) and np.isfinite(value).all()
+    ]
+    if evidence.verdict is not None:
+        accepted = " or ".join(f'"{each}"' for each in ACCEPTED)
+        verdict = toml_value(evidence.verdict)
+        lines.append(f"{VERDICT} = {verdict}  # to plan with only if {accepted}")
+        if evidence.reason:
+            lines.append(f"{REASON} = {toml_value(evidence.reason)}")
+    lines += [
+        f"{name}_interval = [{least!r}, {most!r}]  # 95 %{' [1/s]' * (name == GAIN)}"
+        for name, (least, most) in evidence.intervals.items()
+    ]
+    if evidence.correlations:
+        matrix = json.dumps(evidence.correlations)
+        lines.append(f"{CORRELATIONS} = {matrix}  # of the intervals above")
+    return lines
+
+
+def _servo_lines(joint: str, servo: Servo) -> list[str]:
+    """The table of a joint's servo."""
+    return [
+        "",
+        f"[{key_name((joint,))}.{SERVO}]",
+        f"id = {servo.id}",
+        f"zero_tick = {servo.zero_tick}  # count at angle 0",
+        f"direction = {servo.direction}  # -1 where the servo is mounted the other way round",
+        f"ticks_per_turn = {servo.ticks_per_turn}",
+        f"limits = {list(servo.limits)}  # [rad] least and largest request",
+        *(f"{name} = {value}" for name, value in servo.settings.items()),
+    ]
 
 
 def has_servos(path: Path | str) -> bool:

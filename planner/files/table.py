@@ -104,17 +104,7 @@ def read_table(path: Path | str, *, most_rows: int | None = None) -> Table:
     """
     text = read_text(path)
     declaration = _NAMED_DELIMITER.match(text)
-    start = declaration.end() if declaration else 0
-    comments = _COMMENTS.match(text, start)
-    if comments is not None and "#" in comments[0]:  # empty lines instead: lines keep their number
-        lines_above, rest = comments[0].split("\n")[:-1], text[comments.end() :]
-        blank, row = [""] * (len(lines_above) + 1), rest.partition("\n")[0]
-        last = max(k for k, line in enumerate(lines_above) if line.strip())
-        header, by = lines_above[last].strip(), max(DELIMITERS, key=row.count)
-        cells = row.split(by)
-        if len(cells) == len(header.split(by)) and any(_is_number(_with_point(c)) for c in cells):
-            blank[last] = header[1:].strip() if header[1:2] not in DELIMITERS else header
-        text = text[:start] + "\n".join(blank) + rest
+    text = _without_comments(text, declaration.end() if declaration else 0)
     first = text.lstrip().partition("\n")[0]
     delimiter = declaration[1] if declaration else max(DELIMITERS, key=first.count)
     reader = csv.reader(io.StringIO(text, newline=""), delimiter=delimiter, strict=True)
@@ -128,9 +118,7 @@ def read_table(path: Path | str, *, most_rows: int | None = None) -> Table:
             if declaration and reader.line_num == 1:
                 continue
             if not names:
-                titles = [cell.strip() for cell in cells]
-                titles = [t[1:] if t.startswith("'") and _is_formula(t) else t for t in titles]
-                names = _checked_names(path, titles, reader.line_num)
+                names = _checked_names(path, [_title(cell) for cell in cells], reader.line_num)
                 continue
             if cells[0].lstrip().startswith("#"):
                 continue
@@ -161,6 +149,30 @@ def read_table(path: Path | str, *, most_rows: int | None = None) -> Table:
     return Table(str(path), names, tuple(rows), tuple(lines))
 
 
+def _without_comments(text: str, start: int) -> str:
+    """The text with the comments above its header as empty lines: lines keep their number."""
+    comments = _COMMENTS.match(text, start)
+    if comments is None or "#" not in comments[0]:
+        return text
+    rest = text[comments.end() :]
+    lines = comments[0].split("\n")[:-1]
+    last = max(k for k, line in enumerate(lines) if line.strip())
+    header = lines[last].strip()
+    blank = [""] * (len(lines) + 1)
+    if _follows_header(rest.partition("\n")[0], header):
+        blank[last] = header[1:].strip() if header[1:2] not in DELIMITERS else header
+    return text[:start] + "\n".join(blank) + rest
+
+
+def _follows_header(line: str, header: str) -> bool:
+    """Whether a line is a row of numbers with as many cells as a header."""
+    delimiter = max(DELIMITERS, key=line.count)
+    cells = line.split(delimiter)
+    return len(cells) == len(header.split(delimiter)) and any(
+        _is_number(_with_point(cell)) for cell in cells
+    )
+
+
 def write_table(path: Path | str, names: Sequence[str], values: Array) -> None:
     """Write columns, ``values`` (n, len(names)), as CSV, or to standard output for ``-``."""
     write_text(path, table_text(names, values))
@@ -187,6 +199,12 @@ def csv_text(names: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
 
 def _is_formula(cell: object) -> bool:
     return isinstance(cell, str) and cell.lstrip("'").startswith(("=", "+", "-", "@", "\t", "\r"))
+
+
+def _title(cell: str) -> str:
+    """The title that :func:`csv_text` wrote as this cell."""
+    cell = cell.strip()
+    return cell[1:] if cell.startswith("'") and _is_formula(cell) else cell
 
 
 def _is_row(cells: Sequence[str]) -> bool:

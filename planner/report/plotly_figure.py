@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from planner.report.figure import Axis, Curve, Figure, Moments, Movie, Panel, Words, around
+from planner.report.figure import Axis, Curve, Figure, Moments, Movie, Panel, Span, Words, around
 from planner.report.style import INK, MUTED, ROLES, Role
 from planner.trajectory import Array
 
@@ -47,34 +47,17 @@ def plot(figure: Figure) -> dict[str, Any]:
     domains, inner = _domains(figure.panels)
     above = ABOVE + (18 if figure.panels[0].title else 0)
     data, axes, words, shapes = list[Any](), dict[str, Any](), list[Any](), list[Any]()
-    if figure.clock is not None:  # the line at the moment that the moving leg shows
-        shapes.append({"type": "line", "xref": "x", "yref": "paper", "x0": 0, "x1": 0, "y0": 0,
-                       "y1": 1, "line": {"color": colour(INK), "width": 1.2},
-                       "layer": "above"})  # fmt: skip
+    if figure.clock is not None:
+        shapes.append(_cursor())
     for number, (panel, domain) in enumerate(zip(figure.panels, domains, strict=True), 1):
         axis = "y" if number == 1 else f"y{number}"
         axes[axis.replace("y", "yaxis")] = _y_axis(figure, panel, domain)
         data += [{**_trace(curve, figure, panel), "yaxis": axis} for curve in panel.curves]
         if panel.title:
-            words.append({"text": f"<b>{_escaped(panel.title)}</b>", "xref": "paper",
-                          "yref": "paper", "x": 0, "y": domain[1], "xanchor": "left",
-                          "yanchor": "bottom", "showarrow": False})  # fmt: skip
+            words.append(_heading(panel.title, domain[1]))
         words += [_words(each, axis) for each in panel.words]
-        for span in panel.spans:
-            across, ends = f"{axis} domain", {"x0": span.start, "x1": span.end, "y0": 0, "y1": 1}
-            if span.words:  # beside its upper end
-                left = span.words_side == "left"
-                at = Words(span.words, span.start if left else span.end, 1.0,
-                           across="right" if left else "left", upward="top")  # fmt: skip
-                words.append(_words(at, axis) | {"yref": across})
-            if span.along == "y":
-                ends = {"x0": 0, "x1": 1, "y0": span.start, "y1": span.end}
-            if span.opacity:
-                place = {"xref": "x", "yref": across}
-                place = place if span.along == "x" else {"xref": "paper", "yref": axis}
-                shapes.append({"type": "rect", **place, **ends, "fillcolor": colour(span.role),
-                               "opacity": span.opacity, "line": {"width": 0},
-                               "layer": "below"})  # fmt: skip
+        words += [_span_words(each, axis) for each in panel.spans if each.words]
+        shapes += [_shade(each, axis) for each in panel.spans if each.opacity]
     layout = {
         "xaxis": _x_axis(figure),
         **axes,
@@ -282,6 +265,39 @@ def _y_axis(figure: Figure, panel: Panel, domain: tuple[float, float]) -> dict[s
     return layout if ends is None else layout | {"range": list(ends)}
 
 
+def _cursor() -> dict[str, Any]:
+    """The line at the moment that the moving leg shows; the script moves it."""
+    ends = {"x0": 0, "x1": 0, "y0": 0, "y1": 1}
+    look = {"line": {"color": colour(INK), "width": 1.2}, "layer": "above"}
+    return {"type": "line", "xref": "x", "yref": "paper", **ends, **look}
+
+
+def _shade(span: Span, axis: str) -> dict[str, Any]:
+    """The coloured area of a span, across its panel."""
+    if span.along == "x":
+        place = {"xref": "x", "yref": f"{axis} domain"}
+        ends = {"x0": span.start, "x1": span.end, "y0": 0, "y1": 1}
+    else:
+        place = {"xref": "paper", "yref": axis}
+        ends = {"x0": 0, "x1": 1, "y0": span.start, "y1": span.end}
+    look = {"fillcolor": colour(span.role), "opacity": span.opacity, "line": {"width": 0}}
+    return {"type": "rect", **place, **ends, **look, "layer": "below"}
+
+
+def _heading(text: str, top: float) -> dict[str, Any]:
+    """The title of a panel, whose upper end is at a share of the height."""
+    return {
+        "text": f"<b>{_escaped(text)}</b>",
+        "xref": "paper",
+        "yref": "paper",
+        "x": 0,
+        "y": top,
+        "xanchor": "left",
+        "yanchor": "bottom",
+        "showarrow": False,
+    }
+
+
 def _words(words: Words, axis: str) -> dict[str, Any]:
     text = _escaped(words.text).replace("v_max", "v<sub>max</sub>")
     return {
@@ -295,6 +311,15 @@ def _words(words: Words, axis: str) -> dict[str, Any]:
         "showarrow": False,
         "font": {"color": colour(INK), "size": 12},
     }
+
+
+def _span_words(span: Span, axis: str) -> dict[str, Any]:
+    """The label of a span, beside its upper end."""
+    if span.words_side == "left":
+        label = Words(span.words, span.start, 1.0, across="right", upward="top")
+    else:
+        label = Words(span.words, span.end, 1.0, across="left", upward="top")
+    return _words(label, axis) | {"yref": f"{axis} domain"}
 
 
 def _escaped(text: str) -> str:
