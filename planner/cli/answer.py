@@ -25,6 +25,7 @@ from planner.planning.time_shift import (
 )
 from planner.report.plan import (
     advice,
+    bound_title,
     expected_words,
     feet_table,
     models_errors_table,
@@ -138,10 +139,11 @@ def summary(prepared: Prepared, plan: Plan) -> str:
             bounded = [f"{np.degrees(inversion.lower_bound):.3f}", percent(inversion.gap)]
         robot = [expected_words(expected)] * has_estimate
         rows.append([label, *(f"{error:.3f}" for error in errors.values()), *robot, *bounded])
-    titles = ["joint", "rms [deg]", "max [deg]", *["on the robot"] * has_estimate, "lower bound"]
+    titles = ["joint", "rms [deg]", "max [deg]", *["on the robot"] * has_estimate]
+    titles += [bound_title(plan), "gap"]
     text = (
         f"{len(plan.requests)} requests, one every {1e3 * desired.period:g} ms; "
-        f"{model_words(prepared.settings.model)}\n{text_table([*titles, 'gap'], rows)}"
+        f"{model_words(prepared.settings.model)}\n{text_table(titles, rows)}"
         f"\n\n{motions_table(plan).text()}"
     )
     if over_models := models_errors_table(plan, labels):

@@ -313,7 +313,7 @@ def joint_figure(
     limit_lines = near_limits(limits, requests[-1], end=timeline.step * timeline.last)
     panels = [
         Panel(Axis("angle", unit, least=1.0), tuple(angles), title, spans),
-        Panel(Axis("error", unit, least=0.05), tuple(errors)),
+        Panel(Axis("error", unit, least=0.05), tuple(errors), "errors"),
         Panel(Axis("request", unit, least=1.0), (*limit_lines, *requests), "requested"),
     ]
     drawn = [panel for panel in panels if panel.curves]

@@ -68,12 +68,13 @@ def learning_page(
     count = "1 trial" if trials == 1 else f"{trials} trials"
     worst = max(progress, key=lambda each: float(np.min(each.errors)))
     joints = [joint_figure(plan, executed, measured, j) for j in range(len(plan.names))]
-    verdict = ", ".join(
+    errors = ", ".join(
         f"{each.name} from {_short(each.errors[0])} to {_short(np.min(each.errors))} {each.unit}"
         if len(each.errors) > 1
-        else f"{each.name} {_short(each.errors[0])} {each.unit} rms"
+        else f"{each.name} {_short(each.errors[0])} {each.unit}"
         for each in progress
     )
+    head = "Learning has ended" if ended else f"Learnt from {count}"
     remarks = [about_others] if about_others else []
     remarks += [sentence(f"{each.name}: {text}") for each in progress for text in each.remarks]
     remarks += [sentence(f"{each.name}: {each.stopped}") for each in progress if each.stopped]
@@ -86,7 +87,7 @@ def learning_page(
     return Page(
         heading=heading(title),
         eyebrow="request-planner refine",
-        verdict=spoken("Learning has ended" if ended else f"Learnt from {count}", verdict, ": "),
+        verdict=spoken(head, f"{errors} rms", ": "),
         remarks=remarks,
         cards=[
             Card(_short(value), worst.unit, words)
@@ -137,7 +138,10 @@ def joint_figure(plan: Plan, executed: Array, measured: Array, j: int) -> Figure
     def curves(*looks: tuple[Array, style.Role], held: bool = False) -> list[Curve]:
         return [timeline.degrees(values[:, j], role, held=held) for values, role in looks]
 
-    words = "Angles; the measured error and the part of it that repeats; and requests."
+    words = (
+        "Angles; the measured error, and by how much the joint differs from its model in every "
+        "cycle; and requests."
+    )
     return figure.joint_figure(
         timeline,
         f"learning_joint_{j + 1}",

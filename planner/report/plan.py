@@ -218,7 +218,8 @@ def remarks(
             "desired angles are no smooth path. Start near another pose (--near), or move the path."
         )
     rows = sorted(joint_rows(plan), key=lambda row: row.load, reverse=True)
-    if fast := [row for row in rows if row.too_fast > 0.0]:
+    # a smaller excess leaves no error worth a remark
+    if fast := [row for row in rows if row.too_fast >= 0.005 or row.load > 1.01]:
         names = ", ".join(
             f"{row.name} ({100 * row.too_fast:.0f} % of the path, up to {row.speed:.0f} deg/s; "
             f"the joint reaches {row.top_speed:.0f})"
@@ -326,6 +327,11 @@ def expected_words(expected: Expectation) -> str:
 def is_bounded(plan: Plan) -> bool:
     """Whether the error of each joint has a lower bound."""
     return plan.task.goal == "angles" and not no_bound(plan)
+
+
+def bound_title(plan: Plan) -> str:
+    """The title of lower bounds: of what error, where that is not the rms error."""
+    return "lower bound (max)" if plan.task.norm == "max" else "lower bound"
 
 
 def no_bound(plan: Plan) -> str:
@@ -447,7 +453,7 @@ def joints_table(plan: Plan, *, bounded: bool = True) -> Table:
         *[Column("on the robot [deg]")] * has_expected,
         Column("without a plan [deg]", ("rms", "max")),
         *[Column("best time shift", ("rms [deg]", "early [ms]"))] * (not is_shift),
-        *[Column("lower bound [deg]"), Column("gap")] * bounded,
+        *[Column(f"{bound_title(plan)} [deg]"), Column("gap")] * bounded,
         Column("speed [deg/s]", ("desired", "top")),
         *map(Column, ("too fast", "limits [deg]", "at or beyond limits")),
     ]

@@ -10,6 +10,7 @@ import pytest
 
 import planner
 from kinematics import Limits
+from planner.model.response import PathSpeeds
 from planner.report.page import sources_of
 from planner.report.plan import (
     WITHOUT,
@@ -90,6 +91,17 @@ def test_what_goes_wrong_is_remarked(outcome, page):
     assert jumps_of(asked(outcome, desired=jumping, cyclic=False))[-1] < 87
     assert 'class="verdict no"' in page_of(jumped)
     assert 'class="verdict no"' not in page
+
+
+def test_a_path_is_said_to_be_too_fast_where_that_is_more_than_a_trace(outcome):
+    said = []
+    for fast, share in ((1, 1.005), (1, 1.02), (9, 1.005)):  # of 400 samples
+        shares = np.r_[np.full(fast, share), np.full(400 - fast, 0.5)]
+        changed = asked(outcome)
+        changed.__dict__["speeds"] = (PathSpeeds(shares, np.ones(400)),) * 3
+        words = remarks(changed, unreachable=0, missed=())
+        said.append(any("faster than the top speed" in each for each in words))
+    assert said == [False, True, True]
 
 
 def test_requests_at_a_limit_are_counted(outcome):
