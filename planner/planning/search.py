@@ -206,20 +206,35 @@ def robust_requests(
     return smoothed(answer, best, at_most=before)
 
 
-# In brackets the effect of other values on the sum of squared second differences, in the mean, and
-# on the number of steps, over the smoothing of 86 plans: random joints, some limited, from rest,
-# with dry friction or for the largest error.
-
 RADII = *(0.04,) * 2, *(0.015,) * 16
 """Radius of the corners in each step of the smoothing [theta_0]."""
+
+# In brackets below, up to LARGE_GAIN: the effect of other values on the sum of squared second
+# differences, in the mean, and on the number of steps, over the smoothing of 86 plans: random
+# joints, some limited, from rest, with dry friction or for the largest error.
+
+GROWTH = 3.0
+"""By this the factor c of the weight grows at most after a step within the allowed error (1.7: -1
+and +9 %; 6: -2 and +2 %)."""
+
+REDUCTION = 0.5
+"""By this the weight falls at most after a step beyond it (0.25: -1 and +8 %; 0.8: -2 and +6 %)."""
+
+UNCHANGED = 0.1
+"""Relative change of the second differences after which no step follows, where enough of the
+allowed rise is used (0.05: -2 and +9 %; 0.2: +9 and -7 %)."""
+
+SETTLED = 0.5
+"""The share of the allowed rise that is enough for this (0.25: +5 and -14 %, with needless
+crossings; 0.8: -8 and +18 %)."""
 
 ENOUGH = 0.9
 """Share of the allowed rise from which on an answer is kept if it was no large gain, and at which
 steps aim from beyond it (0.8: +7 and -3 %; 0.95: -2 and +8 %)."""
 
-SETTLED = 0.5
-"""Share of the allowed rise from which on no step follows one that changes the second differences
-by less than a tenth (0.25: +5 and -14 %, with needless crossings; 0.8: -8 and +18 %)."""
+LARGE_GAIN = 0.5
+"""Ratio of the second differences after a step to those before up to which it was a large gain, so
+that another step follows (0.25: 0 and 0 %; 0.8: -4 and +8 %)."""
 
 HEAVIEST = 50.0
 """Largest weight of the second differences beside the errors, times ``smoothness``, where an
@@ -546,12 +561,12 @@ def _smoothest(problem: Problem, state: State, start: Judged, error: float, boun
                 best, least = smoother, now
             bound = bound._replace(shown=min(bound.shown, bound.growth * motion.shown))
             most, used = bound.error(motion), bound.used(motion, error)
-            if used > ENOUGH and now > 0.5 * before:
+            if used > ENOUGH and now > LARGE_GAIN * before:
                 break
-            factor *= max(used, 3.0**-2.0) ** -0.5  # at most three times as large
+            factor *= max(used, GROWTH**-2.0) ** -0.5
         else:
-            factor *= max(ENOUGH / used, 0.5) * now / before
-        if SETTLED < used <= 1.0 and abs(now / before - 1.0) < 0.1:
+            factor *= max(ENOUGH / used, REDUCTION) * now / before
+        if SETTLED < used <= 1.0 and abs(now / before - 1.0) < UNCHANGED:
             break
     logging.getLogger(__name__).debug(
         "smoothing: second differences %s", angle_text(math.sqrt(least))
