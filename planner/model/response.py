@@ -100,19 +100,24 @@ def motion_under(
     Raises:
         NoSteadyCycle: The response does not settle.
     """
-    from planner.model.steady_cycle import respond
+    from planner.model.steady_cycle import motion_of
 
-    count, torques = len(requests), np.zeros(len(requests)) if torques is None else torques
-    weights, oldest, motion = (
+    if torques is None:
+        torques = np.zeros(len(requests))
+    motion = np.empty((3, len(requests)))
+    apart = motion_of(
+        model.law,
         weights_by_tick(model),
+        np.ascontiguousarray(requests),
         request_ages(model).oldest,
-        np.empty((3, count)),
+        model.compliance * torques,
+        model.faster_per_tick(torques),
+        np.nan if start is None else start,
+        cyclic,
+        MOST_CYCLES,
+        motion,
     )
-    sags, faster = model.compliance * torques, model.faster_per_tick(torques)
-    begin, sent = np.nan if start is None else start, np.ascontiguousarray(requests)
-    if apart := respond(
-        model.law, weights, sent, oldest, sags, faster, begin, cyclic, MOST_CYCLES, motion
-    ):
+    if apart:
         raise NoSteadyCycle(apart, MOST_CYCLES)
     return motion
 

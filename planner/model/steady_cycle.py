@@ -71,7 +71,7 @@ class Cycle(NamedTuple):
 
 
 @compiled
-def respond(
+def motion_of(
     law: Law,
     weights: Array,
     requests: Array,
@@ -118,7 +118,7 @@ def respond(
 
 @inner
 def _run_steady_cycle(cycle: Cycle, near: float, most: int) -> float:
-    """Run the cycle that repeats itself, its ends near an angle: see :func:`respond`."""
+    """Run the cycle that repeats itself, its ends near an angle: see :func:`motion_of`."""
     law = cycle.law
     v_max = law.top if exceeds_drive(law) else law.top - law.friction
     slower, faster = extremes(cycle.faster)

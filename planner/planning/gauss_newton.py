@@ -21,7 +21,7 @@ import numpy as np
 from planner.compilation import compiled, inner
 from planner.model.kernel import at_rest, law_of, moving_states, periods
 from planner.model.response import MOST_CYCLES
-from planner.model.steady_cycle import respond
+from planner.model.steady_cycle import motion_of
 from planner.planning.factorisation import (
     Factor,
     Places,
@@ -272,7 +272,7 @@ def simulate_all(spec: Spec, requests: Array, angles: Array) -> bool:
         for k in range(samples):
             column[k] = requests[k, a % joints]
         weights, start = spec.weights[a, : int(row[10])], np.nan if spec.cyclic else row[13]
-        apart = respond(
+        apart = motion_of(
             law_of(row),
             weights,
             column,
@@ -488,7 +488,8 @@ def set_entries(
     """Fill the entries of the KKT matrix, of one triangle and the diagonal; their number.
 
     Unknowns are the requests, the states, the multipliers of the dynamics and, where changes are
-    limited, of the changes. The first entries are the diagonal of the requests.
+    limited, of the changes. The first entries are the diagonal of the requests. Which places have
+    an entry may depend only on what is in the key of :func:`pattern_of`, which keeps patterns.
 
     Args:
         spec: The problem.
@@ -594,7 +595,7 @@ _KEPT: dict[tuple[int, ...], Pattern] = {}
 def pattern_of(spec: Spec, *, smoothing: bool) -> Pattern:
     """The pattern of the steps of a problem: unknowns are eliminated in order of time.
 
-    It depends on the numbers of samples, joints, drives and requests that act alone. The last
+    It depends on the numbers of samples, joints, drives and requests that act alone. The latest
     patterns are kept, as joints of one robot and other plans of one path have the same.
 
     Without second differences and limits on changes requests are eliminated first, then states: a
@@ -630,7 +631,7 @@ def pattern_of(spec: Spec, *, smoothing: bool) -> Pattern:
     pattern = pattern_in_order(spec, smoothing, position)
     if samples <= MOST_KEPT:
         if len(_KEPT) >= PATTERNS:
-            _KEPT.clear()
+            _KEPT.pop(next(iter(_KEPT)), None)  # the oldest
         _KEPT[key] = pattern
     return pattern
 
