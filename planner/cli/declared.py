@@ -77,9 +77,8 @@ class Declared:
     otherwise: str = ""  # the effect of leaving it unset, in words, if the default does not show it
     example: Any = None  # an example value, if there is no default
     set_to: Any = None  # its value in a template, if that is not the default
-    # its option on the command line, such as `--cyclic/--no-cyclic`; "" for none, `--` for one of
-    # the key's name
-    option: str = ""
+    is_option: bool = False  # whether it is an option of the command line, named like the key
+    option: str = ""  # that option, such as `--cyclic/--no-cyclic`, if any: declared or derived
     # the key of the same table that takes values of the option for single joints
     by_joint: str = ""
     # the methods, or formats, of its table on which it has an effect; () for all
@@ -124,7 +123,7 @@ def setting(
     return field(default=default, metadata={"declared": Declared(help, **own, click=click | about)})
 
 
-option = partial(setting, option="--")
+option = partial(setting, is_option=True)
 """Declare a key of a table that is also an option of the same name."""
 
 
@@ -267,10 +266,10 @@ def _declared(cls: type[Settings]) -> dict[str, Declared]:
         base, notes = _unwrapped(annotation)
         in_words = any(isinstance(note, Expected) for note in notes)
         declared = each.metadata.get("declared", Declared())
-        named = f"--{each.name.replace('_', '-')}" if declared.option == "--" else declared.option
+        named = f"--{each.name.replace('_', '-')}" if declared.is_option else ""
         keys[each.name] = replace(
             declared,
-            option=named,
+            option=declared.option or named,
             annotation=annotation,
             default=default,
             type=base,
