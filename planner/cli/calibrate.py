@@ -213,8 +213,12 @@ def _asked_ranges(arm: Arm, ranges: dict[str, Any]) -> dict[str, Any]:
     click.echo(f"Ranges [deg]: {spans}", err=True)
     answer = click.prompt(
         "Enter to keep them, or h to show them by hand (the torque goes off: hold the arm)",
-        type=click.Choice(["", "h"]), default="", show_choices=False, show_default=False, err=True,
-    )  # fmt: skip
+        type=click.Choice(["", "h"]),
+        default="",
+        show_choices=False,
+        show_default=False,
+        err=True,
+    )
     if answer != "h":
         return ranges
     for servo in arm.servos.values():

@@ -150,10 +150,9 @@ def plan_of(
         plan = replace(plan, task=replace(plan.task, lower=lower, upper=upper, leg=leg, foot=foot))
     for each in plan.inversions:
         if each.error < each.lower_bound - ROUNDING:
-            unit, (error, bound) = (
-                desired.unit(each.column),
-                np.degrees([each.error, each.lower_bound]),
-            )
+            unit = desired.unit(each.column)
+            error = math.degrees(each.error)
+            bound = math.degrees(each.lower_bound)
             raise FailedCheck(
                 f"{desired.names[each.column]}: an error of {error:.6g} {unit} is below its own "
                 f"lower bound of {bound:.6g} {unit}; please report this with the path and the model"
@@ -328,14 +327,17 @@ def with_load(plan: settings.Plan, path: RecordedPath, leg: Leg | None) -> Recor
         if name not in by_name:
             joints = ", ".join(by_name)
             raise BadSetting(
-                key, f": the recording has no joint '{name}', which the leg has; joints: {joints}; "
-                "name it with ", Key("replay.urdf_joints")
-            )  # fmt: skip
+                key,
+                f": the recording has no joint '{name}', which the leg has; joints: {joints}; "
+                "name it with ",
+                Key("replay.urdf_joints"),
+            )
         if by_name[name].unit != "rad":
             raise BadSetting(
-                key, f": {name} is in shares of its range, and a pose needs angles; choose its "
-                "unit with --unit"
-            )  # fmt: skip
+                key,
+                f": {name} is in shares of its range, and a pose needs angles; choose its "
+                "unit with --unit",
+            )
     form, names = plan.load, [each.name for each in planned]
 
     def load_at(moments: Array) -> LoadOfPose:

@@ -285,12 +285,17 @@ _INDEXED_BY_TASK = {
             "index_columns": ["task"],
             "column_indexes": [],
             "columns": [
-                {"name": name, "field_name": name, "pandas_type": kind, "numpy_type": numpy_type,
-                 "metadata": None}
+                {
+                    "name": name,
+                    "field_name": name,
+                    "pandas_type": kind,
+                    "numpy_type": numpy_type,
+                    "metadata": None,
+                }
                 for name, kind, numpy_type in _TASK_COLUMNS
             ],
             "pandas_version": "2.0.0",
         }
     )
-}  # fmt: skip
+}
 """LeRobot reads the tasks with pandas, and looks them up in the index, which this names."""

@@ -295,9 +295,10 @@ def plans_table(joints: Sequence[JointComparison]) -> Table:
         for level, bound in joint.bounds.items():
             solver_gap = joint.certificates[level].solver_gap
             which = f"{level}, solver gap {percent(solver_gap)}" if solver_gap else level
-            cells = [""] * (6 + has_expected)
-            cells[joint.plans["optimal"].norm == "max"] = f"{math.degrees(bound):.3f}"
-            rows.append(Row(f"lower bound ({which})", tuple(cells), joint.name, "bound"))
+            size = f"{math.degrees(bound):.3f}"
+            errors = ("", size) if joint.plans["optimal"].norm == "max" else (size, "")
+            row = (*errors, *[""] * (4 + has_expected))
+            rows.append(Row(f"lower bound ({which})", row, joint.name, "bound"))
     titles = (
         *("rms [deg]", "max [deg]", *["on the robot [deg]"] * has_expected, "gap"),
         *("requests differ: rms [deg]", "most [deg]", "at request"),

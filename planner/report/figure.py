@@ -246,9 +246,14 @@ class Timeline:
         )
 
     def curve(
-        self, values: Array, role: Role, label: str = "", *, held: bool = False,
+        self,
+        values: Array,
+        role: Role,
+        label: str = "",
+        *,
+        held: bool = False,
         hidden: bool = False,
-    ) -> Curve:  # fmt: skip
+    ) -> Curve:
         """A value per sample, shape (n,); of a cycle up to where it begins again."""
         heights = np.append(values, values[0]) if self.cyclic else values
         times = self.step * np.arange(float(len(heights)))
@@ -286,9 +291,13 @@ class Timeline:
     ) -> Figure:
         """Panels over time, with title and caption; ``clock``: whether they follow a moving leg."""
         return Figure(
-            name, *words, self.axis, tuple(panels), over_time=True,
+            name,
+            *words,
+            self.axis,
+            tuple(panels),
+            over_time=True,
             clock=self.per_second if clock else None,
-        )  # fmt: skip
+        )
 
 
 def joint_figure(

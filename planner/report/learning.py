@@ -159,7 +159,7 @@ def trials_table(progress: Sequence[Progress]) -> Table:
     rows, best = [], "\nbest"
     for number in range(max(len(each.errors) for each in progress)):
         cells = (
-            f"{_short(each.errors[number], 4)}{best * (number == each.best)}"
+            f"{_short(each.errors[number], 4)}{best if number == each.best else ''}"
             if number < len(each.errors)
             else NOTHING
             for each in progress

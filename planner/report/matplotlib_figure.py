@@ -171,11 +171,16 @@ def _draw_span(axes: Axes, span: Span) -> None:
     if span.words:
         left = span.words_side == "left"
         axes.annotate(
-            span.words, (span.start if left else span.end, 0.98),
-            xycoords=("data", "axes fraction"), textcoords="offset points",
-            xytext=(-AWAY if left else AWAY, 0), ha="right" if left else "left", va="top",
-            fontsize=8.5, color=INK.light,
-        )  # fmt: skip
+            span.words,
+            (span.start if left else span.end, 0.98),
+            xycoords=("data", "axes fraction"),
+            textcoords="offset points",
+            xytext=(-AWAY if left else AWAY, 0),
+            ha="right" if left else "left",
+            va="top",
+            fontsize=8.5,
+            color=INK.light,
+        )
 
 
 def _write(axes: Axes, words: Words) -> None:

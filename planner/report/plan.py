@@ -446,36 +446,37 @@ def joint_rows(plan: Plan) -> list[JointRow]:
 def joints_table(plan: Plan, *, bounded: bool = True) -> Table:
     """Errors, speeds and limits of joints, and lower bounds if wanted and available."""
     bounded, has_expected = bounded and is_bounded(plan), any(expected_errors(plan))
-    is_shift, shift, rows = plan.method == "shift", shifted(plan.task), list[Row]()
-    columns = [
-        Column("best time shift [deg]" if is_shift else "planned [deg]", ("rms", "max")),
-        *[Column("early [ms]")] * is_shift,
-        *[Column("on the robot [deg]")] * has_expected,
-        Column("without a plan [deg]", ("rms", "max")),
-        *[Column("best time shift", ("rms [deg]", "early [ms]"))] * (not is_shift),
-        *[Column(f"{bound_title(plan)} [deg]"), Column("gap")] * bounded,
-        Column("speed [deg/s]", ("desired", "top")),
-        *map(Column, ("too fast", "limits [deg]", "at or beyond limits")),
-    ]
+    is_shift = plan.method == "shift"
+    columns = [Column("best time shift [deg]" if is_shift else "planned [deg]", ("rms", "max"))]
+    if is_shift:
+        columns.append(Column("early [ms]"))
+    if has_expected:
+        columns.append(Column("on the robot [deg]"))
+    columns.append(Column("without a plan [deg]", ("rms", "max")))
+    if not is_shift:
+        columns.append(Column("best time shift", ("rms [deg]", "early [ms]")))
+    if bounded:
+        columns += [Column(f"{bound_title(plan)} [deg]"), Column("gap")]
+    columns.append(Column("speed [deg/s]", ("desired", "top")))
+    columns += [Column("too fast"), Column("limits [deg]"), Column("at or beyond limits")]
+    rows = []
+    shift = shifted(plan.task)
     early = zip(shift.errors.T, shift.leads, strict=True)
     for row, expected, (errors, lead) in zip(joint_rows(plan), plan.expected, early, strict=True):
-        early_by, robot = f"{1e3 * lead:.0f}", expected_words(expected).replace(" (", "\n")
-        gap = NOTHING if row.gap is None or math.isinf(row.gap) else percent(row.gap)
-        planned, direct = (
-            tuple(f"{error:.3f}" for error in errors) for errors in (row.planned, row.direct)
-        )
-        cells: list[str | tuple[str, ...]] = [
-            planned,
-            *[early_by] * is_shift,
-            *[robot.removesuffix(")")] * has_expected,
-            direct,
-            *[(f"{np.degrees(rms(errors)):.3f}", early_by)] * (not is_shift),
-            *[number(row.bound, 3), gap] * bounded,
-            (f"{row.speed:.0f}", f"{row.top_speed:.0f}"),
-            percent(row.too_fast, 0),
-            _limits(*row.limits),
-            f"{row.at_limit}",
-        ]
+        early_by = f"{1e3 * lead:.0f}"
+        cells: list[str | tuple[str, ...]] = [tuple(f"{error:.3f}" for error in row.planned)]
+        if is_shift:
+            cells.append(early_by)
+        if has_expected:
+            cells.append(expected_words(expected).replace(" (", "\n").removesuffix(")"))
+        cells.append(tuple(f"{error:.3f}" for error in row.direct))
+        if not is_shift:
+            cells.append((f"{np.degrees(rms(errors)):.3f}", early_by))
+        if bounded:
+            gap = NOTHING if row.gap is None or math.isinf(row.gap) else percent(row.gap)
+            cells += [number(row.bound, 3), gap]
+        cells.append((f"{row.speed:.0f}", f"{row.top_speed:.0f}"))
+        cells += [percent(row.too_fast, 0), _limits(*row.limits), f"{row.at_limit}"]
         rows.append(Row(row.name, tuple(cells)))
     return Table("joint", tuple(columns), tuple(rows), label="Joints")
 

@@ -313,9 +313,12 @@ def joint_figure(replay: Replay, j: int) -> Figure:
     if joint.inversion is None:
         words = f"{joint.path.reason}: its recorded requests at the same moments"
         return figure.joint_figure(
-            timeline, f"joint_{j}", (joint.name, sentence(words)), unit=SIGNS[unit],
+            timeline,
+            f"joint_{j}",
+            (joint.name, sentence(words)),
+            unit=SIGNS[unit],
             requests=(desired, *request_curves),
-        )  # fmt: skip
+        )
     assert joint.predicted is not None, "a planned joint is simulated"
     angles = (
         (joint.direct, AS_IT_IS),

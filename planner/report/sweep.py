@@ -210,15 +210,19 @@ prints is that of the table.</p>
 
 def points_table(swept: Swept) -> Table:
     """The points of the front with their parameters, speeds and errors."""
-    parameters = [WORDS[name] for name in swept.names]
-    speed = () if WORDS["speed"] in parameters else ((("speed", swept.speed_unit)),)
-    errors = (("error", swept.error_unit), ("without a plan", swept.error_unit), ("too fast", ""))
-    titles = [
-        f"{words} [{unit}]" if unit else words for words, unit in (*parameters, *speed, *errors)
-    ]
+    quantities = [WORDS[name] for name in swept.names]
+    if "speed" not in swept.names:
+        quantities.append(("speed", swept.speed_unit))
+    quantities.append(("error", swept.error_unit))
+    quantities.append(("without a plan", swept.error_unit))
+    quantities.append(("too fast", ""))
+    titles = [f"{words} [{unit}]" if unit else words for words, unit in quantities]
     rows = []
     for each in swept.front:
-        numbers = (*each.point, *[each.speed] * len(speed), each.error, each.direct)
+        numbers = [*each.point]
+        if "speed" not in swept.names:
+            numbers.append(each.speed)
+        numbers += [each.error, each.direct]
         fast = f"{100.0 * each.too_fast:.0f} % {each.slowest}" if each.slowest else "nowhere"
         best = "\nbest" if each is swept.best else ""
         rows.append(Row(f"{each.number}{best}", (*(f"{value:.4g}" for value in numbers), fast)))

@@ -261,8 +261,9 @@ def _norms(distance: Distance) -> dict[str, float]:
 def _identification_entry(identification: Identification, unseen: float) -> dict[str, Any]:
     """The identification, and the same in the paper's units beside its Table 1."""
     period, held_out = identification.model.period, identification.held_out_rms
-    lower, upper = ({name: of[end] for name, of in identification.intervals.items()}
-                    for end in (0, 1))  # fmt: skip
+    lower, upper = (
+        {name: of[end] for name, of in identification.intervals.items()} for end in (0, 1)
+    )
     of_paper, of_ours = JointModel.ers210a().parameters(), identification.model.parameters()
     paper, ours, least, most = (
         _in_paper_units(values, period) for values in (of_paper, of_ours, lower, upper)

@@ -183,9 +183,14 @@ def _joints_by_method(outcome: VirtualOutcome) -> Figure:
 
 
 def _walked(
-    outcome: VirtualOutcome, method: str, joint: JointOutcome, role: Role, label: str = "",
-    *, hidden: bool = False,
-) -> tuple[Curve, Curve]:  # fmt: skip
+    outcome: VirtualOutcome,
+    method: str,
+    joint: JointOutcome,
+    role: Role,
+    label: str = "",
+    *,
+    hidden: bool = False,
+) -> tuple[Curve, Curve]:
     angles = np.degrees(outcome.runs[method].angles[:, :, _index(outcome, joint)])
     return timeline_of(outcome.planned).cycles(angles, role, label, hidden=hidden)
 
