@@ -25,7 +25,7 @@ FEW_ROWS = 20_000
 
 @click.command()
 @click.argument("logs", nargs=-1, required=True, type=types.INPUT, metavar="LOG...")
-@options.of_logs
+@options.log_options
 @options.positive(
     "--tick-ms", "Time step of the model.  [default: chosen from the rate of the log]"
 )
@@ -81,8 +81,10 @@ def identify(
     by_joint = _by_joint(logs, choices)
     identifications = _identify_joints(by_joint, choices)
     tables = identifications
-    document: dict[str, Any] = {"joints": {name: e.to_dict() for name, e in tables.items()}}
-    if choices["joint"] != "all":
+    document: dict[str, Any]
+    if choices["joint"] == "all":
+        document = {"joints": {joint: each.to_dict() for joint, each in tables.items()}}
+    else:
         ((joint, identification),) = identifications.items()
         # A single model is written above all tables: it then holds for a joint of any name.
         # Beside the tables of other joints it gets its own.
@@ -179,9 +181,10 @@ def _identify_joints(
 
             with executor_of() as executor:
                 for task, outcome in outcomes(pickled_outcome, [*tasks.values()], executor):
-                    result = outcome.result  # of a process of our own
-                    failure = PlannerError(outcome.reason)
-                    by_name[task.name] = failure if result is None else pickle.loads(result)
+                    if outcome.result is None:
+                        by_name[task.name] = PlannerError(outcome.reason)
+                    else:
+                        by_name[task.name] = pickle.loads(outcome.result)  # of our own process
                     progress(task.name)
         else:
             for task in tasks.values():

@@ -41,7 +41,7 @@ output_or_folder = click.option(
 def positive(name: str, about: str, default: float | None = None) -> Callable[[Command], Command]:
     """Give a command an option for a number above 0, whose unit ends its name: ``--rate-hz``."""
     unit = name.rpartition("-")[2]
-    kind = types.above_0(types.ENDS[unit])
+    kind = types.above_0(types.UNITS_OF_OPTIONS[unit])
     return click.option(name, type=kind, default=default, metavar=unit.upper(), help=about)
 
 
@@ -77,7 +77,7 @@ parallel = several(
 
 as_json = click.option("--json", "as_json", is_flag=True, help="Print JSON for machines.")
 
-of_recordings = several(
+recording_options = several(
     click.option(
         "--time", metavar="COLUMN", help="CSV: the column of times; clock:ms says its unit."
     ),
@@ -109,11 +109,11 @@ of_recordings = several(
 )
 """The options of logs of which every joint is read."""
 
-of_logs = several(
+log_options = several(
     click.option(
         "--joint", metavar="NAME", help="The joint to read where a log has several, or 'all'."
     ),
-    of_recordings,
+    recording_options,
 )
 """The options that :func:`to_log_options` takes."""
 
@@ -154,13 +154,18 @@ HALF_ELLIPSE, EXPORT = map(_of_table, ("path.half_ellipse", "export"))
 def settings(*groups: str, **helps: str) -> Callable[[Command], Command]:
     """Give a command options that are settings, and hand them to it as ``run``, a typed Run.
 
-    A group is a table of a run file with some of its keys: ``"plan: method cyclic"``.
-    An argument ``path`` of the command is the file of the path. Settings of a replay are handed to
-    it as ``replay``. A help in ``helps`` takes the place of a setting's own, by the last part of
-    its key, or by the key with underscores.
+    A group is a table of a run file, a colon, and those of its keys that become options, with
+    spaces between them: ``"plan: method cyclic"``. An argument ``path`` of the command is the file
+    of the path. Settings of a replay are handed to it as ``replay``. A help in ``helps`` takes the
+    place of a setting's own, by the last part of its key, or by the key with underscores.
+
+    Raises:
+        ValueError: A key that is no setting, or has no option, named as in a run file.
     """
     parts = (group.partition(":") for group in groups)
     keys = [f"{table}.{key}" for table, _, names in parts for key in names.split()]
+    if unknown := [key for key in keys if key not in SETTINGS]:
+        raise ValueError(f"got {', '.join(unknown)}, expected keys of a run file with an option")
 
     def decorate(command: Command) -> Command:
         @wraps(command)
@@ -219,7 +224,7 @@ def _option(key: str, declared: Declared, of_command: str) -> Callable[[Command]
         attributes = {"type": str, "multiple": "type" not in attributes, **attributes}
     else:
         unit = "n" if declared.type is int else key.rpartition("_" if "_" in key else ".")[2]
-        units = {"metavar": unit.upper()} if unit in ("n", *types.ENDS) else {}
+        units = {"metavar": unit.upper()} if unit in ("n", *types.UNITS_OF_OPTIONS) else {}
         attributes = {"type": declared.type, **units, **attributes}
     if declared.by_joint or get_origin(declared.type) is dict:
         attributes["multiple"] = True

@@ -184,7 +184,13 @@ LIST = Parsed(lambda text: [each.strip() for each in text.split(",")], "A,B,C")
 NAMES = by_joint(str, "JOINT=NAME, such as Rotation=shoulder_pan", all_joints=False)
 TICKS = by_joint(_tick, "N or JOINT=N, such as knee=2048")
 
-ENDS = {"hz": "hertz", "s": "seconds", "ms": "milliseconds", "deg": "degrees", "cm": "centimetres"}
+UNITS_OF_OPTIONS = {
+    "hz": "hertz",
+    "s": "seconds",
+    "ms": "milliseconds",
+    "deg": "degrees",
+    "cm": "centimetres",
+}
 """Units that end the name of an option, such as --rate-hz."""
 
 INPUT = Place("file", use="read")

@@ -389,7 +389,7 @@ def comparison_figure(check: CrossCheck) -> Picture:
 
 def joint_figure(check: CrossCheck, joint: JointComparison, j: int) -> Figure:
     """A joint: its angles, its requests, and how far these differ."""
-    timeline = _timeline(check)
+    timeline = _timeline_of(check)
     plans = [(joint.plans[SHOWN], style.CLOSED_FORM), (joint.plans["optimal"], style.OPTIMAL)]
     angles = [(joint.desired, style.DESIRED), *((plan.predicted, role) for plan, role in plans)]
     requests = [timeline.degrees(plan.requests, role, held=True) for plan, role in plans]
@@ -418,7 +418,7 @@ def joint_figure(check: CrossCheck, joint: JointComparison, j: int) -> Figure:
 def foot_figure(check: CrossCheck) -> Figure:
     """How far the foot is from its desired position, under the plans."""
     assert check.foot is not None, "only a leg has a foot"
-    timeline = _timeline(check)
+    timeline = _timeline_of(check)
     curves = [
         timeline.curve(100.0 * check.foot.plans[method].distances, role)
         for method, role in FOOT_ROLES.items()
@@ -438,8 +438,8 @@ def leg_figure(check: CrossCheck, foot: FootComparison, leg: Leg) -> Figure:
         "Move the slider and the leg follows, drag it and it turns; the numbers are distances of "
         "the foot from its path.",
     )
-    return _timeline(check).leg("leg", words, motions)
+    return _timeline_of(check).leg("leg", words, motions)
 
 
-def _timeline(check: CrossCheck) -> Timeline:
+def _timeline_of(check: CrossCheck) -> Timeline:
     return Timeline(check.period, len(check.joints[0].desired), check.cyclic)

@@ -274,7 +274,7 @@ def moment_figure(replay: Replay) -> Figure:
         replay.period,
     )
     words = ("Through the episode", "Move the slider, and the plots below follow.")
-    return Figure("moment", *words, _timeline(replay).axis, moments=moments)
+    return Figure("moment", *words, _timeline_of(replay).axis, moments=moments)
 
 
 def arm_figure(replay: Replay, arm: Leg) -> Figure:
@@ -295,12 +295,12 @@ def arm_figure(replay: Replay, arm: Leg) -> Figure:
         "The arm and the paths of its end",
         "Move the slider and the arm follows, drag it and it turns; the plots below follow.",
     )
-    return _timeline(replay).leg("arm", words, motions)
+    return _timeline_of(replay).leg("arm", words, motions)
 
 
 def joint_figure(replay: Replay, j: int) -> Figure:
     """A joint: its angles and errors, where it is planned, and its requests."""
-    timeline, joint = _timeline(replay), replay.joints[j]
+    timeline, joint = _timeline_of(replay), replay.joints[j]
     unit, factor = LOG_UNITS[joint.path.unit]
     desired = timeline.curve(factor * joint.desired, style.DESIRED, "path")
     request_curves = [
@@ -380,7 +380,7 @@ def speeds_figure(fastest: Fastest) -> Figure:
 
 def factors_figure(fastest: Fastest) -> Figure:
     """The speed along the replay."""
-    timeline = _timeline(fastest.replay)
+    timeline = _timeline_of(fastest.replay)
     factors = np.append(fastest.factors, fastest.factors[-1:])
     curves = [timeline.curve(factors, style.OPTIMAL, "speed")]
     constant = timeline.curve(
@@ -408,7 +408,7 @@ def _pair(joint: JointReplay, errors: Array) -> tuple[str, ...]:
     return tuple(f"{size:.3f}" for size in _sizes(joint, errors))
 
 
-def _timeline(replay: Replay) -> Timeline:
+def _timeline_of(replay: Replay) -> Timeline:
     return Timeline(replay.period, len(replay.moments), cyclic=False)
 
 

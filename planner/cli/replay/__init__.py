@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     "it that of the logs counts.",
     limits_deg="Range of the requests [deg, or percent of the range], of all joints or one.",
 )
-@options.of_recordings
+@options.recording_options
 @options.output_or_folder
 @click.option("--report", type=types.OUTPUT, help="Write a page (HTML) about the replay.")
 @options.parallel

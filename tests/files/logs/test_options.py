@@ -12,7 +12,7 @@ from click.testing import CliRunner
 
 from planner import InvalidInput, LogOptions
 from planner.cli.identify import identify
-from planner.cli.options import of_logs, to_log_options
+from planner.cli.options import log_options, to_log_options
 from planner.files import columns
 from planner.files.logs import csv_log, make_log
 from planner.files.logs.bag import ACTUAL_TYPES, REQUEST_TYPES
@@ -44,7 +44,7 @@ def test_the_command_lines_options_become_log_options():
     told = []
 
     @click.command()
-    @of_logs
+    @log_options
     def command(**choices):
         told.append(to_log_options(choices))
 
