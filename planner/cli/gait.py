@@ -73,8 +73,9 @@ def gait(
     from planner.gait.half_ellipse import half_ellipse
     from planner.gait.stride import stride
 
-    if not 1e-6 <= period <= 1e3:  # beyond it the unit is surely mistaken
-        raise click.UsageError(f"--period: got {period:g}, expected 1e-06 to 1000 seconds.")
+    least, most = 1e-6, 1e3  # beyond these the unit is surely mistaken
+    if not least <= period <= most:
+        raise click.UsageError(f"--period: got {period:g}, expected {least:g} to {most:g} seconds.")
     if fastest != (run.tolerance.cm is not None):
         raise click.UsageError("--fastest and --tolerance-cm go together: give both, or neither.")
     walk = run.path.half_ellipse or HalfEllipse()

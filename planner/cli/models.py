@@ -168,7 +168,8 @@ def _models_from_recordings(
     used = recordings[:10]  # more of the same robot add little, and time grows with each
     by_joint: dict[str, list[Log]] = {}
     for recording in used:
-        with suppress(PlannerError) if len(recordings) > 1 else nullcontext():  # told in planning
+        # With several, an error is reported when the recording is planned.
+        with suppress(PlannerError) if len(recordings) > 1 else nullcontext():
             for log in recording.read():
                 by_joint.setdefault(log.joint or "joint", []).append(log)
     for name in replay.joints:

@@ -87,7 +87,7 @@ LEAST_DEG = 4.0
 TIME = "t_s"
 """The column of times [s]; it takes precedence over other columns."""
 
-WORDS = frozenset(("t", "time", "times", "timestamp", "stamp", "clock", "seconds"))
+WORDS = _words("t time times timestamp stamp clock seconds")
 """Words for times in the name of a column."""
 
 MISSING = ("", "nan", "nat")
@@ -102,7 +102,7 @@ REQUESTED = _words(
 ACTUAL = _words("actual act present measured meas measurement feedback state observed observation")
 """Words for an actual angle."""
 
-PLAIN = frozenset(("position", "pos", "angle"))
+PLAIN = _words("position pos angle")
 """Words for an angle; without a word for its role, it is an actual one."""
 
 OTHER = _words(
@@ -111,8 +111,7 @@ OTHER = _words(
 )
 """Words for quantities that are no angles."""
 
-
-TORQUES = frozenset(("torque_on", "torque_enable", "torque_enabled"))
+TORQUES = _words("torque_on torque_enable torque_enabled")
 """Names for whether the torque is on."""
 
 

@@ -23,7 +23,7 @@ from planner.trajectory import Array, Indices
 
 @inner
 def law_of(row: Array) -> Law:
-    """The law whose numbers an array has first."""
+    """The law from the first ten numbers of a row."""
     return Law(row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7], row[8], row[9])
 
 

@@ -131,7 +131,7 @@ class LogOptions:
         for part in self.episodes.split(","):
             match = re.fullmatch(r"\s*(\d{1,9})\s*(?:-\s*(\d{1,9})\s*)?", part, re.ASCII)
             first, last = (int(match[1]), int(match[2] or match[1])) if match else (1, 0)
-            if last < first or last - first >= 1_000_000:  # a typing error
+            if last < first or last - first >= 1_000_000:  # longer ranges are typing errors
                 raise InvalidInput(
                     f"episodes: got {shown(self.episodes)}, "
                     "expected numbers and ranges such as 0-3,7"
