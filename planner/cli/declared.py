@@ -79,15 +79,20 @@ class Declared:
     set_to: Any = None  # its value in a template, if that is not the default
     is_option: bool = False  # whether it is an option of the command line, named like the key
     option: str = ""  # that option, such as `--cyclic/--no-cyclic`, if any: declared or derived
+
     # the key of the same table that takes values of the option for single joints
     by_joint: str = ""
+
     # the methods, or formats, of its table on which it has an effect; () for all
     only: tuple[str, ...] = ()
+
     # arguments for click that do not follow from the above
     click: Mapping[str, Any] = field(default_factory=dict)
-    annotation: Any = None  # its annotation, whole
+    annotation: Any = None
+
     # its default; MISSING where it has to be set
     default: Any = field(default_factory=lambda: MISSING)
+
     # its type without None and annotations, such as float, or a Literal of its choices
     type: Any = None
     expected: str = ""  # the expected value, in words
@@ -408,6 +413,7 @@ class Table:
     about: str  # its purpose
     keys: Mapping[str, Declared]  # its keys
     repeated: bool = False  # whether it may stand there several times
+
     # the expected values of keys with any name, in words; "" if there are no such keys
     free: str = ""
     example: Any = None  # a value to show for a key with any name

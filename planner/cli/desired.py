@@ -55,23 +55,28 @@ SHIPPED = {
 class Desired:
     """The desired motion of all joints."""
 
-    names: tuple[str, ...]  # the joints
-    angles: Array  # their desired angles [rad], shape (n, k)
-    models: tuple[JointModel, ...]  # their models
+    names: tuple[str, ...]
+    angles: Array  # desired [rad], shape (n, k)
+    models: tuple[JointModel, ...]
+
     # smallest and largest angle of each joint [rad], where a leg has them
     limits: dict[str, tuple[float, float]]
     leg: Leg | None = None  # the leg, if the settings name one
+
     # desired positions of the foot [m], shape (n, 3), for a foot path; with "clamp", the
     # positions at the clamped angles
     foot: Array | None = None
+
     # with "clamp", the positions before clamping; None if the leg reaches them all
     foot_given: Array | None = None
     unreachable: int = 0  # samples whose position the leg cannot reach
     units: tuple[str, ...] | None = None  # the joints' units in the file; None if all are angles
     cyclic: bool = True  # whether the path repeats for ever
     remarks: tuple[Remark, ...] = ()  # what the user should know about the path
+
     # torques on the joints in the file [N m], shape (n, k); None if it has no torques
     loads: Array | None = None
+
     # the legs of a whole robot, by name, whose joints are all among these
     legs: Mapping[str, Leg] = field(default_factory=dict)
 

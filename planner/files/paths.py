@@ -121,13 +121,14 @@ class JointPath(_Path):
     """Angles or requests of some joints over time."""
 
     path: str  # where it came from; `-` is standard input
-    names: tuple[str, ...]  # the joints
-    units: tuple[str, ...]  # their units in the file; `.SHARES` are of joints without angles
+    names: tuple[str, ...]
+    units: tuple[str, ...]  # units in the file; `.SHARES` are of joints without angles
     angles: Array  # their angles [rad], shape (n, k), read-only; a percent is carried as a degree
     times: Array | None  # times of the samples [s], shape (n,); None where the file does not say
+
     # torques on the joints [N m], shape (n, k), read-only, 0 for a joint without a column; None
     # where no joint has one
-    loads: Array | None = None  # (n, k)
+    loads: Array | None = None
     samples: ClassVar[tuple[str, ...]] = ("angles", "loads")
 
     def check_samples(self, samples: int) -> None:

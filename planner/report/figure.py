@@ -33,13 +33,15 @@ class Curve:
     role: Role  # meaning, with its looks
     x: Array  # horizontal values in the unit of the figure's axis, shape (n,)
     y: Array  # vertical values in the unit of the panel's axis, shape (n,); NaN leaves a gap
+
     # its name in legends; the role's own by default. Equal names are hidden together
     label: str = ""
     legend: bool = True  # whether legends have it; a line for reference is not in them
-    marks: Literal["", "rings", "dots"] = ""  # draw marks instead of a line: rings or dots
-    opacity: float = 1.0  # opacity of dots
+    marks: Literal["", "rings", "dots"] = ""  # instead of a line
+    opacity: float = 1.0  # of dots
     held: bool = False  # whether each value holds until the next
     hidden: bool = False  # whether only a page shows it, and only on demand
+
     # words that a page adds to each value under the pointer, n of them or none
     notes: tuple[str, ...] = ()
 
@@ -53,10 +55,10 @@ class Curve:
 class Span:
     """A shaded part of one axis of a panel."""
 
-    start: float  # its beginning, in the unit of the axis
-    end: float  # its end, likewise
-    role: Role  # the role that gives its colour
-    opacity: float  # opacity of that colour
+    start: float  # in the unit of the axis
+    end: float
+    role: Role  # gives its colour
+    opacity: float
     along: Literal["x", "y"] = "x"  # the axis
     words: str = ""  # its label, at its upper end
     words_side: Literal["left", "right"] = "right"  # at which end of a horizontal span they stand
@@ -80,11 +82,13 @@ class Axis:
 
     title: str  # the quantity; its unit is added
     unit: str = ""  # unit of the values; "" where the axis has names
+
     # least and largest value shown; chosen by the curves where it is None
     range: tuple[float, float] | None = None
     names: Mapping[float, str] | None = None  # words at some values, instead of numbers
     decimals: int = 2  # decimals of a value under the pointer
     from_zero: bool = False  # whether zero is at the bottom
+
     # smallest extent that is shown, so that rounding does not look like a motion
     least: float = 0.0
     note: str = ""  # text after the title and its unit
@@ -100,7 +104,7 @@ class Panel:
     """Curves of one quantity."""
 
     y: Axis  # the vertical axis
-    curves: tuple[Curve, ...]  # the curves; later ones lie over earlier ones
+    curves: tuple[Curve, ...]  # later ones lie over earlier ones
     title: str = ""  # its subject, such as the name of a joint
     spans: tuple[Span, ...] = ()  # shades behind the curves
     words: tuple[Words, ...] = ()  # words between them
@@ -124,6 +128,7 @@ class Motion:
 
     role: Role  # meaning, with its looks
     points: Array  # positions of its joints and, last, its foot [m], shape (n, joints + 1, 3)
+
     # distances of the foot from its desired positions [m], shape (n,), or None
     distances: Array | None = None
     hidden: bool = False  # whether it is drawn only on demand
@@ -163,15 +168,18 @@ class Figure:
     title: str  # its subject, in a few words
     caption: str  # what to see in it
     x: Axis  # the horizontal axis
-    panels: tuple[Panel, ...] = ()  # the panels, from the top
+    panels: tuple[Panel, ...] = ()  # from the top
     over_time: bool = False  # whether that axis is time
     equal: bool = False  # whether a unit is as long along both axes
+
     # how many units of the axis a second is, where the figure follows the moving leg of its page
     # and is zoomed in time with the others that do; or None
     clock: float | None = None
+
     # parts of the axis that a button of that name brings into view
     views: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     movie: Movie | None = None  # a moving leg that a page shows in place of the panels
+
     # numbers that a page shows in place of the panels, without a leg
     moments: Moments | None = None
     wide: bool = False  # whether it takes the whole width of a page

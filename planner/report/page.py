@@ -83,6 +83,7 @@ class Section:
     """A part of a page."""
 
     title: str  # its heading; none where it is empty
+
     # its content, a Jinja template; `{{ table }}` is a table, `{{ show(figure) }}` a figure, and
     # `{{ figures(several) }}` draws several side by side
     template: str
@@ -113,12 +114,13 @@ class Page:
     heading: str  # its subject, in words
     eyebrow: Any  # the command that made it, above the heading
     verdict: Any  # a headline and its details; plain text, or markup
-    sections: Sequence[Section]  # the sections, in order
+    sections: Sequence[Section]  # in order
     footer: Any  # source of the model
     note: Any = ""  # basis of the verdict, in small letters
     good: bool = True  # whether the verdict is good news
     remarks: Sequence[str] = ()  # remarks, shown first
     cards: Sequence[Card] = ()  # key figures
+
     # the figure beside the heading; the key figures stand there without one
     figure: Figure | None = None
     listings: Sequence[Listing] = ()  # the lists at the end

@@ -38,11 +38,12 @@ Point = tuple[float, ...]
 class Outcome:
     """Result of a point: speeds and errors in the units of the sweep."""
 
-    point: Point  # the point
+    point: Point
     speed: float = math.nan  # how fast it is; NaN without a plan
     error: float = math.nan  # the plan's error, in its norm, of the foot or of the worst joint
     largest: float = math.nan  # its largest error
     direct: float = math.nan  # the error of the desired angles as requests
+
     # share of the path on which a joint would have to exceed its top speed
     too_fast: float = math.nan
     slowest: str = ""  # that joint; "" where there is none

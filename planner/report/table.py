@@ -38,9 +38,10 @@ def fitted_to(width: int | None) -> Iterator[None]:
 class Column:
     """A column of cells, or several under one title."""
 
-    title: str  # its title
+    title: str
     parts: tuple[str, ...] = ()  # titles of the columns under it; none for a single column
     words: bool = False  # whether its cells are words, which stand on the left and may break
+
     # how a terminal writes the parts of a cell, as for `str.format`; the first part alone where
     # the second is `NOTHING`
     joined: str = "{0}"
@@ -51,6 +52,7 @@ class Row:
     """A row."""
 
     about: str  # its label, in the first column
+
     # its cells: words, or one for each part of their column. Text after a line break is a note
     cells: tuple[str | tuple[str, ...], ...]
     subject: str = ""  # its group; rows of one subject stand together
@@ -63,7 +65,7 @@ class Table:
 
     about: str  # title of the first column
     columns: tuple[Column, ...]  # the other columns
-    rows: tuple[Row, ...]  # the rows
+    rows: tuple[Row, ...]
     label: str = ""  # its name for screen readers
     apart: bool = False  # whether a terminal shows the subject in a column of its own, once
 

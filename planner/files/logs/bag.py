@@ -125,7 +125,8 @@ class Track:
     Of every message about a joint there are the receipt [ns], the stamp [ns] and the angle.
     """
 
-    topic: str  # the topic
+    topic: str
+
     # whether every message had a stamp; at the end, whether its times are the stamps
     stamped: bool = True
     _by_joint: dict[str, tuple[array[int], array[int], array[float]]] = field(default_factory=dict)

@@ -244,6 +244,7 @@ class Dataset:
     """A dataset as its meta/info.json describes it."""
 
     root: Path  # the folder that holds `meta` and `data`
+
     # names of the columns of `action` and of `observation.state`; None where a feature does not
     # name its joints
     names: Mapping[str, tuple[str, ...] | None]

@@ -207,13 +207,16 @@ class Columns:
     times: Array  # times of the rows [s], shape (n,)
     requests: Array  # requested angles, shape (n,), in the unit of `request_scale`
     angles: Array  # actual angles, shape (n,), in the unit of `angle_scale`
-    request_scale: Scale  # scale of the requests
-    angle_scale: Scale  # scale of the angles
+    request_scale: Scale
+    angle_scale: Scale
+
     # whether the torque was on, shape (n,); None where the log does not say
     torque_on: Switch | None = None
+
     # torque on the joint in the direction of positive angles [N m], shape (n,); None where the
     # log does not say
     load: Array | None = None  # (n,) [N m]
+
     # name of the column of requests; "" where there is none of this joint alone
     requested: str = ""
 
