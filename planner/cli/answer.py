@@ -29,7 +29,7 @@ from planner.report.plan import (
     expected_words,
     feet_table,
     models_errors_table,
-    motions_table,
+    motions_of,
     no_bound,
 )
 from planner.report.table import NOTHING, percent, text_table
@@ -144,7 +144,7 @@ def summary(prepared: Prepared, plan: Plan) -> str:
     text = (
         f"{len(plan.requests)} requests, one every {1e3 * desired.period:g} ms; "
         f"{model_words(prepared.settings.model)}\n{text_table(titles, rows)}"
-        f"\n\n{motions_table(plan).text()}"
+        f"\n\n{motions_of(plan).text()}"
     )
     if over_models := models_errors_table(plan, labels):
         text += (

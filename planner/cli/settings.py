@@ -293,8 +293,8 @@ class Start(Settings):
 
 
 TOLERANCE = (
-    "Error of {} to accept, in the plan's norm; where the plan misses it, its requests are written "
-    "all the same, and the exit status is 1."
+    "Error of {} to accept, in {}; where the plan misses it, its requests are written all the "
+    "same, and the exit status is 1."
 )
 
 
@@ -305,14 +305,14 @@ class Tolerance(Settings):
         "Error of any joint to accept [deg], in the plan's norm; not with method foot-optimal.",
         example=10.0,
         option="--tolerance-deg",
-        option_help=TOLERANCE.format("any joint"),
+        option_help=TOLERANCE.format("any joint", "the plan's norm"),
     )
     cm: Positive | None = setting(
         "Error of the foot to accept [cm], in the plan's norm.",
         example=1.0,
         set_to=1.0,
         option="--tolerance-cm",
-        option_help=TOLERANCE.format("the foot"),
+        option_help=TOLERANCE.format("the foot", "the plan's norm"),
     )
 
 
@@ -441,10 +441,10 @@ class Replay(Settings):
         "Requests per second.", otherwise="that of the recording", example=50.0
     )
     fastest: bool = option(
-        "Find the largest speed at which the plan keeps the tolerance of [tolerance].",
+        "Find the largest speed at which the largest error keeps the tolerance of [tolerance].",
         default=False,
-        option_help="Find the largest speed at which the plan keeps --tolerance-deg or -cm, the "
-        "largest error.",
+        option_help="Find the largest speed at which the largest error keeps --tolerance-deg or "
+        "-cm, whatever --norm is.",
     )
     retime: Literal["constant", "varying"] = option(
         "With fastest: one factor for the whole recording, or one that varies along it, "

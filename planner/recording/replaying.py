@@ -12,7 +12,7 @@ import numpy as np
 
 from planner.planning.arguments import JointLimits
 from planner.planning.inversion import LoadOfPose, plan
-from planner.planning.plan import Plan
+from planner.planning.plan import Plan, RequestMotion
 from planner.planning.result import Inversion
 from planner.planning.task import Task
 from planner.planning.time_shift import shifted
@@ -310,6 +310,11 @@ class JointReplay:
         if self._plan.task.load_of_pose:
             return math.nan
         return float(replace(self._plan, task=self._rms_task).lower_bounds[0])
+
+    @property
+    def motion(self) -> RequestMotion:
+        """How the requests of a planned joint move, in the unit of its log."""
+        return self._plan.motions[0]
 
     @property
     def expected(self) -> float:

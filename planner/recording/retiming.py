@@ -111,6 +111,7 @@ class Fastest:
             it has degrees], or of the foot [m].
         foot: Whether it is about the foot.
         retime: Whether the factor varies.
+        largest: Largest error of the replay, in multiples of the tolerance.
         impossible: A speed that is proved too high; None where none is.
         contradicted: Joints whose motion at the recorded speed no requests reach by their models,
             from rest: no speed is proved too high then.
@@ -122,6 +123,7 @@ class Fastest:
     tolerance: float
     foot: bool
     retime: Retime
+    largest: float
     impossible: Impossible | None
     curve: tuple[SpeedErrors, ...]
     contradicted: tuple[str, ...] = ()
@@ -327,6 +329,7 @@ def fastest_at(
         tolerance=measure.tolerance,
         foot=measure.leg is not None,
         retime=retime,
+        largest=measure.largest(replay),
         impossible=impossible,
         curve=search.curve(constant.speed, impossible),
         contradicted=contradicted,

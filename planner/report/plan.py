@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from planner.model.evidence import ENCODER_STEP, OPEN_TOP_SPEED, Expectation, untested_words
-from planner.planning.plan import Plan
+from planner.planning.plan import Plan, RequestMotion
 from planner.planning.result import ErrorsOfModels, FootInversion, Inversion
 from planner.planning.time_shift import refining_recommended, shift_recommended, shifted
 from planner.report import figure, style
@@ -109,7 +109,7 @@ def plan_page(
     }
     sections += [
         Section("The joints", JOINTS, joints),
-        Section("The requests", REQUESTS, {"motions": motions_table(plan), "table": requests}),
+        Section("The requests", REQUESTS, {"motions": motions_of(plan), "table": requests}),
         table_section("The models", models_table(plan.names, plan.models)),
     ]
     count = max(map(len, plan.task.models)) - 1
@@ -505,14 +505,23 @@ def _limits(lower: float, upper: float) -> str:
     return f"at least {low}" if has_lower else f"at most {high}" if has_upper else "none"
 
 
-def motions_table(plan: Plan) -> Table:
-    """How the requests of every joint move, beside the desired path."""
+def motions_of(plan: Plan) -> Table:
+    """How the requests of every joint of a plan move; see :func:`motions_table`."""
+    factors = [math.degrees(1.0)] * len(plan.names)
+    return motions_table(zip(plan.names, plan.motions, factors, strict=True))
+
+
+def motions_table(motions: Iterable[tuple[str, RequestMotion, float]]) -> Table:
+    """How requests move, beside the desired path: by joint, with the factor to degrees."""
     rows = []
-    for name, motion in zip(plan.names, plan.motions, strict=True):
-        step, length, desired, beyond = np.degrees(
-            [motion.largest_step, motion.path_length, motion.desired_length, motion.beyond]
+    for name, motion, factor in motions:
+        cells = (
+            factor * motion.largest_step,
+            motion.reversals_per_s,
+            factor * motion.path_length,
+            factor * motion.desired_length,
+            factor * motion.beyond,
         )
-        cells = (step, motion.reversals_per_s, length, desired, beyond)
         rows.append(Row(name, tuple(map(format, cells, (".2f", ".1f", ".1f", ".1f", ".2f")))))
     titles = ("largest step [deg]", "reversals/s", "length [deg]", "desired")
     columns = tuple(map(Column, (*titles, "outside desired [deg]")))

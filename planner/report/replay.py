@@ -36,6 +36,7 @@ from planner.report.page import (
     spoken,
     table_section,
 )
+from planner.report.plan import motions_table
 from planner.report.table import NOTHING, Column, Row, Table, at_most, number
 from planner.trajectory import Array, Distance, error_norm
 
@@ -231,8 +232,7 @@ def joints_table(replay: Replay) -> Table:
         Column("faster than the joint", words=True),
     )
     for joint in replay.joints:
-        unit, factor = LOG_UNITS[joint.path.unit]
-        label = joint.name if unit == "deg" else f"{joint.name} [% of its range]"
+        factor = LOG_UNITS[joint.path.unit][1]
         cells: list[str | tuple[str, ...]] = [_pair(joint, joint.recorded_errors)]
         if joint.inversion is None:
             cells += [(NOTHING,) * len(column.parts) or NOTHING for column in columns[1:-1]]
@@ -255,8 +255,19 @@ def joints_table(replay: Replay) -> Table:
                 number(factor * joint.lower_bound, 3),
                 fast,
             ]
-        rows.append(Row(label, tuple(cells)))
+        rows.append(Row(_label(joint), tuple(cells)))
     return Table("joint [deg]", columns, tuple(rows), label="Joints")
+
+
+def requests_table(replay: Replay) -> Table:
+    """How the requests of the planned joints move."""
+    return motions_table(
+        (_label(each), each.motion, LOG_UNITS[each.path.unit][1]) for each in replay.planned
+    )
+
+
+def _label(joint: JointReplay) -> str:
+    return joint.name if joint.path.unit == "rad" else f"{joint.name} [% of its range]"
 
 
 def moment_figure(replay: Replay) -> Figure:

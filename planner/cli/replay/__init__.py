@@ -11,14 +11,18 @@ import click
 
 from planner.cli import options, types
 from planner.cli.console import Progress, deliver, print_answer, remark, warn
+from planner.cli.settings import TOLERANCE, Run
 from planner.cli.settings import Replay as ReplaySettings
-from planner.cli.settings import Run
 from planner.files.staging import check_folder, check_writable, claimed, staged
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from planner.cli.replay.task import ReplayTask
+
+
+NORM = "the plan's norm, or with --fastest the largest error"
+"""The norm of the tolerances."""
 
 
 @click.command()
@@ -39,6 +43,8 @@ if TYPE_CHECKING:
     "from the recording itself.",
     load="Torque on the joints: gravity by the masses of the URDF, or all of its dynamics; without "
     "it that of the logs counts.",
+    deg=TOLERANCE.format("any joint", NORM),
+    cm=TOLERANCE.format("the foot", NORM),
     limits_deg="Range of the requests [deg, or percent of the range], of all joints or one.",
 )
 @options.recording_options

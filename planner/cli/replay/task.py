@@ -23,7 +23,7 @@ from planner.model.evidence import OPEN_TOP_SPEED
 from planner.recording.recorded_path import WHY, RecordedPath, check_length, recorded_path
 from planner.recording.replaying import Replay, replay_at
 from planner.recording.retiming import Fastest, Measure, fastest_at
-from planner.report.replay import LOG_UNITS, joints_table
+from planner.report.replay import LOG_UNITS, joints_table, requests_table
 from planner.trajectory import error_norm
 
 if TYPE_CHECKING:
@@ -154,11 +154,12 @@ def first_line(replay: Replay, models: JointModels) -> str:
 
 
 def summary(replay: Replay, models: JointModels, fastest: Fastest | None = None) -> str:
-    """A replay for people: each joint's errors, rms."""
+    """A replay for people: each joint's errors, rms, and how its requests move."""
     lines = [first_line(replay, models)]
     if fastest is not None:
         lines.append(fastest_text(fastest))
     lines.append(replace(joints_table(replay), about="rms [deg]").text())
+    lines += ["", requests_table(replay).text()]
     fast = {each.name for each in replay.planned if each.too_fast}
     if unknown := sorted(replay.path.open_top_speeds & fast):
         lines.append(f"faster by the model only of {', '.join(unknown)}: {OPEN_TOP_SPEED}")
@@ -248,15 +249,16 @@ def document(replay: Replay, models: JointModels) -> dict[str, Any]:
 
 def fastest_text(fastest: Fastest) -> str:
     """The largest speed of the recording, and the proof that no much larger one is possible."""
-    size = f"{100.0 * fastest.tolerance:.3g} cm"
+    factor = 100.0 if fastest.foot else math.degrees(1.0)
+    allowed = factor * fastest.tolerance
+    size = f"{allowed:.3g} cm"
     if not fastest.foot:
-        degrees = f"{math.degrees(fastest.tolerance):.3g}"
-        size = f"{degrees} degree{'s' * (degrees != '1')}"
+        size = f"{allowed:.3g} degree{'s' * (f'{allowed:.3g}' != '1')}"
     speed = f"{fastest.speed:.3g} times the speed"
     if fastest.retime == "varying":
         low, high = float(np.min(fastest.factors)), float(np.max(fastest.factors))
         speed += f" in all, {low:.3g} to {high:.3g} along it ({fastest.constant:.3g} constant)"
-    words = f"within {size} at {speed}"
+    words = f"within {size} (largest error {fastest.largest * allowed:.3g}) at {speed}"
     if untested := fastest.replay.untested:
         words += f" by the models, but outside what these were tested on: {untested}"
     if fastest.contradicted:
@@ -307,6 +309,7 @@ def fastest_document(fastest: Fastest) -> dict[str, Any]:
         "constant_speed": fastest.constant,
         "least_factor": float(np.min(fastest.factors)),
         "largest_factor": float(np.max(fastest.factors)),
+        f"largest_error_{unit}": allowed * fastest.largest,
         "impossible": impossible,
         "contradicted": list(fastest.contradicted),
         "errors_by_speed": curve,
