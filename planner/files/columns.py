@@ -210,8 +210,10 @@ def with_unit(
     return names, endings, values
 
 
-def pick(table: Table, names: Sequence[str], units: Mapping[str, float]) -> list[str]:
-    """Columns of the named quantities, in the order of ``names``."""
+def pick(
+    table: Table, names: Sequence[str], units: Mapping[str, float], *, advice: str
+) -> list[str]:
+    """Columns of the named quantities, in the order of ``names``; else the ``advice`` is given."""
     by_name: dict[str, list[str]] = {}
     for column in table.names:
         parts = split_unit(column, units)
@@ -227,7 +229,7 @@ def pick(table: Table, names: Sequence[str], units: Mapping[str, float]) -> list
             endings = " or ".join(f"{name}_{unit}" for unit in units if unit not in SHARES)
             raise table.fault(
                 f"no column {endings}{nearest(name, tuple(by_name))}; "
-                f"columns: {', '.join(table.names)}"
+                f"columns: {', '.join(table.names)}; {advice}"
             )
         if len(by_name[name]) > 1:
             raise table.fault(

@@ -157,7 +157,9 @@ def joint_path(table: Table, *, joints: Sequence[str] = (), even: bool = True) -
     Without named joints every column is one, but for times, ``index`` and ``sample``.
     """
     if joints:
-        columns = pick(table, joints, JOINT_UNITS)
+        columns = pick(
+            table, joints, JOINT_UNITS, advice="rename a column, or choose joints with --joint"
+        )
     else:
         for pair in pairs(table.names):
             if pair.requested and pair.actual:
@@ -251,7 +253,8 @@ def read_foot_path(path: Path | str) -> FootPath:
 
 def foot_path(table: Table, *, even: bool = True) -> FootPath:
     """Parse a table as a foot path; see :func:`read_foot_path` and :func:`joint_path`."""
-    _, _, positions = with_unit(table, pick(table, AXES, LENGTHS), LENGTHS)
+    columns = pick(table, AXES, LENGTHS, advice="rename the column, or add it")
+    _, _, positions = with_unit(table, columns, LENGTHS)
     return FootPath(table.path, positions, read_times(table, even=even))
 
 

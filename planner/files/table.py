@@ -145,7 +145,11 @@ def read_table(path: Path | str, *, most_rows: int | None = None) -> Table:
     if not names:
         raise InvalidFile(path, "empty; expected a line of column names and one row per sample")
     if len(rows) < 2:
-        raise InvalidFile(path, f"rows of samples: got {len(rows)}, expected at least 2")
+        raise InvalidFile(
+            path,
+            f"rows of samples: got {len(rows)}, expected at least 2; give a row for each sample of "
+            "the whole motion",
+        )
     return Table(str(path), names, tuple(rows), tuple(lines))
 
 

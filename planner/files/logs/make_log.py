@@ -423,7 +423,8 @@ def _rows(source: Source, rows: Switch) -> str:
 def _check_times(source: Source, times: Array) -> None:
     if len(times) < FEWEST_ROWS:
         raise InvalidFile(
-            source.name, f"rows of samples: got {len(times)}, expected at least {FEWEST_ROWS}"
+            source.name,
+            f"rows of samples: got {len(times)}, expected at least {FEWEST_ROWS}; record longer",
         )
     if not np.isfinite(times).all():
         k = int(np.argmin(np.isfinite(times)))
