@@ -365,3 +365,12 @@ def test_where_the_lagrangian_curves_upwards_at_the_corners_the_step_is_damped(c
     expected = np.linalg.solve(kkt, np.concatenate([-gradient, *right]))[: len(gradient)]
     scale = max(1.0, float(np.max(np.abs(expected))))
     np.testing.assert_allclose(step[: len(gradient)], expected, rtol=0.0, atol=AGREEMENT * scale)
+
+
+def test_the_oldest_pattern_is_dropped_for_a_new_one(monkeypatch):
+    monkeypatch.setattr(gauss_newton, "_KEPT", {})
+    specs = [joint(0, cyclic=True, samples=10 + k).spec for k in range(gauss_newton.PATTERNS + 1)]
+    patterns = [pattern_of(spec, smoothing=False) for spec in specs]
+    for spec, pattern in zip(specs[1:], patterns[1:], strict=True):
+        assert pattern_of(spec, smoothing=False) is pattern
+    assert pattern_of(specs[0], smoothing=False) is not patterns[0]
