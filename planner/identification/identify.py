@@ -44,6 +44,7 @@ from planner.identification.intervals import (
     over_top_speeds,
     speed_bounded,
     uncertainty_of,
+    with_open_speed,
 )
 from planner.identification.judgement import (
     exchanged_columns,
@@ -77,10 +78,10 @@ from planner.identification.result import (
 from planner.identification.terms import (
     backlash_of,
     has_large_sag,
+    left_out,
     pays,
     with_calm_friction,
     with_integral,
-    with_known_sign,
     with_motor,
     with_terms,
 )
@@ -166,10 +167,10 @@ def identify(
     search = _weighed(search)
     if search.motor and hold_out:
         search = _with_proven_motor(search)
-    fine = _with_shorter_ticks(search) if choose_tick else search
+    fine, others = _with_best_speed(_with_shorter_ticks(search) if choose_tick else search)
     pairs = zip(search.logs, logs, strict=True)
     every = [replace(log, torque_on=whole.torque_on) for log, whole in pairs]
-    found = _bounded(every, fine)
+    found = _bounded(every, fine, others)
     held = _held_out(search, found.fit, faster=found.refuted) if hold_out else None
     notes = [*notes_on(every, timing, jumps), *stuck_rows, *touched, *stopped, *found.notes]
     if evenly_timed:
@@ -394,7 +395,6 @@ def _with_shorter_ticks(search: _Search) -> _Search:
     fine = refitted(logs, fit, tick=tick)
     if search.motor and fine.cost > (1.0 + LOST) * fit.cost:
         fine, terms = with_integral(*with_motor(fine, terms))
-    fine, terms = with_known_sign(fine, terms)
     paper = abs(fit.grid.tick - PAPER_TICK) <= 1e-3 * PAPER_TICK
     likely = paper and fit.parameters.time_constant <= 0.0
     if timing.hold == 1 and (not better(fit, fine) if likely else pays(fine, fit)):
@@ -402,10 +402,29 @@ def _with_shorter_ticks(search: _Search) -> _Search:
     return search._replace(timing=timing.ticking(fine.grid.tick), joint=_Fitted(fine, terms))
 
 
-def _bounded(logs: Sequence[Log], search: _Search) -> _Bounded:
-    """The joint with its intervals; its top speed is at least that of all rows of the logs."""
-    fit, others = over_top_speeds(with_calm_friction(search.logs, search.joint.fit))
-    fit = with_observed_speed(fit)
+def _with_best_speed(search: _Search) -> tuple[_Search, tuple[Fit, ...]]:
+    """The joint with the best of all top speeds, and fits with others that are not refuted.
+
+    Where the acceleration is limited an asymmetry may only lead to a better top speed: it has to
+    pay beside the best of all without it.
+    """
+    terms, (fit, others) = search.joint.terms, over_top_speeds(search.joint.fit)
+    if fit.free[only("asymmetry")].any() and math.isfinite(fit.parameters.acceleration):
+        bare, of_bare = over_top_speeds(left_out(fit, ["asymmetry"], scale=fit.scale))
+        if not pays(bare, fit):
+            fit, others = bare, of_bare
+            terms = tuple(
+                replace(term, kept=term.kept and term.name != "v_offset") for term in terms
+            )
+    return search._replace(joint=_Fitted(fit, terms)), others
+
+
+def _bounded(logs: Sequence[Log], search: _Search, others: Sequence[Fit]) -> _Bounded:
+    """The joint with its intervals; its top speed is at least that of all rows of the logs.
+
+    The intervals hold the parameters of the ``others``.
+    """
+    fit = with_observed_speed(with_calm_friction(search.logs, search.joint.fit))
     uncertainty = uncertainty_of(fit)
     bounds, notes = intervals_of(fit, uncertainty, others), []
     lower, upper = bounds["v_max"]
@@ -538,9 +557,12 @@ def _answer(
     alike = resampled_like(fit.grid, some, fit.grid.tick)
     model = fit.parameters.model(tick=fine.timing.tick, hold=fine.timing.hold)
     fits = _log_fits(every, fit, held)
-    intervals = all_intervals(fit, bounds, uncertainty)
-    if fine is not search:
+    if fine.timing is search.timing:
+        intervals = all_intervals(fit, bounds, uncertainty)
+    else:
         longer = refitted(fine.logs, fine.joint.fit, tick=2.0 * fine.timing.tick)
+        bounds = with_open_speed(bounds, fit, longer, fine.joint.fit)
+        intervals = all_intervals(fit, bounds, uncertainty)
         intervals = over_ticks(intervals, fit, longer, fine.joint.fit)
     verdict, reason, findings = verdict_on(
         fit,

@@ -171,7 +171,7 @@ def with_terms(fit: Fit, known: tuple[Term, ...] = ()) -> tuple[Fit, tuple[Term,
             terms |= tried
     fit = least_squares(fit.grid, fit.parameters, free=fit.free, starts=fit.starts)
     if fit.free[only(*SAG)].any() and has_large_sag(fit):  # it grew after it was kept
-        fit = _left_out(fit, SAG)
+        fit = left_out(fit, SAG)
         terms |= {name: replace(terms[name], kept=False) for name in SAG}
     return fit, tuple(terms.values())
 
@@ -185,7 +185,7 @@ def _with_term(name: str, fit: Fit, known: Fit | None = None) -> tuple[Fit, dict
         known: The fit with it, where it is known: that of an overloaded joint.
     """
     trial = known or _fitted_with(name, fit)
-    kept, uncertainty = _called_for((name,), fit, trial), uncertainty_of(trial)
+    kept, uncertainty = pays(fit, trial), uncertainty_of(trial)
     if name == "sag_sin":
         kept = kept and _sag_is_determined(trial, uncertainty)
         if known is None:
@@ -305,13 +305,13 @@ def _fitted_with_integral(fit: Fit, excerpt: Excerpt) -> tuple[Fit, Fit]:
     best = _redivided(best, partial(search, free=best.free))
     for names in (SAG, ("compliance",), *((name,) for name in MOTOR if name != "time_constant")):
         if best.free[only(*names)].all():
-            without = _left_out(best, names, scale=fit.scale, effort=ENOUGH)
+            without = left_out(best, names, scale=fit.scale, effort=ENOUGH)
             believed = names != SAG or not has_large_sag(best)
-            best = best if believed and _called_for(names, without, best) else without
-    return _left_out(best, INTEGRALS, scale=fit.scale, effort=ENOUGH), best
+            best = best if believed and pays(without, best) else without
+    return left_out(best, INTEGRALS, scale=fit.scale, effort=ENOUGH), best
 
 
-def _left_out(fit: Fit, names: Sequence[str], **how: Any) -> Fit:
+def left_out(fit: Fit, names: Sequence[str], **how: Any) -> Fit:
     """The fit without some terms; further arguments are those of the search."""
     absent = {name: Parameters._field_defaults[name] for name in names}
     at, free = fit.parameters._replace(**absent), fit.free & ~only(*names)
@@ -381,7 +381,7 @@ def _motor(fit: Fit, begins: Sequence[Parameters], free: Free, starts: Array) ->
     for name in MOTOR:
         bare = trial.parameters._replace(**{name: Parameters._field_defaults[name]})
         without = search(bare, free=trial.free & ~only(name))
-        trial = trial if _called_for((name,), without, trial) else without
+        trial = trial if pays(without, trial) else without
     return trial if _saving(fit, trial) >= SAVING else fit
 
 
@@ -422,7 +422,7 @@ def _motor_anywhere(fit: Fit, free: Free) -> tuple[Fit, Fit | None]:
     found = _motor(fit, _anywhere(fit), ways, grid.measured_starts)
     if not (found.free & sag).any():
         return found, None
-    return _left_out(found, SAG, scale=fit.scale, effort=ENOUGH), found
+    return left_out(found, SAG, scale=fit.scale, effort=ENOUGH), found
 
 
 def _shows(name: str, fit: Fit) -> bool:
@@ -549,32 +549,6 @@ def pays(without: Fit, with_it: Fit) -> bool:
     """Whether another joint lowers the information criterion and 1 % of the loss: (16a)."""
     before, after = (huber(fit.weighted, without.scale) for fit in (without, with_it))
     return after < 0.99 * before and better(without, with_it)
-
-
-def _called_for(names: Sequence[str], without: Fit, with_it: Fit) -> bool:
-    """Whether terms pay, and the logs tell the sign of an asymmetry."""
-    return pays(without, with_it) and ("asymmetry" not in names or _has_sign(with_it))
-
-
-def _has_sign(fit: Fit) -> bool:
-    """Whether rows at the top speed tell the sign of the asymmetry."""
-    index, uncertainty = Parameters._fields.index("asymmetry"), uncertainty_of(fit)
-    if fit.parameters.v_max > peak_command(fit) or at_edge(fit, index):
-        return False
-    interval = model_interval(fit, uncertainty, "asymmetry")
-    known = math.isfinite(uncertainty.deviations[index])
-    return known and interval.lower * interval.upper > 0.0
-
-
-def with_known_sign(fit: Fit, terms: tuple[Term, ...]) -> tuple[Fit, tuple[Term, ...]]:
-    """The fit and its terms without an asymmetry whose sign the logs leave open.
-
-    The loss is rough in a top speed that few rows reach: by chance a second one may lower it.
-    """
-    if not fit.free[only("asymmetry")].any() or _has_sign(fit):
-        return fit, terms
-    open_sign = [replace(term, kept=term.kept and term.name != "v_offset") for term in terms]
-    return _left_out(fit, ("asymmetry",)), tuple(open_sign)
 
 
 class Backlash(NamedTuple):
