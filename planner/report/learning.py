@@ -15,12 +15,12 @@ from planner.report.page import (
     Card,
     Listing,
     Page,
+    Section,
     figures_section,
     footer,
     heading,
     sentence,
     spoken,
-    table_section,
 )
 from planner.report.table import NOTHING, Column, Row, Table
 from planner.trajectory import Array
@@ -35,6 +35,9 @@ AFTER = style.REQUESTED._replace(label="next requests")
 NEXT = style.OPTIMAL._replace(label="predicted next")
 ERROR = style.INK._replace(label="error, measured", width=1.4)
 LEARNT = style.SHIFT._replace(label="learnt: measured less modelled", width=1.8)
+
+TRIALS = "{{ table }}{% if more %}{{ figures(more) }}{% endif %}"
+"""The section on the trials: the first errors stand beside the heading, the rest here."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,6 +70,8 @@ def learning_page(
     trials, ended = len(progress[0].errors), all(each.stopped for each in progress)
     count = "1 trial" if trials == 1 else f"{trials} trials"
     worst = max(progress, key=lambda each: float(np.min(each.errors)))
+    rest = [each for each in progress if each is not worst]
+    more = [errors_figure(each, f"learning_{j + 2}") for j, each in enumerate(rest)]
     joints = [joint_figure(plan, executed, measured, j) for j in range(len(plan.names))]
     errors = ", ".join(
         f"{each.name} from {_short(each.errors[0])} to {_short(np.min(each.errors))} {each.unit}"
@@ -96,7 +101,7 @@ def learning_page(
         ],
         figure=errors_figure(worst),
         sections=[
-            table_section("The trials", trials_table(progress)),
+            Section("The trials", TRIALS, {"table": trials_table(progress), "more": more}),
             figures_section("The joints", joints),
         ],
         listings=sources,
@@ -104,7 +109,7 @@ def learning_page(
     ).html()
 
 
-def errors_figure(progress: Progress) -> Figure:
+def errors_figure(progress: Progress, name: str = "learning") -> Figure:
     """The error of each trial, with the lower bound."""
     count, notes = len(progress.errors), list[str]()
     goes_on = not math.isnan(progress.predicted) and not progress.stopped
@@ -122,7 +127,7 @@ def errors_figure(progress: Progress) -> Figure:
     top = 1.1 * float(np.nanmax([*progress.errors, progress.noise, progress.predicted]))
     names = {float(number): str(number) for number in range(1, last + 1)}
     return Figure(
-        "learning",
+        name,
         f"{heading(progress.name)}: the error of each trial",
         " ".join(notes),
         Axis("trial", names=names, range=ends),

@@ -46,6 +46,7 @@ def plot(figure: Figure) -> dict[str, Any]:
     """
     domains, inner = _domains(figure.panels)
     above = ABOVE + (18 if figure.panels[0].title else 0)
+    below = 8 if figure.x.names == {} else BELOW
     data, axes, words, shapes = list[Any](), dict[str, Any](), list[Any](), list[Any]()
     if figure.clock is not None:
         shapes.append(_cursor())
@@ -65,14 +66,14 @@ def plot(figure: Figure) -> dict[str, Any]:
         "shapes": shapes,
         "hovermode": "x unified" if figure.over_time else "closest",
         "showlegend": False,  # the page has its own, of buttons
-        "margin": {"l": LEFT, "r": RIGHT, "t": above, "b": BELOW},
+        "margin": {"l": LEFT, "r": RIGHT, "t": above, "b": below},
         "uirevision": "kept",
     }
     return {
         "kind": "plot",
         "data": data,
         "layout": layout,
-        "height": inner + above + BELOW,
+        "height": inner + above + below,
         "clock": figure.clock,
         "views": {name: list(ends) for name, ends in figure.views.items()},
     }

@@ -46,7 +46,7 @@ def test_every_log_is_drawn_row_by_row_and_zoomed_by_its_button(browser, several
     page = tmp_path / "report.html"
     page.write_text(several)
     figures = browser.read_through(page, width=WIDTH, height=HEIGHT, dark=True)
-    assert len(figures) == 3 * 2  # of each joint the cloud and the log
+    assert len(figures) == 3 * (2 + 1)  # of each joint the cloud, intervals and log
     log = next(name for name in figures if "log" in name)
     plot = f"document.querySelector('[id=\"{log}\"] .canvas')"
     measured = f"{plot}.data.find((trace) => trace.name === 'measured')"

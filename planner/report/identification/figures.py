@@ -3,18 +3,25 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from planner.identification.log import Log
-from planner.identification.result import Identification, LogFit
+from planner.identification.result import Identification, Interval, LogFit
 from planner.model.joint import JointModel
 from planner.report import style
 from planner.report.figure import Axis, Curve, Figure, Panel, Span, Words, line
-from planner.report.identification.words import units_of
+from planner.report.identification.words import (
+    estimate,
+    figure,
+    parameters,
+    unit_of,
+    units_of,
+)
 from planner.report.style import Role
 from planner.trajectory import Array, index_of_largest
 
@@ -27,6 +34,11 @@ APART = "window across a corner of f"
 MEASURED = style.DESIRED._replace(label="measured")
 FITTED = style.CLOSED_FORM._replace(label="model, fitted", width=1.4)
 UNSEEN = style.OPTIMAL._replace(label="model, rows held out", width=1.4)
+BAR = 9.0
+"""Width of a bar [pt]."""
+
+SIDES: tuple[Literal["left", "center", "right"], ...] = ("left", "center", "right")
+"""Where the numbers below a strip stand."""
 
 
 class SpeedPoints(NamedTuple):
@@ -180,6 +192,80 @@ def cloud_figure(identification: Identification, prefix: str = "") -> Figure:
             ),
         ),
     )
+
+
+def intervals_figure(identification: Identification, prefix: str = "") -> Figure:
+    """Every estimate and its 95 % interval, on a scale from nothing to twice the estimate."""
+    curves, words, names = list[Curve](), list[Words](), dict[float, str]()
+    for k, row in enumerate(parameters(identification)):
+        value, interval = estimate(identification, row.name)
+        factor, unit = unit_of(identification, row.name)
+        least, most = _strip(identification, row.name, value)
+        scaled = Interval(*(factor * each for each in interval))
+        marks = (least, 0.5 * (least + most), most)
+        low, high, estimated, *ends = (
+            100.0 * (each - least) / (most - least)
+            for each in (*np.clip(interval, least, most), value, *marks)
+        )
+        role = style.CLOSED_FORM if row.bounded else style.DIRECT
+        label = "95 % interval" if row.bounded else "interval without an end"
+        y = float(k)
+        curves += [
+            _stroke(style.GRID, (0, 100), (y, y), BAR, "", legend=False),
+            _stroke(role, (low, high), (y, y), BAR, label),
+            _stroke(style.INK, (estimated, estimated), (y - 0.22, y + 0.22), 2.0, "estimate"),
+        ]
+        words += [
+            Words(figure(factor * mark, scaled) if mark else "0", end, y + 0.18, across, "top")
+            for mark, end, across in zip(marks, ends, SIDES, strict=True)
+        ]
+        names[y] = f"{row.brief} [{unit}]"
+    return Figure(
+        f"{prefix}intervals",
+        "The parameters and their 95 % intervals",
+        "Every strip runs from zero to twice the estimate, that of a short lag to the time between "
+        "requests, and those of sags are as far to either side; the short upright line is the "
+        "estimate, the bar its interval, which may go on beyond the strip.",
+        Axis("", range=(-1.0, 101.0), names={}),
+        (
+            Panel(
+                Axis("", range=(len(names) - 0.3, -0.5), names=names),
+                tuple(curves),
+                words=tuple(words),
+                height=0.4 * len(names),
+            ),
+        ),
+    )
+
+
+def _strip(identification: Identification, name: str, value: float) -> tuple[float, float]:
+    """The ends of a parameter's strip; the lag's covers at least a period."""
+    model = identification.model
+    if name == "offset":
+        most = max(0.25 * model.theta_0, 1.5 * abs(value))
+        return -most, most
+    if name in ("sag_sin", "sag_cos"):
+        most = 1.5 * model.most_pose_sag or 1.0
+        return -most, most
+    if name == "lag":
+        return 0.0, max(2.0 * value, model.period)
+    if name == "v_offset":
+        return -model.v_max, model.v_max
+    return 0.0, 2.0 * value if value else 1.0
+
+
+def _stroke(
+    role: Role,
+    x: Sequence[float],
+    y: Sequence[float],
+    width: float,
+    label: str,
+    *,
+    legend: bool = True,
+) -> Curve:
+    """A bar, or a mark across one."""
+    looks = role._replace(width=width, dashes="-")
+    return Curve(looks, np.asarray(x, float), np.asarray(y, float), label, legend=legend)
 
 
 def log_figure(identification: Identification, fit: LogFit, prefix: str) -> Figure:

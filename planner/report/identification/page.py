@@ -15,6 +15,7 @@ from planner.identification.result import Identification
 from planner.report.identification.figures import (
     cloud_figure,
     cloud_of,
+    intervals_figure,
     log_figure,
 )
 from planner.report.identification.text import next_step
@@ -127,6 +128,8 @@ HEAD = """
 """
 
 ESTIMATES = """
+<div class="facts">
+<div>
 {{ table }}
 <p class="note">The intervals hold if the model does; its residuals are below.
 {% if open %}Of v<sub>max</sub> and θ<sub>0</sub> the logs show little more than the ratio.
@@ -136,6 +139,9 @@ ESTIMATES = """
   their whole window
   through: there v<sub>max</sub> is read off, and below it the ratio to θ<sub>0</sub>.
 {% endif %}</p>
+</div>
+{{ show(intervals) }}
+</div>
 """
 
 ADDS = """
@@ -178,6 +184,7 @@ def _sections(joint: Joint, *, alone: bool = True) -> list[Section]:
             "table": parameters_table(identification, page=True),
             "share": saturated(identification),
             "open": _leaves_top_speed_open(identification),
+            "intervals": intervals_figure(identification, prefix),
         }),
         Section("What the model adds", ADDS, {
             "table": errors_table(identification),
