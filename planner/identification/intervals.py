@@ -445,16 +445,17 @@ def over_ticks(
         longer: A fit to the same rows with ticks twice as long as those of ``fine``.
         fine: The fit before its friction was taken from calm rows.
     """
+    fits = fit, longer, fine
+    models = [each.parameters.model(tick=each.grid.tick, hold=1) for each in fits]
     at, coarse, same = (
-        vars(each.parameters.model(tick=each.grid.tick, hold=1)) | {"gain": each.parameters.gain}
-        for each in (fit, longer, fine)
+        vars(model) | {"gain": each.parameters.gain}
+        for model, each in zip(models, fits, strict=True)
     )
-    inertia = fit.parameters.model(tick=fit.grid.tick, hold=1).has_inertia
     found = {}
     for name, ends in intervals.items():
         if ends.bounded:
             rough = ROUGH_FRICTION if name == "dead_band" else ROUGH
-            rough = rough if inertia else 1.0
+            rough = rough if models[0].has_inertia else 1.0
             if name in SCALES and ends.lower > 0.0:
                 by = abs(math.log(coarse[name] / same[name]))
                 logarithms = _wider(Interval(*map(math.log, ends)), math.log(at[name]), rough, by)

@@ -104,12 +104,15 @@ def at_rest(law: Law, angle: float, sag: float) -> State:
 
 
 @inner
-def rest_offset(law: Law, sag: float, by_pose: float) -> float:
-    """How far a joint rests beside its request, by its sags under a load and by the pose [rad].
+def left_at_rest(law: Law, sag: float) -> float:
+    """What of a sag under a load or by the pose is left at rest: with an integral nothing [rad]."""
+    return 0.0 if law.integral_share > 0.0 else sag
 
-    With an integral, which makes up for both, by the static offset alone.
-    """
-    return law.offset if law.integral_share > 0.0 else law.offset + sag + by_pose
+
+@inner
+def rest_offset(law: Law, sag: float, by_pose: float) -> float:
+    """How far a joint rests beside its request, by its sags under a load and by the pose [rad]."""
+    return law.offset + left_at_rest(law, sag) + left_at_rest(law, by_pose)
 
 
 @inner

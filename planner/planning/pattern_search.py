@@ -18,7 +18,7 @@ import numpy as np
 
 from planner.approximation.curve import PiecewiseLinear
 from planner.compilation import compiled, inner
-from planner.model.kernel import law_of, pose_sag
+from planner.model.kernel import law_of, left_at_rest, pose_sag
 from planner.model.law import Law
 from planner.model.response import MOST_CYCLES
 from planner.planning.gauss_newton import Spec, limit, simulate_all
@@ -240,8 +240,7 @@ def set_requests(
             band = 0.0 if slope == 0.0 else math.copysign(lines.dead_band, slope)
             offset = interpolated(slope / scale, lines.table) + lines.sag - band
             offset = band + scale * offset - sag
-        held = 0.0 if law.integral_share > 0.0 else by_pose
-        requests[k, 0] = values[s] + slope * past + offset - held
+        requests[k, 0] = values[s] + slope * past + offset - left_at_rest(law, by_pose)
     return True
 
 

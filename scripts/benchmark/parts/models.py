@@ -98,9 +98,7 @@ def unseen(arm: Mapping[str, Sequence[planner.Log]]) -> list[Table]:
         if not fitted or not unfitted or "Jaw" in name:
             continue
         result = planner.identify(fitted)
-        (delay,) = [
-            each.parameters["delay"] for each in result.alternatives if each.name == "delay"
-        ]
+        delay = delay_of(result)
         motions = np.array(
             [motion for log in unfitted for motion in motions_of(result, log, delay, parts_of(log))]
         )
@@ -133,9 +131,7 @@ def alternate(arm: Mapping[str, Sequence[planner.Log]]) -> Table:
             continue
         fitted = [part_of(log, part) for log in rest for part in parts_of(log)[::2]]
         result = planner.identify(fitted)
-        (delay,) = [
-            each.parameters["delay"] for each in result.alternatives if each.name == "delay"
-        ]
+        delay = delay_of(result)
         motions = [
             motion for log in rest for motion in motions_of(result, log, delay, parts_of(log)[1::2])
         ]
@@ -143,6 +139,12 @@ def alternate(arm: Mapping[str, Sequence[planner.Log]]) -> Table:
         worst = 1e3 * max(motion.met for motion in motions)
         table.add(name, 1e3 * pure, 1e3 * model, worst, model / pure, *terms(result))
     return table
+
+
+def delay_of(result: planner.Identification) -> float:
+    """The best pure delay [s]."""
+    (delay,) = [each.parameters["delay"] for each in result.alternatives if each.name == "delay"]
+    return delay
 
 
 def parts_of(log: planner.Log) -> list[slice]:
