@@ -31,7 +31,6 @@ from planner.exceptions import SolverFailed, angle_text
 from planner.model.joint import acting, request_ages
 from planner.model.symbolic import period_function
 from planner.planning.problem import Problem
-from planner.planning.search import State
 from planner.trajectory import Array
 
 
@@ -61,12 +60,13 @@ class TranscriptionOptions:
 OPTIONS = TranscriptionOptions()
 
 
-def transcribed_requests(problem: Problem, state: State) -> Array:
+def transcribed_requests(problem: Problem, first: Array, ideal: Array) -> Array:
     """The best requests that IPOPT finds for one joint.
 
     Args:
         problem: Joint, boundary, limits and norm.
-        state: Requests and angles to set out from; the answer is at least as good.
+        first: Requests to set out from [rad], (n, 1); the answer is at least as good.
+        ideal: Angles to set out from [rad], (n, 1).
 
     Returns:
         Requests within the limits [rad], shape (n, 1).
@@ -77,9 +77,9 @@ def transcribed_requests(problem: Problem, state: State) -> Array:
     import casadi
 
     if not problem.cyclic and len(problem.desired) <= problem.ages.youngest + 1:
-        return state.requests  # no free request acts before the end
+        return first  # no free request acts before the end
     samples, unit = len(problem.desired), problem.models[0].theta_0
-    nlp, point, bounds = _transcribed(problem, state)
+    nlp, point, bounds = _transcribed(problem, first, ideal)
     settings = {"print_level": 0, "sb": "yes", "max_iter": OPTIONS.iterations}
     options: dict[str, Any] = {
         "print_time": False,
@@ -88,7 +88,7 @@ def transcribed_requests(problem: Problem, state: State) -> Array:
         "ipopt": settings,
     }
     solve = casadi.nlpsol("inversion", "ipopt", nlp, options)
-    best, least = state.requests, problem.exact_error(state.requests)
+    best, least = first, problem.exact_error(first)
     solved, status = False, ""
     for radius in OPTIONS.radii:
         answer = solve(x0=point, p=radius, **bounds)
@@ -115,7 +115,9 @@ def transcribed_requests(problem: Problem, state: State) -> Array:
     return best
 
 
-def _transcribed(problem: Problem, state: State) -> tuple[dict[str, Any], Array, dict[str, Array]]:
+def _transcribed(
+    problem: Problem, first: Array, ideal: Array
+) -> tuple[dict[str, Any], Array, dict[str, Array]]:
     """The programme above, min f(x, p) where x and g(x, p) are within bounds, in units of theta_0.
 
     Returns:
@@ -127,7 +129,7 @@ def _transcribed(problem: Problem, state: State) -> tuple[dict[str, Any], Array,
     (model,), (load,) = problem.models, problem.loads
     samples, cyclic, unit = len(problem.desired), problem.cyclic, model.theta_0
     desired, resting = problem.desired[:, 0] / unit, problem.resting[:, 0] / unit
-    ideal, first = state.angles[:, 0] / unit, state.requests[:, 0] / unit
+    ideal, first = ideal[:, 0] / unit, first[:, 0] / unit
     max_step = float(problem.max_step[0]) / unit
 
     # Unknowns

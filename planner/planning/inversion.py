@@ -376,21 +376,21 @@ def planned(
     if method != "optimal" and len(task.scenarios) > 1:
         raise InvalidInput("models: got several of a joint, which need method 'optimal'")
 
-    from planner.planning.solve import solve  # compiled: Numba takes a quarter of a second
+    from planner.planning.search import solve  # compiled: Numba takes a quarter of a second
 
     def plan_for(task: Task) -> Plan:
         if method == "closed_form":
             return _closed_form(task, lines or {}, progress)
         if method == "shift":
             return shifted(task)
-        solution = solve(task, solver=solver, executed=executed, progress=progress)
+        requests, nominal = solve(task, solver=solver, executed=executed, progress=progress)
         foot = task.goal == "foot"
         return Plan(
             task=task,
-            requests=solution.requests,
+            requests=requests,
             method="foot_optimal" if foot else "optimal",
             solver=None if foot else solver,
-            nominal_requests=solution.nominal,
+            nominal_requests=nominal,
         )
 
     if callable(load):

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from planner.model.joint import (
     weights_of_all,
 )
 from planner.model.response import Loads, rest_angles, rest_requests
-from planner.planning.arguments import Norm
+from planner.planning.arguments import Norm, Robust
 from planner.planning.task import Task
 from planner.trajectory import Array
 
@@ -40,6 +40,37 @@ NEARNESS = 0.3
 """The same weight of the distance of a request from that near which it should stay [-]: with a
 third of it a saturated servo follows once in nine series of trials what its model does not show;
 three times it makes the second trial of a servo in three worse."""
+
+LEAST_FOOT_MOTION = 1e-9
+"""Movement of the foot per radian that is rounding, relative to the last link's length."""
+
+
+class FootGoal(NamedTuple):
+    """A foot that should follow a path; its errors count in radians of a typical joint's turn.
+
+    Attributes:
+        rows: Desired positions, and the disturbance of the joints' angles: ``Spec.goal``.
+        links: The constants of the leg: ``Spec.leg``.
+    """
+
+    rows: Array
+    links: Array
+
+    @classmethod
+    def of(cls, leg: Leg, desired: Array, scale: Array, added: Array) -> FootGoal:
+        """The goal of a leg's foot.
+
+        Args:
+            leg: The leg.
+            desired: Positions of the foot [m], (n, 3).
+            scale: Errors for a metre along each axis [rad/m], (3,).
+            added: Added to the joints' angles before the position is computed [rad], (n, J).
+        """
+        links = np.zeros((len(leg.chain.links) + 1, 10, 3))
+        for own, link in zip(links, leg.chain.links, strict=False):
+            own[:] = np.vstack([link.origin.T, link.axial, link.cosine, link.sine])
+        links[-1, 0], links[-1, 1] = leg.chain.tip, scale
+        return cls(np.hstack([desired, added]), links)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -66,7 +97,7 @@ class Problem:
             None, (A,).
         near: Requests near which those of a search stay [rad], (n, J); by default R* of (10).
         weights: Weight of each scenario, together 1.
-        robust: With several scenarios the error that counts: the "mean" or the "worst".
+        robust: With several scenarios the error that counts.
     """
 
     models: tuple[JointModel, ...]
@@ -83,7 +114,7 @@ class Problem:
     first: Array | None = None
     near: Array | None = None
     weights: tuple[float, ...] = (1.0,)
-    robust: Literal["mean", "worst"] | None = None
+    robust: Robust | None = None
 
     @property
     def joints(self) -> int:
@@ -103,18 +134,10 @@ class Problem:
         requests = rest_requests(self.nominal, self.start, self.loads[: self.joints])
         return np.asarray(requests if requests.ndim == 1 else requests[0])
 
-    @cached_property
+    @property
     def resting(self) -> Array:
         """Requests within the limits, near ``near`` or R* of (10), (n, J)."""
         return self.spec.resting
-
-    @cached_property
-    def parts(self) -> int:
-        """Numbers in the state of a joint: 1, with inertia 2, with an integral term 3.
-
-        Joints with fewer have some that stay 0.
-        """
-        return max(model.law.states for model in self.models)
 
     @cached_property
     def ages(self) -> RequestAges:
@@ -122,48 +145,35 @@ class Problem:
         return request_ages_of_all(self.models)
 
     @cached_property
-    def centring(self) -> float:
-        """Weight of the distances from ``resting`` beside second differences [-]."""
-        if self.near is not None:
-            return NEARNESS
-        return CENTRING if any(model.dead_band for model in self.models) else 0.0
-
-    @cached_property
-    def units(self) -> Array:
-        """With inertia: the time in which a speed counts as the angle it coasts [ticks], (A,)."""
-        if self.parts == 1:
-            return np.empty(0)
-        return np.array([max(1.0 / model.law.share, model.hold) for model in self.models])
-
-    @cached_property
     def spec(self) -> Spec:
         """The problem as arrays, for the compiled search."""
         from planner.planning.gauss_newton import FIRST, LARGEST_CHANGE, LOWER, UPPER, Spec, limit
 
-        periods = np.empty((2, len(self.models), len(self.desired)))
-        drives = []
+        parts = max(model.law.states for model in self.models)
+        periods, drives = np.empty((2, len(self.models), len(self.desired))), []
         for number, (model, load) in enumerate(zip(self.models, self.loads, strict=True)):
             torque = 0.0 if load is None else load
             periods[0, number] = model.compliance * torque
             periods[1, number] = model.faster_per_tick(torque)
             start = 0.0 if self.start is None else self.start[number % self.joints]
-            unit = self.units[number] if self.parts > 1 else 1.0
-            drives.append((*model.law, model.hold, model.theta_0, unit, start))
+            coasts = max(1.0 / model.law.share, model.hold) if parts > 1 else 1.0
+            drives.append((*model.law, model.hold, model.theta_0, coasts, start))
         first, bounds = self.first_requests, np.empty((4, *self.desired.shape))
         bounds[LOWER], bounds[UPPER], bounds[LARGEST_CHANGE] = self.lower, self.upper, self.max_step
         bounds[FIRST] = np.clip(0.0 if first is None else first, bounds[LOWER], bounds[UPPER])
-        near = self.near
+        near, centring = self.near, NEARNESS
         if near is None:
             near = np.array(rest_requests(self.nominal, self.desired, self.loads[: self.joints]))
+            centring = CENTRING if any(model.dead_band for model in self.models) else 0.0
         spec = Spec(
             self.cyclic,
             self.ages.oldest,
-            self.parts,
+            parts,
             self.norm == "max" and len(self.weights) > 1,
             bool(np.isfinite(self.lower).any() or np.isfinite(self.upper).any()),
             bool(np.isfinite(self.max_step).any()),
             self.near is not None,
-            self.centring,
+            centring,
             0.0 if self.foot is None else RIDGE,
             np.array(drives, dtype=np.float64),
             weights_of_all(self.models),
@@ -184,10 +194,10 @@ class Problem:
         From rest the first one holds the start. Without ``max_step`` they are the nearest ones,
         with it see :func:`planner.planning.gauss_newton.keep_step`.
         """
-        from planner.planning import gauss_newton
+        from planner.planning.gauss_newton import limit
 
         nearest = np.array(requests, dtype=np.float64, order="C")
-        gauss_newton.limit(self.spec, nearest)
+        limit(self.spec, nearest)
         return nearest
 
     def roughness(self, requests: Array) -> float:
@@ -201,6 +211,14 @@ class Problem:
 
         return roughness(self.spec, np.ascontiguousarray(requests))
 
+    def exact_angles(self, requests: Array) -> Array:
+        """Angles of the exact models, simulated, (n, A); NaN where a joint has no steady cycle."""
+        from planner.planning.gauss_newton import set_motion
+
+        angles = np.empty((len(requests), len(self.models)))
+        set_motion(self.spec, np.ascontiguousarray(requests), angles)
+        return angles
+
     def errors(self, angles: Array) -> tuple[Array, Array]:
         """The goal's errors in each scenario, and their derivatives by its joints' angles.
 
@@ -210,11 +228,11 @@ class Problem:
         Returns:
             Errors [rad], (n, scenarios, m), and derivatives, (n, scenarios, m, J).
         """
-        from planner.planning import gauss_newton
+        from planner.planning.gauss_newton import set_errors
 
         shape = len(self.desired), len(self.weights), 1 if self.foot is None else 3
         values, jacobians = np.empty(shape), np.empty((*shape, self.joints))
-        gauss_newton.set_errors(self.spec, np.ascontiguousarray(angles), values, jacobians)
+        set_errors(self.spec, np.ascontiguousarray(angles), values, jacobians)
         return values, jacobians
 
     def squares(self, angles: Array) -> Array:
@@ -227,49 +245,37 @@ class Problem:
     def errors_of_models(self, angles: Array) -> Array:
         """The error in each scenario, in the norm that counts [rad], (scenarios,)."""
         squares = self.squares(angles)
-        if self.norm == "max":
-            return np.asarray(np.sqrt(squares.max(axis=0)))
-        return np.asarray(np.sqrt(squares.sum(axis=0) / len(squares)))
+        largest = self.norm == "max"
+        means = squares.max(axis=0) if largest else squares.sum(axis=0) / len(squares)
+        return np.asarray(np.sqrt(means))
 
     def error(self, angles: Array) -> float:
-        """The error that counts: over the scenarios root mean square, or the worst."""
+        """The error that counts: over the scenarios root mean square, or the worst; inf for NaN."""
         errors = self.errors_of_models(angles)
-        if self.robust == "worst":
-            return float(errors.max())
-        return math.sqrt(float(errors @ errors) / len(errors))
+        worst = self.robust == "worst"
+        error = float(errors.max() if worst else math.sqrt(float(errors @ errors) / len(errors)))
+        return math.inf if math.isnan(error) else error
 
-    def mean_error(self, angles: Array) -> float:
-        """Root mean square error over samples and scenarios, by their weights [rad]."""
-        squares = self.squares(angles).sum(axis=0) @ np.asarray(self.weights)
-        return math.sqrt(float(squares) / len(angles))
+    def exact_error(self, requests: Array) -> float:
+        """Error of the exact models; inf where a joint has no steady cycle."""
+        return self.error(self.exact_angles(requests))
 
     def distances(self, angles: Array) -> Array:
         """Weighted root of the squared errors over the scenarios [rad], (n,)."""
         return np.asarray(np.sqrt(self.squares(angles) @ np.asarray(self.weights)))
 
-    def exact_error(self, requests: Array) -> float:
-        """Error of the exact models; inf where a joint has no steady cycle."""
-        angles = self.exact_angles(requests)
-        return math.inf if angles is None else self.error(angles)
-
-    def exact_angles(self, requests: Array) -> Array | None:
-        """Angles of the exact models, simulated, (n, A); None where a joint has no steady cycle."""
-        from planner.planning.gauss_newton import set_motion
-
-        angles = np.empty((len(requests), len(self.models)))
-        settled = set_motion(self.spec, np.ascontiguousarray(requests), angles)
-        return angles if settled else None
-
     def states_of(self, angles: Array) -> Array:
         """States near angles (n, A): speeds are means over the period before, integrals 0."""
-        if self.parts == 1 or angles.shape[1] > len(self.models):
-            return np.ascontiguousarray(angles)
-        before = np.roll(angles, 1, axis=0)
-        if self.start is not None:
-            before[0] = np.resize(self.start, angles.shape[1])
-        holds = np.array([model.hold for model in self.models])
-        speeds = self.units * (angles - before) / holds
-        return np.hstack([angles, speeds, *(np.zeros_like(speeds) for _ in range(self.parts - 2))])
+        parts, count = self.spec.parts, len(self.models)
+        states = np.zeros((len(angles), parts * count))
+        states[:, :count] = angles
+        if parts > 1:
+            before = np.roll(angles, 1, axis=0)
+            if self.start is not None:
+                before[0] = np.resize(self.start, count)
+            coasts, holds = self.spec.drives[:, 12], [model.hold for model in self.models]
+            states[:, count : 2 * count] = coasts * (angles - before) / holds
+        return states
 
     @property
     def unlimited(self) -> Problem:
@@ -285,10 +291,7 @@ class Problem:
         return replace(self, desired=self.desired[:count], loads=loads)
 
     def in_scenarios(
-        self,
-        scenarios: Sequence[tuple[JointModel, ...]],
-        loads: Sequence[Loads],
-        robust: Literal["mean", "worst"],
+        self, scenarios: Sequence[tuple[JointModel, ...]], loads: Sequence[Loads], robust: Robust
     ) -> Problem:
         """The same problem in several scenarios, with even weights; first requests stay."""
         return replace(
@@ -301,42 +304,30 @@ class Problem:
         )
 
 
-class FootGoal:
-    """A foot that should follow a path; its errors count in radians of a typical joint's turn.
-
-    Attributes:
-        rows: Desired positions, and the disturbance of the joints' angles, as in ``Spec``.
-        links: The constants of the leg, as there.
-    """
-
-    def __init__(self, leg: Leg, desired: Array, scale: Array, added: Array) -> None:
-        """Set the goal of a foot.
-
-        Args:
-            leg: The leg.
-            desired: Positions of the foot [m], (n, 3).
-            scale: Errors for a metre along each axis [rad/m], (3,).
-            added: Added to the joints' angles before the position is computed [rad], (n, J).
-        """
-        self.rows = np.hstack([desired, added])
-        self.links = np.zeros((len(leg.chain.links) + 1, 10, 3))
-        for own, link in zip(self.links, leg.chain.links, strict=False):
-            own[:] = np.vstack([link.origin.T, link.axial, link.cosine, link.sine])
-        self.links[-1, 0], self.links[-1, 1] = leg.chain.tip, scale
-
-
 def problem_of(task: Task) -> Problem:
-    """The problem of a task, for the nominal models: of a joint, or of all joints of a leg."""
+    """The problem of a task, for the nominal models: of a joint, or of all joints of a leg.
+
+    A foot's errors are scaled by how far a radian of a joint moves it.
+
+    Raises:
+        Infeasible: No joint moves the foot where it counts.
+    """
     models, loads = task.nominal, task.loads_on(task.nominal)
-    desired, added = task.desired, task.disturbance
-    if added is not None:
-        desired = desired - added
-    goal = None
-    if added is not None or task.goal == "foot":  # where requests within the limits can hold them
+    desired, goal = task.desired, None
+    added = np.zeros_like(desired) if task.disturbance is None else task.disturbance
+    if task.disturbance is not None or task.goal == "foot":  # where requests can hold them
         least, most = (rest_angles(models, end, loads) for end in (task.lower, task.upper))
-        desired = np.clip(desired, least, most)
+        desired = np.clip(desired - added, least, most)
     if task.goal == "foot":
-        goal = _foot_goal(task, desired, np.zeros_like(desired) if added is None else added)
+        assert task.leg is not None, "a foot belongs to a leg"
+        moved = float(np.sqrt(np.mean(task.foot_jacobians(desired + added) ** 2)))
+        length = float(np.max(np.abs(task.leg.chain.tip), initial=LEAST_FOOT_MOTION))
+        if moved <= LEAST_FOOT_MOTION * length:
+            raise Infeasible(
+                "leg: none of its joints moves the foot along an axis that counts; choose another "
+                "foot frame, or give the axis along which it moves a weight"
+            )
+        goal = FootGoal.of(task.leg, task.desired_foot, task.axis_scales / moved, added)
     return Problem(
         models=models,
         desired=np.ascontiguousarray(desired),
@@ -350,22 +341,3 @@ def problem_of(task: Task) -> Problem:
         start=task.start,
         loads=tuple(loads),
     )
-
-
-LEAST_FOOT_MOTION = 1e-9
-"""Movement of the foot per radian that is rounding, relative to the last link's length."""
-
-
-def _foot_goal(task: Task, nearest: Array, added: Array) -> FootGoal:
-    """The goal of a foot, its errors scaled by how far a radian of a joint moves it.
-
-    The Jacobian is at the models' ``nearest`` angles plus ``added`` [rad], (n, k).
-    """
-    assert task.leg is not None, "a foot belongs to a leg"
-    leg, moved = task.leg, float(np.sqrt(np.mean(task.foot_jacobians(nearest + added) ** 2)))
-    if moved <= LEAST_FOOT_MOTION * float(np.max(np.abs(leg.chain.tip), initial=LEAST_FOOT_MOTION)):
-        raise Infeasible(
-            "leg: none of its joints moves the foot along an axis that counts; choose another foot "
-            "frame, or give the axis along which it moves a weight"
-        )
-    return FootGoal(leg, task.desired_foot, task.axis_scales / moved, added)

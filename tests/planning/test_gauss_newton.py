@@ -59,7 +59,7 @@ def leg_problem(cyclic):
     desired = walk.desired[::6]
     foot = walk.leg.foot_positions(desired) + 0.01
     lower, upper = walk.leg.limits
-    goal = FootGoal(walk.leg, foot, np.array([9.0, 5.0, 7.0]), np.zeros_like(desired))
+    goal = FootGoal.of(walk.leg, foot, np.array([9.0, 5.0, 7.0]), np.zeros_like(desired))
     return Problem(
         models=(JointModel.ers210a(),) * 3,
         desired=desired,
@@ -169,7 +169,7 @@ def constrained(problem, stage, point, damping):
     count = point.requests.size
     terms = np.zeros(len(gradient))
     terms[:count] = 2.0 * damping
-    if problem.parts > 1:
+    if problem.spec.parts > 1:
         speeds = np.zeros(point.states.shape)
         speeds[:, len(problem.models) :] = 2.0 * SPEED_TERM
         terms[count:] += speeds.ravel()
@@ -210,7 +210,7 @@ def test_the_step_is_the_dense_solution_of_the_linearised_problem(case, cyclic, 
         right.append(problem.first_requests - point.requests[0])
     matrix = np.concatenate(conditions)
     rows = len(matrix)
-    if problem.parts > 1:
+    if problem.spec.parts > 1:
         speeds = count + np.arange(point.states.size).reshape(point.states.shape)
         seen = speeds[:, len(problem.models) :].ravel()
         hessian[seen, seen] += 2.0 * SPEED_TERM
@@ -343,7 +343,7 @@ def test_where_the_lagrangian_curves_upwards_at_the_corners_the_step_is_damped(c
     terms = np.zeros(len(gradient))
     terms[:count] = DAMPING
     angles = count + np.arange(point.states.size).reshape(point.states.shape)
-    if problem.parts > 1:
+    if problem.spec.parts > 1:
         terms[angles[:, 1]] = SPEED_TERM
     bends = np.moveaxis(point.slopes[0, :, spec.parts + width :], -1, 0)  # (n, s, width)
     curvature = -np.einsum("ks,ksj->kj", multipliers, bends)

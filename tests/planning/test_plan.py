@@ -12,7 +12,6 @@ from planner.exceptions import InvalidInput
 from planner.files.paths import read_joint_path
 from planner.model.evidence import Evidence
 from planner.planning.plan import Plan, request_motion
-from planner.planning.solve import Solved
 from planner.planning.task import Task
 
 AIBO = planner.JointModel.ers210a()
@@ -276,9 +275,9 @@ def unsearched(monkeypatch):
         for name in task.names:
             progress(name)
         nominal = 2.0 * task.desired if len(task.scenarios) > 1 else None
-        return Solved(task.desired + 0.0, nominal)
+        return task.desired + 0.0, nominal
 
-    monkeypatch.setattr("planner.planning.solve.solve", solved)
+    monkeypatch.setattr("planner.planning.search.solve", solved)
     return asked
 
 

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 from planner.model.joint import JointModel
 from planner.planning.closed_form import invert_closed_form
+from planner.planning.ideal import turning_points, without_small_reversals
 from planner.planning.inversion import invert_optimal
-from planner.planning.solve import turning_points, without_small_reversals
 from tests.strategies import trajectories
 
 SERVO = JointModel(

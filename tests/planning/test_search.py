@@ -11,16 +11,18 @@ import pytest
 from planner.gait.half_ellipse import reference_walk
 from planner.model.evidence import ENCODER_STEP, Evidence
 from planner.model.joint import JointModel
+from planner.planning import search
 from planner.planning.inversion import invert_optimal
 from planner.planning.problem import problem_of
+from planner.planning.result import UNFORESEEN
 from planner.planning.search import (
     NARROW,
-    Judged,
-    State,
-    allowed_beside,
+    Motion,
+    allowed,
     judged,
     known_errors,
     minimise,
+    solve,
 )
 from planner.planning.task import Task
 from tests.instances import saturating
@@ -61,7 +63,7 @@ def test_a_motion_of_a_foot_is_judged_by_what_each_joint_moves_it_in_each_scenar
     both = replace(both, weights=weights)
     rng = np.random.default_rng(1)
     angles = np.tile(nominal.desired, 2) + 0.05 * rng.normal(size=(22, 6))
-    found = judged(both, angles)
+    found = judged(both, both.resting, angles)
     squares = np.zeros(3)
     for scenario, weight in enumerate(weights):
         values, jacobians = nominal.errors(angles[:, 3 * scenario : 3 * scenario + 3])
@@ -97,30 +99,69 @@ def test_what_models_miss_is_at_least_an_encoders_step_and_grows_with_the_motion
 
 def test_more_is_allowed_where_nearly_the_same_motion_follows_from_many_requests():
     """For a foot and with dry friction an encoder's step in any case."""
-    best = Judged(0.3, 0.2, 0.4, 0.05)
+    best = Motion(np.zeros((5, 1)), np.zeros((5, 1)), 0.3, 0.2, 0.4, 0.05)
     desired = np.zeros(5)
     plain = track(ERS210A, desired, cyclic=True)
     sticky = track(replace(ERS210A, dead_band=0.01), desired, cyclic=True)
     foot, _ = foot_problem()
-    for problem, unseen in ((plain, 0.0), (sticky, 0.05), (foot, 0.05)):
-        allowed = allowed_beside(replace(problem, smoothness=0.1), best)
-        assert allowed.shown == pytest.approx(1.1 * 0.5)
-        assert allowed.unseen == unseen
-        none = allowed_beside(replace(problem, smoothness=0.0), best)
-        assert none.by(best)
-        assert not none.by(best._replace(error=0.3001))
-    allowed = allowed_beside(replace(sticky, smoothness=0.1), best)
-    assert allowed.by(Judged(0.37, 0.2, 0.4, 0.05))  # hypot(0.37, 0.4) is 0.545
-    assert not allowed.by(Judged(0.39, 0.2, 0.4, 0.05))
-    assert allowed.by(Judged(0.04, 0.2, 2.0, 0.05))
+    for problem, unseen in ((plain, False), (sticky, True), (foot, True)):
+        smooth, plan = replace(problem, smoothness=0.1), replace(problem, smoothness=0.0)
+        assert allowed(smooth, best._replace(error=0.37), best)  # hypot(0.37, 0.4) is 0.545
+        assert not allowed(smooth, best._replace(error=0.39), best)
+        assert allowed(smooth, best._replace(error=0.04, model_error=2.0), best) == unseen
+        assert allowed(plan, best, best)
+        assert not allowed(plan, best._replace(error=0.3001), best)
 
 
 def test_the_best_end_of_all_sharp_stages_is_kept_even_if_the_last_is_worse():
     """The beginning too: a search never makes requests worse by the exact model."""
     desired = saturating(np.random.default_rng(4), ERS210A, samples=40)
     problem = track(ERS210A, desired, cyclic=True)
-    best, least = minimise(problem, State(problem.resting, problem.desired), NARROW)
+    best, least = minimise(problem, problem.resting, problem.desired, NARROW)
     assert least == problem.exact_error(best)
-    again, error = minimise(problem, State(best, problem.exact_angles(best)), NARROW[:1])
+    again, error = minimise(problem, best, problem.exact_angles(best), NARROW[:1])
     np.testing.assert_array_equal(again, best)
     assert error == least
+
+
+PHASE = 2.0 * np.pi * np.arange(40) / 40
+DESIRED = np.column_stack([0.3 * np.sin(PHASE), 0.2 * np.cos(PHASE), 0.1 * np.sin(2.0 * PHASE)])
+
+
+@pytest.fixture
+def single(monkeypatch):
+    """The tasks of the joints that are planned one by one; their plans are the desired angles."""
+    given = []
+
+    def record(task, **options):
+        given.append((task, options))
+        several = len(task.scenarios) > 1
+        return task.desired, task.desired + 1.0 if several else None
+
+    monkeypatch.setattr(search, "solve_joint", record)
+    return given
+
+
+def test_a_share_of_a_measured_disturbance_replaces_what_models_were_known_to_miss(single):
+    known = ERS210A.with_evidence(Evidence(0.1))
+    task = Task.of([[known, known]] * 3, DESIRED)
+    solve(task)
+    solve(replace(task, disturbance=np.tile([0.01, -0.02, 0.0], (len(DESIRED), 1))))
+    errors = [[model.evidence.error for model in each.models[0]] for each, _ in single]
+    shares = [[pytest.approx(UNFORESEEN * size)] * 2 for size in (0.01, 0.02, 0.0)]
+    assert errors == [[0.1] * 2] * 3 + shares
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+@pytest.mark.parametrize(("several", "smoothness"), [(False, 0.005), (False, 0.0), (True, 0.005)])
+def test_the_first_request_leaves_the_middle_of_the_band_for_the_side_of_the_motion(
+    way, several, smoothness
+):
+    """For a single model alone: several may have other bands."""
+    sticky = replace(ERS210A, dead_band=0.03)
+    steep = way * 0.6 * np.minimum(np.arange(30) / 10.0, 1.0)[:, np.newaxis]
+    models = [[sticky, replace(sticky, lag=0.04)]] if several else [sticky]
+    made, _ = solve(Task.of(models, steep, cyclic=False, smoothness=smoothness))
+    first = float(made[0, 0])
+    assert abs(first) < 0.03
+    assert first == 0.0 if several else way * first == pytest.approx(0.03, rel=1e-6)

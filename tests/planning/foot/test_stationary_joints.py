@@ -9,7 +9,7 @@ import pytest
 
 from planner.gait.half_ellipse import reference_walk
 from planner.model.joint import JointModel
-from planner.planning import solve
+from planner.planning import search
 from planner.planning.inversion import invert_foot
 
 ERS210A = JointModel.ers210a()
@@ -38,7 +38,7 @@ def test_a_joint_that_could_only_make_up_for_next_to_nothing_rests(norm, monkeyp
     path = stepping(10.0)
     plan = invert_foot(ERS210A, LEG, path, norm=norm)
     assert np.ptp(plan.requests[:, 1]) == 0.0
-    monkeypatch.setattr(solve, "STATIONARY", -1.0)
+    monkeypatch.setattr(search, "STATIONARY", -1.0)
     moving = invert_foot(ERS210A, LEG, path, norm=norm, smoothness=0.0)
     assert np.ptp(moving.requests[:, 1]) > math.radians(0.01)
     assert plan.error <= 1.005 * moving.error + UNSEEN
