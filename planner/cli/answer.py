@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from planner.cli.desired import Desired, leg_title
-from planner.cli.models import beside, model_words, verdict_document
+from planner.cli.desired import Desired
+from planner.cli.models import beside, leg_title, model_words, verdict_document
 from planner.cli.planning import errors_document
 from planner.cli.settings import FROM_URDF
 from planner.model.evidence import OPEN_TOP_SPEED
@@ -37,15 +37,14 @@ from planner.trajectory import rms
 
 if TYPE_CHECKING:
     from kinematics import Leg
-    from planner.cli.planning import Prepared
-    from planner.evaluation.cross_check import CrossCheck
 
-    Written = Sequence[tuple[str, Path | str | None]]
+Written = Sequence[tuple[str, "Path | str | None"]]
+"""Title and path of each file of a run."""
 
 
-def document(prepared: Prepared, plan: Plan, missed: list[str]) -> dict[str, Any]:
+def document(desired: Desired, plan: Plan, missed: list[str]) -> dict[str, Any]:
     """The plan for machines; fields that a plan for the foot does not have are null."""
-    run, desired, task = prepared.settings, prepared.desired, plan.task
+    run, task = desired.settings, plan.task
     joints, shift = {}, shifted(task)
     for j, name in enumerate(desired.names):
         inversion, unit = plan.inversions[j] if plan.inversions else None, desired.unit(j)
@@ -122,16 +121,12 @@ def document(prepared: Prepared, plan: Plan, missed: list[str]) -> dict[str, Any
     }
 
 
-def summary(prepared: Prepared, plan: Plan) -> str:
+def summary(desired: Desired, plan: Plan) -> str:
     """The plan for people."""
-    desired, task, rows = prepared.desired, plan.task, []
-    labels = [
-        name if desired.unit(j) == "deg" else f"{name} [% of its range]"
-        for j, name in enumerate(desired.names)
-    ]
+    task, rows, run = plan.task, [], desired.settings
     has_estimate = any(np.isfinite(each.error) for each in plan.expected)
-    by_feet = prepared.settings.plan.method == "foot-optimal"
-    for j, (label, expected) in enumerate(zip(labels, plan.expected, strict=True)):
+    by_feet = run.plan.method == "foot-optimal"
+    for j, (label, expected) in enumerate(zip(desired.labels, plan.expected, strict=True)):
         errors = errors_document(np.degrees(plan.errors[:, j]), "deg")
         bounded = [NOTHING, NOTHING]
         if plan.inversions and not (by_feet or task.load_of_pose or plan.models[j].exceeds_v_max):
@@ -143,10 +138,10 @@ def summary(prepared: Prepared, plan: Plan) -> str:
     titles += [bound_title(plan), "gap"]
     text = (
         f"{len(plan.requests)} requests, one every {1e3 * desired.period:g} ms; "
-        f"{model_words(prepared.settings.model)}\n{text_table(titles, rows)}"
+        f"{model_words(run.model)}\n{text_table(titles, rows)}"
         f"\n\n{motions_of(plan).text()}"
     )
-    if over_models := models_errors_table(plan, labels):
+    if over_models := models_errors_table(plan, desired.labels):
         text += (
             f"\n\n{task.norm} errors over the nominal model and {max(map(len, task.models)) - 1} "
             f"drawn from its intervals:\n{over_models.text()}"
@@ -167,7 +162,7 @@ def summary(prepared: Prepared, plan: Plan) -> str:
                 f"{norm}{weighted}: the plan is {percent(plan.of_foot.gap)} above that"
             )
     if plan.method != "shift":
-        text += f"\n{_best_shift(desired, labels, plan)}"
+        text += f"\n{_best_shift(desired, plan)}"
     else:
         leads = zip(desired.names, plan.leads, strict=True)
         text += f"\nearly by: {', '.join(f'{name} {1e3 * lead:.0f} ms' for name, lead in leads)}"
@@ -192,14 +187,14 @@ def summary(prepared: Prepared, plan: Plan) -> str:
     return text
 
 
-def _best_shift(desired: Desired, labels: Sequence[str], plan: Plan) -> str:
+def _best_shift(desired: Desired, plan: Plan) -> str:
     """Errors of the desired angles sent early by the best time: the baseline of a plan."""
     shift, each = shifted(plan.task), []
     for j, lead in enumerate(shift.leads):
         expected = np.degrees(shift.expected[j].error)
         robot = "" if np.isnan(expected) else f", on the robot {expected:.3f}"
         error = np.degrees(rms(shift.errors[:, j]))
-        each.append(f"{labels[j]} {error:.3f}{robot} ({1e3 * lead:.0f} ms early)")
+        each.append(f"{desired.labels[j]} {error:.3f}{robot} ({1e3 * lead:.0f} ms early)")
     if len(each) > 6:  # more are too many to list
         largest = math.degrees(max(rms(errors) for errors in shift.errors.T))
         moving = np.ptp(plan.desired, axis=0) > 0.0
@@ -232,96 +227,75 @@ def _over_models(
 
 
 def plan_report(
-    prepared: Prepared,
+    desired: Desired,
     plan: Plan,
     *,
     missed: Sequence[str],
     page: Path | str,
     written: Written = (),
 ) -> str:
-    """The page about a plan, as HTML, with links to ``written``: title and path of each file."""
-    from planner.report.page import sources_of
+    """The page about a plan, as HTML, with links to the files that were ``written``."""
     from planner.report.plan import plan_page
 
-    run, desired = prepared.settings, prepared.desired
     return plan_page(
         plan,
-        title=leg_title(run.leg) or ", ".join(desired.legs or desired.names),
-        method=run.plan.method,
-        sources=sources_of(page, _origins(prepared, plan.task.leg), [*_inputs(prepared), *written]),
+        method=desired.settings.plan.method,
         foot_given=desired.foot_given,
-        unreachable=desired.unreachable,
         legs=desired.legs,
         missed=missed,
-        notes=_notes(prepared),
+        **page_arguments(desired, desired.legs or desired.names, plan.task.leg, page, written),
     )
 
 
-def comparison_report(
-    prepared: Prepared, check: CrossCheck, *, level: str, page: str, written: Written
-) -> str:
-    """The page about a comparison, as HTML; see :func:`plan_report`."""
-    from planner.report.comparison import comparison_page
+def page_arguments(
+    desired: Desired,
+    subjects: Iterable[str],
+    leg: Leg | None,
+    page: Path | str,
+    written: Written,
+    *origins: tuple[str, str],
+) -> dict[str, Any]:
+    """The arguments that the pages of plans and comparisons share: title, sources, notes."""
     from planner.report.page import sources_of
 
-    run, leg = prepared.settings, prepared.desired.leg
-    names = tuple(joint.name for joint in check.joints)
-    if leg is not None and leg.joint_names != names:
-        leg = None
-    return comparison_page(
-        check,
-        title=leg_title(run.leg) or ", ".join(names),
-        leg=leg,
-        sources=sources_of(
-            page,
-            [*_origins(prepared, leg), ("bounds up to", level)],
-            [*_inputs(prepared), *written],
-        ),
-        unreachable=prepared.desired.unreachable,
-        notes=_notes(prepared),
-    )
-
-
-def _notes(prepared: Prepared) -> list[str]:
-    desired, notes = prepared.desired, []
-    if prepared.settings.model.file == FROM_URDF:
+    run, notes = desired.settings, []
+    if run.model.file == FROM_URDF:
         notes.append(
             "The URDF has no more than the top speeds of the servos; the rest of their models is "
             "assumed. Identify the joints before these requests are sent."
         )
     if shares := [name for j, name in enumerate(desired.names) if desired.unit(j) != "deg"]:
         notes.append(f"{', '.join(shares)}: degrees stand for percent of the joint's range.")
-    return notes
+    files = [("path", run.path.file), ("model", run.model.file), ("robot", run.leg.urdf)]
+    places = [(role, beside(desired.folder, name)) for role, name in files if name]
+    inputs = [(role, place) for role, place in places if Path(place).is_file()]
+    return {
+        "title": leg_title(run.leg) or ", ".join(subjects),
+        "sources": sources_of(page, [*_origins(desired, leg), *origins], [*inputs, *written]),
+        "unreachable": desired.unreachable,
+        "notes": notes,
+    }
 
 
-def _origins(prepared: Prepared, leg: Leg | None) -> list[tuple[str, str]]:
+def _origins(desired: Desired, leg: Leg | None) -> list[tuple[str, str]]:
     """Inputs and settings of the plans: pairs of name and value."""
 
     def pairs_of(by_joint: Mapping[str, float] | None) -> list[str]:
         return [f"{joint}={position:g}" for joint, position in (by_joint or {}).items()]
 
-    run = prepared.settings
-    origins = [("path", run.path.file or "a half ellipse")]
-    if leg is not None:
-        origins.append(("leg", f"{run.leg.name or run.leg.urdf}, from {leg.base} to {leg.foot}"))
-    plan = {name: getattr(run.plan, name) for name in run.plan.keys_set - {"method", "cyclic"}}
-    chosen: dict[str, Any] = {
+    run = desired.settings
+    chosen = [name for name in run.plan.keys if name in run.plan.keys_set - {"method", "cyclic"}]
+    values: dict[str, Any] = {
+        "path": run.path.file or "a half ellipse",
+        "leg": leg and f"{run.leg.name or run.leg.urdf}, from {leg.base} to {leg.foot}",
         "model": run.model.file,
-        "unreachable": None if leg is None else run.leg.unreachable,
-        **{name: plan[name] for name in run.plan.keys if name in plan},
+        "unreachable": leg and run.leg.unreachable,
+        **{name: getattr(run.plan, name) for name in chosen},
         "lock": [*pairs_of(run.leg.lock), *(f"{each}m" for each in pairs_of(run.leg.lock_m))],
         "near": pairs_of(run.leg.near),
     }
-    for name, value in chosen.items():
-        if value or value == 0.0:
-            several = isinstance(value, list | tuple)
-            origins.append((name, ", ".join(map(str, value)) if several else str(value)))
-    return origins
-
-
-def _inputs(prepared: Prepared) -> list[tuple[str, str]]:
-    """The files that the settings name: role and path of each."""
-    run = prepared.settings
-    named = [("path", run.path.file), ("model", run.model.file), ("robot", run.leg.urdf)]
-    places = [(role, beside(prepared.folder, name)) for role, name in named if name]
-    return [(role, place) for role, place in places if Path(place).is_file()]
+    return [
+        (name, ", ".join(map(str, value)) if isinstance(value, list | tuple) else str(value))
+        for name, value in values.items()
+        if value or value == 0.0
+    ]

@@ -18,7 +18,6 @@ from planner.report.table import fitted_to
 if TYPE_CHECKING:
     from kinematics import Leg
     from planner.cli.desired import Desired
-    from planner.cli.planning import Prepared
     from planner.evaluation.cross_check import CrossCheck
     from planner.planning.bounds.reachable_set import Level
 
@@ -65,27 +64,30 @@ def compare(
         request-planner gait -o foot.csv
         request-planner compare foot.csv --leg reference --unreachable clamp --report compare.html
     """  # noqa: D301
-    from planner.cli.answer import comparison_report
-    from planner.cli.desired import check_angles
+    from planner.cli.answer import page_arguments
+    from planner.cli.desired import check_angles, desired_of
     from planner.cli.models import model_words
-    from planner.cli.planning import load
-    from planner.report.comparison import comparison_figure, comparison_text, verdict_line
+    from planner.report.comparison import (
+        comparison_figure,
+        comparison_page,
+        comparison_text,
+        verdict_line,
+    )
     from planner.report.matplotlib_figure import write_picture
 
-    prepared = load(run)
-    options.warn_of(prepared.desired.remarks)
-    check_angles(prepared.desired.names, prepared.desired.units)
-    with_foot = _in_leg_order(prepared.desired)[1] is not None
-    with Progress(len(prepared.desired.names) + with_foot) as progress:
-        check = comparison_of(prepared, level, progress)
-    unreachable = prepared.desired.unreachable
+    desired = desired_of(run)
+    options.warn_of(desired.remarks)
+    check_angles(desired.names, desired.units)
+    in_order, leg = _in_leg_order(desired)
+    with Progress(len(desired.names) + (leg is not None)) as progress:
+        check = comparison_of(in_order, leg, level, progress)
     if figure is not None:
         write_picture(figure, comparison_figure(check))
     if report is not None:
-        page = comparison_report(
-            prepared, check, level=level, page=report, written=[("picture", figure)]
-        )
-        write_text(report, page)
+        names, files = in_order.names, [("picture", figure)]
+        about = page_arguments(desired, names, leg, report, files, ("bounds up to", level))
+        write_text(report, comparison_page(check, leg=leg, **about))
+    unreachable = desired.unreachable
     if as_json:
         print_json({**check.to_dict(), "unreachable_samples": unreachable})
     else:
@@ -99,38 +101,42 @@ def compare(
         summarise(verdict_line(check))
 
 
-def comparison_of(prepared: Prepared, level: Level, progress: Callable[[str], None]) -> CrossCheck:
+def comparison_of(
+    desired: Desired, leg: Leg | None, level: Level, progress: Callable[[str], None]
+) -> CrossCheck:
     """The plans for the desired path, compared under its load."""
     from planner.evaluation.cross_check import cross_check
     from planner.planning.arguments import limits_of_each
 
-    run, torques = prepared.settings, prepared.load
-    desired, leg = _in_leg_order(prepared.desired)
-    if callable(torques):
-        torques = torques(prepared.desired.angles)
-    if torques is not None:
-        torques = torques[:, [prepared.desired.names.index(name) for name in desired.names]]
+    run = desired.settings
     return cross_check(
         desired.models,
         desired.angles,
         cyclic=desired.cyclic,
-        limits=limits_of_each(prepared.limits, desired.names) if prepared.limits else None,
+        limits=limits_of_each(desired.limits, desired.names) if desired.limits else None,
         segments=run.plan.segments,
         leg=leg,
         norm=run.plan.norm or "rms",
         level=level,
         names=desired.names,
-        load=torques,
+        load=None if callable(desired.load) else desired.load,
         progress=progress,
     )
 
 
 def _in_leg_order(desired: Desired) -> tuple[Desired, Leg | None]:
-    """The joints in the order of the leg; no leg if some of its joints are missing."""
-    leg = desired.leg
-    if leg is None or set(desired.names) != set(leg.joint_names):
-        return desired, None
-    columns = [desired.names.index(name) for name in leg.joint_names]
-    models = tuple(desired.models[column] for column in columns)
-    angles = desired.angles[:, columns]
-    return replace(desired, names=leg.joint_names, models=models, angles=angles), leg
+    """The joints, with their load, in the order of the leg; no leg if some are missing."""
+    leg, load = desired.leg, desired.load
+    load = load(desired.angles) if callable(load) else load
+    names = desired.names
+    if leg is None or set(names) != set(leg.joint_names):
+        return replace(desired, load=load), None
+    columns = [names.index(name) for name in leg.joint_names]
+    ordered = replace(
+        desired,
+        names=leg.joint_names,
+        models=tuple(desired.models[column] for column in columns),
+        angles=desired.angles[:, columns],
+        load=None if load is None else load[:, columns],
+    )
+    return ordered, leg

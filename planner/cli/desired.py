@@ -1,20 +1,29 @@
-"""From settings to a leg, its joints' models, desired angles, limits and starts."""
+"""From settings to the desired motion: leg, models, path, limits, starts and load of the joints."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, TypeVar
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 import numpy as np
 
 from planner.cli import settings
 from planner.cli.console import BadSetting, Key, Remark
-from planner.cli.models import beside, check_joints, models_of
-from planner.exceptions import ANGLE_UNIT, JOINT_UNITS, InvalidFile
+from planner.cli.models import (
+    beside,
+    find_leg,
+    legs_among,
+    load_leg,
+    models_of,
+    refused_models,
+    robot_file,
+)
+from planner.exceptions import ANGLE_UNIT, JOINT_UNITS, InvalidFile, nearest
 from planner.files.columns import LEAST_DEG, SHARES
 from planner.files.joint_model import has_servos, read_servos
 from planner.files.paths import (
@@ -26,9 +35,6 @@ from planner.files.paths import (
     path_table,
     write_joint_path,
 )
-from planner.files.robot import LegPlace, read_legs
-from planner.files.text import STANDARD_STREAM
-from planner.model.evidence import refusal
 from planner.model.joint import JointModel
 from planner.trajectory import Array, most_lost
 
@@ -40,28 +46,26 @@ AnyPath = TypeVar("AnyPath", JointPath, FootPath)
 Limits = Mapping[str, tuple[float, float]]
 """Smallest and largest request by joint [rad]."""
 
-SHIPPED = {
-    "reference": LegPlace("reference_leg.urdf", "hip", "foot"),
-    **{
-        f"{end}-{side}": LegPlace("ers210a.urdf", "body", f"{end}_{side}_ball")
-        for end in ("front", "hind")
-        for side in ("left", "right")
-    },
-}
-"""The simplified leg of the reference walk, and the four legs of the ERS-210A."""
+Load = Array | Callable[[Array], Array]
+"""Torques [N m], shape (n, k), or a function of poses [rad], shape (n, k), that returns them."""
 
 
 @dataclass(frozen=True)
 class Desired:
-    """The desired motion of all joints."""
+    """The desired motion of all joints: the settings, and all that their files hold."""
 
+    settings: settings.Run
     names: tuple[str, ...]
     angles: Array  # desired [rad], shape (n, k)
     models: tuple[JointModel, ...]
-
-    # smallest and largest angle of each joint [rad], where a leg has them
-    limits: dict[str, tuple[float, float]]
+    folder: str = ""  # the folder from which the settings name files
+    limits: Limits = field(default_factory=dict)  # of the requests
+    starts: Mapping[str, float] = field(default_factory=dict)  # rest angles by joint [rad]
+    load: Load | None = None  # torques on the joints, if the settings have any
     leg: Leg | None = None  # the leg, if the settings name one
+
+    # the legs of a whole robot, by name, whose joints are all among these
+    legs: Mapping[str, Leg] = field(default_factory=dict)
 
     # desired positions of the foot [m], shape (n, 3), for a foot path; with "clamp", the
     # positions at the clamped angles
@@ -77,13 +81,17 @@ class Desired:
     # torques on the joints in the file [N m], shape (n, k); None if it has no torques
     loads: Array | None = None
 
-    # the legs of a whole robot, by name, whose joints are all among these
-    legs: Mapping[str, Leg] = field(default_factory=dict)
-
     @property
     def period(self) -> float:
         """Time between requests [s]."""
         return self.models[0].period
+
+    @cached_property
+    def labels(self) -> list[str]:
+        """The joints, with the unit of those in shares of their range."""
+        units = map(self.unit, range(len(self.names)))
+        pairs = zip(self.names, units, strict=True)
+        return [name if unit == "deg" else f"{name} [% of its range]" for name, unit in pairs]
 
     def unit(self, joint: int) -> Literal["deg", "percent"]:
         """The unit of a joint's degrees: "deg", or "percent" of its range."""
@@ -106,86 +114,21 @@ class Desired:
         )
 
 
-def find_leg(leg: settings.Leg, folder: str = "") -> LegPlace | None:
-    """The description of the leg; None if the settings name no leg."""
-    near = leg.near and {joint: math.radians(angle) for joint, angle in leg.near.items()}
-    urdf, base, foot, lock = (Key(f"leg.{key}") for key in ("urdf", "base", "foot", "lock"))
-    is_described = leg.base or leg.foot or leg.lock or leg.lock_m
-    if leg.name is not None:
-        if leg.urdf or is_described:
-            name = Key("leg.name")
-            raise BadSetting(
-                name, " is a shipped leg: leave out ", urdf, ", ", base, ", ", foot, " and ", lock
-            )
-        from kinematics import urdf_path
-
-        shipped = SHIPPED[leg.name]
-        return shipped._replace(urdf=str(urdf_path(shipped.urdf)), near=near)
-    if leg.urdf is None:
-        if is_described or near:
-            keys = (base, ", ", foot, ", ", lock, " and ", Key("leg.near"))
-            raise BadSetting(*keys, " are of a leg: name it with ", Key("leg.name"), " or ", urdf)
-        return None
-    if leg.base is None or leg.foot is None:
-        raise BadSetting(urdf, " needs ", base, " and ", foot, ", the frames at the leg's two ends")
-    locked = {joint: math.radians(angle) for joint, angle in (leg.lock or {}).items()}
-    locked |= leg.lock_m or {}
-    return LegPlace(beside(folder, leg.urdf), leg.base, leg.foot, locked, near)
+def desired_of(run: settings.Run, folder: str = "") -> Desired:
+    """The desired motion of the settings, with limits, starts and load, for any method."""
+    desired = _followed(run, load_leg(find_leg(run.leg, folder)), folder)
+    if desired.loads is not None and run.plan.load is None:
+        words = "the load in the path's columns is not used: ask for it with "
+        unused = Remark(words, Key("plan.load", "column"))
+        desired = replace(desired, remarks=(*desired.remarks, unused))
+    starts = starts_of(run.start, desired.names, cyclic=desired.cyclic)
+    limits = {**desired.limits, **_by_joint("limits", run.limits, desired.names)}
+    limits = {joint: limits[joint] for joint in desired.names if joint in limits}
+    return replace(desired, starts=starts, limits=limits, load=_load_of(run.plan, desired))
 
 
-def load_leg(place: LegPlace | None) -> Leg | None:
-    """The leg of a description."""
-    if place is None:
-        return None
-    from kinematics import Leg
-
-    return Leg.from_urdf(
-        place.urdf, base=place.base, foot=place.foot, locked=place.locked, near=place.near
-    )
-
-
-def legs_of(model: settings.Model, folder: str = "") -> dict[str, LegPlace]:
-    """The legs of the robot in the model file; the ERS-210A's legs for its own model."""
-    if model.file == settings.SHIPPED_MODEL:
-        from kinematics import urdf_path
-
-        return {
-            name: place._replace(urdf=str(urdf_path(place.urdf)))
-            for name, place in SHIPPED.items()
-            if name != "reference"
-        }
-    file = _robot_file(model, folder)
-    return read_legs(file) if file is not None else {}
-
-
-def legs_among(joints: Sequence[str], model: settings.Model, folder: str = "") -> dict[str, Leg]:
-    """The legs of the robot whose joints are all among these, by name."""
-    if model.file == settings.SHIPPED_MODEL:  # the URDF is read for its own joints only
-        named = tuple(f"{name.replace('-', '_')}_" for name in SHIPPED)
-        if not any(joint.startswith(named) for joint in joints):
-            return {}
-    legs = {}
-    for name, place in legs_of(model, folder).items():
-        leg = load_leg(place)
-        if leg is not None and set(leg.joint_names) <= set(joints):
-            legs[name] = leg
-    return legs
-
-
-def _robot_file(model: settings.Model, folder: str) -> str | None:
-    """The model file, if it can be read again for legs and servos; else None."""
-    if model.file in (settings.SHIPPED_MODEL, settings.FROM_URDF, STANDARD_STREAM):
-        return None
-    return beside(folder, model.file)
-
-
-def leg_title(leg: settings.Leg) -> str:
-    """The name of the leg on pages; empty if the settings name no leg."""
-    return leg.name or (f"{Path(leg.urdf).name} · {leg.foot}" if leg.urdf else "")
-
-
-def desired_of(run: settings.Run, leg: Leg | None, folder: str = "") -> Desired:
-    """The desired motion: joint angles of a file, or a foot path by inverse kinematics."""
+def _followed(run: settings.Run, leg: Leg | None, folder: str) -> Desired:
+    """The motion of the path: joint angles of a file, or a foot path by inverse kinematics."""
     path = run.path
     if path.half_ellipse is not None:
         if path.file is not None or path.joints:
@@ -206,45 +149,93 @@ def desired_of(run: settings.Run, leg: Leg | None, folder: str = "") -> Desired:
             )
         return _from_foot(foot_path(table, even=even), run, leg, folder)
     joints = joint_path(table, joints=path.joints, even=even)
-    models = models_of(run.model, joints.names, leg, folder, rate_hz=path.rate_hz)
-    models = _models_in(joints.units, run.model, models)
+    models = models_of(run, joints.names, leg, folder, units=joints.units)
     joints, closed, remarks = _in_step(joints, run, models[0].period)
     legs = {} if leg is not None else legs_among(joints.names, run.model, folder)
-    named = tuple(legs.values()) if leg is None else (leg,)
     foreign = [name for name in joints.names if leg is not None and name not in leg.joint_names]
     if leg is not None and foreign:
         raise BadSetting(
             f"joint '{foreign[0]}' of {joints.path} is not on the leg; its joints: "
             f"{', '.join(leg.joint_names)}"
         )
-    limits = _limits_of(joints.names, named, run.model, folder)
-    return _of_joints(joints, models, closed, remarks, limits=limits, leg=leg, legs=legs)
+    own = legs.values() if leg is None else (leg,)
+    limits = _limits_of(joints.names, own, run.model, folder)
+    more = {"folder": folder, "limits": limits, "leg": leg, "legs": legs}
+    return _of_joints(joints, run, models, closed, remarks, **more)
+
+
+def load_joints(file: str, run: settings.Run) -> Desired:
+    """Read a joint path whose rate is that of the models."""
+    table = path_table(file)
+    if is_foot_path(table):
+        raise InvalidFile(file, "a foot path, expected columns <joint>_deg or <joint>_rad")
+    joints = joint_path(table, joints=run.path.joints)
+    models = models_of(run, joints.names, units=joints.units)
+    joints.check_period(models[0].period)
+    return _of_joints(joints, run, models, *repeats(joints.angles, run.plan.cyclic))
 
 
 def _of_joints(
     path: JointPath,
+    run: settings.Run,
     models: tuple[JointModel, ...],
     cyclic: bool,
     remarks: tuple[Remark, ...],
-    *,
-    limits: dict[str, tuple[float, float]],
-    leg: Leg | None = None,
-    legs: Mapping[str, Leg] | None = None,
+    **more: Any,
 ) -> Desired:
-    """The desired motion of a joint path."""
-    remarks = (*remarks, *refused_models(path.names, models))
     return Desired(
+        run,
         path.names,
         path.angles,
         models,
-        limits,
-        leg=leg,
         units=path.units,
         cyclic=cyclic,
-        remarks=remarks,
+        remarks=(*remarks, *refused_models(path.names, models)),
         loads=path.loads,
-        legs=legs or {},
+        **more,
     )
+
+
+def _from_foot(points: FootPath, run: settings.Run, leg: Leg, folder: str) -> Desired:
+    """The desired motion of a leg's joints for its foot to follow a path."""
+    models = models_of(run, leg.joint_names, leg, folder)
+    points, closed, remarks = _in_step(points, run, models[0].period)
+    solution = leg.inverse(points.positions, unreachable=run.leg.unreachable)
+    count = int((~solution.reachable).sum())
+    clamped = run.leg.unreachable == "clamp" and count > 0
+    return Desired(
+        run,
+        leg.joint_names,
+        solution.angles,
+        models,
+        folder=folder,
+        limits=_limits_of(leg.joint_names, (leg,), run.model, folder),
+        leg=leg,
+        foot=leg.foot_positions(solution.angles) if clamped else points.positions,
+        foot_given=points.positions if clamped else None,
+        unreachable=count,
+        cyclic=closed,
+        remarks=(*remarks, *refused_models(leg.joint_names, models)),
+    )
+
+
+def _half_ellipse(
+    run: settings.Run, walk: settings.HalfEllipse, leg: Leg | None, folder: str
+) -> Desired:
+    from planner.gait.half_ellipse import half_ellipse  # with kinematics
+    from planner.gait.stride import stride
+
+    if leg is None:
+        keys = (Key("leg.urdf"), ", ", Key("leg.base"), " and ", Key("leg.foot"))
+        half = Key("path.half_ellipse")
+        raise BadSetting(half, ": a foot path needs a leg; set ", Key("leg.name"), ", or ", *keys)
+    if walk.for_leg:
+        leg_stride = stride(leg, **walk.arguments(given_only=True))
+        positions = leg_stride.foot
+        leg = leg if run.leg.near else replace(leg, near=leg_stride.pose)
+    else:
+        positions = half_ellipse(**walk.arguments())
+    return _from_foot(FootPath("path.half_ellipse", positions, None), run, leg, folder)
 
 
 def _in_step(
@@ -252,15 +243,15 @@ def _in_step(
 ) -> tuple[AnyPath, bool, tuple[Remark, ...]]:
     """The path with a sample every ``period`` [s], whether it repeats, and remarks on it."""
     first, speed = path.samples[0], run.path.speed
-    closed, remarks = repeats(getattr(path, first), run.plan.cyclic)
-    if isinstance(path, JointPath) and len(path.angles) >= 10 and set(path.units) == {"deg"}:
-        span, name = float(np.max(np.degrees(np.ptp(path.angles, axis=0)))), path.names[0]
+    rows: Array = getattr(path, first)
+    closed, remarks = repeats(rows, run.plan.cyclic)
+    if isinstance(path, JointPath) and len(rows) >= 10 and set(path.units) == {"deg"}:
+        span, name = float(np.max(np.degrees(np.ptp(rows, axis=0)))), path.names[0]
         if 0.0 < span < LEAST_DEG:
             words = f"{path.path}: the angles span only {span:.2g} degrees: are they radians? then "
             remarks += (Remark(f"{words}rename {name}_deg to {name}_rad"),)
     resample = run.path.rate_hz is not None
     resampled = path.in_step(period, resample=resample, cyclic=closed, speed=speed)
-    rows: Array = getattr(path, first)
     new_rows: Array = getattr(resampled, first)
     if path.times is None or len(new_rows) >= len(rows):
         return resampled, closed, remarks
@@ -279,120 +270,6 @@ def _in_step(
         )
         remarks += (Remark(words),)
     return resampled, closed, remarks
-
-
-def load_joints(file: str, run: settings.Run) -> Desired:
-    """Read a joint path whose rate is that of the models."""
-    table = path_table(file)
-    if is_foot_path(table):
-        raise InvalidFile(file, "a foot path, expected columns <joint>_deg or <joint>_rad")
-    joints = joint_path(table, joints=run.path.joints)
-    models = models_of(run.model, joints.names, rate_hz=run.path.rate_hz)
-    models = _models_in(joints.units, run.model, models)
-    joints.check_period(models[0].period)
-    return _of_joints(joints, models, *repeats(joints.angles, run.plan.cyclic), limits={})
-
-
-def refused_models(names: Sequence[str], models: Sequence[JointModel]) -> tuple[Remark, ...]:
-    """A remark on joints whose models are not to be planned with."""
-    evidence = [model.evidence for model in models]
-    words = refusal(dict(zip(names, evidence, strict=True)))
-    return (Remark(words),) if words else ()
-
-
-def check_angles(names: Sequence[str], units: Sequence[str] | None) -> None:
-    """Refuse joints in shares of their range where angles are needed."""
-    for name, unit in zip(names, units or (), strict=units is not None):
-        if unit in SHARES:
-            joints = Key("path.joints")
-            raise BadSetting(
-                f"'{name}' is in shares of its range, expected an angle; choose others with ",
-                joints,
-            )
-
-
-def _models_in(
-    units: Sequence[str], model: settings.Model, models: tuple[JointModel, ...]
-) -> tuple[JointModel, ...]:
-    """The models; for joints in shares of their range, scaled so that a percent is a degree."""
-    if set(units) & set(SHARES) and model.file == settings.SHIPPED_MODEL:
-        raise BadSetting(
-            "the path has joints in shares of their range, of which the ERS-210A's model says "
-            "nothing; name models of theirs, as identify writes them, with ",
-            Key("model.file"),
-        )
-    factor, in_units = SHARES["range"], []
-    for unit, each in zip(units, models, strict=True):
-        if unit in SHARES:
-            angles = [f.name for f in fields(each) if f.metadata["unit"].startswith("rad")]
-            scaled = replace(each, **{name: factor * getattr(each, name) for name in angles})
-            each = scaled.with_evidence(each.evidence and each.evidence.scaled(factor))
-        in_units.append(each)
-    return tuple(in_units)
-
-
-def limits_of(limits: settings.Limits, desired: Desired) -> Limits:
-    """Limits of the requests by joint [rad]: the settings' limits, else the leg's."""
-    check_joints("limits.joints", limits.joints, desired.names)
-    common = {} if limits.deg is None else dict.fromkeys(desired.names, limits.deg)
-    user_limits = {
-        joint: (math.radians(low), math.radians(high))
-        for joint, (low, high) in {**common, **limits.joints}.items()
-    }
-    by_joint = {**desired.limits, **user_limits}
-    return {joint: by_joint[joint] for joint in desired.names if joint in by_joint}
-
-
-def starts_of(start: settings.Start, joints: Sequence[str], *, cyclic: bool) -> Mapping[str, float]:
-    """Rest angles of joints before a path that does not repeat, by joint [rad]."""
-    if cyclic and (start.deg is not None or start.joints):
-        raise BadSetting(
-            Key("start.deg"), ": a cycle has no start; add ", Key("plan.cyclic", False)
-        )
-    check_joints("start.joints", start.joints, joints)
-    common = {} if start.deg is None else dict.fromkeys(joints, start.deg)
-    return {joint: math.radians(each) for joint, each in {**common, **start.joints}.items()}
-
-
-def _limits_of(
-    names: Sequence[str], legs: Sequence[Leg], model: settings.Model, folder: str
-) -> dict[str, tuple[float, float]]:
-    """Ranges of joints [rad]: the intersection of the servos' ranges and the legs'."""
-    limits = dict[str, tuple[float, float]]()
-    for leg in legs:
-        limits |= zip(
-            leg.joint_names, zip(*np.array(leg.limits).tolist(), strict=True), strict=True
-        )
-    file = _robot_file(model, folder)
-    servos = read_servos(file) if file is not None and has_servos(file) else {}
-    for name in [name for name in names if name in servos]:
-        (low, high), (lower, upper) = servos[name].limits, limits.get(name, (-math.inf, math.inf))
-        limits[name] = max(lower, low), min(upper, high)
-    return limits
-
-
-def _from_foot(points: FootPath, run: settings.Run, leg: Leg, folder: str) -> Desired:
-    """The desired motion of a leg's joints for its foot to follow a path."""
-    unreachable = run.leg.unreachable
-    models = models_of(run.model, leg.joint_names, leg, folder, rate_hz=run.path.rate_hz)
-    points, closed, remarks = _in_step(points, run, models[0].period)
-    solution = leg.inverse(points.positions, unreachable=unreachable)
-    count = int((~solution.reachable).sum())
-    clamped = unreachable == "clamp" and count > 0
-    foot = leg.foot_positions(solution.angles) if clamped else points.positions
-    before = points.positions if clamped else None
-    return Desired(
-        leg.joint_names,
-        solution.angles,
-        models,
-        _limits_of(leg.joint_names, (leg,), run.model, folder),
-        leg,
-        foot,
-        before,
-        count,
-        cyclic=closed,
-        remarks=(*remarks, *refused_models(leg.joint_names, models)),
-    )
 
 
 def repeats(rows: Array, cyclic: bool | None) -> tuple[bool, tuple[Remark, ...]]:
@@ -423,20 +300,116 @@ def repeats(rows: Array, cyclic: bool | None) -> tuple[bool, tuple[Remark, ...]]
     return False, (remark,)
 
 
-def _half_ellipse(
-    run: settings.Run, walk: settings.HalfEllipse, leg: Leg | None, folder: str
-) -> Desired:
-    from planner.gait.half_ellipse import half_ellipse  # with kinematics
-    from planner.gait.stride import stride
+def check_angles(names: Sequence[str], units: Sequence[str] | None) -> None:
+    """Refuse joints in shares of their range where angles are needed."""
+    if shares := [name for name, unit in zip(names, units or (), strict=False) if unit in SHARES]:
+        raise BadSetting(
+            f"'{shares[0]}' is in shares of its range, expected an angle; choose others with ",
+            Key("path.joints"),
+        )
 
-    if leg is None:
-        keys = (Key("leg.urdf"), ", ", Key("leg.base"), " and ", Key("leg.foot"))
-        half = Key("path.half_ellipse")
-        raise BadSetting(half, ": a foot path needs a leg; set ", Key("leg.name"), ", or ", *keys)
-    if walk.for_leg:
-        leg_stride = stride(leg, **walk.arguments(given_only=True))
-        positions = leg_stride.foot
-        leg = leg if run.leg.near else replace(leg, near=leg_stride.pose)
-    else:
-        positions = half_ellipse(**walk.arguments())
-    return _from_foot(FootPath("path.half_ellipse", positions, None), run, leg, folder)
+
+# Limits, starts and load.
+
+
+def _by_joint(
+    table: str, values: settings.Limits | settings.Start, joints: Sequence[str]
+) -> dict[str, Any]:
+    """Values of a table with ``deg`` for all joints and ``joints`` for single ones, in [rad]."""
+    for joint in values.joints:
+        if joint not in joints:
+            raise BadSetting(
+                Key(f"{table}.joints", joint=joint),
+                f": no such joint in the path{nearest(joint, joints)}; joints: {', '.join(joints)}",
+            )
+    common = {} if values.deg is None else dict.fromkeys(joints, values.deg)
+    return {
+        name: tuple(np.radians(each).tolist()) if isinstance(each, tuple) else math.radians(each)
+        for name, each in {**common, **values.joints}.items()
+    }
+
+
+def _limits_of(
+    names: Sequence[str], legs: Iterable[Leg], model: settings.Model, folder: str
+) -> dict[str, tuple[float, float]]:
+    """Ranges of joints [rad]: the intersection of the servos' ranges and the legs'."""
+    limits = dict[str, tuple[float, float]]()
+    for leg in legs:
+        limits |= zip(
+            leg.joint_names, zip(*np.array(leg.limits).tolist(), strict=True), strict=True
+        )
+    file = robot_file(model, folder)
+    servos = read_servos(file) if file is not None and has_servos(file) else {}
+    for name in [name for name in names if name in servos]:
+        (low, high), (lower, upper) = servos[name].limits, limits.get(name, (-math.inf, math.inf))
+        limits[name] = max(lower, low), min(upper, high)
+    return limits
+
+
+def starts_of(start: settings.Start, joints: Sequence[str], *, cyclic: bool) -> Mapping[str, float]:
+    """Rest angles of joints before a path that does not repeat, by joint [rad]."""
+    if cyclic and (start.deg is not None or start.joints):
+        raise BadSetting(
+            Key("start.deg"), ": a cycle has no start; add ", Key("plan.cyclic", False)
+        )
+    return _by_joint("start", start, joints)
+
+
+def _load_of(plan: settings.Plan, desired: Desired) -> Load | None:
+    """The torques on the joints of a path; None if the settings have no load.
+
+    Of ``urdf-dynamics`` inertia counts along the desired path and gravity in the predicted pose:
+    differences of a prediction would not settle.
+    """
+    if plan.load is None:
+        return None
+    key = Key("plan.load", plan.load)
+    check_felt(key, desired.models)
+    if plan.load == "column":
+        if desired.loads is None:
+            raise BadSetting(key, ": the path has no columns <joint>_load_Nm")
+        return desired.loads
+    leg = desired.leg
+    if leg is None or set(leg.joint_names) != set(desired.names):
+        raise BadSetting(
+            key, ": needs a path of all joints of a leg; name it with ", Key("leg.name")
+        )
+    poses = desired.angles[:, [desired.names.index(name) for name in leg.joint_names]]
+    period, cyclic = desired.period, desired.cyclic
+    return load_of_masses(plan.load, leg, desired.names, poses, period=period, cyclic=cyclic)
+
+
+def check_felt(key: Key, models: Iterable[JointModel]) -> None:
+    """Refuse a load that no model feels."""
+    if not any(model.feels_load for model in models):
+        raise BadSetting(
+            key,
+            " has no effect: compliance and speed_per_torque of the models are 0; identify them "
+            "from logs with a load, or leave the load out",
+        )
+
+
+def load_of_masses(
+    form: Literal["urdf", "urdf-dynamics"],
+    leg: Leg,
+    names: Sequence[str],
+    poses: Array,
+    *,
+    period: float,
+    cyclic: bool,
+) -> Callable[[Array], Array]:
+    """Torques on joints by their angles; the leg's other joints follow the desired poses."""
+    inside = [j for j, name in enumerate(names) if name in leg.joint_names]
+    places = [leg.joint_names.index(names[j]) for j in inside]
+    gravity = leg.load_torques(poses)
+    inertia = np.zeros_like(gravity)
+    if form == "urdf-dynamics":
+        inertia = leg.load_torques(poses, dynamics=True, period=period, cyclic=cyclic) - gravity
+
+    def torques(angles: Array) -> Array:
+        pose, loads = poses.copy(), np.zeros(angles.shape)
+        pose[:, places] = angles[:, inside]
+        loads[:, inside] = (leg.load_torques(pose) + inertia)[:, places]
+        return loads
+
+    return torques

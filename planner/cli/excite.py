@@ -125,7 +125,7 @@ def excite(
     from planner.report.identification.text import excitation_text
 
     _check(choices)
-    (model,) = models_of(run.model, [joint])
+    (model,) = models_of(run, [joint])
     excitation = _signal(choices, model)
     expected = expect(
         excitation,

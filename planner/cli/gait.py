@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -68,7 +69,7 @@ def gait(
     Example, the shortest cycle at which the foot stays within half a centimetre:
         request-planner gait --leg front-left --fastest --tolerance-cm 0.5 -o foot.csv
     """  # noqa: D301
-    from planner.cli.desired import find_leg, load_leg
+    from planner.cli.models import find_leg, load_leg
     from planner.files.paths import write_foot_path
     from planner.gait.half_ellipse import half_ellipse
     from planner.gait.stride import stride
@@ -121,20 +122,19 @@ def _whole_robot(
 ) -> None:
     import numpy as np
 
-    from planner.cli.desired import legs_of, load_leg
+    from planner.cli.models import legs_of
     from planner.files.paths import write_joint_path
     from planner.gait.stride import check_legs
     from planner.gait.stride import gait as gait_of
 
-    places = legs_of(run.model)
+    legs = legs_of(run.model)
     try:
-        check_legs(places)
+        check_legs(legs)
     except InvalidInput as error:
         raise InvalidFile(
             run.model.file,
             f"{error}; describe each in a table [leg.front-left] with urdf, base and foot",
         ) from error
-    legs = {name: leg for name, place in places.items() if (leg := load_leg(place)) is not None}
     gaits = gait_of(legs, pattern, **walk.arguments(given_only=True))
     document, rows = {}, []
     for name, each in gaits.items():
@@ -161,13 +161,13 @@ def _whole_robot(
 
 def _shortest(run: Run, leg: Leg, path: Array, period: float) -> tuple[Array, dict[str, Any], str]:
     """The path in the fewest samples that keep the tolerance; the same for machines and people."""
-    from planner.cli.desired import refused_models
-    from planner.cli.models import models_of
+    from planner.cli.models import models_of, refused_models
     from planner.gait.stride import in_samples, shortest_cycle
     from planner.model.evidence import OPEN_TOP_SPEED, expectation, untested_words
 
     assert run.tolerance.cm is not None, "the tolerance is needed"
-    models = models_of(run.model, leg.joint_names, leg, rate_hz=1.0 / period)
+    at_rate = replace(run, path=replace(run.path, rate_hz=1.0 / period))
+    models = models_of(at_rate, leg.joint_names, leg)
     options.warn_of(refused_models(leg.joint_names, models))
     with Progress() as progress:
         cycle = shortest_cycle(

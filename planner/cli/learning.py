@@ -13,9 +13,9 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d, minimum_filter1d, uniform_filter1d
 
 from planner.cli.console import BadSetting, Key
-from planner.cli.desired import leg_title
-from planner.cli.models import model_words
-from planner.cli.planning import Prepared, plan_of, task_of
+from planner.cli.desired import Desired
+from planner.cli.models import leg_title, model_words
+from planner.cli.planning import plan_of, task_of
 from planner.exceptions import InvalidFile, about
 from planner.files.columns import pairs, split_unit, with_unit
 from planner.files.learning_history import LearningState, read_history, write_history
@@ -55,7 +55,7 @@ class Refined:
     the reverse.
     """
 
-    prepared: Prepared
+    desired: Desired
     executed: Array
     measured: Measured
     plans: Mapping[str, Plan]
@@ -69,7 +69,7 @@ class Refined:
     @property
     def not_measured(self) -> tuple[str, ...]:
         """The joints that were not measured: their requests are the executed ones."""
-        names = self.prepared.desired.names
+        names = self.desired.names
         return tuple(name for name in names if name not in self.measured.names)
 
     @property
@@ -78,7 +78,7 @@ class Refined:
         if not self.not_measured:
             return ""
         words = f"no measured angles of {', '.join(self.not_measured)}: requests kept as they are"
-        if self.prepared.settings.plan.method == "foot-optimal":
+        if self.desired.settings.plan.method == "foot-optimal":
             words += (
                 f"; {', '.join(self.measured.names)} learnt by the angles of the plan for the "
                 "foot, joint by joint"
@@ -97,9 +97,8 @@ class Refined:
         return load_columns(loads, len(self.executed))
 
 
-def read_executed(path: str, prepared: Prepared) -> JointPath:
+def read_executed(path: str, desired: Desired) -> JointPath:
     """The requests that were executed: a file that ``plan`` or ``refine`` wrote."""
-    desired = prepared.desired
     request_path = read_joint_path(path, joints=desired.names)
     _check_rate(path, request_path.step, desired.period)
     request_path.check_samples(len(desired.angles))
@@ -119,7 +118,7 @@ def _check_rate(path: str, step: float, period: float) -> None:
 
 def read_measured(
     paths: Sequence[str],
-    prepared: Prepared,
+    desired: Desired,
     executed: JointPath,
     *,
     cycles: int | None,
@@ -128,7 +127,7 @@ def read_measured(
 
     Files that have requests, too, must have those that were executed.
     """
-    desired, blocks, unused_rows = prepared.desired, [], 0
+    blocks, unused_rows = [], 0
     samples = len(desired.angles)
     tables = [_of_a_path(read_table(path), desired.names) for path in paths]
     columns = [
@@ -240,37 +239,35 @@ def _a_row_each(table: Table, log: JointPath, period: float) -> Array:
     return np.column_stack([np.interp(due, log.times, column) for column in log.angles.T])
 
 
-def executed_plans(
-    prepared: Prepared, requests: Array, *, by_joint: bool = False
-) -> dict[str, Plan]:
+def executed_plans(desired: Desired, requests: Array, *, by_joint: bool = False) -> dict[str, Plan]:
     """The plans whose requests [rad], (n, k), were executed, planned by any method.
 
     ``by_joint``: each joint of a plan for the foot is to follow its predicted angles in that plan.
     """
-    plan_settings, desired, load = prepared.settings.plan, prepared.desired, prepared.load
+    plan_settings, load = desired.settings.plan, desired.load
     of_foot = plan_settings.method == "foot-optimal"
     if of_foot and (desired.leg is None or desired.foot is None):
         raise BadSetting(Key("plan.method", "foot-optimal"), " plans for a foot path of a leg")
-    setup = replace(prepared, load=load(desired.angles) if callable(load) else load)
+    setup = replace(desired, load=load(desired.angles) if callable(load) else load)
     single = by_joint or not of_foot
     if single:
         plan_settings = replace(plan_settings, method="optimal")
-        setup = replace(setup, settings=replace(prepared.settings, plan=plan_settings), limits={})
+        setup = replace(setup, settings=replace(desired.settings, plan=plan_settings), limits={})
     task = task_of(setup)
     task = replace(task, load_of_pose=callable(load) and task.load is not None)
     if not single:
         return {FOOT: Plan(task=task, requests=requests, method="foot_optimal")}
-    lower, upper = limits_of_each(prepared.limits, desired.names)
+    lower, upper = limits_of_each(desired.limits, desired.names)
     angles = desired.angles
     if of_foot:
-        angles = plan_of(prepared, bounded=False).predicted  # not the executed requests
+        angles = plan_of(desired, bounded=False).predicted  # not the executed requests
     task = replace(task, lower=lower, upper=upper, desired=angles)
     plan = Plan(task=task, requests=requests, solver=plan_settings.solver or "gauss-newton")
     return {name: plan.joint(j) for j, name in enumerate(desired.names)}
 
 
 def refined(
-    prepared: Prepared,
+    desired: Desired,
     executed: Array,
     measured: Measured,
     *,
@@ -283,12 +280,12 @@ def refined(
 
     A ``history`` need not exist yet; a ``sensor_delay`` [s] of None is estimated.
     """
-    names = prepared.desired.names
-    plans = executed_plans(prepared, executed, by_joint=measured.names != names)
+    names = desired.names
+    plans = executed_plans(desired, executed, by_joint=measured.names != names)
     states: dict[str, LearningState] = {}
     if history is not None and Path(history).is_file():
-        plan_names = (FOOT, *names) if prepared.settings.plan.method == "foot-optimal" else names
-        states = read_history(history, plan_names, prepared.desired.angles)
+        plan_names = (FOOT, *names) if desired.settings.plan.method == "foot-optimal" else names
+        states = read_history(history, plan_names, desired.angles)
         for name in plans.keys() & states.keys():
             models, learning = states.pop(name)
             task = plans[name].task.with_models(models)
@@ -301,14 +298,14 @@ def refined(
         progress(name if name == FOOT else f"the {name}")
         foot = name == FOOT
         columns = slice(None) if foot else [measured.names.index(name)]
-        with prepared.desired.units_in_messages(), about(", ".join(names) if foot else ""):
+        with desired.units_in_messages(), about(", ".join(names) if foot else ""):
             answer[name] = refine(
                 plan,
                 measured.angles[:, :, columns],
                 sensor_delay=sensor_delay,
                 reidentify=reidentify,
             )
-    return Refined(prepared, executed, measured, answer, states)
+    return Refined(desired, executed, measured, answer, states)
 
 
 def write_states(path: str, answer: Refined) -> None:
@@ -318,12 +315,12 @@ def write_states(path: str, answer: Refined) -> None:
         for name, plan in answer.plans.items()
         if plan.learning
     }
-    write_history(path, answer.prepared.desired.angles, {**answer.states, **states})
+    write_history(path, answer.desired.angles, {**answer.states, **states})
 
 
 def document(answer: Refined) -> dict[str, Any]:
     """The answer for machines."""
-    desired = answer.prepared.desired
+    desired = answer.desired
     rows = progress_of(answer)
     joints = {}
     for plan in answer.plans.values():
@@ -370,7 +367,7 @@ def summary(answer: Refined) -> str:
     titles = ["rms error", "first", "last", "best", "predicted next", "lower bound", "noise"]
     lines = [
         f"{measured} measured {'cycle' if measured == 1 else 'cycles'} of {len(answer.executed)} "
-        f"requests; {model_words(answer.prepared.settings.model)}",
+        f"requests; {model_words(answer.desired.settings.model)}",
         text_table(titles, cells),
     ]
     for each in rows:
@@ -382,7 +379,7 @@ def summary(answer: Refined) -> str:
 
 def progress_of(answer: Refined) -> list[Progress]:
     """The errors of each joint, or of the foot, in the user's units."""
-    desired, rows = answer.prepared.desired, []
+    desired, rows = answer.desired, []
     file_models = dict(zip(desired.names, desired.models, strict=True))
     for name, plan in answer.learnt.items():
         learning, foot = plan.learning[0], plan.task.goal == "foot"
@@ -427,8 +424,7 @@ def learning_report(
     answer: Refined, *, page: Path | str, written: Sequence[tuple[str, Path | str | None]] = ()
 ) -> str:
     """The page about the learning, as HTML."""
-    prepared = answer.prepared
-    desired, run = prepared.desired, prepared.settings
+    desired, run = answer.desired, answer.desired.settings
     columns = [desired.names.index(name) for name in answer.measured.names]
     plans = list(answer.learnt.values())
     return learning_page(

@@ -1,47 +1,177 @@
-"""From settings to one model per joint of a path, or of recordings, which may bring their own."""
+"""From settings to the robot: its legs, and one model per joint."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import nullcontext, suppress
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from planner.cli import settings
-from planner.cli.console import BadSetting, Key
-from planner.exceptions import InvalidFile, InvalidInput, PlannerError, nearest
+from planner.cli.console import BadSetting, Key, Remark
+from planner.exceptions import InvalidFile
+from planner.files.columns import SHARES
 from planner.files.joint_model import read_model_file
-from planner.model.evidence import refusal, with_reasons
+from planner.files.robot import LegPlace, read_legs
+from planner.files.text import STANDARD_STREAM
+from planner.model.evidence import refusal
 from planner.model.joint import JointModel, joint_of_top_speed
 
 if TYPE_CHECKING:
     from kinematics import Leg
-    from planner.files.logs.read import Recording
-    from planner.identification.log import Log
+
+SHIPPED = {
+    "reference": LegPlace("reference_leg.urdf", "hip", "foot"),
+    **{
+        f"{end}-{side}": LegPlace("ers210a.urdf", "body", f"{end}_{side}_ball")
+        for end in ("front", "hind")
+        for side in ("left", "right")
+    },
+}
+"""The simplified leg of the reference walk, and the four legs of the ERS-210A."""
+
+
+def find_leg(leg: settings.Leg, folder: str = "") -> LegPlace | None:
+    """The description of the leg; None if the settings name no leg."""
+    near = leg.near and {joint: math.radians(angle) for joint, angle in leg.near.items()}
+    urdf, base, foot, lock = (Key(f"leg.{key}") for key in ("urdf", "base", "foot", "lock"))
+    is_described = leg.base or leg.foot or leg.lock or leg.lock_m
+    if leg.name is not None:
+        if leg.urdf or is_described:
+            name = Key("leg.name")
+            raise BadSetting(
+                name, " is a shipped leg: leave out ", urdf, ", ", base, ", ", foot, " and ", lock
+            )
+        return _shipped(leg.name)._replace(near=near)
+    if leg.urdf is None:
+        if is_described or near:
+            keys = (base, ", ", foot, ", ", lock, " and ", Key("leg.near"))
+            raise BadSetting(*keys, " are of a leg: name it with ", Key("leg.name"), " or ", urdf)
+        return None
+    if leg.base is None or leg.foot is None:
+        raise BadSetting(urdf, " needs ", base, " and ", foot, ", the frames at the leg's two ends")
+    locked = {joint: math.radians(angle) for joint, angle in (leg.lock or {}).items()}
+    locked |= leg.lock_m or {}
+    return LegPlace(beside(folder, leg.urdf), leg.base, leg.foot, locked, near)
+
+
+def _shipped(name: str) -> LegPlace:
+    from kinematics import urdf_path
+
+    return SHIPPED[name]._replace(urdf=str(urdf_path(SHIPPED[name].urdf)))
+
+
+def load_leg(place: LegPlace | None) -> Leg | None:
+    """The leg of a description."""
+    if place is None:
+        return None
+    from kinematics import Leg
+
+    return Leg.from_urdf(
+        place.urdf, base=place.base, foot=place.foot, locked=place.locked, near=place.near
+    )
+
+
+def legs_of(model: settings.Model, folder: str = "") -> dict[str, Leg]:
+    """The legs of the robot in the model file; the ERS-210A's legs for its own model."""
+    file = robot_file(model, folder)
+    places = {} if file is None else read_legs(file)
+    if model.file == settings.SHIPPED_MODEL:
+        places = {name: _shipped(name) for name in SHIPPED if name != "reference"}
+    return {name: leg for name, place in places.items() if (leg := load_leg(place)) is not None}
+
+
+def legs_among(joints: Sequence[str], model: settings.Model, folder: str = "") -> dict[str, Leg]:
+    """The legs of the robot whose joints are all among these, by name."""
+    named = tuple(f"{name.replace('-', '_')}_" for name in SHIPPED)
+    if model.file == settings.SHIPPED_MODEL and not any(each.startswith(named) for each in joints):
+        return {}  # the URDF is read for its own joints only
+    legs = legs_of(model, folder).items()
+    return {name: leg for name, leg in legs if set(leg.joint_names) <= set(joints)}
+
+
+def leg_title(leg: settings.Leg) -> str:
+    """The name of the leg on pages; empty if the settings name no leg."""
+    return leg.name or (f"{Path(leg.urdf).name} · {leg.foot}" if leg.urdf else "")
 
 
 def models_of(
-    model: settings.Model,
+    run: settings.Run,
     joints: Sequence[str],
     leg: Leg | None = None,
     folder: str = "",
     *,
-    rate_hz: float | None = None,
+    units: Sequence[str] = (),
 ) -> tuple[JointModel, ...]:
-    """One model per joint, all with the same time between requests, by default the models' own."""
-    models = _by_settings(model, joints, leg, folder)
-    if rate_hz is not None:
-        return tuple(each.requested_every(1.0 / rate_hz) for each in models)
+    """One model per joint, all with the same time between requests, by default the models' own.
+
+    Of joints whose ``units`` are shares of their range, a percent becomes a degree.
+    """
+    file, rate = run.model.file, run.path.rate_hz
+    models = _by_file(file, joints, leg, folder)
+    if rate is not None:
+        models = tuple(each.requested_every(1.0 / rate) for each in models)
     for name, each in zip(joints, models, strict=True):
         if abs(each.period - models[0].period) > 1e-9 * models[0].period:
             raise InvalidFile(
-                beside(folder, model.file),
+                beside(folder, file),
                 f"'{name}' takes a request every {each.period:g} s and '{joints[0]}' every "
                 f"{models[0].period:g} s, expected one rate; plan them one by one",
             )
-    return models
+    if not set(units) & set(SHARES):
+        return models
+    if file == settings.SHIPPED_MODEL:
+        raise BadSetting(
+            "the path has joints in shares of their range, of which the ERS-210A's model says "
+            "nothing; name models of theirs, as identify writes them, with ",
+            Key("model.file"),
+        )
+    pairs = zip(models, units, strict=True)
+    return tuple(_in_percent(each) if unit in SHARES else each for each, unit in pairs)
+
+
+def _by_file(
+    name: str, joints: Sequence[str], leg: Leg | None, folder: str
+) -> tuple[JointModel, ...]:
+    if name == settings.SHIPPED_MODEL:
+        return (JointModel.ers210a(),) * len(joints)
+    if name != settings.FROM_URDF:
+        file = beside(folder, name)
+        if not Path(file).suffix and not Path(file).exists():
+            raise BadSetting(
+                Key("model.file"),
+                f": got '{name}', expected '{settings.SHIPPED_MODEL}', "
+                f"'{settings.FROM_URDF}', or a file that exists, such as joint.toml",
+            )
+        return read_model_file(file).for_joints(joints)
+    key = Key("model.file", settings.FROM_URDF)
+    if leg is None or leg.speeds is None:
+        raise BadSetting(key, " takes speeds from a leg's URDF: name it with ", Key("leg.name"))
+    speeds = dict(zip(leg.joint_names, leg.speeds.tolist(), strict=True))
+    for joint in joints:
+        if math.isnan(speeds.get(joint, math.nan)):
+            raise BadSetting(
+                key,
+                f": the URDF has no usable top speed of joint '{joint}'; give a model file, as "
+                "`identify` writes it",
+            )
+    return tuple(joint_of_top_speed(speeds[joint]) for joint in joints)
+
+
+def _in_percent(model: JointModel) -> JointModel:
+    """The model of a joint in shares of its range, scaled so that a percent is a degree."""
+    factor = SHARES["range"]
+    angles = [each.name for each in fields(model) if each.metadata["unit"].startswith("rad")]
+    scaled = replace(model, **{name: factor * getattr(model, name) for name in angles})
+    return scaled.with_evidence(model.evidence and model.evidence.scaled(factor))
+
+
+def refused_models(names: Sequence[str], models: Sequence[JointModel]) -> tuple[Remark, ...]:
+    """A remark on joints whose models are not to be planned with."""
+    evidence = [model.evidence for model in models]
+    words = refusal(dict(zip(names, evidence, strict=True)))
+    return (Remark(words),) if words else ()
 
 
 def verdict_document(model: JointModel) -> dict[str, str]:
@@ -61,158 +191,13 @@ def model_words(model: settings.Model) -> str:
     return f"model: {words.get(model.file, model.file)}"
 
 
+def robot_file(model: settings.Model, folder: str) -> str | None:
+    """The model file, if it can be read again for legs and servos; else None."""
+    if model.file in (settings.SHIPPED_MODEL, settings.FROM_URDF, STANDARD_STREAM):
+        return None
+    return beside(folder, model.file)
+
+
 def beside(folder: str, name: str) -> str:
     """The path of a file that the settings name relative to their own folder."""
     return str(Path(folder) / name) if folder else name
-
-
-def check_joints(key: str, by_joint: Mapping[str, object], joints: Sequence[str]) -> None:
-    """Make sure that settings of single joints are about joints of the path."""
-    for joint in by_joint:
-        if joint not in joints:
-            raise BadSetting(
-                Key(key, joint=joint),
-                f": no such joint in the path{nearest(joint, joints)}; joints: {', '.join(joints)}",
-            )
-
-
-def _by_settings(
-    model: settings.Model, joints: Sequence[str], leg: Leg | None, folder: str
-) -> tuple[JointModel, ...]:
-    if model.file == settings.SHIPPED_MODEL:
-        return (JointModel.ers210a(),) * len(joints)
-    if model.file != settings.FROM_URDF:
-        file = beside(folder, model.file)
-        if not Path(file).suffix and not Path(file).exists():
-            raise BadSetting(
-                Key("model.file"),
-                f": got '{model.file}', expected '{settings.SHIPPED_MODEL}', "
-                f"'{settings.FROM_URDF}', or a file that exists, such as joint.toml",
-            )
-        return read_model_file(file).for_joints(joints)
-    if leg is None or leg.speeds is None:
-        raise BadSetting(
-            Key("model.file", settings.FROM_URDF),
-            " takes speeds from a leg's URDF: name it with ",
-            Key("leg.name"),
-        )
-    speeds = dict(zip(leg.joint_names, leg.speeds.tolist(), strict=True))
-    for joint in joints:
-        if math.isnan(speeds.get(joint, math.nan)):
-            raise BadSetting(
-                Key("model.file", settings.FROM_URDF),
-                f": the URDF has no usable top speed of joint '{joint}'; give a model file, as "
-                "`identify` writes it",
-            )
-    return tuple(joint_of_top_speed(speeds[joint]) for joint in joints)
-
-
-@dataclass(frozen=True, kw_only=True)
-class JointModels:
-    """The models of a replay, the default under the key ""; their origin in words, and remarks."""
-
-    by_joint: Mapping[str, JointModel]
-    words: str = ""
-    remarks: tuple[str, ...] = ()
-
-
-def joint_models(
-    model: settings.Model,
-    replay: settings.Replay,
-    recordings: Sequence[Recording],
-    progress: Callable[[str], None],
-) -> JointModels:
-    """The models that the settings name, or models identified from the recordings."""
-    key = Key("model.file")
-    if model.file == settings.SHIPPED_MODEL and "file" not in model.keys_set:
-        raise BadSetting(
-            key,
-            " is missing: name a file that `identify` wrote, or identify the joints from the "
-            "recording itself with ",
-            Key("model.file", settings.FROM_LOG),
-        )
-    if model.file == settings.FROM_URDF:
-        raise BadSetting(Key("model.file", settings.FROM_URDF), " has no effect on a replay")
-    if model.file == settings.SHIPPED_MODEL:
-        words = f"model: {settings.SHIPPED_MODEL}, a joint of the Sony Aibo"
-        return JointModels(by_joint={"": JointModel.ers210a()}, words=words)
-    if model.file == settings.FROM_LOG:
-        return _models_from_recordings(replay, recordings, progress)
-    from planner.recording.recorded_path import is_gripper
-
-    file = read_model_file(model.file)
-    models = {**({} if file.common is None else {"": file.common}), **file.by_joint}
-    recorded = [log.joint for log in first_logs(recordings)]
-    used = replay.joints or [name for name in recorded if not is_gripper(name)] or recorded
-    of_joints = {name: models.get(name, file.common) for name in used}
-    words = refusal({name: each.evidence for name, each in of_joints.items() if each})
-    return JointModels(
-        by_joint=models, words=f"model: {file.path}", remarks=(words,) if words else ()
-    )
-
-
-def first_logs(recordings: Sequence[Recording]) -> Sequence[Log]:
-    """The logs of the first recording that can be read."""
-    for recording in recordings:
-        with suppress(PlannerError):  # reported when it is planned
-            return recording.read()
-    return []
-
-
-def _models_from_recordings(
-    replay: settings.Replay, recordings: Sequence[Recording], progress: Callable[[str], None]
-) -> JointModels:
-    from planner.identification.identify import identify
-    from planner.recording.recorded_path import is_gripper
-
-    used = recordings[:10]  # more of the same robot add little, and time grows with each
-    by_joint: dict[str, list[Log]] = {}
-    for recording in used:
-        # With several, an error is reported when the recording is planned.
-        with suppress(PlannerError) if len(recordings) > 1 else nullcontext():
-            for log in recording.read():
-                by_joint.setdefault(log.joint or "joint", []).append(log)
-    for name in replay.joints:
-        if by_joint and name not in by_joint:
-            raise BadSetting(
-                Key("replay.joints"),
-                f": no joint '{name}'{nearest(name, list(by_joint))}; joints: "
-                + ", ".join(by_joint),
-            )
-    joints = [name for name in by_joint if not is_gripper(name)] or list(by_joint)
-    models: dict[str, JointModel] = {}
-    remarks: list[str] = []
-    refused: dict[str, str] = {}
-    failure: PlannerError = InvalidInput("no recording could be read")
-    for name in replay.joints or joints:
-        if name not in by_joint:
-            continue
-        progress(f"identifying {name}")
-        try:
-            identification = identify(by_joint[name])
-        except PlannerError as error:
-            remarks.append(f"{name}: no model: {error}")
-            failure = error
-            continue
-        if identification.accepted:
-            models[name] = identification.model
-        else:
-            refused[name] = identification.reason
-            words = "no model of any joint fits the recording; identify the joints from better logs"
-            failure = InvalidInput(words)
-    if not models:
-        raise failure
-    if refused:
-        of = "its model describes" if len(refused) == 1 else "their models describe"
-        remarks.append(
-            f"{with_reasons(refused)}: left at the recorded requests, {of} the recording too badly"
-        )
-    words = "the recording"
-    if len(recordings) > 1:
-        first = f"first {len(used)} of " if len(used) < len(recordings) else ""
-        words = f"the {first}{len(recordings)} recordings"
-    return JointModels(
-        by_joint=models,
-        words=f"models: identified from {words}",
-        remarks=tuple(remarks),
-    )

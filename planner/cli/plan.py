@@ -51,22 +51,21 @@ def plan(*, run: Run, path: str, output: str, report: str | None, as_json: bool)
     from planner.cli.answer import document, summary
     from planner.cli.planning import beyond_limits, doubted, misses, plan_of, prepare
 
-    prepared = prepare(run)
-    desired = prepared.desired
+    desired = prepare(run)
     options.warn_of(desired.remarks)
     with Progress(len(desired.names)) as progress:
-        result = plan_of(prepared, progress)
-    options.warn_of([*beyond_limits(result, desired), *doubted(run, desired, result)])
-    missed = misses(run, desired, result)
+        result = plan_of(desired, progress)
+    options.warn_of([*beyond_limits(desired, result), *doubted(desired, result)])
+    missed = misses(desired, result)
     if report is not None:
         from planner.cli.answer import plan_report
 
         files = [("requests", output)]
-        page = plan_report(prepared, result, missed=missed, page=report, written=files)
+        page = plan_report(desired, result, missed=missed, page=report, written=files)
         write_text(report, page)
     deliver(
-        document(prepared, result, missed),
-        summary(prepared, result),
+        document(desired, result, missed),
+        summary(desired, result),
         lambda file: desired.write(file, result.requests, result.task.load),
         output=output,
         as_json=as_json,

@@ -1,39 +1,23 @@
-"""From settings to a task, its load and its plan, which is checked before it is handed over."""
+"""From the desired motion to its plan, which is checked before it is handed over."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Literal
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from planner.cli import settings
 from planner.cli.console import BadSetting, FailedCheck, Key, Remark
-from planner.cli.desired import (
-    Desired,
-    Limits,
-    desired_of,
-    find_leg,
-    limits_of,
-    load_leg,
-    starts_of,
-)
+from planner.cli.desired import Desired, desired_of
 from planner.cli.models import model_words
-from planner.files.robot import LegPlace
 from planner.planning.arguments import checked_leg, has_intervals, limits_of_each
 from planner.planning.inversion import planned
 from planner.planning.plan import Method, Plan
 from planner.planning.task import Task
 from planner.trajectory import Array, error_norm, index_of_largest
-
-if TYPE_CHECKING:
-    from kinematics import Leg
-    from planner.model.joint import JointModel
-    from planner.planning.inversion import LoadOfPose
-    from planner.recording.recorded_path import RecordedPath
-
 
 ROUNDING = 1e-9
 """Limits and bounds hold up to this [rad]; files carry 12 decimals of a degree."""
@@ -47,44 +31,16 @@ CORE_METHODS: Mapping[settings.Method, Method] = {
 """Names of the methods in the core, where a foot is optimised too."""
 
 
-@dataclass(frozen=True)
-class Prepared:
-    """A plan, ready to be computed: the settings, and all that their files hold.
-
-    Limits of the requests and rest angles before the path are by joint [rad].
-    """
-
-    settings: settings.Run
-    place: LegPlace | None
-    desired: Desired
-    limits: Limits
-    starts: Mapping[str, float]
-    load: Load | None = None
-    folder: str = ""
-
-
-def prepare(run: settings.Run, folder: str = "") -> Prepared:
+def prepare(run: settings.Run, folder: str = "") -> Desired:
     """Load the inputs that the settings name, and check that the method can plan for them."""
-    prepared = load(run, folder)
-    check_settings(run, prepared.desired)
-    return prepared
+    desired = desired_of(run, folder)
+    check_settings(desired)
+    return desired
 
 
-def load(run: settings.Run, folder: str = "") -> Prepared:
-    """Load the inputs that the settings name, for any method; see :func:`prepare`."""
-    place = find_leg(run.leg, folder)
-    desired = desired_of(run, load_leg(place), folder)
-    if desired.loads is not None and run.plan.load is None:
-        words = "the load in the path's columns is not used: ask for it with "
-        unused = Remark(words, Key("plan.load", "column"))
-        desired = replace(desired, remarks=(*desired.remarks, unused))
-    starts = starts_of(run.start, desired.names, cyclic=desired.cyclic)
-    limits, carried = limits_of(run.limits, desired), load_of(run.plan, desired)
-    return Prepared(run, place, desired, limits, starts, carried, folder)
-
-
-def check_settings(run: settings.Run, desired: Desired) -> None:
+def check_settings(desired: Desired) -> None:
     """Refuse settings that do not go with the method or the path."""
+    run = desired.settings
     plan_settings, method = run.plan, Key("plan.method", run.plan.method)
     ignored = [f"plan.{name}" for name in plan_settings.without_effect(plan_settings.method)]
     if plan_settings.method in ("closed-form", "foot-optimal") and run.start.keys_set:
@@ -116,7 +72,7 @@ def check_settings(run: settings.Run, desired: Desired) -> None:
 
 
 def plan_of(
-    prepared: Prepared,
+    desired: Desired,
     progress: Callable[[str], None] = lambda _: None,
     *,
     bounded: bool = True,
@@ -126,40 +82,38 @@ def plan_of(
     The plan's task also has leg and foot, for a path of a leg's joints, and the limits of a closed
     form, which ignores them. The lower bound of a plan for the foot takes longer.
     """
-    run, desired, limits = prepared.settings, prepared.desired, prepared.limits
-    plan_settings = run.plan
-    whole_robot = plan_settings.method == "foot-optimal" and desired.foot is None
-    if plan_settings.method == "foot-optimal" and not whole_robot:
+    run, chosen = desired.settings, desired.settings.plan
+    by_feet = chosen.method == "foot-optimal" and desired.foot is None  # of a whole robot
+    if chosen.method == "foot-optimal" and not by_feet:
         progress("the foot")
     with desired.units_in_messages():
-        if whole_robot:
-            plan = _by_feet(prepared, progress)
+        if by_feet:
+            plan = _by_feet(desired, progress)
         else:
             plan = planned(
-                task_of(prepared),
-                load=prepared.load,
-                method=CORE_METHODS[plan_settings.method],
-                solver=plan_settings.solver or "gauss-newton",
-                lines={"segments": plan_settings.segments, "rule": plan_settings.rule or "paper"},
+                task_of(desired),
+                load=desired.load,
+                method=CORE_METHODS[chosen.method],
+                solver=chosen.solver or "gauss-newton",
+                lines={"segments": chosen.segments, "rule": chosen.rule or "paper"},
                 progress=progress,
             )
     if plan.task.goal == "angles":
-        lower, upper = limits_of_each(limits, desired.names)
+        lower, upper = limits_of_each(desired.limits, desired.names)
         whole = desired.leg is not None and desired.leg.joint_names == desired.names
         leg, foot = (desired.leg, desired.foot) if whole else (None, None)
         plan = replace(plan, task=replace(plan.task, lower=lower, upper=upper, leg=leg, foot=foot))
     for each in plan.inversions:
         if each.error < each.lower_bound - ROUNDING:
             unit = desired.unit(each.column)
-            error = math.degrees(each.error)
-            bound = math.degrees(each.lower_bound)
+            error, bound = np.degrees([each.error, each.lower_bound])
             raise FailedCheck(
                 f"{desired.names[each.column]}: an error of {error:.6g} {unit} is below its own "
                 f"lower bound of {bound:.6g} {unit}; please report this with the path and the model"
             )
-    chosen = run.limits.deg is not None or run.limits.joints
-    beyond = beyond_limits(plan, desired)
-    if beyond and (chosen or plan_settings.method != "closed-form"):  # which ignores limits
+    has_limits = run.limits.deg is not None or run.limits.joints
+    beyond = beyond_limits(desired, plan)
+    if beyond and (has_limits or chosen.method != "closed-form"):  # which ignores limits
         raise beyond[0]
     if bounded and plan.task.goal == "foot":
         progress("the lower bound")
@@ -167,9 +121,8 @@ def plan_of(
     return plan
 
 
-def _by_feet(prepared: Prepared, progress: Callable[[str], None]) -> Plan:
+def _by_feet(desired: Desired, progress: Callable[[str], None]) -> Plan:
     """A plan for the joints of a robot, from one plan for the foot of each leg."""
-    desired, load = prepared.desired, prepared.load
     requests = np.empty_like(desired.angles)
     for name, leg in desired.legs.items():
         progress(f"the foot {name}")
@@ -182,14 +135,13 @@ def _by_feet(prepared: Prepared, progress: Callable[[str], None]) -> Plan:
             models=tuple(desired.models[j] for j in columns),
             leg=leg,
             foot=leg.foot_positions(angles),
+            load=None if desired.load is None else np.asarray(desired.load)[:, columns],
         )
-        carried = None if load is None else np.asarray(load)[:, columns]
-        plan = planned(task_of(replace(prepared, desired=part, load=carried)), method="optimal")
-        requests[:, columns] = plan.requests
-    return Plan(task=task_of(prepared), requests=requests)
+        requests[:, columns] = planned(task_of(part), method="optimal").requests
+    return Plan(task=task_of(desired), requests=requests)
 
 
-def beyond_limits(plan: Plan, desired: Desired) -> list[FailedCheck]:
+def beyond_limits(desired: Desired, plan: Plan) -> list[FailedCheck]:
     """Failures of requests beyond the limits of their joints, one for each joint."""
     failures = []
     columns = zip(plan.requests.T, plan.task.lower, plan.task.upper, strict=True)
@@ -222,9 +174,9 @@ def off_by(subject: str, error: float, unit: str, norm: str, expected: float) ->
     return f"{subject} is off by {error:.4g} {unit} ({norm}), expected at most {expected:g}"
 
 
-def misses(run: settings.Run, desired: Desired, plan: Plan) -> list[str]:
+def misses(desired: Desired, plan: Plan) -> list[str]:
     """Messages about the tolerances that the plan misses, in its norm; empty if it keeps all."""
-    norm, tolerance = plan.task.norm, run.tolerance
+    norm, tolerance = plan.task.norm, desired.settings.tolerance
     messages = []
     if tolerance.deg is not None:
         for j, inversion in enumerate(plan.inversions):
@@ -261,138 +213,27 @@ def search_options(
     }
 
 
-def task_of(prepared: Prepared) -> Task:
+def task_of(desired: Desired) -> Task:
     """The task of the settings; without the torques of a load that depends on the pose."""
-    plan_settings, desired, limits = prepared.settings.plan, prepared.desired, prepared.limits
-    options = search_options(plan_settings, desired.period)
-    options |= {
-        "cyclic": desired.cyclic,
-        "load": None if callable(prepared.load) else prepared.load,
-    }
-    if plan_settings.method == "foot-optimal" and desired.foot is not None:
-        lower, upper = zip(*(limits[name] for name in desired.names), strict=True)
-        options |= {"weights": plan_settings.weights or (1.0, 1.0, 1.0), "limits": (lower, upper)}
+    chosen, limits = desired.settings.plan, desired.limits
+    options = search_options(chosen, desired.period)
+    options["cyclic"] = desired.cyclic
+    options["load"] = None if callable(desired.load) else desired.load
+    if chosen.method == "foot-optimal" and desired.foot is not None:
+        options["weights"] = chosen.weights or (1.0, 1.0, 1.0)
+        options["limits"] = tuple(zip(*(limits[name] for name in desired.names), strict=True))
         return Task.of(desired.models, desired.foot, leg=checked_leg(desired.leg), **options)
-    if plan_settings.method != "closed-form":  # which ignores limits
-        options |= {"limits": limits, "start": prepared.starts}
+    if chosen.method != "closed-form":  # which ignores limits
+        options |= {"limits": limits, "start": desired.starts}
     return Task.of(desired.models, desired.angles, names=desired.names, **options)
 
 
-Load = Array | Callable[[Array], Array]
-"""Torques [N m], shape (n, k), or a function of poses [rad], shape (n, k), that returns them."""
-
-
-def load_of(plan: settings.Plan, desired: Desired) -> Load | None:
-    """The torques on the joints of a path; None if the settings have no load.
-
-    Of ``urdf-dynamics`` inertia counts along the desired path and gravity in the predicted pose:
-    differences of a prediction would not settle.
-    """
-    if plan.load is None:
-        return None
-    key = Key("plan.load", plan.load)
-    _check_felt(key, desired.models)
-    if plan.load == "column":
-        if desired.loads is None:
-            raise BadSetting(key, ": the path has no columns <joint>_load_Nm")
-        return desired.loads
-    leg = desired.leg
-    if leg is None or set(leg.joint_names) != set(desired.names):
-        raise BadSetting(
-            key, ": needs a path of all joints of a leg; name it with ", Key("leg.name")
-        )
-    poses = desired.angles[:, [desired.names.index(name) for name in leg.joint_names]]
-    return _load_of_masses(
-        plan.load, leg, desired.names, poses, period=desired.period, cyclic=desired.cyclic
-    )
-
-
-def with_load(plan: settings.Plan, path: RecordedPath, leg: Leg | None) -> RecordedPath:
-    """A recording with the load of the settings, or by default the load in its logs.
-
-    The leg's joints that are not planned are where they were recorded.
-    """
-    if plan.load is None:
-        return path
-    key, planned = Key("plan.load", plan.load), path.planned
-    _check_felt(key, [each.model for each in planned if each.model])
-    if plan.load == "column":
-        if not any(each.load is not None for each in planned):
-            raise BadSetting(key, ": the recording has no torque of a joint that feels it")
-        return path
-    if leg is None:
-        raise BadSetting(key, ": needs the leg or arm; name it with ", Key("leg.urdf"))
-    by_name = {each.name: each for each in path.joints}
-    for name in leg.joint_names:
-        if name not in by_name:
-            joints = ", ".join(by_name)
-            raise BadSetting(
-                key,
-                f": the recording has no joint '{name}', which the leg has; joints: {joints}; "
-                "name it with ",
-                Key("replay.urdf_joints"),
-            )
-        if by_name[name].unit != "rad":
-            raise BadSetting(
-                key,
-                f": {name} is in shares of its range, and a pose needs angles; choose its "
-                "unit with --unit",
-            )
-    form, names = plan.load, [each.name for each in planned]
-
-    def load_at(moments: Array) -> LoadOfPose:
-        poses = [
-            each.at(moments, each.angles if each.model is None else each.followed)
-            for each in (by_name[name] for name in leg.joint_names)
-        ]
-        return _load_of_masses(
-            form, leg, names, np.column_stack(poses), period=path.period, cyclic=False
-        )
-
-    load_at(path.moments(1.0))  # refuses a URDF without masses before anything is planned
-    return replace(path, load_at=load_at)
-
-
-def _check_felt(key: Key, models: Sequence[JointModel]) -> None:
-    if not any(model.feels_load for model in models):
-        raise BadSetting(
-            key,
-            " has no effect: compliance and speed_per_torque of the models are 0; identify them "
-            "from logs with a load, or leave the load out",
-        )
-
-
-def _load_of_masses(
-    form: Literal["urdf", "urdf-dynamics"],
-    leg: Leg,
-    names: Sequence[str],
-    poses: Array,
-    *,
-    period: float,
-    cyclic: bool,
-) -> Callable[[Array], Array]:
-    """Torques on joints by their angles; the leg's other joints follow the desired poses."""
-    inside = [j for j, name in enumerate(names) if name in leg.joint_names]
-    places = [leg.joint_names.index(names[j]) for j in inside]
-    gravity = leg.load_torques(poses)
-    inertia = np.zeros_like(gravity)
-    if form == "urdf-dynamics":
-        inertia = leg.load_torques(poses, dynamics=True, period=period, cyclic=cyclic) - gravity
-
-    def torques(angles: Array) -> Array:
-        pose, loads = poses.copy(), np.zeros(angles.shape)
-        pose[:, places] = angles[:, inside]
-        loads[:, inside] = (leg.load_torques(pose) + inertia)[:, places]
-        return loads
-
-    return torques
-
-
-def doubted(run: settings.Run, desired: Desired, plan: Plan) -> list[Remark]:
+def doubted(desired: Desired, plan: Plan) -> list[Remark]:
     """Remarks on errors that keep the tolerance by the models, but are larger on the robot."""
     if plan.task.norm != "rms":  # what is expected is a root mean square
         return []
-    degrees, centimetres = run.tolerance.deg, run.tolerance.cm
+    tolerance = desired.settings.tolerance
+    degrees, centimetres = tolerance.deg, tolerance.cm
     errors: list[tuple[str, float, float, str, float]] = []
     if degrees is not None:
         errors = [

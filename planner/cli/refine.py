@@ -96,8 +96,7 @@ def refine(
     )
     from planner.cli.planning import prepare
 
-    prepared = prepare(run)
-    desired = prepared.desired
+    desired = prepare(run)
     if history is None or not Path(history).is_file():  # else the first trial has said it
         options.warn_of(desired.remarks)
     if desired.foot is not None and "method" not in run.plan.keys_set:
@@ -105,13 +104,13 @@ def refine(
             f"learning joint by joint, as --method is {run.plan.method}: after a plan for the foot "
             "give --method foot-optimal here too"
         )
-    executed = read_executed(requests, prepared)
-    angles = read_measured(measured, prepared, executed, cycles=cycles)
+    executed = read_executed(requests, desired)
+    angles = read_measured(measured, desired, executed, cycles=cycles)
     if angles.unused:
         warn(f"{angles.unused} measured rows after the last whole cycle are not used")
     with Progress(len(desired.names)) as progress:
         answer = refined(
-            prepared,
+            desired,
             executed.angles,
             angles,
             history=history,

@@ -15,7 +15,7 @@ from planner.files.staging import output_folder
 from planner.files.text import STANDARD_STREAM, write_text
 
 if TYPE_CHECKING:
-    from planner.cli.planning import Prepared
+    from planner.cli.desired import Desired
     from planner.files.text import Toml
 
 HEADING = (
@@ -52,12 +52,11 @@ def run(*, file: str | None, out: str | None, check: bool, template: bool, as_js
         raise click.UsageError("name a run file, or begin one with --template.")
     from planner.cli.run_file import read_run
 
-    run_file, prepared = read_run(file)
-    desired = prepared.desired
+    run_file, desired = read_run(file)
     if check:
         for remark in desired.remarks:
             warn(str(remark))
-        samples, method = len(desired.angles), prepared.settings.plan.method
+        samples, method = len(desired.angles), desired.settings.plan.method
         content = {"holds": True, "samples": samples, "period_s": desired.period}
         print_answer(
             {**content, "joints": list(desired.names), "method": method},
@@ -66,8 +65,8 @@ def run(*, file: str | None, out: str | None, check: bool, template: bool, as_js
             as_json=as_json,
         )
         return
-    place = folder_of(file, out, prepared.settings.out)
-    carry_out_run(run_file, prepared, place, as_json=as_json)
+    place = folder_of(file, out, desired.settings.out)
+    carry_out_run(run_file, desired, place, as_json=as_json)
 
 
 def folder_of(file: str, out: str | None, in_file: str | None) -> str:
@@ -81,25 +80,24 @@ def folder_of(file: str, out: str | None, in_file: str | None) -> str:
     return str(Path(file).with_suffix(""))
 
 
-def carry_out_run(file: Toml, prepared: Prepared, out: str, *, as_json: bool) -> None:
+def carry_out_run(file: Toml, desired: Desired, out: str, *, as_json: bool) -> None:
     """Plan, and write the folder of the results."""
     from planner.cli.answer import summary
     from planner.cli.planning import beyond_limits, doubted, plan_of
     from planner.cli.run_file import speaking_of, write_run
 
-    settings, desired = prepared.settings, prepared.desired
-    steps = 1 if settings.plan.method == "foot-optimal" else len(desired.names)
+    steps = 1 if desired.settings.plan.method == "foot-optimal" else len(desired.names)
     with (
         Progress(steps + 1) as progress,
         speaking_of(file),
         output_folder(out) as folder,
     ):
-        plan = plan_of(prepared, progress)
-        results, exports, failures = write_run(folder, file.path, prepared, plan, progress=progress)
-    doubts = doubted(settings, desired, plan)
-    for remark in (*desired.remarks, *beyond_limits(plan, desired), *doubts):
+        plan = plan_of(desired, progress)
+        results, exports, failures = write_run(folder, file.path, desired, plan, progress=progress)
+    remarks = (*desired.remarks, *beyond_limits(desired, plan), *doubted(desired, plan))
+    for remark in remarks:
         warn(str(remark))
-    words = f"{summary(prepared, plan)}{exports}\n{len(results['files']) + 1} files in {out}"
+    words = f"{summary(desired, plan)}{exports}\n{len(results['files']) + 1} files in {out}"
     print_answer(results, words, as_json=as_json)
     if failures:
         raise click.ClickException(f"{'; '.join(failures)}; the files are written all the same")

@@ -13,7 +13,7 @@ from planner.cli import settings
 from planner.cli.answer import document, plan_report
 from planner.cli.console import BadSetting, FailedCheck, Key, as_key
 from planner.cli.declared import flat, understand
-from planner.cli.desired import check_angles
+from planner.cli.desired import Desired, check_angles
 from planner.cli.export import (
     check_export,
     check_rows,
@@ -22,7 +22,7 @@ from planner.cli.export import (
     rows_summary,
     write_rows,
 )
-from planner.cli.planning import Prepared, misses, prepare
+from planner.cli.planning import misses, prepare
 from planner.exceptions import InvalidFile, InvalidInput, PlannerError
 from planner.files.paths import write_foot_path
 from planner.files.staging import MANIFEST, list_files
@@ -42,7 +42,7 @@ ARGUMENTS = {
 """Arguments that messages of the library advise, as keys of a run file."""
 
 
-def read_run(path: str) -> tuple[Toml, Prepared]:
+def read_run(path: str) -> tuple[Toml, Desired]:
     """Read a run file, or standard input for ``-``, and prepare the plan that it describes."""
     file = read_toml(path, example='method = "optimal"')
     run = understand(file, settings.Run)
@@ -51,18 +51,18 @@ def read_run(path: str) -> tuple[Toml, Prepared]:
             with _in_export(number):
                 check_export(export)
         _check_names(run)
-        prepared = prepare(run, str(Path(path).parent))
+        desired = prepare(run, str(Path(path).parent))
         if run.export:
-            check_angles(prepared.desired.names, prepared.desired.units)
+            check_angles(desired.names, desired.units)
         for number, export in enumerate(run.export):  # what the path or the packages cannot give
             with _in_export(number):
-                check_rows(export, rows_of(export, _schedule(prepared, prepared.desired.angles))[0])
-    return file, prepared
+                check_rows(export, rows_of(export, _schedule(desired, desired.angles))[0])
+    return file, desired
 
 
-def _schedule(prepared: Prepared, requests: Array) -> Schedule:
+def _schedule(desired: Desired, requests: Array) -> Schedule:
     """When requests [rad], (n, k), are due."""
-    return Schedule(prepared.desired.names, requests, prepared.desired.period)
+    return Schedule(desired.names, requests, desired.period)
 
 
 @contextmanager
@@ -120,17 +120,16 @@ def _check_names(run: settings.Run) -> None:
 
 
 def write_run(
-    folder: Path, file: str, prepared: Prepared, plan: Plan, *, progress: Callable[[str], None]
+    folder: Path, file: str, desired: Desired, plan: Plan, *, progress: Callable[[str], None]
 ) -> tuple[dict[str, Any], str, list[str]]:
     """Write all outputs of a run file, whose path the page names.
 
     Returns:
         ``results.json``, the exports in words, and the missed tolerances.
     """
-    run = prepared.settings
-    missed = misses(run, prepared.desired, plan)
+    run, task = desired.settings, plan.task
+    missed = misses(desired, plan)
     progress("the files")
-    desired, task = prepared.desired, plan.task
     for key, angles, loads in (
         ("requests", plan.requests, task.load),
         ("angles", plan.predicted, None),
@@ -142,7 +141,7 @@ def write_run(
         write_foot_path(place, plan.foot, period=desired.period)
     exports, words = [], ""
     for export in run.export:
-        rows, skipped = rows_of(export, _schedule(prepared, plan.requests))
+        rows, skipped = rows_of(export, _schedule(desired, plan.requests))
         write_rows(str(_place(folder, export.file)), export, rows)
         exports.append({"file": export.file, **rows_document(export, rows, skipped)})
         words += f"\n{export.file}: {rows_summary(rows, skipped)}"
@@ -150,11 +149,11 @@ def write_run(
         names = [*list_files(folder), MANIFEST]
         files: list[tuple[str, Path | str | None]] = [("run", file)]
         files += [(Path(name).stem, folder / name) for name in names]
-        write_text(page, plan_report(prepared, plan, missed=missed, page=page, written=files))
+        write_text(page, plan_report(desired, plan, missed=missed, page=page, written=files))
     results = {
         "made_by": "request-planner run",
         "settings": flat(run),
-        **document(prepared, plan, missed),
+        **document(desired, plan, missed),
         "exports": exports,
         "versions": versions(),
         "files": list_files(folder),

@@ -46,8 +46,8 @@ def simulate(
     """  # noqa: D301
     import numpy as np
 
-    from planner.cli.desired import load_joints, refused_models, repeats, starts_of
-    from planner.cli.models import model_words, verdict_document
+    from planner.cli.desired import load_joints, repeats, starts_of
+    from planner.cli.models import model_words, refused_models, verdict_document
     from planner.files.paths import read_joint_path
     from planner.model.evidence import Expectation, expectation, untested_words
     from planner.model.response import simulate as simulate_joint

@@ -38,22 +38,21 @@ def view(*, run: Run, path: str, requests: str | None, method: Method | None, ht
         request-planner view foot.csv --leg reference --unreachable clamp --html walk.html
     """  # noqa: D301
     from kinematics.scene import Scene
-    from planner.cli.desired import find_leg, leg_title
-    from planner.cli.models import model_words
-    from planner.cli.planning import load, plan_of, prepare
+    from planner.cli.desired import desired_of
+    from planner.cli.models import find_leg, leg_title, model_words
+    from planner.cli.planning import plan_of, prepare
     from planner.files.paths import read_joint_path
     from planner.model.response import simulate_joints
     from planner.report.scene import LOOKS, Motion, import_meshcat, scene_page
 
-    if find_leg(run.leg) is None:
+    place = find_leg(run.leg)
+    if place is None:
         raise click.UsageError("name the leg with --leg.")
     if requests is not None and method is not None:
         raise click.UsageError("--method plans what --requests brings along: leave one out.")
     import_meshcat()
-    prepared = load(run)
-    options.warn_of(prepared.desired.remarks)
-    place, desired = prepared.place, prepared.desired
-    assert place is not None, "the options name a leg"
+    desired = desired_of(run)
+    options.warn_of(desired.remarks)
     assert desired.leg is not None, "the options name a leg"
     if set(desired.names) != set(desired.leg.joint_names):
         raise click.UsageError(

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from pathlib import PurePath
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from planner.identification.grid import measured_speed
 from planner.model.evidence import OPEN_TOP_SPEED
+from planner.recording.recorded_path import WHY
 from planner.report import figure, style
 from planner.report.figure import (
     Axis,
@@ -21,7 +22,6 @@ from planner.report.figure import (
     Panel,
     Span,
     Timeline,
-    joined,
     line,
 )
 from planner.report.page import (
@@ -29,7 +29,6 @@ from planner.report.page import (
     Listing,
     Page,
     Section,
-    figures_section,
     footer,
     models_table,
     sentence,
@@ -51,31 +50,23 @@ LOG_UNITS = {"rad": ("deg", math.degrees(1.0)), "1": ("percent", 100.0)}
 SIGNS = {"deg": "deg", "percent": "%"}
 """How a page writes these units."""
 
+RESENT = (
+    "the recorded requests may serve better than the plan, as they have moved the robot along this "
+    "path: the error to expect of the plan is not clearly smaller than that of the requests as "
+    "recorded"
+)
+"""A remark on replays at the recorded speed."""
+
 AS_IT_IS = style.DIRECT._replace(label="as it is")
 """The path itself as requests."""
-
-MOST_ROWS = 500
-"""Most rows of the table, for the recordings that are farthest off: a page of some 200 kB."""
-
-
-KINDS = {
-    "resent_rms": "as recorded",
-    "direct_rms": "path as it is",
-    "shifted_rms": "best shift",
-    "planned_rms": "plan",
-    "expected_on_robot_rms": "on the robot",
-    "lower_bound": "lower bound",
-}
-"""Columns of the table, by their name in the document."""
 
 
 def replay_page(
     replay: Replay,
     *,
     title: str,
-    words: str,
+    models: str,
     fastest: Fastest | None = None,
-    verdict: str = "",
     arm: Leg | None = None,
     missed: Sequence[str] = (),
     remarks: Sequence[str] = (),
@@ -83,8 +74,8 @@ def replay_page(
 ) -> str:
     """The page about a replay, and about the search for the fastest one.
 
-    ``words`` are its basis, ``verdict`` is about the fastest replay; with an ``arm``, whose joints
-    are all recorded, it moves on the page. ``missed`` are the tolerances that it misses.
+    ``models`` is their origin; an ``arm``, whose joints are all recorded, moves on the page.
+    ``missed`` are the tolerances that it misses.
     """
     planned = replay.planned
     sections = [
@@ -119,11 +110,13 @@ def replay_page(
         else f"Replay at {replay.speed:.3g} times the speed",
         eyebrow=f"request-planner replay · {title}",
         verdict=spoken(head, tail),
-        note=sentence(words),
+        note=sentence(first_line(replay, models)),
         good=not missed,
         remarks=[
-            *(sentence(each) for each in (verdict, *missed, *replay.path.remarks) if each),
+            *([] if fastest is None else [sentence(fastest_text(fastest))]),
+            *map(sentence, [*missed, *replay.path.remarks]),
             *_remarks(replay, fastest),
+            *map(sentence, filter(None, [_resent_words(replay)])),
             *remarks,
         ],
         cards=cards(replay),
@@ -153,6 +146,106 @@ requests keep it.
 </p>
 {{ figures(curves) }}
 """
+
+
+# The text.
+
+
+def first_line(replay: Replay, models: str) -> str:
+    """One line about the replay: track, requests, speed and ``models``, their origin."""
+    path = replay.path
+    count, seconds = len(replay.moments), (len(replay.moments) - 1) * replay.period
+    load = "; loaded by the masses of the URDF" if path.load_at else ""
+    return (
+        f"follows {WHY[path.track]}; {count} requests at {1.0 / replay.period:.4g} Hz, "
+        f"{seconds:.4g} s for {path.duration:.4g} s at {replay.speed:.3g} times the speed; "
+        f"{models}{load}"
+    )
+
+
+def replay_text(replay: Replay, models: str, fastest: Fastest | None = None) -> str:
+    """A replay for people: each joint's errors, rms, and how its requests move."""
+    lines = [first_line(replay, models)]
+    if fastest is not None:
+        lines.append(fastest_text(fastest))
+    lines.append(replace(joints_table(replay), about="rms [deg]").text())
+    lines += ["", requests_table(replay).text()]
+    fast = {each.name for each in replay.planned if each.too_fast}
+    if unknown := sorted(replay.path.open_top_speeds & fast):
+        lines.append(f"faster by the model only of {', '.join(unknown)}: {OPEN_TOP_SPEED}")
+    if refuted := _refuted(replay):
+        lines.append(
+            f"the recording contradicts the model of {', '.join(refuted)}: it moved faster than "
+            "the top speed of the model; identify it from this recording too"
+        )
+    if words := _resent_words(replay):
+        lines.append(words)
+    if fastest is None and (untested := replay.untested):
+        lines.append(f"outside what the models were tested on: {untested}")
+    return "\n".join(lines)
+
+
+def _resent_words(replay: Replay) -> str:
+    """A remark on joints whose recorded requests may be better than the plan; "" if none."""
+    errors = []
+    for each in replay.resent_may_serve:
+        unit, factor = LOG_UNITS[each.path.unit]
+        resent = factor * error_norm(each.error_of("resent"), "rms")
+        errors.append(f"{each.name} ({factor * each.expected:.3f} and {resent:.3f} {unit} rms)")
+    if not errors:
+        return ""
+    return f"{RESENT}, {', '.join(errors)}"
+
+
+def _refuted(replay: Replay) -> list[str]:
+    """The joints that moved faster in the replayed part of the recording than their models can."""
+    names = []
+    for each in replay.planned:
+        assert each.path.model is not None, "planned joints have models"
+        inside = (each.path.times >= replay.path.first) & (each.path.times <= replay.path.last)
+        part = replace(each.path.log, torque_on=each.path.log.torque_on & inside)
+        limits = each.path.model.speed_limits(0.0, part.angles)
+        # by a load a joint may exceed the top speed of its model a little
+        if measured_speed(part) > 1.05 * max(np.max(np.abs(limit)) for limit in limits):
+            names.append(each.name)
+    return names
+
+
+def fastest_text(fastest: Fastest) -> str:
+    """The largest speed of the recording, and the proof that no much larger one is possible."""
+    factor = 100.0 if fastest.foot else math.degrees(1.0)
+    allowed = factor * fastest.tolerance
+    size = f"{allowed:.3g} cm"
+    if not fastest.foot:
+        size = f"{allowed:.3g} degree{'s' * (f'{allowed:.3g}' != '1')}"
+    speed = f"{fastest.speed:.3g} times the speed"
+    if fastest.retime == "varying":
+        low, high = float(np.min(fastest.factors)), float(np.max(fastest.factors))
+        speed += f" in all, {low:.3g} to {high:.3g} along it ({fastest.constant:.3g} constant)"
+    words = f"within {size} (largest error {fastest.largest * allowed:.3g}) at {speed}"
+    if untested := fastest.replay.untested:
+        words += f" by the models, but outside what these were tested on: {untested}"
+    if fastest.contradicted:
+        names = ", ".join(fastest.contradicted)
+        plural = "models" if len(fastest.contradicted) > 1 else "model"
+        return (
+            f"{words}; the recording contradicts the {plural} of {names}: at its own speed, from "
+            f"rest, no requests would keep {names} within {size}, but the robot did it: no "
+            "limit on the speed is known; identify from this recording too, or begin where it rests"
+        )
+    if fastest.impossible is None:
+        proof = (
+            "there is no lower bound for a foot" if fastest.foot else "no speed is proved too high"
+        )
+        return f"{words}; {proof}"
+    proof = f"at {fastest.impossible.speed:.3g} times the speed no requests keep "
+    proof += f"{fastest.impossible.joint} within {size}"
+    if fastest.impossible.of_model_only:
+        proof += f", which holds for its model only: {OPEN_TOP_SPEED}"
+    return f"{words}; {proof}"
+
+
+# The words of the page.
 
 
 def _verdict(replay: Replay) -> tuple[str, str]:
@@ -421,137 +514,3 @@ def _pair(joint: JointReplay, errors: Array) -> tuple[str, ...]:
 
 def _timeline_of(replay: Replay) -> Timeline:
     return Timeline(replay.period, len(replay.moments), cyclic=False)
-
-
-def episodes_page(
-    document: Mapping[str, Any],
-    *,
-    title: str,
-    words: str,
-    sources: Sequence[Listing] = (),
-) -> str:
-    """The whole page.
-
-    Args:
-        document: Output of ``replay --json`` for many recordings.
-        title: Title of the recordings, in a few words.
-        words: The path, its purpose and the models, in words.
-        sources: The lists at its end.
-    """
-    rows, failures = document["recordings"], document["left_out"]
-    total = len(rows) + len(failures)
-    off = np.argsort([-row["planned_rms"] for row in rows], kind="stable")[:MOST_ROWS]
-    shown = [rows[place] | {"recording": _short(rows[place]["recording"])} for place in sorted(off)]
-    table = episodes_table(shown, fastest=document["speed"] is None)
-    units = sorted({row["unit"] for row in rows})
-    sections = [
-        Section(
-            "The recordings",
-            RECORDINGS,
-            {"table": table, "rest": max(len(rows) - MOST_ROWS, 0)},
-        )
-    ]
-    if failures:
-        left_out = [Row(_short(name), (reason,)) for name, reason in failures.items()]
-        if len(left_out) > 20:  # that is enough to read
-            left_out[20:] = [Row(f"{len(left_out) - 20} more", (NOTHING,))]
-        columns = (Column("reason", words=True),)
-        table = Table("recording", columns, tuple(left_out), label="Left out")
-        sections.append(table_section("Left out", table))
-    figures = [errors_figure(rows, unit) for unit in units]
-    if len(figures) > 1:
-        sections.insert(0, figures_section("", figures[1:]))
-    worst = max(rows, key=lambda row: float(row["planned_rms"]))
-    median = {
-        kind: float(np.median([row[f"{kind}_rms"] for row in rows]))
-        for kind in ("direct", "shifted", "planned")
-    }
-    unit = SIGNS[units[0]] if len(units) == 1 else "deg, or % of a range,"
-    return Page(
-        heading=f"Replay of {total} recordings",
-        eyebrow=f"request-planner replay · {title}",
-        verdict=spoken(
-            f"{len(rows)} of {total} recordings have a plan",
-            f"in the median {median['planned']:.2g} {unit} rms off in the joint that is farthest "
-            f"off; the best time shift leaves {median['shifted']:.2g}, the path itself as requests "
-            f"{median['direct']:.2g}",
-        ),
-        note=sentence(words),
-        good=not failures,
-        remarks=[sentence(each) for each in document["remarks"]],
-        cards=[
-            Card(f"{worst['planned_rms']:.3g}", f"{SIGNS[worst['unit']]} rms",
-                 f"the plan that is farthest off, of {worst['worst_joint']} in "
-                 f"{_short(worst['recording'])}; lower bound {number(worst['lower_bound'], 3)}"),
-            Card(f"{sum(row['duration_s'] for row in rows):.3g}", "s",
-                 f"{sum(row['requests'] for row in rows)} requests in all"),
-        ],
-        figure=figures[0],
-        sections=sections,
-        listings=sources,
-        footer=footer("replay"),
-    ).html()  # fmt: skip
-
-
-RECORDINGS = """
-{{ table }}
-<p class="note">Errors of each recording’s joint that is farthest off, rms, by the exact model. “As
-recorded” are the recorded requests at this speed, “path as it is” the path itself as requests. What
-to expect on the robot is the error of plan and model together. No requests bring the error below
-the lower bound.
-{%- if rest %} {{ rest }} recordings with smaller errors are not in the table.{% endif %}
-</p>
-"""
-
-
-def episodes_table(rows: Sequence[Mapping[str, Any]], *, fastest: bool) -> Table:
-    """Errors of recordings by kind of requests; with their speeds where these are the fastest."""
-    titles = ("requests", *["speed"] * fastest, "worst joint", *KINDS.values())
-    table_rows = [
-        Row(
-            str(row["recording"]),
-            (
-                f"{row['requests']}",
-                *[f"{row['speed']:.3g}"] * fastest,
-                f"{row['worst_joint']} [{row['unit']}]",
-                *(number(row[kind], 3) for kind in KINDS),
-            ),
-        )
-        for row in rows
-    ]
-    return Table("recording", tuple(map(Column, titles)), tuple(table_rows), label="Recordings")
-
-
-def errors_figure(rows: Sequence[Mapping[str, Any]], unit: str) -> Figure:
-    """Errors against the number of the recording, in the order in which they were read."""
-    own = [(place, row) for place, row in enumerate(rows, 1) if row["unit"] == unit]
-    places = np.array([float(place) for place, _ in own])
-    notes = tuple(f"{_short(row['recording'])}, {row['worst_joint']}" for _, row in own)
-
-    def values(kind: str) -> Array:
-        return np.array([np.nan if row[kind] is None else row[kind] for _, row in own])
-
-    few = range(1, len(rows) + 1) if len(rows) <= 12 else ()  # more have round numbers on the axis
-    numbers = {float(k): str(k) for k in few} or None
-    looks = {"direct_rms": style.DIRECT, "shifted_rms": style.SHIFT, "planned_rms": style.OPTIMAL}
-    curves = [
-        Curve(role, places, values(kind), marks="rings" if role is style.SHIFT else "dots",
-              notes=notes, hidden=role is style.DIRECT)
-        for kind, role in looks.items()
-    ]  # fmt: skip
-    if np.isfinite(bounds := values("lower_bound")).any():
-        ends = places[:, None] + np.array([-0.4, 0.4])
-        heights = np.column_stack([bounds, bounds])
-        curves.append(Curve(style.LOWER_BOUND._replace(dashes="-"), joined(ends), joined(heights)))
-    return Figure(
-        f"errors_{unit}",
-        "Error of each recording",
-        "Of its joint that is farthest off. Point at a dot for its recording and joint.",
-        Axis("recording", "", (0.5, len(rows) + 0.5), names=numbers),
-        (Panel(Axis("error, rms", SIGNS[unit], from_zero=True), tuple(curves), height=2.2),),
-    )
-
-
-def _short(recording: str) -> str:
-    """A recording without the folders that it is in."""
-    return PurePath(recording).name

@@ -96,7 +96,7 @@ def replayed_arm():
     recorded = [*logs(hip, size=2.5), *logs(knee, jaw, "gripper")]
     limits = {hip: (-0.25, 3.25)}
     made = replay(recorded, {hip: tested, knee: plain}, speed=1.5, track="action", limits=limits)
-    return replay_page(made, title="demo.csv", words="follows the state", arm=leg)
+    return replay_page(made, title="demo.csv", models="model: arm.toml", arm=leg)
 
 
 PAGES = {

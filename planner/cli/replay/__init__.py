@@ -129,7 +129,9 @@ def replay(
 
 def _replay_one(task: ReplayTask, *, output: str, report: str | None, as_json: bool) -> None:
     from planner.cli.replay.dataset import write_replay
-    from planner.cli.replay.task import document, fastest_document, missed, replay_report, summary
+    from planner.cli.replay.task import document, fastest_document, missed
+    from planner.report.page import sources_of
+    from planner.report.replay import replay_page, replay_text
 
     fastest = None
     with Progress() as progress:
@@ -137,12 +139,28 @@ def _replay_one(task: ReplayTask, *, output: str, report: str | None, as_json: b
             fastest = task.fastest(progress)
         result = task.run(progress) if fastest is None else fastest.replay
         progress("the errors of other requests")
-        content, words = document(result, task.models), summary(result, task.models, fastest)
+        content = document(result, task.models)
+        words = replay_text(result, task.models.words, fastest)
         misses = missed(task, result)
         page: AbstractContextManager[None] = nullcontext()
         if report is not None:
             progress("the page")
-            page = staged(report, replay_report(task, result, fastest, report, output).encode())
+            arm, recording = task.arm(), task.recording
+            html = replay_page(
+                result,
+                title=PurePath(recording.name).name,
+                models=task.models.words,
+                fastest=fastest,
+                arm=arm if arm and {*arm.joint_names} <= {*result.names} else None,
+                missed=misses,
+                remarks=task.models.remarks,
+                sources=sources_of(
+                    report,
+                    [("recording", recording.name), ("track", result.path.track)],
+                    [("recording", recording.path), ("requests", output)],
+                ),
+            )
+            page = staged(report, html.encode())
     if fastest is not None:
         content |= {"fastest": fastest_document(fastest)}
     for each in result.path.remarks:
@@ -168,9 +186,8 @@ def _print_all(
     as_json: bool,
 ) -> None:
     """Print the errors of the plans of many recordings, and list the failed recordings last."""
-    from planner.cli.replay.dataset import episodes_line, episodes_text
+    from planner.report.episodes import episodes_page, episodes_text
     from planner.report.page import sources_of
-    from planner.report.replay import episodes_page
 
     if report is not None:
         with Progress() as progress:
@@ -178,7 +195,6 @@ def _print_all(
             page = episodes_page(
                 document,
                 title=", ".join(dict.fromkeys(PurePath(name).name for name in logs)),
-                words=episodes_line(document),
                 sources=sources_of(
                     report, [*(("recordings", name) for name in logs), ("track", document["track"])]
                 ),

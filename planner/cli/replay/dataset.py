@@ -15,9 +15,9 @@ import numpy as np
 
 from planner.cli import settings
 from planner.cli.console import BadSetting, Key
-from planner.cli.desired import find_leg
 from planner.cli.export import FOLDERS, write_rows
-from planner.cli.replay.task import RESENT, ReplayTask
+from planner.cli.models import find_leg
+from planner.cli.replay.task import ReplayTask
 from planner.cli.settings import ReplayFormat
 from planner.exceptions import InvalidInput, PlannerError
 from planner.files.columns import TIME
@@ -32,7 +32,8 @@ from planner.files.text import to_json
 from planner.parallel import carry_out
 from planner.recording.recorded_path import WHY
 from planner.recording.replaying import JointReplay, Replay
-from planner.report.replay import LOG_UNITS, episodes_table
+from planner.report.episodes import resent_words
+from planner.report.replay import LOG_UNITS
 from planner.robot.schedule import Schedule
 from planner.trajectory import Array, error_norm
 
@@ -191,7 +192,7 @@ def replay_many(
             "speed": None if first.replay.fastest else first.replay.speed,
             "recordings": figures,
             "left_out": failed,
-            "remarks": [*first.models.remarks, *_resent_words(figures)],
+            "remarks": [*first.models.remarks, *resent_words(figures)],
         }
         if not failed:
             every = [each.recording for each in recordings]
@@ -242,35 +243,6 @@ def episode_figures(replay: Replay) -> dict[str, Any]:
         "recorded_requests_may_serve": worst in replay.resent_may_serve,
         "remarks": list(replay.path.remarks),
     }
-
-
-def episodes_line(document: Mapping[str, Any]) -> str:
-    """One line about the replay: track, number of recordings, speed and models."""
-    rows, speed = document["recordings"], document["speed"]
-    requests = sum(row["requests"] for row in rows)
-    how = "as fast as the tolerance allows" if speed is None else f"at {speed:.4g} times the speed"
-    return (
-        f"follows {document['why']}; {len(rows)} recordings, {requests} requests {how}; "
-        f"{document['models']}"
-    )
-
-
-def episodes_text(document: Mapping[str, Any]) -> str:
-    """Many recordings for people: a line each, about the joint with the largest planned error."""
-    table = episodes_table(document["recordings"], fastest=document["speed"] is None)
-    words = _resent_words(document["recordings"])
-    return "\n".join([episodes_line(document), table.text(), *words])
-
-
-def _resent_words(rows: Sequence[Mapping[str, Any]]) -> list[str]:
-    """The number of recordings whose own requests may be better, with the errors of one example."""
-    of = [row for row in rows if row["recorded_requests_may_serve"]]
-    if not of:
-        return []
-    first = of[0]
-    errors = f"{first['expected_on_robot_rms']:.3f} and {first['resent_rms']:.3f} {first['unit']}"
-    where = f"such as {errors} rms in {first['recording']}"
-    return [f"in {len(of)} of {len(rows)} recordings {RESENT}, {where}"]
 
 
 def origin_of(

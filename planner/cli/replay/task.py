@@ -3,42 +3,53 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import nullcontext, suppress
 from dataclasses import dataclass, field, replace
-from pathlib import Path, PurePath
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from planner.cli import settings
 from planner.cli.console import BadSetting, Key
-from planner.cli.desired import find_leg, load_leg
-from planner.cli.models import JointModels, first_logs, joint_models
-from planner.cli.planning import errors_document, off_by, search_options, with_load
+from planner.cli.desired import check_felt, load_of_masses
+from planner.cli.models import find_leg, load_leg, model_words
+from planner.cli.planning import errors_document, off_by, search_options
+from planner.exceptions import InvalidInput, PlannerError, nearest
+from planner.files.joint_model import read_model_file
 from planner.files.logs.lerobot import find_dataset
 from planner.files.logs.read import Recording
-from planner.identification.grid import measured_speed
 from planner.identification.log import Log
-from planner.model.evidence import OPEN_TOP_SPEED
-from planner.recording.recorded_path import WHY, RecordedPath, check_length, recorded_path
+from planner.model.evidence import refusal, with_reasons
+from planner.model.joint import JointModel
+from planner.recording.recorded_path import (
+    WHY,
+    RecordedPath,
+    check_length,
+    is_gripper,
+    recorded_path,
+)
 from planner.recording.replaying import Replay, replay_at
 from planner.recording.retiming import Fastest, Measure, fastest_at
-from planner.report.replay import LOG_UNITS, joints_table, requests_table
-from planner.trajectory import error_norm
+from planner.report.replay import LOG_UNITS
+from planner.trajectory import Array, error_norm
 
 if TYPE_CHECKING:
     from kinematics import Leg
-
+    from planner.planning.inversion import LoadOfPose
 
 ROUNDING = 1e-9
 """Share of a tolerance by which rounding may miss it."""
 
-RESENT = (
-    "the recorded requests may serve better than the plan, as they have moved the robot along this "
-    "path: the error to expect of the plan is not clearly smaller than that of the requests as "
-    "recorded"
-)
-"""A remark on replays at the recorded speed."""
+
+@dataclass(frozen=True, kw_only=True)
+class JointModels:
+    """The models of a replay, the default under the key ""; their origin in words, and remarks."""
+
+    by_joint: Mapping[str, JointModel]
+    words: str = ""
+    remarks: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,7 +85,7 @@ class ReplayTask:
         """Read the recording and plan its replay."""
         if self.replay.fastest:
             return self.fastest(progress).replay
-        path, speed = with_load(self.run_settings.plan, self.path(), self.arm()), self.replay.speed
+        path, speed = _with_load(self.run_settings.plan, self.path(), self.arm()), self.replay.speed
         return replay_at(
             path, path.moments(speed), speed=speed, progress=progress, **self.options(path)
         )
@@ -82,7 +93,7 @@ class ReplayTask:
     def fastest(self, progress: Callable[[str], None] = lambda _: None) -> Fastest:
         """Read the recording and find the fastest replay within the tolerance."""
         arm, tolerance = self.arm(), self.run_settings.tolerance
-        path = with_load(self.run_settings.plan, self.path(), arm)
+        path = _with_load(self.run_settings.plan, self.path(), arm)
         joints = None if tolerance.deg is None else math.radians(tolerance.deg)
         foot = None if tolerance.cm is None else 0.01 * tolerance.cm
         measure = Measure.of(path, joints, foot, arm)
@@ -141,64 +152,148 @@ def tasks_of(
     )
 
 
-def first_line(replay: Replay, models: JointModels) -> str:
-    """One line about the replay: track, requests, speed and models."""
-    path = replay.path
-    count, seconds = len(replay.moments), (len(replay.moments) - 1) * replay.period
-    load = "; loaded by the masses of the URDF" if path.load_at else ""
-    return (
-        f"follows {WHY[path.track]}; {count} requests at {1.0 / replay.period:.4g} Hz, "
-        f"{seconds:.4g} s for {path.duration:.4g} s at {replay.speed:.3g} times the speed; "
-        f"{models.words}{load}"
+def joint_models(
+    model: settings.Model,
+    replay: settings.Replay,
+    recordings: Sequence[Recording],
+    progress: Callable[[str], None],
+) -> JointModels:
+    """The models that the settings name, or models identified from the recordings."""
+    key = Key("model.file")
+    if model.file == settings.SHIPPED_MODEL and "file" not in model.keys_set:
+        raise BadSetting(
+            key,
+            " is missing: name a file that `identify` wrote, or identify the joints from the "
+            "recording itself with ",
+            Key("model.file", settings.FROM_LOG),
+        )
+    if model.file == settings.FROM_URDF:
+        raise BadSetting(Key("model.file", settings.FROM_URDF), " has no effect on a replay")
+    if model.file == settings.SHIPPED_MODEL:
+        return JointModels(by_joint={"": JointModel.ers210a()}, words=model_words(model))
+    if model.file == settings.FROM_LOG:
+        return _models_from_recordings(replay, recordings, progress)
+    file = read_model_file(model.file)
+    models = {**({} if file.common is None else {"": file.common}), **file.by_joint}
+    recorded = [log.joint for log in first_logs(recordings)]
+    used = replay.joints or [name for name in recorded if not is_gripper(name)] or recorded
+    of_joints = {name: models.get(name, file.common) for name in used}
+    words = refusal({name: each.evidence for name, each in of_joints.items() if each})
+    return JointModels(
+        by_joint=models, words=f"model: {file.path}", remarks=(words,) if words else ()
     )
 
 
-def summary(replay: Replay, models: JointModels, fastest: Fastest | None = None) -> str:
-    """A replay for people: each joint's errors, rms, and how its requests move."""
-    lines = [first_line(replay, models)]
-    if fastest is not None:
-        lines.append(fastest_text(fastest))
-    lines.append(replace(joints_table(replay), about="rms [deg]").text())
-    lines += ["", requests_table(replay).text()]
-    fast = {each.name for each in replay.planned if each.too_fast}
-    if unknown := sorted(replay.path.open_top_speeds & fast):
-        lines.append(f"faster by the model only of {', '.join(unknown)}: {OPEN_TOP_SPEED}")
-    if refuted := refuted_joints(replay):
-        lines.append(
-            f"the recording contradicts the model of {', '.join(refuted)}: it moved faster than "
-            "the top speed of the model; identify it from this recording too"
+def first_logs(recordings: Sequence[Recording]) -> Sequence[Log]:
+    """The logs of the first recording that can be read."""
+    for recording in recordings:
+        with suppress(PlannerError):  # reported when it is planned
+            return recording.read()
+    return []
+
+
+def _models_from_recordings(
+    replay: settings.Replay, recordings: Sequence[Recording], progress: Callable[[str], None]
+) -> JointModels:
+    from planner.identification.identify import identify
+
+    used = recordings[:10]  # more of the same robot add little, and time grows with each
+    by_joint: dict[str, list[Log]] = {}
+    for recording in used:
+        # With several, an error is reported when the recording is planned.
+        with suppress(PlannerError) if len(recordings) > 1 else nullcontext():
+            for log in recording.read():
+                by_joint.setdefault(log.joint or "joint", []).append(log)
+    for name in replay.joints:
+        if by_joint and name not in by_joint:
+            raise BadSetting(
+                Key("replay.joints"),
+                f": no joint '{name}'{nearest(name, list(by_joint))}; joints: "
+                + ", ".join(by_joint),
+            )
+    joints = [name for name in by_joint if not is_gripper(name)] or list(by_joint)
+    models: dict[str, JointModel] = {}
+    remarks: list[str] = []
+    refused: dict[str, str] = {}
+    failure: PlannerError = InvalidInput("no recording could be read")
+    for name in replay.joints or joints:
+        if name not in by_joint:
+            continue
+        progress(f"identifying {name}")
+        try:
+            identification = identify(by_joint[name])
+        except PlannerError as error:
+            remarks.append(f"{name}: no model: {error}")
+            failure = error
+            continue
+        if identification.accepted:
+            models[name] = identification.model
+        else:
+            refused[name] = identification.reason
+            words = "no model of any joint fits the recording; identify the joints from better logs"
+            failure = InvalidInput(words)
+    if not models:
+        raise failure
+    if refused:
+        of = "its model describes" if len(refused) == 1 else "their models describe"
+        remarks.append(
+            f"{with_reasons(refused)}: left at the recorded requests, {of} the recording too badly"
         )
-    if words := resent_words(replay):
-        lines.append(words)
-    if fastest is None and (untested := replay.untested):
-        lines.append(f"outside what the models were tested on: {untested}")
-    return "\n".join(lines)
+    words = "the recording"
+    if len(recordings) > 1:
+        first = f"first {len(used)} of " if len(used) < len(recordings) else ""
+        words = f"the {first}{len(recordings)} recordings"
+    return JointModels(
+        by_joint=models,
+        words=f"models: identified from {words}",
+        remarks=tuple(remarks),
+    )
 
 
-def resent_words(replay: Replay) -> str:
-    """A remark on joints whose recorded requests may be better than the plan; "" if none."""
-    errors = []
-    for each in replay.resent_may_serve:
-        unit, factor = LOG_UNITS[each.path.unit]
-        resent = factor * error_norm(each.error_of("resent"), "rms")
-        errors.append(f"{each.name} ({factor * each.expected:.3f} and {resent:.3f} {unit} rms)")
-    if not errors:
-        return ""
-    return f"{RESENT}, {', '.join(errors)}"
+def _with_load(plan: settings.Plan, path: RecordedPath, leg: Leg | None) -> RecordedPath:
+    """A recording with the load of the settings, or by default the load in its logs.
 
+    The leg's joints that are not planned are where they were recorded.
+    """
+    if plan.load is None:
+        return path
+    key, planned = Key("plan.load", plan.load), path.planned
+    check_felt(key, [each.model for each in planned if each.model])
+    if plan.load == "column":
+        if not any(each.load is not None for each in planned):
+            raise BadSetting(key, ": the recording has no torque of a joint that feels it")
+        return path
+    if leg is None:
+        raise BadSetting(key, ": needs the leg or arm; name it with ", Key("leg.urdf"))
+    by_name = {each.name: each for each in path.joints}
+    for name in leg.joint_names:
+        if name not in by_name:
+            joints = ", ".join(by_name)
+            raise BadSetting(
+                key,
+                f": the recording has no joint '{name}', which the leg has; joints: {joints}; "
+                "name it with ",
+                Key("replay.urdf_joints"),
+            )
+        if by_name[name].unit != "rad":
+            raise BadSetting(
+                key,
+                f": {name} is in shares of its range, and a pose needs angles; choose its "
+                "unit with --unit",
+            )
+    form, names = plan.load, [each.name for each in planned]
 
-def refuted_joints(replay: Replay) -> list[str]:
-    """The joints that moved faster in the replayed part of the recording than their models can."""
-    names = []
-    for each in replay.planned:
-        assert each.path.model is not None, "planned joints have models"
-        inside = (each.path.times >= replay.path.first) & (each.path.times <= replay.path.last)
-        part = replace(each.path.log, torque_on=each.path.log.torque_on & inside)
-        limits = each.path.model.speed_limits(0.0, part.angles)
-        # by a load a joint may exceed the top speed of its model a little
-        if measured_speed(part) > 1.05 * max(np.max(np.abs(limit)) for limit in limits):
-            names.append(each.name)
-    return names
+    def load_at(moments: Array) -> LoadOfPose:
+        poses = [
+            each.at(moments, each.angles if each.model is None else each.followed)
+            for each in (by_name[name] for name in leg.joint_names)
+        ]
+        return load_of_masses(
+            form, leg, names, np.column_stack(poses), period=path.period, cyclic=False
+        )
+
+    load_at(path.moments(1.0))  # refuses a URDF without masses before anything is planned
+    return replace(path, load_at=load_at)
 
 
 def document(replay: Replay, models: JointModels) -> dict[str, Any]:
@@ -245,40 +340,6 @@ def document(replay: Replay, models: JointModels) -> dict[str, Any]:
         "joints": joints,
         "remarks": [*replay.path.remarks, *models.remarks],
     }
-
-
-def fastest_text(fastest: Fastest) -> str:
-    """The largest speed of the recording, and the proof that no much larger one is possible."""
-    factor = 100.0 if fastest.foot else math.degrees(1.0)
-    allowed = factor * fastest.tolerance
-    size = f"{allowed:.3g} cm"
-    if not fastest.foot:
-        size = f"{allowed:.3g} degree{'s' * (f'{allowed:.3g}' != '1')}"
-    speed = f"{fastest.speed:.3g} times the speed"
-    if fastest.retime == "varying":
-        low, high = float(np.min(fastest.factors)), float(np.max(fastest.factors))
-        speed += f" in all, {low:.3g} to {high:.3g} along it ({fastest.constant:.3g} constant)"
-    words = f"within {size} (largest error {fastest.largest * allowed:.3g}) at {speed}"
-    if untested := fastest.replay.untested:
-        words += f" by the models, but outside what these were tested on: {untested}"
-    if fastest.contradicted:
-        names = ", ".join(fastest.contradicted)
-        plural = "models" if len(fastest.contradicted) > 1 else "model"
-        return (
-            f"{words}; the recording contradicts the {plural} of {names}: at its own speed, from "
-            f"rest, no requests would keep {names} within {size}, but the robot did it: no "
-            "limit on the speed is known; identify from this recording too, or begin where it rests"
-        )
-    if fastest.impossible is None:
-        proof = (
-            "there is no lower bound for a foot" if fastest.foot else "no speed is proved too high"
-        )
-        return f"{words}; {proof}"
-    proof = f"at {fastest.impossible.speed:.3g} times the speed no requests keep "
-    proof += f"{fastest.impossible.joint} within {size}"
-    if fastest.impossible.of_model_only:
-        proof += f", which holds for its model only: {OPEN_TOP_SPEED}"
-    return f"{words}; {proof}"
 
 
 def fastest_document(fastest: Fastest) -> dict[str, Any]:
@@ -332,31 +393,6 @@ def missed(task: ReplayTask, replay: Replay) -> list[str]:
         if ratio > 1.0 + ROUNDING:
             messages.append(off_by("the foot", ratio * tolerance.cm, "cm", norm, tolerance.cm))
     return messages
-
-
-def replay_report(
-    task: ReplayTask, replay: Replay, fastest: Fastest | None, page: str, output: str
-) -> str:
-    """The page about a replay, to be written to ``page``, with links to its files."""
-    from planner.report.page import sentence, sources_of
-    from planner.report.replay import replay_page
-
-    arm = task.arm()
-    if arm is not None and not set(arm.joint_names) <= set(replay.names):
-        arm = None
-    origins = [("recording", task.recording.name), ("track", replay.path.track)]
-    named = [("recording", task.recording.path), ("requests", output)]
-    return replay_page(
-        replay,
-        title=PurePath(task.recording.name).name,
-        words=first_line(replay, task.models),
-        fastest=fastest,
-        verdict="" if fastest is None else fastest_text(fastest),
-        arm=arm,
-        missed=missed(task, replay),
-        remarks=[*map(sentence, filter(None, [resent_words(replay)])), *task.models.remarks],
-        sources=sources_of(page, origins, named),
-    )
 
 
 def _check_tolerance(run: settings.Run, replay: settings.Replay) -> None:

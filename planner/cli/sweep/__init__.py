@@ -83,7 +83,7 @@ def sweep(
     if at:
         if out is None:
             raise click.UsageError("--at: name a folder for its results with --out.")
-        carry_out_run(space.file, space.prepared(space.point_of(at)), out, as_json=as_json)
+        carry_out_run(space.file, space.desired(space.point_of(at)), out, as_json=as_json)
         return
     check_folder(place)
     click.get_current_context().with_resource(claimed(place))
@@ -126,7 +126,7 @@ def write_sweep(
     Returns:
         ``results.json``.
     """
-    from planner.cli.desired import leg_title
+    from planner.cli.models import leg_title
     from planner.files.results import made_from
     from planner.files.table import csv_text
     from planner.report.page import sources_of, versions

@@ -25,9 +25,9 @@ from kinematics.exceptions import KinematicsError, UnreachableFoot
 from planner.cli import options
 from planner.cli.console import BadSetting, Key, Remark
 from planner.cli.declared import fitted, understand
-from planner.cli.desired import find_leg, load_leg, refused_models
-from planner.cli.models import beside, models_of
-from planner.cli.planning import Prepared, plan_of, prepare
+from planner.cli.desired import Desired
+from planner.cli.models import beside, find_leg, load_leg, models_of, refused_models
+from planner.cli.planning import plan_of, prepare
 from planner.cli.run_file import speaking_of
 from planner.cli.settings import Run, Search, Sweep, SweptParameters
 from planner.exceptions import PlannerError, importing
@@ -109,7 +109,7 @@ class Space:
             options.put(content, KEYS[name], in_file)
         return content
 
-    def prepared(self, point: Point) -> Prepared:
+    def desired(self, point: Point) -> Desired:
         """The plan of a point, ready to be computed."""
         with speaking_of(self.file):
             return prepare(Run.of(self.content(point)), self.folder)
@@ -118,7 +118,7 @@ class Space:
         """A remark on joints with rejected models; the models are the same for all points."""
         for values in product(*self.values.values()):
             with suppress(PlannerError, KinematicsError):  # such as a point out of reach
-                desired = self.prepared(self.point(values)).desired
+                desired = self.desired(self.point(values))
                 return refused_models(desired.names, desired.models)
         return ()
 
@@ -157,7 +157,7 @@ def read_sweep(path: str) -> Space:
             raise BadSetting(Key("sweep.parameters"), ": a gait needs a leg; set ", Key("leg.name"))
         period = math.nan
         if leg is not None and "period_s" in values:
-            models = models_of(run.model, leg.joint_names, leg, folder, rate_hz=run.path.rate_hz)
+            models = models_of(run, leg.joint_names, leg, folder)
             period = models[0].period
         for name, each in values.items():
             for value in each:
@@ -263,8 +263,8 @@ def evaluate(argument: tuple[dict[str, Any], str]) -> bytes:
     """
     content, folder = argument
     try:
-        prepared = prepare(Run.of(content), folder)
-        plan = plan_of(prepared, bounded=False)
+        desired = prepare(Run.of(content), folder)
+        plan = plan_of(desired, bounded=False)
     except UnreachableFoot as error:
         reason = (
             f"foot out of reach at {len(error.indices)} samples, by up to "
@@ -273,7 +273,7 @@ def evaluate(argument: tuple[dict[str, Any], str]) -> bytes:
         return json.dumps({"reason": reason}).encode()
     except (PlannerError, KinematicsError) as error:  # kept, too: it is found only by planning
         return json.dumps({"reason": reason_of(error)}).encode()
-    path, desired, norm = prepared.settings.path, prepared.desired, plan.task.norm
+    path, norm = desired.settings.path, plan.task.norm
     speed = path.speed or 1.0
     errors, direct = np.degrees(plan.errors), np.degrees(plan.direct - plan.desired)
     if desired.foot is not None:

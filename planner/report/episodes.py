@@ -1,0 +1,195 @@
+"""The text and the page about replays of many recordings."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import PurePath
+from typing import Any
+
+import numpy as np
+
+from planner.report import style
+from planner.report.figure import Axis, Curve, Figure, Panel, joined
+from planner.report.page import (
+    Card,
+    Listing,
+    Page,
+    Section,
+    figures_section,
+    footer,
+    sentence,
+    spoken,
+    table_section,
+)
+from planner.report.replay import RESENT, SIGNS
+from planner.report.table import NOTHING, Column, Row, Table, number
+from planner.trajectory import Array
+
+MOST_ROWS = 500
+"""Most rows of the table, for the recordings that are farthest off: a page of some 200 kB."""
+
+
+KINDS = {
+    "resent_rms": "as recorded",
+    "direct_rms": "path as it is",
+    "shifted_rms": "best shift",
+    "planned_rms": "plan",
+    "expected_on_robot_rms": "on the robot",
+    "lower_bound": "lower bound",
+}
+"""Columns of the table, by their name in the document."""
+
+
+def episodes_page(
+    document: Mapping[str, Any],
+    *,
+    title: str,
+    sources: Sequence[Listing] = (),
+) -> str:
+    """The page about the document of ``replay --json`` for many recordings."""
+    rows, failures = document["recordings"], document["left_out"]
+    total = len(rows) + len(failures)
+    off = np.argsort([-row["planned_rms"] for row in rows], kind="stable")[:MOST_ROWS]
+    shown = [rows[place] | {"recording": _short(rows[place]["recording"])} for place in sorted(off)]
+    table = episodes_table(shown, fastest=document["speed"] is None)
+    units = sorted({row["unit"] for row in rows})
+    sections = [
+        Section(
+            "The recordings",
+            RECORDINGS,
+            {"table": table, "rest": max(len(rows) - MOST_ROWS, 0)},
+        )
+    ]
+    if failures:
+        left_out = [Row(_short(name), (reason,)) for name, reason in failures.items()]
+        if len(left_out) > 20:  # that is enough to read
+            left_out[20:] = [Row(f"{len(left_out) - 20} more", (NOTHING,))]
+        columns = (Column("reason", words=True),)
+        table = Table("recording", columns, tuple(left_out), label="Left out")
+        sections.append(table_section("Left out", table))
+    figures = [errors_figure(rows, unit) for unit in units]
+    if len(figures) > 1:
+        sections.insert(0, figures_section("", figures[1:]))
+    worst = max(rows, key=lambda row: float(row["planned_rms"]))
+    median = {
+        kind: float(np.median([row[f"{kind}_rms"] for row in rows]))
+        for kind in ("direct", "shifted", "planned")
+    }
+    unit = SIGNS[units[0]] if len(units) == 1 else "deg, or % of a range,"
+    return Page(
+        heading=f"Replay of {total} recordings",
+        eyebrow=f"request-planner replay · {title}",
+        verdict=spoken(
+            f"{len(rows)} of {total} recordings have a plan",
+            f"in the median {median['planned']:.2g} {unit} rms off in the joint that is farthest "
+            f"off; the best time shift leaves {median['shifted']:.2g}, the path itself as requests "
+            f"{median['direct']:.2g}",
+        ),
+        note=sentence(episodes_line(document)),
+        good=not failures,
+        remarks=[sentence(each) for each in document["remarks"]],
+        cards=[
+            Card(f"{worst['planned_rms']:.3g}", f"{SIGNS[worst['unit']]} rms",
+                 f"the plan that is farthest off, of {worst['worst_joint']} in "
+                 f"{_short(worst['recording'])}; lower bound {number(worst['lower_bound'], 3)}"),
+            Card(f"{sum(row['duration_s'] for row in rows):.3g}", "s",
+                 f"{sum(row['requests'] for row in rows)} requests in all"),
+        ],
+        figure=figures[0],
+        sections=sections,
+        listings=sources,
+        footer=footer("replay"),
+    ).html()  # fmt: skip
+
+
+RECORDINGS = """
+{{ table }}
+<p class="note">Errors of each recording’s joint that is farthest off, rms, by the exact model. “As
+recorded” are the recorded requests at this speed, “path as it is” the path itself as requests. What
+to expect on the robot is the error of plan and model together. No requests bring the error below
+the lower bound.
+{%- if rest %} {{ rest }} recordings with smaller errors are not in the table.{% endif %}
+</p>
+"""
+
+
+def episodes_table(rows: Sequence[Mapping[str, Any]], *, fastest: bool) -> Table:
+    """Errors of recordings by kind of requests; with their speeds where these are the fastest."""
+    titles = ("requests", *["speed"] * fastest, "worst joint", *KINDS.values())
+    table_rows = [
+        Row(
+            str(row["recording"]),
+            (
+                f"{row['requests']}",
+                *[f"{row['speed']:.3g}"] * fastest,
+                f"{row['worst_joint']} [{row['unit']}]",
+                *(number(row[kind], 3) for kind in KINDS),
+            ),
+        )
+        for row in rows
+    ]
+    return Table("recording", tuple(map(Column, titles)), tuple(table_rows), label="Recordings")
+
+
+def errors_figure(rows: Sequence[Mapping[str, Any]], unit: str) -> Figure:
+    """Errors against the number of the recording, in the order in which they were read."""
+    own = [(place, row) for place, row in enumerate(rows, 1) if row["unit"] == unit]
+    places = np.array([float(place) for place, _ in own])
+    notes = tuple(f"{_short(row['recording'])}, {row['worst_joint']}" for _, row in own)
+
+    def values(kind: str) -> Array:
+        return np.array([np.nan if row[kind] is None else row[kind] for _, row in own])
+
+    few = range(1, len(rows) + 1) if len(rows) <= 12 else ()  # more have round numbers on the axis
+    numbers = {float(k): str(k) for k in few} or None
+    looks = {"direct_rms": style.DIRECT, "shifted_rms": style.SHIFT, "planned_rms": style.OPTIMAL}
+    curves = [
+        Curve(role, places, values(kind), marks="rings" if role is style.SHIFT else "dots",
+              notes=notes, hidden=role is style.DIRECT)
+        for kind, role in looks.items()
+    ]  # fmt: skip
+    if np.isfinite(bounds := values("lower_bound")).any():
+        ends = places[:, None] + np.array([-0.4, 0.4])
+        heights = np.column_stack([bounds, bounds])
+        curves.append(Curve(style.LOWER_BOUND._replace(dashes="-"), joined(ends), joined(heights)))
+    return Figure(
+        f"errors_{unit}",
+        "Error of each recording",
+        "Of its joint that is farthest off. Point at a dot for its recording and joint.",
+        Axis("recording", "", (0.5, len(rows) + 0.5), names=numbers),
+        (Panel(Axis("error, rms", SIGNS[unit], from_zero=True), tuple(curves), height=2.2),),
+    )
+
+
+def _short(recording: str) -> str:
+    """A recording without the folders that it is in."""
+    return PurePath(recording).name
+
+
+def episodes_line(document: Mapping[str, Any]) -> str:
+    """One line about the replay: track, number of recordings, speed and models."""
+    rows, speed = document["recordings"], document["speed"]
+    requests = sum(row["requests"] for row in rows)
+    how = "as fast as the tolerance allows" if speed is None else f"at {speed:.4g} times the speed"
+    return (
+        f"follows {document['why']}; {len(rows)} recordings, {requests} requests {how}; "
+        f"{document['models']}"
+    )
+
+
+def episodes_text(document: Mapping[str, Any]) -> str:
+    """Many recordings for people: a line each, about the joint with the largest planned error."""
+    table = episodes_table(document["recordings"], fastest=document["speed"] is None)
+    words = resent_words(document["recordings"])
+    return "\n".join([episodes_line(document), table.text(), *words])
+
+
+def resent_words(rows: Sequence[Mapping[str, Any]]) -> list[str]:
+    """The number of recordings whose own requests may be better, with the errors of one example."""
+    of = [row for row in rows if row["recorded_requests_may_serve"]]
+    if not of:
+        return []
+    first = of[0]
+    errors = f"{first['expected_on_robot_rms']:.3f} and {first['resent_rms']:.3f} {first['unit']}"
+    where = f"such as {errors} rms in {first['recording']}"
+    return [f"in {len(of)} of {len(rows)} recordings {RESENT}, {where}"]
