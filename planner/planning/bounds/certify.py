@@ -575,7 +575,7 @@ def local_problem(
         )
         rows = [less, less, distances]
         right = np.concatenate([[spare + 1.0, spare - 1.0], -2.0 * centre])
-        cones = cones._replace(ball=len(sampled) + 2)
+        cones = cones._replace(balls=(len(sampled) + 2,))
     return LocalProblem(
         place,
         sparse.csr_array(sparse.vstack([matrix, *rows])),

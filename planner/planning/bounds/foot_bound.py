@@ -2,9 +2,10 @@
 
 The foot's distance is not convex in the joints' angles. In a Lagrangian relaxation, multipliers
 replace the conditions that couple a joint's angles, so that the problem separates into samples; a
-leg's few angles at one sample allow a search with proof. The multipliers are
-improved by a bundle method and, where that leaves a gap, the responses are split by branch and
-bound.
+leg's few angles at one sample allow a search with proof (``foot_minima.py``).
+The multipliers maximise a concave dual function that is known by its values and subgradients alone.
+They begin at those of a Gauss-Newton search; a proximal bundle method (Lemaréchal 1975, Kiwiel
+1990) improves them and, where that leaves a gap, the responses are split by branch and bound.
 """
 
 from __future__ import annotations
@@ -14,29 +15,24 @@ import logging
 import math
 from collections.abc import Sequence
 from itertools import count
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from scipy import sparse
 
 from planner.model.joint import JointModel
 from planner.model.response import Loads, rest_angles
-from planner.planning.bounds.bundle_method import (
-    Column,
-    Distance,
-    LagrangianRelaxation,
-    Multipliers,
-    bundle_step,
-    dual_function,
-    stationary_point,
-    zero_multipliers,
-)
+from planner.planning.arguments import Norm
+from planner.planning.bounds.foot_minima import Distance, minima
+from planner.planning.bounds.multipliers import Cones, ConicSolver
 from planner.planning.bounds.reachable_set import (
     BoundProblem,
+    ReachableSet,
     farthest_per_period,
     reachable_set,
 )
 from planner.planning.task import Task
-from planner.trajectory import Array
+from planner.trajectory import Array, Indices
 
 MOST_SAMPLES_BOUNDED = 1000
 """Longest path whose bound is computed for reports [samples]: it takes half a minute at most."""
@@ -44,8 +40,7 @@ MOST_SAMPLES_BOUNDED = 1000
 ATTAINED = 1e-5
 """Error below which no bound is computed [of a leg's length]."""
 
-
-EFFORT = 1000
+EFFORT = 1200
 """Most samples searched, summed over rounds, before splitting stops [-]: some seconds. The
 multipliers of a round count as 20 more."""
 
@@ -64,6 +59,17 @@ SPREAD = 0.05
 """Spread of the columns' angles below which the widest side is split instead [of that side];
 without the rule three of seven bounds are 9 to 89 % lower."""
 
+PROXIMAL = 0.02
+"""Proximal weight of the Gauss-Newton search, relative to the mean square of the foot's Jacobian
+[-]."""
+
+TOLERANCE = 1e-3
+"""Share of a plan's squared error that the search for minima may leave unproved."""
+
+RELUCTANCE = 3.0
+"""Proximal weight of the bundle method: cost of a change of all linear terms by their own size,
+relative to a plan's squared error [-]."""
+
 
 def foot_bound(task: Task, angles: Array) -> float:
     """Lower bound on the error of a foot under any requests within the limits [m].
@@ -78,7 +84,7 @@ def foot_bound(task: Task, angles: Array) -> float:
         The bound, at least 0, in the norm and the weights of the task; 0 where a joint has the
         integral of a speed loop. A solver that fails makes it weaker, never wrong.
     """
-    models, leg, norm = task.nominal, task.leg, task.norm
+    models, leg = task.nominal, task.leg
     assert leg is not None, "a foot belongs to a leg"
     plan_error = float(task.errors_of(angles)[0])
     if plan_error <= ATTAINED * leg.chain.size or any(model.exceeds_v_max for model in models):
@@ -91,20 +97,241 @@ def foot_bound(task: Task, angles: Array) -> float:
         angles = angles - turn * np.floor((np.min(angles, axis=0) - lower[0]) / turn)
     scales = task.axis_scales / plan_error
     distance = Distance(leg.chain, lower, upper, task.desired_foot, scales)
-    room = np.min(lower, axis=0), np.max(upper, axis=0)
-    joints = zip(models, angles.T, task.starts, task.loads, *room, strict=True)
+    ends = np.min(lower, axis=0), np.max(upper, axis=0)
+    joints = zip(models, angles.T, task.starts, task.loads, *ends, strict=True)
     sets = [
         reachable_set(
-            BoundProblem(model, column, task.cyclic, norm, start, load), "envelope", (low, high)
+            BoundProblem(model, column, task.cyclic, task.norm, start, load),
+            "envelope",
+            (low, high),
         )
         for model, column, start, load, low, high in joints
     ]
-    relaxation = LagrangianRelaxation(distance, sets, norm, room)
+    relaxation = LagrangianRelaxation.of(distance, sets, task.norm)
     away = largest_distances(models, len(angles), cyclic=task.cyclic, loads=task.loads)
-    squared = _branch_and_bound(
-        relaxation, away, stationary_point(relaxation, np.clip(angles, lower, upper))
-    )
+    squared = _branch_and_bound(relaxation, away, np.clip(angles, lower, upper))
     return plan_error * math.sqrt(min(squared, 1.0))
+
+
+class Multipliers(NamedTuple):
+    """Weights of the samples, 0 or more and together 1, (n,), and of the conditions, (rows,)."""
+
+    weights: Array
+    conditions: Array
+
+
+class LagrangianRelaxation(NamedTuple):
+    """The foot's distance, and conditions on the angles at all ticks of all joints.
+
+    Attributes:
+        distance: Scaled so that the error of a known plan is 1.
+        norm: Root mean square or largest distance.
+        matrix: Conditions ``matrix @ angles <= limits`` of all joints, shape (rows, ticks).
+        limits: Shape (rows,).
+        sampled: The ticks of the samples, shape (n, k).
+        between: The other ticks, shape (m,).
+        low: Least angles at these [rad], shape (m,).
+        high: Greatest angles at these [rad], shape (m,).
+    """
+
+    distance: Distance
+    norm: Norm
+    matrix: sparse.csr_array
+    limits: Array
+    sampled: Indices
+    between: Indices
+    low: Array
+    high: Array
+
+    @classmethod
+    def of(
+        cls, distance: Distance, sets: Sequence[ReachableSet], norm: Norm
+    ) -> LagrangianRelaxation:
+        """From one set of conditions for each of the k joints."""
+        ticks = [each.matrix.shape[1] for each in sets]
+        firsts = np.cumsum([0, *ticks[:-1]])
+        sampled = np.transpose([first + s.sampled for first, s in zip(firsts, sets, strict=True)])
+        between = np.setdiff1d(np.arange(sum(ticks)), sampled)
+        joint = np.repeat(np.arange(len(sets)), ticks)[between]
+        return cls(
+            distance,
+            norm,
+            sparse.block_diag([each.matrix for each in sets], format="csr"),
+            np.concatenate([each.limits for each in sets]),
+            sampled,
+            between,
+            np.min(distance.lower, axis=0)[joint],
+            np.max(distance.upper, axis=0)[joint],
+        )
+
+    @property
+    def samples(self) -> int:
+        """Number of desired positions."""
+        return len(self.sampled)
+
+    @property
+    def unconditional(self) -> Multipliers:
+        """Multipliers without the joints' conditions: the distance of any configuration."""
+        weights = np.full(self.samples, 1.0 / self.samples)
+        return Multipliers(weights, np.zeros(len(self.limits)))
+
+
+def dual_function(
+    relaxation: LagrangianRelaxation, multipliers: Multipliers, guesses: Array
+) -> tuple[float, Array]:
+    """The lower bound on the squared distance by multipliers, and its minimiser, (n, k)."""
+    conditions = multipliers.conditions
+    gradient = relaxation.matrix.T @ conditions
+    between = gradient[relaxation.between]
+    constant = np.sum(np.minimum(between * relaxation.low, between * relaxation.high))
+    proved, angles = minima(
+        relaxation.distance,
+        multipliers.weights,
+        gradient[relaxation.sampled],
+        guesses,
+        tolerance=TOLERANCE / relaxation.samples,
+    )
+    return float(np.sum(proved) + constant - relaxation.limits @ conditions), angles
+
+
+def stationary_point(relaxation: LagrangianRelaxation, angles: Array) -> tuple[Array, Multipliers]:
+    """The stationary point near some angles, in the box, (n, k), and its multipliers.
+
+    It is sought by Gauss-Newton steps. If the solver fails, the multipliers are those of the step
+    before, or zero ones: any of them are valid.
+    """
+    multipliers = relaxation.unconditional
+    for _ in range(12):
+        step = _gauss_newton_step(relaxation, angles)
+        if step is None:
+            break
+        before, (angles, multipliers) = angles, step
+        if np.max(np.abs(angles - before)) <= 1e-5:  # [rad]
+            break
+    return angles, multipliers
+
+
+def _gauss_newton_step(
+    relaxation: LagrangianRelaxation, angles: Array
+) -> tuple[Array, Multipliers] | None:
+    """The best angles for a linearised foot, and their multipliers; None without an answer.
+
+    The unknowns are the angles at all ticks, the linearised errors sample by sample and, in the
+    norm "max", the largest of their lengths.
+    """
+    distance, samples = relaxation.distance, relaxation.samples
+    errors, jacobians = distance.errors(angles, slice(None))
+    ticks, sampled = relaxation.matrix.shape[1], relaxation.sampled.ravel()
+    row = 3 * np.arange(samples) + np.arange(3)[:, np.newaxis]
+    rows, columns = np.broadcast_arrays(row, relaxation.sampled.T[:, np.newaxis])
+    linear = sparse.csr_array(
+        (jacobians.ravel(), (rows.ravel(), columns.ravel())), shape=(3 * samples, ticks)
+    )
+    at = sparse.eye_array(ticks, format="csr")[sampled]
+    each = sparse.eye_array(3 * samples, format="csr")
+    blocks: list[list[Any]] = [
+        [linear, -each],
+        [relaxation.matrix, None],
+        [at, None],
+        [-at, None],
+    ]
+    limits = [linear @ (at.T @ angles.ravel()) - errors.T.ravel(), relaxation.limits]
+    limits += [distance.upper.ravel(), -distance.lower.ravel()]
+    curvature, slope = np.zeros(ticks + 3 * samples), np.zeros(ticks + 3 * samples)
+    proximal = 2.0 * PROXIMAL * float(np.mean(np.sum(jacobians**2, axis=1))) / samples
+    curvature[sampled], slope[sampled] = proximal, -proximal * angles.ravel()
+    cones = Cones(3 * samples, len(relaxation.limits) + 2 * len(sampled))
+    if relaxation.norm == "rms":
+        curvature[ticks:] = 2.0 / samples
+    else:
+        lengths = sparse.kron(sparse.eye_array(samples), -np.eye(4, 3, -1))
+        largest = sparse.csr_array(np.tile([-1.0, 0.0, 0.0, 0.0], samples)[:, np.newaxis])
+        blocks = [[*block, None] for block in blocks] + [[None, lengths, largest]]
+        limits.append(np.zeros(4 * samples))
+        curvature, slope = np.append(curvature, 0.0), np.append(slope, 1.0)
+        cones = cones._replace(balls=(4,) * samples)
+    solver = ConicSolver(
+        sparse.csr_array(sparse.block_array(blocks)),
+        np.concatenate(limits),
+        cones,
+        curvature=curvature,
+        tolerance=1e-8,
+    )
+    answer = solver.solve(slope)
+    if not answer.solved:
+        return None
+    inside = np.clip(answer.unknowns[relaxation.sampled], distance.lower, distance.upper)
+    conditions = answer.multipliers[cones.zero :][: len(relaxation.limits)]
+    if relaxation.norm == "rms":
+        return inside, relaxation.unconditional._replace(conditions=conditions)
+    weights = _normalised(answer.multipliers[cones.zero + cones.at_most :: 4])
+    # of the squared distance, whose slope is twice that of the distance, times it
+    return inside, Multipliers(weights, 2.0 * float(answer.unknowns[-1]) * conditions)
+
+
+def _normalised(proposed: Array) -> Array:
+    """Weights that are 0 or more and together 1."""
+    weights = np.maximum(proposed, 0.0)
+    total = float(np.sum(weights))
+    return weights / total if total > 0.0 else np.full(len(weights), 1.0 / len(weights))
+
+
+def bundle_step(
+    relaxation: LagrangianRelaxation, columns: Sequence[Array], centre: Multipliers, *, step: float
+) -> tuple[Multipliers, float]:
+    """Multipliers of the greatest bound if all angles were among the columns, near the centre.
+
+    This is a step of a proximal bundle method, in which every sample has its own cuts: a quadratic
+    program. Its unknowns are the multipliers of the conditions, their linear terms at the samples,
+    the least value of those between samples, and the least value and the weight of each sample.
+
+    Returns:
+        The multipliers, and their predicted bound; the centre and 0 where the solver fails.
+    """
+    samples, sampled, between = relaxation.samples, relaxation.sampled, relaxation.between
+    gradients = sparse.csr_array(relaxation.matrix.T)
+    around = (gradients @ centre.conditions)[sampled].T.ravel()
+    size = float(np.sum(around**2))
+    if size == 0.0:
+        return centre, 0.0
+    conditions, fixed = gradients.shape[1], relaxation.norm == "rms"
+    each = sparse.eye_array(samples)
+    of_weights = each if fixed else sparse.csr_array(np.ones((1, samples)))
+    zero: list[list[Any]] = [
+        [gradients[sampled.T.ravel()], -sparse.eye_array(len(around)), None, None, None],
+        [None, None, None, None, of_weights],
+    ]
+    at_most: list[list[Any]] = [[-sparse.eye_array(conditions), None, None, None, None]]
+    for end in (relaxation.low, relaxation.high):
+        least = -sparse.diags_array(end) @ gradients[between]
+        at_most.append([least, None, sparse.eye_array(len(between)), None, None])
+    for angles in columns:
+        moved = sparse.hstack([sparse.diags_array(column) for column in angles.T])
+        squared = sparse.diags_array(relaxation.distance.squared(angles))
+        at_most.append([None, -moved, None, each, -squared])
+    at_most.append([None, None, None, None, -each])
+    counts = [conditions, len(around), len(between), samples, samples]
+    matrix = sparse.csr_array(sparse.block_array([*zero, *at_most]))
+    zeros = len(around) + of_weights.shape[0]
+    limits = np.zeros(matrix.shape[0])
+    limits[len(around) : zeros] = centre.weights if fixed else 1.0
+    # The proximal term keeps the linear terms and the weights near those of the centre.
+    by_terms, by_weights = (
+        2.0 * RELUCTANCE / step / each for each in (size, np.sum(centre.weights**2))
+    )
+    slope = np.repeat([0.0, 0.0, -1.0, -1.0, 0.0], counts)
+    slope[:conditions] = relaxation.limits
+    proximal = np.repeat([0.0, by_terms, 0.0, 0.0, by_weights], counts)
+    nothing = np.zeros(len(between) + samples)
+    near = np.concatenate([np.zeros(conditions), around, nothing, centre.weights])
+    cones = Cones(zeros, len(limits) - zeros)
+    solver = ConicSolver(matrix, limits, cones, curvature=proximal, tolerance=1e-8)
+    answer = solver.solve(slope - proximal * near)
+    if not answer.solved:
+        return centre, 0.0
+    weights = centre.weights if fixed else _normalised(answer.unknowns[-samples:])
+    multipliers = Multipliers(weights, np.maximum(answer.unknowns[:conditions], 0.0))
+    return multipliers, -float(slope @ answer.unknowns)
 
 
 class Node(NamedTuple):
@@ -115,7 +342,7 @@ class Node(NamedTuple):
         lower: Least angles at the middle sample [rad], (k,).
         upper: Greatest angles there [rad], (k,).
         multipliers: Multipliers that prove it.
-        columns: Angles that minimised (13a) under some multipliers.
+        columns: Angles that minimised (13a) under some multipliers, each (n, k).
         effort: Samples searched, summed over rounds, and the effort of the rounds themselves.
     """
 
@@ -123,31 +350,21 @@ class Node(NamedTuple):
     lower: Array
     upper: Array
     multipliers: Multipliers
-    columns: tuple[Column, ...]
+    columns: tuple[Array, ...]
     effort: int = 0
 
 
-def _branch_and_bound(
-    relaxation: LagrangianRelaxation, away: Array, first: tuple[Array, Multipliers]
-) -> float:
+def _branch_and_bound(relaxation: LagrangianRelaxation, away: Array, plan: Array) -> float:
     """The least bound of nodes that cover all responses."""
-    middle = len(away) // 2
-    angles, multipliers = first
-    every = Node(
-        0.0,
-        relaxation.distance.lower[middle],
-        relaxation.distance.upper[middle],
-        multipliers,
-        (Column(angles, relaxation.distance.squared(angles)),),
-    )
-    squares = relaxation.distance.squared(angles)
+    distance, samples = relaxation.distance, relaxation.samples
+    angles, multipliers = stationary_point(relaxation, plan)
+    squares = distance.squared(angles)
     if (np.max(squares) if relaxation.norm == "max" else np.mean(squares)) < NOTHING:
         return 0.0
-    order = count()
-    rounds = min(max(EFFORT // relaxation.samples, 3), 12)  # three or four usually gain all
-    node = _improved(relaxation, every, rounds)
-    nodes = [(node.bound, next(order), node)]
-    effort = node.effort
+    lower, upper = distance.lower[samples // 2], distance.upper[samples // 2]
+    order, rounds = count(), min(max(EFFORT // samples, 3), 12)  # three or four usually gain all
+    node = _improved(relaxation, Node(0.0, lower, upper, multipliers, (angles,)), rounds)
+    nodes, effort = [(node.bound, next(order), node)], node.effort
     while nodes[0][0] < 1.0 - GAP and effort < EFFORT:
         _, _, node = heapq.heappop(nodes)
         for half in _split(node):
@@ -162,15 +379,14 @@ def _branch_and_bound(
 
 def _split(node: Node) -> list[Node]:
     """The node split in two, halfway between the columns' angles that are farthest apart."""
-    middle = len(node.columns[0].angles) // 2
-    angles = np.clip([column.angles[middle] for column in node.columns], node.lower, node.upper)
+    middle = len(node.columns[0]) // 2
+    angles = np.clip([column[middle] for column in node.columns], node.lower, node.upper)
     joint = int(np.argmax(np.ptp(angles, axis=0)))
     if np.ptp(angles[:, joint]) <= SPREAD * (node.upper[joint] - node.lower[joint]):
         joint = int(np.argmax(node.upper - node.lower))
         angles = np.array([node.lower, node.upper])
-    value = (np.min(angles[:, joint]) + np.max(angles[:, joint])) / 2.0
     first, second = node.upper.copy(), node.lower.copy()
-    first[joint] = second[joint] = value
+    first[joint] = second[joint] = (np.min(angles[:, joint]) + np.max(angles[:, joint])) / 2.0
     return [node._replace(upper=first), node._replace(lower=second)]
 
 
@@ -185,12 +401,11 @@ def _restricted(relaxation: LagrangianRelaxation, node: Node, away: Array) -> La
 def _improved(relaxation: LagrangianRelaxation, node: Node, rounds: int) -> Node:
     """The node after some rounds of the bundle method, begun at its multipliers."""
     distance = relaxation.distance
-    inside = (np.clip(each.angles, distance.lower, distance.upper) for each in node.columns)
-    columns = [Column(angles, distance.squared(angles)) for angles in inside]
-    multipliers, bound, predicted, step = node.multipliers, -math.inf, math.inf, 1.0
-    centre = multipliers
+    columns = [np.clip(each, distance.lower, distance.upper) for each in node.columns]
+    centre = multipliers = node.multipliers
+    bound, predicted, step = -math.inf, math.inf, 1.0
     for turn in range(rounds):
-        value, angles = dual_function(relaxation, multipliers, columns[0].angles)
+        value, angles = dual_function(relaxation, multipliers, columns[0])
         logging.getLogger(__name__).debug(
             "foot bound: round %d proves %.5f of %.5f", turn + 1, value, predicted
         )
@@ -198,14 +413,14 @@ def _improved(relaxation: LagrangianRelaxation, node: Node, rounds: int) -> Node
             centre, bound = multipliers, value
         else:
             step *= 0.5  # after a null step, as bundle methods have it
-        columns.append(Column(angles, distance.squared(angles)))
+        columns.append(angles)
         if bound >= 1.0 or turn + 1 == rounds:
             break
         multipliers, predicted = bundle_step(relaxation, columns, centre, step=step)
         if predicted - max(bound, 0.0) < GAIN:
             break
     if bound < 0.0:  # less than without the joints' conditions
-        bound, _ = dual_function(relaxation, zero_multipliers(relaxation), columns[0].angles)
+        bound, _ = dual_function(relaxation, relaxation.unconditional, columns[0])
     return node._replace(
         bound=max(node.bound, bound),
         multipliers=centre,

@@ -257,12 +257,12 @@ class Cones(NamedTuple):
     Attributes:
         zero: Rows that vanish.
         at_most: Rows that are at least zero.
-        ball: Rows of a second-order cone: the first is at least the length of the rest.
+        balls: Rows of second-order cones: the first of each is at least the length of the rest.
     """
 
     zero: int
     at_most: int
-    ball: int = 0
+    balls: tuple[int, ...] = ()
 
 
 class ConicSolution(NamedTuple):
@@ -324,8 +324,7 @@ class ConicSolver:
             clarabel.ZeroConeT(cones.zero),
             clarabel.NonnegativeConeT(cones.at_most),
         ]
-        if cones.ball:
-            kinds.append(clarabel.SecondOrderConeT(cones.ball))
+        kinds += map(clarabel.SecondOrderConeT, cones.balls)
         flat = np.zeros(matrix.shape[1])
         curved = sparse.diags_array(flat if curvature is None else curvature).tocsc()
         self._cones = cones
@@ -348,7 +347,8 @@ class ConicSolver:
             multipliers = np.zeros(len(multipliers))
         end = cones.zero + cones.at_most
         multipliers[cones.zero : end] = np.maximum(multipliers[cones.zero : end], 0.0)
-        if cones.ball:
-            length = float(np.linalg.norm(multipliers[end + 1 :]))
+        for size in cones.balls:
+            length = float(np.linalg.norm(multipliers[end + 1 : end + size]))
             multipliers[end] = max(multipliers[end], length)
+            end += size
         return ConicSolution(unknowns, multipliers, str(solution.status), finite)

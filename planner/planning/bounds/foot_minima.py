@@ -1,0 +1,161 @@
+"""Proved minima of a foot's squared distance plus a linear term, sample by sample (``math.md``).
+
+Branch and bound: a box of angles is cut into cells, and a cell is halved along every joint as long
+as it may contain less than the least value so far (13b). All samples are searched at once, a block
+of them at a time.
+"""
+
+from __future__ import annotations
+
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+
+from kinematics.chain import Chain
+from planner.trajectory import Array, Indices
+
+WIDEST_CELL = float(np.radians(15.0))
+"""Width of the first cells [rad], wider by steps of half of it where there would be too many."""
+
+SAMPLES_AT_ONCE = 64
+"""Samples in a block: each has up to a few thousand first cells."""
+
+MOST_CELLS = 400_000
+"""Most open cells of a block; beyond it the search stops with their bounds. So many occur only
+where angles far apart are equally good, and take some 100 MB."""
+
+
+class Distance(NamedTuple):
+    """The squared distance of a leg's foot from its desired position, with scaled axes.
+
+    Attributes:
+        chain: The leg.
+        lower: Least angles at each sample [rad], shape (n, k).
+        upper: Greatest angles [rad], shape (n, k).
+        desired: Desired foot positions [m], shape (n, 3).
+        scale: Scale of each axis [1/m], shape (3,).
+    """
+
+    chain: Chain
+    lower: Array
+    upper: Array
+    desired: Array
+    scale: Array
+
+    def errors(self, angles: Array, samples: Indices | slice) -> tuple[Array, Array]:
+        """Scaled errors at angles (m, k) of samples, (3, m); derivatives [1/rad], (k, 3, m)."""
+        foot, columns = self.chain.foot_and_jacobian(np.cos(angles.T), np.sin(angles.T))
+        scale = self.scale[:, np.newaxis]
+        return scale * (foot - self.desired[samples].T), scale * np.stack(columns)
+
+    def squared(self, angles: Array) -> Array:
+        """Scaled squared distances at one row of angles per sample, shape (n,)."""
+        errors, _ = self.errors(angles, slice(None))
+        return _dot(errors, errors)
+
+    def linearisation_error(self, half: Array) -> Array:
+        """Largest scaled error of the linearised foot in cells of half widths (n, k), (n,)."""
+        arms = np.linalg.norm(np.vstack([self.chain.translations[1:], self.chain.tip]), axis=1)
+        reach = np.cumsum(arms[::-1])[::-1]  # of the foot from each joint: its move by a radian
+        outer = np.minimum.outer(reach, reach)  # a pair's derivative turns about the outer one
+        return np.asarray(np.sum(half @ outer * half, axis=1) / 2.0 * np.max(self.scale))
+
+
+def minima(
+    distance: Distance, weights: Array, slopes: Array, guesses: Array, *, tolerance: float
+) -> tuple[Array, Array]:
+    """The least of ``weight * squared distance + slope @ angles`` over the box, for every sample.
+
+    Args:
+        distance: The foot's distance, and the box of angles.
+        weights: Weights of the samples, 0 or more, shape (n,).
+        slopes: Linear terms [1/rad], shape (n, k).
+        guesses: Angles in the box that may be good [rad], shape (n, k).
+        tolerance: Allowed distance of a bound below the least value.
+
+    Returns:
+        Lower bounds over all angles, shape (n,), valid however early the search has to stop; and
+        angles that come close to them [rad], shape (n, k).
+    """
+    chain, *rows, scale = distance
+    blocks = []
+    for first in range(0, len(weights), SAMPLES_AT_ONCE):
+        part = slice(first, first + SAMPLES_AT_ONCE)
+        lower, upper, desired = (each[part] for each in rows)
+        own = Distance(chain, lower, upper, desired, scale)
+        blocks.append(_block(own, weights[part], slopes[part], guesses[part], tolerance))
+    proved, angles = (np.concatenate(column) for column in zip(*blocks, strict=True))
+    return proved, angles
+
+
+def _block(
+    distance: Distance, weights: Array, slopes: Array, guesses: Array, tolerance: float
+) -> tuple[Array, Array]:
+    angles = guesses.copy()
+    least = weights * distance.squared(angles) + np.sum(slopes * angles, axis=1)
+    owner, half, centres = _first_cells(distance)
+    halves = np.array(list(product((-1.0, 1.0), repeat=guesses.shape[1])))
+    for _ in range(40):  # cells are then as small as rounding
+        errors, jacobians = distance.errors(centres, owner)
+        weight, slope = weights[owner], slopes.T[:, owner]
+        values = weight * _dot(errors, errors) + _dot(slope, centres.T)
+        lowest = least.copy()
+        np.minimum.at(lowest, owner, values)
+        best = (values == lowest[owner]) & (values < least[owner])
+        angles[owner[best]], least = centres[best], lowest
+        curved = distance.linearisation_error(half)[owner]
+        bounds = values - _depths(errors, jacobians, weight, slope, half.T[:, owner], curved)
+        is_open = ~(bounds >= (least - tolerance)[owner])
+        proved = least - tolerance
+        np.minimum.at(proved, owner[is_open], bounds[is_open])
+        if not np.any(is_open) or np.count_nonzero(is_open) * len(halves) > MOST_CELLS:
+            break
+        half = half / 2.0
+        owner = np.repeat(owner[is_open], len(halves))
+        centres = np.repeat(centres[is_open], len(halves), axis=0)
+        centres += np.tile(halves, (len(owner) // len(halves), 1)) * half[owner]
+    return proved, angles
+
+
+def _first_cells(distance: Distance) -> tuple[Indices, Array, Array]:
+    """Sample of each cell, (m,), half a cell's width by sample [rad], (n, k), centres, (m, k).
+
+    The samples' boxes are cut alike.
+    """
+    width = distance.upper - distance.lower
+    across, widest = np.max(width, axis=0), WIDEST_CELL
+    while len(width) * np.prod(np.ceil(across / widest) + 1.0) > MOST_CELLS:
+        widest *= 1.5
+    count = np.maximum(np.ceil(across / widest), 1.0).astype(int)
+    half = width / count / 2.0
+    odd = 2.0 * np.array(list(np.ndindex(*count))) + 1.0
+    centres = distance.lower[:, np.newaxis] + odd * half[:, np.newaxis]
+    return np.repeat(np.arange(len(width)), len(odd)), half, centres.reshape(-1, len(count))
+
+
+def _depths(
+    errors: Array, jacobians: Array, weights: Array, slopes: Array, half: Array, curved: Array
+) -> Array:
+    """Bound on how far cells of angles go below the values at their centres, shape (m,): (13b).
+
+    The slope times the width, and a term for the curvature of the foot's path.
+
+    Args:
+        errors: Scaled errors of the foot at the centres, shape (3, m).
+        jacobians: Derivatives of the foot there [1/rad], shape (k, 3, m).
+        weights: Weight of each cell's sample, shape (m,).
+        slopes: Linear terms [1/rad], shape (k, m).
+        half: Half the widths [rad], shape (k, m).
+        curved: :meth:`Distance.linearisation_error`, shape (m,).
+    """
+    gradients = 2.0 * weights * np.stack([_dot(column, errors) for column in jacobians]) + slopes
+    steps = np.sqrt(np.sum(jacobians**2, axis=1))
+    farthest = np.sqrt(_dot(errors, errors)) + _dot(steps, half)
+    return _dot(np.abs(gradients), half) + 2.0 * weights * farthest * curved
+
+
+def _dot(a: Array, b: Array) -> Array:
+    """Sum over the first axis of the products: faster than over a short last one."""
+    total: Array = np.sum(a * b, axis=0)
+    return total
