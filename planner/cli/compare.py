@@ -106,7 +106,7 @@ def comparison_of(
 ) -> CrossCheck:
     """The plans for the desired path, compared under its load."""
     from planner.evaluation.cross_check import cross_check
-    from planner.planning.arguments import limits_of_each
+    from planner.planning.task import limits_of_each
 
     run = desired.settings
     return cross_check(

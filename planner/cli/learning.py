@@ -24,8 +24,8 @@ from planner.files.table import Table, read_table
 from planner.identification.grid import mean_period
 from planner.learning.refine import refine
 from planner.model.response import load_columns
-from planner.planning.arguments import limits_of_each
 from planner.planning.plan import Plan, joined
+from planner.planning.task import limits_of_each
 from planner.report.learning import Progress, learning_page
 from planner.report.page import sources_of
 from planner.report.plan import no_bound

@@ -13,10 +13,10 @@ from planner.cli import settings
 from planner.cli.console import BadSetting, FailedCheck, Key, Remark
 from planner.cli.desired import Desired, desired_of
 from planner.cli.models import model_words
-from planner.planning.arguments import checked_leg, has_intervals, limits_of_each
+from planner.planning.candidate_models import has_intervals
 from planner.planning.inversion import planned
 from planner.planning.plan import Method, Plan
-from planner.planning.task import Task
+from planner.planning.task import Task, checked_leg, limits_of_each
 from planner.trajectory import Array, error_norm, index_of_largest
 
 ROUNDING = 1e-9

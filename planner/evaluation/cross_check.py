@@ -41,7 +41,6 @@ from planner.evaluation.checks import (
 from planner.exceptions import InvalidInput, SolverFailed, about
 from planner.model.evidence import ENCODER_STEP
 from planner.model.joint import JointModel
-from planner.planning.arguments import Norm, checked_leg
 from planner.planning.bounds.certify import Certificate, certified
 from planner.planning.bounds.cvxpy_statement import stated_bound
 from planner.planning.bounds.reachable_set import LEVELS, BoundProblem, Level
@@ -51,7 +50,7 @@ from planner.planning.line_inverse import RULES, check_rule
 from planner.planning.plan import Plan
 from planner.planning.result import FootInversion, Inversion
 from planner.planning.search import known_errors
-from planner.planning.task import Task
+from planner.planning.task import Norm, Task, checked_leg
 from planner.trajectory import (
     Array,
     Distance,

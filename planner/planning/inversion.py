@@ -13,21 +13,19 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.exceptions import InvalidInput, SolverFailed, about, angle_text
-from planner.planning.arguments import (
-    SOLVERS,
-    JointLimits,
-    ModelOrModels,
-    Models,
-    Norm,
-    Robust,
-    Solver,
-    checked_leg,
-)
+from planner.planning.candidate_models import ModelOrModels, Models, Robust
 from planner.planning.closed_form import closed_forms
 from planner.planning.line_inverse import Rule, check_rule
 from planner.planning.plan import Method, Plan, joined
 from planner.planning.result import FootInversion, Inversion
-from planner.planning.task import Task
+from planner.planning.task import (
+    SOLVERS,
+    JointLimits,
+    Norm,
+    Solver,
+    Task,
+    checked_leg,
+)
 from planner.planning.time_shift import shifted
 from planner.trajectory import Array
 from planner.validation import as_reals, check_choice

@@ -15,9 +15,8 @@ from planner.approximation.curve import PiecewiseLinear
 from planner.model.evidence import Expectation, expectation
 from planner.model.joint import JointModel
 from planner.model.response import PathSpeeds, path_speeds
-from planner.planning.arguments import Solver
 from planner.planning.result import ErrorsOfModels, FootInversion, Inversion, Learning
-from planner.planning.task import Task
+from planner.planning.task import Solver, Task
 from planner.trajectory import Array, error_norm, relative_gap, reversals, steps
 from planner.validation import ReadOnly, Summarised, Summary, freeze
 

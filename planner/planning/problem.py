@@ -19,8 +19,8 @@ from planner.model.joint import (
     weights_of_all,
 )
 from planner.model.response import Loads, rest_angles, rest_requests
-from planner.planning.arguments import Norm, Robust
-from planner.planning.task import Task
+from planner.planning.candidate_models import Robust
+from planner.planning.task import Norm, Task
 from planner.trajectory import Array
 
 if TYPE_CHECKING:

@@ -16,7 +16,8 @@ from planner.approximation.curve import PiecewiseLinear
 from planner.model.evidence import Expectation
 from planner.model.joint import JointModel
 from planner.model.response import PathSpeeds
-from planner.planning.arguments import Norm, Robust, Solver
+from planner.planning.candidate_models import Robust
+from planner.planning.task import Norm, Solver
 from planner.trajectory import Array, Mask, error_norm
 from planner.validation import ReadOnly, Summarised, Summary, freeze
 

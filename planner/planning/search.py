@@ -25,7 +25,6 @@ import numpy as np
 from planner.exceptions import SolverFailed, about, angle_text
 from planner.model.evidence import ENCODER_STEP, Evidence
 from planner.model.joint import JointModel
-from planner.planning.arguments import Solver
 from planner.planning.closed_form import best_closed_form
 from planner.planning.gauss_newton import (
     LARGEST_SHARE,
@@ -44,7 +43,7 @@ from planner.planning.ideal import (
 )
 from planner.planning.problem import Problem, problem_of
 from planner.planning.result import UNFORESEEN
-from planner.planning.task import Task
+from planner.planning.task import Solver, Task
 from planner.trajectory import Array, Mask, reversals, rms
 
 NARROW = (

@@ -19,8 +19,7 @@ import numpy.typing as npt
 from planner.exceptions import Infeasible, InvalidInput, angle_text
 from planner.model.evidence import warn_of_refused
 from planner.model.joint import JointModel, checked_model, request_ages_of_all, weights_of_all
-from planner.planning.arguments import checked_limits, limits_of_each
-from planner.planning.task import steps_of_each
+from planner.planning.task import limits_of_each, steps_of_each
 from planner.trajectory import LARGEST, MOST_TURNS, TURN, Array, not_radians, turns_words
 from planner.validation import as_reals, as_whole, check_choice, shown
 
@@ -131,8 +130,6 @@ class Stream:
         check_choice("on_bad", on_bad, get_args(OnBad))
         self._raises = on_bad == "raise"
         self._limits = limits_of_each(limits, self.names)
-        for name, low, high in zip(self.names, *self._limits, strict=True):
-            checked_limits((low, high), of=f"limits of {name}")
         self._max_step = steps_of_each(max_step, self.names)
         self._lay_out()
         self.reset()

@@ -18,6 +18,7 @@ from planner.exceptions import (
     InvalidTrajectory,
     about,
     angle_text,
+    nearest,
 )
 from planner.model.joint import JointModel
 from planner.model.response import (
@@ -27,24 +28,7 @@ from planner.model.response import (
     rest_angles,
     simulate_joints,
 )
-from planner.planning.arguments import (
-    NEGLIGIBLE_SAG,
-    NORMS,
-    ON_THE_LIMIT,
-    JointLimits,
-    Models,
-    Norm,
-    Robust,
-    check_periods,
-    checked_disturbance,
-    checked_leg,
-    checked_limits,
-    checked_weights,
-    joint_names,
-    limits_of_each,
-    models_of_joints,
-    of_each,
-)
+from planner.planning.candidate_models import Models, Robust, models_of_joints
 from planner.trajectory import (
     MOST_TURNS,
     TURN,
@@ -62,6 +46,7 @@ from planner.validation import (
     as_flag,
     as_number,
     as_positive,
+    as_reals,
     check_choice,
     freeze,
     shown,
@@ -70,9 +55,25 @@ from planner.validation import (
 if TYPE_CHECKING:
     from kinematics.leg import Leg
 
-Scenarios = tuple[tuple[JointModel, ...], ...]
-"""Models of joints that are planned together, the nominal ones first: in each scenario one for
-each joint."""
+Norm = Literal["rms", "max"]
+
+NORMS: tuple[Norm, ...] = ("rms", "max")
+"""The error that counts: the root mean square, or the largest."""
+
+Solver = Literal["gauss-newton", "ipopt"]
+
+SOLVERS: tuple[Solver, ...] = ("gauss-newton", "ipopt")
+"""Solvers of the optimised inversion: the package's own, and IPOPT through CasADi."""
+
+JointLimits = tuple[npt.ArrayLike, npt.ArrayLike] | Mapping[str, tuple[float, float]]
+"""Smallest and largest request, as numbers or one of each joint, or pairs by joint."""
+
+ON_THE_LIMIT = 1e-9
+"""How far beyond its limits a desired angle may lie [rad]: rounding of degrees, no more."""
+
+NEGLIGIBLE_SAG = 1e-3
+"""A sag up to this does not put a path out of reach [rad]: a fifth of a count of the ERS-210A's
+sensor, and the error of an identified sag of 0."""
 
 SMOOTHNESS = 0.005
 """Default relative rise of the error that smoother requests may cost [-]."""
@@ -165,22 +166,18 @@ class Task(ReadOnly):
         """
         check_choice("norm", norm, NORMS)
         cyclic = as_flag("cyclic", cyclic)
-        importance, foot, solution = np.ones(3), None, None
-        if leg is None:
-            if isinstance(names, tuple) and names == ("",):
-                path = as_trajectory(desired, name="desired", minimum=3)
-                check_radians(path, name="desired")
-                angles = path[:, np.newaxis]
-            else:
-                angles = as_rows(desired, name="desired")
+        if leg is not None:
+            names = checked_leg(leg).joint_names
+        elif isinstance(names, tuple) and names == ("",):
+            angles = as_trajectory(desired, name="desired", minimum=3)[:, np.newaxis]
+            check_radians(angles[:, 0], name="desired")
+        else:
+            angles = as_rows(desired, name="desired")
             if len(angles) < 3:
                 raise InvalidTrajectory(f"desired: got {len(angles)} samples, expected at least 3")
             names = joint_names(names, models, angles.shape[1])
-        else:
-            names = checked_leg(leg).joint_names
         several = models_of_joints(models, names, robust, independent=leg is not None)
-        check_periods([each[0] for each in several])
-        many = max(map(len, several)) > 1
+        of_foot: dict[str, Any] = {}
         if leg is not None:
             if len({len(each) for each in several} - {1}) > 1:
                 raise InvalidInput(
@@ -188,33 +185,26 @@ class Task(ReadOnly):
                     f"{', '.join(names)}, expected as many of each, taken in their order, or one "
                     "where a joint has but one"
                 )
-            importance = checked_weights(weights)
             limits = leg.limits if limits is None else limits
-        lower, upper = limits_of_each(limits, names)
-        largest = steps_of_each(max_step, names)
-        share = checked_smoothness(smoothness)
-        if leg is not None:
+            of_foot = {"goal": "foot", "leg": leg, "weights": _finite(weights)}
+            importance = of_foot["weights"]
+            if importance.shape != (3,) or np.any(importance < 0.0) or not np.any(importance):
+                raise InvalidInput(
+                    f"weights: got {shown(weights)}, expected three numbers, 0 or more and not all "
+                    "0"
+                )
             solution = leg.inverse(desired, unreachable=unreachable)
-            foot, angles = np.array(desired, dtype=np.float64), solution.angles
-            if len(foot) < 3:
-                raise InvalidInput(f"foot: got {len(foot)} points, expected at least 3")
-        added = checked_disturbance(disturbance, angles)
-        expected = "a number [rad] or one for each joint"
-        resting = of_each("start", start, names, expected=expected)
-        columns = zip(resting, names, angles[0].tolist(), lower, upper, strict=True)
-        for rest, name, begins, *pair in columns:
-            with about(name):
-                angle = checked_start(rest, cyclic=cyclic)
-                turns = 0.0 if angle is None else (angle - begins) / TURN
-                if abs(turns) > MOST_TURNS and ANGLE_UNIT.get() == "rad":  # else it is degrees
-                    raise InvalidInput(
-                        f"start: {turns_words(as_number(rest))}, where the path begins at "
-                        f"{begins:.3g} rad; if this is in degrees, convert it with numpy.radians"
-                    )
-                checked_limits(pair)
-        begin = [
-            each if rest is None else rest for each, rest in zip(angles[0], resting, strict=True)
-        ]
+            angles, of_foot["reachable"] = solution.angles, solution.reachable
+            of_foot["foot"] = np.array(desired, dtype=np.float64)
+            if len(angles) < 3:
+                raise InvalidInput(f"foot: got {len(angles)} points, expected at least 3")
+        lower, upper = limits_of_each(limits, names)
+        added = None if disturbance is None else _finite(disturbance)
+        if added is not None and added.shape != angles.shape:
+            raise InvalidInput(
+                f"disturbance: got {shown(disturbance)}, expected finite angles [rad] of shape "
+                f"{angles.shape}, a column for each joint"
+            )
         task = cls(
             names=names,
             models=tuple(several),
@@ -223,19 +213,15 @@ class Task(ReadOnly):
             norm=norm,
             lower=lower,
             upper=upper,
-            max_step=largest,
-            smoothness=share,
-            goal="angles" if leg is None else "foot",
-            leg=leg,
-            foot=foot,
-            weights=importance,
-            reachable=None if solution is None else solution.reachable,
-            start=None if cyclic else np.array(begin),
-            robust=(robust or "mean") if many else None,
+            max_step=steps_of_each(max_step, names),
+            smoothness=_checked_smoothness(smoothness),
+            start=_starts(start, names, angles[0], cyclic=cyclic),
+            robust=(robust or "mean") if max(map(len, several)) > 1 else None,
             tolerance=None
             if tolerance is None
             else as_positive("tolerance", tolerance, "a finite number above 0"),
             disturbance=added,
+            **of_foot,
         )
         return task.under(load)
 
@@ -254,8 +240,8 @@ class Task(ReadOnly):
         return self.models[0][0].period
 
     @cached_property
-    def scenarios(self) -> Scenarios:
-        """The models of all joints together, in their order; one model counts in every scenario."""
+    def scenarios(self) -> tuple[tuple[JointModel, ...], ...]:
+        """Models of all joints together, nominal ones first; a single one is in every scenario."""
         most = max(map(len, self.models))
         each = (models if len(models) == most else models * most for models in self.models)
         return tuple(zip(*each, strict=True))
@@ -367,29 +353,26 @@ class Task(ReadOnly):
             return self
         own: dict[str, Any] = {name: getattr(self, name)[j : j + 1] for name in _BY_JOINT}
         for name in ("desired", "load", "disturbance"):
-            own[name] = _column(getattr(self, name), j)
+            rows = getattr(self, name)
+            own[name] = None if rows is None else np.ascontiguousarray(rows[:, j : j + 1])
         own["start"] = None if self.start is None else self.start[j : j + 1]
         own["robust"] = self.robust if len(self.models[j]) > 1 else None
-        own |= dict.fromkeys(("leg", "foot", "reachable"))
-        return replace(self, goal="angles", **own)
+        return replace(self, goal="angles", leg=None, foot=None, reachable=None, **own)
 
     @classmethod
     def joined(cls, tasks: Sequence[Task]) -> Task:
         """The task of several joints that are planned one by one, all with the same options."""
+        first = tasks[0]
         own: dict[str, Any] = {
-            name: sum((getattr(each, name) for each in tasks), ()) for name in ("names", "models")
+            name: sum((getattr(each, name) for each in tasks), ()) for name in _BY_JOINT[:2]
         }
-        for name in ("lower", "upper", "max_step"):
-            own[name] = np.concatenate([getattr(each, name) for each in tasks])
-        own["desired"] = np.hstack([each.desired for each in tasks])
-        own["load"] = load_columns([each.loads[0] for each in tasks], len(tasks[0].desired))
-        if tasks[0].start is not None:
-            own["start"] = np.array([each.starts[0] for each in tasks])
-        if tasks[0].disturbance is not None:
-            own["disturbance"] = np.hstack([each.disturbance for each in tasks])  # type: ignore[misc]
+        for name in (*_BY_JOINT[2:], "start", "desired", "disturbance"):
+            if getattr(first, name) is not None:
+                own[name] = np.concatenate([getattr(each, name) for each in tasks], axis=-1)
+        own["load"] = load_columns([each.loads[0] for each in tasks], len(first.desired))
         own["robust"] = next((each.robust for each in tasks if each.robust), None)
         own["load_of_pose"] = any(each.load_of_pose for each in tasks)
-        return replace(tasks[0], **own)
+        return replace(first, **own)
 
     def under(
         self, load: npt.ArrayLike | Mapping[str, npt.ArrayLike] | None, *, of_pose: bool = False
@@ -400,18 +383,15 @@ class Task(ReadOnly):
             InvalidInput: Its shape is not allowed in :meth:`of`, or a joint cannot move against it.
             Infeasible: Under it the limits exclude the start or a desired angle.
         """
-        shape = self.desired.shape
-        expected = (
-            f"torques [N m] of shape {shape} or ({shape[1]},), one for each joint, or a number"
-        )
+        samples, joints = shape = self.desired.shape
+        expected = f"torques [N m] of shape {shape} or ({joints},), one for each joint, or a number"
         values = of_each("load", load, self.names, expected=expected, shape=shape)
         loads: list[Array | None] = []
         for name, models, column in zip(self.names, self.models, values, strict=True):
             with about(name if self.goal == "angles" else ""):
-                felt = [checked_load(column, each, len(self.desired)) for each in models]
+                felt = [checked_load(column, each, samples) for each in models]
                 loads.append(next((each for each in felt if each is not None), None))
-        columns = load_columns(loads, len(self.desired))
-        freeze(columns)
+        columns = load_columns(loads, samples)
         task = self
         if columns is not None or self.load is not None:
             task = replace(self, load=columns, load_of_pose=of_pose and columns is not None)
@@ -419,11 +399,10 @@ class Task(ReadOnly):
             for j, name in enumerate(task.names):
                 with about(name):
                     task._check_within(j)
-            return task
-        if task.cyclic:
-            return task
-        ends = (rest_angles(task.nominal, end, task.loads) for end in (task.lower, task.upper))
-        return replace(task, start=np.clip(task.desired, *ends)[0])
+        elif not task.cyclic:
+            ends = (rest_angles(task.nominal, end, task.loads) for end in (task.lower, task.upper))
+            return replace(task, start=np.clip(task.desired, *ends)[0])
+        return task
 
     def _check_within(self, j: int) -> None:
         """Raise Infeasible where no request can hold the start or a desired angle.
@@ -431,23 +410,18 @@ class Task(ReadOnly):
         A negligible sag is ignored: the joint then stays that little short of the limit. Dry
         friction holds the joint wherever the request is within the dead band.
         """
-        limits, model = self.limits[j], self.models[j][0]
-        if limits is None:
+        if self.limits[j] is None:
             return
-        (lower, upper), angles = limits, self.desired[:, j]
-        load = self.loads_on(self.nominal)[j]
-        torques = np.zeros(len(angles)) if load is None else load
-        count = len(angles)
+        lower, upper, model = self.lower[j], self.upper[j], self.models[j][0]
+        load, angles, count = self.loads_on(self.nominal)[j], self.desired[:, j], len(self.desired)
+        torques = np.zeros(count) if load is None else load
         if self.start is not None:
             angles, torques = np.append(angles, self.start[j]), np.append(torques, torques[0])
-        sags = model.sag(torques) + model.pose_sag(angles)
-        beyond = (
-            np.maximum(lower - (angles - sags), (angles - sags) - upper) - model.steady.dead_band
-        )
-        worst = int(np.argmax(beyond - np.minimum(np.abs(sags), NEGLIGIBLE_SAG)))
-        sag = float(sags[worst])
-        if beyond[worst] > ON_THE_LIMIT + min(abs(sag), NEGLIGIBLE_SAG):
-            band = model.steady.dead_band
+        sags, band = model.sag(torques) + model.pose_sag(angles), model.steady.dead_band
+        beyond = np.maximum(lower - (angles - sags), (angles - sags) - upper) - band
+        negligible = np.minimum(np.abs(sags), NEGLIGIBLE_SAG)
+        worst = int(np.argmax(beyond - negligible))
+        if beyond[worst] > ON_THE_LIMIT + negligible[worst]:
             ends = np.array([lower - band, upper + band])
             least, most = model.rest(ends, torques[worst]).tolist()
             what, remedy = "start: it", "choose a start there"
@@ -461,6 +435,127 @@ class Task(ReadOnly):
             )
 
 
+_BY_JOINT = ("names", "models", "lower", "upper", "max_step")
+
+
+def checked_leg(leg: object) -> Leg:
+    """The leg, or InvalidInput where it is no Leg."""
+    from kinematics.leg import Leg  # with Pinocchio
+
+    if not isinstance(leg, Leg):
+        raise InvalidInput(f"leg: got {shown(leg)}, expected a kinematics.Leg")
+    return leg
+
+
+def joint_names(names: Sequence[str] | None, models: object, count: int) -> tuple[str, ...]:
+    """The names of joints, all different; by default the keys of models, or joint_1 and so on."""
+    if names is not None:
+        user_names = tuple(names) if isinstance(names, list | tuple) else ()
+        are_texts = all(isinstance(name, str) for name in user_names)
+        if not are_texts or len(user_names) != count or len(set(user_names)) != count:
+            raise InvalidInput(
+                f"names: got {shown(names)}, expected {count} different names, one for each of the "
+                "columns of desired"
+            )
+        return user_names
+    if isinstance(models, Mapping) and (named := tuple(name for name in models if name)):
+        if len(named) != count:
+            raise InvalidInput(
+                f"desired: got {count} columns for the models of {', '.join(named)}; name the "
+                "joints of the columns with names="
+            )
+        return named
+    return tuple(f"joint_{j + 1}" for j in range(count))
+
+
+def of_each(
+    what: str,
+    value: Any,
+    names: Sequence[str],
+    *,
+    expected: str,
+    shape: tuple[int, ...] | None = None,
+) -> list[Any]:
+    """The values of an argument for each joint; None for joints without one.
+
+    Args:
+        what: Name of the argument, for messages.
+        value: Its value: a dict by joint, one number, or one for each joint.
+        names: The joints. For one without a name the value is returned as it is.
+        expected: The expected value, for messages.
+        shape: Where there may be one at every sample: samples and joints, (n, k).
+
+    Raises:
+        InvalidInput: They are no numbers, not as many as there are joints, or for a joint that is
+            not planned.
+    """
+    if value is None:
+        return [None] * len(names)
+    if isinstance(value, Mapping):
+        if strange := [name for name in value if name not in names]:
+            hint = nearest(str(strange[0]), names)
+            raise InvalidInput(
+                f"{what}: no joint {shown(strange[0])}{hint}; joints: {', '.join(names)}"
+            )
+        return [value.get(name) for name in names]
+    if names == ("",):
+        return [value]
+    try:
+        values = as_reals(value)
+        if shape is not None and values.ndim == 1 and len(names) == 1:
+            values = values[:, np.newaxis]
+        each = np.broadcast_to(values, shape or (len(names),)).T
+        return each.tolist() if shape is None else list(each)
+    except (TypeError, ValueError) as error:
+        raise InvalidInput(f"{what}: got {shown(value)}, expected {expected}") from error
+
+
+def limits_of_each(limits: JointLimits | None, names: Sequence[str]) -> tuple[Array, Array]:
+    """Smallest and largest request of every joint [rad], each of shape (k,).
+
+    Raises:
+        InvalidInput: They are no pair of numbers or of one number for each joint, or are for a
+            joint that is not planned.
+        Infeasible: A lower limit is above the upper one.
+    """
+    if limits is None or isinstance(limits, Mapping) or names == ("",):
+        pairs = of_each("limits", limits, names, expected="")
+    else:
+        try:
+            each = (np.broadcast_to(as_reals(limit), len(names)).tolist() for limit in limits)
+            lowest, highest = each
+        except (TypeError, ValueError) as error:
+            raise InvalidInput(
+                f"limits: got {shown(limits)}, expected (lower, upper) [rad], each a number or one "
+                "for each joint"
+            ) from error
+        pairs = list(zip(lowest, highest, strict=True))
+    ends = np.empty((2, len(names)))
+    for j, (name, pair) in enumerate(zip(names, pairs, strict=True)):
+        with about(name):
+            ends[:, j] = (-math.inf, math.inf) if pair is None else _checked_limits(pair)
+    return ends[0], ends[1]
+
+
+def _checked_limits(limits: object) -> tuple[float, float]:
+    """The limits of one joint as floats."""
+    try:
+        lower, upper = (as_number(limit, infinite=True) for limit in limits)  # type: ignore[attr-defined]
+    except (TypeError, ValueError):
+        lower = upper = math.nan
+    if math.isnan(lower) or math.isnan(upper):
+        raise InvalidInput(
+            f"limits: got {shown(limits)}, expected (lower, upper) [rad]; use -inf or inf for no "
+            "limit"
+        )
+    if lower > upper:
+        raise Infeasible(
+            f"limits: the lower one, {angle_text(lower)}, is above the upper one, "
+            f"{angle_text(upper)}; swap them, or check their units"
+        )
+    return lower, upper
+
+
 def steps_of_each(
     max_step: npt.ArrayLike | Mapping[str, float] | None, names: Sequence[str]
 ) -> Array:
@@ -471,26 +566,43 @@ def steps_of_each(
     """
     expected = "an angle above 0 [rad], or one for each joint"
     values = of_each("max_step", max_step, names, expected=expected)
-    steps = [math.inf if step is None else as_number(step, infinite=True) for step in values]
-    for name, number, step in zip(names, steps, values, strict=True):
+    largest = [math.inf if step is None else as_number(step, infinite=True) for step in values]
+    for name, number, step in zip(names, largest, values, strict=True):
         with about(name):
             if not number > 0.0:
                 raise InvalidInput(
                     f"max_step: got {shown(step)}, expected an angle above 0 [rad], the largest "
                     "change from one request to the next; leave it out for no limit"
                 )
-    return np.array(steps)
+    return np.array(largest)
 
 
-def checked_smoothness(smoothness: float | None) -> float:
-    """The relative rise of the error that smoother requests may cost [-].
+def _starts(
+    start: npt.ArrayLike | Mapping[str, float] | None,
+    names: Sequence[str],
+    begins: Array,
+    *,
+    cyclic: bool,
+) -> Array | None:
+    """From rest: where each joint rests before, by default where its path begins [rad], (k,)."""
+    values = of_each("start", start, names, expected="a number [rad] or one for each joint")
+    starts = begins.copy()
+    for j, (name, rest) in enumerate(zip(names, values, strict=True)):
+        with about(name):
+            angle = checked_start(rest, cyclic=cyclic)
+            starts[j] = begins[j] if angle is None else angle
+            far = abs(starts[j] - begins[j]) > MOST_TURNS * TURN
+            if far and ANGLE_UNIT.get() == "rad":  # else it is degrees
+                raise InvalidInput(
+                    f"start: {turns_words(starts[j])}, where the path begins at "
+                    f"{begins[j]:.3g} rad; if this is in degrees, convert it with numpy.radians"
+                )
+    return None if cyclic else starts
 
-    Raises:
-        InvalidInput: It is no number from 0 to :data:`MOST_SMOOTHNESS`.
-    """
-    if smoothness is None:
-        return SMOOTHNESS
-    number = as_number(smoothness)
+
+def _checked_smoothness(smoothness: float | None) -> float:
+    """The relative rise of the error that smoother requests may cost [-]."""
+    number = SMOOTHNESS if smoothness is None else as_number(smoothness)
     if not 0.0 <= number <= MOST_SMOOTHNESS:
         raise InvalidInput(
             f"smoothness: got {shown(smoothness)}, expected the share of the error that may be "
@@ -499,8 +611,10 @@ def checked_smoothness(smoothness: float | None) -> float:
     return number
 
 
-_BY_JOINT = ("names", "models", "lower", "upper", "max_step")
-
-
-def _column(rows: Array | None, j: int) -> Array | None:
-    return None if rows is None else np.ascontiguousarray(rows[:, j : j + 1])
+def _finite(values: npt.ArrayLike) -> Array:
+    """The numbers as a new array; an empty one where one of them is not finite or no number."""
+    try:
+        numbers = as_reals(values)
+    except (TypeError, ValueError):
+        return np.empty(0)
+    return numbers if np.all(np.isfinite(numbers)) else np.empty(0)

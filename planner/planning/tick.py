@@ -41,8 +41,8 @@ from planner.model.kernel import (
     run_period,
 )
 from planner.model.law import Law, State
-from planner.planning.arguments import NEGLIGIBLE_SAG, ON_THE_LIMIT
 from planner.planning.repeating_path import Repeating, continue_path
+from planner.planning.task import NEGLIGIBLE_SAG, ON_THE_LIMIT
 from planner.trajectory import LARGEST, TURN, Array
 
 STEPS, FIRST_STEPS = 2, 10

@@ -12,10 +12,9 @@ from planner.exceptions import NoSteadyCycle
 from planner.model.evidence import ENCODER_STEP, unproven_gains
 from planner.model.joint import JointModel, checked_model
 from planner.model.response import rest_requests
-from planner.planning.arguments import Norm
 from planner.planning.plan import Plan
 from planner.planning.result import Inversion
-from planner.planning.task import Task
+from planner.planning.task import Norm, Task
 from planner.trajectory import Array, rms
 
 LONGEST_LEAD = 1.0

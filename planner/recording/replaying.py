@@ -10,11 +10,10 @@ from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 
-from planner.planning.arguments import JointLimits
 from planner.planning.inversion import LoadOfPose, plan
 from planner.planning.plan import Plan, RequestMotion
 from planner.planning.result import Inversion
-from planner.planning.task import Task
+from planner.planning.task import JointLimits, Task
 from planner.planning.time_shift import shifted
 from planner.recording.recorded_path import (
     Models,

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple, get_args
 import numpy as np
 
 from planner.exceptions import Infeasible, InvalidInput, PlannerError
-from planner.planning.arguments import JointLimits
 from planner.planning.bounds.certify import lower_bound
+from planner.planning.task import JointLimits
 from planner.recording.recorded_path import (
     Models,
     Path,

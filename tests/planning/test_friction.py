@@ -15,10 +15,10 @@ from planner.exceptions import Infeasible
 from planner.gait.half_ellipse import reference_walk
 from planner.model.joint import JointModel
 from planner.model.response import simulate
-from planner.planning.arguments import NORMS
 from planner.planning.closed_form import invert_closed_form
 from planner.planning.inversion import invert_foot, invert_optimal
 from planner.planning.line_inverse import RULES
+from planner.planning.task import NORMS
 from tests.independent import from_rest, next_cycle
 from tests.strategies import models, trajectories
 

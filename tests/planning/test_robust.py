@@ -13,7 +13,7 @@ from planner.identification.log import Log
 from planner.model.evidence import Evidence
 from planner.model.joint import JointModel
 from planner.model.response import simulate
-from planner.planning.arguments import drawn_models
+from planner.planning.candidate_models import drawn_models
 from planner.planning.inversion import invert_optimal, plan
 from tests.instances import REFERENCE_JOINTS
 

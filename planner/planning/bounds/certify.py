@@ -28,7 +28,6 @@ from scipy.optimize import least_squares
 from planner.exceptions import InvalidTrajectory, SolverFailed
 from planner.model.joint import JointModel, checked_model
 from planner.model.response import checked_load, checked_start
-from planner.planning.arguments import NORMS, Norm
 from planner.planning.bounds.multipliers import Cones, ConicSolver, linear_bound
 from planner.planning.bounds.reachable_set import (
     LEVELS,
@@ -52,7 +51,7 @@ from planner.planning.bounds.saturation_relaxation import (
     without_load,
 )
 from planner.planning.inversion import planned
-from planner.planning.task import Task
+from planner.planning.task import NORMS, Norm, Task
 from planner.trajectory import Array, Indices, as_trajectory, error_norm, relative_gap
 from planner.validation import as_positive, check_choice
 

@@ -22,7 +22,6 @@ from scipy import sparse
 
 from planner.model.joint import JointModel
 from planner.model.response import Loads, rest_angles
-from planner.planning.arguments import Norm
 from planner.planning.bounds.foot_minima import Distance, minima
 from planner.planning.bounds.multipliers import Cones, ConicSolver
 from planner.planning.bounds.reachable_set import (
@@ -31,7 +30,7 @@ from planner.planning.bounds.reachable_set import (
     farthest_per_period,
     reachable_set,
 )
-from planner.planning.task import Task
+from planner.planning.task import Norm, Task
 from planner.trajectory import Array, Indices
 
 MOST_SAMPLES_BOUNDED = 1000

@@ -15,7 +15,6 @@ import numpy.typing as npt
 from scipy import sparse
 
 from planner.exceptions import SolverFailed
-from planner.planning.arguments import Norm
 from planner.planning.bounds.reachable_set import (
     BoundProblem,
     Level,
@@ -24,6 +23,7 @@ from planner.planning.bounds.reachable_set import (
     linearised_set,
     reachable_set,
 )
+from planner.planning.task import Norm
 from planner.trajectory import Array
 
 BOUND_TOLERANCE = 1e-10

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from scipy import sparse
 
 from planner.model.joint import JointModel
-from planner.planning.arguments import Norm
+from planner.planning.task import Norm
 from planner.trajectory import Array
 
 Level = Literal["slope", "envelope", "exact"]

@@ -14,7 +14,7 @@ from benchmark.parts import Options
 from benchmark.table import Table
 from kinematics import Leg, urdf_path
 from planner.gait.stride import stride
-from planner.planning.arguments import PAIRS, drawn_models
+from planner.planning.candidate_models import PAIRS, drawn_models
 from planner.planning.plan import request_motion
 
 NOISE = math.radians(0.5)

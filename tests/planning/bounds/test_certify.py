@@ -15,7 +15,6 @@ import planner
 from planner.exceptions import InvalidInput, NoSteadyCycle, SolverFailed
 from planner.model.joint import JointModel
 from planner.model.response import simulate
-from planner.planning.arguments import NORMS
 from planner.planning.bounds.certify import certify, lower_bound
 from planner.planning.bounds.cvxpy_statement import stated_bound
 from planner.planning.bounds.multipliers import bound_of, certified_error, nearest_motion
@@ -28,6 +27,7 @@ from planner.planning.bounds.reachable_set import (
     sides,
     speed_conditions,
 )
+from planner.planning.task import NORMS
 from tests.instances import REFERENCE_JOINTS, attainable, random_model, saturating
 from tests.strategies import INTEGRALS, models, trajectories
 

@@ -12,7 +12,7 @@ from planner.gait.half_ellipse import reference_walk
 from planner.model.evidence import Evidence
 from planner.model.joint import JointModel
 from planner.model.response import simulate
-from planner.planning.arguments import drawn_models, models_of_joints
+from planner.planning.candidate_models import drawn_models, models_of_joints
 from planner.planning.inversion import invert_foot, invert_optimal
 from tests.kinematics.made_up_robots import Joint, Y, made_up_leg
 

@@ -1,4 +1,4 @@
-"""Arguments of plans: numbers by joint, choices by name, models of joints and models drawn."""
+"""The models that joints may have: given ones, or drawn from the intervals of an identified one."""
 
 from __future__ import annotations
 
@@ -8,49 +8,18 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias, TypeGuard, get_args
 
 import numpy as np
-import numpy.typing as npt
 
-from planner.exceptions import (
-    Infeasible,
-    InvalidInput,
-    InvalidModel,
-    about,
-    angle_text,
-    nearest,
-)
+from planner.exceptions import InvalidInput, InvalidModel
 from planner.model.evidence import GAIN
 from planner.model.joint import JointModel, checked_model
 from planner.trajectory import Array
-from planner.validation import as_number, as_reals, check_choice, shown
+from planner.validation import check_choice
 
 if TYPE_CHECKING:
-    from kinematics.leg import Leg
     from planner.identification.result import Identification
-
-
-Norm = Literal["rms", "max"]
-
-NORMS: tuple[Norm, ...] = ("rms", "max")
-"""The error that counts: the root mean square, or the largest."""
-
-Solver = Literal["gauss-newton", "ipopt"]
-
-SOLVERS: tuple[Solver, ...] = ("gauss-newton", "ipopt")
-"""Solvers of the optimised inversion: the package's own, and IPOPT through CasADi."""
 
 Robust = Literal["mean", "worst"]
 """The error over several models that is minimised."""
-
-Limits = tuple[float, float]
-"""Smallest and largest request [rad]."""
-
-ON_THE_LIMIT = 1e-9
-"""How far beyond its limits a desired angle may lie [rad]: rounding of degrees, no more."""
-
-NEGLIGIBLE_SAG = 1e-3
-"""A sag up to this does not put a path out of reach [rad]: a fifth of a count of the ERS-210A's
-sensor, and the error of an identified sag of 0."""
-
 
 ModelOrModels: TypeAlias = "JointModel | Sequence[JointModel] | Identification"
 """A joint: its model, candidate models, or an identification, whose intervals give candidates."""
@@ -60,76 +29,6 @@ Models: TypeAlias = "ModelOrModels | Sequence[ModelOrModels] | Mapping[str, Mode
 
 Instead of one model: a sequence of candidate models, nominal first, or an identification.
 """
-
-JointLimits = tuple[npt.ArrayLike, npt.ArrayLike] | Mapping[str, tuple[float, float]]
-"""Smallest and largest request, as numbers or one of each joint, or pairs by joint."""
-
-
-def checked_leg(leg: object) -> Leg:
-    """The leg, or InvalidInput where it is no Leg."""
-    from kinematics.leg import Leg  # with Pinocchio
-
-    if not isinstance(leg, Leg):
-        raise InvalidInput(f"leg: got {shown(leg)}, expected a kinematics.Leg")
-    return leg
-
-
-def joint_names(names: Sequence[str] | None, models: object, count: int) -> tuple[str, ...]:
-    """The names of joints, all different; by default the keys of models, or joint_1 and so on."""
-    if names is not None:
-        user_names = tuple(names) if isinstance(names, list | tuple) else ()
-        are_texts = all(isinstance(name, str) for name in user_names)
-        if not are_texts or len(user_names) != count or len(set(user_names)) != count:
-            raise InvalidInput(
-                f"names: got {shown(names)}, expected {count} different names, one for each of the "
-                "columns of desired"
-            )
-        return user_names
-    if isinstance(models, Mapping) and (named := tuple(name for name in models if name)):
-        if len(named) != count:
-            raise InvalidInput(
-                f"desired: got {count} columns for the models of {', '.join(named)}; name the "
-                "joints of the columns with names="
-            )
-        return named
-    return tuple(f"joint_{j + 1}" for j in range(count))
-
-
-def is_identification(model: object) -> TypeGuard[Identification]:
-    """Whether it is the answer of :func:`planner.identify`."""
-    if isinstance(model, JointModel | Sequence | Mapping):
-        return False
-    from planner.identification.result import Identification  # slow to import: SciPy
-
-    return isinstance(model, Identification)
-
-
-def checked_models(
-    model: ModelOrModels, robust: Robust | None = None, *, seed: int = 0
-) -> tuple[JointModel, ...]:
-    """The candidate models of a joint, the nominal one first.
-
-    A single model is the only candidate, unless ``robust`` asks for models drawn from its
-    intervals. A sequence lists all candidates, even if it has one alone. The candidates of an
-    identification are always drawn from its intervals.
-
-    Raises:
-        InvalidInput: There is none, one is no JointModel, their request periods differ, or a single
-            model has no intervals.
-    """
-    if is_identification(model):
-        return drawn_models(model.model, seed=seed)
-    if isinstance(model, JointModel) or not isinstance(model, Sequence) or isinstance(model, str):
-        only = checked_model(model)
-        return (only,) if robust is None else drawn_models(only, seed=seed)
-    models = tuple(checked_model(each) for each in model)
-    if not models or len({each.period for each in models}) > 1:
-        raise InvalidInput(
-            f"model: got {len(models)} models with periods of "
-            f"{', '.join(f'{each.period:g}' for each in models) or 'nothing'} s, expected at least "
-            "one, all of one joint with one request period"
-        )
-    return models
 
 
 def models_of_joints(
@@ -149,8 +48,9 @@ def models_of_joints(
             Joints with the same model share the draws.
 
     Raises:
-        InvalidInput: They do not fit the joints, see :func:`checked_models`, or ``robust`` is no
-            error over models, or not None where every joint has a sequence of one model.
+        InvalidInput: They do not fit the joints, one is no JointModel, request periods differ, a
+            single model has no intervals, or ``robust`` is no error over models, or not None where
+            every joint has a sequence of one model.
     """
     if robust is not None:
         check_choice("robust", robust, get_args(Robust))
@@ -162,7 +62,7 @@ def models_of_joints(
                 f"{', '.join(map(str, models)) or 'none'}"
             )
         entries = [models[name] if name in models else models[""] for name in names]
-    elif isinstance(models, JointModel) or is_identification(models):
+    elif isinstance(models, JointModel) or _is_identification(models):
         entries = [models] * len(names)
     else:
         try:
@@ -172,161 +72,62 @@ def models_of_joints(
         if len(names) == 1 and len(entries) > 1:
             entries = [entries]
         fit = all(
-            isinstance(each, JointModel | Sequence) or is_identification(each) for each in entries
+            (isinstance(each, JointModel | Sequence) and not isinstance(each, str))
+            or _is_identification(each)
+            for each in entries
         )
-        fit = fit and not any(isinstance(each, str) for each in entries)
         if len(entries) != len(names) or (not fit and names != ("",)):
             raise InvalidInput(
                 f"models: got {len(entries)} of them for {len(names)} joints ({', '.join(names)}), "
                 "expected one JointModel, or one for each"
             )
-    own = (each.model if is_identification(each) else each for each in entries)
+    own = (each.model if _is_identification(each) else each for each in entries)
     sources = [(each, getattr(each, "evidence", None)) for each in own]  # of the draws
     seeds = [sources.index(each) if independent else 0 for each in sources]
     pairs = zip(entries, seeds, strict=True)
-    several = [checked_models(each, robust, seed=seed) for each, seed in pairs]
+    several = [_candidates(each, robust, seed) for each, seed in pairs]
     if robust is not None and all(len(each) == 1 for each in several):
         raise InvalidInput(
             f"robust: got {robust!r} for a sequence of one model, which the joint has in any case; "
             "expected several models, or the model by itself, from whose intervals others are drawn"
         )
-    return several
-
-
-def check_periods(models: Sequence[JointModel]) -> None:
-    """Raise InvalidInput where the request periods of joints differ."""
-    periods = sorted({model.period for model in models})
-    if len(periods) > 1:
+    if len(periods := sorted({each[0].period for each in several})) > 1:
         raise InvalidInput(
             f"models: their periods are {', '.join(f'{p:g}' for p in periods)} s, expected one "
             "period: joints that are requested at different rates are not planned together"
         )
+    return several
 
 
-def checked_limits(limits: object, *, of: str = "limits") -> tuple[float, float]:
-    """The limits as floats.
+def _is_identification(model: object) -> TypeGuard[Identification]:
+    """Whether it is the answer of :func:`planner.identify`."""
+    if isinstance(model, JointModel | Sequence | Mapping):
+        return False
+    from planner.identification.result import Identification  # slow to import: SciPy
 
-    Raises:
-        InvalidInput: The limits are not two numbers.
-        Infeasible: The lower limit is above the upper one.
+    return isinstance(model, Identification)
+
+
+def _candidates(model: ModelOrModels, robust: Robust | None, seed: int) -> tuple[JointModel, ...]:
+    """The candidate models of a joint, the nominal one first.
+
+    A single model is the only candidate, unless ``robust`` asks for models drawn from its
+    intervals. A sequence lists all candidates, even if it has one alone. The candidates of an
+    identification are always drawn from its intervals.
     """
-    try:
-        lower, upper = (as_number(limit, infinite=True) for limit in limits)  # type: ignore[attr-defined]
-    except (TypeError, ValueError):
-        lower = upper = math.nan
-    if math.isnan(lower) or math.isnan(upper):
+    if _is_identification(model):
+        return drawn_models(model.model, seed=seed)
+    if isinstance(model, JointModel) or not isinstance(model, Sequence) or isinstance(model, str):
+        only = checked_model(model)
+        return (only,) if robust is None else drawn_models(only, seed=seed)
+    models = tuple(checked_model(each) for each in model)
+    if not models or len({each.period for each in models}) > 1:
         raise InvalidInput(
-            f"{of}: got {shown(limits)}, "
-            "expected (lower, upper) [rad]; use -inf or inf for no limit"
+            f"model: got {len(models)} models with periods of "
+            f"{', '.join(f'{each.period:g}' for each in models) or 'nothing'} s, expected at least "
+            "one, all of one joint with one request period"
         )
-    if lower > upper:
-        raise Infeasible(
-            f"{of}: the lower one, {angle_text(lower)}, is above the upper one, "
-            f"{angle_text(upper)}; swap them, or check their units"
-        )
-    return lower, upper
-
-
-def limits_of_each(limits: JointLimits | None, names: Sequence[str]) -> tuple[Array, Array]:
-    """Smallest and largest request of every joint [rad], each of shape (k,), not yet compared.
-
-    Raises:
-        InvalidInput: They are no pair of numbers or of one number for each joint, or are for a
-            joint that is not planned.
-    """
-    if limits is None:
-        limits = {}
-    if isinstance(limits, Mapping):
-        pairs = []
-        for name, pair in zip(names, of_each("limits", limits, names, expected=""), strict=True):
-            with about(name):
-                pairs.append((-math.inf, math.inf) if pair is None else checked_limits(pair))
-        lower, upper = np.array(pairs).T
-        return lower, upper
-    if names == ("",):
-        checked_limits(limits)
-    try:
-        lower, upper = (np.broadcast_to(as_reals(limit), len(names)).copy() for limit in limits)
-    except (TypeError, ValueError) as error:
-        raise InvalidInput(
-            f"limits: got {shown(limits)}, expected (lower, upper) [rad], each a number or one for "
-            "each joint"
-        ) from error
-    return lower, upper
-
-
-def of_each(
-    what: str,
-    value: npt.ArrayLike | Mapping[str, Any] | None,
-    names: Sequence[str],
-    *,
-    expected: str,
-    shape: tuple[int, ...] | None = None,
-) -> list[Any]:
-    """The values of an argument for each joint; None for joints without one.
-
-    Args:
-        what: Name of the argument, for messages.
-        value: Its value: a dict by joint, one number, or one for each joint.
-        names: The joints. For one without a name the value is returned as it is.
-        expected: The expected value, for messages.
-        shape: Where there may be one at every sample: samples and joints, (n, k).
-
-    Raises:
-        InvalidInput: They are no numbers, not as many as there are joints, or for a joint that is
-            not planned.
-    """
-    if value is None:
-        return [None] * len(names)
-    if isinstance(value, Mapping):
-        if strange := [name for name in value if name not in names]:
-            hint = nearest(str(strange[0]), names)
-            raise InvalidInput(
-                f"{what}: no joint {shown(strange[0])}{hint}; joints: {', '.join(names)}"
-            )
-        return [value.get(name) for name in names]
-    if names == ("",):
-        return [value]
-    try:
-        values = as_reals(value)
-        if shape is not None and values.ndim == 1 and len(names) == 1:
-            values = values[:, np.newaxis]
-        each = np.broadcast_to(values, shape or (len(names),)).T
-        return each.tolist() if shape is None else list(each)
-    except (TypeError, ValueError) as error:
-        raise InvalidInput(f"{what}: got {shown(value)}, expected {expected}") from error
-
-
-def checked_weights(weights: npt.ArrayLike) -> Array:
-    """Weights of a foot's axes, shape (3,); raise InvalidInput where they are invalid."""
-    importance = _finite(weights)
-    if importance.shape != (3,) or np.any(importance < 0.0) or not np.any(importance > 0.0):
-        raise InvalidInput(
-            f"weights: got {shown(weights)}, expected three numbers, 0 or more and not all 0"
-        )
-    return importance
-
-
-def checked_disturbance(disturbance: npt.ArrayLike | None, angles: Array) -> Array | None:
-    """The disturbance [rad], a copy of the shape of the angles (n, k); None where there is none."""
-    if disturbance is None:
-        return None
-    added = _finite(disturbance)
-    if added.shape != angles.shape:
-        raise InvalidInput(
-            f"disturbance: got {shown(disturbance)}, expected finite angles [rad] of shape "
-            f"{angles.shape}, a column for each joint"
-        )
-    return added
-
-
-def _finite(values: npt.ArrayLike) -> Array:
-    """The numbers as a new array; an empty one where one of them is not finite or no number."""
-    try:
-        numbers = as_reals(values)
-    except (TypeError, ValueError):
-        return np.empty(0)
-    return numbers if np.all(np.isfinite(numbers)) else np.empty(0)
+    return models
 
 
 PAIRS = 4
