@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import bz2
 import json
-import struct
-import sys
 
 import numpy as np
 import pytest
@@ -76,28 +73,40 @@ def _parquet_bomb(folder):
         writer.write_table(table)
 
 
+ZEROS = 257 * 2**20
+"""More bytes than a chunk may unfold to."""
+
+
 def _mcap_bomb(folder):
     pytest.importorskip("rosbags")
-    if sys.version_info >= (3, 14):
-        from compression import zstd
-    else:
-        from backports import zstd
-    zeros, compressor = b"\0" * 2**24, zstd.ZstdCompressor()
-    inside = b"".join(compressor.compress(zeros) for _ in range(64)) + compressor.flush()
-    body = struct.pack("<QQQI", 0, 1, 2**30, 0) + struct.pack("<I", 4) + b"zstd"
-    body += struct.pack("<Q", len(inside)) + inside
-    start = b"\x89MCAP0\r\n\x01" + struct.pack("<QII", 8, 0, 0)
-    (folder / "bomb.mcap").write_bytes(start + b"\x06" + struct.pack("<Q", len(body)) + body)
+    from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
+
+    writer = Writer(folder / "bag", version=9, storage_plugin=StoragePlugin.MCAP)
+    writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
+    _write_zeros(writer)
+    (folder / "bag" / "bag.mcap").rename(folder / "bomb.mcap")
 
 
 def _ros1_bomb(folder):
     pytest.importorskip("rosbags")
-    compressor, zeros = bz2.BZ2Compressor(), b"\0" * 2**24
-    inside = b"".join(compressor.compress(zeros) for _ in range(20)) + compressor.flush()
-    fields = (b"op=\x05", b"compression=bz2", b"size=" + struct.pack("<I", 20 * 2**24))
-    header = b"".join(struct.pack("<I", len(field)) + field for field in fields)
-    record = struct.pack("<I", len(header)) + header + struct.pack("<I", len(inside)) + inside
-    (folder / "bomb.bag").write_bytes(b"#ROSBAG V2.0\n" + record)
+    from rosbags.rosbag1 import Writer
+
+    writer = Writer(folder / "bomb.bag")
+    writer.set_compression(Writer.CompressionFormat.LZ4)
+    _write_zeros(writer)
+
+
+def _write_zeros(writer):
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.LATEST if "rosbag2" in writer.__module__ else Stores.ROS1_NOETIC)
+    with writer:
+        state = writer.add_connection(
+            "/joint_states", "sensor_msgs/msg/JointState", typestore=store
+        )
+        sent = writer.add_connection("/commands", "std_msgs/msg/Float64MultiArray", typestore=store)
+        for connection in (state, sent):
+            writer.write(connection, 1, bytes(ZEROS))
 
 
 def _json_bomb(folder):
@@ -150,8 +159,8 @@ HOSTILE = {
         ("identify", "bomb.parquet", "--joint", "0", "--unit", "rad"),
         "bomb.parquet: more than 33554432 numbers",
     ),
-    "MCAP that unfolds": (_mcap_bomb, ("identify", "bomb.mcap"), "unfold to more than 256 MiB"),
-    "a bag that unfolds": (_ros1_bomb, ("identify", "bomb.bag"), "unfold to more than 256 MiB"),
+    "MCAP that unfolds": (_mcap_bomb, ("identify", "bomb.mcap"), "unfolds to more than 256 MiB"),
+    "a bag that unfolds": (_ros1_bomb, ("identify", "bomb.bag"), "unfolds to more than 256 MiB"),
     "JSON nested deeply": (_json_bomb, ("identify", "log.json"), "nested too deeply"),
 }
 """What makes the files, the command, and what its one line says.

@@ -8,13 +8,12 @@ layout of a type that a bag does not define.
 from __future__ import annotations
 
 import re
-import struct
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import TYPE_CHECKING, Any
 
 from planner.exceptions import InvalidFile, importing
 
@@ -34,15 +33,6 @@ more than 15 s."""
 MOST_CHUNK = 256 * 2**20
 """Largest chunk that is unfolded [bytes]: recorders begin a new one after a few megabytes. rosbags
 has no limit: 33 kB of MCAP take 2 GiB of memory, 5 kB of a bag of ROS 1 take 1 GiB."""
-
-MOST_TIMES = 200
-"""All chunks of a file that is not small unfold to this many times its size at most."""
-
-PIECE = 2**20
-"""Size of a piece that is unfolded at once [bytes]."""
-
-MCAP, ROS1 = b"\x89MCAP0\r\n", b"#ROSBAG V"
-"""First bytes of the two formats with chunks."""
 
 
 def _layout(points: str, multi_dof_points: str = "") -> str:
@@ -67,10 +57,6 @@ LAYOUTS = (
 A bag without definitions of its types, as ROS 2 wrote them before Iron, does not say which one it
 holds. Only the right one explains all the bytes of a message.
 """
-
-
-Chunk = tuple[str, bytes]
-"""Name of the compression, and the compressed bytes."""
 
 
 @dataclass(frozen=True)
@@ -121,7 +107,7 @@ def open_bag(path: Path | str) -> Iterator[Bag]:
     if not place.exists():
         raise InvalidFile(path, "no such file; check the name and the folder")
     with _damage_reported(path):
-        check_unfolding(path)
+        _limit_chunks(path)
         reader: Any = rosbag1.Reader(place) if ros1 else rosbag2.Reader(place)
         reader.open()
     try:
@@ -176,97 +162,36 @@ def _words(error: BaseException) -> str:
     return " ".join(str(error).split())[:120] or type(error).__name__
 
 
-def check_unfolding(path: Path | str) -> None:
-    """Refuse MCAP or a bag of ROS 1 with chunks that unfold to many times their size."""
-    place = Path(path)
-    for file in sorted(place.glob("*.mcap")) if place.is_dir() else [place]:
-        if file.suffix.lower() == ".mcap":
-            _check(path, file, _mcap_chunks)
-        elif file.suffix.lower() == ".bag":
-            _check(path, file, _ros1_chunks)
-
-
-def _check(path: Path | str, file: Path, chunks: Callable[[BinaryIO], Iterator[Chunk]]) -> None:
-    most = max(MOST_CHUNK, MOST_TIMES * file.stat().st_size)
-    total = 0
-    with file.open("rb") as stream:
-        for compression, content in chunks(stream):
-            size = unfolded(compression, content)
-            total += size
-            if size > MOST_CHUNK or total > most:
-                limit = (MOST_CHUNK if size > MOST_CHUNK else most) >> 20
-                raise InvalidFile(
-                    path, f"its chunks unfold to more than {limit} MiB; split the bag if it is one"
-                )
-
-
-def unfolded(compression: str, content: bytes) -> int:
-    """Unfolded size of a chunk [bytes]; counting ends soon after :data:`MOST_CHUNK`.
-
-    A chunk that is cut short counts as far as it goes, one of unknown compression as it is; rosbags
-    refuses both.
-    """
-    begin = _unfolders().get(compression)
-    if begin is None or len(content) > MOST_CHUNK:
-        return len(content)
-    total = 0
-    while content and total <= MOST_CHUNK:  # one frame after another
-        unfolder = begin()
-        total += len(unfolder.decompress(content, PIECE))
-        while not (unfolder.eof or unfolder.needs_input) and total <= MOST_CHUNK:
-            total += len(unfolder.decompress(b"", PIECE))
-        content = unfolder.unused_data if unfolder.eof else b""
-    return total
-
-
-def _unfolders() -> dict[str, Callable[[], Any]]:
+def _limit_chunks(path: Path | str) -> None:
+    """Let rosbags refuse chunks of this bag that unfold to more than :data:`MOST_CHUNK`."""
     import bz2
 
     import lz4.frame  # type: ignore[import-untyped]
+    from rosbags.rosbag1 import reader
+    from rosbags.rosbag2 import storage_mcap
 
     if sys.version_info >= (3, 14):
         from compression import zstd
     else:
         from backports import zstd
-    return {
-        "zstd": zstd.ZstdDecompressor,
-        "lz4": lz4.frame.LZ4FrameDecompressor,
-        "bz2": bz2.BZ2Decompressor,
-    }
 
+    def limited(begin: Callable[[], Any]) -> Callable[..., bytes]:
+        def unfold(content: bytes, *_: int) -> bytes:
+            whole = b""
+            while content:  # one frame after another
+                frame = begin()
+                whole += frame.decompress(content, MOST_CHUNK + 1 - len(whole))
+                if len(whole) > MOST_CHUNK:
+                    raise InvalidFile(
+                        path, f"a chunk unfolds to more than {MOST_CHUNK >> 20} MiB; is it a bag?"
+                    )
+                if not frame.eof:
+                    raise ValueError("a chunk ends too soon")
+                content = frame.unused_data
+            return whole
 
-def _mcap_chunks(stream: BinaryIO) -> Iterator[Chunk]:
-    """Chunks of an MCAP file: code, length, times, size, checksum, compression, content."""
-    if stream.read(len(MCAP)) != MCAP:
-        return
-    while len(head := stream.read(9)) == 9:
-        code, length = struct.unpack("<BQ", head)
-        end = stream.tell() + length
-        if code == 6:  # a chunk
-            stream.seek(28, 1)
-            compression = _sized(stream, "<I", 64).decode(errors="replace")
-            yield compression, _sized(stream, "<Q", MOST_CHUNK + 1)
-        stream.seek(end)
+        return unfold
 
-
-def _ros1_chunks(stream: BinaryIO) -> Iterator[Chunk]:
-    """Chunks of a bag of ROS 1: records of a header of fields, and of data."""
-    magic = stream.read(64)
-    if not magic.startswith(ROS1) or b"\n" not in magic:
-        raise ValueError("File magic is invalid.")  # its reader would look for the end of the line
-    stream.seek(magic.index(b"\n") + 1)
-    while len(head := stream.read(4)) == 4:
-        header = stream.read(min(struct.unpack("<I", head)[0], PIECE))
-        (length,) = struct.unpack("<I", stream.read(4).ljust(4, b"\0"))
-        end = stream.tell() + length
-        if b"op=\x05" in header:  # a chunk
-            _, _, compression = header.partition(b"compression=")
-            yield compression[:3].decode(errors="replace"), stream.read(min(length, MOST_CHUNK + 1))
-        stream.seek(end)
-
-
-def _sized(stream: BinaryIO, form: str, most: int) -> bytes:
-    """The bytes after their own length, ``most`` of them at most."""
-    head = stream.read(struct.calcsize(form))
-    (length,) = struct.unpack(form, head)
-    return stream.read(min(length, most))
+    lz4_frames = limited(lz4.frame.LZ4FrameDecompressor)
+    reader.decompressors |= {"lz4": lz4_frames, "bz2": limited(bz2.BZ2Decompressor)}
+    storage_mcap.DECOMPRESSORS |= {"lz4": lz4_frames, "zstd": limited(zstd.ZstdDecompressor)}
