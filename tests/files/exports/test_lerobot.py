@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from planner.exceptions import InvalidInput
-from planner.files import lerobot_export
 from planner.files.lerobot_export import Layout, lerobot_dataset, write_lerobot
 from planner.files.logs.lerobot import read_lerobot
 from planner.files.logs.make_log import LogOptions
@@ -50,10 +49,7 @@ def test_the_description_says_where_everything_is(schedule, tmp_path, parquet):
     assert stats["action"]["count"] == [64]
 
 
-def test_episodes_follow_one_another(tmp_path, parquet, monkeypatch):
-    monkeypatch.setattr(lerobot_export, "FILE_ROWS", 9)
-    monkeypatch.setattr(lerobot_export, "CHUNK_FILES", 1)
-    monkeypatch.setattr(lerobot_export, "BATCH", 2)
+def test_episodes_follow_one_another(tmp_path, parquet):
     rng = np.random.default_rng(2)
     actions = [rng.normal(size=(count, 2)) for count in (4, 5, 3)]
     layout = Layout(features={"action": ("a", "b"), "observation.state": ("a", "b")}, rate=30)
@@ -64,8 +60,7 @@ def test_episodes_follow_one_another(tmp_path, parquet, monkeypatch):
     for log, action in zip(read, actions, strict=True):
         assert log.requests == pytest.approx(action[:, 0], abs=1e-6)
         assert log.angles == pytest.approx(-action[:, 0], abs=1e-6)
-    files = [tmp_path / "out" / f"data/chunk-00{number}/file-000.parquet" for number in (0, 1)]
-    data = [row for file in files for row in parquet.read_table(file).to_pylist()]
+    data = parquet.read_table(tmp_path / "out/data/chunk-000/file-000.parquet").to_pylist()
     assert [row["index"] for row in data] == list(range(12))
     assert [row["frame_index"] for row in data] == [*range(4), *range(5), *range(3)]
     times = [row["timestamp"] for row in data]
@@ -75,7 +70,7 @@ def test_episodes_follow_one_another(tmp_path, parquet, monkeypatch):
     rows = parquet.read_table(tmp_path / "out" / "meta/episodes/chunk-000/file-000.parquet")
     about = rows.to_pylist()
     assert [each["dataset_from_index"] for each in about] == [0, 4, 9]
-    assert [each["data/chunk_index"] for each in about] == [0, 0, 1]
+    assert [each["data/chunk_index"] for each in about] == [0, 0, 0]
     assert [each["data/file_index"] for each in about] == [0, 0, 0]
     assert [each["length"] for each in about] == [4, 5, 3]
     assert [each["episode_index"] for each in about] == [0, 1, 2]
