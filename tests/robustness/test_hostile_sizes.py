@@ -157,7 +157,7 @@ HOSTILE = {
     "Parquet that unfolds": (
         _parquet_bomb,
         ("identify", "bomb.parquet", "--joint", "0", "--unit", "rad"),
-        "bomb.parquet: more than 33554432 numbers",
+        "bomb.parquet: more than 256 MiB",
     ),
     "MCAP that unfolds": (_mcap_bomb, ("identify", "bomb.mcap"), "unfolds to more than 256 MiB"),
     "a bag that unfolds": (_ros1_bomb, ("identify", "bomb.bag"), "unfolds to more than 256 MiB"),

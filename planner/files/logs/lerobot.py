@@ -38,8 +38,8 @@ TIME, EPISODE, TASK = "timestamp", "episode_index", "task_index"
 COUNTED = (TIME, "frame_index", EPISODE, "index", TASK)
 """Columns that every dataset has beside its features."""
 
-MOST_NUMBERS = 2**25
-"""Unfolded numbers of one file: 22 hours at 30 Hz of 6 joints, 256 MiB."""
+MOST_BYTES = 2**28
+"""Unfolded columns of one file [bytes]: 22 hours at 30 Hz of 6 joints."""
 
 BATCH = 8192
 """Rows that are unfolded at a time."""
@@ -377,7 +377,22 @@ def read_columns(path: Path | str, names: Sequence[str]) -> dict[str, Array]:
     try:
         with parquet.ParquetFile(path) as file:
             _check(path, file.schema_arrow.names, names)
-            return _columns(path, file, names)
+            batches, size = [], 0
+            # Rows are unfolded some at a time, as a small file cannot fill all of the memory. The
+            # size in its description is not used: pyarrow ends the process where that is damaged.
+            for batch in file.iter_batches(BATCH, columns=list(names), use_threads=False):
+                batches.append(batch)
+                size += batch.nbytes
+                if size > MOST_BYTES:
+                    raise InvalidFile(
+                        path, f"more than {MOST_BYTES >> 20} MiB of angles and times; split it"
+                    )
+            if not sum(map(len, batches)):
+                raise InvalidFile(path, "no rows; is the file cut short?")
+            arrays = {name: [batch.column(name) for batch in batches] for name in names}
+            return {
+                name: _numbers(path, pa.concat_arrays(each), name) for name, each in arrays.items()
+            }
     except InvalidFile:
         raise
     except (pa.ArrowException, OSError, ValueError, MemoryError) as error:
@@ -397,67 +412,26 @@ def _check(path: Path | str, columns: Sequence[str], names: Sequence[str]) -> No
             raise InvalidFile(path, f"{columns.count(name)} columns '{name}', expected one")
 
 
-def _columns(path: Path | str, file: Any, names: Sequence[str]) -> dict[str, Array]:
-    """The columns, unfolded some rows at a time: a small file cannot fill all of the memory.
-
-    The size in the file's own description is not used: pyarrow ends the whole process where a
-    description is damaged.
-    """
-    pieces: dict[str, list[Array]] = {name: [] for name in names}
-    size = 0
-    for batch in file.iter_batches(batch_size=BATCH, columns=list(names), use_threads=False):
-        for name in names:
-            numbers = _numbers(path, batch.column(name), name)
-            pieces[name].append(numbers)
-            size += numbers.size
-        if size > MOST_NUMBERS:
-            raise InvalidFile(
-                path, f"more than {MOST_NUMBERS} numbers of angles and times; split the file"
-            )
-    if not size:
-        raise InvalidFile(path, "no rows; is the file cut short?")
-    return {name: _joined(path, pieces.pop(name), name) for name in names}
-
-
-def _joined(path: Path | str, pieces: Sequence[Array], name: str) -> Array:
-    """Pieces of a column, joined; pieces without any list are NaN."""
-    widths = {piece.shape[1] for piece in pieces if piece.ndim == 2} - {0}
-    if len(widths) > 1:
-        raise _uneven(path, name, min(widths), max(widths))
-    (width,) = widths or {0}
-    return np.concatenate(
-        [
-            np.full((len(piece), width), np.nan) if piece.shape[1:] == (0,) else piece
-            for piece in pieces
-        ]
-    )
-
-
-def _uneven(path: Path | str, name: str, least: int, most: int) -> InvalidFile:
-    return InvalidFile(
-        path, f"column '{name}': lists of {least} to {most} numbers, expected one length"
-    )
-
-
 def _numbers(path: Path | str, array: Any, name: str) -> Array:
-    """Numbers of a piece of a column, shape (n,), or (n, width) where a cell is a list."""
+    """Numbers of a column, shape (n,), or (n, width) where a cell is a list."""
     import pyarrow as pa
+    from pyarrow import compute
 
-    kind, filled = array.type, array.is_valid().to_numpy(zero_copy_only=False)
-    width = None
-    if pa.types.is_fixed_size_list(kind):
-        width = kind.list_size
-    elif pa.types.is_list(kind) or pa.types.is_large_list(kind):
-        lengths = np.diff(array.offsets.to_numpy(zero_copy_only=False))[filled]
-        if len(set(lengths.tolist())) > 1:
-            raise _uneven(path, name, lengths.min(), lengths.max())
-        width = int(lengths[0]) if len(lengths) else 0
-    values = array if width is None else array.flatten()
+    kind, values, filled = array.type, array, array.is_valid().to_numpy(zero_copy_only=False)
+    if is_list := pa.types.is_nested(kind) and hasattr(kind, "value_type"):
+        values = array.flatten()
+        lengths = compute.list_value_length(array).drop_null().unique().to_pylist() or [0]
+        if len(lengths) > 1:
+            raise InvalidFile(
+                path,
+                f"column '{name}': lists of {min(lengths)} to {max(lengths)} numbers, expected one "
+                "length",
+            )
     if not (pa.types.is_floating(values.type) or pa.types.is_integer(values.type)):
         raise InvalidFile(path, f"column '{name}': got {kind}, expected numbers")
     numbers: Array = values.to_numpy(zero_copy_only=False).astype(np.float64)
-    if width is None:
+    if not is_list:
         return numbers
-    rows = np.full((len(array), width), np.nan)  # a cell that is empty as a whole has no values
-    rows[filled] = numbers.reshape(-1, width)
+    rows = np.full((len(array), lengths[0]), np.nan)  # a cell that is empty as a whole has none
+    rows[filled] = numbers.reshape(-1, lengths[0])
     return rows
