@@ -245,13 +245,17 @@ class Dataset:
 
     root: Path  # the folder that holds `meta` and `data`
 
-    # names of the columns of `action` and of `observation.state`; None where a feature does not
-    # name its joints
-    names: Mapping[str, tuple[str, ...] | None]
-    written: Mapping[str, tuple[str, ...] | None]  # the same names as the dataset writes them
+    # names of the columns of `action` and of `observation.state`, as they are written; None where a
+    # feature does not name its joints
+    written: Mapping[str, tuple[str, ...] | None]
     others: tuple[str, ...] = ()  # other features, without the columns that count rows
     rate: float | None = None  # rows per second; None where the dataset does not say
     robot_type: str | None = None  # the robot, as LeRobot calls it
+
+    @property
+    def names(self) -> dict[str, tuple[str, ...] | None]:
+        """The same names without LeRobot's prefix and suffix, where they stay distinct."""
+        return {key: names and _plain(names) for key, names in self.written.items()}
 
     def files(self, episodes: frozenset[int] | None) -> tuple[Path, ...]:
         """Its Parquet files, except files whose names exclude all of the episodes."""
@@ -322,7 +326,6 @@ def find_dataset(path: Path) -> Dataset:
             "convert the dataset with LeRobot's own scripts",
         )
     features = info.get("features")
-    names: dict[str, tuple[str, ...] | None] = {}
     written: dict[str, tuple[str, ...] | None] = {}
     for key in (ACTION, STATE):
         feature = features.get(key) if isinstance(features, dict) else None
@@ -332,13 +335,10 @@ def find_dataset(path: Path) -> Dataset:
         flat = tuple(_flat(feature.get("names")))
         shape = feature.get("shape", [len(flat)])
         # some datasets name the axis ("motors") and not the joints on it
-        named = bool(flat) and shape == [len(flat)]
-        names[key] = tuple(plain_names(flat)) if named else None
-        written[key] = flat if named else None
+        written[key] = flat if flat and shape == [len(flat)] else None
     rate, robot = info.get("fps"), info.get("robot_type")
     return Dataset(
         root,
-        names,
         written,
         tuple(key for key in features or () if key not in (ACTION, STATE, *COUNTED)),
         float(rate) if isinstance(rate, int | float) and rate > 0 else None,
@@ -346,10 +346,9 @@ def find_dataset(path: Path) -> Dataset:
     )
 
 
-def plain_names(names: tuple[str, ...]) -> list[str]:
-    """Names of joints without LeRobot's prefix and suffix, where they stay distinct."""
-    plain = [name.removesuffix(SUFFIX).removeprefix(PREFIX) for name in names]
-    return plain if len(set(plain)) == len(plain) and all(plain) else list(names)
+def _plain(names: tuple[str, ...]) -> tuple[str, ...]:
+    plain = tuple(name.removesuffix(SUFFIX).removeprefix(PREFIX) for name in names)
+    return plain if len(set(plain)) == len(plain) and all(plain) else names
 
 
 def _flat(names: Any) -> Iterable[str]:
