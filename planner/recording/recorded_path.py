@@ -126,29 +126,27 @@ class RecordedPath:
 
     def loads(self, moments: Array) -> dict[str, Array]:
         """Torque by joint [N m], of the planned joints that feel one."""
-        torques = {}
-        for each in self.planned:
-            if each.load is not None:
-                torques[each.name] = each.at(moments, each.load)
-        return torques
+        felt = {each.name: (each, each.load) for each in self.planned}
+        return {
+            name: each.at(moments, load) for name, (each, load) in felt.items() if load is not None
+        }
 
 
 def _rows(name: str, duration: float, period: float, speed: float) -> int:
     """How many requests a replay has; too many or too few are refused."""
     count = duration / speed / period
+    rows = math.floor(min(count, 2.0 * MOST_SAMPLES) + 1e-6) + 1
+    where = f"{name}: at {speed:g} times the speed and {1.0 / period:.6g} requests a second"
     if count > MOST_SAMPLES:
         raise InvalidInput(
-            f"{name}: at {speed:g} times the speed and {1.0 / period:.6g} requests a second the "
-            f"replay has {count:.3g} requests, expected at most {MOST_SAMPLES}; choose a "
-            "shorter part, a higher speed or a lower rate"
+            f"{where} the replay has {count:.3g} requests, expected at most {MOST_SAMPLES}; choose "
+            "a shorter part, a higher speed or a lower rate"
         )
-    rows = math.floor(count + 1e-6) + 1
     if rows < 3:
-        plural = "request remains" if rows == 1 else "requests remain"
+        remain = f"{rows} request remains" if rows == 1 else f"{rows} requests remain"
         raise InvalidInput(
-            f"{name}: at {speed:g} times the speed and {1.0 / period:.6g} requests a second {rows} "
-            f"{plural} of {duration:.4g} s, expected 3 or more; choose a longer "
-            "part, a lower speed or a higher rate"
+            f"{where} {remain} of {duration:.4g} s, expected 3 or more; choose a longer part, a "
+            "lower speed or a higher rate"
         )
     return rows
 
@@ -162,7 +160,7 @@ def check_length(
         InvalidInput: They are too many or too few, or the part or the rate is none.
     """
     logs = as_logs(recording)
-    first, last = _part(logs, min(float(log.times[0]) for log in logs), begin, end)
+    first, last = _part(logs, begin, end)
     _rows(logs[0].name, last - first, _period(logs, rate), speed)
 
 
@@ -181,29 +179,17 @@ def recorded_path(
     check_choice("track", track, get_args(Track))
     logs = as_logs(recording)
     check_periods(logs)
-    names = _names(logs)
-    every = {"": models} if isinstance(models, JointModel) else _by_joint(models)
-    if isinstance(joints, str) or not all(isinstance(name, str) for name in _items(joints)):
-        raise InvalidInput(f"joints: got {shown(joints)}, expected a list of names")
-    chosen = _planned(names, every, joints)
-    origin = min(float(log.times[0]) for log in logs)
-    first, last = _part(logs, origin, begin, end)
-    period = _period(logs, rate)
+    names = tuple(log.joint or "joint" for log in logs)
+    chosen = _models_of(names, models, joints)
+    first, last = _part(logs, begin, end)
+    period, origin = _period(logs, rate), _origin(logs)
     remarks: list[str] = []
     paths = []
     for name, log in zip(names, logs, strict=True):
-        model = every.get(name, every.get("")) if name in chosen else None
-        paths.append(
-            _path(
-                log,
-                name,
-                None if model is None else _requested_every(model, period, name),
-                track,
-                origin,
-                reason="" if model is not None else _reason(name, every, joints),
-                remarks=remarks,
-            )
-        )
+        model, reason = chosen[name]
+        if model is not None:
+            model = _requested_every(model, period, name)
+        paths.append(_path(log, name, model, track, origin, reason=reason, remarks=remarks))
     remarks += _remarks(logs, origin, first, last)
     return RecordedPath(
         name=logs[0].name,
@@ -217,57 +203,50 @@ def recorded_path(
     )
 
 
-def _by_joint(models: Any) -> dict[str, JointModel]:
-    """Models by joint, checked."""
-    valid = isinstance(models, Mapping) and all(
-        isinstance(name, str) and isinstance(model, JointModel) for name, model in models.items()
-    )
-    if not valid:
+def _models_of(
+    names: Sequence[str], models: Any, joints: Any
+) -> dict[str, tuple[JointModel | None, str]]:
+    """By joint its model, or None and why its recorded requests are sent."""
+    by_joint = {"": models} if isinstance(models, JointModel) else models
+    if not isinstance(by_joint, Mapping) or not all(
+        isinstance(name, str) and isinstance(model, JointModel) for name, model in by_joint.items()
+    ):
         raise InvalidInput(
             f"models: got {shown(models)}, expected a JointModel, or a dict of them by joint"
         )
-    return dict(models)
-
-
-def _items(values: Any) -> Sequence[Any]:
-    """The items of a list or tuple; an item that is no text for anything else."""
-    return values if isinstance(values, list | tuple) else (None,)
-
-
-def _names(logs: Sequence[Log]) -> tuple[str, ...]:
-    """The joints, all different."""
-    names = tuple(log.joint or "joint" for log in logs)
-    if len(set(names)) < len(names):
-        double = next(name for name in names if names.count(name) > 1)
+    if not isinstance(joints, list | tuple) or not all(isinstance(name, str) for name in joints):
+        raise InvalidInput(f"joints: got {shown(joints)}, expected a list of names")
+    if double := next((name for name in names if names.count(name) > 1), ""):
         raise InvalidInput(
             f"recording: got {names.count(double)} logs of joint '{double}', expected the logs of "
             "one recording, one for each joint; replay recordings one by one"
         )
-    return names
-
-
-def _planned(
-    names: Sequence[str], models: Mapping[str, JointModel], joints: Sequence[str]
-) -> frozenset[str]:
-    """The joints to plan, each with a model."""
+    with_model = [name for name in names if name in by_joint or "" in by_joint]
     for name in joints:
         if name not in names:
             raise InvalidInput(
                 f"joints: no joint '{name}'{nearest(name, names)}; joints: {', '.join(names)}"
             )
-        if name not in models and "" not in models:
+        if name not in with_model:
             raise InvalidInput(
-                f"joints: no model of '{name}'{nearest(name, list(models))}; models: "
-                + ", ".join(models)
+                f"joints: no model of '{name}'{nearest(name, list(by_joint))}; models: "
+                + ", ".join(by_joint)
             )
-    with_model = [name for name in names if name in models or "" in models]
     arms = [name for name in with_model if not is_gripper(name)]
-    chosen = frozenset(joints or arms or with_model)
-    if not chosen:
+    planned = joints or arms or with_model
+    if not planned:
         raise InvalidInput(
-            f"models: of {', '.join(models) or 'no joint'}, but the joints of the recording are "
+            f"models: of {', '.join(by_joint) or 'no joint'}, but the joints of the recording are "
             f"{', '.join(names)}; rename the tables of the model file to them"
         )
+    chosen: dict[str, tuple[JointModel | None, str]] = {}
+    for name in names:
+        if name in planned:
+            chosen[name] = by_joint.get(name, by_joint.get("")), ""
+        elif name not in with_model and not joints:
+            chosen[name] = None, "no model"
+        else:
+            chosen[name] = None, "a gripper" if is_gripper(name) else "not chosen"
     return chosen
 
 
@@ -276,18 +255,15 @@ def is_gripper(name: str) -> bool:
     return any(word in name.lower() for word in GRIPPERS)
 
 
-def _reason(name: str, models: Mapping[str, JointModel], joints: Sequence[str]) -> str:
-    if name not in models and "" not in models and not joints:
-        return "no model"
-    return "a gripper" if is_gripper(name) else "not chosen"
+def _origin(logs: Sequence[Log]) -> float:
+    """Time of the first row of all [s]."""
+    return min(float(log.times[0]) for log in logs)
 
 
-def _part(
-    logs: Sequence[Log], origin: float, begin: float | None, end: float | None
-) -> tuple[float, float]:
+def _part(logs: Sequence[Log], begin: float | None, end: float | None) -> tuple[float, float]:
     """First and last moment to replay [s since the first row]: those that all logs have."""
-    first = max(float(log.times[0]) for log in logs) - origin
-    last = min(float(log.times[-1]) for log in logs) - origin
+    first = max(float(log.times[0]) for log in logs) - _origin(logs)
+    last = min(float(log.times[-1]) for log in logs) - _origin(logs)
     ends = []
     for name, value, default in (("begin", begin, first), ("end", end, last)):
         moment = default if value is None else as_number(value)
