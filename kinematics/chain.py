@@ -10,13 +10,9 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.intp]
+from planner.trajectory import TURN, Array
 
 AnyArray = TypeVar("AnyArray", bound=npt.NDArray[Any])
-
-TURN = 2.0 * np.pi
-"""A full turn [rad]."""
 
 
 class Link(NamedTuple):

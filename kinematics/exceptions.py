@@ -1,34 +1,20 @@
-"""Exceptions of the package.
+"""Errors of a leg, in the tree of :mod:`planner.exceptions`.
 
 ::
 
-    KinematicsError
-    └── InvalidInput (also a ValueError)   an argument is invalid; the message says why
-        ├── UnsupportedLeg                 a valid robot, but no leg between the two frames, or a
-        │                                  leg of which a joint never moves the foot
-        └── UnreachableFoot                points out of the leg's reach; carries their distances
+    InvalidInput (also a ValueError)   an argument is invalid; the message says why
+    ├── UnsupportedLeg                 a valid robot, but no leg between the two frames, or a leg of
+    │                                  which a joint never moves the foot
+    └── UnreachableFoot                points out of the leg's reach; carries their distances
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from planner.exceptions import InvalidInput as InvalidInput
+from planner.exceptions import PlannerError as KinematicsError
+from planner.trajectory import Array, Indices
 
-if TYPE_CHECKING:
-    from kinematics.chain import Array, Indices
-
-LONGEST = 1500
-"""Characters of a message; of a longer one the middle is left out."""
-
-
-class KinematicsError(Exception):
-    """The root of the tree; its message is always one line."""
-
-    def __str__(self) -> str:
-        return printable(super().__str__())
-
-
-class InvalidInput(KinematicsError, ValueError):
-    """An argument is invalid; the message says what was expected and what to do."""
+__all__ = ["InvalidInput", "KinematicsError", "UnreachableFoot", "UnsupportedLeg"]
 
 
 class UnsupportedLeg(InvalidInput):
@@ -56,13 +42,3 @@ class UnreachableFoot(InvalidInput):
             f"{distances[worst]:.3g} m (index {indices[worst]}); indices: {listed}{more}; move "
             "them (are they in metres, in the base frame?), or ask for unreachable='nearest'"
         )
-
-
-def printable(text: str) -> str:
-    """Text on one line and of bounded length, for any content of files and arguments."""
-    text = _shortened(text)
-    return _shortened("".join(c if c.isprintable() else repr(c)[1:-1] for c in text))
-
-
-def _shortened(text: str) -> str:
-    return text if len(text) <= LONGEST else f"{text[: LONGEST - 300]} … {text[-300:]}"

@@ -24,8 +24,10 @@ from typing import Literal, NamedTuple, get_args
 import numpy as np
 import numpy.typing as npt
 
-from kinematics.chain import TURN, Array, Chain, Indices, Limits, half_turned, read_only
-from kinematics.exceptions import InvalidInput, UnreachableFoot, UnsupportedLeg
+from kinematics.chain import Chain, Limits, half_turned, read_only
+from kinematics.exceptions import UnreachableFoot, UnsupportedLeg
+from planner.trajectory import TURN, Array, Indices
+from planner.validation import check_choice
 
 Unreachable = Literal["raise", "nearest", "clamp"]
 
@@ -143,12 +145,7 @@ def check_joints(chain: Chain, names: Sequence[str]) -> None:
 
 def _check(chain: Chain, closed_form: ClosedForm | None, unreachable: str) -> None:
     """Raise an error for a leg or an option without an inverse."""
-    if not isinstance(unreachable, str):
-        raise InvalidInput(f"unreachable: got {type(unreachable).__name__}, expected a name")
-    if unreachable not in get_args(Unreachable):
-        raise InvalidInput(
-            f"unreachable: got {unreachable!r}, expected one of {', '.join(get_args(Unreachable))}"
-        )
+    check_choice("unreachable", unreachable, get_args(Unreachable))
     if len(chain.axes) > MOST_JOINTS:
         raise UnsupportedLeg(
             f"the inverse needs a leg of {MOST_JOINTS} joints at most, this one has "
@@ -405,41 +402,41 @@ def _unwrapped(angles: Array, start: float, lower: float, upper: float) -> Array
     return np.array(inside)
 
 
-class Circle(NamedTuple):
-    """The points ``middle + cosine cos q + sine sin q`` that a point reaches by a turn by q."""
-
-    middle: Array  # (3, ...)
-    cosine: Array  # (3, ...)
-    sine: Array  # (3, ...)
-
-    def at(self, angle: Array) -> Array:
-        """The points at angles of shape (2, ...) [rad], shape (3, 2, ...)."""
-        middle, cosine, sine = (part[:, None] for part in self)
-        return np.asarray(middle + cosine * np.cos(angle) + sine * np.sin(angle))
-
-
 class Axis(NamedTuple):
     """A line to turn about."""
 
     direction: Array  # (3,), unit
     point: Array  # (3,)
 
-    def circle(self, points: Array, *, backward: bool = False) -> Circle:
-        """The circles of ``points`` (3, ...) about the axis, forward or backward."""
-        arms = points - _column(self.point, points)
-        along = _column(self.direction, points) * np.tensordot(self.direction, arms, 1)
-        across = np.cross(self.direction, arms, axisb=0, axisc=0)
-        return Circle(points - arms + along, arms - along, -across if backward else across)
+    def circle(self, points: Array) -> Circle:
+        """The circles that ``points`` (..., 3) describe about the axis."""
+        arms = points - self.point
+        along = (arms @ self.direction)[..., None] * self.direction
+        return Circle(points - arms + along, arms - along, np.cross(self.direction, arms))
 
     def angle_between(self, start: Array, end: Array) -> Array:
         """The turn that takes ``start`` to ``end`` [rad], or nearest to it: an arctangent."""
         circle = self.circle(start)
         arms = end - circle.middle
-        return np.arctan2(_dot(circle.sine, arms), _dot(circle.cosine, arms))
+        across, along = ((way * arms).sum(-1) for way in (circle.sine, circle.cosine))
+        return np.asarray(np.arctan2(across, along))
 
     def distance(self, point: Array) -> float:
         """Distance of a point (3,) from the axis."""
         return float(np.linalg.norm(np.cross(self.direction, point - self.point)))
+
+
+class Circle(NamedTuple):
+    """The points ``middle + cosine cos q + sine sin q`` that a point reaches by a turn by q."""
+
+    middle: Array  # (..., 3)
+    cosine: Array  # (..., 3)
+    sine: Array  # (..., 3)
+
+    def at(self, angle: Array) -> Array:
+        """The points at angles of shape (2, ...) [rad], shape (2, ..., 3)."""
+        cosine, sine = np.cos(angle)[..., None], np.sin(angle)[..., None]
+        return np.asarray(self.middle + self.cosine * cosine + self.sine * sine)
 
 
 class Kept(NamedTuple):
@@ -449,14 +446,21 @@ class Kept(NamedTuple):
     is_height: bool
 
     def angles(self, circle: Circle, like: Array) -> Array:
-        """The two angles on the circle at which it is that of the points ``like``."""
+        """The two angles on the circle at which it is that of the points ``like`` [rad]: (2, ...).
+
+        These solve ``a cos q + b sin q = c``, with c clamped to ±hypot(a, b).
+        """
         if self.is_height:
-            middle, cosine, sine = (np.tensordot(self.vector, part, 1) for part in circle)
-            return _two_angles(cosine, sine, np.tensordot(self.vector, like, 1) - middle)
-        arm = circle.middle - _column(self.vector, circle.middle)
-        target = like - _column(self.vector, like)
-        constant = _dot(target, target) - _dot(arm, arm) - _dot(circle.cosine, circle.cosine)
-        return _two_angles(_dot(arm, circle.cosine), _dot(arm, circle.sine), 0.5 * constant)
+            a, b = circle.cosine @ self.vector, circle.sine @ self.vector
+            c = (like - circle.middle) @ self.vector
+        else:
+            arm, target = circle.middle - self.vector, like - self.vector
+            a, b = ((arm * way).sum(-1) for way in (circle.cosine, circle.sine))
+            squares = ((each**2).sum(-1) for each in (target, arm, circle.cosine))
+            c = 0.5 * (next(squares) - next(squares) - next(squares))
+        size = np.maximum(np.hypot(a, b), np.finfo(np.float64).tiny)
+        middle, half = np.arctan2(b, a), np.arccos(np.clip(c / size, -1.0, 1.0))
+        return np.stack(np.broadcast_arrays(middle + half, middle - half))
 
 
 @dataclass(frozen=True, eq=False)
@@ -471,7 +475,7 @@ class ClosedForm:
         other: Second invariant of a turn about the pair's first axis.
     """
 
-    axes: tuple[Axis, Axis, Axis]
+    axes: tuple[Axis, ...]
     foot: Array
     odd: int
     kept: Kept
@@ -486,24 +490,24 @@ class ClosedForm:
         Returns:
             Angles [rad] in (-2π, 2π), regardless of limits, shape (n, 4, 3). Poses may coincide.
         """
-        goal, start = foot.T, self.foot[:, None]
+        goal, start = foot, self.foot
         if self.odd == 2:
             circle = self.axes[2].circle(start)
             odd = self.kept.angles(circle, goal)  # (2, n)
             start = circle.at(odd)
-            goal = goal[:, None]
         else:
-            circle = self.axes[0].circle(goal, backward=True)
+            circle = self.axes[0].circle(goal)
+            circle = circle._replace(sine=-circle.sine)  # turned back
             odd = self.kept.angles(circle, start)
             goal = circle.at(odd)
-            start = start[:, None]
         first, second = (self.axes[index] for index in (0, 1, 2) if index != self.odd)
         circle = second.circle(start)
         second_angle = self.other.angles(circle, goal)  # (2, 2, n)
-        first_angle = first.angle_between(circle.at(second_angle), goal[:, None])
+        first_angle = first.angle_between(circle.at(second_angle), goal)
         angles = [first_angle, second_angle]
         angles.insert(self.odd, np.broadcast_to(odd, second_angle.shape))
-        return np.stack(angles).reshape(3, 4, -1).T
+        stacked: Array = np.stack(angles)
+        return stacked.reshape(3, 4, -1).T
 
 
 def find_closed_form(chain: Chain) -> ClosedForm | None:
@@ -519,11 +523,11 @@ def find_closed_form(chain: Chain) -> ClosedForm | None:
         parallel = np.linalg.norm(np.cross(first.direction, second.direction)) <= EXACT
         if common is not None and axes[odd].distance(common) > APART * size:
             kept, other = Kept(common, False), Kept(first.direction, True)
-            return ClosedForm((axes[0], axes[1], axes[2]), foot, odd, kept, other)
+            return ClosedForm(axes, foot, odd, kept, other)
         slanted = np.linalg.norm(np.cross(first.direction, axes[odd].direction)) > APART
         if parallel and slanted and first.distance(second.point) > APART * size:
             kept, other = Kept(first.direction, True), Kept(first.point, False)
-            return ClosedForm((axes[0], axes[1], axes[2]), foot, odd, kept, other)
+            return ClosedForm(axes, foot, odd, kept, other)
     return None
 
 
@@ -536,21 +540,3 @@ def _common_point(first: Axis, second: Axis, size: float) -> Array | None:
         return None
     along = np.cross(between, second.direction) @ normal / sine**2
     return np.asarray(first.point + along * first.direction)
-
-
-def _two_angles(a: Array, b: Array, c: Array) -> Array:
-    """Both solutions of ``a cos q + b sin q = c`` [rad], c clamped to ±hypot(a, b): (2, ...)."""
-    size = np.hypot(a, b)
-    ratio = np.clip(c / np.maximum(size, np.finfo(np.float64).tiny), -1.0, 1.0)
-    middle, half = np.arctan2(b, a), np.arccos(ratio)
-    return np.stack(np.broadcast_arrays(middle + half, middle - half))
-
-
-def _column(vector: Array, like: Array) -> Array:
-    """A vector (3,) with the number of axes of ``like`` (3, ...)."""
-    return vector.reshape(3, *(1,) * (like.ndim - 1))
-
-
-def _dot(left: Array, right: Array) -> Array:
-    """Scalar products along the first axis."""
-    return np.asarray((left * right).sum(axis=0))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -13,7 +12,7 @@ from typing import Any, Self
 import numpy as np
 import numpy.typing as npt
 
-from kinematics.chain import Array, Chain, Indices, Limits, read_only
+from kinematics.chain import Chain, Limits, read_only
 from kinematics.exceptions import InvalidInput, UnsupportedLeg
 from kinematics.inverse import (
     ClosedForm,
@@ -31,15 +30,14 @@ from kinematics.robot import (
     named,
     read_robot,
 )
+from planner.trajectory import Array, Indices, as_path
+from planner.validation import as_positive, as_reals, shown
 
 GRAVITY = (0.0, 0.0, -9.80665)
 """Standard gravity [m/s^2] in the frame of the URDF's root link, whose z axis points up."""
 
 FARTHEST = 1e6
 """A position or angle beyond this [m, rad] is a mistake, and its square would lose all digits."""
-
-AGREEMENT = 1e-12
-"""The chain's foot must agree with Pinocchio's to this [m], relative to its size beyond 1 m."""
 
 UNLIMITED = 1e6
 """A limit beyond this [rad] means no limit."""
@@ -61,7 +59,7 @@ class Leg:
         foot: Name of the frame that is the foot.
         joint_names: Names of the joints, from the base to the foot.
         limits: Their limits.
-        chain: Their constants, checked against Pinocchio.
+        chain: Their constants, from Pinocchio.
         speeds: Their top speeds by the URDF [rad/s], NaN where it has none, shape (k,); or None.
         near: A pose [rad] near which paths start, shape (k,); None to start deep inside the limits.
         robot: The robot with the masses of its links; None where it was not read from a URDF.
@@ -138,7 +136,6 @@ class Leg:
         )
         if not np.all(np.isfinite(np.concatenate([chain.translations.ravel(), chain.tip]))):
             raise InvalidInput(f"{path}: an origin between {base!r} and {foot!r} is not finite")
-        _check_against_pinocchio(robot, chain, start, end, joints)
         pose = None if near is None else _pose(near, names, limits)
         speeds = _read_speeds(model, joints)
         return cls(base, foot, names, limits, chain, speeds, pose, robot, tuple(joints))
@@ -234,13 +231,34 @@ class Leg:
             UnsupportedLeg: The URDF has no masses, or the leg was not read from one.
             InvalidInput: ``gravity`` or ``period`` cannot be used.
         """
+        import pinocchio
+
         path = self._angles(angles)
         if self.robot is None:
             raise UnsupportedLeg("the leg has no masses: make it with Leg.from_urdf")
-        motion = (np.zeros_like(path), np.zeros_like(path))
+        model = pinocchio.Model(self.robot.model)
+        carried = (int(joint) for joint in model.subtrees[self.joints[0]])
+        if not any(model.inertias[joint].mass > 0.0 for joint in carried):
+            raise UnsupportedLeg(
+                f"no link beyond joint {self.joint_names[0]!r} has a mass in the URDF, so the "
+                "torques of gravity are unknown; add <inertial> elements to its links, or give the "
+                "torques as numbers"
+            )
+        speeds = accelerations = np.zeros_like(path)
         if dynamics:
-            motion = central_differences(path, _checked_period(period), cyclic=cyclic)
-        return self.robot.load_torques(self.joints, path, *motion, _vector(gravity))
+            expected = "the time between samples, more than 0 s; speeds and accelerations need it"
+            step = as_positive("period", period, expected)
+            speeds, accelerations = central_differences(path, step, cyclic=cyclic)
+        model.gravity.linear = _vector(gravity)
+        data = model.createData()
+        places = [model.joints[joint].idx_v for joint in self.joints]
+        moving = np.zeros((2, model.nv))
+        torques = np.empty_like(path)
+        for sample, pose in enumerate(path):
+            moving[:, places] = speeds[sample], accelerations[sample]
+            coordinates = self.robot.configuration(self.joints, pose)
+            torques[sample] = -pinocchio.rnea(model, data, coordinates, *moving)[places]
+        return read_only(torques + 0.0)  # no negative zero
 
     def joint_angles(self, foot: npt.ArrayLike, *, unreachable: Unreachable = "raise") -> Array:
         """Joint angles that put the foot at each point of a path: inverse kinematics.
@@ -290,7 +308,7 @@ class Leg:
             UnsupportedLeg: The leg has more than three joints, or no closed form to clamp, or a
                 joint that never moves the foot.
         """
-        points = _as_path(foot, name="foot", columns=3, unit="m")
+        points = as_path(foot, name="foot", columns=3, unit="m", largest=FARTHEST)
         return solve_inverse(
             self.chain,
             self.limits,
@@ -316,7 +334,8 @@ class Leg:
         return read_only(jumps(self.chain, self._angles(angles)))
 
     def _angles(self, angles: npt.ArrayLike) -> Array:
-        return _as_path(angles, name="angles", columns=len(self.joint_names), unit="rad")
+        columns = len(self.joint_names)
+        return as_path(angles, name="angles", columns=columns, unit="rad", largest=FARTHEST)
 
 
 def _pose(near: Mapping[str, float], names: tuple[str, ...], limits: Limits) -> Array:
@@ -357,50 +376,17 @@ def central_differences(angles: Array, period: float, *, cyclic: bool) -> tuple[
     return (after - before) / (2.0 * period), (after - 2.0 * angles + before) / period**2
 
 
-def _checked_period(period: object) -> float:
-    """The time between samples [s], or InvalidInput."""
-    number = period if isinstance(period, int | float | np.number) else math.nan
-    if not (math.isfinite(number) and number > 0.0):
-        raise InvalidInput(
-            f"period: got {period!r}, expected the time between samples, more than 0 s; speeds and "
-            "accelerations need it"
-        )
-    return float(number)
-
-
 def _vector(gravity: npt.ArrayLike) -> Array:
     """Gravity as an array of three [m/s^2]."""
     try:
-        vector = np.asarray(gravity, dtype=np.float64)
+        vector = as_reals(gravity)
     except (TypeError, ValueError):
         vector = np.empty(0)
     if vector.shape != (3,) or not np.all(np.isfinite(vector)):
         raise InvalidInput(
-            f"gravity: got {gravity!r}, expected three numbers [m/s^2], such as {GRAVITY}"
+            f"gravity: got {shown(gravity)}, expected three numbers [m/s^2], such as {GRAVITY}"
         )
     return vector
-
-
-def _as_path(values: npt.ArrayLike, *, name: str, columns: int, unit: str) -> Array:
-    """The values as a finite array (n, columns), or InvalidInput."""
-    try:
-        array = np.asarray(values)
-    except ValueError as error:  # rows of different lengths
-        raise InvalidInput(f"{name}: {error}; expected shape (n, {columns}) [{unit}]") from error
-    if array.dtype.kind not in "iuf":
-        raise InvalidInput(f"{name}: got an array of {array.dtype}, expected real numbers [{unit}]")
-    if array.ndim != 2 or array.shape[1] != columns:
-        hint = f"; for a single row pass [{name}]" if array.shape == (columns,) else ""
-        raise InvalidInput(
-            f"{name}: got shape {array.shape}, expected (n, {columns}) [{unit}]{hint}"
-        )
-    bad = np.flatnonzero(~np.all(np.abs(array) <= FARTHEST, axis=1))
-    if bad.size:
-        raise InvalidInput(
-            f"{name}: {bad.size} of {len(array)} rows are not finite or beyond {FARTHEST:g} "
-            f"{unit}: first index {bad[0]} ({array[bad[0]]}); mend or remove them first"
-        )
-    return array.astype(np.float64)
 
 
 def _placements(robot: Robot, between: list[int], start: Any, end: Any) -> list[Any]:
@@ -464,27 +450,6 @@ def _read_speeds(model: Any, joints: list[int]) -> Array:
     """Top speeds [rad/s], read-only, shape (k,); NaN where the URDF has no plausible one."""
     speeds = np.array([model.velocityLimit[model.joints[joint].idx_v] for joint in joints])
     return read_only(np.where((speeds > 0.0) & (speeds <= FASTEST), speeds, np.nan))
-
-
-def _check_against_pinocchio(
-    robot: Robot, chain: Chain, start: Any, end: Any, joints: list[int]
-) -> None:
-    """Raise an error where the chain's foot disagrees with Pinocchio's."""
-    import pinocchio
-
-    model = robot.model
-    data = model.createData()
-    for pose in (0.0, 0.7, -1.9):
-        angles = pose * np.arange(1.0, len(joints) + 1.0)
-        pinocchio.forwardKinematics(model, data, robot.configuration(joints, angles))
-        from_base = (data.oMi[start.parentJoint] * start.placement).inverse()
-        expected = (from_base * data.oMi[end.parentJoint] * end.placement).translation
-        foot = chain.foot(np.cos(angles), np.sin(angles))[:, 0]
-        if not np.allclose(foot, expected, rtol=AGREEMENT, atol=AGREEMENT):
-            raise UnsupportedLeg(
-                f"the chain from {start.name!r} to {end.name!r} disagrees with Pinocchio by "
-                f"{np.linalg.norm(foot - expected):.3g} m; please report this robot"
-            )
 
 
 def foot_function(leg: Leg) -> Any:

@@ -1,4 +1,4 @@
-"""A robot in Pinocchio: its model, frames, joints between two frames, and torques of its links."""
+"""A robot in Pinocchio: its model, frames, and the joints between two frames."""
 
 from __future__ import annotations
 
@@ -16,11 +16,9 @@ from typing import Any
 
 import numpy as np
 
-from kinematics.chain import Array, read_only
-from kinematics.exceptions import (
-    InvalidInput,
-    UnsupportedLeg,
-)
+from kinematics.chain import read_only
+from kinematics.exceptions import InvalidInput, UnsupportedLeg
+from planner.trajectory import Array
 
 MOST_BYTES = 64 * 2**20
 """Longest readable file [bytes]; meshes are in files of their own."""
@@ -64,50 +62,6 @@ class Robot:
         for joint, angle in zip(joints, angles, strict=True):
             _set(self.model, coordinates, joint, float(angle))
         return coordinates
-
-    def load_torques(
-        self,
-        joints: Sequence[int],
-        angles: Array,
-        speeds: Array,
-        accelerations: Array,
-        gravity: Array,
-    ) -> Array:
-        """Torques of the links on some joints: minus the inverse dynamics (recursive Newton-Euler).
-
-        Args:
-            joints: Pinocchio's numbers of the joints, from the base to the foot.
-            angles: Their angles q [rad], shape (n, k).
-            speeds: v [rad/s], shape (n, k).
-            accelerations: a [rad/s^2], shape (n, k).
-            gravity: Acceleration of falling bodies in the root link's frame [m/s^2], shape (3,).
-
-        Returns:
-            Torques in the direction of positive angles [N m], shape (n, k).
-
-        Raises:
-            UnsupportedLeg: No link that the joints move has a mass.
-        """
-        import pinocchio
-
-        model = pinocchio.Model(self.model)
-        carried = (int(joint) for joint in model.subtrees[joints[0]])
-        if not any(model.inertias[joint].mass > 0.0 for joint in carried):
-            raise UnsupportedLeg(
-                f"no link beyond joint {model.names[joints[0]]!r} has a mass in the URDF, so the "
-                "torques of gravity are unknown; add <inertial> elements to its links, or give the "
-                "torques as numbers"
-            )
-        model.gravity.linear = gravity
-        data = model.createData()
-        places = [model.joints[joint].idx_v for joint in joints]
-        moving = np.zeros((2, model.nv))
-        torques = np.empty_like(angles)
-        for sample, pose in enumerate(angles):
-            moving[:, places] = speeds[sample], accelerations[sample]
-            coordinates = self.configuration(joints, pose)
-            torques[sample] = -pinocchio.rnea(model, data, coordinates, *moving)[places]
-        return read_only(torques + 0.0)  # no negative zero
 
 
 def read_robot(path: Path, *, locked: Mapping[str, float] | None = None) -> Robot:

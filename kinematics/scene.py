@@ -13,9 +13,10 @@ from typing import Any, Self
 
 import numpy as np
 
-from kinematics.chain import Array, read_only
+from kinematics.chain import read_only
 from kinematics.exceptions import InvalidInput
 from kinematics.robot import Robot, captured_stderr, find_frame, joints_between, read_robot
+from planner.trajectory import Array
 
 THICKNESS = 0.05
 """Radius of the bones of a leg without shapes, to its length."""

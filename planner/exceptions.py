@@ -16,7 +16,7 @@
     OutsideEquation13 (a UserWarning)     the paper's rule, where the paper does not derive it
 
 The command line turns ``InvalidInput`` into exit status 2 and the others into exit status 1.
-Errors of the leg are in :mod:`kinematics.exceptions`.
+Errors of a leg, below ``InvalidInput``, are in :mod:`kinematics.exceptions`.
 """
 
 from __future__ import annotations
@@ -28,7 +28,8 @@ from contextvars import ContextVar
 from pathlib import Path
 from typing import Literal
 
-from kinematics.exceptions import printable
+LONGEST = 1500
+"""Characters of a message; of a longer one the middle is left out."""
 
 AngleUnit = Literal["rad", "deg", "percent"]
 
@@ -184,3 +185,13 @@ def importing(what: str, extra: str) -> Iterator[None]:
         yield
     except ImportError as error:
         raise MissingExtra(what, extra) from error
+
+
+def printable(text: str) -> str:
+    """Text on one line and of bounded length, for any content of files and arguments."""
+    text = _shortened(text)
+    return _shortened("".join(c if c.isprintable() else repr(c)[1:-1] for c in text))
+
+
+def _shortened(text: str) -> str:
+    return text if len(text) <= LONGEST else f"{text[: LONGEST - 300]} … {text[-300:]}"

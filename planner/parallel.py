@@ -32,7 +32,6 @@ from itertools import islice
 from multiprocessing import get_context
 from typing import TYPE_CHECKING, Any
 
-from kinematics.exceptions import KinematicsError
 from planner._version import __version__
 from planner.exceptions import ANGLE_UNIT, InvalidInput, PlannerError, importing
 from planner.files.results import Results, Task
@@ -293,6 +292,6 @@ def _attempt(function: Callable[[Any], bytes], unit: Any, argument: Any) -> Outc
 def reason_of(error: BaseException) -> str:
     """Why a task failed, in a line: our own errors by their message, others with their kind."""
     message = ": ".join([*getattr(error, "__notes__", ()), str(error)])
-    if isinstance(error, PlannerError | KinematicsError):
+    if isinstance(error, PlannerError):
         return message
     return " ".join(f"{type(error).__name__}: {message}".split())

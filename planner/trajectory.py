@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -53,40 +53,66 @@ def as_trajectory(
         InvalidTrajectory: Not one-dimensional, too short, or not finite real numbers of a size
             that can be true.
     """
-    try:
-        array = np.asarray(values)
-    except ValueError as error:
-        raise InvalidTrajectory(
-            f"{name}: got rows of different lengths, expected one number per request, shape (n,)"
-        ) from error
-    if array.dtype.kind not in "iuf":
-        raise InvalidTrajectory(
-            f"{name}: got an array of {array.dtype}, expected real numbers [rad]; "
-            "convert it with numpy.asarray(..., dtype=float) and look at what fails"
-        )
+    array = _reals(values, name, "one number per request, shape (n,)", "rad")
     if array.ndim != 1:
         raise InvalidTrajectory(
             f"{name}: got shape {array.shape}, expected (n,); pass the joints one at a time"
         )
     if array.size < minimum:
         raise InvalidTrajectory(f"{name}: got {array.size} samples, expected at least {minimum}")
+    return _finite(array, name, largest)
+
+
+def as_path(
+    values: npt.ArrayLike, *, name: str, columns: int, unit: str, largest: float = LARGEST
+) -> Array:
+    """Copy ``values`` [unit] of shape (n, columns), with any number of rows, like a trajectory."""
+    array = _reals(values, name, f"shape (n, {columns}) [{unit}]", unit)
+    if array.ndim != 2 or array.shape[1] != columns:
+        hint = f"; for a single row pass [{name}]" if array.shape == (columns,) else ""
+        raise InvalidTrajectory(
+            f"{name}: got shape {array.shape}, expected (n, {columns}) [{unit}]{hint}"
+        )
+    return _finite(array, name, largest)
+
+
+def _reals(values: npt.ArrayLike, name: str, expected: str, unit: str) -> npt.NDArray[Any]:
+    """The values as an array of real numbers, or the error that they are none."""
+    try:
+        array = np.asarray(values)
+    except ValueError as error:
+        raise InvalidTrajectory(
+            f"{name}: got rows of different lengths, expected {expected}"
+        ) from error
+    if array.dtype.kind not in "iuf":
+        raise InvalidTrajectory(
+            f"{name}: got an array of {array.dtype}, expected real numbers [{unit}]; "
+            "convert it with numpy.asarray(..., dtype=float) and look at what fails"
+        )
     if np.ma.is_masked(values):
         raise InvalidTrajectory(f"{name}: got masked samples; remove or interpolate them first")
-    trajectory = np.array(array, dtype=np.float64)
-    bad = np.flatnonzero(~np.isfinite(trajectory))
-    if bad.size:
-        raise InvalidTrajectory(
-            f"{name}: {bad.size} of {trajectory.size} samples are not finite, the first at index "
-            f"{bad[0]} ({trajectory[bad[0]]}); remove or interpolate them first"
-        )
-    if np.max(np.abs(trajectory), initial=0.0) > largest:
-        k = int(np.argmax(np.abs(trajectory)))
-        raise InvalidTrajectory(
-            f"{name}: got {trajectory[k]:g} at index {k}, expected at most {largest:g} either way; "
-            "check the unit"
-        )
-    trajectory.setflags(write=False)
-    return trajectory
+    return array
+
+
+def _finite(array: npt.NDArray[Any], name: str, largest: float) -> Array:
+    """A read-only copy, float64, of samples along the first axis, finite and not too large."""
+    samples = np.array(array, dtype=np.float64)
+    for j, column in enumerate(samples.reshape(len(samples), -1).T if samples.size else ()):
+        label = name if samples.ndim == 1 else f"{name}, column {j}"
+        bad = np.flatnonzero(~np.isfinite(column))
+        if bad.size:
+            raise InvalidTrajectory(
+                f"{label}: {bad.size} of {column.size} samples are not finite, the first at index "
+                f"{bad[0]} ({column[bad[0]]}); remove or interpolate them first"
+            )
+        k = int(np.argmax(np.abs(column)))
+        if abs(column[k]) > largest:
+            raise InvalidTrajectory(
+                f"{label}: got {column[k]:g} at index {k}, expected at most {largest:g} either "
+                "way; check the unit"
+            )
+    samples.setflags(write=False)
+    return samples
 
 
 def not_radians(angles: Array) -> bool:
@@ -138,27 +164,17 @@ def as_rows(values: npt.ArrayLike, *, name: str) -> Array:
     Raises:
         InvalidTrajectory: Another shape, empty, not real numbers, not finite, or degrees.
     """
-    try:
-        array = np.asarray(values)
-    except ValueError as error:
-        raise InvalidTrajectory(
-            f"{name}: got rows of different lengths, expected one request per joint, shape (n, k)"
-        ) from error
+    array = _reals(values, name, "one request per joint, shape (n, k)", "rad")
     if array.ndim == 1:
         array = array[:, None]
     if array.ndim != 2 or array.size == 0:
         raise InvalidTrajectory(
             f"{name}: got shape {np.shape(values)}, expected (n, k), a row of requests per period"
         )
-    columns = [
-        as_trajectory(column, name=f"{name}, column {j}", minimum=1)
-        for j, column in enumerate(array.T)
-    ]
-    if len(array) > 1:  # a row alone is no motion
-        for j, column in enumerate(columns):
+    rows = _finite(array, name, LARGEST)
+    if len(rows) > 1:  # a row alone is no motion
+        for j, column in enumerate(rows.T):
             check_radians(column, name=f"{name}, column {j}")
-    rows: Array = np.column_stack(columns)
-    rows.setflags(write=False)
     return rows
 
 

@@ -23,8 +23,7 @@ from typing import Any, Literal, TextIO
 
 import click
 
-from kinematics.exceptions import printable
-from planner.exceptions import InvalidInput, PlannerError
+from planner.exceptions import InvalidInput, PlannerError, printable
 from planner.files.text import STANDARD_STREAM, key_name, to_json, toml_value, write_text
 
 Verbosity = Literal["quiet", "normal", "verbose"]

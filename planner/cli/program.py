@@ -17,7 +17,6 @@ from typing import Any, NoReturn, TextIO
 
 import click
 
-from kinematics.exceptions import KinematicsError
 from planner._version import __version__
 from planner.cli.console import (
     BadSetting,
@@ -196,10 +195,9 @@ class Commands(click.Group):
             return _complain(error.format_message(), error.exit_code)
         except (click.Abort, KeyboardInterrupt):
             return 130  # 128 + SIGINT, as shells have it
-        except (PlannerError, KinematicsError) as error:
-            theirs = isinstance(error, InvalidInput | ValueError)
+        except PlannerError as error:
             message = ": ".join([*getattr(error, "__notes__", ()), _in_options(error)])
-            return _complain(message, BAD_INPUT if theirs else FAILED)
+            return _complain(message, BAD_INPUT if isinstance(error, InvalidInput) else FAILED)
         except MemoryError:
             return _complain(
                 "not enough memory for so many samples; shorten the path, or plan fewer requests "

@@ -8,7 +8,6 @@ from dataclasses import replace
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from kinematics.exceptions import KinematicsError
 from planner.cli import settings
 from planner.cli.answer import document, plan_report
 from planner.cli.console import BadSetting, FailedCheck, Key, as_key
@@ -76,7 +75,7 @@ def speaking_of(file: Toml) -> Iterator[None]:
         raise InvalidFile(file.path, str(error), line=line) from error
     except FailedCheck as error:
         raise PlannerError(str(error)) from error
-    except (PlannerError, KinematicsError) as error:
+    except PlannerError as error:
         message = str(error)
         for argument, key in ARGUMENTS.items():
             message = message.replace(argument, key)

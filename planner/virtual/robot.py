@@ -12,8 +12,8 @@ import numpy as np
 import numpy.typing as npt
 
 from kinematics.robot import urdf_path
-from planner.exceptions import InvalidTrajectory, importing
-from planner.trajectory import Array
+from planner.exceptions import importing
+from planner.trajectory import Array, as_path
 
 if TYPE_CHECKING:
     import mujoco
@@ -140,12 +140,7 @@ class VirtualRobot:
         self.play(np.tile(np.asarray(angles, dtype=np.float64), (rows, 1)))
 
     def _requests(self, requests: npt.ArrayLike) -> Array:
-        rows = np.asarray(requests, dtype=np.float64)
-        if rows.ndim != 2 or rows.shape[1] != len(self.limits[0]) or not np.isfinite(rows).all():
-            raise InvalidTrajectory(
-                f"requests: got shape {rows.shape}, expected finite angles [rad] of shape "
-                f"(n, {len(self.limits[0])}), one column per joint"
-            )
+        rows = as_path(requests, name="requests", columns=len(self.limits[0]), unit="rad")
         kept: Array = np.clip(rows, *self.limits)
         return kept
 

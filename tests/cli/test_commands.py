@@ -9,7 +9,7 @@ import warnings
 import numpy as np
 import pytest
 
-from kinematics import exceptions as kinematics
+from kinematics import UnsupportedLeg
 from planner.approximation.fit import fit_pwl
 from planner.exceptions import (
     InvalidInput,
@@ -45,7 +45,7 @@ ENDS = {
         2,
         "hip: give --max-error, --max-rms or --unreachable nearest; x-max_error, max_errors",
     ),
-    "a leg": (kinematics.InvalidInput("locked: no joint"), 2, "--lock: no joint"),
+    "a leg": (UnsupportedLeg("locked: no joint"), 2, "hip: --lock: no joint"),
     "memory": (
         MemoryError(),
         2,

@@ -21,7 +21,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from kinematics.exceptions import KinematicsError, UnreachableFoot
+from kinematics.exceptions import UnreachableFoot
 from planner.cli import options
 from planner.cli.console import BadSetting, Key, Remark
 from planner.cli.declared import fitted, understand
@@ -117,7 +117,7 @@ class Space:
     def refused_models(self) -> tuple[Remark, ...]:
         """A remark on joints with rejected models; the models are the same for all points."""
         for values in product(*self.values.values()):
-            with suppress(PlannerError, KinematicsError):  # such as a point out of reach
+            with suppress(PlannerError):  # such as a point out of reach
                 desired = self.desired(self.point(values))
                 return refused_models(desired.names, desired.models)
         return ()
@@ -271,7 +271,7 @@ def evaluate(argument: tuple[dict[str, Any], str]) -> bytes:
             f"{100.0 * float(error.distances.max()):.2g} cm"
         )
         return json.dumps({"reason": reason}).encode()
-    except (PlannerError, KinematicsError) as error:  # kept, too: it is found only by planning
+    except PlannerError as error:  # kept, too: it is found only by planning
         return json.dumps({"reason": reason_of(error)}).encode()
     path, norm = desired.settings.path, plan.task.norm
     speed = path.speed or 1.0
