@@ -113,7 +113,7 @@ class Search(NamedTuple):
         multipliers: Of the last step, lambda of ``docs/math.md``, (n, S).
         active: Requests at their lower limit, -1, at their upper one, 1, or free, 0; then changes
             to the next request at the largest one, likewise, (2, n, J).
-        damping: Weight of the Levenberg-Marquardt term, and 1 once there are multipliers, (2,).
+        damping: Weight of the Levenberg-Marquardt term, (1,).
     """
 
     requests: Array
@@ -233,8 +233,8 @@ def foot_of(leg: Array, angles: Array, foot: Array, jacobian: Array) -> None:
                     jacobian[moved, i] = total
 
 
-@inner
-def errors_of(spec: Spec, states: Array, values: Array, jacobians: Array) -> None:
+@compiled
+def set_errors(spec: Spec, states: Array, values: Array, jacobians: Array) -> None:
     """Fill the errors of every sample and scenario [rad], (n, C, m), and their derivatives by J."""
     goal, leg, joints = spec.goal, spec.leg, spec.resting.shape[1]
     angles, foot, jacobian = np.empty(joints), np.empty(3), np.empty((joints, 3))
@@ -254,12 +254,6 @@ def errors_of(spec: Spec, states: Array, values: Array, jacobians: Array) -> Non
 
 
 @compiled
-def set_errors(spec: Spec, states: Array, values: Array, jacobians: Array) -> None:
-    """:func:`errors_of` for Python."""
-    errors_of(spec, states, values, jacobians)
-
-
-@inner
 def simulate_all(spec: Spec, requests: Array, angles: Array) -> bool:
     """Fill the angles of the exact models [rad], (n, A), those of :func:`planner.simulate`.
 
@@ -290,12 +284,6 @@ def simulate_all(spec: Spec, requests: Array, angles: Array) -> bool:
         for k in range(samples):
             angles[k, a] = motion[0, k]
     return True
-
-
-@compiled
-def set_motion(spec: Spec, requests: Array, angles: Array) -> bool:
-    """:func:`simulate_all` for Python."""
-    return simulate_all(spec, requests, angles)
 
 
 @inner
@@ -354,61 +342,56 @@ def set_cost(
 
 
 @inner
-def around(sample: int, samples: int, cyclic: bool) -> tuple[int, int, int]:
-    """The requests of a second difference: from rest the one before the first is the first."""
-    if cyclic:
-        return (sample - 1) % samples, sample, (sample + 1) % samples
-    return max(sample - 1, 0), sample, sample + 1
-
-
-@inner
-def set_away(spec: Spec, requests: Array, smoothing: bool, away: Array) -> None:
-    """Fill S applied to the requests, less their centre: distances, or second differences.
-
-    There is a second difference for every sample, from rest none for the last one; with a centring
-    the distances from ``resting`` follow.
-    """
-    samples, joints = requests.shape
-    resting, rows = spec.resting, 0
-    if smoothing:
-        rows = samples if spec.cyclic else samples - 1
-        for k in range(rows):
-            before, here, after = around(k, samples, spec.cyclic)
-            for j in range(joints):
-                away[k, j] = requests[before, j] - 2.0 * requests[here, j] + requests[after, j]
-                if spec.changes:
-                    away[k, j] -= resting[before, j] - 2.0 * resting[here, j] + resting[after, j]
-    scale = spec.centring if smoothing else 1.0
-    for k in range(len(away) - rows):
-        for j in range(joints):
-            away[rows + k, j] = scale * (requests[k, j] - resting[k, j])
-
-
-@inner
-def squares(away: Array) -> float:
-    """The sum of squares."""
-    total = 0.0
-    for k in range(len(away)):
-        for j in range(away.shape[1]):
-            total += away[k, j] ** 2
-    return total
-
-
-@inner
-def rows_away(spec: Spec, smoothing: bool) -> int:
-    """Number of rows of S: see :func:`set_away`."""
+def rows_away(spec: Spec, smoothing: bool) -> tuple[int, int]:
+    """Number of second differences, and of all rows of S: see :func:`row_away`."""
     samples = len(spec.resting)
     if not smoothing:
-        return samples
-    return samples - (0 if spec.cyclic else 1) + (samples if spec.centring > 0.0 else 0)
+        return 0, samples
+    bends = samples if spec.cyclic else samples - 1
+    return bends, bends + (samples if spec.centring > 0.0 else 0)
+
+
+@inner
+def row_away(
+    spec: Spec, smoothing: bool, bends: int, row: int
+) -> tuple[tuple[int, int, int], tuple[float, float, float], int]:
+    """The requests in a row of S, their factors, and how many they are.
+
+    There is a second difference for every sample, from rest none for the last one, and the request
+    before the first is the first; with a centring the distances from ``resting`` follow. Without
+    smoothing there are distances alone.
+    """
+    if row >= bends:
+        scale = spec.centring if smoothing else 1.0
+        return (row - bends, 0, 0), (scale, 0.0, 0.0), 1
+    samples = len(spec.resting)
+    if spec.cyclic:
+        return ((row - 1) % samples, row, (row + 1) % samples), (1.0, -2.0, 1.0), 3
+    return (max(row - 1, 0), row, row + 1), (1.0, -2.0, 1.0), 3
+
+
+@inner
+def set_away(spec: Spec, requests: Array, smoothing: bool, away: Array) -> float:
+    """Fill S applied to the requests, less their centre; the sum of squares."""
+    bends, total, joints = rows_away(spec, smoothing)[0], 0.0, requests.shape[1]
+    for row in range(len(away)):
+        numbers, factors, count = row_away(spec, smoothing, bends, row)
+        centred = row >= bends or spec.changes
+        for j in range(joints):
+            value = 0.0
+            for p in range(count):
+                centre = spec.resting[numbers[p], j] if centred else 0.0
+                value += factors[p] * (requests[numbers[p], j] - centre)
+            away[row, j] = value
+            total += value**2
+    return total
 
 
 @compiled
 def roughness(spec: Spec, requests: Array) -> float:
     """The sum of squares that smoothing lowers [rad^2]: ``Problem.roughness``."""
-    away = np.empty((rows_away(spec, True), requests.shape[1]))
-    set_away(spec, requests, True, away)
-    return squares(away)
+    away = np.empty((rows_away(spec, True)[1], requests.shape[1]))
+    return set_away(spec, requests, True, away)
 
 
 @inner
@@ -467,10 +450,10 @@ def evaluate(spec: Spec, stage: Stage, unit: float, point: Point) -> None:
     axes = 1 if len(spec.leg) == 0 else 3
     values = np.empty((samples, len(spec.shares), axes))
     jacobians = np.empty((samples, len(spec.shares), axes, joints))
-    errors_of(spec, point.states, values, jacobians)
+    set_errors(spec, point.states, values, jacobians)
     set_cost(spec, stage, unit, values, jacobians, point)
-    set_away(spec, point.requests, stage.smoothing, point.away)
-    point.costs[1] = point.costs[0] + stage.weight * squares(point.away)
+    squares = set_away(spec, point.requests, stage.smoothing, point.away)
+    point.costs[1] = point.costs[0] + stage.weight * squares
 
 
 @inner
@@ -509,24 +492,21 @@ def set_entries(
     state, multiplier = samples * joints, samples * (joints + states)
     change, e, cyclic, acting = multiplier + samples * states, 0, spec.cyclic, spec.acting
     quadratic, slopes, smoothing = point.quadratic, point.slopes, stage.smoothing
-    own = stage.weight * (spec.centring**2 if smoothing else 1.0)
     for number in range(state):
         rows[e] = columns[e] = number
-        values[e] = terms[number // joints, number % joints] + own
+        values[e] = terms[number // joints, number % joints]
         e += 1
-    if smoothing:
-        weight = stage.weight
-        for k in range(samples if cyclic else samples - 1):
-            numbers, factors = around(k, samples, cyclic), (1.0, -2.0, 1.0)
-            for j in range(joints):
-                for p in range(3):
-                    for q in range(p + 1):
-                        rows[e] = numbers[p] * joints + j
-                        columns[e] = numbers[q] * joints + j
-                        twice = p != q and numbers[p] == numbers[q]
-                        values[e] = weight * factors[p] * factors[q]
-                        values[e] *= 2.0 if twice else 1.0
-                        e += 1
+    bends, every = rows_away(spec, smoothing)
+    for row in range(every):
+        numbers, factors, terms_of_row = row_away(spec, smoothing, bends, row)
+        for j in range(joints):
+            for p in range(terms_of_row):
+                for q in range(p + 1):
+                    rows[e] = numbers[p] * joints + j
+                    columns[e] = numbers[q] * joints + j
+                    twice = p != q and numbers[p] == numbers[q]
+                    values[e] = stage.weight * factors[p] * factors[q] * (2.0 if twice else 1.0)
+                    e += 1
     blocks, count = quadratic.shape[1:3]
     for k in range(samples):
         for block in range(blocks):
@@ -583,7 +563,7 @@ def allocated(spec: Spec, smoothing: bool) -> Point:
         np.zeros((samples, states)),
         np.zeros((drives, parts, parts + 2 * width, samples)),
         np.zeros((samples, blocks, size, size + 1)),
-        np.zeros((rows_away(spec, smoothing), joints)),
+        np.zeros((rows_away(spec, smoothing)[1], joints)),
         np.zeros(3),
     )
 
@@ -605,7 +585,7 @@ def pattern_of(spec: Spec, *, smoothing: bool) -> Pattern:
     """
     samples, joints = spec.resting.shape
     drives, _, width = spec.weights.shape
-    options = spec.cyclic, spec.together, spec.limited, smoothing
+    options = spec.cyclic, spec.together, spec.limited, smoothing, spec.centring > 0.0
     key = *options, spec.oldest, spec.parts, len(spec.shares), samples, joints, drives, width
     if (kept := _KEPT.get(key)) is not None:
         return kept
@@ -649,7 +629,7 @@ def pattern_in_order(spec: Spec, smoothing: bool, position: Places) -> Pattern:
     drives, _, width = spec.weights.shape
     point, stage = allocated(spec, smoothing), Stage(1.0, 1.0, 2.0, 1, smoothing)
     blocks, size = point.quadratic.shape[1:3]
-    most = joints * 10 + blocks * size**2 + drives * spec.parts * (4 + spec.parts + width)
+    most = joints * 11 + blocks * size**2 + drives * spec.parts * (4 + spec.parts + width)
     room = samples * most
     terms, eased = np.zeros((samples, joints)), np.zeros((samples, len(spec.drives)))
     tight, values = np.zeros((samples, joints), np.int64), np.zeros(room)
@@ -707,7 +687,7 @@ def set_step(
     terms, eased = np.zeros((samples, joints)), np.zeros((samples, drives))
     for number in range(state):
         terms[number // joints, number % joints] = search.damping[0]
-    for k in range(samples if search.damping[1] else 0):
+    for k in range(samples):
         for a in range(drives):
             for j in range(width):
                 bend = 0.0
@@ -721,17 +701,12 @@ def set_step(
                         terms[number, a % joints] += bend
 
     right = np.zeros(len(step))
-    rows = (samples if cyclic else samples - 1) if smoothing else 0
-    for k in range(rows):
-        before, here, after = around(k, samples, cyclic)
+    bends = rows_away(spec, smoothing)[0]
+    for row in range(len(away)):
+        numbers, factors, terms_of_row = row_away(spec, smoothing, bends, row)
         for j in range(joints):
-            force = stage.weight * away[k, j]
-            right[before * joints + j] -= force
-            right[here * joints + j] += 2.0 * force
-            right[after * joints + j] -= force
-    scale = stage.weight * (spec.centring if smoothing else 1.0)
-    for number in range((len(away) - rows) * joints):
-        right[number] -= scale * away[rows + number // joints, number % joints]
+            for p in range(terms_of_row):
+                right[numbers[p] * joints + j] -= stage.weight * factors[p] * away[row, j]
     for k in range(samples):
         for a in range(drives):
             right[state + k * states + a] = -quadratic[k, a // count, a % count, count]
@@ -773,8 +748,7 @@ def set_step(
     for number in range(state):
         k, j = number // joints, number % joints
         moved_requests[k, j] = requests[k, j] + step[number]
-    set_away(spec, moved_requests, smoothing, further)
-    return True, predicted + stage.weight * squares(further)
+    return True, predicted + stage.weight * set_away(spec, moved_requests, smoothing, further)
 
 
 @inner
@@ -993,7 +967,6 @@ def go_through(
             for k in range(samples):
                 for s in range(states):
                     search.multipliers[k, s] = step[count + k * states + s]
-            damping[1] = 1.0
             if merit - after < OPTIONS.least_decrease * after:
                 break
         copied(point.requests, ends[number])

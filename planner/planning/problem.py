@@ -213,10 +213,10 @@ class Problem:
 
     def exact_angles(self, requests: Array) -> Array:
         """Angles of the exact models, simulated, (n, A); NaN where a joint has no steady cycle."""
-        from planner.planning.gauss_newton import set_motion
+        from planner.planning.gauss_newton import simulate_all
 
         angles = np.empty((len(requests), len(self.models)))
-        set_motion(self.spec, np.ascontiguousarray(requests), angles)
+        simulate_all(self.spec, np.ascontiguousarray(requests), angles)
         return angles
 
     def errors(self, angles: Array) -> tuple[Array, Array]:

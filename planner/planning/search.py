@@ -288,7 +288,7 @@ def begun(problem: Problem, requests: Array, angles: Array) -> Search:
     """A search from requests (n, J) and angles (n, A) [rad]."""
     states, active = problem.states_of(angles), np.zeros((2, *requests.shape), dtype=np.int64)
     active[0][np.broadcast_to(problem.lower == problem.upper, requests.shape)] = -1
-    return Search(np.array(requests, order="C"), states, np.zeros_like(states), active, np.zeros(2))
+    return Search(np.array(requests, order="C"), states, np.zeros_like(states), active, np.zeros(1))
 
 
 def descend(problem: Problem, search: Search, stages: Sequence[Stage]) -> tuple[Array, Array]:

@@ -113,7 +113,7 @@ def step_at(problem, stage, point, damping=DAMPING):
         point.states.copy(),
         np.zeros_like(point.states),
         np.zeros((2, *point.requests.shape), dtype=np.int64),
-        np.array([damping, 0.0]),
+        np.array([damping]),
     )
     step = np.zeros(len(pattern.factor.position))
     found, predicted = set_step(problem.spec, stage, pattern, point, search, step)
@@ -333,7 +333,7 @@ def test_where_the_lagrangian_curves_upwards_at_the_corners_the_step_is_damped(c
     samples, width = len(point.requests), spec.weights.shape[2]
     multipliers = np.random.default_rng(5).normal(size=point.states.shape)
     held = np.zeros((2, *point.requests.shape), dtype=np.int64)
-    search = Search(point.requests, point.states, multipliers, held, np.array([DAMPING, 1.0]))
+    search = Search(point.requests, point.states, multipliers, held, np.array([DAMPING]))
     step = np.zeros(len(pattern.factor.position))
     found, _ = set_step(spec, stage, pattern, point, search, step)
     assert found
