@@ -34,13 +34,25 @@ from planner.trajectory import Array, Indices
 Intervals = dict[int, tuple[float, float]]
 """Least and greatest value of requests with a known range."""
 
+UNBOUNDED = (-np.inf, np.inf)
+"""The interval of an unrestricted request."""
 
 RELAXATION_WORK, NONZERO_WORK = 1500, 3
 """Work of a relaxation with the search for cuts after it, and of each of its nonzeros."""
 
+TRIALS = 25
+"""Most support points for one cut [-]; half as many lower the bound by 0.2 % in the mean of 13
+problems, 3.7 % at worst; twice as many gain nothing."""
+
+VIOLATION = 1e-3
+"""Least violation for which a cut is added [v_max a tick]."""
+
+CUT_ROUNDING = 1e-9
+"""Added to a cut's limit: rounding of sums of a few terms of about one."""
+
 
 class ActingPairs(NamedTuple):
-    """Which requests act at which ticks, one entry for every pair.
+    """Which requests act at which ticks, one entry for every pair, ordered by tick.
 
     Attributes:
         tick: The tick t, shape (m,).
@@ -53,6 +65,27 @@ class ActingPairs(NamedTuple):
     request: Indices
     weight: Array
     following: Indices
+
+
+def acting_pairs(model: JointModel, ticks: int, *, cyclic: bool) -> ActingPairs:
+    """Every pair of a tick and a request that acts there.
+
+    From rest, requests before the first are the first one. In a short cycle a request may act twice
+    at one tick, as sent in two cycles: one entry.
+    """
+    window, every = model.window, np.arange(ticks)[:, np.newaxis]
+    requests = ticks // model.hold if cyclic else (ticks - 1) // model.hold + 1
+    number = (every - window.first - np.arange(len(window.weights))) // model.hold
+    number = number % requests if cyclic else np.maximum(number, 0)
+    weights, acts = np.zeros((ticks, requests)), np.zeros((ticks, requests), dtype=np.bool_)
+    np.add.at(weights, (every, number), window.weights)
+    acts[every, number] = True
+    tick, request = np.nonzero(acts)
+    entry = np.full((ticks + 1, requests), -1)
+    entry[tick, request] = np.arange(len(tick))
+    if cyclic:
+        entry[ticks] = entry[0]
+    return ActingPairs(tick, request, weights[acts], entry[tick + 1, request])
 
 
 class RequestWindow(NamedTuple):
@@ -76,126 +109,9 @@ class Ranges(NamedTuple):
 
     def within(self, other: Ranges) -> Ranges:
         """Intersection of two sets of ranges."""
-        return Ranges(
-            np.maximum(self.lower, other.lower),
-            np.minimum(self.upper, other.upper),
-            np.maximum(self.slowest, other.slowest),
-            np.minimum(self.fastest, other.fastest),
-        )
-
-
-class ScaledProblem:
-    """A bound's problem in units of v_max a tick, with the common data of its relaxations.
-
-    The joint has neither a dead band nor inertia.
-
-    Attributes:
-        gain: gamma = v_max / theta_0 [1/tick].
-        excess: Excess of the top speed upwards, which is missing downwards [v_max].
-        desired: D [v_max ticks], shape (n,).
-        incumbent: Error of a known plan, above that of any better response [v_max ticks].
-        norm: Which error.
-        ticks: Number of ticks.
-        sampled: Ticks at which the desired angles are compared, shape (n,).
-        fixed: Known requests, such as the first one from rest with a given start.
-        windows: Where each request acts.
-        work: Work so far, in nonzeros of the cone programmes of tightening.
-        most_work: Work at which the search stops.
-    """
-
-    def __init__(
-        self, problem: BoundProblem, incumbent: float, *, most_work: float = math.inf
-    ) -> None:
-        """Scale the problem: the unit is the joint's largest move in a tick."""
-        problem = without_load(problem)
-        model, desired, cyclic, norm, start, _ = problem
-        unit, middle = model.v_max_per_tick, float(np.mean(desired))
-        self.unit, self.model, self.cyclic, self.norm = unit, model, cyclic, norm
-        self.gain = unit / model.theta_0
-        self.excess = model.v_offset / model.v_max
-        self.desired = (desired - middle) / unit
-        self.incumbent = incumbent / unit
-        self.work, self.most_work = 0, most_work
-        self.ticks = ticks_of(problem)
-        self.sampled = np.arange(0, self.ticks, model.hold)
-        self.start = None if start is None else (start - middle) / unit
-        self.fixed: Intervals = {}
-        if self.start is not None:  # the first request holds the joint there
-            self.fixed = {0: (self.start, self.start)}
-        self.pairs = acting_pairs(model, self.ticks, cyclic=cyclic)
-        self.before = (np.arange(self.ticks) - 1) % self.ticks
-        self.first = 0 if cyclic else 1  # from rest the speed at tick 0 is unknown
-        counted = np.flatnonzero(self.pairs.tick >= self.first)
-        order = counted[np.argsort(self.pairs.request[counted], kind="stable")]
-        owner = self.pairs.request[order]
-        self.windows = {
-            int(self.pairs.request[group[0]]): RequestWindow(
-                group, self.before[self.pairs.tick[group]]
-            )
-            for group in np.split(order, np.flatnonzero(np.diff(owner)) + 1)
-        }
-
-    @property
-    def size(self) -> int:
-        """Number of unknowns: angles and contributions."""
-        return self.ticks + len(self.pairs.tick)
-
-    @property
-    def exhausted(self) -> bool:
-        """Whether the allowed work is used up."""
-        return self.work >= self.most_work
-
-    @property
-    def equations(self) -> int:
-        """Number of equations of motion, which are the relaxation's first rows."""
-        return self.ticks - self.first
-
-    def initial_ranges(self) -> Ranges:
-        """Ranges that follow from the incumbent, the top speed and the start alone."""
-        farthest = self.incumbent * (np.sqrt(len(self.desired)) if self.norm == "rms" else 1.0)
-        after = np.arange(self.ticks) % self.model.hold * (1.0 + abs(self.excess))
-        nearest = np.repeat(self.desired, self.model.hold)[: self.ticks]
-        lower, upper = nearest - farthest - after, nearest + farthest + after
-        if self.start is not None:
-            near = distance_from_rest(self.model, np.zeros(self.ticks), "envelope") / self.unit
-            lower[: len(near)] = np.maximum(lower[: len(near)], self.start - near)
-            upper[: len(near)] = np.minimum(upper[: len(near)], self.start + near)
-        slowest = np.full(self.ticks, self.excess - 1.0)
-        return Ranges(lower, upper, slowest, np.full(self.ticks, self.excess + 1.0))
-
-    def requests_at(self, lower: Array, upper: Array, interval: tuple[float, float]) -> RequestSet:
-        """The contributions of a request in an interval, at angles within these ends."""
-        return RequestSet(self.gain, lower, upper, interval, self.excess)
-
-    @cached_property
-    def speeds(self) -> sparse.csr_array:
-        """Rows w(t) = x(t) - x(t-1), from the first known speed on."""
-        eye = sparse.eye_array(self.ticks, self.size, format="csr")
-        moved = np.arange(self.first, self.ticks)
-        return sparse.csr_array(eye[moved] - eye[self.before[moved]])
-
-    @cached_property
-    def motion(self) -> sparse.csr_array:
-        """Rows w(t) - sum_r W(r, t) u(r, t), which vanish."""
-        pairs, count = self.pairs, len(self.pairs.tick)
-        weighted = sparse.csr_array(
-            (pairs.weight, (pairs.tick, self.ticks + np.arange(count))),
-            shape=(self.ticks, self.size),
-        )
-        return sparse.csr_array(self.speeds - weighted[self.first :])
-
-    @cached_property
-    def changes(self) -> tuple[sparse.csr_array, Indices]:
-        """Rows u(r, t+1) - u(r, t), and the place of tick t among the speeds."""
-        pairs = self.pairs
-        pair = np.flatnonzero((pairs.following >= 0) & (pairs.tick >= self.first))
-        row, ones = np.arange(len(pair)), np.ones(len(pair))
-        column = self.ticks + np.concatenate([pairs.following[pair], pair])
-        matrix = sparse.csr_array(
-            (np.concatenate([ones, -ones]), (np.concatenate([row, row]), column)),
-            shape=(len(pair), self.size),
-        )
-        return matrix, pairs.tick[pair] - self.first
+        least, most = (np.maximum, np.minimum)
+        pairs = zip((least, most, least, most), self, other, strict=True)
+        return Ranges(*(narrower(own, others) for narrower, own, others in pairs))
 
 
 def without_load(problem: BoundProblem) -> BoundProblem:
@@ -220,39 +136,124 @@ def without_load(problem: BoundProblem) -> BoundProblem:
     return problem._replace(model=model, load=None)
 
 
-def acting_pairs(model: JointModel, ticks: int, *, cyclic: bool) -> ActingPairs:
-    """Every pair of a tick and a request that acts there.
+class ScaledProblem:
+    """A bound's problem in units of v_max a tick, with the common data of its relaxations.
 
-    From rest, requests before the first are the first one.
+    The joint has neither a dead band nor inertia.
+
+    Attributes:
+        gain: gamma = v_max / theta_0 [1/tick].
+        excess: Excess of the top speed upwards, which is missing downwards [v_max].
+        desired: D [v_max ticks], shape (n,).
+        incumbent: Error of a known plan, above that of any better response [v_max ticks].
+        norm: Which error.
+        ticks: Number of ticks.
+        sampled: Ticks at which the desired angles are compared, shape (n,).
+        fixed: Known requests, such as the first one from rest with a given start.
+        windows: Where each request acts.
+        size: Number of unknowns: angles and contributions.
+        first: First tick whose speed is known: 1 from rest.
+        work: Work so far, in nonzeros of the cone programmes of tightening.
+        most_work: Work at which the search stops.
     """
-    window = model.window
-    requests = ticks // model.hold if cyclic else (ticks - 1) // model.hold + 1
-    ages = window.first + np.arange(len(window.weights))
-    tick = np.repeat(np.arange(ticks), len(ages))
-    number = np.floor_divide((np.arange(ticks)[:, np.newaxis] - ages).ravel(), model.hold)
-    if not cyclic:
-        number = np.maximum(number, 0)
-    # In a short cycle a request may act twice at one tick, as sent in two cycles: one entry.
-    number = number % requests
-    key = tick * requests + number
-    unique, inverse = np.unique(key, return_inverse=True)
-    weight: Array = np.zeros(len(unique))
-    np.add.at(weight, inverse, np.tile(window.weights, ticks))
-    tick, number = np.divmod(unique, requests)
-    later = tick + 1
-    sought = (later % ticks) * requests + number
-    place = np.minimum(np.searchsorted(unique, sought), len(unique) - 1)
-    exists = unique[place] == sought
-    if not cyclic:
-        exists &= later < ticks
-    return ActingPairs(tick, number, weight, np.where(exists, place, -1))
+
+    def __init__(
+        self, problem: BoundProblem, incumbent: float, *, most_work: float = math.inf
+    ) -> None:
+        """Scale the problem: the unit is the joint's largest move in a tick."""
+        model, desired, cyclic, norm, start, _ = without_load(problem)
+        unit, middle = model.v_max_per_tick, float(np.mean(desired))
+        self.unit, self.model, self.cyclic, self.norm = unit, model, cyclic, norm
+        self.gain = unit / model.theta_0
+        self.excess = model.v_offset / model.v_max
+        self.desired = (desired - middle) / unit
+        self.incumbent = incumbent / unit
+        self.work, self.most_work = 0, most_work
+        self.ticks = ticks_of(problem)
+        self.sampled = np.arange(0, self.ticks, model.hold)
+        self.start = None if start is None else (start - middle) / unit
+        # From a start the first request holds the joint there.
+        self.fixed: Intervals = {} if self.start is None else {0: (self.start, self.start)}
+        self.pairs = acting_pairs(model, self.ticks, cyclic=cyclic)
+        self.size = self.ticks + len(self.pairs.tick)
+        self.before = (np.arange(self.ticks) - 1) % self.ticks
+        self.first = 0 if cyclic else 1
+        self.windows = {}
+        for request in range(len(desired)):
+            acts = (self.pairs.request == request) & (self.pairs.tick >= self.first)
+            group = np.flatnonzero(acts)
+            if len(group):
+                self.windows[request] = RequestWindow(group, self.before[self.pairs.tick[group]])
+
+    @property
+    def exhausted(self) -> bool:
+        """Whether the allowed work is used up."""
+        return self.work >= self.most_work
+
+    @property
+    def equations(self) -> int:
+        """Number of equations of motion, which are the relaxation's first rows."""
+        return self.ticks - self.first
+
+    def initial_ranges(self) -> Ranges:
+        """Ranges that follow from the incumbent, the top speed and the start alone."""
+        farthest = self.incumbent * (np.sqrt(len(self.desired)) if self.norm == "rms" else 1.0)
+        after = np.arange(self.ticks) % self.model.hold * (1.0 + abs(self.excess))
+        nearest = np.repeat(self.desired, self.model.hold)[: self.ticks]
+        lower, upper = nearest - farthest - after, nearest + farthest + after
+        if self.start is not None:
+            near = distance_from_rest(self.model, np.zeros(self.ticks), "envelope") / self.unit
+            lower[: len(near)] = np.maximum(lower[: len(near)], self.start - near)
+            upper[: len(near)] = np.minimum(upper[: len(near)], self.start + near)
+        slowest = np.full(self.ticks, self.excess - 1.0)
+        return Ranges(lower, upper, slowest, slowest + 2.0)
+
+    def box(self, ranges: Ranges) -> tuple[Array, Array]:
+        """Centre and half the widths of a box that contains all unknowns."""
+        middle, room = np.full(self.size, self.excess), np.ones(self.size)
+        middle[: self.ticks] = (ranges.lower + ranges.upper) / 2.0
+        room[: self.ticks] = (ranges.upper - ranges.lower) / 2.0
+        return middle, room
+
+    def requests_at(
+        self, request: int, intervals: Intervals, lower: Array, upper: Array
+    ) -> RequestSet:
+        """Range of a request, and these ranges of the angles where it acts."""
+        interval = intervals.get(request, UNBOUNDED)
+        return RequestSet(self.gain, lower, upper, interval, self.excess)
+
+    @cached_property
+    def speeds(self) -> sparse.csr_array:
+        """Rows w(t), the speed in each tick but from rest the first."""
+        eye = sparse.eye_array(self.ticks, self.size, format="csr")
+        moved = np.arange(self.first, self.ticks)
+        return sparse.csr_array(eye[moved] - eye[self.before[moved]])
+
+    @cached_property
+    def motion(self) -> sparse.csr_array:
+        """Rows w(t) - sum_r W(r, t) u(r, t), which vanish."""
+        tick, _, weight, _ = self.pairs
+        at = (tick, np.arange(self.ticks, self.size))
+        weighted = sparse.csr_array((weight, at), shape=(self.ticks, self.size))
+        return sparse.csr_array(self.speeds - weighted[self.first :])
+
+    @cached_property
+    def changes(self) -> tuple[sparse.csr_array, Indices]:
+        """Rows u(r, t+1) - u(r, t), and the place of tick t among the speeds."""
+        pairs = self.pairs
+        pair = np.flatnonzero((pairs.following >= 0) & (pairs.tick >= self.first))
+        each = sparse.eye_array(self.size, format="csr")[self.ticks :]
+        rows = sparse.csr_array(each[pairs.following[pair]] - each[pair])
+        return rows, pairs.tick[pair] - self.first
 
 
 class Cut(NamedTuple):
-    """A hull cut, and where its request acts."""
+    """A hull cut of one request: ``nu @ u - xi @ x <= limit`` at all angles where it acts."""
 
-    window: RequestWindow
-    hull: HullCut
+    request: int
+    nu: Array
+    xi: Array
+    limit: float
 
 
 class RelaxedSolution(NamedTuple):
@@ -312,22 +313,15 @@ def conditions(
         (-contributions, ones - problem.excess),
     ]
     if cuts:
-        rows.append((_cut_rows(problem, cuts), np.array([cut.hull.limit for cut in cuts])))
+        windows = [problem.windows[cut.request] for cut in cuts]
+        row = np.repeat(np.arange(len(cuts)), [2 * len(window.angles) for window in windows])
+        column = [np.append(problem.ticks + u, x) for u, x in windows]
+        value = [np.append(cut.nu, -cut.xi) for cut in cuts]
+        entries = np.concatenate(value), (row, np.concatenate(column))
+        hull = sparse.csr_array(entries, shape=(len(cuts), problem.size))
+        rows.append((hull, np.array([cut.limit for cut in cuts])))
     blocks, limits = zip(*rows, strict=True)
     return sparse.csr_array(sparse.vstack(blocks)), np.concatenate(limits)
-
-
-def _cut_rows(problem: ScaledProblem, cuts: list[Cut]) -> sparse.csr_array:
-    """Rows nu @ u - xi @ x."""
-    row = np.repeat(np.arange(len(cuts)), [2 * len(cut.window.angles) for cut in cuts])
-    column = [
-        np.concatenate([problem.ticks + cut.window.contributions, cut.window.angles])
-        for cut in cuts
-    ]
-    value = [np.concatenate([cut.hull.nu, -cut.hull.xi]) for cut in cuts]
-    return sparse.csr_array(
-        (np.concatenate(value), (row, np.concatenate(column))), shape=(len(cuts), problem.size)
-    )
 
 
 def solve_relaxation(problem: ScaledProblem, ranges: Ranges, cuts: list[Cut]) -> RelaxedSolution:
@@ -342,21 +336,13 @@ def solve_relaxation(problem: ScaledProblem, ranges: Ranges, cuts: list[Cut]) ->
         norm=problem.norm,
         equations=problem.equations,
     )
-    angles = answer.unknowns[: problem.ticks]
-    reference = np.zeros(problem.size)
-    reference[: problem.ticks] = np.clip(angles, ranges.lower, ranges.upper)
-    reference[problem.ticks :] = problem.excess
-    # Unknowns without a desired value are anywhere in their range; contributions in excess ± 1.
-    room = np.ones(problem.size)
-    room[: problem.ticks] = np.maximum(
-        ranges.upper - reference[: problem.ticks], reference[: problem.ticks] - ranges.lower
-    )
-    room[problem.sampled] = 0.0
-    reference[problem.sampled] = problem.desired
+    # Unknowns without a desired value are anywhere in their range.
+    reference, room = problem.box(ranges)
+    reference[problem.sampled], room[problem.sampled] = problem.desired, 0.0
     value, slopes = dual_value(matrix, limits, answer.multipliers, reference, room)
     gradient = slopes[problem.sampled]
     return RelaxedSolution(
-        angles=angles,
+        angles=answer.unknowns[: problem.ticks],
         contributions=answer.unknowns[problem.ticks :],
         bound=_distance(problem, value, gradient),
         matrix=matrix,
@@ -382,39 +368,12 @@ def violated_cuts(
 ) -> list[Cut]:
     """A cut for every request whose contributions lie outside of its hull."""
     new_cuts = []
-    for request, window in problem.windows.items():
-        requests = problem.requests_at(
-            ranges.lower[window.angles],
-            ranges.upper[window.angles],
-            intervals.get(request, UNBOUNDED),
-        )
-        hull = separate(
-            solution.contributions[window.contributions], solution.angles[window.angles], requests
-        )
-        if hull is not None:
-            new_cuts.append(Cut(window, hull))
+    for request, (own, at) in problem.windows.items():
+        requests = problem.requests_at(request, intervals, ranges.lower[at], ranges.upper[at])
+        cut = separate(solution.contributions[own], solution.angles[at], requests)
+        if cut is not None:
+            new_cuts.append(Cut(request, *cut))
     return new_cuts
-
-
-UNBOUNDED = (-np.inf, np.inf)
-"""The interval of an unrestricted request."""
-
-SUM_WEIGHT = 100.0
-"""Weight of the equation that the shares of a mixture sum to one [-]; they are normalised after."""
-
-CUT_ROUNDING = 1e-9
-"""Added to a cut's limit: rounding of sums of a few terms of about one."""
-
-TRIED_REQUESTS = 300
-"""Evenly spaced requests, of which the nearest is the branching value [-]; any value is valid."""
-
-
-TRIALS = 25
-"""Most support points for one cut [-]; half as many lower the bound by 0.2 % in the mean of 13
-problems, 3.7 % at worst; twice as many gain nothing."""
-
-VIOLATION = 1e-3
-"""Least violation for which a cut is added [v_max a tick]."""
 
 
 class RequestSet(NamedTuple):
@@ -435,13 +394,19 @@ class RequestSet(NamedTuple):
     excess: float = 0.0
 
     @property
-    def corners(self) -> list[float]:
-        """Errors at which the slope of f changes, from the greatest on."""
-        return [(self.excess + 1.0) / self.gain, (self.excess - 1.0) / self.gain]
+    def corners(self) -> tuple[float, float]:
+        """Errors at which the slope of f changes, the least first."""
+        return (self.excess - 1.0) / self.gain, (self.excess + 1.0) / self.gain
 
     def contributions(self, errors: Array) -> Array:
         """The contribution f / v of every error [-], like the errors."""
         return np.asarray(np.clip(self.gain * errors, self.excess - 1.0, self.excess + 1.0))
+
+    def breakpoints(self, angles: Array) -> Array:
+        """Requests of the set at which some contribution starts or ceases to saturate; its ends."""
+        every = np.concatenate([angles + corner for corner in self.corners])
+        within: Array = np.minimum(np.maximum(every, self.interval[0]), self.interval[1])
+        return within
 
 
 class Support(NamedTuple):
@@ -452,21 +417,6 @@ class Support(NamedTuple):
     angles: Array
 
 
-class HullCut(NamedTuple):
-    """An inequality that every request meets at all angles: ``nu @ u - xi @ x <= limit``."""
-
-    nu: Array
-    xi: Array
-    limit: float
-
-
-def breakpoints(angles: Array, requests: RequestSet) -> Array:
-    """Requests of the set at which some contribution starts or ceases to saturate; its ends."""
-    every = np.concatenate([angles + corner for corner in reversed(requests.corners)])
-    within: Array = np.minimum(np.maximum(every, requests.interval[0]), requests.interval[1])
-    return within
-
-
 def support(nu: Array, xi: Array, requests: RequestSet) -> Support:
     """The support function of the set in the direction (nu, -xi): the right-hand side of (9a).
 
@@ -475,11 +425,11 @@ def support(nu: Array, xi: Array, requests: RequestSet) -> Support:
     linear in the request, so that the best of them is convex in it, and the maximum is at a
     breakpoint.
     """
-    lower, upper, corners = requests.lower, requests.upper, requests.corners
-    candidates = breakpoints(np.concatenate([lower, upper]), requests)[:, np.newaxis]
-    angles = np.empty((2 + len(corners), len(candidates), len(lower)))
+    lower, upper = requests.lower, requests.upper
+    candidates = requests.breakpoints(np.concatenate([lower, upper]))[:, np.newaxis]
+    angles = np.empty((4, len(candidates), len(lower)))
     angles[0], angles[1] = lower, upper
-    for place, corner in zip(angles[2:], corners, strict=True):
+    for place, corner in zip(angles[2:], requests.corners, strict=True):
         place[:] = np.minimum(np.maximum(candidates - corner, lower), upper)
     contributions = requests.contributions(candidates - angles)
     values = nu * contributions - xi * angles
@@ -489,28 +439,25 @@ def support(nu: Array, xi: Array, requests: RequestSet) -> Support:
 
 
 def separate(
-    contributions: Array,
-    angles: Array,
-    requests: RequestSet,
-) -> HullCut | None:
-    """A cut that the contributions violate at these angles, or None if none is violated enough.
+    contributions: Array, angles: Array, requests: RequestSet
+) -> tuple[Array, Array, float] | None:
+    """A cut (nu, xi, limit) that the contributions violate, or None if none is violated enough.
 
     The nearest mixture of points of the set is sought, one support point after the other in the
     direction of the residual; that direction is the cut's normal, and its limit the support there.
     """
-    gain, middle = requests.gain, (requests.lower + requests.upper) / 2.0
     from scipy.optimize import nnls  # slow to import
 
+    gain, middle = requests.gain, (requests.lower + requests.upper) / 2.0
     angles = np.clip(angles, requests.lower, requests.upper)
-    count = len(contributions)
+    count, ones = len(contributions), 100.0  # weight of the equation that the shares sum to one
     target = np.concatenate([contributions, gain * (angles - middle)])
-    candidates = np.unique(breakpoints(angles, requests))[:, np.newaxis]
+    candidates = np.unique(requests.breakpoints(angles))[:, np.newaxis]
     curve = requests.contributions(candidates - angles)
     points = np.hstack([curve, np.broadcast_to(target[count:], curve.shape)])
     best, deepest = None, VIOLATION
     for _ in range(TRIALS):
-        system = np.vstack([points.T, np.full(len(points), SUM_WEIGHT)])
-        shares, _ = nnls(system, np.append(target, SUM_WEIGHT))
+        shares, _ = nnls(np.vstack([points.T, np.full(len(points), ones)]), np.append(target, ones))
         residual = target - shares @ points / shares.sum()
         size = float(np.linalg.norm(residual))
         if size < VIOLATION:
@@ -519,24 +466,28 @@ def separate(
         most = support(nu, xi, requests)
         depth = float(nu @ contributions - xi @ angles) - most.value
         if depth > deepest:
-            best, deepest = HullCut(nu, xi, most.value + CUT_ROUNDING), depth
+            best, deepest = (nu, xi, most.value + CUT_ROUNDING), depth
         point = np.concatenate([most.contributions, gain * (most.angles - middle)])
         points = np.vstack([points[shares > CUT_ROUNDING], point])
     return best
 
 
 def nearest_request(
-    contributions: Array, angles: Array, requests: RequestSet, *, margin: float
+    contributions: Array, angles: Array, requests: RequestSet
 ) -> tuple[float, float]:
     """The request whose contributions at these angles are nearest, and their distance.
 
-    The request is moved so that at least ``margin`` of the interval is on either side of it.
+    Between neighbouring breakpoints the squared distance is a parabola in the request, whose lowest
+    point is the mean of the requests of those contributions that do not saturate.
     """
-    ends = breakpoints(angles, requests)
-    candidates = np.linspace(ends.min(), ends.max(), TRIED_REQUESTS)
-    errors = candidates[:, np.newaxis] - angles
-    distances = np.linalg.norm(requests.contributions(errors) - contributions, axis=1)
+    ends = np.unique(requests.breakpoints(angles))
+    lower, upper = ends[:-1, np.newaxis], ends[1:, np.newaxis]
+    errors = (lower + upper) / 2.0 - angles
+    free = (errors > requests.corners[0]) & (errors < requests.corners[1])
+    own = angles + contributions / requests.gain
+    lowest = np.sum(free * own, axis=1) / np.maximum(np.sum(free, axis=1), 1)
+    candidates = np.append(ends, np.clip(lowest, ends[:-1], ends[1:]))[:, np.newaxis]
+    away = requests.contributions(candidates - angles) - contributions
+    distances = np.linalg.norm(away, axis=1)
     nearest = int(np.argmin(distances))
-    kept = margin * (candidates[-1] - candidates[0])
-    request = np.clip(candidates[nearest], candidates[0] + kept, candidates[-1] - kept)
-    return float(request), float(distances[nearest])
+    return float(candidates[nearest, 0]), float(distances[nearest])

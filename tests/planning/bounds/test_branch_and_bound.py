@@ -13,15 +13,8 @@ from hypothesis import strategies as st
 from planner import invert_optimal
 from planner.model.joint import JointModel
 from planner.model.response import simulate
-from planner.planning.bounds.certify import (
-    Node,
-    branch,
-    certify,
-    cut_off,
-    exact_bound,
-    lower_bound,
-    tighten,
-)
+from planner.planning.bounds.certify import certify, lower_bound
+from planner.planning.bounds.exact import Node, branch, cut_off, exact_bound, tighten
 from planner.planning.bounds.reachable_set import BoundProblem
 from planner.planning.bounds.saturation_relaxation import (
     ScaledProblem,
