@@ -301,7 +301,7 @@ def _without_contact(logs: Sequence[Log], fit: Fit) -> tuple[Sequence[Log], list
         if not found:
             break
         fit = least_squares(resampled_like(grid, free, grid.tick), fit.parameters, free=fit.free)
-    notes = [joined(touched[k]).finding(logs[k], LEFT_OUT) for k in sorted(touched)]
+    notes = [joined(touched[k], logs[k].unit).finding(logs[k], LEFT_OUT) for k in sorted(touched)]
     return tuple(free), notes
 
 

@@ -1,10 +1,14 @@
-"""Whether a model may be used, and what its user has to know first."""
+"""Whether a model may be used, and what its user has to know first.
+
+Errors are judged as shares of the standard deviation of the motion. In brackets stands what half
+and twice a bound change in the verdicts on 29 reference logs (20 made, 9 recorded;
+``scripts/reference``), 27 of which are accepted, with 21 warnings in all.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -15,7 +19,7 @@ from planner.identification.intervals import at_edge
 from planner.identification.least_squares import Fit, sound_rms
 from planner.identification.log import GAP, Log
 from planner.identification.parameters import Parameters
-from planner.identification.result import Finding, HeldOut, Interval, Topic, angle_in
+from planner.identification.result import Finding, HeldOut, Interval, angle_in
 from planner.model.evidence import PROVEN, Verdict
 from planner.trajectory import Array, rms
 
@@ -33,44 +37,21 @@ SIGN_LIKENESS = 1.05
 """Both signs, or requests before and after, explain the angles if what they leave unexplained is
 within this factor."""
 
+REFUSED = 0.25
+"""A model that misses more is refused. Recordings of joints that the model is meant for leave 0.02
+to 0.23, those of an overloaded one 0.23 to 1. (One verdict; one.)"""
 
-@dataclass(frozen=True, kw_only=True)
-class VerdictOptions:
-    """From which errors on a model is refused or doubted.
+SUSPECT = 0.1
+"""From this error on a possible reason is reported (three warnings more; one less)."""
 
-    Errors are shares of the standard deviation of the motion. In brackets what half and twice the
-    value change in the verdicts on 29 reference logs (20 made, 9 recorded; ``scripts/reference``),
-    27 of which are accepted, with 21 warnings in all.
+POOR, NO_BETTER = 0.2, 0.9
+"""From the first error on a model has to come below the second share of the error of a mere delay
+(none and one verdict; one verdict)."""
 
-    Attributes:
-        refused: A model that misses more is refused. Recordings of joints that the model is
-            meant for leave 0.02 to 0.23, those of an overloaded one 0.23 to 1. (One verdict; one.)
-        suspect: From this error on a possible reason is reported (three warnings more; one less).
-        poor: Error from which a model has to prove its worth beside a mere delay (none; one
-            verdict).
-        no_better: It then has to come below this share of the error of the delay (one verdict;
-            one).
-        delay_wins: A model whose error on held-out rows exceeds that of the best pure delay by this
-            factor is worse than a delay.
-        simpler_wins: A simpler description that predicts held-out rows better by this factor is
-            pointed out (six warnings more; none).
-        scaled: Correlation from which on angles of another span are requests in another scale: what
-            holds a joint up bends its motion, too.
-        loose: A time whose interval is wider than this share of it, and than two ticks, is
-            pointed out (two warnings more; none).
-    """
-
-    refused: float = 0.25
-    suspect: float = 0.1
-    poor: float = 0.2
-    no_better: float = 0.9
-    delay_wins: float = 1.05
-    simpler_wins: float = 1.02
-    scaled: float = 0.9
-    loose: float = 0.5
-
-
-OPTIONS = VerdictOptions()
+DELAY_WINS, SIMPLER_WINS = 1.05, 1.02
+"""A model whose error on held-out rows exceeds that of the best pure delay by the first factor is
+worse than a delay; a simpler description that predicts them better by the second one is pointed out
+(six warnings more; none)."""
 
 
 def verdict_on(
@@ -112,7 +93,41 @@ def verdict_on(
         The verdict, its reason and what else to know; the topic of the reason is "fit", or what
         makes a fit to the log meaningless.
     """
-    notes, angle = list(shaken), partial(angle_in, unit)
+    angle, error, where = partial(angle_in, unit), sound_rms(fit.residuals), ""
+    if held is not None and held.sound_rms >= error:
+        error, where = held.sound_rms, " in the part that was held out"
+    missed, mere = error / signal, min(simple["raw"], simple["delay"])
+    suspect, hidden = missed > SUSPECT, friction > SUSPECT * signal
+    useless = missed > POOR and fit.rms > NO_BETTER * mere
+    fits = missed <= REFUSED and not useless
+    scale = _other_scale(fit.grid, unit)
+    words = "the model misses" if fits else "the model does not fit: it misses"
+    words += f" {100.0 * missed:.0f} % of the motion's standard deviation{where}"
+    words += f" (rms {angle(error)})"
+    if useless:
+        words += f", and a mere delay hardly more ({angle(mere)} in place of {angle(fit.rms)})"
+    elif not fits:
+        words += f"; more than {100.0 * REFUSED:.0f} % is not accepted"
+    words += f"; {scale} if not, {REASONS}" if scale else f"; {REASONS}"
+    misses = Finding("columns" if scale else "error" if fits else "fit", words)
+    resting = Finding(
+        "motion",
+        "this log holds no motion of the joint: its angles change from row to row at random, by "
+        f"{angle(signal)} (rms); is the torque on, and is this the right column?",
+    )
+    # What makes all other findings follow from it
+    for why, note, applies in (
+        ("the log holds no motion of the joint", resting, not fits and _at_random(fit, signal)),
+        ("the joint seems to move against its requests", against, True),
+        ("the joint seems to move before it is requested to", exchanged, not fits),
+        ("one column may be in another scale", misses, not fits and suspect and scale),
+    ):
+        if note is not None and applies:
+            return "refused", Finding(note.topic, why), [note]
+    ours, others = (fit.rms, simple) if held is None else (held.rms, held.alternatives)
+    name = min(others, key=lambda other: others[other])
+    beaten, span = ours > SIMPLER_WINS * others[name], float(np.ptp(fit.grid.angles))
+    notes = [*shaken]
     if held is not None and held.beyond:
         words = (
             "the part that was held out calls for faster motion than the part that was fitted, "
@@ -120,61 +135,25 @@ def verdict_on(
             "the fit to all rows"
         )
         notes.append(Finding("held out", words))
-    error, where = sound_rms(fit.residuals), ""
-    if held is not None and held.sound_rms >= error:
-        error, where = held.sound_rms, " in the part that was held out"
-    missed = error / signal
-    mere = min(simple["raw"], simple["delay"])
-    useless = missed > OPTIONS.poor and fit.rms > OPTIONS.no_better * mere
-    fits = missed <= OPTIONS.refused and not useless
-    if not fits and _at_random(fit.grid, signal):
-        words = (
-            "this log holds no motion of the joint: its angles change from row to row at random, "
-            f"by {angle(signal)} (rms); is the torque on, and is this the right column?"
-        )
-        none = Finding("motion", "the log holds no motion of the joint")
-        return "refused", none, [Finding("motion", words)]
-    if against is not None:  # the rest follows from a fit to the wrong sign
-        reason = Finding("sign", "the joint seems to move against its requests")
-        return "refused", reason, [against]
-    if exchanged is not None and not fits:  # likewise
-        reason = Finding("columns", "the joint seems to move before it is requested to")
-        return "refused", reason, [exchanged]
-    scale = _other_scale(fit.grid, unit)
-    if missed > OPTIONS.suspect:
-        words = "the model misses" if fits else "the model does not fit: it misses"
-        words += f" {100.0 * missed:.0f} % of the motion's standard deviation{where}"
-        words += f" (rms {angle(error)})"
-        if useless:
-            words += f", and a mere delay hardly more ({angle(mere)} in place of {angle(fit.rms)})"
-        elif not fits:
-            words += f"; more than {100.0 * OPTIONS.refused:.0f} % is not accepted"
-        topic: Topic = "columns" if scale else "error" if fits else "fit"
-        why = f"{scale} if not, {REASONS}" if scale else REASONS
-        notes.append(Finding(topic, f"{words}; {why}"))
-        if topic == "columns" and not fits:  # the rest follows from the scale
-            return "refused", Finding("columns", "one column may be in another scale"), notes[-1:]
-    elif scale and np.ptp(fit.grid.angles) > np.ptp(fit.grid.requests):  # taken for gravity
+    if suspect:
+        notes.append(misses)
+    elif scale and span > np.ptp(fit.grid.requests):  # taken for gravity
         notes.append(Finding("columns", f"{scale} if not, its load moves the joint so far"))
-    if not fits and (span := float(np.ptp(fit.grid.angles))) < 0.2:
+    if not fits and span < 0.2:
         words = (
             f"the joint hardly moves in this log, by {angle(span)} in all: record requests that "
             f"span {angle(30.0 * error, digits=1)} or more, of which friction, play and the "
             "sensor's steps are a smaller part"
         )
         notes.append(Finding("motion", words))
-    if exchanged is not None and missed > OPTIONS.suspect:
+    if exchanged is not None and suspect:
         notes.append(exchanged)
-    ours, others = (fit.rms, simple) if held is None else (held.rms, held.alternatives)
-    name = min(others, key=lambda other: others[other])
-    beaten = ours > OPTIONS.simpler_wins * others[name]
     if beaten:
         words = (
             f"{SIMPLER[name]} predicts better than the model (rms {angle(others[name])} against "
             f"{angle(ours)}): the log is too short or too gentle for more"
         )
         notes.append(Finding("simpler", words))
-    hidden = friction > OPTIONS.suspect * signal
     if fits and hidden:
         words = (
             "the log does not determine dry friction: the dead band may be larger by "
@@ -183,32 +162,27 @@ def verdict_on(
         )
         notes.append(Finding("friction", words))
     notes += _undetermined(fit, bounds, unit)
-    misses = (
-        f"it misses {100.0 * missed:{'.0f' if missed >= 0.01 else '.1f'}} % of the motion{where}"
-    )
+    share = f"{100.0 * missed:{'.0f' if missed >= 0.01 else '.1f'}}"
+    why, delay = f"it misses {share} % of the motion{where}", others["delay"]
     doubts = {
-        misses: missed > OPTIONS.suspect,
+        why: suspect,
         "one column may be in another scale": any(note.topic == "columns" for note in notes),
         f"{SIMPLER[name]} predicts better": beaten,
-        "a pure delay predicts nearly as well": (
-            PROVEN * others["delay"] < ours <= others["delay"]
-        ),
+        "a pure delay predicts nearly as well": PROVEN * delay < ours <= delay,
         "the log does not determine dry friction": hidden,
         "the joint is shaken": bool(shaken),
         "it was not tested on rows held out": not tested,
     }
     verdict: Verdict = "holds"
     if not fits:
-        verdict, why = "refused", f"{misses}, and a mere delay hardly more" if useless else misses
-    elif ours > OPTIONS.delay_wins * others["delay"]:
-        of_test = "" if held is None else " on rows held out"
-        verdict = "worse than a delay"
-        share = 100.0 * others["delay"] / ours
-        why = f"the error of a pure delay is {share:.0f} % of its own{of_test}"
+        verdict, why = "refused", f"{why}, and a mere delay hardly more" if useless else why
+    elif ours > DELAY_WINS * delay:
+        verdict, of_test = "worse than a delay", "" if held is None else " on rows held out"
+        why = f"the error of a pure delay is {100.0 * delay / ours:.0f} % of its own{of_test}"
     elif any(doubts.values()):
         verdict, why = "usable", "; ".join(words for words, doubted in doubts.items() if doubted)
     else:
-        why = misses + _not_found(fit)
+        why += _not_found(fit)
     return verdict, Finding("fit", why), notes
 
 
@@ -222,11 +196,11 @@ def _not_found(fit: Fit) -> str:
     return "; the log shows no gravity" if gravity else ""
 
 
-def _at_random(grid: Grid, signal: float) -> bool:
+def _at_random(fit: Fit, signal: float) -> bool:
     """Whether the angles change from row to row at random, as the noise at a resting joint does."""
-    steps = np.diff(grid.angles)[grid.run[1:] == grid.run[:-1]]
-    chance = 2.0 / math.sqrt(len(grid.angles))
-    return bool(rms(steps) ** 2 / 2.0 >= (1.0 - chance) * signal**2)
+    angles, run = fit.grid.angles, fit.grid.run
+    steps = np.diff(angles)[run[1:] == run[:-1]]
+    return bool(rms(steps) ** 2 / 2.0 >= (1.0 - 2.0 / math.sqrt(len(angles))) * signal**2)
 
 
 def _undetermined(fit: Fit, bounds: Mapping[str, Interval], unit: str) -> list[Finding]:
@@ -264,7 +238,7 @@ def _undetermined(fit: Fit, bounds: Mapping[str, Interval], unit: str) -> list[F
         for name in fit.free_names
         if at_edge(fit, Parameters._fields.index(name))
     ]
-    return found + undetermined_delays(fit, bounds)
+    return found + _undetermined_delays(fit, bounds)
 
 
 def _in_unit(name: str, value: float, unit: str) -> str:
@@ -278,59 +252,54 @@ def _in_unit(name: str, value: float, unit: str) -> str:
     return angle_in(unit, value, per.get(name, ""))
 
 
-REST, STEPS = 0.2, 6
-"""Rest before and after a sudden step [s], and number of such steps from which on more of them
-would show no more of the delays. The signal that `excite` proposes has 12."""
-
-
 def is_loose(tick: float, width: float, value: float) -> bool:
-    """Whether an interval of a delay is so wide that the log does not determine it [s]."""
-    return width > max(2.0 * tick, OPTIONS.loose * value)
+    """Whether an interval of a delay is so wide that the log does not determine it [s].
+
+    It is wider than two ticks and half of the delay (two warnings more; none).
+    """
+    return width > max(2.0 * tick, 0.5 * value)
 
 
-def undetermined_delays(fit: Fit, bounds: Mapping[str, Interval]) -> list[Finding]:
+def _undetermined_delays(fit: Fit, bounds: Mapping[str, Interval]) -> list[Finding]:
     """Findings on lag and acceleration time where the log does not determine them.
 
     Sudden steps tell them as well as any motion, and more rows a second than the joint needs to
     respond hardly more: three simulated servos have the same wide intervals at 50, 100 and 200 Hz.
     """
-    loose, at = partial(is_loose, fit.grid.tick), fit.parameters
-    ends = {name: bounds[name] for name in ("lag", "acceleration_time")}
-    wide = [name for name, of in ends.items() if loose(of.upper - of.lower, getattr(at, name))]
-    if wide and _sudden(fit.grid) and all(of.bounded for of in ends.values()):
+    at, ends, words = fit.parameters, {}, []
+    for name in ("lag", "acceleration_time"):
+        low, high = bounds[name]
+        ends[name] = f"{1e3 * low:.0f} and {1e3 * high:.0f} ms"
+        if is_loose(fit.grid.tick, high - low, getattr(at, name)):
+            words.append(
+                f"{name} is not known at all: record sudden steps"
+                if math.isinf(high)
+                else f"{name} lies anywhere between {ends[name]}: record sudden steps to tell it "
+                "from other delays"
+            )
+    if words and _sudden(fit.grid) and all(bounds[name].bounded for name in ends):
         late = at.lag + at.acceleration_time / 2.0 + at.time_constant
         if float(np.median(np.diff(fit.grid.times))) <= late:
             return []
-        words = (
-            f"lag, between {_ends(ends['lag'])} ms, and acceleration_time, between "
-            f"{_ends(ends['acceleration_time'])} ms, are not known: the joint responds between two "
-            "rows; record more rows a second"
+        both = (
+            f"lag, between {ends['lag']}, and acceleration_time, between "
+            f"{ends['acceleration_time']}, are not known: the joint responds between two rows; "
+            "record more rows a second"
         )
-        return [Finding("log", words)]  # another recording at this rate would show no more
-    return [
-        Finding(
-            "delays",
-            f"{name} is not known at all: record sudden steps"
-            if math.isinf(ends[name].upper)
-            else f"{name} lies anywhere between {_ends(ends[name])} ms: record sudden steps to "
-            "tell it from other delays",
-        )
-        for name in wide
-    ]
-
-
-def _ends(of: Interval) -> str:
-    return f"{1e3 * of.lower:.0f} and {1e3 * of.upper:.0f}"
+        return [Finding("log", both)]  # another recording at this rate would show no more
+    return [Finding("delays", each) for each in words]
 
 
 def _sudden(grid: Grid) -> bool:
-    """Whether most of the way that requests go is in sudden steps, or several lie between rests."""
+    """Whether most of the way that requests go is in sudden steps, or six lie between rests.
+
+    More of them would show no more of the delays. The signal that ``excite`` proposes has 12.
+    """
     steps = np.abs(np.diff(grid.requests))
     sudden = steps >= 0.1 * grid.span
-    rests = np.diff(grid.edges) >= REST
+    rests = np.diff(grid.edges) >= 0.2  # [s]
     alone = sudden[:-1] & rests[:-1] & rests[1:]
-    most = np.sum(steps[sudden]) > 0.5 * np.sum(steps)
-    return bool(most or np.sum(alone) >= STEPS)
+    return bool(np.sum(steps[sudden]) > 0.5 * np.sum(steps) or np.sum(alone) >= 6)
 
 
 def notes_on(logs: Sequence[Log], timing: Timing, jumps: Sequence[int]) -> list[Finding]:
@@ -385,7 +354,7 @@ def opposite_sign(grid: Grid) -> Finding | None:
     cycle of motion that repeats itself looks like the other sign, too. There the shorter delay is
     taken for the true one: what a joint is late by is less than half a cycle.
     """
-    delays = np.linspace(0.0, grid.reach, 200)
+    delays = _delays(grid)
     coarse = _likeness(grid, delays)
     best = []
     for sign in (1.0, -1.0):
@@ -412,14 +381,15 @@ def _other_scale(grid: Grid, unit: str) -> str:
     """The spans and factors of columns in two scales in words; "" where they are in one.
 
     The angles then are like the requests, but of another span. A slow or overloaded joint spans
-    less than its requests, and one that rings little more.
+    less than its requests, and one that rings little more; what holds a joint up bends its motion,
+    too, so that the correlation is smaller.
     """
     requested, actual = float(np.ptp(grid.requests)), float(np.ptp(grid.angles))
     if min(requested, actual) <= 0.0 or 0.5 <= actual / requested <= 1.4:
         return ""
-    delays = np.linspace(0.0, grid.reach, 200)
+    delays = _delays(grid)
     likeness = _likeness(grid, delays)
-    if np.max(likeness) < OPTIONS.scaled:
+    if np.max(likeness) < 0.9:
         return ""
     if actual > requested:  # unless it is for a moment only: the joint may overshoot
         requests = delayed_errors(grid, float(delays[np.argmax(likeness)])) + grid.angles
@@ -438,7 +408,7 @@ def exchanged_columns(grid: Grid) -> Finding | None:
 
     Motion that repeats itself is as like the requests before as those after.
     """
-    delays = np.linspace(0.0, grid.reach, 200)
+    delays = _delays(grid)
     before, after = _likeness(grid, delays), _likeness(grid, -delays)
     k = _first_best(after)
     past, future = float(np.max(before)), float(after[k])
@@ -451,6 +421,11 @@ def exchanged_columns(grid: Grid) -> Finding | None:
         "with earlier ones; are the columns of requested and actual angles exchanged, or the times "
         "of one of them late?",
     )
+
+
+def _delays(grid: Grid) -> Array:
+    """Delays at which angles and requests are compared [s]."""
+    return np.linspace(0.0, grid.reach, 200)
 
 
 def _first_best(likeness: Array) -> int:
