@@ -427,7 +427,7 @@ def _errors(model: JointModel, log: Log) -> tuple[float, float, float]:
     """
     import numpy as np
 
-    from planner.model.evidence import OPTIONS, TRACKING, Evidence
+    from planner.model.evidence import TRACKING, WINDOW, Evidence
     from planner.model.response import simulate
     from planner.trajectory import rms
 
@@ -435,7 +435,7 @@ def _errors(model: JointModel, log: Log) -> tuple[float, float, float]:
     due = np.rint((log.times - log.times[0]) / period).astype(int)
     requests = log.requests[np.searchsorted(due, np.arange(due[-1] + 1), side="right") - 1]
     predicted = simulate(model, requests, cyclic=False, start=float(log.angles[0]))
-    length = min(round(OPTIONS.window / period), len(predicted))
+    length = min(round(WINDOW / period), len(predicted))
     within = np.zeros(len(predicted), dtype=bool)
     expected: dict[bool, list[float]] = {False: [], True: []}
     for begin in {*range(0, len(predicted) - length, length // 2), len(predicted) - length}:

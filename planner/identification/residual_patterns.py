@@ -254,7 +254,7 @@ def with_weights(fits: Sequence[LogFit], noise: float) -> tuple[Log, ...] | None
     """
     from scipy.ndimage import uniform_filter1d
 
-    pairs = errors_of_motion(runs_of_fits(fits, held_out=False)).by_acceleration
+    pairs, _ = errors_of_motion(runs_of_fits(fits, held_out=False))
     if not pairs:
         return None
     most = pairs[-1][1]

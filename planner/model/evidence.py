@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -15,59 +14,19 @@ from planner.exceptions import InvalidInput
 from planner.trajectory import Array, rms
 from planner.validation import as_reals, shown
 
+WINDOW = 2.0
+"""Part of a log whose error and acceleration are one point of the fit [s]: several times the lag
+and the window of a joint. (Half and twice: as good.)"""
 
-@dataclass(frozen=True, kw_only=True)
-class EvidenceOptions:
-    """How errors to expect are computed, and which motion is outside the tested range.
+SPARE = 1.1
+"""A motion is outside the tested range where it exceeds it by this factor."""
 
-    Attributes:
-        window: Part of a log whose error and acceleration are one point of the fit [s]: several
-            times the lag and the window of a joint. (Half and twice: as good.)
-        fewest: Such parts that the shortest log is cut into; they are then shorter.
-        at_rest: Share of the largest travel of a part below which the joint rests in another. (Of
-            an arm a model that missed 4 to 18 mrad in motion missed 0.1 in some of those.)
-        groups: Number of groups of as many parts, sorted by acceleration. (69 % of 96 plans met 0.7
-            to 1.4 times what is told; with three groups 63 %, with twelve 67 %.)
-        least: Share of the largest error below which an error counts as this: of rounding.
-        spare: A motion is outside where it exceeds the tested range by this factor.
-        spare_angle: It is also where it leaves the tested angles by more than this share of them.
-        other: Factor by which the errors of other motions scatter beside those of the parts of one
-            log, in 90 % of cases. (Of 31 servos, 93 motions that were planned.)
-        slot: Requests that move change in most slots of this time [s]: a robot is sent ten requests
-            a second and more.
-        span: That long around a row [s]: longer than most joints take for a step.
-        slots: Share of these slots in which they change. Random steps of 0.12 to 0.9 s change in a
-            quarter of them, and a hold between two ramps leaves a few out.
-        least_change: A change counts above this share of the largest one of the span: requests may
-            have noise.
-        least_travel: Logs whose requests move during less than this share of the joint's travel
-            hold steps only. (Of recordings it is 0 with steps, 0.26 and more with other motion,
-            0.05 and more in sets of both.)
-    """
-
-    window: float = 2.0
-    fewest: int = 8
-    at_rest: float = 0.01
-    groups: int = 6
-    least: float = 1e-6
-    spare: float = 1.1
-    spare_angle: float = 0.1
-    other: float = 1.8
-    slot: float = 0.1
-    span: float = 1.0
-    slots: float = 0.75
-    least_change: float = 0.01
-    least_travel: float = 0.02
-
-
-OPTIONS = EvidenceOptions()
+OTHER = 1.8
+"""Factor by which the errors of other motions scatter beside those of the parts of one log, in 90 %
+of cases. (Of 31 servos, 93 motions that were planned.)"""
 
 GAIN = "gain"
 """v_max / theta_0 [1/s], which logs determine better than theta_0."""
-
-WITHOUT_ANGLES = ("lag", "acceleration_time", "time_constant", GAIN)
-"""Parameters that are the same in any unit of the angles."""
-
 
 OPEN_TOP_SPEED = "the logs do not determine the top speed; v_max is a lower bound"
 """Of a joint with :attr:`Evidence.leaves_top_speed_open`."""
@@ -91,9 +50,6 @@ ACCEPTED: tuple[Verdict, ...] = ("holds", "usable")
 ALIKE = 0.7
 """Correlation up to which a plan's own error and that of its model may add up or cancel: on eleven
 servos from their physics it was -0.70 to 0.64."""
-
-REASONS_SHOWN = 3
-"""Reasons in a warning about several models; the rest is in the file."""
 
 
 class Evidence(NamedTuple):
@@ -169,7 +125,7 @@ class Evidence(NamedTuple):
             >>> round(seen.error_of(0.2 * np.sin(phase), period=0.01, cyclic=True), 4)
             0.0038
         """
-        return math.hypot(*self._errors_of(_motion(angles, period, cyclic=cyclic)))
+        return math.hypot(*self._errors_of(*_motion(angles, period, cyclic=cyclic)))
 
     def range_of(self, angles: Array, *, period: float, cyclic: bool) -> tuple[float, float]:
         """Range of the model's error in 90 % of motions like this one [rad].
@@ -181,16 +137,16 @@ class Evidence(NamedTuple):
             period: Time between them [s].
             cyclic: Whether the motion repeats.
         """
-        tested, by_delay = self._errors_of(_motion(angles, period, cyclic=cyclic))
+        tested, by_delay = self._errors_of(*_motion(angles, period, cyclic=cyclic))
         least, most = self.spread
         return least * tested, math.hypot(most * tested, by_delay) if tested else by_delay
 
-    def _errors_of(self, motion: _Motion) -> tuple[float, float]:
+    def _errors_of(self, speeds: Array, accelerations: Array) -> tuple[float, float]:
         """Error by the test, and error by the interval of the delay [rad], rms."""
-        by_delay = self.delay_error * rms(motion.speeds)
+        by_delay = self.delay_error * rms(speeds)
         if not self.by_acceleration:
             return self.error, by_delay
-        size = rms(motion.accelerations)
+        size = rms(accelerations)
         sizes, errors = np.transpose(self.by_acceleration)
         beyond = max(size / sizes[-1], 1.0) if sizes[-1] > 0.0 else 1.0
         return float(np.interp(size, sizes, errors)) * beyond, by_delay
@@ -215,16 +171,21 @@ class Evidence(NamedTuple):
             >>> seen.exceeded(np.array([0.0, 0.7]), period=0.1, cyclic=False)
             ('speed', 'angle')
         """
-        motion = _motion(angles, period, cyclic=cyclic)
+        speeds, accelerations = _motion(angles, period, cyclic=cyclic)
+        tested, by_delay = self._errors_of(speeds, accelerations)
+        # The part, as long as those of the tests, that accelerates most
+        length = max(min(round(WINDOW / period), len(accelerations)), 1)
+        closed = np.append(accelerations, accelerations[: length - 1] if cyclic else [])
+        sums = np.cumsum(np.append(0.0, closed) ** 2)
+        hardest = math.sqrt(float(np.max(sums[length:] - sums[:-length], initial=0.0)) / length)
+        most = self.by_acceleration[-1][0] if self.by_acceleration else math.inf
         low, high = self.angles
-        spare = OPTIONS.spare_angle * (high - low) if math.isfinite(high - low) else 0.0
-        size = self.by_acceleration[-1][0] if self.by_acceleration else math.inf
-        tested, by_delay = self._errors_of(motion)
+        spare = 0.1 * (high - low) if math.isfinite(high - low) else 0.0
         checks = {
-            "speed": np.max(np.abs(motion.speeds), initial=0.0) > OPTIONS.spare * self.speed,
-            "acceleration": _hardest(motion, period, cyclic=cyclic) > OPTIONS.spare * size,
+            "speed": np.max(np.abs(speeds), initial=0.0) > SPARE * self.speed,
+            "acceleration": hardest > SPARE * most,
             "angle": bool(np.any((angles < low - spare) | (angles > high + spare))),
-            "load": np.max(np.abs(load), initial=0.0) > OPTIONS.spare * self.load,
+            "load": np.max(np.abs(load), initial=0.0) > SPARE * self.load,
             TRACKING: by_delay > max(tested, ENCODER_STEP),
         }
         return tuple(name for name, outside in checks.items() if outside)
@@ -233,8 +194,9 @@ class Evidence(NamedTuple):
         """The same evidence, for angles in a unit that is this many times as small."""
         low, high = self.angles
         pairs = tuple((factor * size, factor * error) for size, error in self.by_acceleration)
+        times = ("lag", "acceleration_time", "time_constant", GAIN)  # the same in any unit
         intervals = {
-            name: (least, most) if name in WITHOUT_ANGLES else (factor * least, factor * most)
+            name: (least, most) if name in times else (factor * least, factor * most)
             for name, (least, most) in self.intervals.items()
         }
         return self._replace(
@@ -319,7 +281,7 @@ def with_reasons(reasons: Mapping[str, str]) -> str:
     joints: dict[str, list[str]] = {}
     for joint, reason in reasons.items():
         joints.setdefault(" ".join(reason.split()), []).append(joint)
-    groups = list(joints.items())[:REASONS_SHOWN]
+    groups = list(joints.items())[:3]  # the rest is in the file
     listed = ", ".join(f"{', '.join(names)} ({reason})" for reason, names in groups)
     more = len(reasons) - sum(len(names) for _, names in groups)
     return f"{listed} and {more} more" if more else listed
@@ -432,44 +394,41 @@ class Run(NamedTuple):
     period: float  # [s]
 
 
-class ErrorsOfMotion(NamedTuple):
-    """How the error of a model depends on the motion: two fields of :class:`Evidence`."""
+def errors_of_motion(
+    runs: Sequence[Run], *, noise: float = 0.0
+) -> tuple[tuple[tuple[float, float], ...], tuple[float, float]]:
+    """How the error of a model depends on the motion: two fields of :class:`Evidence`.
 
-    by_acceleration: tuple[tuple[float, float], ...]
-    spread: tuple[float, float]
-
-
-def errors_of_motion(runs: Sequence[Run], *, noise: float = 0.0) -> ErrorsOfMotion:
-    """The pairs between which the error lies on straight lines, and the spread about them.
-
-    Each run is cut into parts; parts in which the joint moves count. Sorted by their accelerations
-    they make groups, whose errors are those that never fall and are nearest to the means of the
-    logarithms: isotonic regression, (19) of ``docs/math.md``. The error of a part is the geometric
-    mean over the models. The noise of the sensor is no error of the joint: its square is subtracted
-    from the squared error of each part, of which at least a tenth stays. Where only a tenth stays
-    the error may be 0.
+    Each run is cut into parts; parts in which the joint moves count. (Of an arm a model that missed
+    4 to 18 mrad in motion missed 0.1 in some of the others.) Sorted by their accelerations they
+    make six groups, whose errors are those that never fall and are nearest to the means of the
+    logarithms: isotonic regression, (19) of ``docs/math.md``. (69 % of 96 plans met 0.7 to 1.4
+    times what is told; with three groups 63 %, with twelve 67 %.) The error of a part is the
+    geometric mean over the models. The noise of the sensor is no error of the joint: its square is
+    subtracted from the squared error of each part, of which at least a tenth stays. Where only a
+    tenth stays the error may be 0.
 
     Args:
         runs: Consecutive rows, without gaps.
         noise: Standard deviation of the noise of the sensor [rad].
 
     Returns:
-        Pairs for the groups, the last for the largest acceleration, and the 5 % and 95 % quantiles
-        of the error of a part over that between the pairs, further apart by what other motions
-        scatter; nothing is known from less than two parts.
+        ``by_acceleration``, a pair for each group, the last for the largest acceleration; and
+        ``spread``, the 5 % and 95 % quantiles of the error of a part over that between the pairs,
+        further apart by what other motions scatter. Nothing is known from less than two parts.
     """
     every = np.reshape([part for run in runs for part in _parts(run)], (-1, 3))
-    moving = every[:, 0] >= OPTIONS.at_rest * np.max(every[:, 0], initial=0.0)
+    moving = every[:, 0] >= 0.01 * np.max(every[:, 0], initial=0.0)
     sizes, errors = every[moving, 1:].T
     if len(sizes) < 2 or not np.any(sizes) or not np.any(errors):
-        return ErrorsOfMotion((), (0.0, math.inf))
+        return (), (0.0, math.inf)
     from scipy.optimize import isotonic_regression
 
     hidden = noise**2 >= 0.9 * errors**2
     errors = np.sqrt(np.maximum(errors**2 - noise**2, 0.1 * errors**2))
-    logarithms = np.log(np.maximum(errors, OPTIONS.least * np.max(errors)))
+    logarithms = np.log(np.maximum(errors, 1e-6 * np.max(errors)))  # less is rounding
     order = np.lexsort((errors, [*map(_rounded, sizes)]))  # whatever order the parts are in
-    groups = np.array_split(order, min(OPTIONS.groups, len(order)))
+    groups = np.array_split(order, min(6, len(order)))
     knots, number = np.unique(
         [_rounded(np.mean(sizes[group])) for group in groups], return_inverse=True
     )
@@ -482,7 +441,7 @@ def errors_of_motion(runs: Sequence[Run], *, noise: float = 0.0) -> ErrorsOfMoti
     shares = errors / np.interp(sizes, knots, told)
     low = float(np.quantile(np.where(hidden, 0.0, shares), 0.05))
     high = float(np.quantile(shares, 0.95))
-    other = math.log(OPTIONS.other)
+    other = math.log(OTHER)
     if low > 0.0:
         low = math.exp(-math.hypot(min(math.log(low), 0.0), other))
     high = math.exp(math.hypot(max(math.log(high), 0.0), other))
@@ -490,11 +449,16 @@ def errors_of_motion(runs: Sequence[Run], *, noise: float = 0.0) -> ErrorsOfMoti
     bends = ~np.append(False, level) | ~np.append(level, False)  # inside a level nothing bends
     bends[[0, -1]] = True
     pairs = zip(knots[bends].tolist(), map(_rounded, told[bends]), strict=True)
-    return ErrorsOfMotion(tuple(pairs), (_rounded(low), _rounded(high)))
+    return tuple(pairs), (_rounded(low), _rounded(high))
 
 
 def under_moving_requests(requests: Array, period: float) -> npt.NDArray[np.bool_]:
     """Around which rows of a log the requests move, rather than jump and rest, (n,).
+
+    They change in three of four slots of 0.1 s of the second around a row, by more than a hundredth
+    of the largest change there, as requests may have noise: a robot is sent ten requests a second
+    and more, random steps of 0.12 to 0.9 s change in a quarter of the slots, and a hold between two
+    ramps leaves a few out.
 
     Args:
         requests: Requests of the rows [rad], (n,).
@@ -502,42 +466,32 @@ def under_moving_requests(requests: Array, period: float) -> npt.NDArray[np.bool
     """
     from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
-    rows = max(1, round(OPTIONS.slot / period))
-    around = max(1, round(OPTIONS.span / (rows * period)))
+    rows = max(1, round(0.1 / period))
+    around = max(1, round(1.0 / (rows * period)))
     steps = np.abs(np.diff(requests, prepend=requests[:1]))
     ways = np.add.reduceat(steps, np.arange(0, len(steps), rows))
-    changed = ways > OPTIONS.least_change * maximum_filter1d(ways, around, mode="nearest")
+    changed = ways > 0.01 * maximum_filter1d(ways, around, mode="nearest")
     shares = uniform_filter1d(changed.astype(np.float64), around, mode="nearest")
-    return np.repeat(shares >= OPTIONS.slots, rows)[: len(requests)]
+    return np.repeat(shares >= 0.75, rows)[: len(requests)]
 
 
-class _Motion(NamedTuple):
-    speeds: Array
-    accelerations: Array
-
-
-def _motion(angles: Array, period: float, *, cyclic: bool) -> _Motion:
+def _motion(angles: Array, period: float, *, cyclic: bool) -> tuple[Array, Array]:
     """Speeds and accelerations from one angle to the next [rad/s, rad/s^2]."""
     ends = [angles[-1:], angles, angles[:1]] if cyclic else [angles]
     speeds = np.diff(np.concatenate(ends)) / period
-    return _Motion(speeds, np.diff(speeds) / period)
-
-
-def _hardest(motion: _Motion, period: float, *, cyclic: bool) -> float:
-    """Acceleration of the part, as long as those of the tests, that accelerates most, rms."""
-    length = max(min(round(OPTIONS.window / period), len(motion.accelerations)), 1)
-    ends = motion.accelerations[: length - 1] if cyclic else motion.accelerations[:0]
-    sums = np.cumsum(np.concatenate([[0.0], motion.accelerations, ends]) ** 2)
-    return math.sqrt(float(np.max(sums[length:] - sums[:-length], initial=0.0)) / length)
+    return speeds, np.diff(speeds) / period
 
 
 def _parts(run: Run) -> list[tuple[float, float, float]]:
-    """Travel of each part of a run, acceleration and error, both rms; parts overlap by half."""
+    """Travel of each part of a run, acceleration and error, both rms; parts overlap by half.
+
+    Of a short run there are eight, shorter than :data:`WINDOW`.
+    """
     count = len(run.angles) - 2
-    length = min(round(OPTIONS.window / run.period), count // OPTIONS.fewest)
+    length = min(round(WINDOW / run.period), count // 8)
     if length < 2:
         return []
-    accelerations = _motion(run.angles, run.period, cyclic=False).accelerations
+    _, accelerations = _motion(run.angles, run.period, cyclic=False)
     parts = (slice(k, k + length) for k in range(0, count - length + 1, max(length // 2, 1)))
     inner = run.errors[:, 1:-1]
     return [

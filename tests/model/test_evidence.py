@@ -164,7 +164,7 @@ def test_the_noise_of_the_sensor_is_no_error_of_the_joint():
     joint = 0.001 * np.where(times % 1.0 < 0.5, 1.0, -1.0)
     run = Run(angles, (joint + rng.normal(scale=0.002, size=3000))[np.newaxis], 0.02)
     with_noise, without = (
-        Evidence(0.0, by_acceleration=errors_of_motion([run], noise=noise).by_acceleration)
+        Evidence(0.0, by_acceleration=errors_of_motion([run], noise=noise)[0])
         for noise in (0.0, 0.002)
     )
     told = {"period": 0.02, "cyclic": False}
@@ -203,7 +203,7 @@ def test_models_of_the_same_rows_count_by_the_geometric_mean_of_their_errors():
     angles = 0.3 * np.sin(np.pi * 0.02 * np.arange(400))
     each = np.array([0.002, 0.018])[:, np.newaxis] * np.ones(400)
     told = [
-        Evidence(0.0, by_acceleration=errors_of_motion([Run(angles, errors, 0.02)]).by_acceleration)
+        Evidence(0.0, by_acceleration=errors_of_motion([Run(angles, errors, 0.02)])[0])
         for errors in (each, each[:1])
     ]
     errors = [one.error_of(angles, period=0.02, cyclic=False) for one in told]
