@@ -39,7 +39,8 @@ class Spec(NamedTuple):
         cyclic: Whether the path repeats for ever.
         oldest: Age of the oldest request that acts before a sample.
         parts: States of a drive, s: 2 with inertia, 3 with an integral term.
-        together: Whether the cost is a power of the errors of all scenarios together.
+        largest: Whether the largest error counts, not the root mean square.
+        worst: Whether the worst of the scenarios counts, not their root mean square.
         bounded: Whether a request has a limit.
         limited: Whether a change of requests has a limit.
         changes: Whether second differences are those of the distances from ``resting``.
@@ -65,7 +66,8 @@ class Spec(NamedTuple):
     cyclic: bool
     oldest: int
     parts: int
-    together: bool
+    largest: bool
+    worst: bool
     bounded: bool
     limited: bool
     changes: bool
@@ -179,7 +181,8 @@ class Point(NamedTuple):
         quadratic: Curvature of the cost by the angles, in blocks of a scenario or of all, and in
             the last column half the gradient, (n, blocks, size, size + 1).
         away: S applied to the requests, less their centre [rad], (.., J).
-        costs: Cost of the errors, cost with the regularisation, and the unit of the errors, (3,).
+        costs: Cost of the errors, cost with the regularisation, the unit of the errors, and the
+            squares of the regularisation, (4,).
     """
 
     requests: Array
@@ -286,6 +289,42 @@ def simulate_all(spec: Spec, requests: Array, angles: Array) -> bool:
     return True
 
 
+@compiled
+def judge(spec: Spec, angles: Array, errors: Array) -> float:
+    """The error that counts; inf where angles are NaN.
+
+    Args:
+        spec: The problem.
+        angles: Angles [rad], (n, A).
+        errors: Filled with the error in each scenario in the norm that counts, then the root mean
+            square over samples and scenarios, by their weights, (scenarios + 1,).
+    """
+    samples, scenarios, joints = len(angles), len(spec.shares), spec.resting.shape[1]
+    axes = 1 if len(spec.leg) == 0 else 3
+    values, jacobians = (
+        np.empty((samples, scenarios, axes)),
+        np.empty((samples, scenarios, axes, joints)),
+    )
+    set_errors(spec, angles, values, jacobians)
+    mean, total, worst = 0.0, 0.0, 0.0
+    errors[:] = np.inf
+    for c in range(scenarios):
+        largest, squares = 0.0, 0.0
+        for k in range(samples):
+            squared = 0.0
+            for i in range(axes):
+                squared += values[k, c, i] ** 2
+            largest = max(largest, squared)
+            squares += squared
+        if not squares < np.inf:
+            return np.inf
+        errors[c] = np.sqrt(largest if spec.largest else squares / samples)
+        worst, total = max(worst, errors[c]), total + errors[c] ** 2
+        mean += spec.shares[c] * squares / samples
+    errors[scenarios] = np.sqrt(mean)
+    return float(worst if spec.worst else np.sqrt(total / scenarios))
+
+
 @inner
 def set_cost(
     spec: Spec, stage: Stage, unit: float, values: Array, jacobians: Array, point: Point
@@ -298,7 +337,8 @@ def set_cost(
     samples, scenarios, size = values.shape
     quadratic, costs, shares, ridge = point.quadratic, point.costs, spec.shares, spec.ridge
     blocks, count = quadratic.shape[1:3]
-    joints, cost, largest, together = jacobians.shape[3], 0.0, 1e-300, spec.together
+    joints, cost, largest = jacobians.shape[3], 0.0, 1e-300
+    together = blocks < scenarios
     power, least = stage.power, LEAST_WEIGHT
     for k in range(samples if unit == 0.0 else 0):
         squared = 0.0
@@ -452,8 +492,8 @@ def evaluate(spec: Spec, stage: Stage, unit: float, point: Point) -> None:
     jacobians = np.empty((samples, len(spec.shares), axes, joints))
     set_errors(spec, point.states, values, jacobians)
     set_cost(spec, stage, unit, values, jacobians, point)
-    squares = set_away(spec, point.requests, stage.smoothing, point.away)
-    point.costs[1] = point.costs[0] + stage.weight * squares
+    point.costs[3] = set_away(spec, point.requests, stage.smoothing, point.away)
+    point.costs[1] = point.costs[0] + stage.weight * point.costs[3]
 
 
 @inner
@@ -556,7 +596,7 @@ def allocated(spec: Spec, smoothing: bool) -> Point:
     samples, joints = spec.resting.shape
     drives, _, width = spec.weights.shape
     states, parts, scenarios = drives * spec.parts, spec.parts, len(spec.shares)
-    blocks, size = (1, drives) if spec.together else (scenarios, joints)
+    blocks, size = (1, drives) if spec.largest else (scenarios, joints)
     return Point(
         np.zeros((samples, joints)),
         np.zeros((samples, states)),
@@ -564,7 +604,7 @@ def allocated(spec: Spec, smoothing: bool) -> Point:
         np.zeros((drives, parts, parts + 2 * width, samples)),
         np.zeros((samples, blocks, size, size + 1)),
         np.zeros((rows_away(spec, smoothing)[1], joints)),
-        np.zeros(3),
+        np.zeros(4),
     )
 
 
@@ -585,7 +625,7 @@ def pattern_of(spec: Spec, *, smoothing: bool) -> Pattern:
     """
     samples, joints = spec.resting.shape
     drives, _, width = spec.weights.shape
-    options = spec.cyclic, spec.together, spec.limited, smoothing, spec.centring > 0.0
+    options = spec.cyclic, spec.largest, spec.limited, smoothing, spec.centring > 0.0
     key = *options, spec.oldest, spec.parts, len(spec.shares), samples, joints, drives, width
     if (kept := _KEPT.get(key)) is not None:
         return kept
@@ -904,7 +944,13 @@ def merit_of(point: Point, step: Array, penalty: float) -> float:
 
 @compiled
 def go_through(
-    spec: Spec, pattern: Pattern, search: Search, stages: Array, ends: Array, angles: Array
+    spec: Spec,
+    pattern: Pattern,
+    search: Search,
+    stages: Array,
+    ends: Array,
+    angles: Array,
+    figures: Array,
 ) -> None:
     """Lower the cost of each stage by damped Gauss-Newton steps, from the end of the last one.
 
@@ -916,8 +962,11 @@ def go_through(
         ends: Filled with the requests with which each stage ends [rad], (m, n, J).
         angles: Filled, where corners are sharp, with the angles of the exact models under them
             [rad], elsewhere and without a steady cycle with NaN, (m, n, A).
+        figures: Filled with the error of these angles, inf for NaN, their root mean square error
+            over all scenarios, and the squares of the regularisation, (m, 3).
     """
     samples, joints = spec.resting.shape
+    errors, figures[:] = np.empty(len(spec.shares) + 1), np.inf
     states, step = search.states.shape[1], np.zeros(len(pattern.factor.position))
     state, count = samples * joints, samples * (joints + states)
     smoothing, damping = stages[0, 4] != 0.0, search.damping
@@ -970,8 +1019,10 @@ def go_through(
             if merit - after < OPTIONS.least_decrease * after:
                 break
         copied(point.requests, ends[number])
-        if stage.radius < SIMULATED:
-            simulate_all(spec, ends[number], angles[number])
+        figures[number, 2] = point.costs[3]
+        if stage.radius < SIMULATED and simulate_all(spec, ends[number], angles[number]):
+            figures[number, 0] = judge(spec, angles[number], errors)
+            figures[number, 1] = errors[-1]
     copied(point.requests, search.requests)
     copied(point.states, search.states)
 

@@ -169,7 +169,8 @@ class Problem:
             self.cyclic,
             self.ages.oldest,
             parts,
-            self.norm == "max" and len(self.weights) > 1,
+            self.norm == "max",
+            self.robust == "worst",
             bool(np.isfinite(self.lower).any() or np.isfinite(self.upper).any()),
             bool(np.isfinite(self.max_step).any()),
             self.near is not None,
@@ -235,26 +236,21 @@ class Problem:
         set_errors(self.spec, np.ascontiguousarray(angles), values, jacobians)
         return values, jacobians
 
-    def squares(self, angles: Array) -> Array:
-        """Squared error of every sample in each scenario [rad^2], (n, scenarios)."""
-        if self.foot is None:
-            return np.asarray(np.square(angles - self.desired))
-        values = self.errors(angles)[0]
-        return np.asarray(np.einsum("kcm,kcm->kc", values, values))
+    def errors_of_models(self, angles: Array) -> tuple[float, Array]:
+        """The error that counts, and errors that it comes from; inf where angles are NaN.
 
-    def errors_of_models(self, angles: Array) -> Array:
-        """The error in each scenario, in the norm that counts [rad], (scenarios,)."""
-        squares = self.squares(angles)
-        largest = self.norm == "max"
-        means = squares.max(axis=0) if largest else squares.sum(axis=0) / len(squares)
-        return np.asarray(np.sqrt(means))
+        Over the scenarios the root mean square counts, or the worst. Second come the error in each
+        scenario, in the norm that counts, then the root mean square over samples and scenarios,
+        whichever norm counts [rad], (scenarios + 1,).
+        """
+        from planner.planning.gauss_newton import judge
+
+        errors = np.empty(len(self.weights) + 1)
+        return judge(self.spec, np.ascontiguousarray(angles), errors), errors
 
     def error(self, angles: Array) -> float:
-        """The error that counts: over the scenarios root mean square, or the worst; inf for NaN."""
-        errors = self.errors_of_models(angles)
-        worst = self.robust == "worst"
-        error = float(errors.max() if worst else math.sqrt(float(errors @ errors) / len(errors)))
-        return math.inf if math.isnan(error) else error
+        """The error that counts; inf where angles are NaN."""
+        return self.errors_of_models(angles)[0]
 
     def exact_error(self, requests: Array) -> float:
         """Error of the exact models; inf where a joint has no steady cycle."""
@@ -262,7 +258,8 @@ class Problem:
 
     def distances(self, angles: Array) -> Array:
         """Weighted root of the squared errors over the scenarios [rad], (n,)."""
-        return np.asarray(np.sqrt(self.squares(angles) @ np.asarray(self.weights)))
+        values = self.errors(angles)[0]
+        return np.asarray(np.sqrt(np.einsum("kcm,kcm,c->k", values, values, self.weights)))
 
     def states_of(self, angles: Array) -> Array:
         """States near angles (n, A): speeds are means over the period before, integrals 0."""

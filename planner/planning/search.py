@@ -267,14 +267,12 @@ def minimise(
             first, and the stages that turn to the largest error start from it.
     """
     first, then = (stages, ()) if through_rms else ((), stages)
-    ends, reached = descend(
-        problem, begun(problem, requests, angles), [*first, *stages_for(problem, then)]
-    )
-    best, least = requests, problem.exact_error(requests)
-    for end, exact in zip(ends, reached, strict=True):
-        if not math.isnan(exact[0, 0]) and (error := problem.error(exact)) < least:
-            best, least = end, error
-    return best, least
+    search, least = begun(problem, requests, angles), problem.exact_error(requests)
+    ends, _, figures = descend(problem, search, [*first, *stages_for(problem, then)])
+    best = int(np.argmin(figures[:, 0]))
+    if figures[best, 0] < least:
+        return ends[best], float(figures[best, 0])
+    return requests, least
 
 
 def stages_for(problem: Problem, stages: Sequence[Stage]) -> Sequence[Stage]:
@@ -291,16 +289,20 @@ def begun(problem: Problem, requests: Array, angles: Array) -> Search:
     return Search(np.array(requests, order="C"), states, np.zeros_like(states), active, np.zeros(1))
 
 
-def descend(problem: Problem, search: Search, stages: Sequence[Stage]) -> tuple[Array, Array]:
-    """The requests with which each stage ends [rad], (stages, n, J), and their angles.
+def descend(
+    problem: Problem, search: Search, stages: Sequence[Stage]
+) -> tuple[Array, Array, Array]:
+    """The requests with which each stage ends [rad], their angles and figures.
 
-    The angles are those of the exact models where corners are sharp, else NaN, (stages, n, A).
+    They are the last arguments of :func:`planner.planning.gauss_newton.go_through`, which judges
+    the stages of sharp corners by the exact models.
     """
     ends = np.empty((len(stages), *search.requests.shape))
     angles = np.empty((len(stages), len(search.requests), len(problem.models)))
+    figures, numbers = np.empty((len(stages), 3)), np.array(stages, dtype=np.float64)
     pattern = pattern_of(problem.spec, smoothing=stages[0].smoothing)
-    go_through(problem.spec, pattern, search, np.array(stages, dtype=np.float64), ends, angles)
-    return ends, angles
+    go_through(problem.spec, pattern, search, numbers, ends, angles, figures)
+    return ends, angles, figures
 
 
 BEGINNING = 20.0
@@ -501,7 +503,7 @@ def for_all_models(
     latest, answer = best, problem
     for _ in range(ROUNDS if problem.robust == "worst" else 0):
         angles = problem.exact_angles(latest)
-        weights = problem.weights * problem.errors_of_models(angles)
+        weights = problem.weights * problem.errors_of_models(angles)[1][:-1]
         if not 0.0 < np.sum(weights) < math.inf:
             break
         problem = replace(problem, weights=tuple((weights / np.sum(weights)).tolist()))
@@ -555,8 +557,8 @@ def judged(problem: Problem, requests: Array, angles: Array | None = None) -> Mo
     known = known_errors(models, angles, cyclic=problem.cyclic)
     model_error = math.sqrt(float(shares @ known**2))
     unseen = ENCODER_STEP * math.sqrt(float(np.sum(shares)))
-    mean = rms(problem.distances(angles))
-    return Motion(requests, angles, problem.error(angles), mean, model_error, unseen)
+    error, errors = problem.errors_of_models(angles)
+    return Motion(requests, angles, error, float(errors[-1]), model_error, unseen)
 
 
 def known_errors(models: Sequence[JointModel], angles: Array, *, cyclic: bool) -> Array:
@@ -746,13 +748,11 @@ def smoothest(problem: Problem, start: Motion, error: float, bound: Bound) -> Ar
             break
         weight = min(factor * rise / before, bound.heaviest * share ** (power - 2.0))
         stage = Stage(radius, weight, power, 1, smoothing=True)
-        (smoother,), (reached,) = descend(problem, search, [stage])
-        now = problem.roughness(smoother)
+        (smoother,), (reached,), figures = descend(problem, search, [stage])
+        ((reached_error, mean, now),) = figures.tolist()
+        motion = start._replace(error=reached_error, mean=mean)
         if varying:
             motion = judged(problem, smoother, reached)
-        else:
-            mean = rms(problem.distances(reached)) if problem.norm == "max" else start.mean
-            motion = start._replace(error=problem.error(reached), mean=mean)
         used = bound.used(motion, error)
         if used <= 1.0:
             if now < least:

@@ -142,12 +142,14 @@ def test_what_cycles_have_added_is_taken_off_the_desired_angles_within_the_limit
 def test_the_largest_error_over_several_models_is_that_of_all_of_them_together():
     """So that powers of it lower the distances of (10), not those of each model by itself."""
     problem = track(ERS210A, np.zeros(3), cyclic=True, norm="max")
-    assert not problem.spec.together
+    assert allocated(problem.spec, smoothing=False).quadratic.shape[1] == 1
     several = problem.in_scenarios([(ERS210A,)] * 2, [(None,)] * 2, "worst")
-    assert several.spec.together
-    assert not replace(several, norm="rms").spec.together
+    assert allocated(several.spec, smoothing=False).quadratic.shape[1:] == (1, 2, 3)
+    each = allocated(replace(several, norm="rms").spec, smoothing=False)
+    assert each.quadratic.shape[1:] == (2, 1, 2)
     angles = np.array([[0.1, 0.2], [-0.4, 0.1], [0.0, 0.3]])
-    np.testing.assert_allclose(several.errors_of_models(angles), [0.4, 0.3])
+    mean = math.sqrt((0.01 + 0.16 + 0.04 + 0.01 + 0.09) / 6.0)
+    np.testing.assert_allclose(several.errors_of_models(angles)[1], [0.4, 0.3, mean])
     assert several.error(angles) == pytest.approx(0.4)
     even = replace(several, robust="mean")
     assert even.error(angles) == pytest.approx(math.sqrt((0.16 + 0.09) / 2.0))
