@@ -5,10 +5,8 @@ All joints are sent to by one sync write and read by one sync read, each of one 
 
 from __future__ import annotations
 
-import errno
 import importlib
 import os
-import select
 import termios
 import time
 from collections.abc import Iterator, Mapping, Sequence
@@ -34,8 +32,8 @@ ATTEMPTS = 4
 fail, and one in 10,000 fails so often."""
 
 FULL = 1.0
-"""Time after which a port that takes no more bytes is given up [s]: all of an instruction at 9,600
-bits a second."""
+"""Time after which a port that does not take an instruction is given up [s]; at 9,600 bits a second
+the longest one takes 0.2."""
 
 PATIENCE = 0.05
 """Time for which an answer is awaited beside its own [s]: a USB adapter may keep it for 16 ms."""
@@ -68,76 +66,61 @@ class Port(Protocol):
 
 
 class SerialPort(Port):
-    """A serial port, or a pseudo-terminal, by the system's own calls."""
+    """A serial port, or a pseudo-terminal, by pyserial."""
 
-    def __init__(self, path: str, baud_rate: int = 1_000_000) -> None:
+    def __init__(self, path: str, baud_rate: int = 1_000_000, *, opened: Any = None) -> None:
         """Open a port.
 
         Args:
             path: Such as /dev/ttyACM0.
             baud_rate: Bits per second; one that the system has a name for.
+            opened: The port as pyserial has opened it already.
 
         Raises:
             InvalidInput: An unknown rate.
             BusError: The port cannot be opened.
         """
-        speed = getattr(termios, f"B{baud_rate}", None)
-        if speed is None:
-            speeds = sorted(int(name[1:]) for name in dir(termios) if name[1:].isdigit())
-            rates = ", ".join(str(rate) for rate in speeds if rate >= 9600)
+        import serial
+
+        self.path = path
+        if opened is None and baud_rate not in serial.Serial.BAUDRATES:
+            rates = ", ".join(str(rate) for rate in serial.Serial.BAUDRATES if rate >= 9600)
             raise InvalidInput(f"baud rate: got {baud_rate}, expected one of {rates}")
-        self.path, self.baud_rate = path, baud_rate
         try:
-            self._file = os.open(path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
-        except OSError as error:
-            raise BusError(
-                f"{path}: cannot be opened ({(error.strerror or str(error)).lower()}); check the "
-                "cable and the rights on the port"
-            ) from error
-        try:
-            raw = [0, 0, termios.CS8 | termios.CREAD | termios.CLOCAL, 0, speed, speed]
-            control = termios.tcgetattr(self._file)[6]
-            termios.tcsetattr(self._file, termios.TCSANOW, [*raw, control])
-        except termios.error as error:
-            os.close(self._file)
-            raise BusError(f"{path}: is no serial port; expected such as /dev/ttyACM0") from error
+            self._serial = opened or serial.Serial(path, baud_rate, write_timeout=FULL)
+        except serial.SerialException as error:
+            if error.errno is None:  # opened, and not configured
+                words = "is no serial port; expected such as /dev/ttyACM0"
+            else:
+                reason = os.strerror(error.errno).lower()
+                words = f"cannot be opened ({reason}); check the cable and the rights on the port"
+            raise BusError(f"{path}: {words}") from error
+        self.baud_rate = int(self._serial.baudrate)
 
     def write(self, content: bytes) -> None:
         """Send bytes, and discard the bytes received before."""
-        try:
-            termios.tcflush(self._file, termios.TCIFLUSH)
-            sent = 0
-            while sent < len(content):
-                if not select.select([], [self._file], [], FULL)[1]:
-                    raise BusError(f"{self.path}: takes no more bytes; check the cable")
-                sent += os.write(self._file, content[sent:])
-        except (OSError, termios.error) as error:
-            raise self._gone() from error
+        with self._gone():
+            self._serial.reset_input_buffer()
+            self._serial.write(content)
 
     def read(self, count: int, timeout: float) -> bytes:
         """So many bytes, or fewer if a time [s] is over before."""
-        received, end = b"", time.monotonic() + timeout
-        while len(received) < count:
-            remaining = end - time.monotonic()
-            if remaining <= 0.0 or not select.select([self._file], [], [], remaining)[0]:
-                break
-            try:
-                part = os.read(self._file, count - len(received))
-            except OSError as error:
-                if error.errno == errno.EAGAIN:
-                    continue
-                raise self._gone() from error
-            if not part:
-                raise self._gone()
-            received += part
-        return received
+        with self._gone():
+            self._serial.timeout = timeout
+            return bytes(self._serial.read(count))
 
     def close(self) -> None:
         """Give the port back."""
-        os.close(self._file)
+        self._serial.close()
 
-    def _gone(self) -> BusError:
-        return BusError(f"{self.path}: the bus is gone; check the cable and the supply")
+    @contextmanager
+    def _gone(self) -> Iterator[None]:
+        try:
+            yield
+        except (OSError, termios.error) as error:
+            raise BusError(
+                f"{self.path}: the bus is gone; check the cable and the supply"
+            ) from error
 
 
 class Reading(NamedTuple):
@@ -287,33 +270,6 @@ class Bus:
         return packets
 
 
-class LeRobotPort(Port):
-    """The serial port that LeRobot has opened."""
-
-    def __init__(self, serial: Any) -> None:
-        """Take the port, of pyserial."""
-        self._serial, self.baud_rate = serial, int(serial.baudrate)
-
-    def write(self, content: bytes) -> None:
-        """Send bytes, and discard the bytes received before."""
-        try:
-            self._serial.reset_input_buffer()
-            self._serial.write(content)
-        except OSError as error:
-            raise self._gone() from error
-
-    def read(self, count: int, timeout: float) -> bytes:
-        """So many bytes, or fewer if a time [s] is over before."""
-        try:
-            self._serial.timeout = timeout
-            return bytes(self._serial.read(count))
-        except OSError as error:
-            raise self._gone() from error
-
-    def _gone(self) -> BusError:
-        return BusError(f"{self._serial.port}: the bus is gone; check the cable and the supply")
-
-
 def robot_of(name: str, port: str) -> Any:
     """A LeRobot robot that is not connected yet.
 
@@ -372,7 +328,7 @@ def lerobot_bus(name: str, port: str) -> Iterator[Bus]:
         raise BusError(f"{port}: LeRobot cannot connect: {str(error).splitlines()[0]}") from error
     try:
         protocol = PROTOCOLS[type(robot.bus).__name__]
-        yield Bus(LeRobotPort(robot.bus.port_handler.ser), protocol)
+        yield Bus(SerialPort(port, opened=robot.bus.port_handler.ser), protocol)
     finally:
         with suppress(OSError, RuntimeError):
             robot.disconnect()
