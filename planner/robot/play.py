@@ -7,7 +7,7 @@ import time
 import warnings
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from itertools import chain, count, pairwise
+from itertools import count
 from statistics import median
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -130,15 +130,22 @@ def play(
     check_functions(send=send, now=now, sleep=sleep)
     check_functions(optional=True, on_stop=on_stop, report=report)
     rows = as_rows(requests, name="requests")
-    timed = timed_requests(rows, period=period, cycles=cycles)
+    check_period(period)
+    last = math.inf if cycles is None else check_cycles(cycles) * len(rows) - 1
     if (current is None) != (speed is None):
         raise InvalidInput("current and speed: got one of them, expected both or none")
     way: Iterable[Array] = ()
     if current is not None and speed is not None:
         way = ramp(current, rows[0], speed=speed, period=period)
+
+    def answer(tick: int, _: int) -> tuple[Array, bool] | None:
+        return (rows[tick % len(rows)], False) if tick <= last else None
+
     player = Player(send, now, sleep, period)
     return player.run(
-        lambda: player.keep_to_times(timed, start=player.lead(way)), on_stop=on_stop, report=report
+        lambda: player.keep_in_step(answer, start=player.lead(way), last=last),
+        on_stop=on_stop,
+        report=report,
     )
 
 
@@ -204,29 +211,25 @@ class Player:
             self._overruns += self._now() >= due
         return max(due, self._now())
 
-    def keep_to_times(self, timed: Iterable[TimedRequest], *, start: float) -> None:
-        """Send each request at its time from ``start`` on, and hold the last for its period."""
-        for request, following in pairwise(chain(timed, [None])):
-            assert request is not None, "only the end has nothing to send"
-            if following is not None and self._now() >= start + following.time:
-                self._skipped += 1
-                continue
-            self._send_at(start + request.time, request.requests)
-            self._overruns += self._now() >= start + request.time + self._period
-            if following is None:
-                self._wait_until(start + request.time + self._period)
-
-    def keep_in_step(self, answer: Callable[[int, int], tuple[Array, bool] | None]) -> None:
-        """At each tick ask for requests and send them, until there is no answer.
+    def keep_in_step(
+        self,
+        answer: Callable[[int, int], tuple[Array, bool] | None],
+        *,
+        start: float,
+        last: float = math.inf,
+    ) -> None:
+        """At each tick ask for requests and send them, until there is no answer when it is due.
 
         Args:
             answer: Given the number of the tick, and how many were missed since the last one;
                 called when the tick is due. Returns the requests [rad], shape (k,), not sent where
                 one is not finite, and whether the last request of a joint is repeated.
+            start: When the first tick is due [s].
+            last: The number of a tick that is not missed, however late.
         """
-        start, tick = self._now(), 0
+        tick = 0
         while True:
-            missed = max(int((self._now() - start) / self._period) - tick, 0)
+            missed = max(int(min((self._now() - start) / self._period, last)) - tick, 0)
             tick += missed
             self._skipped += missed
             due = start + tick * self._period
@@ -409,7 +412,9 @@ def follow(
         return requests, "held" in stream.status
 
     player = Player(send, now, sleep, stream.period)
-    return player.run(lambda: player.keep_in_step(answer), on_stop=on_stop, report=report)
+    return player.run(
+        lambda: player.keep_in_step(answer, start=now()), on_stop=on_stop, report=report
+    )
 
 
 def _stretches(rows: Array) -> Desired:

@@ -81,14 +81,16 @@ def check_period(period: float) -> None:
     as_positive("period", period, "a positive number of seconds")
 
 
-def check_cycles(cycles: int) -> None:
-    """Make sure that a number of repetitions is one.
+def check_cycles(cycles: int) -> int:
+    """A number of repetitions.
 
     Raises:
         InvalidInput: It is not a positive whole number.
     """
-    if (as_whole(cycles) or 0) < 1:
+    number = as_whole(cycles) or 0
+    if number < 1:
         raise InvalidInput(f"cycles: got {shown(cycles)}, expected a whole number from 1 up")
+    return number
 
 
 Between = Literal["hold", "linear"]
