@@ -16,11 +16,12 @@ import numpy.typing as npt
 import planner
 from benchmark.parts import Options
 from benchmark.parts.pairs import errors_of
+from benchmark.pendulum import Pendulum, Sts3215
 from benchmark.table import Table
 from kinematics import Leg
 from planner.identification.fit import fit_joint
 from planner.identification.grid import timing_of
-from planner.virtual.robot import Pendulum, Sts3215, VirtualRobot
+from planner.virtual.robot import VirtualRobot
 
 Array = npt.NDArray[np.float64]
 
@@ -71,7 +72,8 @@ class Rig(NamedTuple):
 
     def execute(self, requests: Array, cycles: int = 1) -> tuple[Array, Array]:
         """Sensed and true angles in the last of some cycles [rad], shape (n,), from rest."""
-        robot = VirtualRobot(requests[:1], constants=self.constants, pendulum=self.pendulum)
+        model = self.pendulum.model(self.constants)
+        robot = VirtualRobot(requests[:1], constants=self.constants, model=model)
         robot.rest(1.0, requests[:1])
         recording = robot.play(np.tile(requests, cycles)[:, np.newaxis])
         last = len(requests)

@@ -225,7 +225,8 @@ def on_servo() -> Table:
             count = round(length / friction.PERIOD)
             path = np.tile(motion(friction.TURNS * np.arange(count) / count), 2)
             errors, whole = row(model, path, lambda each: rig.execute(each)[1])
-            robot = VirtualRobot(path[:1], constants=rig.constants, pendulum=rig.pendulum)
+            model = rig.pendulum.model(rig.constants)
+            robot = VirtualRobot(path[:1], constants=rig.constants, model=model)
             robot.rest(1.0, path[:1])
             angles: list[float] = []
 
