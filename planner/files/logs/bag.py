@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from array import array
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -30,11 +30,11 @@ Stamps = npt.NDArray[np.int64]
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 TRAJECTORY = "trajectory_msgs/msg/JointTrajectory"
-NUMBERS = "std_msgs/msg/Float64MultiArray"
+NUMBER, NUMBERS = "std_msgs/msg/Float64", "std_msgs/msg/Float64MultiArray"
 ACTUAL_TYPES = (CONTROLLER_STATE, JOINT_STATE)
 """Types with actual angles."""
 
-REQUEST_TYPES = (CONTROLLER_STATE, TRAJECTORY, NUMBERS, "std_msgs/msg/Float64", JOINT_STATE)
+REQUEST_TYPES = (CONTROLLER_STATE, TRAJECTORY, NUMBERS, NUMBER, JOINT_STATE)
 """Types with requested angles."""
 
 APART = 1_000_000_000
@@ -170,10 +170,10 @@ def _tracks(path: Path | str, options: LogOptions) -> tuple[Track, Track, list[s
         actual, requested = map(Track, choose_topics(bag.path, bag.topics, options))
         notes = [f"actual from {actual.topic}, requested from {requested.topic}"]
         if actual.topic == requested.topic:
-            _gather(bag, {requested_angles: requested, actual_angles: actual})
+            _gather(bag, {"requested": requested, "actual": actual})
         else:
-            _gather(bag, {actual_angles: actual})
-            notes += _gather(bag, {requested_angles: requested}, actual.joints, options.joint)
+            _gather(bag, {"actual": actual})
+            notes += _gather(bag, {"requested": requested}, actual.joints, options.joint)
     if not _on_both(actual, requested):
         raise InvalidFile(
             bag.path,
@@ -207,12 +207,9 @@ def _clocks(actual: Track, requested: Track) -> tuple[bool, bool]:
 
 
 def _gather(
-    bag: Bag,
-    tracks: Mapping[Callable[[str, Any], MessageAngles], Track],
-    names: tuple[str, ...] = (),
-    joint: str | None = None,
+    bag: Bag, tracks: Mapping[str, Track], names: tuple[str, ...] = (), joint: str | None = None
 ) -> tuple[str, ...]:
-    """Gather the angles in the messages of one topic, and return guesses, in words.
+    """Gather the angles of tracks of one topic, by role, and return guesses, in words.
 
     Angles without names are of ``names``, in order, or a single one of the ``joint`` chosen.
     """
@@ -221,27 +218,62 @@ def _gather(
     notes: tuple[str, ...] = ()
     for k, (received, content) in enumerate(bag.messages(topic)):
         place = f"topic {topic}, message {k + 1}"
-        for extract, track in tracks.items():
+        for role, track in tracks.items():
             try:
-                message = extract(kind, content)
+                joints, angles, field = _angles_in(content, kind, role)
+                values, stamp = tuple(map(float, angles)), _stamp(content)
             except (AttributeError, LookupError, TypeError, ValueError, ArithmeticError) as error:
                 raise InvalidFile(  # the bag's definition of the type may be anything
                     bag.path,
                     f"{place}: fields are not those of {kind} ({error}); is the bag damaged?",
                 ) from error
-            joints = message.joints
             if joints is None:
-                joints = _order(bag, topic, names, joint, len(message.angles))
+                joints = _order(bag, topic, names, joint, len(values))
                 notes = (f"numbers of {topic} taken for {', '.join(joints)}",)
-            if len(joints) != len(message.angles) or len(set(joints)) != len(joints):
+            if len(joints) != len(values) or len(set(joints)) != len(joints):
                 raise InvalidFile(
                     bag.path,
-                    f"{place}: got {len(message.angles)} in '{message.field}', expected an angle "
-                    f"for each of {len(joints)} joints ({', '.join(joints[:20])})",
+                    f"{place}: got {len(values)} in '{field}', expected an angle for each of "
+                    f"{len(joints)} joints ({', '.join(joints[:20])})",
                 )
             if joints:
-                track.add(received, message.stamp, joints, message.angles)
+                track.add(received, stamp, joints, values)
     return notes
+
+
+def _angles_in(content: Any, kind: str, role: str) -> tuple[tuple[str, ...] | None, Any, str]:
+    """Joints, None where they have no names, their angles in a message, and the field of these.
+
+    There are none in an empty trajectory, nor actual ones in a state that has speeds only.
+    """
+    if kind in (NUMBERS, NUMBER):
+        return None, content.data if kind == NUMBERS else (content.data,), "data"
+    if kind == JOINT_STATE:
+        joints, angles, field = content.name, content.position, "position"
+        if role == "actual" and not len(angles):
+            joints = ()
+    elif kind == TRAJECTORY:
+        points, field = content.points[:1], "points"
+        joints, angles = (content.joint_names, points[0].positions) if points else ((), ())
+    else:  # a controller's state, by the names that its layout has
+        layouts = [
+            pair
+            for pair in (("reference", "feedback"), ("desired", "actual"))
+            if all(hasattr(content, name) for name in pair)
+        ]
+        filled = [pair for pair in layouts if len(getattr(content, pair[1]).positions)]
+        field = (filled or layouts)[0][role == "actual"]
+        joints, angles = content.joint_names, getattr(content, field).positions
+    return tuple(map(str, joints)), angles, field
+
+
+def _stamp(content: Any) -> int:
+    """The stamp in the header of a message [ns], 0 where it has none."""
+    if not hasattr(content, "header"):
+        return 0
+    stamp = content.header.stamp
+    nanoseconds = int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
+    return nanoseconds if 0 < nanoseconds < LATEST else 0
 
 
 def _order(
@@ -264,34 +296,52 @@ def _order(
     )
 
 
-class MessageAngles(NamedTuple):
-    """The angles of joints in one field of a message; joints without names are None.
-
-    The stamp of its header [ns] is 0 where it has none.
-    """
-
-    stamp: int
-    joints: tuple[str, ...] | None
-    angles: tuple[float, ...]
-    field: str
-
-
 def choose_topics(path: Path, kinds: Mapping[str, str], options: LogOptions) -> tuple[str, str]:
     """The topics of actual and of requested angles, which may be the same one.
 
     They are those that the options name, or the only ones that their types allow.
     """
-    requested = options.command_topic
-    if requested is not None:
-        _check(path, kinds, requested, REQUEST_TYPES, "--command-topic")
-    actual = options.topic
-    if actual is not None:
-        _check(path, kinds, actual, ACTUAL_TYPES, "--topic")
-    else:
-        actual = _actual(path, kinds, requested)
+
+    def listed(topics: Sequence[str]) -> str:
+        return ", ".join(f"{name} ({kinds[name]})" for name in sorted(topics)[:20]) or "none"
+
+    def only(topics: list[str], what: str, option: str, advice: str) -> str:
+        if len(topics) == 1:
+            return topics[0]
+        several = f"several topics {what}; topics: {listed(topics)}; choose one with {option}"
+        none = f"no topic {what}; topics: {listed([*kinds])}; {advice}"
+        raise InvalidFile(path, several if topics else none)
+
+    actual, requested = options.topic, options.command_topic
+    for topic, option, types in (
+        (requested, "--command-topic", REQUEST_TYPES),
+        (actual, "--topic", ACTUAL_TYPES),
+    ):
+        if topic is not None and topic not in kinds:
+            hint = nearest(topic, list(kinds))
+            problem = f"no topic '{topic}'{hint}; topics: {listed([*kinds])}"
+            raise InvalidFile(path, f"{option}: {problem}")
+        if topic is not None and kinds[topic] not in types:
+            problem = f"topic {topic} holds {kinds[topic]}, expected one of {', '.join(types)}"
+            raise InvalidFile(path, f"{option}: {problem}")
+    if actual is None:
+        states = [topic for topic, kind in kinds.items() if kind == JOINT_STATE]
+        controllers = [topic for topic, kind in kinds.items() if kind == CONTROLLER_STATE]
+        if requested is not None and kinds[requested] != CONTROLLER_STATE:
+            controllers = [] if set(states) - {requested} else controllers
+        topics = controllers or [topic for topic in states if topic != requested]
+        advice = f"expected {' or '.join(ACTUAL_TYPES)}"
+        actual = only(topics, "with actual angles", "--topic", advice)
+    if requested is None and kinds[actual] == CONTROLLER_STATE:
+        requested = actual
     if requested is None:
-        own = kinds[actual] == CONTROLLER_STATE
-        requested = actual if own else _requested(path, kinds, actual, options.joint)
+        topics = [
+            topic for topic, kind in kinds.items() if kind in REQUEST_TYPES and topic != actual
+        ]
+        if len(topics) > 1 and options.joint not in (None, ALL_JOINTS):
+            topics = [topic for topic in topics if options.joint in topic] or topics
+        advice = "record the topic of the commands too, or a controller's state"
+        requested = only(topics, "with requested angles", "--command-topic", advice)
     if requested == actual and kinds[actual] != CONTROLLER_STATE:
         raise InvalidFile(
             path,
@@ -299,102 +349,3 @@ def choose_topics(path: Path, kinds: Mapping[str, str], options: LogOptions) -> 
             "requested angles; name it with --command-topic",
         )
     return actual, requested
-
-
-def _actual(path: Path, kinds: Mapping[str, str], command_topic: str | None) -> str:
-    states = [topic for topic, kind in kinds.items() if kind == JOINT_STATE]
-    controllers = [topic for topic, kind in kinds.items() if kind == CONTROLLER_STATE]
-    if command_topic is not None and kinds[command_topic] != CONTROLLER_STATE:
-        controllers = [] if set(states) - {command_topic} else controllers
-    topics = controllers or [topic for topic in states if topic != command_topic]
-    expected = f"expected {' or '.join(ACTUAL_TYPES)}"
-    return _only(path, kinds, topics, ("hold", "actual angles", "--topic"), expected)
-
-
-def _only(
-    path: Path, kinds: Mapping[str, str], topics: list[str], words: tuple[str, ...], advice: str
-) -> str:
-    """The only one of these topics."""
-    if len(topics) == 1:
-        return topics[0]
-    verb, what, option = words
-    many = f"several topics {verb}" if topics else "no topic holds"
-    raise InvalidFile(
-        path,
-        f"{many} {what}; topics: {_listed(kinds, topics)}; "
-        + (f"choose one with {option}" if topics else advice),
-    )
-
-
-def _requested(path: Path, kinds: Mapping[str, str], actual: str, joint: str | None) -> str:
-    topics = [topic for topic, kind in kinds.items() if kind in REQUEST_TYPES and topic != actual]
-    if len(topics) > 1 and joint not in (None, ALL_JOINTS):
-        topics = [topic for topic in topics if joint in topic] or topics
-    words = ("may hold", "the requested angles", "--command-topic")
-    advice = "record the topic of the commands too, or a controller's state"
-    return _only(path, kinds, topics, words, advice)
-
-
-def _check(
-    path: Path, kinds: Mapping[str, str], topic: str, expected: tuple[str, ...], option: str
-) -> None:
-    if topic not in kinds:
-        raise InvalidFile(
-            path,
-            f"{option}: no topic '{topic}'{nearest(topic, list(kinds))}; topics: {_listed(kinds)}",
-        )
-    if kinds[topic] not in expected:
-        raise InvalidFile(
-            path,
-            f"{option}: topic {topic} holds {kinds[topic]}, expected one of {', '.join(expected)}",
-        )
-
-
-def _listed(kinds: Mapping[str, str], topics: list[str] | None = None) -> str:
-    names = sorted(topics or kinds)
-    return ", ".join(f"{name} ({kinds[name]})" for name in names[:20]) or "none"
-
-
-def requested_angles(kind: str, content: Any) -> MessageAngles:
-    """The requested angles of a message; none where it holds none, such as an empty trajectory."""
-    if kind == CONTROLLER_STATE:
-        return _controller(content)[0]
-    if kind == JOINT_STATE:
-        return _angles_of(content, content.name, content.position, "position")
-    if kind == TRAJECTORY:
-        if not content.points:
-            return _angles_of(content, (), (), "points")
-        return _angles_of(content, content.joint_names, content.points[0].positions, "points")
-    angles = content.data if kind == NUMBERS else (content.data,)
-    return MessageAngles(0, None, tuple(map(float, angles)), "data")
-
-
-def actual_angles(kind: str, content: Any) -> MessageAngles:
-    """The actual angles of a message; none where a state has speeds only."""
-    if kind == CONTROLLER_STATE:
-        return _controller(content)[1]
-    names = content.name if len(content.position) else ()
-    return _angles_of(content, names, content.position, "position")
-
-
-def _controller(content: Any) -> tuple[MessageAngles, MessageAngles]:
-    """Requested and actual angles of a controller's state, by the names that its layout has."""
-    pairs = (("reference", "feedback"), ("desired", "actual"))
-    layouts = [pair for pair in pairs if all(hasattr(content, name) for name in pair)]
-    filled = [pair for pair in layouts if len(getattr(content, pair[1]).positions)]
-    requested, actual = (
-        _angles_of(content, content.joint_names, getattr(content, name).positions, name)
-        for name in (filled or layouts)[0]
-    )
-    return requested, actual
-
-
-def _angles_of(content: Any, joints: Any, angles: Any, field: str) -> MessageAngles:
-    stamp = content.header.stamp
-    nanoseconds = int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
-    return MessageAngles(
-        nanoseconds if 0 < nanoseconds < LATEST else 0,
-        tuple(map(str, joints)),
-        tuple(map(float, angles)),
-        field,
-    )

@@ -228,8 +228,7 @@ def make_log(source: Source, columns: Columns, *, joint: str, notes: tuple[str, 
     time and all. Where only the angle or the load is missing,
     as after a failed read, the request was sent: the row stays, as not measured.
     """
-    columns, source, gap_notes = _with_requests(source, columns)
-    columns, source, double_notes = _without_doubles(source, columns)
+    columns, source, clean_notes = _cleaned(source, columns)
     columns, measured, fill_notes = _filled(source, columns)
     columns, fit_notes = _with_fitted_scale(source, columns, measured)
     if columns.request_scale.unit != columns.angle_scale.unit:
@@ -265,7 +264,7 @@ def make_log(source: Source, columns: Columns, *, joint: str, notes: tuple[str, 
             unit=columns.angle_scale.unit,
             load=columns.load,
             measured=measured,
-            notes=(*notes, *gap_notes, *double_notes, *fill_notes, *fit_notes, *_doubts(columns)),
+            notes=(*notes, *clean_notes, *fill_notes, *fit_notes, *_doubts(columns)),
             written=Written(
                 str(source.path), source.episode, columns.requested, *columns.request_scale[:3]
             ),
@@ -274,44 +273,35 @@ def make_log(source: Source, columns: Columns, *, joint: str, notes: tuple[str, 
         raise InvalidFile(source.path, str(error)) from error
 
 
-def _with_requests(source: Source, columns: Columns) -> tuple[Columns, Source, tuple[str, ...]]:
-    """The rows in which neither time nor request is missing (NaN), and a note on the rest."""
+def _cleaned(source: Source, columns: Columns) -> tuple[Columns, Source, list[str]]:
+    """The rows with a time and a request that do not repeat the row before, and notes."""
     lost = np.isnan(columns.times) | np.isnan(columns.requests)
-    count, whole = len(lost), int(np.sum(~(lost | _unread(columns))))
+    partial = lost | _unread(columns)
+    count, whole = len(lost), int(np.sum(~partial))
     if whole < count and whole < FEWEST_ROWS:
         raise source.fault(
             f"a value is missing in {count - whole} of {count} rows, expected both angles in "
             f"at least {FEWEST_ROWS}; are requested and actual angles in rows of their own?",
-            int(np.argmax(lost | _unread(columns))),
+            int(np.argmax(partial)),
         )
-    if not lost.any():
-        return columns, source, ()
-    note = f"{_rows(source, lost)}: left out, as the time or the request is missing"
-    return *_select(source, columns, ~lost), (note,)
-
-
-def _without_doubles(source: Source, columns: Columns) -> tuple[Columns, Source, tuple[str, ...]]:
-    """The rows that do not repeat the row before, and a note on the rest."""
-    double = np.ones(len(columns.times), dtype=bool)
-    for array in _arrays(columns).values():
-        double[1:] &= (array[1:] == array[:-1]) | (np.isnan(array[1:]) & np.isnan(array[:-1]))
-    double[:1] = False
-    if not double.any():
-        return columns, source, ()
-    note = f"{_rows(source, double)}: left out, the same as the row before"
-    return *_select(source, columns, ~double), (note,)
-
-
-def _arrays(columns: Columns) -> dict[str, Any]:
-    """Arrays with a value per row, by name."""
+    rows = np.flatnonzero(~lost)
     names = ("times", "requests", "angles", "load", "torque_on")
-    return {name: array for name in names if (array := getattr(columns, name)) is not None}
-
-
-def _select(source: Source, columns: Columns, rows: Switch) -> tuple[Columns, Source]:
-    before = np.arange(len(rows)) if source.source_rows is None else source.source_rows
-    arrays = {name: array[rows] for name, array in _arrays(columns).items()}
-    return replace(columns, **arrays), replace(source, source_rows=before[rows])
+    arrays: dict[str, Any] = {
+        name: array[rows] for name in names if (array := getattr(columns, name)) is not None
+    }
+    double = np.arange(len(rows)) > 0
+    for array in arrays.values():
+        double[1:] &= (array[1:] == array[:-1]) | (np.isnan(array[1:]) & np.isnan(array[:-1]))
+    notes = [
+        f"{_rows(source, left)}: left out, {reason}"
+        for left, reason in (
+            (np.flatnonzero(lost), "as the time or the request is missing"),
+            (rows[double], "the same as the row before"),
+        )
+        if len(left)
+    ]
+    arrays = {name: array[~double] for name, array in arrays.items()}
+    return replace(columns, **arrays), replace(source, source_rows=rows[~double]), notes
 
 
 def _with_fitted_scale(
@@ -403,7 +393,9 @@ def _filled(source: Source, columns: Columns) -> tuple[Columns, Switch, tuple[st
     places = np.flatnonzero(~missing)
     last = places[np.maximum(np.searchsorted(places, np.arange(len(missing))) - 1, 0)]
     what = "angle" if np.isnan(columns.angles).any() else "load"
-    note = f"{_rows(source, missing)}: the {what} is missing, only the request counts"
+    rows = np.flatnonzero(missing)
+    rows = rows if source.source_rows is None else source.source_rows[rows]
+    note = f"{_rows(source, rows)}: the {what} is missing, only the request counts"
     angles = np.where(np.isnan(columns.angles), columns.angles[last], columns.angles)
     load = columns.load
     if load is not None:
@@ -411,13 +403,11 @@ def _filled(source: Source, columns: Columns) -> tuple[Columns, Switch, tuple[st
     return replace(columns, angles=angles, load=load), ~missing, (note,)
 
 
-def _rows(source: Source, rows: Switch) -> str:
-    """Number of these rows, and the first one, in words."""
-    first, count = int(np.argmax(rows)), int(np.sum(rows))
-    if source.source_rows is not None:
-        first = int(source.source_rows[first])
+def _rows(source: Source, rows: npt.NDArray[np.int_]) -> str:
+    """Number of these rows of the source, and the first one, in words."""
+    first = int(rows[0])
     place = f"line {source.line(first)}" if source.line else f"{source.row} {first + 1}"
-    return place if count == 1 else f"{count} rows, first {place}"
+    return place if len(rows) == 1 else f"{len(rows)} rows, first {place}"
 
 
 def _check_times(source: Source, times: Array) -> None:
