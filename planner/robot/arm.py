@@ -19,26 +19,11 @@ from planner.robot.bus import Bus, Reading
 from planner.robot.play import Playback, play, ramp
 from planner.trajectory import Array
 
-SILENT = 0.5
-"""Time without an answer after which a servo counts as gone [s]."""
-
-APPROACH = 0.5
-"""Speed at which joints are led to where a motion begins [rad/s]."""
-
 STUCK_ERROR, STUCK_MOTION, STUCK_TIME = math.radians(12.0), math.radians(1.0), 0.7
 """A joint that misses its request by more than the first, and has moved by less than the second
 [rad] in the last time [s], does not follow; nor does one that has moved by less than the second for
 as long after its requests had a range of twice the first. A loaded servo at a gain of 16 rests up
 to 8 degrees off its request."""
-
-SETTLED = 0.5
-"""Rest before a motion [s]."""
-
-ROUNDING = 1e-6
-"""By so much a request may be beyond its range [rad]: files round."""
-
-BEYOND = math.radians(15.0)
-"""How far beyond its range a joint may be before its motion is stopped [rad]."""
 
 SETTINGS = {
     "p_gain": "P",
@@ -92,28 +77,18 @@ class Servo:
 
 
 class Measured(NamedTuple):
-    """Readings of the servos at a tick; one entry per joint, NaN where none answered.
+    """Readings of the servos at a tick; one entry per joint."""
 
-    Attributes:
-        time: When they were read [s], on the port's clock.
-        angles: Angles [rad].
-        errors: The errors that the answers carried, 0 for none.
-    """
-
-    time: float
-    angles: Array
-    errors: tuple[int, ...]
+    time: float  # when they were read [s], on the port's clock
+    angles: Array  # [rad], NaN where none answered
+    errors: tuple[int, ...]  # that the answers carried, 0 for none
 
 
 class Arm:
     """Named joints on a bus."""
 
     def __init__(self, bus: Bus, servos: Mapping[str, Servo]) -> None:
-        """Take a bus and the servos of the joints.
-
-        Raises:
-            InvalidInput: Two joints share a servo.
-        """
+        """Take a bus and the servos of the joints, of which no two may share one."""
         self.bus, self.servos = bus, dict(servos)
         self.names = tuple(servos)
         self._sent: Array | None = None
@@ -149,13 +124,10 @@ class Arm:
         )
 
     def angles(self, *, silent: bool = False) -> Array:
-        """Angle of every joint [rad], read again where an answer was lost.
-
-        Args:
-            silent: Whether servos may stay silent; their angles are NaN.
+        """Angle of every joint [rad], read again where an answer was lost; NaN of ``silent`` ones.
 
         Raises:
-            BusError: A servo stays silent, or the bus is gone.
+            BusError: A servo stays silent and may not, or the bus is gone.
         """
         angles = self.measure().angles
         for k in np.flatnonzero(np.isnan(angles)):
@@ -246,8 +218,8 @@ class Arm:
             begin = measured.time if math.isnan(begin) else begin
             keep(measured.time - begin, row, measured.angles)
 
-        way = ramp(start, requests[0], speed=APPROACH, period=period)
-        rest = np.tile(requests[0], (math.ceil(SETTLED / period), 1))
+        way = ramp(start, requests[0], speed=0.5, period=period)  # [rad/s]
+        rest = np.tile(requests[0], (math.ceil(0.5 / period), 1))  # for half a second
         lead = np.vstack([way, rest])
         led = play(lead, period=period, cycles=1, send=tick, now=port.now, sleep=port.sleep)
         if led.interrupted:
@@ -259,7 +231,7 @@ class Arm:
     def check_heard(self, heard: Array, now: float) -> None:
         """Raise BusError where a joint was last heard of long before now [s]."""
         for name, last in zip(self.names, heard.tolist(), strict=True):
-            if now - last > SILENT:
+            if now - last > 0.5:  # [s]
                 raise BusError(f"{name}: the servo has stopped answering; check cable and supply")
 
 
@@ -267,7 +239,8 @@ def check_ranges(servos: Mapping[str, Servo], requests: Array) -> None:
     """Raise InvalidInput where requests [rad], (n, k), are beyond the limits of their servos."""
     for (name, servo), column in zip(servos.items(), requests.T, strict=True):
         low, high = servo.limits
-        beyond = ~((column >= low - ROUNDING) & (column <= high + ROUNDING))  # NaN, too
+        rounding = 1e-6  # of files [rad]
+        beyond = ~((column >= low - rounding) & (column <= high + rounding))  # NaN, too
         if beyond.any():
             row = int(np.argmax(beyond))
             raise InvalidInput(
@@ -281,8 +254,9 @@ class _Guard:
 
     def __init__(self, arm: Arm, start: Array) -> None:
         limits = np.array([servo.limits for servo in arm.servos.values()])
-        self._low = np.minimum(limits[:, 0], start) - BEYOND
-        self._high = np.maximum(limits[:, 1], start) + BEYOND
+        beyond = math.radians(15.0)  # of its range a joint may be before its motion is stopped
+        self._low = np.minimum(limits[:, 0], start) - beyond
+        self._high = np.maximum(limits[:, 1], start) + beyond
         now = arm.bus.port.now()
         self._arm, self._anchors = arm, start.copy()
         self._moved, self._heard = np.full(len(start), now), np.full(len(start), now)

@@ -69,17 +69,7 @@ class SerialPort(Port):
     """A serial port, or a pseudo-terminal, by pyserial."""
 
     def __init__(self, path: str, baud_rate: int = 1_000_000, *, opened: Any = None) -> None:
-        """Open a port.
-
-        Args:
-            path: Such as /dev/ttyACM0.
-            baud_rate: Bits per second; one that the system has a name for.
-            opened: The port as pyserial has opened it already.
-
-        Raises:
-            InvalidInput: An unknown rate.
-            BusError: The port cannot be opened.
-        """
+        """Open a port such as /dev/ttyACM0, or take it as pyserial has ``opened`` it already."""
         import serial
 
         self.path = path
@@ -124,68 +114,44 @@ class SerialPort(Port):
 
 
 class Reading(NamedTuple):
-    """Registers read from a servo.
+    """Registers read from a servo."""
 
-    Attributes:
-        values: Its registers by name, in their own units.
-        error: The error of its answer, 0 for none.
-    """
-
-    values: Mapping[str, int]
-    error: int
+    values: Mapping[str, int]  # by name, in their own units
+    error: int  # of its answer, 0 for none
 
 
 class Bus:
     """The servos on a port.
 
-    Attributes:
-        port: Carries the bytes.
-        protocol: Frames the bytes.
-        patience: Time for which an answer is waited for beside its own [s].
-        asked: Number of answers asked for.
-        lost: Number of answers that did not come, or not whole.
+    A method raises BusError where the bus is gone, or the servo that it asks stays silent or
+    refuses.
     """
 
     def __init__(self, port: Port, protocol: ServoProtocol) -> None:
-        """Take a port and the protocol of its servos."""
-        self.port, self.protocol, self.patience = port, protocol, PATIENCE
-        self.asked = self.lost = 0
+        """Take a port, which carries the bytes, and the protocol that frames them."""
+        self.port, self.protocol = port, protocol
+        self.patience = PATIENCE  # time for which an answer is waited for beside its own [s]
+        self.asked = self.lost = 0  # answers, and those that did not come, or not whole
 
     def ping(self, servo: int) -> None:
-        """Make sure that a servo answers.
-
-        Raises:
-            BusError: It does not.
-        """
+        """Make sure that a servo answers."""
         self._ask(servo, PING, b"", 3 if self.protocol.address_size == 2 else 0)
 
     def read(self, servo: int, name: str) -> int:
-        """The value of a register.
-
-        Raises:
-            BusError: The servo does not answer.
-        """
+        """The value of a register."""
         register = self.protocol.registers[name]
         place = self.protocol.place(register.address, register.size)
         return register.decode(self._ask(servo, READ, place, register.size).content)
 
     def write(self, servo: int, name: str, value: int) -> None:
-        """Write a register, and wait for the servo to say so.
-
-        Raises:
-            BusError: The servo does not answer.
-        """
+        """Write a register, and wait for the servo to say so."""
         register = self.protocol.registers[name]
         width = self.protocol.address_size
         place = self.protocol.place(register.address, register.size)[:width]
         self._ask(servo, WRITE, place + register.encode(value), 0)
 
     def sync_write(self, name: str, values: Mapping[int, int]) -> None:
-        """Write a register of several servos in one packet, which none answers.
-
-        Raises:
-            BusError: The bus is gone.
-        """
+        """Write a register of several servos in one packet, which none answers."""
         register = self.protocol.registers[name]
         content = self.protocol.place(register.address, register.size) + b"".join(
             bytes([servo]) + register.encode(value) for servo, value in values.items()
@@ -197,12 +163,7 @@ class Bus:
     ) -> dict[int, Reading]:
         """Registers of several servos, asked for by one packet; silent servos are left out.
 
-        Args:
-            servos: Their identifiers.
-            names: Registers beside one another; by default the protocol's feedback.
-
-        Raises:
-            BusError: The bus is gone.
+        The registers are beside one another; by default they are the protocol's feedback.
         """
         protocol, names = self.protocol, names or self.protocol.feedback
         first, size = protocol.block(names)
@@ -271,11 +232,7 @@ class Bus:
 
 
 def robot_of(name: str, port: str) -> Any:
-    """A LeRobot robot that is not connected yet.
-
-    Args:
-        name: As LeRobot calls it, with or without ``_follower``: so101.
-        port: Its serial port.
+    """A LeRobot robot that is not connected yet, by its name with or without ``_follower``.
 
     Raises:
         InvalidInput: LeRobot is not installed, has no such robot, or none with such a bus.

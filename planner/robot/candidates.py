@@ -39,12 +39,6 @@ FRICTION_AND_LOAD: dict[str, Any] = {
 }
 """Parameters that the plain optimised plan does without."""
 
-TEST_TIME = 5.0
-"""Length of the test motion [s]."""
-
-TEST_SPEED = 0.6
-"""Largest speed of the test motion over the joint's top speed, so that the joint can follow it."""
-
 RUN_IN = 0.5
 """Beginning of the test motion whose errors do not count [s]: until the first motion frees it,
 friction leaves a joint up to its dead band off the first request, by chance."""
@@ -54,38 +48,23 @@ AS_GOOD = 1.02
 
 
 class Candidate(NamedTuple):
-    """A way to make the joint follow the test motion.
-
-    Attributes:
-        way: Which.
-        error: Root mean square of the measured errors after the run-in [rad].
-        max_error: The largest of them [rad].
-        largest_step: Largest change between requests [rad].
-        expected: The error that the model led one to expect [rad]; NaN without one.
-    """
+    """A way to make the joint follow the test motion."""
 
     way: Way
-    error: float
-    max_error: float
-    largest_step: float
-    expected: float
+    error: float  # root mean square of the measured errors after the run-in [rad]
+    max_error: float  # the largest of them [rad]
+    largest_step: float  # largest change between requests [rad]
+    expected: float  # the error that the model led one to expect [rad]; NaN without one
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Compared:
-    """A calibrated joint.
-
-    Attributes:
-        identification: The identification.
-        candidates: Every way, the simplest first.
-        recommended: The one to use.
-        model: The model of the recommended way, with its verdict.
-    """
+    """A calibrated joint."""
 
     identification: Identification
-    candidates: tuple[Candidate, ...]
+    candidates: tuple[Candidate, ...]  # every way, the simplest first
     recommended: Candidate
-    model: JointModel
+    model: JointModel  # of the recommended way, with its verdict
 
     def named(self, way: Way) -> Candidate:
         """The candidate of this way."""
@@ -160,14 +139,13 @@ def _judged(evidence: Evidence, recommended: Candidate) -> Evidence:
 
 
 def test_motion(model: JointModel, limits: tuple[float, float]) -> Array:
-    """Sines, then moves to and fro with rests between them, as fast as the joint can follow.
+    """Sines, then moves to and fro with rests between them, for 5 s in all [rad], shape (n,).
 
-    Returns:
-        Angles [rad], shape (n,), at the model's rate of requests; they begin and end at rest in the
-        middle of the limits.
+    They are at the model's rate of requests, as fast as the joint can follow, and begin and end at
+    rest in the middle of the limits.
     """
     period = model.period
-    half = 0.5 * TEST_TIME
+    half = 2.5
     middle = 0.5 * (limits[0] + limits[1])
     reach = 0.8 * 0.5 * (limits[1] - limits[0])
     sines = excite(
@@ -182,7 +160,7 @@ def test_motion(model: JointModel, limits: tuple[float, float]) -> Array:
     moves = _moves(levels, round(half / period))
     angles = np.concatenate([sines, moves])
     fastest = float(np.max(np.abs(np.diff(angles)))) / period
-    share = min(1.0, TEST_SPEED * model.v_max / fastest)
+    share = min(1.0, 0.6 * model.v_max / fastest)
     scaled: Array = middle + share * (angles - middle)
     return scaled
 

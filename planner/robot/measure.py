@@ -28,26 +28,15 @@ MARGIN = 0.05
 SAME = 1e-3
 """Difference of requests below which a log holds the requested motion [rad]."""
 
-LEAST_RANGE = math.radians(10.0)
-"""Range below which a joint shows too little of its motion [rad]."""
-
 
 class Check(NamedTuple):
-    """State of the servos before anything moves; dictionaries are by joint.
+    """State of the servos before anything moves; dictionaries are by joint."""
 
-    Attributes:
-        angles: Where every joint is [rad].
-        noise: Standard deviation of the measured angles at rest [rad].
-        settings: The registers that shape the motion.
-        tick_time: Time of a sync write and a sync read [s].
-        lost: Share of the answers that were lost.
-    """
-
-    angles: dict[str, float]
-    noise: dict[str, float]
-    settings: dict[str, dict[str, int]]
-    tick_time: float
-    lost: float
+    angles: dict[str, float]  # where every joint is [rad]
+    noise: dict[str, float]  # standard deviation of the measured angles at rest [rad]
+    settings: dict[str, dict[str, int]]  # the registers that shape the motion
+    tick_time: float  # of a sync write and a sync read [s]
+    lost: float  # share of the answers
 
 
 def check(arm: Arm) -> Check:
@@ -87,10 +76,9 @@ def check(arm: Arm) -> Check:
 
 
 def servo_ranges(arm: Arm, angles: Mapping[str, float], reach: float) -> dict[str, Array]:
-    """The range of every joint by its servo's own limits, at most ``reach`` [rad] from where it is.
+    """The range of every joint by its servo's own limits, at most ``reach`` from where it is [rad].
 
-    Returns:
-        Least and largest angle [rad] by joint.
+    The ``angles`` say where they are [rad].
     """
     ranges = {}
     for name, servo in arm.servos.items():
@@ -119,13 +107,13 @@ def with_ranges(arm: Arm, ranges: Mapping[str, Array]) -> Arm:
     Raises:
         InvalidInput: A range is too small to show how the joint moves.
     """
-    servos = dict(arm.servos)
+    servos, least = dict(arm.servos), math.radians(10.0)
     for name, ends in ranges.items():
         low, high = (float(each) for each in ends)
-        if high - low < LEAST_RANGE:
+        if high - low < least:
             raise InvalidInput(
                 f"{name}: its range is {angle_text(low, high)}, expected at least "
-                f"{angle_text(LEAST_RANGE)} wide; turn the joint by hand through all of its range, "
+                f"{angle_text(least)} wide; turn the joint by hand through all of its range, "
                 "or away from a limit of its servo"
             )
         margin = MARGIN * (high - low)
@@ -143,15 +131,9 @@ def excitation(arm: Arm, joint: str, *, period: float, duration: float) -> Array
 def move(
     arm: Arm, joint: str, requests: Array, *, period: float, log: Path, resume: bool = False
 ) -> Log:
-    """Play requests on one joint while the others stay, and keep a log of it.
+    """Play requests [rad], (n,), on one joint while the others stay, with a log as it is measured.
 
-    Args:
-        arm: The arm, powered.
-        joint: Which joint.
-        requests: Its requests [rad], shape (n,).
-        period: Time between requests [s].
-        log: Where the rows go as they are measured.
-        resume: Whether a finished log of an earlier run is taken as it is; nothing moves then.
+    With ``resume`` a finished log of an earlier run is taken as it is, and nothing moves.
 
     Raises:
         KeyboardInterrupt: Ctrl-C; the rows until then are kept.

@@ -24,17 +24,11 @@ TWO_COMPLEMENT = -1
 
 
 class Register(NamedTuple):
-    """A number in the memory of a servo.
-
-    Attributes:
-        address: Its first byte.
-        size: Its bytes, the low one first.
-        sign: 0 where it has none, :data:`TWO_COMPLEMENT`, or the bit that holds the sign.
-    """
+    """A number in the memory of a servo, the low byte first."""
 
     address: int
-    size: int
-    sign: int = 0
+    size: int  # bytes
+    sign: int = 0  # 0 where it has none, TWO_COMPLEMENT, or the bit that holds the sign
 
     def encode(self, value: int) -> bytes:
         """The bytes of a value; one that does not fit is cut to the nearest that does."""
@@ -60,17 +54,11 @@ class Register(NamedTuple):
 
 
 class Packet(NamedTuple):
-    """The content of a frame.
+    """The content of a frame."""
 
-    Attributes:
-        servo: Identifier of the servo that it is for, or from.
-        code: The instruction; in an answer the error, 0 for none.
-        content: Parameters, or the answer's data.
-    """
-
-    servo: int
-    code: int
-    content: bytes
+    servo: int  # that it is for, or from
+    code: int  # the instruction; in an answer the error, 0 for none
+    content: bytes  # parameters, or the answer's data
 
 
 @dataclass(frozen=True)

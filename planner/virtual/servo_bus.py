@@ -38,12 +38,6 @@ from planner.virtual.motors import Motor, Motors, arm_of
 REG_WRITE, ACTION = 0x04, 0x05
 """Instructions of the emulator only: write later, at the same moment."""
 
-OVERLOADED = 2.0
-"""Time at nearly full duty without motion after which a servo gives up [s]."""
-
-WATCHED = 0.02
-"""Time between two checks for faults [s]."""
-
 HOT = 70.0
 """Temperature at which a servo switches its torque off [°C]."""
 
@@ -55,17 +49,11 @@ PROTECTIVE, SAGGING = 0.2, 0.3
 
 
 class Kind(NamedTuple):
-    """A kind of servo: its protocol, its motor, and the first content of its registers.
-
-    Attributes:
-        protocol: Its packets and registers.
-        motor: Its motor.
-        registers: Content when the supply is switched on; all other registers hold 0.
-    """
+    """A kind of servo."""
 
     protocol: ServoProtocol
     motor: Motor
-    registers: Mapping[str, int]
+    registers: Mapping[str, int]  # when the supply is switched on; all others hold 0
 
 
 def _dynamixel(motor: Motor, model: int, gain: int) -> Kind:
@@ -165,14 +153,14 @@ class VirtualServos:
         faults, motors = self.faults, self.motors
         while motors.time < until - 1e-9:
             before = motors.time
-            motors.run(min(until, before + WATCHED))
+            motors.run(min(until, before + 0.02))
             if motors.time == before:  # less than a step
                 return
             for name in ("stall", "overheat", "saturate"):
                 for servo, begin in getattr(faults, name).items():
                     if motors.time >= begin:
                         self._spoil(name, servo - 1)
-            for k in np.flatnonzero(motors.overload_times > OVERLOADED):
+            for k in np.flatnonzero(motors.overload_times > 2.0):
                 motors.limits[k] = min(motors.limits[k], PROTECTIVE)
             motors.powered[(motors.temperatures > HOT) | self._dead] = 0.0
 
