@@ -21,18 +21,12 @@ class Link(NamedTuple):
     This is Rodrigues' formula with the joint's constant placement R multiplied in:
     A = R a aᵀ, C = R (1 - a aᵀ), S = R [a]× for the unit axis a. The joint's angle enters by
     its cosine and sine alone.
-
-    Attributes:
-        origin: The joint's origin in the frame before it [m], shape (3, 1).
-        axial: Part along the axis, which the rotation keeps, shape (3, 3).
-        cosine: Part that goes with the cosine, shape (3, 3).
-        sine: Part that goes with the sine, shape (3, 3).
     """
 
-    origin: Array
-    axial: Array
-    cosine: Array
-    sine: Array
+    origin: Array  # the joint's origin in the frame before it [m], shape (3, 1)
+    axial: Array  # part along the axis, which the rotation keeps, shape (3, 3)
+    cosine: Array  # part that goes with the cosine, shape (3, 3)
+    sine: Array  # part that goes with the sine, shape (3, 3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,18 +37,12 @@ class Chain:
     turned about the joint's axis; the foot is a point in the last frame. Nothing here is specific
     to NumPy but the constants: the methods that take the cosine and the sine of each joint's angle,
     from the base, k numbers, arrays (n,) or symbols, use plain operators on columns of three.
-
-    Attributes:
-        rotations: Constant rotations of the joints' frames, shape (k, 3, 3).
-        translations: Origins of the joints in the frames before them [m], shape (k, 3).
-        axes: Unit axes of the joints, in their own frames, shape (k, 3).
-        tip: The foot in the last joint's frame [m], shape (3,).
     """
 
-    rotations: Array
-    translations: Array
-    axes: Array
-    tip: Array
+    rotations: Array  # constant rotations of the joints' frames, shape (k, 3, 3)
+    translations: Array  # origins of the joints in the frames before them [m], shape (k, 3)
+    axes: Array  # unit axes of the joints, in their own frames, shape (k, 3)
+    tip: Array  # the foot in the last joint's frame [m], shape (3,)
 
     def __post_init__(self) -> None:
         """Freeze the constants."""

@@ -465,21 +465,13 @@ class Kept(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ClosedForm:
-    """A leg whose geometry has a closed form.
+    """A leg whose geometry has a closed form."""
 
-    Attributes:
-        axes: The three axes with every angle 0, in the base frame.
-        foot: The foot with every angle 0 [m], in the base frame, shape (3,).
-        odd: Index of the joint outside the pair: 0 or 2.
-        kept: Invariant of a turn about either axis of the pair.
-        other: Second invariant of a turn about the pair's first axis.
-    """
-
-    axes: tuple[Axis, ...]
-    foot: Array
-    odd: int
-    kept: Kept
-    other: Kept
+    axes: tuple[Axis, ...]  # the three axes with every angle 0, in the base frame
+    foot: Array  # the foot with every angle 0 [m], in the base frame, shape (3,)
+    odd: int  # index of the joint outside the pair: 0 or 2
+    kept: Kept  # invariant of a turn about either axis of the pair
+    other: Kept  # second invariant of a turn about the pair's first axis
 
     def poses(self, foot: Array) -> Array:
         """Four poses for each point, out of reach with each inverse function's argument clamped.

@@ -41,19 +41,13 @@ SHIPPED = ("ers210a.urdf", "reference_leg.urdf")
 
 @dataclass(frozen=True, eq=False)
 class Robot:
-    """A robot, created by :func:`read_robot`.
+    """A robot, created by :func:`read_robot`."""
 
-    Attributes:
-        model: Pinocchio's model of it.
-        mimics: Names of the joints that mimic another joint.
-        locked: Indices of the locked joints.
-        rest: Pinocchio's coordinates with these at their locked positions and all other joints at
-            rest: at 0, or where 0 is out of the range at its nearer end.
-    """
-
-    model: Any
-    mimics: set[str]
-    locked: frozenset[int]
+    model: Any  # Pinocchio's model of it
+    mimics: set[str]  # names of the joints that mimic another joint
+    locked: frozenset[int]  # indices of the locked joints
+    # Pinocchio's coordinates with these at their locked positions and all other joints at rest: at
+    # 0, or where 0 is out of the range at its nearer end
     rest: Any
 
     def configuration(self, joints: Sequence[int], angles: Array) -> Any:

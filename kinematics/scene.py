@@ -30,19 +30,12 @@ MOST_BYTES = 32 * 2**20
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """The robot around a leg, created by :meth:`from_urdf`.
+    """The robot around a leg, created by :meth:`from_urdf`."""
 
-    Attributes:
-        joint_names: The joints of the leg, from the base to the foot.
-        still: Pinocchio's geometry model of the shapes that the leg's joints do not move.
-        moving: Geometry model of the shapes that they move.
-        to_base: From Pinocchio's world to the base frame, shape (4, 4), read-only.
-    """
-
-    joint_names: tuple[str, ...]
-    still: Any
-    moving: Any
-    to_base: Array
+    joint_names: tuple[str, ...]  # the joints of the leg, from the base to the foot
+    still: Any  # Pinocchio's geometry model of the shapes that the leg's joints do not move
+    moving: Any  # geometry model of the shapes that they move
+    to_base: Array  # from Pinocchio's world to the base frame, shape (4, 4), read-only
     _robot: Robot
     _joints: list[int]
 

@@ -64,23 +64,14 @@ that is proved too short."""
 
 @dataclass(frozen=True, eq=False)
 class Stride:
-    """A walk of one leg over one cycle.
+    """A walk of one leg over one cycle."""
 
-    Attributes:
-        foot: The path of the foot in the leg's base frame [m], shape (n, 3), read-only.
-        length: Half of its stroke [m].
-        height: How high the foot swings [m].
-        centre: Middle of the stroke on the ground [m], shape (3,), read-only.
-        pose: The standing pose around which it lies [rad], shape (k,), read-only.
-        angles: Angles of the joints that trace it [rad], shape (n, k), read-only.
-    """
-
-    foot: Array
-    length: float
-    height: float
-    centre: Array
-    pose: Array
-    angles: Array
+    foot: Array  # the path of the foot in the leg's base frame [m], shape (n, 3), read-only
+    length: float  # half of its stroke [m]
+    height: float  # how high the foot swings [m]
+    centre: Array  # middle of the stroke on the ground [m], shape (3,), read-only
+    pose: Array  # the standing pose around which it lies [rad], shape (k,), read-only
+    angles: Array  # angles of the joints that trace it [rad], shape (n, k), read-only
 
 
 def stride(
@@ -210,17 +201,11 @@ three feet on the ground; diagonal feet in pairs, lateral ones, and front and hi
 
 
 class LegOfGait(NamedTuple):
-    """One leg of a gait.
+    """One leg of a gait."""
 
-    Attributes:
-        stride: Its walk, as it is before the phase.
-        phase: Share of the cycle by which it is later than the left hind leg.
-        angles: Angles of its joints [rad], shape (n, k), read-only.
-    """
-
-    stride: Stride
-    phase: float
-    angles: Array
+    stride: Stride  # its walk, as it is before the phase
+    phase: float  # share of the cycle by which it is later than the left hind leg
+    angles: Array  # angles of its joints [rad], shape (n, k), read-only
 
 
 def gait(legs: Mapping[str, Leg], pattern: Pattern, **walk: Any) -> dict[str, LegOfGait]:
@@ -346,28 +331,18 @@ def dexterity(chain: Chain, angles: Array) -> Array:
 
 
 class TooShort(NamedTuple):
-    """The proof that a period is too short.
+    """The proof that a period is too short."""
 
-    Attributes:
-        samples: Samples of the cycle, the most for which it is proved here.
-        bound: Lower bound on the largest distance of the foot [m].
-    """
-
-    samples: int
-    bound: float
+    samples: int  # samples of the cycle, the most for which it is proved here
+    bound: float  # lower bound on the largest distance of the foot [m]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ShortestCycle:
-    """The shortest cycle found.
+    """The shortest cycle found."""
 
-    Attributes:
-        plan: Its requests, under which the foot stays within the tolerance.
-        too_short: A period that is proved too short; None where none is.
-    """
-
-    plan: FootInversion
-    too_short: TooShort | None
+    plan: FootInversion  # its requests, under which the foot stays within the tolerance
+    too_short: TooShort | None  # a period that is proved too short; None where none is
 
     @property
     def samples(self) -> int:

@@ -42,31 +42,20 @@ identified clocks differ by 1e-4. Beyond it ticks are divided anew."""
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Path:
-    """One joint of a recording as a path over the recording's time.
+    """One joint of a recording as a path over the recording's time."""
 
-    Attributes:
-        name: The joint.
-        unit: "rad", or "1" for shares of its range.
-        times: Times of the rows since the recording began [s], shape (n,).
-        followed: The signal to follow, shape (n,), in the unit.
-        requests: The recorded requests, shape (n,), in the unit.
-        angles: The recorded angles, shape (n,), in the unit.
-        load: Torque on the joint [N m], shape (n,); None where it is not known, or not felt.
-        model: The joint's model, one request a period; None where requests are sent as recorded.
-        reason: Why they are; "" where the joint is planned.
-        log: The log itself.
-    """
-
-    name: str
-    unit: str
-    times: Array
-    followed: Array
-    requests: Array
-    angles: Array
+    name: str  # the joint
+    unit: str  # "rad", or "1" for shares of its range
+    times: Array  # times of the rows since the recording began [s], shape (n,)
+    followed: Array  # the signal to follow, shape (n,), in the unit
+    requests: Array  # the recorded requests, shape (n,), in the unit
+    angles: Array  # the recorded angles, shape (n,), in the unit
+    # torque on the joint [N m], shape (n,); None where it is not known, or not felt
     load: Array | None
+    # the joint's model, one request a period; None where requests are sent as recorded
     model: JointModel | None
-    reason: str
-    log: Log
+    reason: str  # why they are; "" where the joint is planned
+    log: Log  # the log itself
 
     def at(self, moments: Array, values: Array) -> Array:
         """A signal at moments of the recording [s], shape (n,), on straight lines between rows."""
@@ -75,29 +64,19 @@ class Path:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RecordedPath:
-    """A recording, ready to be replayed at any speed.
+    """A recording, ready to be replayed at any speed."""
 
-    Attributes:
-        name: The recording, for messages.
-        track: The signal that is followed.
-        joints: Every joint.
-        period: Time between requests [s].
-        first: Where the replay begins [s of the recording].
-        last: Where it ends [s of the recording].
-        limits: Smallest and largest request by joint [unit], of those that have limits.
-        remarks: Remarks on the recording for the user.
-        load_at: The load of a pose, as of :func:`planner.plan`, at moments of the recording; None
-            where the load is that of the logs, or none.
-    """
-
-    name: str
-    track: Track
-    joints: tuple[Path, ...]
-    period: float
-    first: float
-    last: float
+    name: str  # the recording, for messages
+    track: Track  # the signal that is followed
+    joints: tuple[Path, ...]  # every joint
+    period: float  # time between requests [s]
+    first: float  # where the replay begins [s of the recording]
+    last: float  # where it ends [s of the recording]
+    # smallest and largest request by joint [unit], of those that have limits
     limits: Mapping[str, tuple[float, float]]
-    remarks: tuple[str, ...]
+    remarks: tuple[str, ...]  # remarks on the recording for the user
+    # the load of a pose, as of :func:`planner.plan`, at moments of the recording; None where the
+    # load is that of the logs, or none
     load_at: Callable[[Array], LoadOfPose] | None = None
 
     @property

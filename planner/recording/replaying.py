@@ -181,19 +181,12 @@ class Span(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class JointReplay:
-    """One joint of a replay; angles are in the unit of its log, "rad" or "1", a share of a range.
+    """One joint of a replay; angles are in the unit of its log, "rad" or "1" (of its range)."""
 
-    Attributes:
-        path: The joint as it was recorded.
-        moments: The moment of the recording that belongs to each request [s], shape (n,).
-        requests: Requests for the joint, shape (n,).
-        inversion: The plan; None where the recorded requests are sent.
-    """
-
-    path: Path
-    moments: Array
-    requests: Array
-    inversion: Inversion | None
+    path: Path  # the joint as it was recorded
+    moments: Array  # the moment of the recording that belongs to each request [s], shape (n,)
+    requests: Array  # requests for the joint, shape (n,)
+    inversion: Inversion | None  # the plan; None where the recorded requests are sent
 
     @property
     def name(self) -> str:

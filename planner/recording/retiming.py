@@ -67,36 +67,23 @@ class SpeedErrors(NamedTuple):
     """Largest errors at a speed, of the joint that is farthest from its tolerance.
 
     Each is a multiple of the tolerance.
-
-    Attributes:
-        speed: The factor.
-        direct: With the path as it is as requests.
-        shifted: With the best time shift of it.
-        planned: Of the plan.
-        bound: Lower bound for any requests; NaN where none is known.
     """
 
-    speed: float
-    direct: float
-    shifted: float
-    planned: float
-    bound: float
+    speed: float  # the factor
+    direct: float  # with the path as it is as requests
+    shifted: float  # with the best time shift of it
+    planned: float  # of the plan
+    bound: float  # lower bound for any requests; NaN where none is known
 
 
 class Impossible(NamedTuple):
-    """The proof that a speed is too high.
+    """The proof that a speed is too high."""
 
-    Attributes:
-        speed: The lowest factor that is proved too high, to the resolution of the search.
-        joint: The joint that no requests bring within the tolerance.
-        bound: The lower bound on its largest error, in multiples of the tolerance.
-        of_model_only: Whether it holds for the joint's model only: its logs leave open how fast
-            the joint can be, and ``v_max`` is the least top speed that fits them.
-    """
-
-    speed: float
-    joint: str
-    bound: float
+    speed: float  # the lowest factor that is proved too high, to the resolution of the search
+    joint: str  # the joint that no requests bring within the tolerance
+    bound: float  # the lower bound on its largest error, in multiples of the tolerance
+    # whether it holds for the joint's model only: its logs leave open how fast the joint can be,
+    # and ``v_max`` is the least top speed that fits them
     of_model_only: bool = False
 
 
@@ -223,17 +210,11 @@ LEAST_TOLERANCE = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Measure:
-    """Errors in multiples of the tolerance.
+    """Errors in multiples of the tolerance."""
 
-    Attributes:
-        tolerance: Largest error allowed [rad, or m for the foot].
-        leg: The leg whose foot counts; None where the joints do.
-        places: Indices of the leg's joints among the planned ones.
-    """
-
-    tolerance: float
-    leg: Leg | None = None
-    places: tuple[int, ...] = ()
+    tolerance: float  # largest error allowed [rad, or m for the foot]
+    leg: Leg | None = None  # the leg whose foot counts; None where the joints do
+    places: tuple[int, ...] = ()  # indices of the leg's joints among the planned ones
 
     @classmethod
     def of(

@@ -63,36 +63,24 @@ class Packet(NamedTuple):
 
 @dataclass(frozen=True)
 class ServoProtocol:
-    """A protocol and the control table of servos; the subclasses have the frames.
+    """A protocol and the control table of servos; the subclasses have the frames."""
 
-    Attributes:
-        name: Its name for users.
-        registers: By name; the same names in both protocols.
-        feedback: Registers of one sync read, beside one another.
-        speed_unit: Speed of a profile speed of 1 [rad/s].
-        acceleration_unit: Acceleration of a profile acceleration of 1 [rad/s²].
-        load_unit: Share of the largest load of a load of 1.
-        errors: Meaning of each bit of an answer's error.
-        address_size: Bytes of an address.
-        ticks_per_turn: Counts of the angle in a turn.
-        middle: Count in the middle of the range, which is angle 0 unless one says otherwise.
-        refusals: By an answer's error without these bits, why the instruction was not carried out.
-        fastest_acceleration: Profile acceleration that limits nothing, beside 0. Of a Feetech 254,
-            the most, which LeRobot writes: recorded steps of an SO-101 at LeRobot's gain contradict
-            a profile of 39 rad/s² (joints fit to 5 mrad rms without it, to 10 to 16 with it).
-    """
-
-    name: str
-    registers: Mapping[str, Register]
-    feedback: tuple[str, ...]
-    speed_unit: float
-    acceleration_unit: float
-    load_unit: float
-    errors: Mapping[int, str]
-    address_size: int
-    ticks_per_turn: float = 4096
+    name: str  # its name for users
+    registers: Mapping[str, Register]  # by name; the same names in both protocols
+    feedback: tuple[str, ...]  # registers of one sync read, beside one another
+    speed_unit: float  # speed of a profile speed of 1 [rad/s]
+    acceleration_unit: float  # acceleration of a profile acceleration of 1 [rad/s²]
+    load_unit: float  # share of the largest load of a load of 1
+    errors: Mapping[int, str]  # meaning of each bit of an answer's error
+    address_size: int  # bytes of an address
+    ticks_per_turn: float = 4096  # counts of the angle in a turn
+    # count in the middle of the range, which is angle 0 unless one says otherwise
     middle: int = 2048
+    # by an answer's error without these bits, why the instruction was not carried out
     refusals: Mapping[int, str] = field(default_factory=dict)
+    # profile acceleration that limits nothing, beside 0. Of a Feetech 254, the most, which LeRobot
+    # writes: recorded steps of an SO-101 at LeRobot's gain contradict a profile of 39 rad/s²
+    # (joints fit to 5 mrad rms without it, to 10 to 16 with it)
     fastest_acceleration: int = 0
 
     def instruction(self, servo: int, code: int, content: bytes = b"") -> bytes:

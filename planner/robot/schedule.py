@@ -28,19 +28,14 @@ ON_TIME = 1e-6
 class Schedule:
     """Requests, one row every period, each held until the next.
 
-    Attributes:
-        names: The joints.
-        requests: Requests for them [rad], shape (n, k), read-only.
-        period: Time between rows [s].
-
     Raises:
         InvalidInput: A period that is no positive time, or names that do not fit.
         InvalidTrajectory: Requests that are not a finite array of shape (n, k).
     """
 
-    names: tuple[str, ...]
-    requests: Array
-    period: float
+    names: tuple[str, ...]  # the joints
+    requests: Array  # requests for them [rad], shape (n, k), read-only
+    period: float  # time between rows [s]
 
     def __post_init__(self) -> None:
         check_period(self.period)

@@ -39,50 +39,28 @@ class Motor:
 
     The defaults are a Feetech STS3215 at 7.4 V: resistance, torque constant, armature and viscous
     friction as BAM identified them, at the joint; dry friction as the elbow of an SO-101 shows it.
-
-    Attributes:
-        voltage: Of the supply [V].
-        resistance: Of the winding [ohm].
-        torque_constant: At the joint [N m/A].
-        inertia: At the joint, the load's included [kg m²].
-        dry_friction: Coulomb friction [N m].
-        load_friction: Share of the torque in the gear that friction takes.
-        rest_friction: Friction that rest adds (Stribeck) [N m].
-        rest_speed: Speed at which it has fallen to a third [rad/s].
-        viscous_friction: [N m s/rad].
-        gravity: Torque that holds the load level [N m]; it hangs at 0.
-        current_limit: [A].
-        duty_steps: Steps of the PWM either way.
-        duty_dead_band: Duty below which nothing is switched.
-        proportional: Duty per rad and unit of the P gain.
-        integral: Duty per rad s and unit of the I gain.
-        derivative: Duty per rad/s and unit of the D gain.
-        delay: Time until a goal takes effect [s].
-        counts: Counts of the sensor in a turn.
-        heat_capacity: Of the winding and case [J/K].
-        cooling_time: Time constant of cooling [s].
     """
 
-    voltage: float = 7.4
-    resistance: float = 2.676
-    torque_constant: float = 1.2116
-    inertia: float = 0.0284
-    dry_friction: float = 0.12
-    load_friction: float = 0.0
-    rest_friction: float = 0.0
-    rest_speed: float = 1.0
-    viscous_friction: float = 0.059
-    gravity: float = 0.0
-    current_limit: float = 2.7
-    duty_steps: float = 1000.0
-    duty_dead_band: float = 0.0
-    proportional: float = 0.166
-    integral: float = 0.1
-    derivative: float = 0.00375
-    delay: float = 0.008
-    counts: float = 4096.0
-    heat_capacity: float = 20.0
-    cooling_time: float = 300.0
+    voltage: float = 7.4  # of the supply [V]
+    resistance: float = 2.676  # of the winding [ohm]
+    torque_constant: float = 1.2116  # at the joint [N m/A]
+    inertia: float = 0.0284  # at the joint, the load's included [kg m²]
+    dry_friction: float = 0.12  # coulomb friction [N m]
+    load_friction: float = 0.0  # share of the torque in the gear that friction takes
+    rest_friction: float = 0.0  # friction that rest adds (Stribeck) [N m]
+    rest_speed: float = 1.0  # speed at which it has fallen to a third [rad/s]
+    viscous_friction: float = 0.059  # [N m s/rad]
+    gravity: float = 0.0  # torque that holds the load level [N m]; it hangs at 0
+    current_limit: float = 2.7  # [A]
+    duty_steps: float = 1000.0  # steps of the PWM either way
+    duty_dead_band: float = 0.0  # duty below which nothing is switched
+    proportional: float = 0.166  # duty per rad and unit of the P gain
+    integral: float = 0.1  # duty per rad s and unit of the I gain
+    derivative: float = 0.00375  # duty per rad/s and unit of the D gain
+    delay: float = 0.008  # time until a goal takes effect [s]
+    counts: float = 4096.0  # counts of the sensor in a turn
+    heat_capacity: float = 20.0  # of the winding and case [J/K]
+    cooling_time: float = 300.0  # time constant of cooling [s]
 
 
 STS3215 = Motor()

@@ -37,19 +37,12 @@ OTHER_BODIES = (
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """Requests to the joints and their motion; one row per request.
+    """Requests to the joints and their motion; one row per request."""
 
-    Attributes:
-        times: Times of the requests [s], shape (n,).
-        requests: The requests before clipping [rad], shape (n, k).
-        sensed: Readings of the sensors right after each request [rad], shape (n, k).
-        angles: The true angles at these times [rad], shape (n, k), unknown on a real robot.
-    """
-
-    times: Array
-    requests: Array
-    sensed: Array
-    angles: Array
+    times: Array  # times of the requests [s], shape (n,)
+    requests: Array  # the requests before clipping [rad], shape (n, k)
+    sensed: Array  # readings of the sensors right after each request [rad], shape (n, k)
+    angles: Array  # the true angles at these times [rad], shape (n, k), unknown on a real robot
 
 
 class VirtualRobot:

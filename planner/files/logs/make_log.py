@@ -168,23 +168,15 @@ Switch = npt.NDArray[np.bool_]
 
 @dataclass(frozen=True, kw_only=True)
 class Source:
-    """Where rows come from, for messages.
+    """Where rows come from, for messages."""
 
-    Attributes:
-        path: The file.
-        part: Part of it, such as "episode 3"; "" for all.
-        line: Line of the file on which a row stands, counted from 1; None where it has no lines.
-        row: Name of a row.
-        episode: Number of the episode; None for a file of one recording.
-        kept: Rows of the source that remain, counted from 0; None for all.
-    """
-
-    path: Path | str
-    part: str = ""
+    path: Path | str  # the file
+    part: str = ""  # part of it, such as "episode 3"; "" for all
+    # line of the file on which a row stands, counted from 1; None where it has no lines
     line: Callable[[int], int] | None = None
-    row: str = "row"
-    episode: int | None = None
-    source_rows: npt.NDArray[np.int_] | None = None
+    row: str = "row"  # name of a row
+    episode: int | None = None  # number of the episode; None for a file of one recording
+    source_rows: npt.NDArray[np.int_] | None = None  # that remain, from 0; None for all
 
     @property
     def name(self) -> str:
