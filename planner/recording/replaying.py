@@ -117,17 +117,11 @@ def replay_at(
     progress: Callable[[str], None] = lambda _: None,
     **options: Any,
 ) -> Replay:
-    """The replay in which request k belongs to a moment of the recording.
+    """The replay whose request k belongs to a moment of the recording [s], increasing, shape (n,).
 
-    Args:
-        path: The recording.
-        moments: Moments of the recording [s], increasing, shape (n,), one every ``path.period``.
-        speed: The reported speed; by default the recorded duration over that of the replay.
-        load: As of :func:`replay`.
-        known: Plans of joints for these moments that exist already; not used under a load of
-            the pose, which depends on all of them.
-        progress: As of :func:`replay`.
-        **options: Further options of :func:`planner.plan`.
+    The reported ``speed`` is by default the recorded duration over that of the replay. Plans for
+    these moments that are ``known`` are not used under a load of the pose, which depends on all
+    joints. The other arguments are those of :func:`replay`.
     """
     if load is None and path.load_at is not None:
         load = path.load_at(moments)
@@ -149,17 +143,11 @@ def replay_at(
         **options,
     )
     inversions |= dict(zip(names, solution.inversions, strict=True))
-    joints = []
-    for each in path.joints:
-        inversion = inversions.get(each.name)
-        requests = each.at(moments, each.requests) if inversion is None else inversion.requests
-        joints.append(
-            JointReplay(path=each, moments=moments, requests=requests, inversion=inversion)
-        )
+    joints = tuple(JointReplay(each, moments, inversions.get(each.name)) for each in path.joints)
     if speed is None:
         speed = float((moments[-1] - moments[0]) / ((len(moments) - 1) * path.period))
     freeze(moments)
-    answer = Replay(path=path, speed=speed, moments=moments, joints=tuple(joints))
+    answer = Replay(path=path, speed=speed, moments=moments, joints=joints)
     losses = [(each.name, each.lost) for each in answer.planned if each.lost]
     if not losses:
         return answer
@@ -179,19 +167,23 @@ class Span(NamedTuple):
     last: float
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class JointReplay:
     """One joint of a replay; angles are in the unit of its log, "rad" or "1" (of its range)."""
 
     path: Path  # the joint as it was recorded
     moments: Array  # the moment of the recording that belongs to each request [s], shape (n,)
-    requests: Array  # requests for the joint, shape (n,)
     inversion: Inversion | None  # the plan; None where the recorded requests are sent
 
     @property
     def name(self) -> str:
         """The joint."""
         return self.path.name
+
+    @cached_property
+    def requests(self) -> Array:
+        """Requests for the joint, shape (n,)."""
+        return self.recorded_requests if self.inversion is None else self.inversion.requests
 
     @cached_property
     def desired(self) -> Array:

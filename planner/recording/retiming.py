@@ -30,11 +30,7 @@ if TYPE_CHECKING:
 Retime = Literal["constant", "varying"]
 """One factor for the whole recording, or one that changes along it."""
 
-LEAST = 1e-3
-"""Errors below this share of the tolerance count as this, so that ratios stay finite."""
-
 Progress = Callable[[str], None]
-
 
 RESOLUTION = 0.01
 """Factors are found to this share."""
@@ -42,25 +38,11 @@ RESOLUTION = 0.01
 SLOWEST, FASTEST = 1.0 / 16.0, 64.0
 """Least and largest factor that are tried."""
 
-ACCELERATION = 2.0
-"""Most that a varying factor changes in a second [1/s], per unit of the constant one: from
-standstill to that factor in half a second."""
-
 GRID = 0.05
 """Distance of the moments at which a varying factor is set [s of the recording]."""
 
-REACH = 0.15
-"""Errors within this time [s] of a moment say how fast it may pass: a joint answers over its lag
-and acceleration time."""
-
 ROUNDS = 14
-"""Rounds in which a varying factor is changed, each a plan: multiplied by (0.97 tolerance / error)
-to the power of 0.4, as errors of a saturated joint grow faster than the speed, and by 1.25 at most.
-"""
-
-BEGINS, BEGINNING = 100, 2.0
-"""Moments at most at which a recording that begins in motion is tried to begin, and the time that
-is looked at first from each [s]."""
+"""Rounds in which a varying factor is changed, each a plan."""
 
 
 class SpeedErrors(NamedTuple):
@@ -204,10 +186,6 @@ def fastest(
     return fastest_at(path, measure, retime=retime, progress=progress, **options)
 
 
-LEAST_TOLERANCE = 1e-9
-"""Smallest tolerance that is taken [rad, or m]: below it nothing but rounding is left."""
-
-
 @dataclass(frozen=True, eq=False)
 class Measure:
     """Errors in multiples of the tolerance."""
@@ -233,9 +211,9 @@ class Measure:
             raise InvalidInput("tolerance: got none, or two; expected that of joints, or of a foot")
         value = tolerance if foot_tolerance is None else foot_tolerance
         allowed = as_number(value)
-        if not allowed >= LEAST_TOLERANCE:
+        if not allowed >= 1e-9:  # below, nothing but rounding is left
             raise InvalidInput(
-                f"tolerance: got {shown(value)}, expected more than 0: {LEAST_TOLERANCE:g} or more"
+                f"tolerance: got {shown(value)}, expected more than 0: 1e-09 or more"
             )
         if foot_tolerance is None:
             return cls(allowed)
@@ -344,8 +322,7 @@ class _Search:
             return low, low
         while not self.keeps(low := low / 2.0):
             if low / 2.0 < SLOWEST:
-                last = self.replays[min(self.replays)]
-                least = self.measure.largest(last)
+                least = self.measure.largest(self.replays[min(self.replays)])
                 raise Infeasible(
                     f"tolerance: at {low:g} times the speed the plan still is {least:.3g} "
                     "times as far off as allowed; allow more, or choose a part that begins at "
@@ -380,43 +357,32 @@ class _Search:
         Raises:
             Infeasible: They do it where the replay begins at a later row.
         """
-        if not self.bounded or self.path.track != "state" or self.keeps(1.0):
-            return ()
-        first = self.path.first
-        late = tuple(name for name, ratio in self.bounds(1.0, first) if ratio > 1.0)
-        if late and (later := self.first_at_rest()) is not None:
-            raise Infeasible(
-                f"begin: got {first:.4g} s, where the recording is in motion: from rest no "
-                f"requests keep {', '.join(late)} within the tolerance at its own speed, though "
-                f"the robot did; expected a moment without such motion, as {later:.4g} s"
-            )
-        return late
-
-    def first_at_rest(self) -> float | None:
-        """The first moment from which requests may keep the tolerance at the recorded speed [s].
-
-        None where there is none in the first half of the recording.
-        """
         path = self.path
-        step = max(path.period, path.duration / (2.0 * BEGINS))
+        if not self.bounded or path.track != "state" or self.keeps(1.0):
+            return ()
+        late = tuple(name for name, ratio in self.bounds(1.0, path.first) if ratio > 1.0)
+        # at most a hundred moments, from each of which the first seconds are looked at first
+        step = max(path.period, path.duration / 200.0)
         step = path.period * math.ceil(step / path.period - 1e-6)
         for moment in np.arange(path.first + step, path.first + path.duration / 2.0, step):
-            parts = (min(moment + BEGINNING, path.last), path.last)
-            if all(ratio <= 1.0 for last in parts for _, ratio in self.bounds(1.0, moment, last)):
-                return float(moment)
-        return None
+            ends = (min(moment + 2.0, path.last), path.last)
+            if late and all(r <= 1.0 for end in ends for _, r in self.bounds(1.0, moment, end)):
+                raise Infeasible(
+                    f"begin: got {path.first:.4g} s, where the recording is in motion: from rest "
+                    f"no requests keep {', '.join(late)} within the tolerance at its own speed, "
+                    f"though the robot did; expected a moment without such motion, as {moment:.4g} "
+                    "s"
+                )
+        return late
 
     def curve(self, speed: float, impossible: Impossible | None) -> tuple[SpeedErrors, ...]:
         """Errors from well below the factor found to beyond the one that is impossible."""
         last = 1.15 * (impossible.speed if impossible else 1.5 * speed)
         speeds = np.geomspace(0.5 * speed, last, 7)
-        nearest = int(np.argmin(np.abs(np.log(speeds / speed))))
-        speeds[nearest] = speed
+        speeds[np.argmin(np.abs(np.log(speeds / speed)))] = speed
         errors = []
         for factor in map(float, speeds):
-            if not self.has_rows(factor):
-                break
-            replay = self.at(factor)
+            replay = self.at(factor) if self.has_rows(factor) else None
             if replay is None:
                 break
             kinds: tuple[Kind, ...] = ("direct", "shifted", "planned")
@@ -432,8 +398,10 @@ class _Search:
     def varying(self, constant: Replay) -> Replay:
         """A replay whose factor changes along the recording, at least as fast as the constant one.
 
-        Every round multiplies the factor at each moment by (tolerance / error)^exponent, with the
-        largest error nearby, and limits its acceleration, forward and backward in time.
+        Every round multiplies the factor at each moment by (0.97 tolerance / error)^0.4, as errors
+        of a saturated joint grow faster than the speed, and by 1.25 at most, with the largest error
+        nearby. It then limits the acceleration, forward and backward in time, to that from
+        standstill to the constant factor in half a second.
         """
         path = self.path
         at = np.arange(path.first, path.last + GRID, GRID)
@@ -441,15 +409,18 @@ class _Search:
         best = replay = constant
         for number in range(ROUNDS):
             self.progress(f"varying speed, round {number + 1} of {ROUNDS}")
-            local = _nearby(replay, self.measure.errors(replay, "planned"), at)
-            factors *= np.clip((0.97 / local) ** 0.4, 1.0 / 1.25, 1.25)
+            errors, near = self.measure.errors(replay, "planned"), 0.15 * replay.speed
+            first, last = (np.searchsorted(replay.moments, at + far) for far in (-near, near))
+            # a joint answers over its lag and acceleration time; ratios stay finite
+            local = [np.max(errors[a:b], initial=1e-3) for a, b in zip(first, last, strict=True)]
+            factors *= np.clip((0.97 / np.array(local)) ** 0.4, 1.0 / 1.25, 1.25)
             factors = np.minimum(factors, 6.0 * constant.speed)
-            factors = _accelerating(factors, GRID, ACCELERATION * constant.speed)
+            factors = _accelerating(factors, GRID, 2.0 * constant.speed)
             changed = self.attempt(_moments(path, at, factors))
             if changed is None:
                 break
             replay = changed
-            if len(replay.moments) < len(best.moments) and self.is_kept(replay):
+            if len(replay.moments) < len(best.moments) and self.measure.largest(replay) <= 1.0:
                 best = replay
         return best
 
@@ -466,36 +437,28 @@ class _Search:
     def attempt(self, moments: Array, speed: float | None = None) -> Replay | None:
         """A replay within the tolerance, or near it.
 
+        Joints that a plan of least rms error leaves beyond it are planned for the largest error.
         None where a load of the pose leaves none, though another speed had one: a joint cannot move
         against the inertia of a faster motion, or the load does not settle.
         """
         try:
-            return self.within(moments, speed)
+            replay = replay_at(self.path, moments, speed=speed, **self.options)
+            if self.measure.largest(replay) <= 1.0 or not (late := self.measure.late(replay)):
+                return replay
+            plans = {each.name: each.inversion for each in replay.planned if each not in late}
+            again = replay_at(
+                self.path, moments, speed=speed, known=plans, norm="max", **self.options
+            )
         except PlannerError:
             if self.of_pose and self.replays:
                 return None
             raise
-
-    def within(self, moments: Array, speed: float | None = None) -> Replay:
-        """A replay within the tolerance, or near it.
-
-        Joints that a plan of least rms error leaves beyond it are planned for the largest error.
-        """
-        replay = replay_at(self.path, moments, speed=speed, **self.options)
-        late = set() if self.is_kept(replay) else {each.name for each in self.measure.late(replay)}
-        if not late:
-            return replay
-        plans = {each.name: each.inversion for each in replay.planned if each.name not in late}
-        again = replay_at(self.path, moments, speed=speed, known=plans, norm="max", **self.options)
         errors = [np.max(self.measure.errors(each, "planned")) for each in (replay, again)]
         return again if errors[1] < errors[0] else replay
 
     def keeps(self, speed: float) -> bool:
         replay = self.at(speed)
-        return replay is not None and self.is_kept(replay)
-
-    def is_kept(self, replay: Replay) -> bool:
-        return self.measure.largest(replay) <= 1.0
+        return replay is not None and self.measure.largest(replay) <= 1.0
 
     def has_rows(self, speed: float) -> bool:
         """Whether enough requests remain to speak of a motion."""
@@ -513,12 +476,9 @@ class _Search:
     ) -> Iterator[tuple[str, float]]:
         """Each planned joint's lower bound on its largest error over the tolerance.
 
-        Joints of known top speed come first: their bounds hold for the joints, not only the models.
-
-        Args:
-            speed: The factor.
-            first: Where the replay begins, from rest [s of the recording].
-            last: Where it ends at the latest [s of the recording].
+        The replay begins at ``first``, from rest, and ends at ``last`` at the latest [s of the
+        recording]. Joints of known top speed come first: their bounds hold for the joints, not only
+        the models.
         """
         part = replace(self.path, first=first, last=min(last, self.path.last))
         moments, unknown = part.moments(speed), self.path.open_top_speeds
@@ -536,15 +496,6 @@ class _Search:
                 load=None if path.load is None else path.at(moments, path.load),
             )
             yield path.name, bound / self.measure.of_path(path)
-
-
-def _nearby(replay: Replay, errors: Array, at: Array) -> Array:
-    """The largest error near each moment of the recording, shape (m,)."""
-    reach = REACH * replay.speed
-    first = np.searchsorted(replay.moments, at - reach)
-    last = np.searchsorted(replay.moments, at + reach)
-    parts = (errors[a:b] for a, b in zip(first, last, strict=True))
-    return np.array([np.max(part, initial=LEAST) for part in parts])
 
 
 def _accelerating(factors: Array, step: float, most: float) -> Array:
