@@ -9,33 +9,29 @@ Samples that are piecewise linear already have their corners read off.
 
 A segment from one sample to another has a cost that needs no other segment, so the cheapest chain
 of a given number of segments is a shortest path (Bellman, On the approximation of curves by line
-segments using dynamic programming, 1961; (5a) of docs/math.md). Three costs are used, as they
-fail on different data:
+segments using dynamic programming, 1961; (5a) of docs/math.md). Two costs are used, as they fail on
+different data:
 
-- `chord`: the segment joins two points of the ideal sequence; within the slopes and continuous at
-  once, but sensitive to noise at the two points;
-- `line`: the segment is the best line with a slope within the bounds through its own samples of the
-  ideal; insensitive to noise, but the lines need not meet. Of 150 fits of 2 to 15 segments 7 % are
-  worse by 0.1 % or more without it, by 21 % at worst, and 13 % without chords, by 7 % at worst;
-- of a lattice, :func:`lattice_chain`: at each node a few angles around the ideal may be taken, and
-  a segment between two of these states has its exact squared error as its cost, infinite if it is
-  too steep. So the cheapest chain is continuous, within the slopes, and best of all on the lattice.
+- by states: at each node one of a few angles around the ideal may be taken, and a segment between
+  two of these states has its exact squared error as its cost, infinite if it is too steep. So the
+  cheapest chain is continuous, within the slopes, and best of all on the lattice. With the ideal as
+  the only state, chains need no curve to begin with;
+- by lines: the segment is the best line with a slope within the bounds through its own samples of
+  the ideal; insensitive to noise, but the lines need not meet. Of 150 fits of 2 to 15 segments 7 %
+  are worse by 0.1 % or more without it, by 21 % at worst, and 13 % without chains of one state, by
+  7 % at worst.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from functools import cached_property
 from heapq import heapify, heappop, heappush
 
 import numpy as np
-import numpy.typing as npt
 
-from planner.approximation.curve import PiecewiseLinear
 from planner.approximation.problem import (
     EQUAL,
-    SHORTEST,
     Candidate,
     CanonicalForm,
     Problem,
@@ -60,9 +56,7 @@ from planner.approximation.values import (
     solve_values,
     within_slopes,
 )
-from planner.trajectory import Array
-
-Indices = npt.NDArray[np.intp]
+from planner.trajectory import Array, Indices
 
 # The effects of half and twice were measured on 640 fits of 2 to 12 segments, and 80 of 14 to 40.
 
@@ -82,7 +76,7 @@ LATTICES = (
     (44, (-1.6, -0.8, 0.0, 0.8, 1.6)),
 )
 """Few nodes with many angles and more with fewer, as they fail on different data; without both,
-errors are 11 % higher at worst."""
+errors are 11 % higher at worst. Angles are in units of a curve's rms error, around the ideal."""
 
 MOVES = (-0.5, 0.5, -1.0, 1.0, -2.0, 2.0, -5.0, 5.0)
 """Moves of a knot [samples]. Without them: 2 % at worst. Without half a sample: 0.3 % more
@@ -165,15 +159,18 @@ class KnotSearch:
         return exact_curve(self.unrounded)
 
     @cached_property
-    def _merged_knots(self) -> MergedKnots:
-        return MergedKnots(replace(self.problem, desired=self.ideal))
+    def _merged(self) -> tuple[Array, Array]:
+        return merged_knots(replace(self.problem, desired=self.ideal))
 
     def _best(self, segments: int) -> Candidate:
         problem = self.problem
         if self.exact is not None and segments == problem.segments(self.exact.knots):
             return self.exact
         if segments > PROPOSED:
-            knots = self._merged_knots(segments)
+            stay, removed = self._merged
+            first = removed.size + stay.size - segments - (0 if problem.cyclic else 1)
+            chosen = np.sort(np.append(stay, removed[first:])) if first >= 0 else None
+            knots = None if chosen is None else with_required(problem, chosen)
             knots = even_knots(problem, segments) if knots is None else knots
             return descend_by_windows(problem, self.valued(knots), rounds=FEW)
         starts = self._starts(segments)
@@ -192,7 +189,7 @@ class KnotSearch:
 
     def _begin(self, segments: int) -> list[Candidate]:
         problem = self.problem
-        proposals = chain_proposals(problem, self.ideal, segments)
+        proposals = proposed_knots(problem, self.ideal, segments)
         proposals = proposals or [even_knots(problem, segments)]
         if proposals[0].size <= WINDOW:
             starts = [best_values(problem, knots) for knots in proposals]
@@ -216,27 +213,28 @@ def improved(problem: Problem, ideal: Array, rough: list[Candidate]) -> Candidat
         ideal: Its slope-bounded ideal, shape (n,).
         rough: Curves of as many segments, the best first, at most :data:`WINDOW` knots.
     """
-    best = rough[0]
-    anchor = _sharpest_knot(problem, best) if problem.cyclic else 0
-    chains = [
-        lattice_chain(problem, ideal, best, nodes=nodes, offsets=offsets, anchor=anchor)
-        for nodes, offsets in LATTICES
-    ]
-    starts = [best_values(problem, knots) for knots in chains if knots is not None]
+    best, n = rough[0], problem.samples
+    segments, unit = problem.segments(best.knots), float(np.sqrt(best.error / n))
+    first = round(float(best.knots[_sharpest_knot(problem, best)])) if problem.cyclic else 0
+    # A cycle's chains begin and end on the curve.
+    anchor = float(np.interp(first, best.knots, best.values, period=n))
+    starts = []
+    for nodes, offsets in LATTICES:
+        states = ideal[:, np.newaxis] + unit * np.array(offsets)
+        if problem.cyclic:
+            states[first % n] = anchor, *(np.inf,) * (len(offsets) - 1)
+        nodes = max(nodes, 4 * segments)
+        knots = cheapest_knots(problem, segments, nodes=nodes, first=first, states=states)
+        starts += [] if knots is None else [best_values(problem, knots)]
     starts += rough[:2]
     begun = [descend(problem, start, rounds=MANY, progress=1e-2) for start in starts]
     begun.sort(key=by_error)
-    return with_moved_knots(problem, _apart(begun)[:2])
-
-
-def _apart(curves: list[Candidate]) -> list[Candidate]:
-    """Curves whose knots differ from those of all earlier curves."""
-    chosen: list[Candidate] = []
-    for curve in curves:
+    different = begun[:1]
+    for curve in begun[1:]:
         knots = np.sort(curve.knots)
-        if all(np.max(np.abs(knots - np.sort(each.knots))) > 1.0 for each in chosen):
-            chosen.append(curve)
-    return chosen
+        if all(np.max(np.abs(knots - np.sort(each.knots))) > 1.0 for each in different):
+            different.append(curve)
+    return with_moved_knots(problem, different[:2])
 
 
 def _sharpest_knot(problem: Problem, curve: Candidate) -> int:
@@ -274,26 +272,16 @@ def with_moved_knots(problem: Problem, curves: list[Candidate]) -> Candidate:
 
 def moved(problem: Problem, curve: Candidate) -> list[Candidate]:
     """The curves with one knot moved along the curve; their errors are not yet computed."""
-    along = PiecewiseLinear(
-        knots=curve.knots,
-        values=curve.values,
-        samples=problem.samples,
-        tick=1.0,
-        cyclic=problem.cyclic,
-    )
-    movable = np.flatnonzero(~fixed_variables(problem, curve.knots)[0])
-    moves = np.tile(MOVES, movable.size)
-    which = np.repeat(movable, len(MOVES))
-    knots = np.tile(curve.knots, (which.size, 1))
-    row = np.arange(which.size)
-    knots[row, which] += moves
-    values = np.tile(curve.values, (which.size, 1))
-    values[row, which] = along(knots[row, which])
-    ends = np.column_stack([knots, knots[:, 0] + problem.samples]) if problem.cyclic else knots
-    allowed = np.min(np.diff(ends, axis=1), axis=1) >= SHORTEST
-    return [
-        Candidate(k, v, curve.error) for k, v in zip(knots[allowed], values[allowed], strict=True)
-    ]
+    period = problem.samples if problem.cyclic else None
+    curves = []
+    for k in np.flatnonzero(~fixed_variables(problem, curve.knots)[0]):
+        for move in MOVES:
+            knots, values = curve.knots.copy(), curve.values.copy()
+            knots[k] += move
+            values[k] = np.interp(knots[k], curve.knots, curve.values, period=period)
+            if problem.long_enough(knots):
+                curves.append(Candidate(knots, values, curve.error))
+    return curves
 
 
 def exact_curve(problem: Problem) -> Candidate | None:
@@ -309,245 +297,167 @@ def exact_curve(problem: Problem) -> Candidate | None:
         The curve; None if it is too steep somewhere or has more than one segment in three samples.
     """
     d, n = problem.desired, problem.samples
-    if problem.required.size:
-        return None
-    bent = np.abs(np.roll(d, 1) - 2.0 * d + np.roll(d, -1)) > BEND
+    rise = np.roll(d, -1) - d  # from every sample to the next
+    before, after = np.roll(rise, 1), np.roll(rise, -1)
+    bent = np.abs(rise - before) > BEND
     if not problem.cyclic:
         bent[[0, -1]] = True
-    if 3 * np.count_nonzero(bent) > 2 * n:
+    if problem.required.size or 3 * np.count_nonzero(bent) > 2 * n:
         return None
-    at = np.flatnonzero(bent)
-    gap = np.diff(np.append(at, at[0] + n)) if problem.cyclic else np.append(np.diff(at), n)
-    pairs = (gap == 1) & (np.roll(gap, 1) != 1) & (np.roll(gap, -1) != 1)
-    knots: list[float] = []
-    values: list[float] = []
-    skip = False
-    for first, paired in zip(at.tolist(), pairs.tolist(), strict=True):
-        if skip:
-            skip = False
-            continue
-        meeting = _meeting(d, first) if paired else None
-        if meeting is not None and (problem.cyclic or 0 < first < n - 2):
-            knots.append(first + meeting[0])
-            values.append(meeting[1])
-            skip = True
-        else:
-            knots.append(float(first))
-            values.append(float(d[first]))
-    if problem.cyclic and skip and knots and at[0] == 0 and at[-1] == n - 1 and len(knots) > 1:
-        knots, values = knots[1:], values[1:]
-    if len(knots) < 2 or 3 * len(knots) > n + 3:
+    # Of two corners side by side, and no third beside them, the lines may meet in between.
+    pair = bent & np.roll(bent, -1) & ~np.roll(bent, 1) & ~np.roll(bent, -2) & (before != after)
+    if not problem.cyclic:
+        pair[[0, -2, -1]] = False
+    share = np.divide(rise - after, before - after, out=np.zeros(n), where=pair)
+    pair &= (share > 0.0) & (share < 1.0)
+    at = np.flatnonzero(bent & ~np.roll(pair, 1))
+    if at.size < 2 or 3 * at.size > n + 3:
         return None
-    return _within_problem(problem, np.array(knots), np.array(values))
-
-
-def _meeting(d: Array, k: int) -> tuple[float, float] | None:
-    """Where between samples k and k + 1 the lines on their two sides meet, and the value there."""
-    n = d.size
-    before, here = d[(k - 1) % n], d[k % n]
-    there, after = d[(k + 1) % n], d[(k + 2) % n]
-    left, right = here - before, after - there
-    if left == right:
-        return None
-    share = (there - right - here) / (left - right)
-    return (float(share), float(here + share * left)) if 0.0 < share < 1.0 else None
-
-
-def _within_problem(problem: Problem, knots: Array, values: Array) -> Candidate | None:
-    """The curve, if it is one within the slopes that the samples lie on."""
-    curve = candidate(problem, knots, values)
-    rises = np.diff(np.append(values, values[0]) if problem.cyclic else values)
+    knots = np.asarray(at + np.where(pair, share, 0.0)[at], dtype=np.float64)
+    curve = candidate(problem, knots, d[at] + np.where(pair, share * before, 0.0)[at])
     lengths = np.diff(problem.ends(knots))
-    steep = np.abs(rises) > problem.step * lengths * (1.0 + 1e-9)
-    off = curve.error > problem.samples * (100.0 * BEND) ** 2
+    values = np.append(curve.values, curve.values[0]) if problem.cyclic else curve.values
+    steep = np.abs(np.diff(values)) > problem.step * lengths * (1.0 + 1e-9)
+    off = curve.error > n * (100.0 * BEND) ** 2
     return None if np.any(steep) or np.any(lengths < 1.0) or off else curve
 
 
-def chain_proposals(problem: Problem, ideal: Array, segments: int) -> list[Array]:
-    """Knots of the cheapest chains by chord and by line, without duplicates.
+def proposed_knots(problem: Problem, ideal: Array, segments: int) -> list[Array]:
+    """Knots of the cheapest chains through the ideal and by lines, without duplicates.
 
     Args:
         problem: The approximation problem; a cycle begins where a knot is likely.
         ideal: Its slope-bounded ideal, shape (n,).
         segments: Number of segments.
     """
-    from planner.approximation import kernel
-
-    n = problem.samples
-    last = n if problem.cyclic else n - 1
-    fixed = np.unique(nearest_samples(problem.required) % n)
-    nodes = np.round(np.linspace(0, last, min(last, NODES) + 1)).astype(np.intp)
-    nodes = np.union1d(nodes % n, fixed)
-    starts = np.zeros(1, dtype=np.intp)
+    n, starts = problem.samples, [0]
     if problem.cyclic:
-        even = nodes[np.unique(np.arange(ANCHORS) * nodes.size // ANCHORS)]
-        starts = fixed[:ANCHORS] if fixed.size else even
+        fixed = np.unique(nearest_samples(problem.required) % n)
+        even = _nodes(problem, NODES, 0)[:-1]
+        even = even[np.unique(np.arange(ANCHORS) * even.size // ANCHORS)]
+        starts = (fixed[:ANCHORS] if fixed.size else even).tolist()
     proposals: dict[bytes, Array] = {}
-    for by_chord in (True, False):
-        for first in starts.tolist():
-            grid, around, stays = _grid(problem, nodes, fixed, first)
-            desired, sequence = problem.desired[around], ideal[around]
-            if by_chord:
-                states = sequence[grid][:, None]
-                costs = kernel.chord_costs(desired, problem.step, grid, states, stays)
-            else:
-                costs = kernel.line_costs(sequence, problem.step, grid, stays)
-            way = kernel.cheapest_chain(costs, np.zeros(1), segments)
-            knots = _knots(problem, grid, way, first)
+    by_lines = replace(problem, desired=ideal)
+    for own, states in ((problem, ideal[:, np.newaxis]), (by_lines, None)):
+        for first in starts:
+            knots = cheapest_knots(own, segments, nodes=NODES, first=first, states=states)
             if knots is not None:
                 order = np.sort(knots % n if problem.cyclic else knots)
                 proposals.setdefault(order.tobytes(), knots)
     return list(proposals.values())
 
 
-def _grid(
-    problem: Problem, nodes: Indices, fixed: Indices, first: int
-) -> tuple[Indices, Indices, npt.NDArray[np.bool_]]:
-    """Nodes after a sample, a cycle's end included, all samples from there, and fixed nodes."""
+def _nodes(problem: Problem, nodes: int, first: int) -> Indices:
+    """Even places of knots, and required ones, counted from a sample; a cycle's end included."""
     n = problem.samples
-    if not problem.cyclic:
-        return nodes, np.arange(n), np.isin(nodes, fixed)
-    grid = np.append(np.sort((nodes - first) % n), n)
-    return grid, np.arange(first, first + n + 1) % n, np.isin(grid, (fixed - first) % n)
+    last = n if problem.cyclic else n - 1
+    even = np.round(np.linspace(0, last, min(last, nodes) + 1)).astype(np.intp)
+    fixed = nearest_samples(problem.required) - first
+    return np.union1d(even, fixed % n if problem.cyclic else fixed)
 
 
-def _knots(problem: Problem, grid: Indices, way: Indices, first: int) -> Array | None:
-    """Knots of a chain of nodes, a cycle's without its end; None if there is none."""
-    if not way.size:
-        return None
-    way = way[:-1] if problem.cyclic else way
-    return with_required(problem, grid[way].astype(np.float64) + first)
-
-
-def lattice_chain(
-    problem: Problem,
-    ideal: Array,
-    curve: Candidate,
-    *,
-    nodes: int,
-    offsets: tuple[float, ...],
-    anchor: int,
+def cheapest_knots(
+    problem: Problem, segments: int, *, nodes: int, first: int, states: Array | None
 ) -> Array | None:
-    """Knots of the cheapest chain with as many segments on a grid.
+    """Knots of the cheapest chain on a grid.
 
     Args:
         problem: The approximation problem.
-        ideal: Its slope-bounded ideal, shape (n,).
-        curve: Sets the number of segments and the distance from the ideal.
-        nodes: Places where knots may lie, if the samples are as many; four for every segment where
-            that is more. The cost of a chain takes this number squared.
-        offsets: Angles that a knot may have around the ideal, in units of the curve's rms error.
-        anchor: Number of the knot that is kept, for a cycle.
+        segments: Number of segments.
+        nodes: Places where knots may lie, if the samples are as many. The cost of a chain takes
+            this number, times that of the states, squared.
+        first: Of a cycle, the sample where a chain begins and ends.
+        states: Angles that a knot may have at every sample, infinite where there are fewer, shape
+            (n, g); None for costs by lines.
 
     Returns:
-        Knots; None if no chain is within the slopes.
+        Knots, of a cycle without its end; None if no chain is within the slopes.
     """
     from planner.approximation import kernel
 
-    n, segments = problem.samples, problem.segments(curve.knots)
-    first = round(float(curve.knots[anchor])) if problem.cyclic else 0
-    last = n if problem.cyclic else n - 1
-    fixed = nearest_samples(problem.required) % n
-    places = np.linspace(0, last, min(last, max(nodes, 4 * segments)) + 1)
-    even = (np.round(places).astype(np.intp) + first) % n
-    grid, around, stays = _grid(problem, np.union1d(even, fixed), fixed, first)
-    desired, unit = problem.desired[around], float(np.sqrt(curve.error / n))
-    states = ideal[around][grid][:, None] + unit * np.array(offsets)
-    if problem.cyclic:
-        states[[0, -1], 0] = float(np.interp(first, curve.knots, curve.values, period=n))
-        states[[0, -1], 1:] = np.inf
-    for place, pin in zip((fixed - first) % n, problem.pins, strict=True):
-        if np.isfinite(pin):
-            states[grid % n == place] = np.inf
-            states[grid % n == place, 0] = pin
-    costs = kernel.chord_costs(desired, problem.step, grid, states, stays)
-    way = kernel.cheapest_chain(costs, (states[0] - desired[0]) ** 2, segments)
-    return _knots(problem, grid, way // len(offsets), first)
+    n, cyclic = problem.samples, problem.cyclic
+    grid = _nodes(problem, nodes, first)
+    around = np.arange(first, first + n + cyclic) % n
+    required = nearest_samples(problem.required) - first
+    required = required % n if cyclic else required
+    desired, stays, count = problem.desired[around], np.isin(grid, required), 1
+    if states is None:
+        costs = kernel.line_costs(desired, problem.step, grid, stays)
+        begin = np.zeros(1)
+    else:
+        own = states[around][grid]
+        for place, pin in zip(required, problem.pins, strict=True):
+            if np.isfinite(pin) and own.shape[1] > 1:
+                own[grid % n == place] = pin, *(np.inf,) * (own.shape[1] - 1)
+        costs = kernel.chord_costs(desired, problem.step, grid, own, stays)
+        begin, count = (own[0] - desired[0]) ** 2, own.shape[1]
+    way = kernel.cheapest_chain(costs, begin, segments)
+    if not way.size:
+        return None
+    knots = grid[way // count].astype(np.float64) + first
+    return with_required(problem, knots[:-1] if cyclic else knots)
 
 
-class MergedKnots:
+def merged_knots(problem: Problem) -> tuple[Array, Array]:
     """Knots on samples for any number of segments: neighbours merged one pair at a time.
 
-    From a segment between any two samples down. The order of the merges gives the knots for every
-    number of segments, each set within the next, in O(n log n) once.
+    It begins with a segment between any two samples. The order of the merges gives the knots for
+    every number of segments, each set within the next, in O(n log n) once.
+
+    Returns:
+        Knots that stay, of a cycle without its end, and the others in the order in which they go.
     """
-
-    def __init__(self, problem: Problem) -> None:
-        """Merge until no knot is left that may go, and note the order."""
-        self._problem = problem
-        n = problem.samples
-        every: Array = np.arange(n, dtype=np.float64)
-        if problem.required.size:
-            nearest = nearest_samples(problem.required).astype(np.float64)
-            every = even_knots(replace(problem, required=nearest))
-        last = n if problem.cyclic else n - 1
-        self._first = int(every[0])
-        self._grid = problem.ends(every)
-        self._grid = (self._grid - self._first).astype(np.intp)
-        turned = np.resize(np.roll(problem.desired, -self._first), last + 1)
-        self._cost = _line_cost(turned, problem.step)
-        fixed = nearest_samples(problem.required) - self._first
-        stays = np.isin(self._grid, np.mod(fixed, n) if problem.cyclic else fixed)
-        stays[[0, -1]] = True
-        self._removed = np.array(self._merge(stays.tolist()), dtype=np.intp)
-        self._stay = self._grid[stays]
-
-    def __call__(self, segments: int) -> Array | None:
-        """Knots for so many segments, a cycle's first at its first sample; None if too many."""
-        more = segments + 1 - self._stay.size
-        if not 0 <= more <= self._removed.size:
-            return None
-        keep = np.append(self._stay, self._removed[self._removed.size - more :])
-        knots = np.sort(keep).astype(np.float64) + self._first
-        return with_required(self._problem, knots[:-1] if self._problem.cyclic else knots)
-
-    def _merge(self, stays: list[bool]) -> list[int]:
-        """Samples in the order in which they cease to be knots."""
-        grid = [int(k) for k in self._grid]
-        cost, last = self._cost, len(grid) - 1
-        before = list(range(-1, last))
-        after = list(range(1, last + 2))
-        own = [cost(grid[k], grid[k + 1]) for k in range(last)]  # of the segment from k on
-
-        def loss(knot: int) -> float:
-            joined = cost(grid[before[knot]], grid[after[knot]])
-            return joined - own[before[knot]] - own[knot]
-
-        version = [0] * (last + 1)
-        queue = [(loss(knot), knot, 0) for knot in range(1, last) if not stays[knot]]
-        heapify(queue)
-        removed = []
-        while queue:
-            _, knot, seen = heappop(queue)
-            if seen != version[knot]:
-                continue
-            removed.append(grid[knot])
-            version[knot] = -1
-            left, right = before[knot], after[knot]
-            own[left] = cost(grid[left], grid[right])
-            after[left], before[right] = right, left
-            for neighbour in (left, right):
-                if not stays[neighbour]:
-                    version[neighbour] += 1
-                    heappush(queue, (loss(neighbour), neighbour, version[neighbour]))
-        return removed
-
-
-def _line_cost(desired: Array, step: float) -> Callable[[int, int], float]:
-    """The squared error of the best line within the slopes through the samples from i to j."""
-    k = np.arange(desired.size, dtype=np.float64)
+    n = problem.samples
+    every: Array = np.arange(n, dtype=np.float64)
+    if problem.required.size:
+        nearest = nearest_samples(problem.required).astype(np.float64)
+        every = even_knots(replace(problem, required=nearest))
+    first, ends = int(every[0]), problem.ends(every)
+    grid = (ends - first).astype(np.intp).tolist()
+    last = len(grid) - 1
+    fixed = nearest_samples(problem.required) - first
+    stays = np.isin(grid, np.mod(fixed, n) if problem.cyclic else fixed)
+    stays[[0, -1]] = True
+    turned = np.resize(np.roll(problem.desired, -first), grid[-1] + 1)
+    k = np.arange(turned.size, dtype=np.float64)
     s0, s1, s2 = (
         np.concatenate([[0.0], np.cumsum(total)]).tolist()
-        for total in (desired, k * desired, desired**2)
+        for total in (turned, k * turned, turned**2)
     )
 
-    def cost(i: int, j: int) -> float:
+    def cost(start: int, end: int) -> float:
+        """Squared error of the best line within the slopes through the samples between knots."""
+        i, j = grid[start], grid[end]
         count = j + 1 - i
         middle, sxx = 0.5 * (i + j), count * (count * count - 1) / 12.0
         d0 = s0[j + 1] - s0[i]
         d1 = s1[j + 1] - s1[i] - middle * d0  # about the middle
-        slope = min(max(d1 / sxx, -step), step)
+        slope = min(max(d1 / sxx, -problem.step), problem.step)
         error: float = s2[j + 1] - s2[i] - d0 * d0 / count + slope * (slope * sxx - 2.0 * d1)
         return max(error, 0.0)
 
-    return cost
+    before, after = list(range(-1, last)), list(range(1, last + 2))
+    own = [cost(knot, knot + 1) for knot in range(last)]  # of the segment from a knot on
+
+    def loss(knot: int) -> float:
+        return cost(before[knot], after[knot]) - own[before[knot]] - own[knot]
+
+    version = [-1 if stay else 0 for stay in stays.tolist()]
+    queue = [(loss(knot), knot, 0) for knot in range(last) if version[knot] == 0]
+    heapify(queue)
+    removed = []
+    while queue:
+        _, knot, seen = heappop(queue)
+        if seen != version[knot]:
+            continue
+        removed.append(knot)
+        version[knot] = -1
+        left, right = before[knot], after[knot]
+        after[left], before[right] = right, left
+        own[left] = cost(left, right)
+        for neighbour in (left, right):
+            if version[neighbour] >= 0:
+                version[neighbour] += 1
+                heappush(queue, (loss(neighbour), neighbour, version[neighbour]))
+    kept = ends[stays]
+    return kept[:-1] if problem.cyclic else kept, ends[removed]
