@@ -15,7 +15,6 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from planner.approximation.fewest import Course, Gates, fewest_links, fewest_links_around
 from planner.approximation.problem import (
@@ -28,9 +27,9 @@ from planner.approximation.problem import (
     fixed_variables,
     residuals,
 )
-from planner.approximation.values import ValuesQP, attainable_error, polished, run_osqp
+from planner.approximation.values import QP, attainable_error
 from planner.exceptions import Infeasible, angle_text
-from planner.trajectory import Array, Mask
+from planner.trajectory import Array, Indices, Mask
 
 TIE = 0.25 * BARELY
 """Relative excess over the bound with which the segments are counted, so that ties are passed."""
@@ -245,12 +244,10 @@ def _together(
     if np.any(lines.last < lines.first):
         return curve
     qp = _line_qp(problem, curve, lines, bound, margin)
-    result = run_osqp(qp, iterations=2_000)
-    change = np.asarray(result.x, dtype=np.float64)
+    change, _ = qp.solved(iterations=2_000)
     if not np.all(np.isfinite(change)):
         return curve
-    change = bound * polished(qp, change, np.asarray(result.y, dtype=np.float64))
-    level, rise = np.split(change, 2)
+    level, rise = np.split(bound * change, 2)
     lines = lines._replace(level=lines.level + level, slope=lines.slope + rise / lines.half)
     moved = candidate(problem, *_joined(problem, curve, lines))
     if not moved.error < curve.error or not problem.long_enough(moved.knots):
@@ -278,17 +275,17 @@ class _Lines(NamedTuple):
         high: Largest place of each joint.
     """
 
-    first: npt.NDArray[np.intp]
-    last: npt.NDArray[np.intp]
+    first: Indices
+    last: Indices
     middle: Array
     half: Array
     level: Array
     slope: Array
-    joints: npt.NDArray[np.intp]
+    joints: Indices
     low: Array
     high: Array
 
-    def at(self, line: npt.NDArray[np.intp], place: Array) -> Array:
+    def at(self, line: Indices, place: Array) -> Array:
         """Values of lines at places."""
         return self.level[line] + self.slope[line] * (place - self.middle[line])
 
@@ -335,9 +332,7 @@ def _lines_of(problem: Problem, curve: Candidate, after: Mask) -> _Lines:
     )
 
 
-def _line_qp(
-    problem: Problem, curve: Candidate, lines: _Lines, bound: float, margin: float
-) -> ValuesQP:
+def _line_qp(problem: Problem, curve: Candidate, lines: _Lines, bound: float, margin: float) -> QP:
     """The QP in the lines.
 
     The unknowns are changes of level and of rise over half a line's samples, in units of ``bound``,
@@ -348,26 +343,17 @@ def _line_qp(
     size = lines.level.size
     index = np.arange(lines.first[0], lines.last[-1] + 1)
     line = np.repeat(np.arange(size), lines.last - lines.first + 1)
-    share = (index - lines.middle[line]) / lines.half[line]
-    residual = (problem.desired[index % problem.samples] - lines.at(line, index)) / bound
-    s0, s1, s2, d0, d1 = (
-        np.bincount(line, product, minlength=size)
-        for product in (np.ones(index.size), share, share * share, residual, residual * share)
-    )
-    scale = float(np.max(s0))
-    P: Any = sparse.bmat(
-        [[sparse.diags(s0), sparse.diags(s1)], [sparse.diags(s1), sparse.diags(s2 + 1e-9)]],
-        "csc",
-    )  # a line through one sample has no slope of its own
 
-    def values(which: npt.NDArray[np.intp], at: Array) -> Any:
+    def values(which: Indices, at: Array) -> Any:
         """Rows that give the change of a line's value at a place."""
         along = (at - lines.middle[which]) / lines.half[which]
         entries = np.append(np.ones(at.size), along)
         row = np.tile(np.arange(at.size), 2)
         columns = np.append(which, size + which)
-        return sparse.csc_matrix((entries, (row, columns)), shape=(at.size, 2 * size))
+        return sparse.csr_matrix((entries, (row, columns)), shape=(at.size, 2 * size))
 
+    passed = values(line, index)
+    residual = (problem.desired[index % problem.samples] - lines.at(line, index)) / bound
     hull = np.concatenate(
         [
             first + _corners(problem.desired[np.arange(first, last + 1) % problem.samples])
@@ -375,7 +361,7 @@ def _line_qp(
         ]
     )
     hull -= lines.first[0]
-    rows = [values(line[hull], index[hull]), sparse.eye(2 * size, format="csc")[size:]]
+    rows = [passed[hull], sparse.eye(2 * size, format="csr")[size:]]
     room = 1.0 - margin
     lower = [residual[hull] - room, (-problem.step * room - lines.slope) * lines.half / bound]
     upper = [residual[hull] + room, (problem.step * room - lines.slope) * lines.half / bound]
@@ -389,10 +375,11 @@ def _line_qp(
     rows.append(values(np.minimum(stay, size - 1), curve.knots[stay]))
     lower.append(np.zeros(stay.size))
     upper.append(np.zeros(stay.size))
-    return ValuesQP(
-        P=P / scale,
-        q=-np.append(d0, d1) / scale,
-        A=sparse.vstack(rows, format="csc"),
+    # A line through one sample has no slope of its own.
+    return QP(
+        P=passed.T @ passed + 1e-9 * sparse.diags(np.repeat([0.0, 1.0], size)),
+        q=-(passed.T @ residual),
+        A=sparse.vstack(rows),
         lower=np.minimum(np.concatenate(lower), 0.0),
         upper=np.maximum(np.concatenate(upper), 0.0),
     )
@@ -421,7 +408,7 @@ def _joined(problem: Problem, curve: Candidate, lines: _Lines) -> tuple[Array, A
     return knots, np.where(pinned, curve.values, values)
 
 
-def _corners(samples: Array) -> npt.NDArray[np.intp]:
+def _corners(samples: Array) -> Indices:
     """Numbers of the samples at the corners of their convex hull, which bound a line."""
     kept: set[int] = set()
     for ends in (samples.tolist(), (-samples).tolist()):

@@ -4,8 +4,8 @@
 
 The Hessian is tridiagonal, closed to a ring for a cycle. Few values are found by the compiled dense
 QP of the descents (:mod:`planner.approximation.kernel`). Of many, OSQP gives the active bounds, and
-the values to its tolerance; :func:`polished` makes them exact. :func:`within_slopes` makes the
-bounds hold to the last digit.
+the values to its tolerance; the equations of the active bounds make them exact.
+:func:`within_slopes` makes the bounds hold to the last digit.
 
 A descent moves knots and values together by sequential quadratic programming. Between the knots t_j
 and t_{j+1} the curve at sample k is P(k) = (1 - u) y_j + u y_{j+1} with the share
@@ -25,12 +25,10 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from planner.approximation.problem import (
     Candidate,
@@ -59,13 +57,13 @@ PIN_WEIGHT = 1e5
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class ValuesQP:
-    """Minimise ½ yᵀPy + qᵀy subject to lower <= Ay <= upper.
+class QP:
+    """Minimise ½ xᵀPx + qᵀx subject to lower <= Ax <= upper.
 
     Attributes:
-        P: Hessian, shape (K, K); like A sparse.
-        q: Gradient at zero, shape (K,).
-        A: Rise of every segment, and the values that are required, shape (S + p, K).
+        P: Hessian, shape (k, k); like A sparse.
+        q: Gradient at zero, shape (k,).
+        A: Rows of the conditions, shape (r, k).
         lower: Least values of them.
         upper: Largest values of them.
     """
@@ -76,10 +74,73 @@ class ValuesQP:
     lower: Array
     upper: Array
 
-    def excess(self, values: Array) -> float:
+    def excess(self, x: Array) -> float:
         """Largest violation of a limit, 0 if there is none."""
-        rows = self.A @ values
+        rows = self.A @ x
         return float(np.max(np.maximum(self.lower - rows, rows - self.upper), initial=0.0))
+
+    def solved(self, near: Array | None = None, *, iterations: int) -> tuple[Array, str]:
+        """OSQP's answer, polished, and its status.
+
+        Args:
+            near: Where it starts, shape (k,); None for zero.
+            iterations: Most iterations.
+        """
+        import osqp
+        from scipy import sparse
+
+        scale = float(max(np.max(self.P.diagonal()), np.max(np.abs(self.q))))
+        solver = osqp.OSQP(algebra="builtin")
+        solver.setup(
+            sparse.triu(self.P / scale, format="csc"),
+            self.q / scale,
+            sparse.csc_matrix(self.A),
+            self.lower,
+            self.upper,
+            eps_abs=1e-9,
+            eps_rel=1e-9,
+            max_iter=iterations,
+            polishing=False,  # OSQP's own prints when no bound is active
+            verbose=False,
+        )
+        if near is not None:
+            solver.warm_start(x=near)
+        result = solver.solve(raise_error=False)
+        status = str(result.info.status)
+        logging.getLogger(__name__).debug("OSQP: %s after %d iterations", status, result.info.iter)
+        x, multipliers = (np.asarray(each, dtype=np.float64) for each in (result.x, result.y))
+        if not np.all(np.isfinite(x)):
+            return x, f"{status}, not finite"
+        better = self._with_active_bounds(multipliers)
+        if better is None or self.excess(better) > max(self.excess(x), 1e-12):
+            return x, status
+        return better, status
+
+    def _with_active_bounds(self, multipliers: Array) -> Array | None:
+        """The minimiser with active bounds as equations; None if singular.
+
+        It solves [P Aᵀ; A 0] x = b with a touch of regularisation for bounds that repeat one
+        another; two refinements remove it.
+        """
+        from scipy import sparse
+        from scipy.sparse.linalg import splu
+
+        pressed = np.abs(multipliers) > 1e-9 * np.max(np.abs(multipliers), initial=0.0)
+        nearer = np.where(multipliers > 0.0, self.upper, self.lower)
+        active = np.flatnonzero((pressed & np.isfinite(nearer)) | (self.lower == self.upper))
+        rows, size = sparse.csr_matrix(self.A)[active], self.q.size
+        lower = -1e-9 * sparse.eye(active.size) if active.size else None
+        blocks: Any = [[self.P, rows.T], [rows, lower]]
+        try:
+            solve = splu(sparse.bmat(blocks, "csc")).solve
+        except RuntimeError:  # singular
+            return None
+        exact = np.zeros(size + active.size)
+        for _ in range(3):
+            x, u = exact[:size], exact[size:]
+            beyond = np.append(self.q + self.P @ x + rows.T @ u, rows @ x - nearer[active])
+            exact = exact - solve(beyond)
+        return np.asarray(exact[:size])
 
 
 def solve_values(problem: Problem, knots: Array, near: Array | None = None) -> Array:
@@ -101,10 +162,25 @@ def solve_values(problem: Problem, knots: Array, near: Array | None = None) -> A
     if knots.size <= WINDOW:
         return best_values(problem, knots, best_values(problem, knots).values).values
     near = feasible_values(problem, knots) if near is None else near
-    return _solved(problem, build_values_qp(problem, knots, near), near)
+    # In a unit of its own, as all rises are tiny where v is.
+    centre, unit = float(np.mean(near)), min(1.0, problem.step * problem.samples)
+    scaled = replace(
+        problem,
+        desired=(problem.desired - centre) / unit,
+        step=problem.step / unit,
+        pins=(problem.pins - centre) / unit,
+    )
+    near = (near - centre) / unit
+    qp = values_qp(scaled, knots, near)
+    values, status = qp.solved(near, iterations=50_000)
+    if not (status.startswith("solved") and np.all(np.isfinite(values))):
+        raise SolverFailed("values at the knots, OSQP", status)
+    if unit * qp.excess(values) > 1e-6:
+        raise SolverFailed("values at the knots, OSQP", status, violation=unit * qp.excess(values))
+    return centre + unit * values
 
 
-def build_values_qp(problem: Problem, knots: Array, near: Array) -> ValuesQP:
+def values_qp(problem: Problem, knots: Array, near: Array) -> QP:
     """The QP in the values at ``knots``, with a slight regularisation towards ``near``.
 
     Args:
@@ -112,166 +188,33 @@ def build_values_qp(problem: Problem, knots: Array, near: Array) -> ValuesQP:
         knots: Knots, shape (K,).
         near: Values of the regularisation, which undetermined ones take, shape (K,).
     """
-    size = knots.size
+    from scipy import sparse
+
+    size, n = knots.size, problem.samples
     start = np.arange(problem.segments(knots))  # numbers of the knots where segments start
     end = (start + 1) % size
     ends = problem.ends(knots)
-    index = np.arange(problem.samples, dtype=np.float64)
+    index = np.arange(n, dtype=np.float64)
     if problem.cyclic:
-        index = knots[0] + np.mod(index - knots[0], problem.samples)
-    segment = np.clip(np.searchsorted(knots, index, side="right") - 1, 0, ends.size - 2)
+        index = knots[0] + np.mod(index - knots[0], n)
+    segment = np.clip(np.searchsorted(knots, index, side="right") - 1, 0, start.size - 1)
     share = (index - knots[segment]) / np.diff(ends)[segment]
-    rest = 1.0 - share
-
-    def total(products: Array) -> Array:
-        return np.asarray(np.bincount(segment, products, minlength=start.size), dtype=np.float64)
-
-    s00, s01, s11 = total(rest * rest), total(rest * share), total(share * share)
-    diagonal, q = np.zeros(size), np.zeros(size)
-    diagonal[start] += s00
-    diagonal[end] += s11
-    ridge = 1e-11 * float(diagonal.max())  # for knots with no samples between them
-    every = np.arange(size)
-    q[start] -= total(rest * problem.desired)
-    q[end] -= total(share * problem.desired)
-    row, ones = np.arange(start.size), np.ones(start.size)
-    entries, rows, columns = [-ones, ones], [row, row], [start, end]
-    upper = problem.step * np.diff(ends)
-    lower = -upper
+    columns = np.append(start[segment], end[segment])
+    curve = sparse.csr_matrix(
+        (np.append(1.0 - share, share), (np.tile(np.arange(n), 2), columns)), shape=(n, size)
+    )
+    squares, each = curve.T @ curve, sparse.eye(size, format="csr")
+    ridge = 1e-11 * float(squares.diagonal().max())  # for knots with no samples between them
     pins = required_knots(problem, knots)[1]
     pinned = np.flatnonzero(np.isfinite(pins))
-    if pinned.size:
-        entries.append(np.ones(pinned.size))
-        rows.append(upper.size + np.arange(pinned.size))
-        columns.append(pinned)
-        lower, upper = np.append(lower, pins[pinned]), np.append(upper, pins[pinned])
-    curvatures = [diagonal + ridge, s01, s01]
-    return ValuesQP(
-        P=_matrix(curvatures, [every, start, end], [every, end, start], (size, size)),
-        q=q - ridge * near,
-        A=_matrix(entries, rows, columns, (upper.size, size)),
-        lower=lower,
-        upper=upper,
+    steepest = problem.step * np.diff(ends)
+    return QP(
+        P=squares + ridge * each,
+        q=-(curve.T @ problem.desired) - ridge * near,
+        A=sparse.vstack([each[end] - each[start], each[pinned]]),
+        lower=np.append(-steepest, pins[pinned]),
+        upper=np.append(steepest, pins[pinned]),
     )
-
-
-def _matrix(
-    entries: Sequence[Array],
-    rows: Sequence[npt.NDArray[np.intp]],
-    columns: Sequence[npt.NDArray[np.intp]],
-    shape: tuple[int, int],
-) -> Any:
-    """The matrix with these entries, those of one place added up."""
-    from scipy import sparse
-
-    data, row, column = np.concatenate(entries), np.concatenate(rows), np.concatenate(columns)
-    return sparse.csc_matrix((data, (row, column)), shape=shape)
-
-
-def _solved(problem: Problem, qp: ValuesQP, near: Array) -> Array:
-    """OSQP's answer, polished and checked."""
-    # In z with y = centre + unit z, as all rises are tiny where v is.
-    centre = float(np.mean(near))
-    unit = min(1.0, problem.step * problem.samples)
-    offset = np.full(near.size, centre)
-    q = (qp.P @ offset + qp.q) / unit
-    rows = qp.A @ offset
-    scale = float(max(np.max(qp.P.diagonal()), np.max(np.abs(q))))
-    scaled = ValuesQP(
-        P=qp.P / scale,
-        q=q / scale,
-        A=qp.A,
-        lower=(qp.lower - rows) / unit,
-        upper=(qp.upper - rows) / unit,
-    )
-    result = run_osqp(scaled, (near - centre) / unit, iterations=50_000)
-    values = centre + unit * np.asarray(result.x, dtype=np.float64)
-    status = str(result.info.status)
-    logging.getLogger(__name__).debug(
-        "values at %d knots: OSQP says %s after %d iterations",
-        near.size,
-        status,
-        result.info.iter,
-    )
-    if not (status.startswith("solved") and np.all(np.isfinite(values))):
-        raise SolverFailed("values at the knots, OSQP", status)
-    values = polished(qp, values, np.asarray(result.y, dtype=np.float64))
-    if qp.excess(values) > 1e-6:
-        raise SolverFailed("values at the knots, OSQP", status, violation=qp.excess(values))
-    return values
-
-
-def run_osqp(qp: ValuesQP, near: Array | None = None, *, iterations: int) -> Any:
-    """Result of OSQP for a QP: ``x``, the multipliers ``y`` and ``info``.
-
-    Args:
-        qp: The QP, scaled to entries of size one.
-        near: Where it starts, shape (K,); None for zero.
-        iterations: Most iterations.
-    """
-    import osqp
-    from scipy import sparse
-
-    solver = osqp.OSQP(algebra="builtin")
-    solver.setup(
-        sparse.triu(qp.P, format="csc"),
-        qp.q,
-        sparse.csc_matrix(qp.A),
-        qp.lower,
-        qp.upper,
-        eps_abs=1e-9,
-        eps_rel=1e-9,
-        max_iter=iterations,
-        polishing=False,  # OSQP's own prints when no bound is active
-        verbose=False,
-    )
-    if near is not None:
-        solver.warm_start(x=near)
-    return solver.solve(raise_error=False)
-
-
-def polished(qp: ValuesQP, values: Array, multipliers: Array) -> Array:
-    """The minimiser with the active bounds of ``values`` as equations, if it is at least as good.
-
-    Args:
-        qp: The QP.
-        values: A solution to some tolerance, shape (K,).
-        multipliers: Of the bounds, positive at the upper ones.
-
-    Returns:
-        Values, shape (K,).
-    """
-    pressed = np.abs(multipliers) > 1e-9 * np.max(np.abs(multipliers), initial=0.0)
-    nearer = np.where(multipliers > 0.0, qp.upper, qp.lower)
-    active = np.flatnonzero((pressed & np.isfinite(nearer)) | (qp.lower == qp.upper))
-    better = _with_active(qp, active, nearer[active])
-    if better is None:
-        return values
-    if qp.excess(better) > max(qp.excess(values), 1e-12):
-        return values
-    return better
-
-
-def _with_active(qp: ValuesQP, active: npt.NDArray[np.intp], target: Array) -> Array | None:
-    """The minimiser with some rows at a target each; None if singular.
-
-    It solves [P Aᵀ; A 0] x = b with a touch of regularisation for bounds that repeat one another;
-    two refinements remove it.
-    """
-    from scipy import sparse
-    from scipy.sparse.linalg import splu
-
-    rows, size = qp.A[active, :], qp.q.size
-    lower = -1e-9 * sparse.eye(active.size) if active.size else None
-    try:
-        solve = splu(sparse.bmat([[qp.P, rows.T], [rows, lower]], "csc")).solve
-    except RuntimeError:  # singular
-        return None
-    exact = np.zeros(size + active.size)
-    for _ in range(3):
-        y, u = exact[:size], exact[size:]
-        exact = exact + solve(np.append(-qp.q - qp.P @ y - rows.T @ u, target - rows @ y))
-    return np.asarray(exact[:size])
 
 
 def within_slopes(
