@@ -259,42 +259,6 @@ def descend(
     return knots, values, error
 
 
-@compiled
-def best_values(
-    desired: Array, step: float, cyclic: bool, knots: Array, values: Array, free: Mask
-) -> Array:
-    """The values of least squared error at given knots; the input values if there are none.
-
-    Args:
-        desired: Samples, shape (n,).
-        step: Largest change per sample.
-        cyclic: Whether the first sample follows the last.
-        knots: Knots, shape (K,).
-        values: Values within the slopes, shape (K,).
-        free: Which values move, shape (K,).
-    """
-    size = len(knots)
-    _, by_all, of_all, _ = evaluate(desired, cyclic, knots, values)
-    room, conditions = slacks(len(desired), step, cyclic, knots, values), 2 * len(knots)
-    conditions = conditions if cyclic else conditions - 2  # on slopes: knots stay where they are
-    steps, solution = constraint_rows(size, step, cyclic), np.zeros(size)
-    rows, bounds = np.zeros((conditions, size)), np.zeros(conditions)
-    hessian, gradient, scales = np.zeros((size, size)), np.zeros(size), np.zeros(size)
-    largest = 0.0
-    for i in range(size):
-        gradient[i], largest = by_all[size + i], max(largest, of_all[size + i, size + i])
-        for j in range(size):
-            hessian[i, j] = of_all[size + i, size + j]
-        for k in range(conditions):
-            rows[k, i], bounds[k] = steps[k, size + i], max(room[k], 0.0)
-    for i in range(size):
-        scales[i] = largest
-    move, _, _ = minimise_damped(hessian, gradient, rows, bounds, free, scales, 1e-10)
-    for i in range(size):
-        solution[i] = values[i] + move[i]
-    return solution
-
-
 @inner
 def evaluate(
     desired: Array, cyclic: bool, knots: Array, values: Array

@@ -160,7 +160,7 @@ def solve_values(problem: Problem, knots: Array, near: Array | None = None) -> A
     if knots.size == 1:
         return feasible_values(problem, knots)
     if knots.size <= WINDOW:
-        return best_values(problem, knots, best_values(problem, knots).values).values
+        return best_values(problem, knots).values
     near = feasible_values(problem, knots) if near is None else near
     # In a unit of its own, as all rises are tiny where v is.
     centre, unit = float(np.mean(near)), min(1.0, problem.step * problem.samples)
@@ -246,33 +246,19 @@ def within_slopes(
     return towards
 
 
-def best_values(problem: Problem, knots: Array, near: Array | None = None) -> Candidate:
-    """The curve of best values within the slopes at given knots, a convex QP.
-
-    Args:
-        problem: The approximation problem.
-        knots: Knots, at most :data:`WINDOW`.
-        near: Values within the slopes, (K,), where the QP begins and whose distance from the best
-            ones it lowers by 1e-10; feasible ones by default.
-
-    Returns:
-        The curve; if the QP is not solved, the one with the values near it.
-    """
-    from planner.approximation import kernel
-
-    values = kernel.best_values(
-        problem.desired,
-        problem.step,
-        problem.cyclic,
-        knots,
-        feasible_values(problem, knots) if near is None else near,
-        ~fixed_variables(problem, knots)[1],
-    )
-    return candidate(problem, knots, values)
+def best_values(problem: Problem, knots: Array) -> Candidate:
+    """The curve of best values within the slopes at given knots, at most :data:`WINDOW`."""
+    start = Candidate(knots, feasible_values(problem, knots), math.inf)
+    return descend(problem, start, rounds=12, progress=0.0, values_only=True)
 
 
 def descend(
-    problem: Problem, start: Candidate, *, rounds: int, progress: float = PROGRESS
+    problem: Problem,
+    start: Candidate,
+    *,
+    rounds: int,
+    progress: float = PROGRESS,
+    values_only: bool = False,
 ) -> Candidate:
     """Move knots and values downhill until there is no progress; the ends of a path stay.
 
@@ -281,6 +267,7 @@ def descend(
         start: Where to start, within the slopes, at most :data:`WINDOW` knots.
         rounds: Most evaluations.
         progress: Relative decrease of the squared error below which the descent ends.
+        values_only: Whether all knots stay: a convex QP, of which few evaluations find the optimum.
 
     Returns:
         The best curve found; never worse than the start.
@@ -288,17 +275,10 @@ def descend(
     from planner.approximation import kernel
 
     free = _free_variables(problem, start.knots)
+    free[: start.knots.size] &= not values_only
+    desired, step, cyclic = problem.desired, problem.step, problem.cyclic
     return Candidate(
-        *kernel.descend(
-            problem.desired,
-            problem.step,
-            problem.cyclic,
-            start.knots,
-            start.values,
-            free,
-            rounds,
-            progress,
-        )
+        *kernel.descend(desired, step, cyclic, start.knots, start.values, free, rounds, progress)
     )
 
 
