@@ -195,11 +195,10 @@ class Point(NamedTuple):
 
 
 class Pattern(NamedTuple):
-    """The KKT matrix: rows and columns of its entries, stored diagonal entries, and its factor."""
+    """The KKT matrix: rows and columns of its entries, and its factor."""
 
     rows: Places
     columns: Places
-    diagonal: Places
     factor: Factor
 
 
@@ -629,25 +628,22 @@ def pattern_of(spec: Spec, *, smoothing: bool) -> Pattern:
     key = *options, spec.oldest, spec.parts, len(spec.shares), samples, joints, drives, width
     if (kept := _KEPT.get(key)) is not None:
         return kept
-    states, every = drives * spec.parts, np.arange(samples)
-    ahead = spec.oldest
-    turns = (every + ahead) % samples  # when the last condition is eliminated on which each acts
-    if not spec.cyclic or ahead * joints <= (width - 1) * drives:
-        turns = every + ahead
-    if not (smoothing or spec.limited):
+    states, every, free = drives * spec.parts, np.arange(samples), not (smoothing or spec.limited)
+    turns = every + spec.oldest  # when the last condition is eliminated on which each acts
+    if free:
         turns = every - 2 * samples
-    times = [np.repeat(turns, joints), np.repeat(every, states), np.repeat(every, states)]
-    kinds = [3, 0, 1]
+    elif spec.cyclic and spec.oldest * joints > (width - 1) * drives:
+        turns %= samples
+    time = [
+        np.repeat(4 * turns + 3, joints),
+        np.repeat(4 * (every - samples if free else every), states),
+        np.repeat(4 * every + 1, states),
+    ]
     if spec.limited:
-        times.append(np.repeat(turns, joints))
-        kinds.append(2)
-    if not (smoothing or spec.limited):  # all states before all conditions
-        times[1] = times[1] - samples
-    time = np.concatenate(times)
-    kind = np.repeat(kinds, [len(each) for each in times])
-    position = np.empty(len(time), dtype=np.uint32)
-    position[np.lexsort((kind, time))] = np.arange(len(time))
-
+        time.append(np.repeat(4 * turns + 2, joints))
+    order = np.argsort(np.concatenate(time), kind="stable")
+    position = np.empty(len(order), dtype=np.uint32)
+    position[order] = np.arange(len(order))
     pattern = pattern_in_order(spec, smoothing, position)
     if samples <= MOST_KEPT:
         if len(_KEPT) >= PATTERNS:
@@ -677,11 +673,7 @@ def pattern_in_order(spec: Spec, smoothing: bool, position: Places) -> Pattern:
     count = set_entries(spec, stage, point, terms, eased, tight, rows, columns, values)
     rows, columns = rows[:count].copy(), columns[:count].copy()
     place, column, row = stored(rows, columns, position)
-    diagonal = np.zeros(len(position), np.uint32)
-    for e in range(count):
-        if rows[e] == columns[e]:
-            diagonal[rows[e]] = place[e]
-    return Pattern(rows, columns, diagonal, pattern_of_factor(position, place, column, row))
+    return Pattern(rows, columns, pattern_of_factor(position, place, column, row))
 
 
 @inner
@@ -815,9 +807,9 @@ def solve_kkt(
             target[row] -= values[e] * place[column]
         elif not fixed[column]:
             target[column] -= values[e] * place[row]
-    for number in range(len(step)):
-        if fixed[number]:
-            matrix[pattern.diagonal[number]], target[number] = 1.0, place[number]
+    for number in range(len(fixed)):
+        if fixed[number]:  # a request's first entry is that of the diagonal
+            matrix[places[number]], target[number] = 1.0, place[number]
     return solved(pattern.factor, matrix, target, step)
 
 

@@ -120,24 +120,42 @@ class Stream:
         cycle: int | None = None,
         on_bad: OnBad = "hold",
     ) -> None:
-        self.names, self.models = models_by_name(models)
+        self.names, self.models = _models_by_name(models)
         evidence = [model.evidence for model in self.models]
         warn_of_refused(dict(zip(self.names, evidence, strict=True)))
         self.period = self.models[0].period
-        self.preview = checked_preview(preview, self.period)
-        warn_of_short_preview(self.preview, self.names, self.models)
-        self.cycle = checked_cycle(cycle)
+        usual = max(round(0.2 / self.period), 1)
+        expected = f"a number of rows from 1 to {MOST_PREVIEW}; 200 ms are {usual} rows of "
+        self.preview = _rows("preview", preview, 1, f"{expected}{1e3 * self.period:g} ms")
+        times = [model.lag + model.acceleration_time for model in self.models]
+        longest = int(np.argmax(times))
+        if self.preview <= (needed := times[longest] / self.period):
+            warnings.warn(
+                f"preview: got {self.preview} rows, but lag and acceleration time of "
+                f"{self.names[longest]} take {needed:.3g} rows of {1e3 * self.period:g} ms: the "
+                "errors may be several times as large; expected more rows, 200 ms are "
+                f"{usual}",
+                UserWarning,
+                stacklevel=2,
+            )
+        expected = "the number of rows after which the path repeats, from 2 to"
+        self.cycle = cycle
+        if cycle is not None:
+            self.cycle = _rows("cycle", cycle, 2, f"{expected} {MOST_PREVIEW}, or None")
         check_choice("on_bad", on_bad, get_args(OnBad))
         self._raises = on_bad == "raise"
         self._limits = limits_of_each(limits, self.names)
         self._max_step = steps_of_each(max_step, self.names)
-        self._lay_out()
         self.reset()
         self._plan(0)  # loads or compiles the functions of a tick, so that the first is as fast
         self.reset()
 
-    def _lay_out(self) -> None:
-        """Allocate, and compute the constants of all ticks."""
+    def __copy__(self) -> Stream:
+        """A stream that goes on alike, and on its own."""
+        return copy.deepcopy(self)
+
+    def reset(self) -> None:
+        """Return to the initial state: the next step is a first one, with the joints at rest."""
         from planner.planning import tick
         from planner.planning.repeating_path import repeating_path
 
@@ -160,10 +178,13 @@ class Stream:
         effects = np.array([model.switching_time for model in models]) / self.period
         joints["effect"] = effects - ages.youngest
         joints["observer"] = 1.0 - math.exp(-self.period / OBSERVER_TIME)
+        states = np.zeros(count, dtype=tick.STATE)
+        states["angle"] = states["read"] = states["believed"] = math.nan
+        states["damping"] = tick.LEAST_DAMPING
         self._data = tick.Data(
             joints=joints,
             laws=np.array([model.law for model in models]),
-            states=np.zeros(count, dtype=tick.STATE),
+            states=states,
             weights=weights_of_all(models),
             radii=np.geomspace(NEAR, FAR, samples),
             sent=np.zeros((count, ages.oldest)),
@@ -172,24 +193,7 @@ class Stream:
             load=np.zeros((preview, count)),
         )
         self._all_planned: tuple[Status, ...] = tuple("planned" for _ in models)
-
-    def __copy__(self) -> Stream:
-        """A stream that goes on alike, and on its own."""
-        return copy.deepcopy(self)
-
-    def reset(self) -> None:
-        """Return to the initial state: the next step is a first one, with the joints at rest."""
-        from planner.planning.tick import LEAST_DAMPING
-
-        states, path = self._data.states, self._path
-        for array in (states["angle"], states["read"], states["believed"], *path[:3]):
-            array[:] = math.nan
-        states["unread"] = 0.0
-        states["damping"] = LEAST_DAMPING
-        self._data.plan[:] = 0.0
-        path.errors[:] = 0.0
-        self._status = self._all_planned
-        self._problem = ""
+        self._status, self._problem = self._all_planned, ""
 
     @property
     def status(self) -> tuple[Status, ...]:
@@ -390,68 +394,35 @@ def _fill(rows: Array, values: Any, *, constant: bool = False) -> bool:
     return True
 
 
-def models_by_name(
+def _models_by_name(
     models: JointModel | Sequence[JointModel] | Mapping[str, JointModel],
 ) -> tuple[tuple[str, ...], tuple[JointModel, ...]]:
     """Names and models of the joints."""
-    names: list[str] = []
-    each: Any = models
+    each: Any = [models] if isinstance(models, JointModel) else models
+    names: tuple[str, ...] = ()
     if isinstance(models, Mapping):
-        names = [name for name in models if name]
+        names = tuple(name for name in models if name)
         each = [models[name] for name in names]
-    elif isinstance(models, JointModel):
-        each = [models]
     try:
-        count = len(each)
-    except TypeError:
-        count = 0
-    if not count:
+        joints = tuple(map(checked_model, each))
+    except TypeError:  # not several
+        joints = ()
+    if not joints:
         raise InvalidInput(
             f"models: got {shown(models)}, expected a JointModel, several, or a dict by joint"
         )
-    for each_model in each:
-        checked_model(each_model)
-    periods = [model.period for model in each]
+    periods = [model.period for model in joints]
     if max(periods) > (1.0 + SAME_PERIOD) * min(periods):
         raise InvalidInput(
             f"models: their periods are from {min(periods):g} to {max(periods):g} s, expected one "
             "period: JointModel.requested_every gives a model another one"
         )
-    return tuple(names) or tuple(f"joint_{j + 1}" for j in range(count)), tuple(each)
+    return names or tuple(f"joint_{j + 1}" for j in range(len(joints))), joints
 
 
-def checked_preview(preview: object, period: float) -> int:
-    """The rows of a stretch; the period [s] is for the message."""
-    rows = as_whole(preview)
-    if rows is None or not 1 <= rows <= MOST_PREVIEW:
-        raise InvalidInput(
-            f"preview: got {shown(preview)}, expected a number of rows from 1 to {MOST_PREVIEW}; "
-            f"200 ms are {max(round(0.2 / period), 1)} rows of {1e3 * period:g} ms"
-        )
-    return rows
-
-
-def warn_of_short_preview(preview: int, names: Sequence[str], models: Sequence[JointModel]) -> None:
-    """Warn where a request acts after the preview alone, so that its effect is not planned."""
-    times = [model.lag + model.acceleration_time for model in models]
-    j = int(np.argmax(times))
-    needed = times[j] / models[j].period
-    if preview <= needed:
-        warnings.warn(
-            f"preview: got {preview} rows, but lag and acceleration time of {names[j]} take "
-            f"{needed:.3g} rows of {1e3 * models[j].period:g} ms: the errors may be several times "
-            f"as large; expected more rows, 200 ms are {max(round(0.2 / models[j].period), 1)}",
-            UserWarning,
-            stacklevel=3,
-        )
-
-
-def checked_cycle(cycle: object) -> int | None:
-    """The rows after which a path repeats, or None."""
-    rows = as_whole(cycle)
-    if cycle is not None and (rows is None or not 2 <= rows <= MOST_PREVIEW):
-        raise InvalidInput(
-            f"cycle: got {shown(cycle)}, expected the number of rows after which the path repeats, "
-            f"from 2 to {MOST_PREVIEW}, or None"
-        )
+def _rows(name: str, value: object, least: int, expected: str) -> int:
+    """A number of rows that is an argument, checked."""
+    rows = as_whole(value)
+    if rows is None or not least <= rows <= MOST_PREVIEW:
+        raise InvalidInput(f"{name}: got {shown(value)}, expected {expected}")
     return rows
