@@ -112,22 +112,8 @@ def servo_of(grid: Grid, at: Parameters) -> Servo:
     from planner.model.kernel import Servo
 
     faster = 0.0 if math.isinf(at.v_max) else grid.tick * at.v_max
-    acting = float(at.time_constant > 0.0)  # an integral acts through it
-    law = Law.of(
-        tick=grid.tick,
-        gain=at.gain,
-        v_max=at.v_max,
-        dead_band=at.dead_band,
-        time_constant=at.time_constant,
-        max_acceleration=at.max_acceleration(grid.tick),
-        sag_sin=float(at.sag_sin),
-        sag_cos=float(at.sag_cos),
-        integral_rate=acting * float(at.integral_rate),
-        position_integral_rate=acting * float(at.position_integral_rate),
-        offset=float(at.offset),
-    )
     return Servo(
-        law,
+        Law.of(at, tick=grid.tick, gain=at.gain, acceleration=at.max_acceleration(grid.tick)),
         float(at.lag),
         float(at.acceleration_time),
         float(at.compliance),

@@ -19,7 +19,7 @@ from planner.trajectory import Array
 from planner.validation import as_number, as_whole, shown
 
 WHOLE_TICKS = 1e-9
-"""Times this close to whole ticks [ticks] count as whole: 0.032 s / 0.008 s is 4."""
+"""Times this close to whole ticks count as whole [ticks]."""
 
 LONGEST_WINDOW = 100_000
 """Most ticks that lag and acceleration time may span: beyond it the unit is surely mistaken."""
@@ -47,6 +47,12 @@ LEFT_OUT = (
     "position_integral_rate",
 )
 """Parameters that files leave out where a joint has none."""
+
+POSITIVE = ("v_max", "theta_0", "acceleration_time", "tick", "max_acceleration")
+"""Parameters above 0."""
+
+SIGNED = ("offset", "v_offset", "sag_sin", "sag_cos")
+"""Parameters that may be below it."""
 
 LEAST, MOST = 1e-15, 1e9
 """Least positive and largest parameter, in its SI unit: products and ratios of them stay finite."""
@@ -142,33 +148,30 @@ class JointModel:
     def __post_init__(self) -> None:
         """Check every parameter once; afterwards the model is valid."""
         for parameter in fields(self):
-            if parameter.name != "hold":
-                value = _number(parameter.name, getattr(self, parameter.name))
-                object.__setattr__(self, parameter.name, value)
-        object.__setattr__(self, "hold", _count("hold", self.hold))
-        for name in ("v_max", "theta_0", "acceleration_time", "tick", "max_acceleration"):
-            value, unit = getattr(self, name), self.__dataclass_fields__[name].metadata["unit"]
-            if value <= 0.0:
+            name, unit = parameter.name, parameter.metadata["unit"]
+            given = getattr(self, name)
+            if name == "hold":
+                object.__setattr__(self, name, _checked_hold(given))
+                continue
+            value = as_number(given, infinite=name == "max_acceleration")
+            if math.isnan(value):
+                raise InvalidModel(
+                    f"{name}: got {shown(given)}, expected a finite number in SI units"
+                )
+            if MOST < abs(value) < math.inf:
+                raise InvalidModel(
+                    f"{name}: got {shown(given)}, expected at most {MOST:g} in SI units"
+                )
+            if name in POSITIVE and value <= 0.0:
                 raise InvalidModel(f"{name}: got {value:g}, expected more than 0")
-            if value < LEAST:
+            if name in POSITIVE and value < LEAST:
                 raise InvalidModel(
                     f"{name}: got {value:g} {unit}, expected at least {LEAST:g} {unit}; is it in "
                     "SI units?"
                 )
-        for name in (
-            "lag",
-            "dead_band",
-            "compliance",
-            "speed_per_torque",
-            "time_constant",
-            "integral_rate",
-            "position_integral_rate",
-        ):
-            if getattr(self, name) < 0.0:
-                unit = self.__dataclass_fields__[name].metadata["unit"]
-                raise InvalidModel(
-                    f"{name}: got {getattr(self, name):g} {unit}, expected 0 or more"
-                )
+            if name not in SIGNED and value < 0.0:
+                raise InvalidModel(f"{name}: got {value:g} {unit}, expected 0 or more")
+            object.__setattr__(self, name, value)
         if abs(self.v_offset) >= self.v_max:
             raise InvalidModel(
                 f"v_offset: got {self.v_offset:g} rad/s, expected within ±v_max = "
@@ -415,12 +418,12 @@ class JointModel:
     @property
     def lag_ticks(self) -> float:
         """Lag l [ticks]."""
-        return _in_ticks(self.lag, self.tick)
+        return _snapped(self.lag / self.tick)
 
     @property
     def acceleration_ticks(self) -> float:
         """Acceleration time a [ticks]."""
-        return _in_ticks(self.acceleration_time, self.tick)
+        return _snapped(self.acceleration_time / self.tick)
 
     @property
     def keeps_equation_13(self) -> bool:
@@ -539,19 +542,8 @@ class JointModel:
     @cached_property
     def law(self) -> Law:
         """The numbers of the law, by ticks."""
-        return Law.of(
-            tick=self.tick,
-            gain=self.v_max / self.theta_0,
-            v_max=self.v_max,
-            dead_band=self.dead_band,
-            time_constant=self.time_constant,
-            max_acceleration=self.max_acceleration,
-            sag_sin=self.sag_sin,
-            sag_cos=self.sag_cos,
-            integral_rate=self.integral_rate,
-            position_integral_rate=self.position_integral_rate,
-            offset=self.offset,
-        )
+        gain = self.v_max / self.theta_0
+        return Law.of(self, tick=self.tick, gain=gain, acceleration=self.max_acceleration)
 
     @property
     def has_inertia(self) -> bool:
@@ -603,18 +595,14 @@ class RequestAges(NamedTuple):
 
 
 @lru_cache(maxsize=128)
-def request_ages(model: JointModel) -> RequestAges:
-    """The ages, counted back from sample k, of the requests that act between samples k-1 and k."""
-    ticks = np.arange(1 - model.hold, 1)  # relative to the tick of sample k
-    youngest = (int(ticks[-1]) - model.window.first) // model.hold
-    oldest = (int(ticks[0]) - model.window.last) // model.hold
-    return RequestAges(-youngest, -oldest)
+def request_ages(*models: JointModel) -> RequestAges:
+    """Ages, counted back from sample k, of the requests that act between samples k-1 and k.
 
-
-def request_ages_of_all(models: Sequence[JointModel]) -> RequestAges:
-    """The ages of the requests that act on any of the joints between two samples."""
-    ages = [request_ages(model) for model in models]
-    return RequestAges(min(r.youngest for r in ages), max(r.oldest for r in ages))
+    Of several joints those that act on any of them.
+    """
+    youngest = [(each.window.first + each.hold - 1) // each.hold for each in models]
+    oldest = [-((1 - each.hold - each.window.last) // each.hold) for each in models]
+    return RequestAges(min(youngest), max(oldest))
 
 
 def acting(ages: RequestAges, samples: int, *, cyclic: bool) -> npt.NDArray[np.int_]:
@@ -641,7 +629,7 @@ def weights_by_tick(model: JointModel) -> Array:
 
 def weights_of_all(models: Sequence[JointModel]) -> Array:
     """:func:`weights_by_tick` of several joints, for all requests: (joints, ticks, width)."""
-    ages = request_ages_of_all(models)
+    ages = request_ages(*models)
     weights = np.zeros((len(models), max(model.hold for model in models), ages.width))
     for own, model in zip(weights, models, strict=True):
         place, by_tick = request_ages(model).youngest - ages.youngest, weights_by_tick(model)
@@ -709,32 +697,18 @@ def checked_model(model: object) -> JointModel:
     return model
 
 
-def _number(name: str, value: object) -> float:
-    number = as_number(value, infinite=name == "max_acceleration")
-    if math.isnan(number):
-        raise InvalidModel(f"{name}: got {shown(value)}, expected a finite number in SI units")
-    if MOST < abs(number) < math.inf:
-        raise InvalidModel(f"{name}: got {shown(value)}, expected at most {MOST:g} in SI units")
-    return number
-
-
-def _count(name: str, value: object) -> int:
+def _checked_hold(value: object) -> int:
     count = as_whole(value) or 0
     if count > MOST_HOLD:
         raise InvalidModel(
-            f"{name}: got {shown(value)}, expected at most {MOST_HOLD} ticks between requests"
+            f"hold: got {shown(value)}, expected at most {MOST_HOLD} ticks between requests"
         )
     if count < 1:
-        raise InvalidModel(
-            f"{name}: got {shown(value)}, expected a whole number of ticks, 1 or more"
-        )
+        raise InvalidModel(f"hold: got {shown(value)}, expected a whole number of ticks, 1 or more")
     return count
 
 
-def _in_ticks(time: float, tick: float) -> float:
-    return _snapped(time / tick)
-
-
 def _snapped(ticks: float) -> float:
+    """Whole ticks where times are so close to them: 0.032 s / 0.008 s is 4."""
     whole = round(ticks)
     return float(whole) if abs(ticks - whole) <= WHOLE_TICKS else ticks

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple, Self
+from typing import Any, NamedTuple, Self
 
 
 def motor_share(time_constant: float, tick: float) -> float:
@@ -79,33 +79,28 @@ class Law(NamedTuple):
         return self.share * self.friction if self.share < 1.0 else 0.0
 
     @classmethod
-    def of(
-        cls,
-        *,
-        tick: float,
-        gain: float,
-        v_max: float,
-        dead_band: float,
-        time_constant: float,
-        max_acceleration: float,
-        sag_sin: float,
-        sag_cos: float,
-        integral_rate: float,
-        position_integral_rate: float,
-        offset: float,
-    ) -> Self:
-        """The law for ticks of this time, from numbers in SI."""
-        friction = gain * dead_band
-        integral = integral_rate + position_integral_rate
+    def of(cls, joint: Any, *, tick: float, gain: float, acceleration: float) -> Self:
+        """The law for ticks of this time.
+
+        Args:
+            joint: A model, or the parameters of a fit, in SI.
+            tick: Time step [s].
+            gain: v_max / theta_0 [1/s].
+            acceleration: Acceleration limit [rad/s^2].
+        """
+        acting = float(joint.time_constant > 0.0)  # an integral acts through it
+        of_speed, of_position = joint.integral_rate, joint.position_integral_rate
+        friction = gain * joint.dead_band
+        inside = acting * of_position > 0.0
         return cls(
             gain * tick,
-            (v_max if integral_rate > 0.0 else v_max + friction) * tick,
+            (joint.v_max if acting * of_speed > 0.0 else joint.v_max + friction) * tick,
             friction * tick,
-            motor_share(time_constant, tick),
-            max_acceleration * tick**2,
-            sag_sin,
-            sag_cos,
-            integral * tick,
-            float(position_integral_rate > 0.0),
-            offset,
+            motor_share(joint.time_constant, tick),
+            acceleration * tick**2,
+            float(joint.sag_sin),
+            float(joint.sag_cos),
+            float(acting * (of_speed + of_position) * tick),
+            float(inside),
+            float(joint.offset),
         )

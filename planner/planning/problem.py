@@ -15,7 +15,7 @@ from planner.model.joint import (
     JointModel,
     RequestAges,
     acting,
-    request_ages_of_all,
+    request_ages,
     weights_of_all,
 )
 from planner.model.response import Loads, rest_angles, rest_requests
@@ -142,7 +142,7 @@ class Problem:
     @cached_property
     def ages(self) -> RequestAges:
         """The ages of the requests that act on any of the joints between two samples."""
-        return request_ages_of_all(self.models)
+        return request_ages(*self.models)
 
     @cached_property
     def spec(self) -> Spec:

@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from planner.exceptions import Infeasible, InvalidInput, angle_text
 from planner.model.evidence import warn_of_refused
-from planner.model.joint import JointModel, checked_model, request_ages_of_all, weights_of_all
+from planner.model.joint import JointModel, checked_model, request_ages, weights_of_all
 from planner.planning.task import limits_of_each, steps_of_each
 from planner.trajectory import LARGEST, MOST_TURNS, TURN, Array, not_radians, turns_words
 from planner.validation import as_reals, as_whole, check_choice, shown
@@ -160,7 +160,7 @@ class Stream:
         from planner.planning.repeating_path import repeating_path
 
         models, count, preview = self.models, len(self.models), self.preview
-        ages = request_ages_of_all(models)
+        ages = request_ages(*models)
         ahead = 0 if self.cycle is None else round(HORIZON / self.period) - preview
         self._path = repeating_path(count, preview, self.cycle or 2, ahead=ahead)
         samples = max(preview + self._path.ahead - ages.youngest, ages.width)

@@ -9,9 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from planner.model.joint import JointModel, acting, request_ages
-from planner.model.law import State
 from planner.model.response import simulate
-from planner.model.symbolic import period
+from planner.model.symbolic import period_function
 from tests.strategies import models
 
 SAME = 2e-14
@@ -24,8 +23,9 @@ def test_every_request_said_to_act_acts_and_no_younger_one_does(model, seed):
     rng = np.random.default_rng(seed)
     # Small errors leave every term of the window unsaturated, so that each of them counts.
     windows = rng.uniform(-0.01, 0.01, size=(1, at.width)) * model.theta_0 - model.offset
-    symbols = casadi.SX.sym("angle"), casadi.SX.sym("requests", at.width)
-    by_request = casadi.jacobian(period(model, State(symbols[0]), symbols[1]).angle, symbols[1])
+    symbols = casadi.SX.sym("state", model.law.states), casadi.SX.sym("requests", at.width)
+    reached = period_function(model)(*symbols, 0.0, 1e-9)
+    by_request = casadi.jacobian(reached[0], symbols[1])
     slopes = casadi.Function("slopes", symbols, [by_request])(0.0, windows)
     assert np.all(np.asarray(slopes) != 0.0)
 
@@ -62,16 +62,11 @@ def test_the_ages_of_held_requests_are_counted_in_requests(hold, lag, accelerati
 
 def chained(model, requests, state, *, cyclic, load=None):
     """Angles of periods in CasADi symbols, one after the other."""
-    names = ("angle", "speed", "integral", "load")
-    *before, torque = (casadi.SX.sym(name) for name in names)
-    window = casadi.SX.sym("requests", request_ages(model).width)
-    after = casadi.Function(
-        "period", [*before, window, torque], [*period(model, State(*before), window, load=torque)]
-    )
+    after, size = period_function(model), model.law.states
     numbers = np.maximum(acting(request_ages(model), len(requests), cyclic=cyclic), 0)
     angles = []
     for k, acting_ in enumerate(requests[numbers]):
-        answer = after(*state, acting_, 0.0 if load is None else load[k])
-        state = State(*map(float, answer))
-        angles.append(state.angle)
+        answer = after(state[:size], acting_, 0.0 if load is None else load[k], 0.0)
+        state = np.asarray(answer).ravel()
+        angles.append(state[0])
     return np.array(angles)
