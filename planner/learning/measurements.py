@@ -10,10 +10,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from scipy import fft
+from scipy.ndimage import convolve1d
 
 from planner.exceptions import InvalidTrajectory, angle_text
 from planner.model.joint import JointModel
@@ -22,26 +24,21 @@ from planner.planning.result import SensorDelay, Trial
 from planner.trajectory import LARGEST, Array, rms
 from planner.validation import as_reals
 
-STILL = 1.5 * 2.0 * math.pi / 4096.0
-"""Range of a joint that does not move [rad]: its reading flips between two counts of a sensor of 12
-bit, and not more."""
+COUNT = 2.0 * math.pi / 4096.0
+"""Count of a sensor of 12 bit [rad]."""
 
-MOVING = 15.0 * 2.0 * math.pi / 4096.0
-"""Range of the modelled angles from which on the joint should have moved [rad]."""
+STILL, MOVING = 1.5 * COUNT, 15.0 * COUNT
+"""Range of a joint that does not move, its reading flipping between two counts, and of the modelled
+angles from which on it should have moved [rad]."""
 
-EQUAL = 1e-4
-"""Measured angles that differ from the requests by less, everywhere, are the requests [rad]: files
-carry them rounded, to a hundredth of a degree or finer."""
+EQUAL, REPEATED = 1e-4, 1e-9
+"""Angles that differ by less, everywhere, are the same [rad]: as files carry them, rounded to a
+hundredth of a degree or finer; and unrounded, of one cycle."""
 
 LAGGING = 1e-3
-"""Range of modelled angles less requests from which on they should not be [rad]."""
+"""Range of modelled angles less requests from which on they should not be equal [rad]."""
 
-REPEATED = 1e-9
-"""Two cycles that differ by less, everywhere, are one [rad]."""
-
-SETTLING = 4.0
-"""A first cycle that differs from the mean of the others by more than so many standard deviations
-of these is left out: the joint was on its way into the cycle."""
+NOT_MEASURED = "no joint follows so exactly; give what its sensor measured"
 
 DEGREES = (40.0, 80.0)
 """Measured over modelled motion [-] from which angles look like degrees: 57.3, a bit off; and by
@@ -82,13 +79,16 @@ def checked_cycles(measured: npt.ArrayLike, shape: tuple[int, ...]) -> Array:
 
 
 def settled(cycles: Array) -> Array:
-    """The cycles, without the first one where it differs from the others."""
+    """The cycles, without the first one where it differs from the others.
+
+    It then is four of their standard deviations off their mean: on the way into the cycle.
+    """
     if len(cycles) < 3:
         return cycles
     later = cycles[1:]
     spread, first = rms(later - later.mean(axis=0)), rms(cycles[0] - later.mean(axis=0))
     count = float(np.max(np.ptp(later, axis=1)))
-    return later if first > max(SETTLING * spread, 0.01 * count) else cycles
+    return later if first > max(4.0 * spread, 0.01 * count) else cycles
 
 
 def check_angles(
@@ -126,27 +126,25 @@ def check_angles(
         )
     for j in range(modelled.shape[1]):
         of, measured = _joint(j, modelled), cycles[:, :, j]
-        if should_move[j] and np.ptp(measured) <= STILL:
-            raise InvalidTrajectory(
-                f"measured: {of} does not move: its angles have a range of "
-                f"{angle_text(np.ptp(measured), digits=2)}, the model's of "
-                f"{angle_text(np.ptp(modelled[:, j]), digits=2)}; check that its torque was on, "
-                "and that the recording is of this joint"
-            )
-        lags = float(np.ptp(modelled[:, j] - requests[:, j])) > LAGGING
-        if lags and np.max(np.abs(measured - requests[:, j])) <= EQUAL:
-            raise InvalidTrajectory(
-                f"measured: the angles of {of} are its requests: no joint follows so exactly; give "
-                "what its sensor measured"
-            )
-        away = float(np.max(np.abs(expected[:, j] - desired[:, j])))
+        sent, goal, model = requests[:, j], desired[:, j], modelled[:, j]
+        away = float(np.max(np.abs(expected[:, j] - goal)))
         equal = EQUAL if away > LAGGING else REPEATED
-        moves = np.ptp(desired[:, j]) > MOVING and away > equal
-        if moves and np.max(np.abs(measured - desired[:, j])) <= equal:
-            raise InvalidTrajectory(
-                f"measured: the angles of {of} are the desired ones: no joint follows so exactly; "
-                "give what its sensor measured"
+        lags = np.ptp(model - sent) > LAGGING
+        moves = np.ptp(goal) > MOVING and away > equal
+        if should_move[j] and np.ptp(measured) <= STILL:
+            fault = (
+                f"{of} does not move: its angles have a range of "
+                f"{angle_text(np.ptp(measured), digits=2)}, the model's of "
+                f"{angle_text(np.ptp(model), digits=2)}; check that its torque was on, and that "
+                "the recording is of this joint"
             )
+        elif lags and np.max(np.abs(measured - sent)) <= EQUAL:
+            fault = f"the angles of {of} are its requests: {NOT_MEASURED}"
+        elif moves and np.max(np.abs(measured - goal)) <= equal:
+            fault = f"the angles of {of} are the desired ones: {NOT_MEASURED}"
+        else:
+            continue
+        raise InvalidTrajectory(f"measured: {fault}")
 
 
 def check_trial(
@@ -230,10 +228,10 @@ def earlier(cycles: Array, removed: Sequence[float], joints: Plan) -> Array:
     if not any(removed):
         return cycles
     columns = [
-        later(cycles[:, :, j, np.newaxis], -seconds, joints.period, cyclic=joints.cyclic)[:, :, 0]
-        for j, seconds in enumerate(removed)
+        [later(angles, -late, joints.period, cyclic=joints.cyclic) for angles in cycles[:, :, j]]
+        for j, late in enumerate(removed)
     ]
-    return np.stack(columns, axis=-1)
+    return np.moveaxis(np.array(columns), 0, -1)
 
 
 def remarks_on_delays(joints: Plan, delays: Sequence[SensorDelay], noise: Array) -> list[str]:
@@ -263,19 +261,13 @@ def remarks_on_delays(joints: Plan, delays: Sequence[SensorDelay], noise: Array)
     return remarks
 
 
-def later(rows: Array, seconds: float, period: float, *, cyclic: bool) -> Array:
-    """Rows as they were ``seconds`` before, linear between samples, along axis -2 [rad]."""
-    if not seconds:
-        return rows
-    count = rows.shape[-2]
-    place = np.arange(count) - seconds / period
-    place = place % count if cyclic else np.clip(place, 0.0, count - 1.0)
-    below = np.floor(place).astype(int)
-    share = (place - below)[:, np.newaxis]
-    above = (below + 1) % count if cyclic else np.minimum(below + 1, count - 1)
-    below = below % count
-    moved: Array = (1.0 - share) * rows.take(below, axis=-2) + share * rows.take(above, axis=-2)
-    return moved
+def later(angles: Array, seconds: float, period: float, *, cyclic: bool) -> Array:
+    """Angles as they were ``seconds`` before, linear between samples [rad], (n,)."""
+    rows = np.arange(len(angles))
+    shifted: Array = np.interp(
+        rows - seconds / period, rows, angles, period=len(rows) if cyclic else None
+    )
+    return shifted
 
 
 def pure_delay(
@@ -290,8 +282,7 @@ def pure_delay(
     """
 
     def unexplained(seconds: float) -> float:
-        delayed = later(modelled[:, np.newaxis], seconds, period, cyclic=cyclic)[:, 0]
-        return float(np.var(measured - delayed))
+        return float(np.var(measured - later(modelled, seconds, period, cyclic=cyclic)))
 
     whole = unexplained(0.0)
     if whole <= np.finfo(np.float64).tiny or not np.ptp(modelled):
@@ -311,16 +302,9 @@ def pure_delay(
     return best, max(1.0 - least / whole, 0.0)
 
 
-Spectrum = npt.NDArray[np.complex128] | Array
-
-
 NOISE_REMOVED = 2.0
 """Multiple of the noise's power that is taken off the spectrum [-]. A periodogram averaged over a
 few frequencies exceeds its mean by that much now and then."""
-
-NEIGHBOURS, NOISE_NEIGHBOURS = 2, 4
-"""Frequencies on either side over which a power is averaged, and the variance between cycles, of
-which there are few."""
 
 LATENCY_ERROR = 0.3
 """Share of the model's latency by which it may be wrong [-]. What is learnt falls with the cosine
@@ -328,21 +312,18 @@ of the phase error that this makes, and is nothing from a quarter of a period on
 correction by the model could make the error larger."""
 
 
-def to_spectrum(rows: Array, *, cyclic: bool) -> Spectrum:
-    """Orthonormal spectrum along axis -2: Fourier of a cycle, cosines of a motion from rest.
+def _transforms(*, cyclic: bool) -> tuple[Any, Any]:
+    """To the orthonormal spectrum and back: of Fourier in a cycle, else of cosines."""
+    return (fft.rfft, fft.irfft) if cyclic else (fft.dct, fft.idct)
+
+
+def _power(rows: Array, *, cyclic: bool) -> Array:
+    """Squares of the spectrum along axis -2.
 
     White noise of variance s^2 has the mean power s^2 at every frequency.
     """
-    if cyclic:
-        return np.asarray(fft.rfft(rows, norm="ortho", axis=-2))
-    return np.asarray(fft.dct(rows, norm="ortho", axis=-2))
-
-
-def from_spectrum(spectrum: Spectrum, samples: int, *, cyclic: bool) -> Array:
-    """The rows of a spectrum: the inverse of :func:`to_spectrum`."""
-    if cyclic:
-        return np.asarray(fft.irfft(spectrum, samples, norm="ortho", axis=-2))
-    return np.asarray(fft.idct(spectrum, norm="ortho", axis=-2))
+    forward, _ = _transforms(cyclic=cyclic)
+    return np.asarray(np.abs(forward(rows, norm="ortho", axis=-2)) ** 2)
 
 
 def noise_of(trials: Sequence[Array], error: Array, *, cyclic: bool) -> Array:
@@ -357,18 +338,18 @@ def noise_of(trials: Sequence[Array], error: Array, *, cyclic: bool) -> Array:
         error: Disturbance of one cycle, or of the mean of several [rad], (n, k).
         cyclic: Whether these are cycles, or motions from rest.
     """
-    powers = np.abs(to_spectrum(error, cyclic=cyclic)) ** 2
+    powers = _power(error, cyclic=cyclic)
     upper = powers[len(powers) // 2 :]
     median = math.log(2.0) if cyclic else 0.4549  # of a power of mean 1, chi-square distributed
     floor = np.broadcast_to(np.median(upper, axis=0) / median, powers.shape)
     spread, freedom = np.zeros_like(powers), 0
     for measured in trials:
         away = measured - measured.mean(axis=0)
-        spread += (np.abs(to_spectrum(away, cyclic=cyclic)) ** 2).sum(axis=0)
+        spread += _power(away, cyclic=cyclic).sum(axis=0)
         freedom += len(measured) - 1
     if not freedom:
         return np.array(floor)
-    between = averaged(spread / freedom, NOISE_NEIGHBOURS)
+    between = averaged(spread / freedom, 4)  # more than of one power: there are few cycles
     return np.asarray(np.maximum(between, floor))
 
 
@@ -378,11 +359,12 @@ def deviation_of(noise: Array) -> Array:
 
 
 def averaged(powers: Array, neighbours: int) -> Array:
-    """Powers averaged over neighbouring frequencies, (f, k)."""
+    """Powers averaged over so many neighbouring frequencies on either side, (f, k)."""
     kernel = np.ones(2 * neighbours + 1)
-    count = np.convolve(np.ones(len(powers)), kernel)[neighbours:-neighbours]
-    columns = [np.convolve(column, kernel)[neighbours:-neighbours] for column in powers.T]
-    return np.column_stack(columns) / count[:, np.newaxis]
+    sums, counts = (
+        convolve1d(each, kernel, axis=0, mode="constant") for each in (powers, np.ones_like(powers))
+    )
+    return np.asarray(sums / counts)
 
 
 def learnt(innovation: Array, noise: Array, models: Sequence[JointModel], *, cyclic: bool) -> Array:
@@ -397,14 +379,13 @@ def learnt(innovation: Array, noise: Array, models: Sequence[JointModel], *, cyc
         models: The joints.
         cyclic: Whether it repeats.
     """
-    spectrum = to_spectrum(innovation, cyclic=cyclic)
-    power = averaged(np.abs(spectrum) ** 2, NEIGHBOURS)
-    tiny = np.finfo(np.float64).tiny
-    shrinkage = np.maximum(1.0 - NOISE_REMOVED * noise / np.maximum(power, tiny), 0.0)
-    count, period = len(innovation), models[0].period
-    steps = np.arange(len(spectrum)) / (count if cyclic else 2 * count)
-    hertz = steps / period
+    forward, backward = _transforms(cyclic=cyclic)
+    spectrum = forward(innovation, norm="ortho", axis=0)
+    power = averaged(np.abs(spectrum) ** 2, 2)
+    shrinkage = 1.0 - NOISE_REMOVED * noise / np.maximum(power, np.finfo(np.float64).tiny)
+    count = len(innovation)
+    hertz = np.arange(len(spectrum)) / ((1 if cyclic else 2) * count * models[0].period)
     late = LATENCY_ERROR * np.array([model.latency for model in models])
-    phase = 2.0 * np.pi * hertz[:, np.newaxis] * late
-    trust = np.cos(np.minimum(phase, np.pi / 2.0))
-    return from_spectrum(trust * shrinkage * spectrum, len(innovation), cyclic=cyclic)
+    trust = np.cos(np.minimum(2.0 * np.pi * np.outer(hertz, late), np.pi / 2.0))
+    found = backward(trust * np.maximum(shrinkage, 0.0) * spectrum, n=count, norm="ortho", axis=0)
+    return np.asarray(found)

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import TypeVar
 
@@ -48,42 +48,26 @@ LONGEST_DELAY = 1e3
 """Longest delay of a sensor that is taken [s]: beyond any, and short of rounding in times."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class LearningOptions:
-    """Options of learning from cycle to cycle.
+GROWTH, SHRINK, LEAST_GAIN = 1.5, 1.0 / 3.0, 0.05
+"""Factors of the gain after a cycle that was no worse than the best, up to 1, and after one that
+was worse; and the gain below which smaller steps from the best cycle are not tried any more."""
 
-    Attributes:
-        growth: Factor of the gain after a cycle that was no worse than the best, up to 1.
-        shrink: Factor of the gain after one that was worse: the next requests are made from the
-            best cycle, with a smaller step.
-        least_gain: Gain below which smaller steps are not tried any more.
-        worse_error: Share of the best error, and
-        worse_noise: share of the noise by which an error may exceed it and count as no worse.
-        worthwhile: Share of the error that the next requests must save by the model, else learning
-            has ended.
-        visible: An error within so many standard deviations of the noise of the measured cycles,
-            and within an encoder's step, is left alone: it would be as likely to grow. (Without
-            this 0.8 % of 264 trials on servos from their physics exceed the one before by a fifth,
-            at worst 3.1 times; with it 0.4 %, at worst 1.6 times.)
-        shorter: Factor by which the error to expect of the whole change exceeds that of a shorter
-            one before the shorter one is made. (At 1 a model that is right leaves 4 % of its error
-            in each trial; at 1.1 the third trial of one servo in six that overshoots is 1.6 times
-            as far off.)
-        trials: Trials that are kept, the last ones and the best.
-    """
+WORTHWHILE = 0.003
+"""Share of the error that the next requests must save by the model, else learning has ended."""
 
-    growth: float = 1.5
-    shrink: float = 1.0 / 3.0
-    least_gain: float = 0.05
-    worse_error: float = 0.01
-    worse_noise: float = 0.2
-    worthwhile: float = 0.003
-    shorter: float = 1.05
-    visible: float = 2.0
-    trials: int = 30
+VISIBLE = 2.0
+"""An error within so many standard deviations of the noise of the measured cycles, and within an
+encoder's step, is left alone: it would be as likely to grow. (Without this 0.8 % of 264 trials on
+servos from their physics exceed the one before by a fifth, at worst 3.1 times; with it 0.4 %, at
+worst 1.6 times.)"""
 
+SHORTER = 1.05
+"""Factor by which the error to expect of the whole change exceeds that of a shorter one before the
+shorter one is made. (At 1 a model that is right leaves 4 % of its error in each trial; at 1.1 the
+third trial of one servo in six that overshoots is 1.6 times as far off.)"""
 
-OPTIONS = LearningOptions()
+MOST_TRIALS = 30
+"""Trials that are kept, the last ones and the best."""
 
 UNEXPLAINED, NEGLIGIBLE = 2.0, 0.002
 """Error of the prediction up to which learning copes with it: in standard deviations of the
@@ -101,24 +85,6 @@ RESTING_ROWS = 20
 
 SAME_REQUESTS = 1e-6
 """Requests that differ by less are the same [rad]: files carry them rounded, servos in counts."""
-
-AFTER_ROBUST_PLAN = (
-    "the executed plan was for several models: learning goes on from the nominal one, and the "
-    "measured errors replace the others"
-)
-"""Why a robust plan is followed by one that is not."""
-
-OTHER_LIMITS = (
-    "the best cycle's requests do not keep the limits or the largest step of the next ones: it is "
-    "not repeated"
-)
-"""Why learning goes on where it would have ended."""
-
-BELOW_BOUND = (
-    "the measured error is less than half of the least that any requests reach by the model: the "
-    "joint is faster than its model, or the measured angles are the desired ones"
-)
-"""Why measured angles, or the model, may be wrong."""
 
 AnyPlan = TypeVar("AnyPlan", Inversion, FootInversion, Plan)
 
@@ -213,7 +179,10 @@ def _refined(joints: Plan, cycles: Array, sensor_delay: float | None, reidentify
     """The next plan for one joint or one foot; ``cycles`` has shape (cycles, n, k)."""
     remarks = list[str]()
     if joints.task.robust is not None:
-        remarks.append(AFTER_ROBUST_PLAN)
+        remarks.append(
+            "the executed plan was for several models: learning goes on from the nominal one, and "
+            "the measured errors replace the others"
+        )
     requests = joints.requests
     modelled = joints.task.response(requests)
     before = joints.learning[0] if joints.learning else None
@@ -243,19 +212,22 @@ def _refined(joints: Plan, cycles: Array, sensor_delay: float | None, reidentify
     remarks += remarks_on_delays(joints, delays, spread)
     disturbance, best, gain = _estimated(joints, trials, max(since), noise)
     base = trials[best]
-    new = _next(joints, disturbance, base)
+    freeze(disturbance)
+    task = replace(joints.task.with_models(joints.models), disturbance=disturbance)
+    # Of the requests with about the least error those near the requests of the trial
+    new = planned(task, solver=joints.solver or "gauss-newton", executed=base.requests)
     change = _change(joints, new, base)
     saving = base.error - _error(joints, base.mean + change)
     stopped = ""
-    if gain < OPTIONS.least_gain:
+    if gain < LEAST_GAIN:
         stopped = "smaller and smaller steps from the best cycle have made it worse"
-    elif saving <= OPTIONS.worthwhile * base.error:
+    elif saving <= WORTHWHILE * base.error:
         stopped = (
             f"by the model the next requests would lower the error by less than "
-            f"{100.0 * OPTIONS.worthwhile:g} %"
+            f"{100.0 * WORTHWHILE:g} %"
         )
     elif base.error <= min(
-        OPTIONS.visible * _size(joints, spread) / math.sqrt(base.cycles),
+        VISIBLE * _size(joints, spread) / math.sqrt(base.cycles),
         _size(joints, np.full(len(joints.models), ENCODER_STEP)),
     ):
         stopped = (
@@ -265,17 +237,22 @@ def _refined(joints: Plan, cycles: Array, sensor_delay: float | None, reidentify
         )
     if stopped and not new.task.keeps(base.requests, rounding=SAME_REQUESTS):
         stopped = ""
-        remarks.append(OTHER_LIMITS)
+        remarks.append(
+            "the best cycle's requests do not keep the limits or the largest step of the next "
+            "ones: it is not repeated"
+        )
     floor = _floor(joints, new, noise, before, ended=bool(stopped))
     if base.error + floor[1] < 0.5 * floor[0]:
-        remarks.append(BELOW_BOUND)
+        remarks.append(
+            "the measured error is less than half of the least that any requests reach by the "
+            "model: the joint is faster than its model, or the measured angles are the desired ones"
+        )
     if stopped:
         new, next_error = replace(new, requests=base.requests.copy()), base.error
         stopped += f"; {_remaining(joints, base, floor)}"
     else:
         unforeseen = _unforeseen(joints, trials, spread)
-        missed = unforeseen * _size(joints, _by_joint(change))
-        new = _shortened(new, base, saving, missed)
+        new = _shortened(new, base, saving, unforeseen * _size(joints, _by_joint(change)))
         change = _change(joints, new, base)
         missed = unforeseen * _size(joints, _by_joint(change))
         next_error = math.hypot(_error(joints, base.mean + change), missed)
@@ -295,16 +272,6 @@ def _refined(joints: Plan, cycles: Array, sensor_delay: float | None, reidentify
         remarks=tuple(remarks),
     )
     return replace(new, learning=(learning,))
-
-
-def _next(joints: Plan, disturbance: Array, base: Trial) -> Plan:
-    """The requests for which the nominal models and the disturbance (n, k) make the least error.
-
-    Of those with about the least error they are the ones near the requests of the trial ``base``.
-    """
-    freeze(disturbance)
-    task = replace(joints.task.with_models(joints.models), disturbance=disturbance)
-    return planned(task, solver=joints.solver or "gauss-newton", executed=base.requests)
 
 
 def _change(joints: Plan, plan: Plan, base: Trial) -> Array:
@@ -330,7 +297,7 @@ def _shortened(plan: Plan, base: Trial, saving: float, missed: float) -> Plan:
         return plan
     share = saving * base.error / (saving**2 + missed**2)
     least = base.error * missed / math.hypot(saving, missed)
-    if share >= 1.0 or math.hypot(base.error - saving, missed) <= OPTIONS.shorter * least:
+    if share >= 1.0 or math.hypot(base.error - saving, missed) <= SHORTER * least:
         return plan
     return replace(plan, requests=base.requests + share * (plan.requests - base.requests))
 
@@ -382,12 +349,13 @@ def _estimated(
     disturbance, gain, base, least = np.zeros_like(trials[0].requests), 1.0, 0, math.inf
     before = disturbance
     for number, trial in enumerate(trials):
-        if not _worse(joints, trial, least, noise):
-            gain = 1.0 if number <= since else min(gain * OPTIONS.growth, 1.0)
+        random = _size(joints, deviation_of(noise)) / math.sqrt(trial.cycles)
+        if trial.error <= 1.01 * least + 0.2 * random:  # no worse than noise explains
+            gain = 1.0 if number <= since else min(gain * GROWTH, 1.0)
             base, before = number, disturbance
             least = min(least, trial.error)
         elif number >= since:
-            gain *= OPTIONS.shrink
+            gain *= SHRINK
         innovation = _measured_disturbance(joints, trials[base]) - before
         power = noise / trials[base].cycles
         disturbance = before + gain * learnt(innovation, power, joints.models, cyclic=joints.cyclic)
@@ -397,12 +365,6 @@ def _estimated(
 def _measured_disturbance(joints: Plan, trial: Trial) -> Array:
     """The disturbance as it was measured in a trial [rad], (n, k)."""
     return np.asarray(trial.mean - joints.task.response(trial.requests))
-
-
-def _worse(joints: Plan, trial: Trial, error: float, noise: Array) -> bool:
-    """Whether a trial is worse than an error, by more than noise explains."""
-    size = _size(joints, deviation_of(noise)) / math.sqrt(trial.cycles)
-    return trial.error > error * (1.0 + OPTIONS.worse_error) + OPTIONS.worse_noise * size
 
 
 def _noise(joints: Plan, trials: Sequence[Trial], now: int) -> Array:
@@ -419,7 +381,7 @@ def _with_trial(
     now = next((number for number, same in enumerate(matches) if same), len(trials))
     if now < len(trials):
         cycles = np.concatenate([trials[now].measured, cycles])
-    elif len(trials) == OPTIONS.trials:
+    elif len(trials) == MOST_TRIALS:
         del trials[int(np.argmax([trial.error for trial in trials]))]
         now -= 1
     error = _error(joints, cycles.mean(axis=0))
@@ -510,34 +472,30 @@ def better_model(
 
     ``noise`` is the standard deviation of one cycle's [rad].
     """
+    if len(trials) < 2:
+        return None
     cyclic, start, load = joints.cyclic, joints.task.starts[j], joints.task.loads[j]
+    pairs = [(trial.requests[:, j], trial.mean[:, j]) for trial in trials]
+    (before, angles), (sent, target) = pairs[-2:]
 
-    def run(of: JointModel, requests: Array) -> Array:
-        return simulate(of, requests, cyclic=cyclic, start=start, load=load)
+    def missed(by: JointModel) -> float:
+        first, last = (
+            simulate(by, each, cyclic=cyclic, start=start, load=load) for each in (before, sent)
+        )
+        return rms(last - first + angles - target)
 
     def identified(data: Sequence[tuple[Array, Array]]) -> JointModel | None:
         logs = [_log(model, *each, cyclic=cyclic, load=load) for each in data[-FITTED_TRIALS:]]
         return _identified(model, logs)
 
-    if len(trials) < 2:
-        return None
-    pairs = [(trial.requests[:, j], trial.mean[:, j]) for trial in trials]
-    data, (sent, target) = pairs[:-1], pairs[-1]
-    noise /= math.sqrt(trials[-1].cycles)
-
-    def missed(by: JointModel) -> float:
-        before, angles = data[-1]
-        return rms(run(by, sent) - run(by, before) + angles - target)
-
     try:
-        now = missed(model)
-        least = max(UNEXPLAINED * noise, NEGLIGIBLE * float(np.ptp(target)))
-        if now <= least:
+        now, random = missed(model), noise / math.sqrt(trials[-1].cycles)
+        if now <= max(UNEXPLAINED * random, NEGLIGIBLE * float(np.ptp(target))):
             return None
-        candidate = identified(data)
+        candidate = identified(pairs[:-1])
         if candidate is None or missed(candidate) > (1.0 - SAVING) * now:
             return None
-        return identified([*data, (sent, target)])
+        return identified(pairs)
     except PlannerError:  # no motion to identify from, or no steady cycle
         return None
 

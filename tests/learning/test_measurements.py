@@ -186,7 +186,7 @@ def test_a_delay_is_found_to_a_tenth_of_a_sample(samples, cyclic):
 def test_rows_that_are_later_are_those_of_the_moments_before(samples):
     time = PERIOD * np.arange(200)
     rows = np.column_stack([motion(time), motion(time + 1.0)])
-    moved = later(rows, samples * PERIOD, PERIOD, cyclic=True)
+    moved = np.stack([later(row, samples * PERIOD, PERIOD, cyclic=True) for row in rows.T], axis=1)
     before = time - samples * PERIOD
     expected = np.column_stack([motion(before), motion(before + 1.0)])
     np.testing.assert_allclose(moved, expected, rtol=0.0, atol=1e-3)  # straight lines in between
