@@ -128,10 +128,10 @@ def on_virtual_robot(folder: Path, progress: Callable[[str], None]) -> Answer:
     document = virtual_results(outcome)
     _write_report(folder, document, virtual_figures(outcome), virtual_page)
     failures = [
-        f"{joint.name}: the model that was identified does not describe the joint; see its "
+        f"{joint}: the model that was identified does not describe the joint; see its "
         "warnings in results.json"
         for joint, identification in zip(
-            outcome.planned.joints, outcome.identifications, strict=True
+            outcome.planned.walk.joint_names, outcome.identifications, strict=True
         )
         if not identification.accepted
     ]

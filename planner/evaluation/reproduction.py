@@ -146,99 +146,71 @@ def deviations(table2: Table2, foot: FootTable) -> tuple[float, ...]:
 
 
 @dataclass(frozen=True, eq=False)
-class JointOutcome:
-    """One joint of the experiment.
-
-    Attributes:
-        name: The joint.
-        desired: Desired angles [rad], shape (n,): the paper's Des.
-        direct: Angles when these are requested [rad], shape (n,): Dir.
-        limits: Smallest and largest request that the joint can take [rad].
-        closed_form_plain: The inversion as in the paper, which knows no limits.
-        closed_form: The same, with the knots moved until the joint itself tracks best; ours.
-        optimal: The optimised inversion, within the joint's limits.
-        foot_requests: Requests of the plan for all joints at once [rad], shape (n,).
-        foot_optimal: Angles under them [rad], shape (n,).
-    """
-
-    name: str
-    desired: Array
-    limits: tuple[float, float]
-    direct: Array
-    closed_form_plain: Inversion
-    closed_form: Inversion
-    optimal: Inversion
-    foot_requests: Array
-    foot_optimal: Array
-
-    @property
-    def goals(self) -> dict[str, Array]:
-        """Goals of the rows of Table 2 other than the desired angles [rad], (n,)."""
-        plain, refined = approximation(self.closed_form_plain), approximation(self.closed_form)
-        return {"Pwl,Plain": plain, "Pwl,MB": refined}
-
-    @property
-    def excesses(self) -> dict[str, float]:
-        """How far the farthest request of each plan is beyond the joint's limits [rad], or 0."""
-        requests = {
-            "closed_form_plain": self.closed_form_plain.requests,
-            "closed_form": self.closed_form.requests,
-            "optimal": self.optimal.requests,
-            "foot_optimal": self.foot_requests,
-        }
-        return {
-            method: max(beyond_limits(values, self.limits), 0.0)
-            for method, values in requests.items()
-        }
-
-
-def approximation(closed_form: Inversion) -> Array:
-    """Piecewise linear approximation behind a closed form at the samples [rad], shape (n,): Pwl."""
-    assert closed_form.approximation is not None, "a closed form has one"
-    return closed_form.approximation.angles
-
-
-@dataclass(frozen=True, eq=False)
 class PlannedWalk:
     """Every plan for the reference walk, and the predictions of the joints' models.
+
+    Methods are "direct", the desired angles requested as they are; "shift", the best time shift of
+    them; "closed_form_plain", the inversion as in the paper, which knows no limits; "closed_form",
+    the same with the knots moved until the joint itself tracks best; "optimal", within the joints'
+    limits; and "foot_optimal", for all joints at once. Angles are in radians, shape (n, k).
 
     Attributes:
         models: The model of each joint, in the leg's order.
         segments: Lines of each approximation.
         walk: The reference walk with its leg.
-        joints: One outcome per joint, in the leg's order.
+        direct: Angles when the desired angles are requested.
         lead: Samples by which the best time shift is early.
+        plans: The plans of the joints, one by one, for methods that plan them so.
         foot_plan: The plan for all joints at once, which keeps the foot close to its path.
     """
 
     models: tuple[JointModel, ...]
     segments: int
     walk: ReferenceWalk
-    joints: tuple[JointOutcome, ...]
+    direct: Array
     lead: int
+    plans: Mapping[str, tuple[Inversion, ...]]
     foot_plan: FootInversion
 
     @cached_property
     def requests(self) -> dict[str, Array]:
-        """Requests of all joints by method [rad], each (n, k)."""
-        desired = self.walk.desired
+        """Requests of all joints by method."""
+        desired, plans = self.walk.desired, self.plans.items()
         return {
             "direct": desired,
             "shift": np.roll(desired, -self.lead, axis=0),
-            **self._columns(lambda plan: plan.requests),
+            **{method: np.column_stack([each.requests for each in own]) for method, own in plans},
             "foot_optimal": self.foot_plan.requests,
         }
 
     @cached_property
     def angles(self) -> dict[str, Array]:
-        """Angles that the models predict under them [rad], each (n, k)."""
-        direct = np.column_stack([joint.direct for joint in self.joints])
+        """Angles that the models predict under them."""
+        plans = self.plans.items()
         return {
-            "direct": direct,
-            "shift": np.roll(direct, -self.lead, axis=0),
-            **self._columns(lambda plan: plan.predicted),
+            "direct": self.direct,
+            "shift": np.roll(self.direct, -self.lead, axis=0),
+            **{method: np.column_stack([each.predicted for each in own]) for method, own in plans},
             "foot_optimal": self.foot_plan.predicted,
         }
+
+    @cached_property
+    def approximations(self) -> dict[str, Array]:
+        """Piecewise linear approximations behind the closed forms at the samples: Pwl."""
+        curves = {method: [each.approximation for each in self.plans[method]] for method in REFINE}
+        return {
+            method: np.column_stack([curve.angles for curve in own if curve is not None])
+            for method, own in curves.items()
+        }
+
+    def goal(self, pair: str) -> Array:
+        """What the angles of a row of Table 2 are compared with: Des or Pwl."""
+        return self.approximations[PAIRS[pair]] if pair.startswith("Pwl") else self.walk.desired
+
+    def excess(self, method: str, j: int) -> float:
+        """How far a method's farthest request is beyond the limits of a joint [rad], or 0."""
+        lower, upper = self.walk.leg.limits
+        return max(beyond_limits(self.requests[method][:, j], (lower[j], upper[j])), 0.0)
 
     @cached_property
     def legs(self) -> dict[str, Array]:
@@ -258,13 +230,13 @@ class PlannedWalk:
     def table2(self) -> dict[str, dict[str, Distance]]:
         """Distances between angle trajectories by joint and comparison [degrees]: Table 2."""
         return {
-            joint.name: {
-                pair: angle_distance(
-                    self.angles[method][:, j], joint.goals.get(pair, joint.desired)
-                ).in_units_of(math.radians(1.0))
+            name: {
+                pair: angle_distance(self.angles[method][:, j], self.goal(pair)[:, j]).in_units_of(
+                    math.radians(1.0)
+                )
                 for pair, method in PAIRS.items()
             }
-            for j, joint in enumerate(self.joints)
+            for j, name in enumerate(self.walk.joint_names)
         }
 
     @property
@@ -273,13 +245,6 @@ class PlannedWalk:
         return {
             method: foot_distance(path, self.walk.desired_foot).in_units_of(0.01)
             for method, path in self.foot.items()
-        }
-
-    def _columns(self, read: Callable[[Inversion], Array]) -> dict[str, Array]:
-        """A property of every joint's plans by method, each (n, k)."""
-        return {
-            method: np.column_stack([read(getattr(joint, method)) for joint in self.joints])
-            for method in ("closed_form_plain", "closed_form", "optimal")
         }
 
 
@@ -391,18 +356,31 @@ def plan_walk(models: Sequence[JointModel], *, segments: int, clock: Clock) -> P
     clock.start("walk", "the walk")
     walk = reference_walk()
     clock.start("baselines", "the baselines")
-    direct_angles = simulate_joints(models, walk.desired, cyclic=True)
-    lead = best_lead(direct_angles, walk_distance(walk))
+    direct = simulate_joints(models, walk.desired, cyclic=True)
+    lead = best_lead(direct, walk_distance(walk))
     clock.start("foot_optimal", "the optimised requests for the foot")
     foot_plan = invert_foot(models, walk.leg, walk.desired_foot)
     clock.start("foot_bound", "the lower bound for the foot")
     _ = foot_plan.lower_bound
-    joints = tuple(
-        _plan_joint(j, walk, direct_angles, foot_plan, segments=segments, clock=clock)
-        for j in range(len(models))
-    )
+    plans = []
+    for j, (name, model) in enumerate(zip(walk.joint_names, models, strict=True)):
+        desired = walk.desired[:, j]
+        limits = (float(walk.leg.limits.lower[j]), float(walk.leg.limits.upper[j]))
+        clock.start("closed_form", f"the closed form for the {name}")
+        own = {
+            method: invert_closed_form(model, desired, segments=segments, rule=RULE, refine=refine)
+            for method, refine in REFINE.items()
+        }
+        clock.start("optimal", f"the optimised requests for the {name}")
+        # A joint that sags cannot rest at a limit of its requests: clip to the angles where it can.
+        resting = np.clip(desired, *model.rest(limits))
+        own["optimal"] = invert_optimal(model, resting, limits=limits)
+        clock.start("bounds", f"the lower bound for the {name}")
+        _ = [each.lower_bound for each in own.values()]  # computed when first asked for
+        plans.append(own)
     clock.stop()
-    return PlannedWalk(models, segments, walk, joints, lead, foot_plan)
+    by_method = {method: tuple(own[method] for own in plans) for method in plans[0]}
+    return PlannedWalk(models, segments, walk, direct, lead, by_method, foot_plan)
 
 
 def best_lead(unshifted: Array, distance: Callable[[Array], Distance]) -> int:
@@ -423,42 +401,6 @@ def best_lead(unshifted: Array, distance: Callable[[Array], Distance]) -> int:
 def walk_distance(walk: ReferenceWalk) -> Callable[[Array], Distance]:
     """Distance of the foot from the walk's path [m], as a function of the angles [rad], (n, k)."""
     return lambda angles: foot_distance(walk.leg.foot_positions(angles), walk.desired_foot)
-
-
-def _plan_joint(
-    j: int,
-    walk: ReferenceWalk,
-    direct_angles: Array,
-    foot_plan: FootInversion,
-    *,
-    segments: int,
-    clock: Clock,
-) -> JointOutcome:
-    """All plans of one joint, and their bounds, which are computed when first asked for."""
-    name, desired, model = walk.joint_names[j], walk.desired[:, j], foot_plan.models[j]
-    limits = (float(walk.leg.limits.lower[j]), float(walk.leg.limits.upper[j]))
-    clock.start("closed_form", f"the closed form for the {name}")
-    plain, refined = (
-        invert_closed_form(model, desired, segments=segments, rule=RULE, refine=REFINE[method])
-        for method in ("closed_form_plain", "closed_form")
-    )
-    clock.start("optimal", f"the optimised requests for the {name}")
-    # A joint that sags cannot rest at a limit of its requests: clip to the angles where it can.
-    resting = np.clip(desired, *model.rest(limits))
-    optimal = invert_optimal(model, resting, limits=limits)
-    clock.start("bounds", f"the lower bound for the {name}")
-    _ = plain.lower_bound, refined.lower_bound, optimal.lower_bound
-    return JointOutcome(
-        name=name,
-        desired=desired,
-        limits=limits,
-        direct=direct_angles[:, j],
-        closed_form_plain=plain,
-        closed_form=refined,
-        optimal=optimal,
-        foot_requests=foot_plan.requests[:, j],
-        foot_optimal=foot_plan.predicted[:, j],
-    )
 
 
 class Clock:

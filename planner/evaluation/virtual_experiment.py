@@ -164,24 +164,25 @@ class VirtualOutcome:
         """
         run = self.runs["direct"]
         errors = {}
-        for j, joint in enumerate(self.planned.joints):
+        for j, name in enumerate(self.planned.walk.joint_names):
             actual = run.angles[:, :, j].mean(axis=0)
-            errors[joint.name] = angle_distance(actual, joint.direct).rms
+            errors[name] = angle_distance(actual, self.planned.direct[:, j]).rms
         return errors
 
     def _table2(self, read: Callable[[Run], Array]) -> dict[str, dict[str, OverCycles]]:
+        planned = self.planned
         return {
-            joint.name: {
+            name: {
                 pair: over_cycles(
                     (
-                        angle_distance(cycle, joint.goals.get(pair, joint.desired))
+                        angle_distance(cycle, planned.goal(pair)[:, j])
                         for cycle in read(self.runs[method])[:, :, j]
                     ),
                     math.radians(1.0),
                 )
                 for pair, method in PAIRS.items()
             }
-            for j, joint in enumerate(self.planned.joints)
+            for j, name in enumerate(planned.walk.joint_names)
         }
 
     def _foot_distance(self, angles: Array) -> OverCycles:

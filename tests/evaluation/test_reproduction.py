@@ -44,11 +44,11 @@ def test_all_plans_beat_both_baselines_in_the_foot(reproduction):
 
 
 def test_the_closed_form_as_in_the_paper_is_that_of_its_six_lines_without_refinement(reproduction):
-    for joint in reproduction.joints:
+    for joint in reproduction.plans["closed_form_plain"]:
         plain = planner.invert_closed_form(
             reproduction.model, joint.desired, segments=6, rule="paper", refine=False
         )
-        assert np.array_equal(joint.closed_form_plain.requests, plain.requests)
+        assert np.array_equal(joint.requests, plain.requests)
     printed = f"{reproduction.foot_table['closed_form_plain'].rms:.2f}"
     assert printed == "1.08"  # as the README says
 
@@ -63,16 +63,17 @@ def test_the_plan_for_the_foot_keeps_it_closest_and_inside_the_limits(reproducti
 
 
 def test_no_plan_beats_its_bound_and_the_optimised_one_is_worse_by_its_share_at_most(reproduction):
-    for joint in reproduction.joints:
-        most = 1.0051 * joint.closed_form.rms  # an encoder's step beside the noise's share
-        assert joint.optimal.lower_bound <= joint.optimal.rms <= most
+    plans = reproduction.plans
+    for closed_form, optimal in zip(plans["closed_form"], plans["optimal"], strict=True):
+        most = 1.0051 * closed_form.rms  # an encoder's step beside the noise's share
+        assert optimal.lower_bound <= optimal.rms <= most
 
 
 def test_every_distance_follows_from_the_requests_by_simulation(reproduction):
-    for joint in reproduction.joints:
-        angles = simulate(reproduction.model, joint.closed_form.requests)
+    for name, joint in zip(paper.JOINTS, reproduction.plans["closed_form"], strict=True):
+        angles = simulate(reproduction.model, joint.requests)
         error = math.degrees(float(np.sqrt(np.mean((angles - joint.desired) ** 2))))
-        assert reproduction.table2[joint.name]["Des,MB"].rms == pytest.approx(error, abs=1e-9)
+        assert reproduction.table2[name]["Des,MB"].rms == pytest.approx(error, abs=1e-9)
 
 
 def test_the_knee_is_one_upper_leg_from_the_hip_and_one_lower_leg_from_the_foot(reproduction):

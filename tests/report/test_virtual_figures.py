@@ -26,26 +26,24 @@ def values(curve):
 
 
 def test_every_cycle_of_every_joint_is_drawn_under_its_method(outcome, figures):
-    panels = figures["joints_by_method"].panels
-    for j, (panel, joint) in enumerate(zip(panels[:3], outcome.planned.joints, strict=True)):
-        assert panel.title == joint.name
+    panels, walk = figures["joints_by_method"].panels, outcome.planned.walk
+    for j, (panel, name) in enumerate(zip(panels[:3], walk.joint_names, strict=True)):
+        assert panel.title == name
         curves = {curve.name: curve for curve in panel.curves}
-        assert values(curves["desired"]) == pytest.approx(np.degrees([joint.desired]))
+        assert values(curves["desired"]) == pytest.approx(np.degrees([walk.desired[:, j]]))
         for method, role in ROLES.items():
             if method != "shift":
                 curve = curves[role.label]
                 angles = np.degrees(outcome.runs[method].angles[:, :, j])
                 assert values(curve) == pytest.approx(angles)
                 assert curve.hidden == (method == "optimal")
-    for name, method, predicted in (
-        ("joints_direct", "direct", "direct"),
-        ("foot_optimised_trajectories", "foot_optimal", "foot_optimal"),
+    for name, method in (
+        ("joints_direct", "direct"),
+        ("foot_optimised_trajectories", "foot_optimal"),
     ):
-        for j, (panel, joint) in enumerate(
-            zip(figures[name].panels, outcome.planned.joints, strict=True)
-        ):
+        for j, panel in enumerate(figures[name].panels):
             mean, actual = (each for each in panel.curves if each.name.startswith("actual"))
             assert values(mean) == pytest.approx(values(actual).mean(axis=0, keepdims=True))
             told = next(each for each in panel.curves if each.name == "predicted")
             assert values(actual) == pytest.approx(np.degrees(outcome.runs[method].angles[..., j]))
-            assert values(told) == pytest.approx(np.degrees([getattr(joint, predicted)]))
+            assert values(told) == pytest.approx(np.degrees([outcome.planned.angles[method][:, j]]))

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from operator import attrgetter
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 
@@ -29,7 +28,7 @@ from planner.report.style import Role
 from planner.trajectory import Array
 
 if TYPE_CHECKING:
-    from planner.evaluation.reproduction import JointOutcome, PlannedWalk, Reproduction
+    from planner.evaluation.reproduction import PlannedWalk, Reproduction
 
 ROLES = {
     "direct": style.DIRECT,
@@ -55,16 +54,16 @@ SHADE = 0.16
 
 ACROSS, UPWARD = Axis("forward of the hip, x", "cm"), Axis("above the hip, z", "cm")
 
-Curves = Callable[["JointOutcome"], Sequence[Curve]]
-"""Function for the curves of a joint."""
+Curves = Callable[[int], Sequence[Curve]]
+"""Function for the curves of a joint by its index."""
 
 
 def paper_figures(reproduction: Reproduction) -> tuple[Figure, ...]:
     """Every figure, in the order of the paper's."""
     timeline = timeline_of(reproduction)
 
-    def lines(joint: JointOutcome) -> list[Curve]:
-        fit = joint.closed_form_plain.approximation
+    def lines(j: int) -> list[Curve]:
+        fit = reproduction.plans["closed_form_plain"][j].approximation
         assert fit is not None, "a closed form has an approximation"
         fine = np.linspace(0.0, fit.samples, 20 * fit.samples + 1)  # knots lie between samples
         knots, values = np.mod(fit.knots, fit.samples), np.degrees(fit.values)
@@ -213,16 +212,18 @@ def joints_figure(
 ) -> Figure:
     """A panel per joint over one step of the walk, and more below."""
     panels = [
-        Panel(Axis("angle", "deg"), tuple(curves(joint)), joint.name) for joint in planned.joints
+        Panel(Axis("angle", "deg"), tuple(curves(j)), joint)
+        for j, joint in enumerate(planned.walk.joint_names)
     ]
     return timeline_of(planned).figure(name, [*panels, *more], words, clock=clock)
 
 
 class Drawn(NamedTuple):
-    """A curve of a joint: its values as an attribute of the joint's outcome, and its looks."""
+    """A curve of a joint: its values, those of a method, and its looks."""
 
-    values: str
+    values: Literal["desired", "requests", "angles", "approximations"]
     role: Role
+    method: str = ""
     label: str = ""
     hidden: bool = False
 
@@ -235,8 +236,8 @@ JOINTS: Mapping[str, tuple[tuple[str, str], tuple[Drawn, ...]]] = {
             "rotator.",
         ),
         (
-            Drawn("desired", style.DESIRED, "requested = desired"),
-            Drawn("direct", style.DIRECT, "actual"),
+            Drawn("desired", style.DESIRED, label="requested = desired"),
+            Drawn("angles", style.DIRECT, "direct", "actual"),
         ),
     ),
     "figure6_approximation": (
@@ -256,9 +257,9 @@ JOINTS: Mapping[str, tuple[tuple[str, str], tuple[Drawn, ...]]] = {
         ),
         (
             Drawn("desired", style.DESIRED),
-            Drawn("closed_form_plain.requests", style.REQUESTED),
-            Drawn("closed_form_plain.approximation.angles", style.APPROXIMATION),
-            Drawn("closed_form_plain.predicted", style.CLOSED_FORM, "actual"),
+            Drawn("requests", style.REQUESTED, "closed_form_plain"),
+            Drawn("approximations", style.APPROXIMATION, "closed_form_plain"),
+            Drawn("angles", style.CLOSED_FORM, "closed_form_plain", "actual"),
         ),
     ),
     "joints_by_method": (
@@ -268,11 +269,13 @@ JOINTS: Mapping[str, tuple[tuple[str, str], tuple[Drawn, ...]]] = {
         ),
         (
             Drawn("desired", style.DESIRED),
-            Drawn("direct", style.DIRECT),
-            Drawn("closed_form_plain.predicted", style.PLAIN),
-            Drawn("optimal.predicted", style.OPTIMAL, hidden=True),
-            Drawn("foot_optimal", style.FOOT_OPTIMAL),
-            Drawn("foot_requests", style.REQUESTED, "requests, foot-optimised", hidden=True),
+            Drawn("angles", style.DIRECT, "direct"),
+            Drawn("angles", style.PLAIN, "closed_form_plain"),
+            Drawn("angles", style.OPTIMAL, "optimal", hidden=True),
+            Drawn("angles", style.FOOT_OPTIMAL, "foot_optimal"),
+            Drawn(
+                "requests", style.REQUESTED, "foot_optimal", "requests, foot-optimised", hidden=True
+            ),
         ),
     ),
     "optimised_trajectories": (
@@ -283,8 +286,8 @@ JOINTS: Mapping[str, tuple[tuple[str, str], tuple[Drawn, ...]]] = {
         ),
         (
             Drawn("desired", style.DESIRED),
-            Drawn("optimal.requests", style.REQUESTED),
-            Drawn("optimal.predicted", style.OPTIMAL, "actual"),
+            Drawn("requests", style.REQUESTED, "optimal"),
+            Drawn("angles", style.OPTIMAL, "optimal", "actual"),
         ),
     ),
     "foot_optimised_trajectories": (
@@ -295,8 +298,8 @@ JOINTS: Mapping[str, tuple[tuple[str, str], tuple[Drawn, ...]]] = {
         ),
         (
             Drawn("desired", style.DESIRED),
-            Drawn("foot_requests", style.REQUESTED),
-            Drawn("foot_optimal", style.FOOT_OPTIMAL, "actual"),
+            Drawn("requests", style.REQUESTED, "foot_optimal"),
+            Drawn("angles", style.FOOT_OPTIMAL, "foot_optimal", "actual"),
         ),
     ),
 }
@@ -310,11 +313,18 @@ def _joints(
     words, specs = JOINTS[name]
     draw = timeline_of(reproduction).degrees
 
-    def curves(joint: JointOutcome) -> list[Curve]:
+    kinds = {
+        "requests": reproduction.requests,
+        "angles": reproduction.angles,
+        "approximations": reproduction.approximations,
+        "desired": {"": reproduction.walk.desired},
+    }
+
+    def curves(j: int) -> list[Curve]:
         return [
-            *(draw(attrgetter(each.values)(joint), each.role, each.label,
+            *(draw(kinds[each.values][each.method][:, j], each.role, each.label,
                    held=each.role is style.REQUESTED, hidden=each.hidden) for each in specs),
-            *more(joint),
+            *more(j),
         ]  # fmt: skip
 
     return joints_figure(reproduction, name, words, curves, *panels, clock=bool(panels))

@@ -19,7 +19,6 @@ from planner.evaluation.reproduction import (
     PlannedWalk,
     Published,
     Reproduction,
-    approximation,
     deviations,
     published,
     published_foot,
@@ -136,16 +135,17 @@ def _plan_parameters(planned: PlannedWalk) -> dict[str, Any]:
 
 def _bounds(planned: PlannedWalk) -> dict[str, Any]:
     """Lower bounds with the plans' gaps, and limits with the excess of requests over them."""
+    names, plans, limits = planned.walk.joint_names, planned.plans, planned.walk.leg.limits
     return {
         "bounds": {
-            joint.name: {
-                "rms": math.degrees(joint.optimal.lower_bound),
-                "gap": joint.optimal.gap,
-                "closed_form_plain_gap": joint.closed_form_plain.gap,
-                "closed_form_gap": joint.closed_form.gap,
+            name: {
+                "rms": math.degrees(plans["optimal"][j].lower_bound),
+                "gap": plans["optimal"][j].gap,
+                "closed_form_plain_gap": plans["closed_form_plain"][j].gap,
+                "closed_form_gap": plans["closed_form"][j].gap,
                 "level": "envelope",
             }
-            for joint in planned.joints
+            for j, name in enumerate(names)
         },
         "foot_bound": {
             "L2": 100.0 * planned.foot_plan.lower_bound,
@@ -153,12 +153,15 @@ def _bounds(planned: PlannedWalk) -> dict[str, Any]:
             "level": "envelope",
         },
         "limits": {
-            joint.name: {
-                "lower": math.degrees(joint.limits[0]),
-                "upper": math.degrees(joint.limits[1]),
-                "excess": {method: math.degrees(each) for method, each in joint.excesses.items()},
+            name: {
+                "lower": math.degrees(limits.lower[j]),
+                "upper": math.degrees(limits.upper[j]),
+                "excess": {
+                    method: math.degrees(planned.excess(method, j))
+                    for method in (*plans, "foot_optimal")
+                },
             }
-            for joint in planned.joints
+            for j, name in enumerate(names)
         },
     }
 
@@ -195,8 +198,10 @@ def virtual_results(outcome: VirtualOutcome) -> dict[str, Any]:
             "stall_torque_newton_metre": constants.stall_torque,
         },
         "identified": {
-            joint.name: _identification_entry(identification, outcome.unseen_rms[joint.name])
-            for joint, identification in zip(planned.joints, outcome.identifications, strict=True)
+            name: _identification_entry(identification, outcome.unseen_rms[name])
+            for name, identification in zip(
+                planned.walk.joint_names, outcome.identifications, strict=True
+            )
         },
         "table2": {
             joint: {
@@ -230,8 +235,8 @@ def virtual_results(outcome: VirtualOutcome) -> dict[str, Any]:
         **_bounds(planned),
         "parameters": {
             "models": {
-                joint.name: model.parameters()
-                for joint, model in zip(planned.joints, planned.models, strict=True)
+                name: model.parameters()
+                for name, model in zip(planned.walk.joint_names, planned.models, strict=True)
             },
             "step_amplitudes_deg": list(AMPLITUDES),
             "step_cycles": STEP_CYCLES,
@@ -298,13 +303,11 @@ def _in_paper_units(values: dict[str, float], period: float) -> dict[str, float]
 
 def joint_paths(reproduction: Reproduction) -> dict[str, Array]:
     """Angles and requests of all joints [rad], each (n, k), by the name of their file."""
-    plain = [approximation(joint.closed_form_plain) for joint in reproduction.joints]
-    refined = [approximation(joint.closed_form) for joint in reproduction.joints]
     requests, angles = reproduction.requests, reproduction.angles
     return {
         "desired": reproduction.walk.desired,
-        "approximation_plain": np.column_stack(plain),
-        "approximation": np.column_stack(refined),
+        "approximation_plain": reproduction.approximations["closed_form_plain"],
+        "approximation": reproduction.approximations["closed_form"],
         **{f"requests_{name}": each for name, each in requests.items() if name != "direct"},
         **{f"angles_{name}": each for name, each in angles.items()},
     }

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from planner.evaluation.reproduction import JointOutcome, approximation
 from planner.report import style
 from planner.report.figure import Axis, Curve, Figure, Panel, Timeline, joined, thin
 from planner.report.paper.figures import (
@@ -73,7 +72,8 @@ def _step_tests(outcome: VirtualOutcome) -> Figure:
     timeline, last = timeline_of(outcome.planned), slice(-len(outcome.planned.walk.desired), None)
     once = Timeline(timeline.period, timeline.samples, cyclic=False)
     panels = []
-    for identification, joint in zip(outcome.identifications, outcome.planned.joints, strict=True):
+    names = outcome.planned.walk.joint_names
+    for identification, joint in zip(outcome.identifications, names, strict=True):
         measured, predicted = [], []
         for fit in identification.fits:
             middle = float(np.mean(fit.log.requests[last]))
@@ -85,9 +85,9 @@ def _step_tests(outcome: VirtualOutcome) -> Figure:
             Curve(style.CLOSED_FORM._replace(width=1.4), times, model, "identified model"),
             Curve(style.INK, times, angles, "measured by the sensor", marks="dots", opacity=0.55),
         )
-        panels.append(Panel(Axis("angle", "deg"), curves, joint.name))
+        panels.append(Panel(Axis("angle", "deg"), curves, joint))
         rest = Curve(style.MUTED._replace(width=0.9), times, angles - model, "residual")
-        title = f"{joint.name}, residual, {np.degrees(identification.rms):.2f} deg rms"
+        title = f"{joint}, residual, {np.degrees(identification.rms):.2f} deg rms"
         panels.append(Panel(Axis("residual", "deg"), (rest,), title, height=0.6))
     return once.figure(
         "step_tests",
@@ -105,11 +105,11 @@ def _joints_direct(outcome: VirtualOutcome) -> Figure:
     """Figure 2: the joints under the direct method, and the models' predictions."""
     draw, run = timeline_of(outcome.planned).degrees, outcome.runs["direct"]
 
-    def curves(joint: JointOutcome) -> list[Curve]:
+    def curves(j: int) -> list[Curve]:
         return [
-            draw(joint.desired, style.DESIRED, "requested = desired"),
-            *_walked(outcome, "direct", joint, style.DIRECT, f"actual, {len(run.angles)} cycles"),
-            draw(joint.direct, PREDICTED),
+            draw(outcome.planned.walk.desired[:, j], style.DESIRED, "requested = desired"),
+            *_walked(outcome, "direct", j, style.DIRECT, f"actual, {len(run.angles)} cycles"),
+            draw(outcome.planned.direct[:, j], PREDICTED),
         ]
 
     words = (
@@ -122,20 +122,21 @@ def _joints_direct(outcome: VirtualOutcome) -> Figure:
 
 def _trajectories(outcome: VirtualOutcome) -> Figure:
     """Figure 7: desired, approximation, requests, and the angles of every cycle."""
-    draw = timeline_of(outcome.planned).degrees
+    planned, method = outcome.planned, "closed_form_plain"
+    draw = timeline_of(planned).degrees
     return joints_figure(
-        outcome.planned,
+        planned,
         "trajectories",
         (
             "The four trajectories of the paper's method (Figure 7)",
             "How close the actual angles stay to the approximation is the paper's measure of the "
             "model's fidelity. Requests beyond a joint's limits are cut off by the robot.",
         ),
-        lambda joint: [
-            draw(joint.desired, style.DESIRED),
-            draw(joint.closed_form_plain.requests, style.REQUESTED, held=True),
-            draw(approximation(joint.closed_form_plain), style.APPROXIMATION),
-            *_walked(outcome, "closed_form_plain", joint, style.PLAIN, "actual"),
+        lambda j: [
+            draw(planned.walk.desired[:, j], style.DESIRED),
+            draw(planned.requests[method][:, j], style.REQUESTED, held=True),
+            draw(planned.approximations[method][:, j], style.APPROXIMATION),
+            *_walked(outcome, method, j, style.PLAIN, "actual"),
         ],
     )
 
@@ -150,11 +151,11 @@ def _foot_optimised(outcome: VirtualOutcome) -> Figure:
             "Dotted: what the plan predicted. Single joints leave their desired angles to bring "
             "the foot closer, as planned.",
         ),
-        lambda joint: [
-            draw(joint.desired, style.DESIRED),
-            draw(requests[:, _index(outcome, joint)], style.REQUESTED, held=True),
-            *_walked(outcome, "foot_optimal", joint, style.FOOT_OPTIMAL, "actual"),
-            draw(joint.foot_optimal, PREDICTED),
+        lambda j: [
+            draw(outcome.planned.walk.desired[:, j], style.DESIRED),
+            draw(requests[:, j], style.REQUESTED, held=True),
+            *_walked(outcome, "foot_optimal", j, style.FOOT_OPTIMAL, "actual"),
+            draw(outcome.planned.angles["foot_optimal"][:, j], PREDICTED),
         ],
     )
 
@@ -168,13 +169,13 @@ def _joints_by_method(outcome: VirtualOutcome) -> Figure:
             "The joints under the methods, every cycle",
             "What the joints do while the foot goes along its paths.",
         ),
-        lambda joint: [
-            draw(joint.desired, style.DESIRED),
+        lambda j: [
+            draw(outcome.planned.walk.desired[:, j], style.DESIRED),
             *(
                 curve
                 for method, role in ROLES.items()
                 if method != "shift"
-                for curve in _walked(outcome, method, joint, role, hidden=method == "optimal")
+                for curve in _walked(outcome, method, j, role, hidden=method == "optimal")
             ),
         ],
         distance_panel(outcome.planned, outcome.foot_paths),
@@ -185,18 +186,14 @@ def _joints_by_method(outcome: VirtualOutcome) -> Figure:
 def _walked(
     outcome: VirtualOutcome,
     method: str,
-    joint: JointOutcome,
+    j: int,
     role: Role,
     label: str = "",
     *,
     hidden: bool = False,
 ) -> tuple[Curve, Curve]:
-    angles = np.degrees(outcome.runs[method].angles[:, :, _index(outcome, joint)])
+    angles = np.degrees(outcome.runs[method].angles[:, :, j])
     return timeline_of(outcome.planned).cycles(angles, role, label, hidden=hidden)
-
-
-def _index(outcome: VirtualOutcome, joint: JointOutcome) -> int:
-    return outcome.planned.walk.joint_names.index(joint.name)
 
 
 def _learning(outcome: VirtualOutcome) -> Figure:
