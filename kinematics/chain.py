@@ -95,14 +95,7 @@ class Chain:
         return point, columns
 
     def jacobians(self, angles: Array) -> Array:
-        """Derivatives of the foot along a path of the joints.
-
-        Args:
-            angles: Joint angles [rad], shape (n, k).
-
-        Returns:
-            [m/rad], shape (n, 3, k).
-        """
+        """Derivatives of the foot [m/rad], (n, 3, k), along a path of the joints [rad], (n, k)."""
         _, columns = self.foot_and_jacobian(np.cos(angles.T), np.sin(angles.T))
         return np.ascontiguousarray(np.stack(columns).transpose(2, 1, 0))
 
@@ -117,11 +110,7 @@ class Chain:
         return axes
 
     def neutral_axes(self) -> tuple[Array, Array, Array]:
-        """The chain with every angle 0, in the base frame.
-
-        Returns:
-            Unit axes, shape (k, 3), a point on each axis [m], shape (k, 3), and the foot [m], (3,).
-        """
+        """Unit axes, a point on each [m], (k, 3) both, and the foot [m], (3,), at angles of 0."""
         rotation, origin = np.eye(3), np.zeros(3)
         axes, points = [], []
         for turn, step, axis in zip(self.rotations, self.translations, self.axes, strict=True):

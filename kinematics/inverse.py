@@ -37,23 +37,9 @@ MOST_JOINTS = 3
 REACHED = 1e-9
 """A pose reaches a point when its foot is within this of it [m]."""
 
-UNMOVED = 1e-9
-"""Movement of the foot below this is rounding [m/rad]."""
-
-TRIED = np.array([[0.3, -0.7, 1.1], [-1.3, 0.5, 0.8], [2.1, 1.7, -0.4], [0.9, -2.3, 2.6]])
-"""Poses at which Jacobians are evaluated [rad], without a symmetry that could hide a movement."""
-
-REGIONS = 3
-"""Parts that each joint's range is cut into; every combination of parts is searched on its own."""
-
-SAMPLES = 4
-"""Poses per joint and part among which each search starts."""
-
-MOST_STEPS = 200
-"""Newton steps after which a search is given up; a dozen are typical."""
-
-LONGEST = 0.5 * TURN
-"""Longest step of a joint [rad]: no direction is further away."""
+REGIONS, SAMPLES = 3, 4
+"""Parts that each joint's range is cut into, of which every combination is searched on its own, and
+poses per joint and part among which each search starts."""
 
 SETTLED = 1e-13
 """A search ends when its step is below this [rad]."""
@@ -63,9 +49,6 @@ CHUNK = 128
 
 SAME = 6
 """Decimals [rad] to which margins and moves are compared, so that rounding decides nothing."""
-
-JUMP_TOLERANCE = 1e-6
-"""Deviation of the foot that is no jump yet, relative to the length of the leg."""
 
 EXACT = 1e-9
 """Tolerance of intersecting and of parallel axes: radians, and metres per metre of leg."""
@@ -125,17 +108,12 @@ def solve_inverse(
 
 
 def check_joints(chain: Chain, names: Sequence[str]) -> None:
-    """Raise an error where a joint of a leg of at most three never moves the foot.
-
-    Args:
-        chain: The leg.
-        names: Names of the joints, for the message.
-
-    Raises:
-        UnsupportedLeg: The foot lies on the axis of a joint in every pose.
-    """
-    moved = np.linalg.norm(chain.jacobians(TRIED[:, : len(chain.axes)]), axis=1).max(axis=0)
-    unmoving = tuple(name for name, most in zip(names, moved, strict=True) if most <= UNMOVED)
+    """Raise UnsupportedLeg where a joint of a leg of at most three never moves the foot."""
+    # poses [rad] without a symmetry that could hide a movement
+    poses = [[0.3, -0.7, 1.1], [-1.3, 0.5, 0.8], [2.1, 1.7, -0.4], [0.9, -2.3, 2.6]]
+    jacobians = chain.jacobians(np.array(poses)[:, : len(chain.axes)])
+    moved = np.linalg.norm(jacobians, axis=1).max(axis=0)  # [m/rad]
+    unmoving = tuple(name for name, most in zip(names, moved, strict=True) if most <= 1e-9)
     if unmoving:
         raise UnsupportedLeg(
             f"leg: singular in every pose, as joint {unmoving[0]!r} does not move the foot, which "
@@ -183,14 +161,9 @@ def nearest_poses(chain: Chain, limits: Limits, foot: Array) -> Array:
     450 random legs the best of these minima was the global one but once. A point takes about 1 ms.
     A joint that can turn by a full turn has no limits on the way: only its direction counts.
 
-    Args:
-        chain: The leg.
-        limits: The joint limits.
-        foot: Points in the base frame [m], shape (n, 3).
-
-    Returns:
-        Poses [rad], one from each region, not necessarily in it, shape (n, 3 ** k, k); angles of
-        joints that can turn by a full turn are within half a turn of the middle of their limits.
+    For points in the base frame [m], (n, 3), there is one pose from each region, not necessarily in
+    it [rad], shape (n, 3 ** k, k); angles of joints that can turn by a full turn are within half a
+    turn of the middle of their limits.
     """
     beyond = np.where(limits.turning, np.inf, 0.0)
     endless = Limits(limits.lower - beyond, limits.upper + beyond)
@@ -228,7 +201,7 @@ def _descend(chain: Chain, limits: Limits, points: Array, poses: Array) -> Array
     going = np.arange(len(poses))
     damping = np.zeros(len(poses))
     value = _half_squares(chain, points, poses)
-    for _ in range(MOST_STEPS):
+    for _ in range(200):  # a dozen are typical
         if not going.size:
             break
         here = poses[going]
@@ -279,8 +252,8 @@ def _newton_step(
     along = np.einsum("pji,pj->pi", directions, gradient)
     scaled = along / np.maximum(strength, np.finfo(np.float64).tiny)
     step = -np.asarray(np.einsum("pij,pj->pi", directions, scaled))
-    longest = np.abs(step).max(axis=1, keepdims=True)
-    return np.asarray(step * (LONGEST / np.maximum(longest, LONGEST)))
+    longest, most = np.abs(step).max(axis=1, keepdims=True), 0.5 * TURN  # no direction is further
+    return np.asarray(step * (most / np.maximum(longest, most)))
 
 
 def choose(
@@ -305,15 +278,9 @@ def choose(
     leads out of its limits, it starts as few turns away as keep the path inside them; where none
     do, it turns back by a full turn at the limit.
 
-    Args:
-        poses: Angles [rad], shape (n, m, k), within the limits.
-        allowed: Which of them may be chosen, at least one at each point, shape (n, m).
-        limits: The joint limits.
-        near: A pose near which to start [rad], shape (k,).
-        chain: The leg, to see jumps.
-
-    Returns:
-        Angles [rad], shape (n, k).
+    Poses are angles within the limits [rad], (n, m, k), of which those that may be chosen, (n, m),
+    are at least one at each point; a pose ``near`` which to start is of shape (k,). Returns angles
+    [rad], shape (n, k).
     """
     margin = limits.margin(poses) if near is None else -_moved(poses - near, limits)
     margin = np.where(allowed, margin, -np.inf)
@@ -343,20 +310,14 @@ def jumps(chain: Chain, angles: Array) -> Indices:
 
     Half way between two poses of a smooth path the foot is half way between its two places, up to
     the square of the step. Between two poses of different kinds it is elsewhere: at a jump it is
-    further from the half-way point than the two places are from each other.
-
-    Args:
-        chain: The leg.
-        angles: Joint angles [rad], shape (n, k).
-
-    Returns:
-        Indices of the samples before the jumps.
+    further from the half-way point than the two places are from each other. Angles are in rad, of
+    shape (n, k); samples are the indices before the jumps.
     """
     half_way = 0.5 * (angles[1:] + angles[:-1])
     feet, middle = (chain.foot(np.cos(q.T), np.sin(q.T)).T for q in (angles, half_way))
     step = np.linalg.norm(feet[1:] - feet[:-1], axis=1)
     deviation = np.linalg.norm(middle - 0.5 * (feet[1:] + feet[:-1]), axis=1)
-    return np.flatnonzero(deviation > step + JUMP_TOLERANCE * chain.size)
+    return np.flatnonzero(deviation > step + 1e-6 * chain.size)
 
 
 def _moved(moves: Array, limits: Limits) -> Array:
@@ -476,11 +437,8 @@ class ClosedForm:
     def poses(self, foot: Array) -> Array:
         """Four poses for each point, out of reach with each inverse function's argument clamped.
 
-        Args:
-            foot: Points in the base frame [m], shape (n, 3).
-
-        Returns:
-            Angles [rad] in (-2π, 2π), regardless of limits, shape (n, 4, 3). Poses may coincide.
+        Points are in the base frame [m], shape (n, 3); angles [rad] are in (-2π, 2π), regardless of
+        limits, shape (n, 4, 3). Poses may coincide.
         """
         goal, start = foot, self.foot
         if self.odd == 2:

@@ -39,12 +39,6 @@ GRAVITY = (0.0, 0.0, -9.80665)
 FARTHEST = 1e6
 """A position or angle beyond this [m, rad] is a mistake, and its square would lose all digits."""
 
-UNLIMITED = 1e6
-"""A limit beyond this [rad] means no limit."""
-
-FASTEST = 100.0
-"""A speed beyond this [rad/s] means an unknown speed."""
-
 
 @dataclass(frozen=True, eq=False)
 class Leg:
@@ -359,16 +353,9 @@ def _pose(near: Mapping[str, float], names: tuple[str, ...], limits: Limits) -> 
 def central_differences(angles: Array, period: float, *, cyclic: bool) -> tuple[Array, Array]:
     """Speeds and accelerations along a path by central differences.
 
-    ``v_k = (q_{k+1} - q_{k-1}) / 2T`` and ``a_k = (q_{k+1} - 2 q_k + q_{k-1}) / T^2``. A path that
-    is no cycle rests before its first and after its last sample.
-
-    Args:
-        angles: Joint angles [rad], shape (n, k).
-        period: Time T between samples [s].
-        cyclic: Whether the path repeats for ever.
-
-    Returns:
-        Speeds [rad/s] and accelerations [rad/s^2], shape (n, k) each.
+    ``v_k = (q_{k+1} - q_{k-1}) / 2T`` [rad/s] and ``a_k = (q_{k+1} - 2 q_k + q_{k-1}) / T^2``
+    [rad/s^2], for angles q [rad], (n, k), every T [s]. A path that is no cycle rests before its
+    first and after its last sample.
     """
     beside = ((1, 1), (0, 0))
     padded = np.pad(angles, beside, mode="wrap" if cyclic else "edge")
@@ -442,14 +429,15 @@ def _read_limits(path: Path, model: Any, joints: list[int]) -> Limits:
             f"counts as 0); {TO_LIMIT}; lock a joint that is to stay where it is"
         )
     for limit in (lower, upper):
-        limit[np.abs(limit) > UNLIMITED] = np.copysign(np.inf, limit[np.abs(limit) > UNLIMITED])
+        beyond = np.abs(limit) > 1e6  # [rad]
+        limit[beyond] = np.copysign(np.inf, limit[beyond])
     return Limits(read_only(lower), read_only(upper))
 
 
 def _read_speeds(model: Any, joints: list[int]) -> Array:
     """Top speeds [rad/s], read-only, shape (k,); NaN where the URDF has no plausible one."""
     speeds = np.array([model.velocityLimit[model.joints[joint].idx_v] for joint in joints])
-    return read_only(np.where((speeds > 0.0) & (speeds <= FASTEST), speeds, np.nan))
+    return read_only(np.where((speeds > 0.0) & (speeds <= 100.0), speeds, np.nan))
 
 
 def foot_function(leg: Leg) -> Any:

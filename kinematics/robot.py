@@ -32,9 +32,6 @@ TO_LIMIT = (
 )
 """What to do about revolute joints without limits."""
 
-BESIDE = 1e-9
-"""A locked joint may be this far beyond its limits [rad], for rounding."""
-
 SHIPPED = ("ers210a.urdf", "reference_leg.urdf")
 """The files of the folder ``urdf``, which lies beside this package in a checkout and in a wheel."""
 
@@ -59,11 +56,7 @@ class Robot:
 
 
 def read_robot(path: Path, *, locked: Mapping[str, float] | None = None) -> Robot:
-    """The robot that a URDF describes.
-
-    Args:
-        path: The URDF.
-        locked: Positions of locked joints [rad; m for a prismatic one].
+    """The robot of a URDF, with positions of locked joints [rad; m for a prismatic one].
 
     Raises:
         InvalidInput: The file cannot be read or does not describe a robot, or a joint cannot be
@@ -146,7 +139,7 @@ def _lock_joint(model: Any, coordinates: Any, name: str, position: float) -> int
     if kind.nq == 1:
         low = float(model.lowerPositionLimit[kind.idx_q])
         high = float(model.upperPositionLimit[kind.idx_q])
-    if not (math.isfinite(position) and low - BESIDE <= position <= high + BESIDE):
+    if not (math.isfinite(position) and low - 1e-9 <= position <= high + 1e-9):
         raise InvalidInput(
             f"locked: joint {name!r} at {position:g}, expected {low:g} to {high:g}, its range"
         )
@@ -163,11 +156,7 @@ def _set(model: Any, coordinates: Any, joint: int, position: float) -> None:
 
 @contextmanager
 def captured_stderr() -> Iterator[Any]:
-    """Capture the C++ parser's messages on standard error, for our exceptions.
-
-    Yields:
-        A function that returns the complaints so far, one string each.
-    """
+    """Capture the C++ parser's messages on standard error; yields what returns them, one by one."""
     sys.stderr.flush()
     try:
         terminal = os.dup(2)

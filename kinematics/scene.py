@@ -18,9 +18,6 @@ from kinematics.exceptions import InvalidInput
 from kinematics.robot import Robot, captured_stderr, find_frame, joints_between, read_robot
 from planner.trajectory import Array
 
-THICKNESS = 0.05
-"""Radius of the bones of a leg without shapes, to its length."""
-
 MESHES = (".stl", ".obj", ".dae")
 """Readable formats of meshes."""
 
@@ -83,21 +80,13 @@ class Scene:
         return self._robot.model
 
     def configurations(self, angles: Array) -> list[Any]:
-        """Pinocchio's coordinates along a path of the leg's joints, the other joints at rest.
-
-        Args:
-            angles: Angles of the leg's joints [rad], shape (n, k).
-        """
+        """Pinocchio's coordinates along a path of the leg [rad], (n, k), other joints at rest."""
         return [self._robot.configuration(self._joints, row) for row in angles]
 
     def places(self, angles: Array) -> Array:
-        """Positions of all shapes in the base frame [m], the moving ones last.
+        """Middles of all shapes, the moving ones last, in the base frame [m], (shapes, 3).
 
-        Args:
-            angles: Angles of the leg's joints [rad], shape (k,).
-
-        Returns:
-            Their middles, shape (shapes, 3), read-only.
+        The leg's joints are at these angles [rad], shape (k,).
         """
         import pinocchio
 
@@ -179,7 +168,7 @@ def _bones(model: Any, joints: list[int], end: Any) -> list[Any]:
 
     tips = [np.array(model.jointPlacements[joint].translation) for joint in joints[1:]]
     tips.append(np.array(end.placement.translation))
-    radius = THICKNESS * sum(float(np.linalg.norm(tip)) for tip in tips)
+    radius = 0.05 * sum(float(np.linalg.norm(tip)) for tip in tips)
     bones = []
     for joint, tip in zip(joints, tips, strict=True):
         turn = pinocchio.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), tip).matrix()

@@ -63,14 +63,18 @@ def half_ellipse(
                [ 0.   ,  0.028, -0.077],
                [ 0.049,  0.028, -0.035]])
     """
-    count = _count(samples)
-    length = _number("length", length, above=0.0)
-    height = _number("height", height, least=0.0)
-    forward = _number("forward", forward)
-    sideways = _number("sideways", sideways)
-    hip_height = _number("hip_height", hip_height)
-    ground = _number("ground_fraction", ground_fraction, above=0.0, below=1.0)
-    heading = _number("heading", heading)
+    count = as_whole(samples)
+    if count is None or not 4 <= count <= MOST_SAMPLES:
+        raise InvalidInput(
+            f"samples: got {shown(samples)}, expected a whole number from 4 to {MOST_SAMPLES}"
+        )
+    length = in_range("length", length, above=0.0)
+    height = in_range("height", height, least=0.0)
+    forward = in_range("forward", forward)
+    sideways = in_range("sideways", sideways)
+    hip_height = in_range("hip_height", hip_height)
+    ground = in_range("ground_fraction", ground_fraction, above=0.0, below=1.0)
+    heading = in_range("heading", heading)
 
     phase = np.arange(count) / count
     on_ground = phase < ground
@@ -91,13 +95,8 @@ def walking_speed(
     """Mean speed at which the ground passes under the body [m/s].
 
     That of the foot along the heading, backward, while it is on the ground. For a half ellipse
-    it is twice the length in that time.
-
-    Args:
-        foot: A cycle of positions [m], shape (n, 3), that begins on the ground.
-        period: Time between them [s].
-        ground_fraction: Fraction of the cycle that the foot is on the ground, between 0 and 1.
-        heading: Where the walk goes, from x towards y [rad].
+    it is twice the length in that time. The foot's positions are a cycle [m], (n, 3), that begins
+    on the ground, with a period between them [s].
     """
     along = foot[:, 0] * math.cos(heading) + foot[:, 1] * math.sin(heading)
     grounded = math.ceil(ground_fraction * len(foot) - 1e-9)
@@ -151,7 +150,7 @@ def reference_walk() -> ReferenceWalk:
     )
 
 
-def _number(
+def in_range(
     name: str,
     value: float,
     *,
@@ -165,18 +164,7 @@ def _number(
         raise InvalidInput(f"{name}: got {number:g}, expected at most {LARGEST:g}; check the unit")
     if least <= number and above < number < below:
         return number
-    bounds = [f"at least {least:g}"] if math.isfinite(least) else []
-    bounds += [f"above {above:g}"] if math.isfinite(above) else []
-    bounds += [f"below {below:g}"] if math.isfinite(below) else []
-    expected = " ".join(["a finite number", " and ".join(bounds)]).strip()
+    bounds = {"at least": least, "above": above, "below": below}
+    words = [f"{word} {bound:g}" for word, bound in bounds.items() if math.isfinite(bound)]
+    expected = " ".join(["a finite number", " and ".join(words)]).strip()
     raise InvalidInput(f"{name}: got {shown(value)}, expected {expected}")
-
-
-def _count(samples: int) -> int:
-    """The number of samples, or an error."""
-    count = as_whole(samples)
-    if count is None or count < 4:
-        raise InvalidInput(f"samples: got {shown(samples)}, expected a whole number, at least 4")
-    if count > MOST_SAMPLES:
-        raise InvalidInput(f"samples: got {shown(samples)}, expected at most {MOST_SAMPLES}")
-    return count

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal, NamedTuple, get_args
@@ -14,12 +13,12 @@ from kinematics.exceptions import UnreachableFoot, UnsupportedLeg
 from kinematics.inverse import check_joints
 from kinematics.leg import Leg
 from planner.exceptions import Infeasible, InvalidInput, nearest
-from planner.gait.half_ellipse import half_ellipse
+from planner.gait.half_ellipse import in_range, half_ellipse
 from planner.model.joint import JointModel
 from planner.planning.inversion import invert_foot
 from planner.planning.result import FootInversion
 from planner.trajectory import Array
-from planner.validation import as_number, as_positive, check_choice, shown
+from planner.validation import as_positive, check_choice, shown
 
 LONGEST = 0.25
 """Half of the longest stroke chosen by default, over the length of the leg."""
@@ -30,28 +29,15 @@ HIGHEST = 0.15
 DEXTEROUS = 0.4
 """How dexterous the leg must remain, to its standing pose: it keeps away from stretching."""
 
-HALVINGS = 10
-"""Halvings of the range in which the size is sought: it is right to a thousandth."""
-
 LEGS = ("hind-left", "front-left", "hind-right", "front-right")
 """Names of the legs, in the order in which their feet fall in a walk."""
 
-STEPS = 25
-"""Grid angles of each joint; an odd number, so that the middle of its range is among them."""
-
-LEAST_DEXTERITY = 0.9
-"""Least dexterity of an accepted pose, relative to the best one."""
-
-BELOW = 0.3
-"""Least distance of a standing leg's foot below its upper joints, relative to the leg's length.
-The hand of an arm need not be below them and stays in its most dexterous pose."""
-
-STILL_DEXTEROUS = 0.7
-"""Least dexterity of a pose with the foot below the hip, relative to the best pose."""
+LEAST_DEXTERITY, STILL_DEXTEROUS = 0.9, 0.7
+"""Least dexterity of a standing pose, relative to the best one, and of one with the foot below the
+hip."""
 
 MOST_GRID_JOINTS = 3
 """Most joints for a search over the whole grid: 25 angles to this power."""
-
 
 FEWEST, MOST = 12, 1000
 """Samples of a cycle: below the fewest a path is no half ellipse any more, and the most are 8 s at
@@ -116,10 +102,11 @@ def stride(
     if not isinstance(leg, Leg):
         raise InvalidInput(f"leg: got {shown(leg)}, expected a kinematics.Leg")
     pose = standing_pose(leg)
-    x, y, z = leg.foot_positions(pose[None])[0]
-    hip = _metres("hip_height", hip_height, -z)
-    centre = np.array([_metres("forward", forward, x), _metres("sideways", sideways, y), -hip])
-    centre.setflags(write=False)
+    x, y, z = leg.foot_positions(pose[None])[0].tolist()
+    hip = in_range("hip_height", -z if hip_height is None else hip_height)
+    x = in_range("forward", x if forward is None else forward)
+    y = in_range("sideways", y if sideways is None else sideways)
+    centre = read_only(np.array([x, y, -hip]))
     started = replace(leg, near=pose)
     least = DEXTEROUS * float(dexterity(leg.chain, pose[None])[0])
     fixed = length is not None and height is not None
@@ -146,19 +133,11 @@ def stride(
     return scaled(1.0) if fixed else _largest(scaled)
 
 
-def _metres(name: str, value: float | None, otherwise: float) -> float:
-    """A length that may be left out [m]."""
-    number = float(otherwise) if value is None else as_number(value)
-    if not math.isfinite(number):
-        raise InvalidInput(f"{name}: got {shown(value)}, expected a finite number")
-    return number
-
-
 def _largest(scaled: Callable[[float], Stride]) -> Stride:
     """The stride of the largest feasible scale up to 1."""
     low, high, best = 0.0, 1.0, None
     scale = high
-    for _ in range(HALVINGS):
+    for _ in range(10):  # to a thousandth
         try:
             best = scaled(scale)
             low = scale
@@ -246,11 +225,7 @@ def gait(legs: Mapping[str, Leg], pattern: Pattern, **walk: Any) -> dict[str, Le
 
 
 def check_legs(names: Mapping[str, Any]) -> None:
-    """Refuse legs that are not the four of a gait.
-
-    Raises:
-        InvalidInput: One is missing, or has another name.
-    """
+    """Raise InvalidInput for legs that are not the four of a gait."""
     if set(names) != set(LEGS):
         odd = next((name for name in names if name not in LEGS), "")
         hint = nearest(odd, LEGS) if odd else ""
@@ -286,7 +261,7 @@ def standing_pose(leg: Leg) -> Array:
         )
     lower, upper = leg.limits.central
     check_joints(leg.chain, leg.joint_names)
-    steps = [np.linspace(*ends, STEPS) for ends in zip(lower, upper, strict=True)]
+    steps = [np.linspace(*ends, 25) for ends in zip(lower, upper, strict=True)]
     poses = np.stack(np.meshgrid(*steps, indexing="ij"), axis=-1).reshape(-1, count)
     quality = dexterity(leg.chain, poses)
     away = np.linalg.norm(poses - 0.5 * (lower + upper), axis=1)
@@ -303,7 +278,7 @@ def _below_hip(leg: Leg, pose: Array, least: float) -> Array:
     for _ in range(2):  # that joint moves with the joints above it
         points = leg.joint_positions(candidate[None])[0]
         hip, foot = points[max(len(pose) - 2, 0)], points[-1]
-        if hip[2] - foot[2] < BELOW * leg.chain.size:
+        if hip[2] - foot[2] < 0.3 * leg.chain.size:  # as of the hand of an arm
             return pose
         target = np.array([[hip[0], hip[1], foot[2]]])
         solution = replace(leg, near=candidate).inverse(target, unreachable="nearest")
@@ -314,16 +289,11 @@ def _below_hip(leg: Leg, pose: Array, least: float) -> Array:
 
 
 def dexterity(chain: Chain, angles: Array) -> Array:
-    """Yoshikawa's manipulability, the product of the singular values of the Jacobian, over the
-    length of the leg to the power of their number.
+    """Yoshikawa's manipulability at angles [rad], (n, k), without unit: shape (n,).
 
-    Args:
-        chain: The leg.
-        angles: Joint angles [rad], shape (n, k).
-
-    Returns:
-        Shape (n,); 0 in a singular pose, such as a stretched leg.
-    """  # noqa: D205
+    The product of the singular values of the Jacobian, over the length of the leg to the power of
+    their number; 0 in a singular pose, such as a stretched leg.
+    """
     jacobians = chain.jacobians(angles) / chain.size
     if jacobians.shape[-1] == jacobians.shape[-2]:
         return np.asarray(np.abs(np.linalg.det(jacobians)))  # a tenth of the time
@@ -364,18 +334,11 @@ def shortest_cycle(
     samples: int = 88,
     progress: Callable[[str], None] = lambda _: None,
 ) -> ShortestCycle:
-    """The fewest samples of a cycle at which the foot never is further off than a tolerance.
+    """The fewest samples of a cycle at which the foot never is further off than a tolerance [m].
 
-    Each trial is a plan for the foot, :func:`planner.invert_foot` with the norm "max", within the
-    leg's limits; the exact models decide.
-
-    Args:
-        models: One model for all joints, or one for each.
-        leg: The leg.
-        path: The foot path for a number of samples n [m], shape (n, 3).
-        tolerance: Largest distance of the foot from its path [m].
-        samples: Where to begin.
-        progress: Called with the name of each trial.
+    Each trial, from ``samples`` on, is a plan for the foot along the ``path`` in n samples [m],
+    (n, 3): :func:`planner.invert_foot` with the norm "max", within the leg's limits; the exact
+    models decide.
 
     Raises:
         Infeasible: Not even the longest cycle keeps the tolerance.
