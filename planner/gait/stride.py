@@ -13,7 +13,7 @@ from kinematics.exceptions import UnreachableFoot, UnsupportedLeg
 from kinematics.inverse import check_joints
 from kinematics.leg import Leg
 from planner.exceptions import Infeasible, InvalidInput, nearest
-from planner.gait.half_ellipse import in_range, half_ellipse
+from planner.gait.half_ellipse import half_ellipse, in_range
 from planner.model.joint import JointModel
 from planner.planning.inversion import invert_foot
 from planner.planning.result import FootInversion
