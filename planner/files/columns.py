@@ -20,21 +20,21 @@ def _words(text: str) -> frozenset[str]:
     return frozenset(text.split())
 
 
-ANGLE_NAMES: Mapping[str, str] = {
-    word: unit
-    for unit, words in {
-        "rad": "rad radian radians",
-        "deg": "deg degree degrees °",
-        "ticks": "tick ticks",
-        "us": "us µs usec",
-        "counts": "count counts adc",
-        "turns": "turn turns",
-        "range": "range",
-        "percent": "percent % range_0_100",
-        "range_m100_100": "range_m100_100",
-    }.items()
-    for word in words.split()
-}
+def _by_word(**units: str) -> dict[str, str]:
+    return {word: unit for unit, words in units.items() for word in words.split()}
+
+
+ANGLE_NAMES = _by_word(
+    rad="rad radian radians",
+    deg="deg degree degrees °",
+    ticks="tick ticks",
+    us="us µs usec",
+    counts="count counts adc",
+    turns="turn turns",
+    range="range",
+    percent="percent % range_0_100",
+    range_m100_100="range_m100_100",
+)
 """Names of the units of an angle, and the unit of each."""
 
 ANGLE_UNITS = tuple(dict.fromkeys(ANGLE_NAMES.values()))
@@ -50,16 +50,9 @@ COUNTS = "counts"
 SECONDS: Mapping[str, float] = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 """Units of time, in seconds."""
 
-TIME_NAMES: Mapping[str, str] = {
-    word: unit
-    for unit, words in {
-        "s": "s sec secs second seconds",
-        "ms": "ms msec millis",
-        "us": "us usec µs",
-        "ns": "ns nsec nanosec",
-    }.items()
-    for word in words.split()
-}
+TIME_NAMES = _by_word(
+    s="s sec secs second seconds", ms="ms msec millis", us="us usec µs", ns="ns nsec nanosec"
+)
 """Names of the units of time, and the unit of each."""
 
 _BRACKETED = re.compile(r"^(.*\S)\s*[\[(]\s*([^\[\]()\s]+)\s*[\])]$")

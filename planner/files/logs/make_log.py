@@ -26,21 +26,10 @@ ROLES = ("requested", "actual")
 """Columns of a joint that may have units of their own."""
 
 
-FEWEST_STEPS, ON_STEPS = 100, 0.4
-"""Steps of a sensor that angles have to reach, and mean of the unit vectors of their deviations
-from these, for angles to be in its steps. Numbers elsewhere have 0.1; those rounded to a thousandth
-of a radian 0.44."""
-
-SLOW_TIME, SLOW_SHARE = 1.0, 0.4
+SLOW_TIME, SLOW_SHARE, SLOW_RANGE = 1.0, 0.4, 0.5
 """Requests are slow if they travel at most this share of their range in this time [s]: the joint
-then lags by its delay and friction only, to both sides."""
-
-STRAIGHT_TIME, STRAIGHT_SHARE = 0.4, 0.1
-"""Requests are straight if for this time to either side [s] their speed changes by at most this
-share of their range a second: friction that turns, and the delay, then do not count as scale."""
-
-SLOW_RANGE = 0.5
-"""Share of the range of all requests that slow ones must span for a scale to be fitted."""
+then lags by its delay and friction only, to both sides. For a scale to be fitted they must span
+this share of the range of all."""
 
 STRAIGHT = 0.1
 """Share of their spread by which slow rows may miss a straight line, rms."""
@@ -360,11 +349,13 @@ def _slow(times: Array, requests: Array) -> Switch:
     # a jump by a tenth of the range within the window is no slow motion, however short
     jumps = maximum_filter1d(ways, rows, mode="nearest") > 0.1 * span
     slow: Switch = (moved <= 2.0 * SLOW_SHARE * span) & ~jumps
-    far = max(1, round(0.5 * STRAIGHT_TIME / period))
+    # straight where for 0.4 s to either side the speed changes by at most a tenth of the range a
+    # second: friction that turns, and the delay, then do not count as scale
+    far = max(1, round(0.2 / period))
     around = np.pad(requests, far, mode="edge")
     speeds = (around[2 * far :] - around[: -2 * far]) / (2.0 * far * period)
     highest, lowest = (each(speeds, 4 * far + 1) for each in (maximum_filter1d, minimum_filter1d))
-    straight: Switch = slow & (highest - lowest <= STRAIGHT_SHARE * span)
+    straight: Switch = slow & (highest - lowest <= 0.1 * span)
     return straight if _share(requests[straight], requests) >= SLOW_RANGE else slow
 
 
@@ -443,13 +434,15 @@ def _checked(source: Source, what: str, numbers: Array, scale: Scale) -> Array:
 def _in_radian_steps(numbers: Array) -> bool:
     """Whether numbers lie on the steps of a sensor of 12 bits in radians, as no degrees do.
 
-    The deviations from these steps are averaged step by step, as a joint rests on some for long.
+    The unit vectors of the deviations from these steps are averaged step by step, as a joint rests
+    on some for long. Numbers elsewhere have a mean of 0.1; those rounded to a thousandth of a
+    radian 0.44.
     """
     steps = numbers / ENCODER_STEP
     whole, number = np.unique(np.rint(steps), return_inverse=True)
     counts = np.bincount(number)
     ways = [np.bincount(number, way(2.0 * np.pi * steps)) / counts for way in (np.cos, np.sin)]
-    return len(whole) >= FEWEST_STEPS and bool(np.hypot(*np.mean(ways, axis=1)) > ON_STEPS)
+    return len(whole) >= 100 and bool(np.hypot(*np.mean(ways, axis=1)) > 0.4)
 
 
 def _doubts(columns: Columns) -> tuple[str, ...]:
