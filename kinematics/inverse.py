@@ -96,7 +96,9 @@ def solve_inverse(
     missed = distances.min(axis=1) > REACHED
     if closed_form is not None and missed.any() and unreachable != "clamp":
         nearest = nearest_poses(chain, limits, foot[missed])
-        poses, distances = _widened(poses, distances, nearest.shape[1])
+        more = nearest.shape[1] - poses.shape[1]  # poses at each point, infinitely far by default
+        poses = np.concatenate([poses, np.repeat(poses[:, :1], more, axis=1)], axis=1)
+        distances = np.pad(distances, ((0, 0), (0, more)), constant_values=np.inf)
         poses[missed], distances[missed] = nearest, _distances(chain, nearest, foot[missed])
     if unreachable == "raise" and missed.any():
         indices, least = np.flatnonzero(missed), distances[missed].min(axis=1)
@@ -142,15 +144,6 @@ def _distances(chain: Chain, poses: Array, foot: Array) -> Array:
     flat = poses.reshape(-1, poses.shape[-1]).T
     reached = chain.foot(np.cos(flat), np.sin(flat)).T.reshape(*poses.shape[:2], 3)
     return np.asarray(np.linalg.norm(reached - foot[:, None], axis=-1))
-
-
-def _widened(poses: Array, distances: Array, count: int) -> tuple[Array, Array]:
-    """Room for ``count`` poses at each point; the new ones count as infinitely far."""
-    missing = count - poses.shape[1]
-    return (
-        np.concatenate([poses, np.repeat(poses[:, :1], missing, axis=1)], axis=1),
-        np.pad(distances, ((0, 0), (0, missing)), constant_values=np.inf),
-    )
 
 
 def nearest_poses(chain: Chain, limits: Limits, foot: Array) -> Array:

@@ -131,8 +131,9 @@ class Leg:
         if not np.all(np.isfinite(np.concatenate([chain.translations.ravel(), chain.tip]))):
             raise InvalidInput(f"{path}: an origin between {base!r} and {foot!r} is not finite")
         pose = None if near is None else _pose(near, names, limits)
-        speeds = _read_speeds(model, joints)
-        return cls(base, foot, names, limits, chain, speeds, pose, robot, tuple(joints))
+        speeds = np.array([model.velocityLimit[model.joints[joint].idx_v] for joint in joints])
+        speeds[~((speeds > 0.0) & (speeds <= 100.0))] = np.nan  # [rad/s]
+        return cls(base, foot, names, limits, chain, read_only(speeds), pose, robot, tuple(joints))
 
     @cached_property
     def closed_form(self) -> ClosedForm | None:
@@ -432,12 +433,6 @@ def _read_limits(path: Path, model: Any, joints: list[int]) -> Limits:
         beyond = np.abs(limit) > 1e6  # [rad]
         limit[beyond] = np.copysign(np.inf, limit[beyond])
     return Limits(read_only(lower), read_only(upper))
-
-
-def _read_speeds(model: Any, joints: list[int]) -> Array:
-    """Top speeds [rad/s], read-only, shape (k,); NaN where the URDF has no plausible one."""
-    speeds = np.array([model.velocityLimit[model.joints[joint].idx_v] for joint in joints])
-    return read_only(np.where((speeds > 0.0) & (speeds <= 100.0), speeds, np.nan))
 
 
 def foot_function(leg: Leg) -> Any:

@@ -113,7 +113,8 @@ def _read_shapes(path: Path, model: Any) -> Any:
             drawn = solid is not None and solid.tag in ("box", "cylinder", "sphere")
             if solid is not None and solid.tag == "mesh":
                 file = _find_mesh(path, solid.get("filename", ""))
-                drawn = file is not None and _is_read(meshes, file)
+                with suppress(ValueError, RuntimeError):  # of a file that Pinocchio cannot read
+                    drawn = file is not None and bool(meshes.load(str(file), np.ones(3)).num_tris)
                 solid.set("filename", str(file))
             if not drawn:
                 link.remove(visual)
@@ -131,34 +132,25 @@ def _read_shapes(path: Path, model: Any) -> Any:
     return shapes
 
 
-def _is_read(meshes: Any, file: Path) -> bool:
-    """Whether Pinocchio's mesh library can read this file."""
-    try:
-        return bool(meshes.load(str(file), np.ones(3)).num_tris)
-    except (ValueError, RuntimeError):
-        return False
-
-
 def _find_mesh(path: Path, name: str) -> Path | None:
-    """The file of a mesh, or None where none has a readable format and size."""
-    package = name.startswith("package://")
-    relative = name.removeprefix("package://").removeprefix("file://")
-    folders = [*path.resolve().parents, *_package_folders()] if package else [path.resolve().parent]
+    """The file of a mesh, or None where none has a readable format and size.
+
+    ROS keeps packages in ``ROS_PACKAGE_PATH``, ROS 2 in ``AMENT_PREFIX_PATH``.
+    """
+    relative, folders = name.removeprefix("file://"), [path.resolve().parent]
+    if name.startswith("package://"):
+        relative = name.removeprefix("package://")
+        named, prefixes = (
+            [Path(each) for each in os.environ.get(variable, "").split(os.pathsep) if each]
+            for variable in ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH")
+        )
+        folders = [*path.resolve().parents, *named, *(each / "share" for each in prefixes)]
     for folder in folders:
         file = folder / relative
         fits = file.suffix.lower() in MESHES and file.is_file()
         if fits and file.stat().st_size <= MOST_BYTES:
             return file
     return None
-
-
-def _package_folders() -> list[Path]:
-    """Where ROS keeps packages: ``ROS_PACKAGE_PATH``, and for ROS 2 ``AMENT_PREFIX_PATH``."""
-    named, shared = (
-        [Path(each) for each in os.environ.get(variable, "").split(os.pathsep) if each]
-        for variable in ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH")
-    )
-    return [*named, *(each / "share" for each in shared)]
 
 
 def _bones(model: Any, joints: list[int], end: Any) -> list[Any]:

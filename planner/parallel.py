@@ -97,7 +97,7 @@ def carry_out(
                 results.write(task, outcome.result)
             progress(task)
     except BaseException:  # such as a scheduler that went away before the first result
-        results.remove_if_empty()
+        results.remove(if_empty=True)
         raise
     return {task.name: failures[task.name] for task in tasks if task.name in failures}
 

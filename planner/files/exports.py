@@ -30,17 +30,8 @@ NEEDS = {
 }
 """By format: the package that writes it, its name in messages, and the extra with the package."""
 
-COLUMN_UNITS = (*ANGLES, "ticks", "us")
-"""Units of the columns, which are also the ends of their names."""
-
-MOST_TICKS = 2**31
-"""Most ticks of a turn: counters have 32 bits."""
-
 TYPE = "trajectory_msgs/msg/JointTrajectory"
 """The message's type in ROS 2."""
-
-LONGEST = 2**31 - 1
-"""Latest time that ``builtin_interfaces/Duration`` holds [s]."""
 
 TOPIC = "/joint_trajectory_controller/joint_trajectory"
 """Where ros2_control's joint trajectory controller listens by default."""
@@ -65,13 +56,23 @@ def check_format(
         if find_spec(package) is None:
             raise MissingExtra(what, extra)
     if ticks is not None:
-        check_zeros(schedule, ticks)
+        for key, names in (("zero tick", ticks.zeros), ("reverse", ticks.reversed)):
+            if unknown := [name for name in names if name not in schedule.names]:
+                joints = ", ".join(schedule.names)
+                raise InvalidInput(f"{key}: no joint '{unknown[0]}'; joints: {joints}")
     if form == "lerobot":
         frame_rate(schedule.period)
     elif form in NEEDS:
-        check_times(schedule, lead)
-    if form in ("bag", "mcap"):
-        check_topic(topic)
+        if not 0.0 <= lead < math.inf:
+            raise InvalidInput(f"lead: got {lead:g} s, expected 0 or more")
+        longest = 2**31 - 1  # that builtin_interfaces/Duration holds [s]
+        if schedule.duration + lead >= longest or schedule.period * NANOSECONDS < 1.0:
+            raise InvalidInput(
+                f"a request every {schedule.period:g} s until {schedule.duration + lead:g} s: ROS "
+                f"has whole nanoseconds up to {longest} s; export fewer cycles, or at another rate"
+            )
+    if form in ("bag", "mcap") and (not topic.strip("/") or any(map(str.isspace, topic))):
+        raise InvalidInput(f"topic: got '{topic}', expected a name such as {TOPIC}")
 
 
 @dataclass(frozen=True)
@@ -94,10 +95,8 @@ class Ticks:
         return (500, 2500) if self.unit == "us" else (0, self.per_turn - 1)
 
     def __post_init__(self) -> None:
-        if not 2 <= self.per_turn <= MOST_TICKS:
-            raise InvalidInput(
-                f"ticks per turn: got {shown(self.per_turn)}, expected 2 to {MOST_TICKS}"
-            )
+        if not 2 <= self.per_turn <= 2**31:  # counters have 32 bits
+            raise InvalidInput(f"ticks per turn: got {shown(self.per_turn)}, expected 2 to {2**31}")
 
 
 def write_controller_csv(
@@ -109,8 +108,6 @@ def write_controller_csv(
         angles = schedule.requests / ANGLES[unit]
         write_table(path, names, np.column_stack([schedule.times, angles]))
         return
-    if unit not in COLUMN_UNITS:
-        raise InvalidInput(f"unit: got '{unit}', expected {', '.join(COLUMN_UNITS)}")
     times = np.round(schedule.times, DECIMALS).tolist()
     rows = zip(times, to_ticks(schedule, ticks or Ticks()).tolist(), strict=True)
     write_text(path, csv_text(names, ([time, *row] for time, row in rows)))
@@ -118,7 +115,6 @@ def write_controller_csv(
 
 def to_ticks(schedule: Schedule, ticks: Ticks) -> npt.NDArray[np.int64]:
     """The nearest tick to every request, shape (n, k)."""
-    check_zeros(schedule, ticks)
     zeros = np.array([ticks.zeros.get(name, ticks.zero) for name in schedule.names])
     signs = np.array([-1.0 if name in ticks.reversed else 1.0 for name in schedule.names])
     counted = np.rint(zeros + signs * schedule.requests * (ticks.per_turn / (2.0 * math.pi)))
@@ -135,14 +131,6 @@ def to_ticks(schedule: Schedule, ticks: Ticks) -> npt.NDArray[np.int64]:
     return counted.astype(np.int64)
 
 
-def check_zeros(schedule: Schedule, ticks: Ticks) -> None:
-    """Make sure that every joint with its own zero or direction exists."""
-    for key, names in (("zero tick", ticks.zeros), ("reverse", ticks.reversed)):
-        for name in names:
-            if name not in schedule.names:
-                raise InvalidInput(f"{key}: no joint '{name}'; joints: {', '.join(schedule.names)}")
-
-
 def joint_trajectory(
     schedule: Schedule, *, lead: float = 0.0, velocities: bool = False
 ) -> dict[str, Any]:
@@ -151,7 +139,6 @@ def joint_trajectory(
     With a stamp of zero controllers begin when the message arrives, and lead the joints to the
     first point until the lead is over. With velocities they follow cubic splines.
     """
-    check_times(schedule, lead)
     times = schedule.nanoseconds + round(lead * NANOSECONDS)
     positions = np.round(schedule.requests, DECIMALS) + 0.0  # no negative zero
     points = [
@@ -173,17 +160,6 @@ def joint_trajectory(
         "joint_names": list(schedule.names),
         "points": points,
     }
-
-
-def check_times(schedule: Schedule, lead: float) -> None:
-    """Make sure that ROS can represent the times of the points."""
-    if not 0.0 <= lead < math.inf:
-        raise InvalidInput(f"lead: got {lead:g} s, expected 0 or more")
-    if schedule.duration + lead >= LONGEST or schedule.period * NANOSECONDS < 1.0:
-        raise InvalidInput(
-            f"a request every {schedule.period:g} s until {schedule.duration + lead:g} s: ROS has "
-            f"whole nanoseconds up to {LONGEST} s; export fewer cycles, or at another rate"
-        )
 
 
 def write_trajectory_yaml(path: Path | str, message: Mapping[str, Any]) -> None:
@@ -217,7 +193,6 @@ def write_bag(
     with importing("a ROS 2 bag", "bags"):
         from rosbags.rosbag2 import StoragePlugin, Writer
         from rosbags.typesys import Stores, get_typestore
-    check_topic(topic)
     types = get_typestore(Stores.ROS2_HUMBLE)
     content = types.serialize_cdr(_as_message(types.types, message), TYPE)
     plugin = StoragePlugin.SQLITE3 if storage == "sqlite3" else StoragePlugin.MCAP
@@ -233,12 +208,6 @@ def write_bag(
         for file in list(inner.iterdir()):
             file.rename(folder / file.name)
         inner.rmdir()
-
-
-def check_topic(topic: str) -> None:
-    """Make sure that a topic has a name."""
-    if not topic.strip("/") or any(character.isspace() for character in topic):
-        raise InvalidInput(f"topic: got '{topic}', expected a name such as {TOPIC}")
 
 
 def _as_message(types: Any, message: Mapping[str, Any]) -> Any:

@@ -58,7 +58,15 @@ class Results:
         manifest = self.folder / "settings.json"
         before = _read_json(manifest)
         if resume and before is not None:
-            self._check_same(before)
+            old = before if isinstance(before, dict) else {}
+            names = {**old, **self._settings}
+            keys = [name for name in names if old.get(name) != self._settings.get(name)]
+            if keys:
+                raise InvalidInput(
+                    f"--resume: {self.folder} holds results for other settings "
+                    f"({', '.join(keys)}); set what was set then, or leave --resume out to compute "
+                    "all again"
+                )
             return
         try:
             if self.folder.exists() and not resume:
@@ -85,14 +93,10 @@ class Results:
         digest, result = content[:DIGEST], content[DIGEST:]
         return result if sha256(result).digest() == digest else None
 
-    def remove(self) -> None:
-        """Remove the folder, once the output is written."""
-        shutil.rmtree(self.folder, ignore_errors=True)
-
-    def remove_if_empty(self) -> None:
-        """Remove the folder where it holds no result."""
-        if next(self.folder.glob("??/*"), None) is None:
-            self.remove()
+    def remove(self, *, if_empty: bool = False) -> None:
+        """Remove the folder, once the output is written, or only where it holds no result."""
+        if not if_empty or next(self.folder.glob("??/*"), None) is None:
+            shutil.rmtree(self.folder, ignore_errors=True)
 
     def _keep(self, file: Path, content: bytes) -> None:
         try:
@@ -106,17 +110,6 @@ class Results:
     def _file(self, task: Task) -> Path:
         name = _digest([self._settings, task.name, task.inputs])
         return self.folder / name[:2] / name[2:]
-
-    def _check_same(self, before: Any) -> None:
-        if before == self._settings:
-            return
-        old = before if isinstance(before, dict) else {}
-        names = {**old, **self._settings}
-        keys = [name for name in names if old.get(name) != self._settings.get(name)]
-        raise InvalidInput(
-            f"--resume: {self.folder} holds results for other settings ({', '.join(keys)}); set "
-            "what was set then, or leave --resume out to compute all again"
-        )
 
 
 def made_from(settings: Mapping[str, Any], manifest: Mapping[str, Any]) -> dict[str, str]:

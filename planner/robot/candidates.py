@@ -109,33 +109,27 @@ def compare(
     least = min(each.error for each in candidates)
     recommended = next(each for each in candidates if each.error <= AS_GOOD * least)
     used, evidence = model, model.evidence or Evidence()
-    if recommended.way == "optimal":
-        used, evidence = plain, _of_plain(evidence, recommended)
+    if recommended.way == "optimal":  # without friction and load: its error on the test motion
+        known = {k: ends for k, ends in evidence.intervals.items() if k not in FRICTION_AND_LOAD}
+        used, evidence = (
+            plain,
+            evidence._replace(
+                error=recommended.error,
+                by_acceleration=(),
+                spread=Evidence().spread,
+                intervals=known,
+                correlations=(),
+            ),
+        )
+    if recommended.way in ("direct", "shift"):
+        words = f"on the test motion of its calibration '{WORDS[recommended.way]}' was closer"
+        evidence = evidence._replace(verdict="worse than a delay", reason=words)
     return Compared(
         identification=identification,
         candidates=tuple(candidates),
         recommended=recommended,
-        model=used.with_evidence(_judged(evidence, recommended)),
+        model=used.with_evidence(evidence),
     )
-
-
-def _of_plain(evidence: Evidence, measured: Candidate) -> Evidence:
-    """Evidence about a model without friction and load: its error on the test motion."""
-    return evidence._replace(
-        error=measured.error,
-        by_acceleration=(),
-        spread=Evidence().spread,
-        intervals={k: ends for k, ends in evidence.intervals.items() if k not in FRICTION_AND_LOAD},
-        correlations=(),
-    )
-
-
-def _judged(evidence: Evidence, recommended: Candidate) -> Evidence:
-    """Evidence about the model, with the verdict of the test motion where it lost there."""
-    if recommended.way not in ("direct", "shift"):
-        return evidence
-    words = f"on the test motion of its calibration '{WORDS[recommended.way]}' was closer"
-    return evidence._replace(verdict="worse than a delay", reason=words)
 
 
 def test_motion(model: JointModel, limits: tuple[float, float]) -> Array:

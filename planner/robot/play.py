@@ -395,7 +395,11 @@ def follow(
     if not callable(getattr(stream, "step", None)):
         raise InvalidInput(f"stream: got {shown(stream)}, expected a planner.Stream")
     check_period(stream.period)
-    at = desired if callable(desired) else _stretches(as_rows(desired, name="desired"))
+    if callable(desired):
+        at = desired
+    else:
+        path = as_rows(desired, name="desired")
+        at = lambda tick: path[tick:] if tick < len(path) else None  # noqa: E731
     times: list[float] = []
 
     def answer(tick: int, missed: int) -> tuple[Array, bool] | None:
@@ -415,11 +419,6 @@ def follow(
     return player.run(
         lambda: player.keep_in_step(answer, start=now()), on_stop=on_stop, report=report
     )
-
-
-def _stretches(rows: Array) -> Desired:
-    """The rest of a path at each tick."""
-    return lambda tick: rows[tick:] if tick < len(rows) else None
 
 
 def _check_times(used: float, period: float) -> None:

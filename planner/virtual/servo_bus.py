@@ -157,9 +157,13 @@ class VirtualServos:
             if motors.time == before:  # less than a step
                 return
             for name in ("stall", "overheat", "saturate"):
-                for servo, begin in getattr(faults, name).items():
-                    if motors.time >= begin:
-                        self._spoil(name, servo - 1)
+                for k in [s - 1 for s, at in getattr(faults, name).items() if motors.time >= at]:
+                    if name == "stall":
+                        motors.jammed[k] = 1.0
+                    elif name == "overheat":
+                        motors.temperatures[k] = max(motors.temperatures[k], HOT + 10.0)
+                    else:
+                        motors.limits[k] = min(motors.limits[k], SAGGING)
             for k in np.flatnonzero(motors.overload_times > 2.0):
                 motors.limits[k] = min(motors.limits[k], PROTECTIVE)
             motors.powered[(motors.temperatures > HOT) | self._dead] = 0.0
@@ -176,15 +180,6 @@ class VirtualServos:
             if not (self._dead or self._lost()):
                 answers += b"".join(each for each in self._carry_out(packet) if not self._lost())
         return answers
-
-    def _spoil(self, fault: str, k: int) -> None:
-        motors = self.motors
-        if fault == "stall":
-            motors.jammed[k] = 1.0
-        elif fault == "overheat":
-            motors.temperatures[k] = max(motors.temperatures[k], HOT + 10.0)
-        else:
-            motors.limits[k] = min(motors.limits[k], SAGGING)
 
     @property
     def _dead(self) -> bool:

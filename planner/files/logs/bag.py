@@ -5,14 +5,14 @@ from __future__ import annotations
 from array import array
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from planner.exceptions import InvalidFile, InvalidInput, nearest
-from planner.files.columns import scale
+from planner.exceptions import InvalidFile, nearest
 from planner.files.logs.bag_file import CONTROLLER_STATE, LATEST, Bag, open_bag
 from planner.files.logs.make_log import (
     ALL_JOINTS,
@@ -96,10 +96,8 @@ def _log(
             f"{requested.topic}; expected the same clock and time in both topics",
         )
     stamps, angles, requests = stamps[begun], angles[begun], requests[last[begun]]
-    try:
-        angle_scale = options.scale_of(joint) or scale("rad", None)
-    except InvalidInput as error:
-        raise InvalidFile(path, str(error)) from error
+    unit = options.unit_of(joint) or "rad"
+    angle_scale = options.scale(unit, partial(InvalidFile, path), "")
     columns = Columns(
         times=(stamps - stamps[0]) * 1e-9,
         requests=requests,

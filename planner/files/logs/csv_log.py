@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 
-from planner.exceptions import InvalidInput
 from planner.files.columns import (
     ANGLE_NAMES,
     SECONDS,
@@ -20,7 +19,6 @@ from planner.files.columns import (
     meaning,
     pairs,
     read_clock,
-    scale,
     split_name,
     time_column,
 )
@@ -171,16 +169,12 @@ def _scale(table: Table, column: str, user_unit: str | None, options: LogOptions
             f"column '{column}' says {column_unit}, but --unit says {user_unit}; rename the column "
             "or leave the option out"
         )
-    unit = column_unit or user_unit
-    if unit is None:
-        raise table.fault(
-            f"column '{column}' has no unit; give --unit rad (or deg, ticks, turns, range, "
-            f"percent), or rename it {column}_rad"
-        )
-    try:
-        return scale(unit, options.ticks_per_turn)
-    except InvalidInput as error:
-        raise table.fault(str(error)) from error
+    return options.scale(
+        column_unit or user_unit,
+        table.fault,
+        f"column '{column}' has no unit; give --unit rad (or deg, ticks, turns, range, percent), "
+        f"or rename it {column}_rad",
+    )
 
 
 def _read_clock(table: Table, options: LogOptions) -> tuple[Array, str]:

@@ -6,12 +6,13 @@ import json
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from planner.exceptions import InvalidFile, InvalidInput, importing, nearest
+from planner.exceptions import InvalidFile, importing, nearest
 from planner.files.columns import Scale
 from planner.files.logs.make_log import Columns, LogOptions, Source, choose_joints, make_log
 from planner.files.text import read_json, read_text
@@ -200,17 +201,12 @@ def _joints(
 
 
 def _scale(path: Path | str, joint: str, options: LogOptions) -> Scale:
-    try:
-        scale = options.scale_of(joint)
-    except InvalidInput as error:
-        raise InvalidFile(path, str(error)) from error
-    if scale is None:
-        raise InvalidFile(
-            path,
-            f"LeRobot does not say the unit of '{joint}'; give --unit rad, deg, range_m100_100 "
-            "(LeRobot's usual -100..100), percent (its grippers' 0..100), range or ticks",
-        )
-    return scale
+    return options.scale(
+        options.unit_of(joint),
+        partial(InvalidFile, path),
+        f"LeRobot does not say the unit of '{joint}'; give --unit rad, deg, range_m100_100 "
+        "(LeRobot's usual -100..100), percent (its grippers' 0..100), range or ticks",
+    )
 
 
 def _one_a_row(file: Path, name: str, values: Array) -> Array:

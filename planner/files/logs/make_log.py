@@ -107,10 +107,14 @@ class LogOptions:
             units[joint.strip()] = unit
         return units
 
-    def scale_of(self, joint: str) -> Scale | None:
-        """The scale of :meth:`unit_of`."""
-        unit = self.unit_of(joint)
-        return None if unit is None else scale(unit, self.ticks_per_turn)
+    def scale(self, unit: str | None, fault: Callable[[str], InvalidFile], missing: str) -> Scale:
+        """The scale of a unit, or the error that it is ``missing`` or not known in radians."""
+        if unit is None:
+            raise fault(missing)
+        try:
+            return scale(unit, self.ticks_per_turn)
+        except InvalidInput as error:
+            raise fault(str(error)) from error
 
     def episode_numbers(self) -> frozenset[int] | None:
         """The episodes to read; None for all."""

@@ -85,12 +85,6 @@ def read_bam(path: Path | str, options: LogOptions) -> tuple[Log, ...]:
     return (make_log(source, columns, joint="", notes=notes),)
 
 
-def bam_joints(path: Path | str, options: LogOptions) -> tuple[str, ...]:  # noqa: ARG001
-    """The one joint of a BAM file, which has no name."""
-    _entries(path, read_json(path, what="a log"))
-    return ("",)
-
-
 def _moment(path: Path | str, content: Mapping[str, Any]) -> float | None:
     """Largest torque of the pendulum's weight [N m], (m + m_arm / 2) g l; None without one.
 
@@ -161,7 +155,11 @@ class Format(NamedTuple):
 
 
 CSV = Format("CSV", read_csv_log, csv_joints, ("time", "requested", "actual", "torque"))
-BAM = Format("JSON of BAM", read_bam, bam_joints)
+BAM = Format(
+    "JSON of BAM",
+    read_bam,
+    lambda path, options: tuple(log.joint for log in read_bam(path, options)),
+)
 LEROBOT = Format("a LeRobot dataset", read_lerobot, lerobot_joints, ("episodes",))
 BAG = Format("a bag", read_bag, bag_joints, ("topic", "command_topic"))
 
