@@ -239,16 +239,10 @@ def _value(model: JointModel, name: str) -> float:
 def _delay_kept(
     names: Sequence[str], values: Array, move: Array, shares: Array, delay_error: float
 ) -> Array:
-    """The move with a delay that changes by at most an error [s].
+    """The move of parameters with a delay that changes by at most an error [s].
 
-    The lag is earlier or later; the parts of the delay move less where it would be below 0.
-
-    Args:
-        names: Names of the parameters.
-        values: Their values, shape (p,).
-        move: Their changes, shape (p,).
-        shares: Their shares in the delay, shape (p,); 0 for parameters that are no part of it.
-        delay_error: Largest change of the delay [s].
+    The lag is earlier or later; the parts of the delay, by their shares in it, move less where it
+    would be below 0.
     """
     if "lag" not in names or not np.any(shares):
         return move

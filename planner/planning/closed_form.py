@@ -19,9 +19,9 @@ from planner.planning.line_inverse import (
     Rule,
     advanced_load,
     check_rule,
-    least_limits,
     offsets_of,
     slope_limits,
+    slopes_text,
 )
 from planner.planning.plan import Plan
 from planner.planning.problem import Problem, problem_of
@@ -107,11 +107,7 @@ def closed_forms(
 ) -> list[Plan]:
     """The plans of :func:`invert_closed_form` by several rules, from the same approximations.
 
-    Args:
-        task: One joint; its limits and its norm do not count.
-        rules: How to invert lines; the callers have checked them.
-        segments: Number of lines, as there.
-        refine: As there.
+    Limits and norm of the task, of one joint, do not count; the callers have checked the rules.
     """
     refine = as_flag("refine", refine)
     problem = problem_of(task).unlimited
@@ -166,7 +162,7 @@ def approximations(
 
     limits = [(low, high)]
     if model.most_pose_sag > 0.0:
-        slower = least_limits(model, desired, problem.loads[0])
+        slower = slope_limits(model, problem.loads[0], desired)
         slower = max(low, slower[0]), min(high, slower[1])
         limits += [slower] if slower != limits[0] else []
     curves = []
@@ -259,12 +255,9 @@ def closed_form_requests(
     if not np.all(share <= 1.0 + AT_TOP_SPEED):
         row = int(np.argmax(share))
         steepest = float(np.max(np.abs(stack.slopes[row])))
-        within = f"from {angle_text(low)}/s to {angle_text(high)}/s"
-        if -low == high:
-            within = f"within ±v_max = ±{angle_text(high)}/s"
         raise InvalidInput(
-            f"curves: got {angle_text(steepest)}/s in curve {row}, expected slopes {within}; no "
-            "request makes the joint follow a steeper line"
+            f"curves: got {angle_text(steepest)}/s in curve {row}, expected slopes "
+            f"{slopes_text(low, high)}; no request makes the joint follow a steeper line"
         )
     requests = requests_of(model, stack, rule=rule, load=load)
     requests.setflags(write=False)
@@ -279,16 +272,9 @@ def requests_of(
     rule: Rule,
     load: Array | None = None,
 ) -> Array:
-    """The inverted lines of every curve, each until l + a/2 before the next begins.
+    """The inverted lines of every curve, each until l + a/2 before the next begins [rad], (m, n).
 
-    Args:
-        model: The joint.
-        stack: The m curves, n samples each, slopes within the joint's top speeds.
-        rule: How to invert a line.
-        load: Torque on the joint [N m], shape (n,), or None.
-
-    Returns:
-        Requests [rad], shape (m, n).
+    The slopes are within the joint's top speeds under the load, (n,) or None.
     """
     ahead = model.switching_time / model.period  # [samples]
     slopes = np.clip(stack.slopes, *slope_limits(model, load))

@@ -61,15 +61,9 @@ OPTIONS = TranscriptionOptions()
 
 
 def transcribed_requests(problem: Problem, first: Array, ideal: Array) -> Array:
-    """The best requests that IPOPT finds for one joint.
+    """The best requests that IPOPT finds for one joint from first ones and ideal angles, (n, 1).
 
-    Args:
-        problem: Joint, boundary, limits and norm.
-        first: Requests to set out from [rad], (n, 1); the answer is at least as good.
-        ideal: Angles to set out from [rad], (n, 1).
-
-    Returns:
-        Requests within the limits [rad], shape (n, 1).
+    They are within the limits, and at least as good as the first ones.
 
     Raises:
         SolverFailed: No programme was solved, or no answer leads to a steady cycle.
@@ -99,11 +93,7 @@ def transcribed_requests(problem: Problem, first: Array, ideal: Array) -> Array:
             logging.getLogger(__name__).debug("%s", outcome)
             continue
         point, solved = unknowns, True
-        requests = problem.resting.copy()
-        requests[:samples, 0] = unit * unknowns[samples : 2 * samples]
-        if problem.spec.limited and not problem.cyclic:  # requests that act after the end
-            requests[samples - 1 :] = requests[samples - 1]
-        requests = problem.admissible(requests)
+        requests = problem.admissible(unit * unknowns[samples : 2 * samples, np.newaxis])
         error = problem.exact_error(requests)
         logging.getLogger(__name__).debug("%s, exact error %s", outcome, angle_text(error))
         if error < least:
@@ -155,45 +145,30 @@ def _transcribed(
         period_of(unit * before[:, k], unit * requests[sent[k]], torques[k], unit * radius) / unit
         for k in range(samples)
     ]
-    dynamics = casadi.vec(states - casadi.horzcat(*reached))
-
-    # Limits
-    free = np.full(samples, np.inf)
-    lower = np.append(-free, np.full(samples, float(problem.lower.min()) / unit))
-    upper = np.append(free, np.full(samples, float(problem.upper.max()) / unit))
+    # Unknowns with their initial values and bounds, and conditions with theirs
+    low, high = (np.full(samples, float(end[0]) / unit) for end in (problem.lower, problem.upper))
     if not cyclic:
-        lower[samples] = upper[samples] = first[0]
-
-    # Changes of the requests
-    changes = casadi.SX()
+        low[0] = high[0] = first[0]
+    unknowns = [(angles, ideal, -np.inf, np.inf), (requests, first, low, high)]
+    conditions: list[tuple[Any, float, float]] = [(states - casadi.horzcat(*reached), 0.0, 0.0)]
     if math.isfinite(max_step):
         changes = requests - casadi.vertcat(requests[-1], requests[:-1])
-        changes = changes if cyclic else changes[1:]
-
-    # Largest error
-    path = (
-        casadi.SX() if problem.norm == "rms" else casadi.vertcat(largest - errors, largest + errors)
-    )
-    unknowns, initial = [angles, requests], [ideal, first]
+        conditions.append((changes if cyclic else changes[1:], -max_step, max_step))
     if problem.norm == "max":
-        unknowns.append(largest)
-        initial.append(np.max(np.abs(ideal - desired), keepdims=True))
-        lower, upper = np.append(lower, 0.0), np.append(upper, np.inf)
-
+        unknowns.append((largest, np.max(np.abs(ideal - desired), keepdims=True), 0.0, np.inf))
+        conditions.append((casadi.vertcat(largest - errors, largest + errors), 0.0, np.inf))
     if speeds.numel():
-        unknowns.append(casadi.vec(speeds))
         moving = np.zeros((model.law.states - 1, samples))
         moving[0] = np.gradient(ideal) / model.hold
-        initial.append(moving.ravel())
-        unbounded = np.full(moving.size, np.inf)
-        lower, upper = np.append(lower, -unbounded), np.append(upper, unbounded)
-    g = casadi.vertcat(dynamics, changes, path)
-    step = np.full(changes.numel(), max_step)
-    closed = np.zeros(dynamics.numel())
-    below = np.concatenate([closed, -step, np.zeros(path.numel())])
-    above = np.concatenate([closed, step, np.full(path.numel(), np.inf)])
-    return (
-        {"x": casadi.vertcat(*unknowns), "p": radius, "f": cost, "g": g},
-        np.concatenate(initial),
-        {"lbx": lower, "ubx": upper, "lbg": below, "ubg": above},
+        unknowns.append((speeds, moving.ravel(), -np.inf, np.inf))
+
+    def ends(place: int, groups: list[Any]) -> Array:
+        return np.concatenate([np.full(each[0].numel(), each[place]) for each in groups])
+
+    x, g = (
+        casadi.vertcat(*(casadi.vec(each[0]) for each in groups))
+        for groups in (unknowns, conditions)
     )
+    bounds = {"lbx": ends(2, unknowns), "ubx": ends(3, unknowns)}
+    bounds |= {"lbg": ends(1, conditions), "ubg": ends(2, conditions)}
+    return {"x": x, "p": radius, "f": cost, "g": g}, ends(1, unknowns), bounds

@@ -290,13 +290,10 @@ def simulate_all(spec: Spec, requests: Array, angles: Array) -> bool:
 
 @compiled
 def judge(spec: Spec, angles: Array, errors: Array) -> float:
-    """The error that counts; inf where angles are NaN.
+    """The error of angles [rad], (n, A), that counts; inf where they are NaN.
 
-    Args:
-        spec: The problem.
-        angles: Angles [rad], (n, A).
-        errors: Filled with the error in each scenario in the norm that counts, then the root mean
-            square over samples and scenarios, by their weights, (scenarios + 1,).
+    Filled are the errors of the scenarios in the norm that counts, then the root mean square over
+    samples and scenarios by their weights, (scenarios + 1,).
     """
     samples, scenarios, joints = len(angles), len(spec.shares), spec.resting.shape[1]
     axes = 1 if len(spec.leg) == 0 else 3
@@ -513,16 +510,9 @@ def set_entries(
     limited, of the changes. The first entries are the diagonal of the requests. Which places have
     an entry may depend only on what is in the key of :func:`pattern_of`, which keeps patterns.
 
-    Args:
-        spec: The problem.
-        stage: Regularisation.
-        point: The present point.
-        terms: Levenberg-Marquardt terms of the requests, Delta, (n, J).
-        eased: Levenberg-Marquardt terms of the angles, E, (n, A).
-        tight: Changes that are at their limits, (n, J).
-        pattern_rows: Filled with the row of each entry.
-        pattern_columns: Filled with its column.
-        values: Filled with the entries.
+    ``terms`` are the Levenberg-Marquardt terms of the requests, Delta, (n, J), ``eased`` those of
+    the angles, E, (n, A), ``tight`` the changes at their limits, (n, J). Filled are row, column and
+    value of each entry.
     """
     rows, columns = pattern_rows, pattern_columns
     samples, joints = spec.resting.shape
@@ -654,13 +644,7 @@ def pattern_of(spec: Spec, *, smoothing: bool) -> Pattern:
 
 @compiled
 def pattern_in_order(spec: Spec, smoothing: bool, position: Places) -> Pattern:
-    """The pattern of the steps of a problem.
-
-    Args:
-        spec: The problem.
-        smoothing: As of :class:`Stage`.
-        position: Of each unknown in the order of elimination, (unknowns,).
-    """
+    """The pattern of the steps, by the position of each unknown in the order of elimination."""
     samples, joints = spec.resting.shape
     drives, _, width = spec.weights.shape
     point, stage = allocated(spec, smoothing), Stage(1.0, 1.0, 2.0, 1, smoothing)
@@ -694,17 +678,8 @@ def set_step(
     M. Kunisch, SIAM J. Optim. 13, 2002), from the active set of the step before. Where it does not
     end, the search computes the step again with more damping, from the last active set.
 
-    Args:
-        spec: The problem.
-        stage: Regularisation.
-        pattern: The KKT matrix.
-        point: The present point.
-        search: Multipliers, damping and active limits; these are changed.
-        step: Filled, (unknowns,).
-
-    Returns:
-        Whether the system had a solution within the limits, and the cost that the linearisation
-        predicts.
+    The answer is whether the system had a solution within the limits, and the cost that the
+    linearisation predicts.
     """
     samples, joints = spec.resting.shape
     drives, _, width = spec.weights.shape
@@ -787,15 +762,9 @@ def set_step(
 def solve_kkt(
     pattern: Pattern, values: Array, right: Array, fixed: Indices, place: Array, step: Array
 ) -> bool:
-    """Fill the solution of the system with some unknowns at fixed places; False where it has none.
+    """Fill the solution of the system with some requests at a fixed place; False without one.
 
-    Args:
-        pattern: Where the entries are.
-        values: Entries of the matrix.
-        right: Right-hand side.
-        fixed: 1 for requests that have a fixed place, else 0.
-        place: These places; 0 for all other unknowns.
-        step: Filled.
+    ``fixed`` is 1 for these, else 0; ``place`` is 0 for all other unknowns.
     """
     matrix, target = np.zeros(len(pattern.factor.row)), right.copy()
     rows, columns, places = pattern.rows, pattern.columns, pattern.factor.place
@@ -878,12 +847,8 @@ def keep_step(requests: Array, max_step: Array, cyclic: bool) -> None:
     With s the largest step they are the middle between the largest requests below the given ones
     that keep it, ``min_j (R_j + s |j - k|)``, and the smallest above, ``max_j (R_j - s |j - k|)``;
     in a cycle distances are measured around it. Requests that keep it already do not change, and
-    none leaves the range of the given ones, so that limits still hold. Time: O(n).
-
-    Args:
-        requests: Requests [rad], (n, J).
-        max_step: Largest change from one to the next [rad], inf where there is no limit, (J,).
-        cyclic: Whether the last request precedes the first; from rest the first one stays.
+    none leaves the range of the given ones, so that limits still hold. From rest the first one
+    stays. Time: O(n).
     """
     samples, first = len(requests), 0 if cyclic else 1
     below, above = np.empty(samples), np.empty(samples)

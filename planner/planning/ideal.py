@@ -117,15 +117,7 @@ def without_small_reversals(angles: Array, least: float, *, cyclic: bool) -> Arr
     the other. Along a path with noise they would do so at almost every sample, for errors that are
     small beside the dead band.
 
-    A path of which no reversal is shallower than ``least`` is returned as it is.
-
-    Args:
-        angles: The path [rad], shape (n,).
-        least: Depth up to which a reversal is removed [rad].
-        cyclic: Whether the path repeats for ever.
-
-    Returns:
-        The path to follow [rad], shape (n,).
+    A path (n,) of which no reversal is shallower than ``least`` [rad] is returned as it is.
     """
     from scipy.optimize import isotonic_regression  # slow to import
 

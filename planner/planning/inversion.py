@@ -436,14 +436,7 @@ def settled(plan_under: Callable[[Array], Plan], load: LoadOfPose, desired: Arra
 
     by fixed-point iteration, which converges where a change of the angles changes the sag by less:
     ``kappa |d tau / d q| < 1``. It ends when that simulation agrees with the plan's prediction.
-
-    Args:
-        plan_under: Makes a plan under torques [N m], shape (n, k).
-        load: The load of a pose.
-        desired: Desired angles D [rad], shape (n, k).
-
-    Returns:
-        The plan, its prediction with the load at the predicted angles.
+    Torques and angles have shape (n, k).
 
     Raises:
         InvalidInput: The load is not a finite array (n, k).

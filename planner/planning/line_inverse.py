@@ -104,12 +104,9 @@ def check_slopes(model: JointModel, slopes: Array, load: npt.ArrayLike = 0.0) ->
         return
     each = (np.broadcast_to(values, slopes.shape)[beyond] for values in (slopes, low, high))
     steep, least, most = (float(values.flat[0]) for values in each)
-    within = f"within ±v_max = ±{angle_text(most)}/s"
-    if -least != most:
-        within = f"from {angle_text(least)}/s to {angle_text(most)}/s"
     raise InvalidInput(
-        f"slope: got {angle_text(steep)}/s, expected {within}; no request makes the joint follow a "
-        "steeper line"
+        f"slope: got {angle_text(steep)}/s, expected {slopes_text(least, most)}; no request makes "
+        "the joint follow a steeper line"
     )
 
 
@@ -135,16 +132,8 @@ def offsets_of(
 ) -> Array:
     """:func:`line_offset` of slopes within the joint's speeds [rad/s], without a warning.
 
-    Args:
-        model: The joint.
-        slopes: Slopes m [rad/s].
-        rule: "exact" or "paper".
-        load: Torque on the joint [N m], a number or like ``slopes``.
-        angle: Angles at which gravity changes the top speeds [rad], like ``slopes``; None to leave
-            it out. Its sag is not part of the offsets.
-
-    Returns:
-        Offsets [rad], like ``slopes``.
+    At an ``angle`` [rad], like ``slopes``, gravity changes the top speeds; its sag is not part of
+    the offsets.
     """
     sign = np.sign(slopes)
     upwards = model.v_offset + model.top_speed_per_torque * np.asarray(load, dtype=np.float64)
@@ -167,17 +156,7 @@ def interpolated_offset(
     The table is for the joint without a load. A load that changes the top speed v^+ by the factor s
     changes where f saturates: f(delta + s x) becomes s f(delta + x), so that C_m - delta of the
     slope m becomes s times its value at m / s, as long as no error in the window is below delta.
-
-    Args:
-        model: The joint.
-        slope: Slopes m [rad/s], of any shape.
-        rule: "exact" or "paper".
-        load: Torque on the joint [N m], a number or like ``slope``.
-        angle: Angles at which gravity changes the top speeds [rad], like ``slope``, as for
-            :func:`offsets_of`.
-
-    Returns:
-        Offsets [rad], like ``slope``.
+    Arguments are those of :func:`offsets_of`.
     """
     model = model.steady
     table = offset_table(model, rule)
@@ -206,19 +185,23 @@ def _limits_at(model: JointModel, load: npt.ArrayLike, angle: Array) -> tuple[Ar
     return np.clip(low, -most, -least), np.clip(high, least, most)
 
 
-def slope_limits(model: JointModel, load: Array | None = None) -> tuple[float, float]:
-    """The slopes that the joint can follow at every sample: least and largest [rad/s]."""
-    low, high = model.speed_limits(0.0 if load is None else load)
-    return float(np.max(low)), float(np.min(high))
+def slope_limits(
+    model: JointModel, load: Array | None = None, angles: Array | None = None
+) -> tuple[float, float]:
+    """The slopes that the joint can follow at every sample: least and largest [rad/s].
 
-
-def least_limits(model: JointModel, angles: Array, load: Array | None) -> tuple[float, float]:
-    """The top speeds in both directions that the joint has at all of some angles [rad/s].
-
-    Where gravity overcomes it, a share of v_max.
+    At some angles gravity counts; where it overcomes the joint, they are a share of v_max.
     """
-    low, high = _limits_at(model, 0.0 if load is None else load, angles)
-    return float(np.max(low)), float(np.min(high))
+    torques = 0.0 if load is None else load
+    limits = model.speed_limits(torques) if angles is None else _limits_at(model, torques, angles)
+    return float(np.max(limits[0])), float(np.min(limits[1]))
+
+
+def slopes_text(low: float, high: float) -> str:
+    """The slopes from ``low`` to ``high`` [rad/s] in words."""
+    if -low == high:
+        return f"within ±v_max = ±{angle_text(high)}/s"
+    return f"from {angle_text(low)}/s to {angle_text(high)}/s"
 
 
 def advanced_load(load: Array, ahead: float, *, cyclic: bool) -> Array:
@@ -326,12 +309,7 @@ def _exact(model: JointModel, slope: Array, excess: Array | float) -> Array:
         solution = np.where(open_, middle, solution)
         open_ &= np.abs(moved - target) > SPEED_TOLERANCE * model.v_max_per_tick * model.hold
         open_ &= high - low > 0.0
-        low, moved_low = (
-            np.where(moved < target, middle, low),
-            np.where(moved < target, moved, moved_low),
-        )
-        high, moved_high = (
-            np.where(moved < target, high, middle),
-            np.where(moved < target, moved_high, moved),
-        )
+        below = moved < target
+        low, moved_low = np.where(below, middle, low), np.where(below, moved, moved_low)
+        high, moved_high = np.where(below, high, middle), np.where(below, moved_high, moved)
     return solution

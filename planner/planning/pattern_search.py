@@ -88,16 +88,8 @@ def refined_curve(
 
     A pattern search: every knot moves up and down and along the lines that meet there, every
     segment up and down and to and fro; moves that lower the simulated error are kept, and when no
-    move does they become smaller.
-
-    Args:
-        problem: The problem.
-        curve: The first curve.
-        rule: How lines are inverted.
-        ahead: Time by which requests change line before a knot [samples].
-
-    Returns:
-        A curve with as many segments, none shorter than a sample, within the joint's speeds.
+    move does they become smaller. No segment becomes shorter than a sample, or steeper than the
+    joint's speeds. Requests change line ``ahead`` samples before a knot.
     """
     knots, values = np.array(curve.knots), np.array(curve.values)
     steps = COARSEST, FINEST, problem.models[0].v_max * curve.tick

@@ -367,12 +367,8 @@ def nearer(problem: Problem, requests: Array, executed: Array) -> Array:
 
     A saturated joint has very different requests of about the same error by its model. Where the
     joint saturates later, a change from the ones to the others shows. Near the executed requests
-    (10) has the distances from these in place of those from R*: a proximal point step.
-
-    Args:
-        problem: The problem, with the disturbance measured under the executed requests.
-        requests: The best requests [rad], (n, J).
-        executed: The executed requests [rad], (n, J).
+    (10) has the distances from these in place of those from R*: a proximal point step. The
+    disturbance of the problem was measured under them.
     """
     start, best = problem.admissible(executed), problem.exact_error(requests)
     angles = problem.exact_angles(start)
@@ -428,13 +424,7 @@ def with_stationary_joints(problem: Problem, best: Motion) -> tuple[Problem, Arr
 
     A joint that is stationary along the whole path can still compensate for a little of the errors
     of the other joints. Where this gain is within what the smoothing allows, it should not move.
-
-    Args:
-        problem: The problem of the joints together.
-        best: A good plan.
-
-    Returns:
-        The problem with these joints held, and the plan for it; or the problem and the good plan.
+    The answer is the problem with these joints held, and the plan for it; or the arguments.
     """
     stationary: Mask = np.ptp(problem.resting, axis=0) <= STATIONARY
     if not np.any(stationary) or np.all(stationary):
@@ -478,12 +468,8 @@ def for_all_models(
     the errors: they grow in scenarios with larger errors until the errors are even (C. L. Lawson's
     algorithm, as in J. R. Rice, K. H. Usow, *Mathematics of Computation* 22, 1968).
 
-    Args:
-        task: The task.
-        nominal: The problem of the nominal models.
-        requests: A plan for these [rad], shape (n, J). Without dead bands the answer's error over
-            all scenarios is no larger than that of this plan.
-        search: The stages; only the ones with small corners are used.
+    Without dead bands the answer's error over all scenarios is no larger than that of the plan for
+    the nominal ones, (n, J). Of the stages the ones with small corners are used.
 
     Raises:
         SolverFailed: Under no requests all models have a steady cycle.
@@ -562,13 +548,7 @@ def judged(problem: Problem, requests: Array, angles: Array | None = None) -> Mo
 
 
 def known_errors(models: Sequence[JointModel], angles: Array, *, cyclic: bool) -> Array:
-    """Known errors of the models in a motion [rad], (A,), at least an encoder's step.
-
-    Args:
-        models: The joints.
-        angles: Their motion [rad], shape (n, A).
-        cyclic: Whether it repeats for ever.
-    """
+    """Known errors of the models in a motion (n, A) [rad], (A,), at least an encoder's step."""
     errors = [
         ENCODER_STEP
         if model.evidence is None or math.isnan(model.evidence.error)
@@ -789,13 +769,7 @@ def resting_at_rests(
     """Requests that rest where the path does, if the given ones shake there and a bound allows it.
 
     Before and after a motion requests stay free: for the time in which the joints settle, or twice
-    as long, and so on until the error is allowed.
-
-    Args:
-        problem: The goal, and the limits.
-        requests: Smoothed requests [rad], shape (n, J).
-        error: Error of the best plan.
-        bounds: The limits of the smoothing, of which one must be kept.
+    as long, and so on until the error is allowed. ``error`` is that of the best plan.
     """
     times = (model.theta_0 / model.v_max + model.time_constant for model in problem.models)
     margin = math.ceil(max(times) / problem.models[0].period)
@@ -824,12 +798,7 @@ def resting_at_rests(
 
 
 def without_effect_on_motion(problem: Problem, margin: int) -> Mask:
-    """The requests that act only where the path rests, and has done and will do for a time, (n,).
-
-    Args:
-        problem: The goal.
-        margin: This time [samples].
-    """
+    """The requests that act only where the path rests, with a margin [samples] both ways, (n,)."""
     desired, count = problem.desired, len(problem.desired)
     before = np.roll(desired, 1, axis=0)
     if problem.start is not None:

@@ -312,11 +312,8 @@ def within(joint: Record, request: float, last: float) -> float:
 def improve(problem: Problem, state: Record, sent: Array, plan: Array) -> None:
     """Replace the plan by the best of itself, shares of its Gauss-Newton steps and inverted lines.
 
-    Args:
-        problem: The problem of the plan.
-        state: State of the joint; its damping changes.
-        sent: Requests that act now or later, oldest first [rad].
-        plan: The plan of the tick before, shifted [rad], (n,).
+    ``sent`` are the requests that act now or later, oldest first; ``plan`` is that of the tick
+    before, shifted [rad], (n,). The damping of the state changes.
     """
     joint, samples, begins = problem.joint, problem.samples, problem.begins
     count, past = len(plan), max(problem.weights.shape[1] - 1, 1)
@@ -413,13 +410,8 @@ def gauss_newton_step(problem: Problem, requests: Array, damping: float, step: A
     An integral term is not linearised; the exact model, which has it, judges every step. The cost
     is first written in the state before period k and dR_k, then minimised over dR_k. A request
     keeps its row of Q from the last period in which it acts to the one in which it is eliminated,
-    so that all but a band of Q is zero.
-
-    Args:
-        problem: The problem of the plan.
-        requests: Acting requests before the plan, then the plan [rad].
-        damping: Levenberg-Marquardt term.
-        step: Filled, (n,).
+    so that all but a band of Q is zero. ``requests`` are the acting ones before the plan, then the
+    plan [rad].
     """
     joint, law, weights, samples, state, begins = problem
     count, width = len(step), weights.shape[1]
