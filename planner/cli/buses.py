@@ -44,32 +44,29 @@ def bus_options(*, required: bool = False) -> Callable[[Command], Command]:
         f"{', '.join(BUSES[:-1])}, lerobot:ROBOT such as lerobot:{ROBOT}, or virtual:KIND with one "
         f"of {', '.join(KINDS)}",
     )
-    bus = click.option(
+    bus = options.option(
         "--bus",
-        type=bus_type,
-        required=required,
-        metavar="BUS",
-        help="What the servos speak: feetech, dynamixel (protocol 2.0: X series, MX) or xl320; "
+        "What the servos speak: feetech, dynamixel (protocol 2.0: X series, MX) or xl320; "
         f"lerobot:ROBOT, such as lerobot:{ROBOT}, is a robot by LeRobot's own classes; virtual are "
         f"simulated servos, here and at once, as is virtual:KIND of {', '.join(KINDS)}."
         + ("" if required else "  [default: that of the model file]"),
+        bus_type,
+        metavar="BUS",
+        required=required,
     )
     default = f"{'' if required else 'that of the model file, else '}1000000"
     return options.several(
         bus,
-        click.option("--port", metavar="P", help="The serial port, such as /dev/ttyACM0."),
-        click.option(
-            "--baud-rate",
-            type=click.IntRange(9600),
-            metavar="N",
-            help=f"Bits per second.  [default: {default}]",
+        options.option("--port", "The serial port, such as /dev/ttyACM0.", metavar="P"),
+        options.option(
+            "--baud-rate", f"Bits per second.  [default: {default}]", click.IntRange(9600)
         ),
     )
 
 
 def model_option(help_text: str) -> Callable[[Command], Command]:
     """Give a command the option of the file that names the servos of the joints."""
-    return click.option("--model", type=types.INPUT, required=True, metavar="FILE", help=help_text)
+    return options.option("--model", help_text, types.INPUT, metavar="FILE", required=True)
 
 
 def _ids(text: str) -> dict[str, int]:
@@ -202,36 +199,31 @@ FAULT = types.Parsed(
 
 
 @click.command()
-@click.option(
-    "--servos",
-    type=click.IntRange(1, 32),
-    default=6,
-    metavar="N",
-    help="Servos, with the identifiers 1 to N.",
+@options.option(
+    "--servos", "Servos, with the identifiers 1 to N.", click.IntRange(1, 32), default=6
 )
-@click.option(
+@options.option(
     "--protocol",
-    type=click.Choice(["feetech", "dynamixel", "xl320"]),
-    help="What they speak.  [default: feetech, or that of the kind]",
+    "What they speak.  [default: feetech, or that of the kind]",
+    click.Choice(["feetech", "dynamixel", "xl320"]),
 )
-@click.option(
+@options.option(
     "--kind",
-    type=click.Choice(KINDS),
-    help="What they are.  [default: sts3215, xl430 or xl-320, by the protocol]",
+    "What they are.  [default: sts3215, xl430 or xl-320, by the protocol]",
+    click.Choice(KINDS),
 )
 @options.positive(
     "--step-ms",
     "Lock step: so much time passes from one sync write to the next, however long it takes.  "
     "[default: real time]",
 )
-@click.option(
-    "--fault",
-    "faults",
-    type=FAULT,
-    multiple=True,
-    metavar="FAULT",
-    help="drop=0.05 (of the packets), disconnect=10 (seconds from now), power-off=10, stall=3@5 "
+@options.option(
+    "--fault faults",
+    "drop=0.05 (of the packets), disconnect=10 (seconds from now), power-off=10, stall=3@5 "
     "(servo 3 after 5 s), overheat=3@5, saturate=3@5 (its supply sags); several times for several.",
+    FAULT,
+    metavar="FAULT",
+    multiple=True,
 )
 def virtual_bus(
     *,

@@ -35,34 +35,31 @@ SLOWEST = 16.0
 
 @click.command()
 @buses.bus_options(required=True)
-@click.option(
+@options.option(
     "--ids",
-    type=buses.IDS,
-    required=True,
+    "Identifiers of the servos: 1-6, or with names for the joints pan=1,lift=2.",
+    buses.IDS,
     metavar="IDS",
-    help="Identifiers of the servos: 1-6, or with names for the joints pan=1,lift=2.",
+    required=True,
 )
-@click.option(
-    "--joint",
-    "chosen",
-    multiple=True,
+@options.option(
+    "--joint chosen",
+    "Calibrate this joint only; several times for several.  [default: all]",
     metavar="NAME",
-    help="Calibrate this joint only; several times for several.  [default: all]",
-)
-@click.option(
-    "--reverse",
-    "reversed_",
     multiple=True,
+)
+@options.option(
+    "--reverse reversed_",
+    "The servo of this joint is mounted the other way round.",
     metavar="NAME",
-    help="The servo of this joint is mounted the other way round.",
-)
-@click.option(
-    "--zero-tick",
-    "zeros",
-    type=types.TICKS,
     multiple=True,
+)
+@options.option(
+    "--zero-tick zeros",
+    "Count of the servo at angle 0.  [default: the middle, 2048, or 512 of an XL-320]",
+    types.TICKS,
     metavar="[JOINT=]N",
-    help="Count of the servo at angle 0.  [default: the middle, 2048, or 512 of an XL-320]",
+    multiple=True,
 )
 @options.positive("--rate-hz", "Requests per second, as the joints will get them later.", 100.0)
 @options.positive(
@@ -75,16 +72,15 @@ SLOWEST = 16.0
     "How far a joint may go from where it is, unless its range is shown by hand.",
     45.0,
 )
-@click.option("--yes", is_flag=True, help="Ask nothing: ranges by the servos' limits, and go.")
-@click.option("--resume", is_flag=True, help="Take the logs of an interrupted run as they are.")
-@click.option("--dry-run", is_flag=True, help="Check the servos, say what would be done, and end.")
-@click.option("--report", type=types.OUTPUT, help="Also write a page with pictures, as HTML.")
-@click.option(
-    "-o",
-    "--output",
-    type=types.Place("file", types._check_file, use=None),
+@options.option("--yes", "Ask nothing: ranges by the servos' limits, and go.", bool)
+@options.option("--resume", "Take the logs of an interrupted run as they are.", bool)
+@options.option("--dry-run", "Check the servos, say what would be done, and end.", bool)
+@options.report("Also write a page with pictures, as HTML.")
+@options.option(
+    "-o --output",
+    "Where to write the models and servos; joints that are there already stay.",
+    types.Place("file", types._check_file, use=None),
     default="arm.toml",
-    help="Where to write the models and servos; joints that are there already stay.",
 )
 @options.as_json
 def calibrate(
@@ -322,12 +318,8 @@ UNKNOWN = 0.1
 @click.command()
 @buses.bus_options()
 @buses.model_option("The models and servos of the joints, as calibrate writes them.")
-@click.option(
-    "--joint",
-    "chosen",
-    multiple=True,
-    metavar="NAME",
-    help="Check this joint only.  [default: all]",
+@options.option(
+    "--joint chosen", "Check this joint only.  [default: all]", metavar="NAME", multiple=True
 )
 @options.positive("--duration-s", "How long each joint moves.", 20.0)
 @options.positive("--rate-hz", "Requests per second.  [default: those of the model]")

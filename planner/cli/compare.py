@@ -35,14 +35,14 @@ if TYPE_CHECKING:
     load="Torque on the joints: gravity at the desired angles by the masses of the leg's URDF, all "
     "of its dynamics, or columns <joint>_load_Nm of the path.",
 )
-@click.option(
+@options.option(
     "--level",
-    type=click.Choice(["slope", "envelope", "exact"]),
+    "Sharpest bound to compute; 'exact' takes seconds to a minute.",
+    click.Choice(["slope", "envelope", "exact"]),
     default="envelope",
-    help="Sharpest bound to compute; 'exact' takes seconds to a minute.",
 )
-@click.option("--figure", type=types.PICTURE, help="Write the picture; .png or .svg.")
-@click.option("--report", type=types.OUTPUT, help="Write a page (HTML) about the comparison.")
+@options.option("--figure", "Write the picture; .png or .svg.", types.PICTURE)
+@options.report("Write a page (HTML) about the comparison.")
 @options.as_json
 def compare(
     *,

@@ -25,81 +25,57 @@ UNNAMED = "requested"
 
 
 @click.command()
-@click.option(
+@options.option(
     "--kind",
-    type=click.Choice(KINDS),
-    default="combined",
-    help="A slow triangle, sines and steps in one recording, or one signal of its own; steps are "
+    "A slow triangle, sines and steps in one recording, or one signal of its own; steps are "
     "the tests of Equation 1.",
+    click.Choice(KINDS),
+    default="combined",
 )
-@click.option(
-    "--limits-deg",
-    "limits_deg",
-    type=types.SPAN,
+@options.option(
+    "--limits-deg limits_deg",
+    "Range of the requests.",
+    types.SPAN,
     metavar="LOW:HIGH",
     required=True,
-    help="Range of the requests.",
 )
-@click.option(
-    "--centre-deg",
-    type=float,
-    metavar="DEG",
-    help="Where the signal begins and ends.  [default: the middle of the limits]",
+@options.option(
+    "--centre-deg", "Where the signal begins and ends.  [default: the middle of the limits]", float
 )
 @options.positive("--rate-hz", "Requests per second.  [default: those of the expected model]")
-@click.option(
+@options.option(
     "--duration-s",
-    type=float,
-    metavar="S",
-    help="Length of the signal, rests included.  [default: 60 for combined, else 20]",
+    "Length of the signal, rests included.  [default: 60 for combined, else 20]",
+    float,
 )
-@click.option(
+@options.option(
     "--amplitude-deg",
-    type=float,
-    multiple=True,
-    metavar="DEG",
-    help="Height of a step test; several times for several.  [default: an eighth, half and the "
+    "Height of a step test; several times for several.  [default: an eighth, half and the "
     "whole of the range]",
+    float,
+    multiple=True,
 )
-@click.option(
-    "--cycles",
-    type=int,
-    metavar="N",
-    help="Cycles of each step test.  [default: 3; 1 in each half of combined]",
+@options.option(
+    "--cycles", "Cycles of each step test.  [default: 3; 1 in each half of combined]", int
 )
-@click.option(
+@options.option(
     "--highest-hz",
-    type=float,
-    metavar="HZ",
-    help="Highest frequency of sines and chirp.  [default: a tenth of the rate, at most 5]",
+    "Highest frequency of sines and chirp.  [default: a tenth of the rate, at most 5]",
+    float,
 )
-@click.option(
-    "--seed",
-    type=click.IntRange(min=0),
-    default=0,
-    metavar="N",
-    help="Another number draws other random steps and noise.",
+@options.option(
+    "--seed", "Another number draws other random steps and noise.", click.IntRange(min=0), default=0
 )
-@click.option("--joint", default=UNNAMED, metavar="NAME", help="Name of the joint, for the column.")
+@options.option("--joint", "Name of the joint, for the column.", metavar="NAME", default=UNNAMED)
 @options.settings("model: file")
-@click.option(
-    "--noise-deg",
-    type=float,
-    default=0.2,
-    metavar="DEG",
-    help="Expected noise of the measured angles, standard deviation.",
+@options.option(
+    "--noise-deg", "Expected noise of the measured angles, standard deviation.", float, default=0.2
 )
-@click.option(
-    "--resolution-deg",
-    type=float,
-    default=0.3,
-    metavar="DEG",
-    help="Expected resolution of the sensor.",
-)
-@click.option(
+@options.option("--resolution-deg", "Expected resolution of the sensor.", float, default=0.3)
+@options.option(
     "--expected-log",
-    type=types.OUTPUT,
-    help="Also write the log of a simulated joint, as an input for identify.",
+    "Also write the log of a simulated joint, as an input for identify.",
+    types.OUTPUT,
 )
 @options.output
 @options.as_json

@@ -21,18 +21,13 @@ if TYPE_CHECKING:
 @click.argument("requests", type=types.INPUT)
 @options.settings(options.EXPORT, "path: joints")
 @options.output_or_folder
-@click.option(
-    "--period-s",
-    type=float,
-    metavar="S",
-    help="Time between requests, where the file has no column t_s.",
-)
-@click.option(
+@options.option("--period-s", "Time between requests, where the file has no column t_s.", float)
+@options.option(
     "--model",
-    type=types.INPUT,
-    metavar="FILE",
-    help="csv in ticks: zero, direction and ticks of a turn of each joint's servo, as calibrate "
+    "csv in ticks: zero, direction and ticks of a turn of each joint's servo, as calibrate "
     "writes them, instead of --zero-tick, --reverse and --ticks-per-turn.",
+    types.INPUT,
+    metavar="FILE",
 )
 @options.as_json
 def export(

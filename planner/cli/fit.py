@@ -31,45 +31,41 @@ def _knot(text: str) -> tuple[float, float | None]:
     "plan: cyclic segments",
     segments="Lines of the approximation.",
 )
-@click.option(
+@options.option(
     "--max-error",
-    type=types.above_0("degrees"),
+    "Use as few lines as stay this close to the path everywhere.",
+    types.above_0("degrees"),
     metavar="DEG",
-    help="Use as few lines as stay this close to the path everywhere.",
 )
-@click.option(
+@options.option(
     "--max-rms",
-    type=types.above_0("degrees"),
+    "Use as few lines as stay this close to the path in root mean square.",
+    types.above_0("degrees"),
     metavar="DEG",
-    help="Use as few lines as stay this close to the path in root mean square.",
 )
-@click.option(
-    "--knot-s",
-    "knot_s",
-    type=float,
+@options.option(
+    "--knot-s knot_s",
+    "Time of a knot; several times for all knots. Only their angles are then sought.",
+    float,
     multiple=True,
-    metavar="S",
-    help="Time of a knot; several times for all knots. Only their angles are then sought.",
 )
-@click.option(
-    "--required-s",
-    "required_s",
-    type=types.Parsed(_knot, "seconds (0.4) or seconds=degrees (0.4=12.5)"),
-    multiple=True,
+@options.option(
+    "--required-s required_s",
+    "Time at which there must be a knot, and perhaps its angle; several times for more.",
+    types.Parsed(_knot, "seconds (0.4) or seconds=degrees (0.4=12.5)"),
     metavar="S[=DEG]",
-    help="Time at which there must be a knot, and perhaps its angle; several times for more.",
+    multiple=True,
 )
-@click.option("--exact", is_flag=True, help="Prove that no other knots on samples are better.")
-@click.option(
-    "--knots",
-    "knots_file",
-    type=types.OUTPUT,
-    help="Also write the knots of a single joint: knot_s and value_deg, or JSON for FILE.json.",
+@options.option("--exact", "Prove that no other knots on samples are better.", bool)
+@options.option(
+    "--knots knots_file",
+    "Also write the knots of a single joint: knot_s and value_deg, or JSON for FILE.json.",
+    types.OUTPUT,
 )
-@click.option(
+@options.option(
     "--figure",
-    type=types.PICTURE,
-    help="Also draw the lines, and the error for other numbers of them, as .svg or .png.",
+    "Also draw the lines, and the error for other numbers of them, as .svg or .png.",
+    types.PICTURE,
 )
 @options.output
 @options.as_json

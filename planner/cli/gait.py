@@ -31,20 +31,20 @@ PATTERNS = ("walk", "trot", "pace", "bound")
     "tolerance: cm",
     cm="With --fastest: largest distance of the foot from its path.",
 )
-@click.option(
+@options.option(
     "--fastest",
-    is_flag=True,
-    help="Find the shortest cycle at which the foot of a leg, planned with the joints of --model, "
+    "Find the shortest cycle at which the foot of a leg, planned with the joints of --model, "
     "stays within --tolerance-cm.",
+    bool,
 )
-@click.option(
+@options.option(
     "--pattern",
-    type=click.Choice(PATTERNS),
-    metavar="GAIT",
-    help="Four legs, those of the robot that --model describes, in this gait, one of "
+    "Four legs, those of the robot that --model describes, in this gait, one of "
     f"{', '.join(PATTERNS)}: angles of all their joints instead of a foot path.",
+    click.Choice(PATTERNS),
+    metavar="GAIT",
 )
-@click.option("--period", default=0.008, help="Time between samples [s].")
+@options.option("--period", "Time between samples [s].", default=0.008)
 @options.output
 @options.as_json
 def gait(

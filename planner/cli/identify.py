@@ -29,24 +29,22 @@ FEW_ROWS = 20_000
 @options.positive(
     "--tick-ms", "Time step of the model.  [default: chosen from the rate of the log]"
 )
-@click.option(
+@options.option(
     "--hold",
-    type=click.IntRange(min=1),
-    metavar="N",
-    help="Ticks for which one request is held.  [default: chosen from the rate of the log]",
+    "Ticks for which one request is held.  [default: chosen from the rate of the log]",
+    click.IntRange(min=1),
 )
-@click.option(
+@options.option(
     "--hold-out/--no-hold-out",
+    "Whether to test the model on rows that it was not fitted to.",
     default=True,
-    help="Whether to test the model on rows that it was not fitted to.",
 )
-@click.option("--report", type=types.OUTPUT, help="Also write a page with pictures, as HTML.")
-@click.option(
-    "-o",
-    "--output",
-    type=types.OUTPUT,
+@options.report("Also write a page with pictures, as HTML.")
+@options.option(
+    "-o --output",
+    "Where to write the model as TOML; '-' is standard output.",
+    types.OUTPUT,
     default="-",
-    help="Where to write the model as TOML; '-' is standard output.",
 )
 @options.as_json
 def identify(

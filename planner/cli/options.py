@@ -21,20 +21,28 @@ if TYPE_CHECKING:
 
 Command = Callable[..., Any]
 
-output = click.option(
-    "-o",
-    "--output",
-    type=types.OUTPUT,
-    default="-",
-    help="Where to write the CSV; '-' is standard output.",
+
+def option(names: str, about: str, kind: Any = None, **more: Any) -> Callable[[Command], Command]:
+    """Give a command an option; a number is shown as N, or as the unit that ends its name."""
+    unit = re.split("[- ]", names)[-1]
+    if kind is int or isinstance(kind, click.IntRange):
+        more.setdefault("metavar", "N")
+    elif kind is float and unit in types.UNITS_OF_OPTIONS:
+        more.setdefault("metavar", unit.upper())
+    elif kind is bool and "/" not in names:
+        more["is_flag"] = True
+    return click.option(*names.split(), type=kind, help=about, **more)
+
+
+output = option(
+    "-o --output", "Where to write the CSV; '-' is standard output.", types.OUTPUT, default="-"
 )
-output_or_folder = click.option(
-    "-o",
-    "--output",
-    type=types.OUTPUT_OR_FOLDER,
-    default="-",
+output_or_folder = option(
+    "-o --output",
+    "The file, or folder, to write; '-' is standard output.",
+    types.OUTPUT_OR_FOLDER,
     metavar="OUT",
-    help="The file, or folder, to write; '-' is standard output.",
+    default="-",
 )
 
 
@@ -42,7 +50,12 @@ def positive(name: str, about: str, default: float | None = None) -> Callable[[C
     """Give a command an option for a number above 0, whose unit ends its name: ``--rate-hz``."""
     unit = name.rpartition("-")[2]
     kind = types.above_0(types.UNITS_OF_OPTIONS[unit])
-    return click.option(name, type=kind, default=default, metavar=unit.upper(), help=about)
+    return option(name, about, kind, default=default, metavar=unit.upper())
+
+
+def report(about: str) -> Callable[[Command], Command]:
+    """Give a command the option of its page."""
+    return option("--report", about, types.OUTPUT)
 
 
 def several(*decorators: Callable[[Command], Command]) -> Callable[[Command], Command]:
@@ -57,62 +70,54 @@ def several(*decorators: Callable[[Command], Command]) -> Callable[[Command], Co
 
 
 parallel = several(
-    click.option(
+    option(
         "--workers",
-        type=click.IntRange(min=1),
-        help="Processes on this machine.  [default: one for each usable processor]",
+        "Processes on this machine.  [default: one for each usable processor]",
+        click.IntRange(min=1),
     ),
-    click.option(
+    option(
         "--scheduler",
+        "A Dask scheduler, whose workers are used instead (extra 'cluster').",
         metavar="tcp://HOST:PORT",
-        help="A Dask scheduler, whose workers are used instead (extra 'cluster').",
     ),
-    click.option(
+    option(
         "--resume",
-        is_flag=True,
-        help="Go on with what a killed command has left, and compute only what is missing.",
+        "Go on with what a killed command has left, and compute only what is missing.",
+        bool,
     ),
 )
 """Of commands that carry out many tasks."""
 
-as_json = click.option("--json", "as_json", is_flag=True, help="Print JSON for machines.")
+as_json = option("--json as_json", "Print JSON for machines.", bool)
 
 recording_options = several(
-    click.option(
-        "--time", metavar="COLUMN", help="CSV: the column of times; clock:ms says its unit."
-    ),
-    click.option("--requested", metavar="COLUMN", help="CSV: the column of requested angles."),
-    click.option("--actual", metavar="COLUMN", help="CSV: the column of actual angles."),
-    click.option(
-        "--torque", metavar="COLUMN", help="CSV: the column that is 1 while the torque is on."
-    ),
-    click.option(
+    option("--time", "CSV: the column of times; clock:ms says its unit.", metavar="COLUMN"),
+    option("--requested", "CSV: the column of requested angles.", metavar="COLUMN"),
+    option("--actual", "CSV: the column of actual angles.", metavar="COLUMN"),
+    option("--torque", "CSV: the column that is 1 while the torque is on.", metavar="COLUMN"),
+    option(
         "--unit",
-        metavar="UNIT",
-        help="Unit of the angles where the log does not say: rad, deg, ticks, turns, us (pulses of "
+        "Unit of the angles where the log does not say: rad, deg, ticks, turns, us (pulses of "
         "a hobby servo), counts (of a sensor whose scale is fitted), range (0..1), percent or "
         "range_m100_100; 'rad,Jaw=range' where joints differ, 'requested=us,actual=counts' where "
         "columns do.",
+        metavar="UNIT",
     ),
-    click.option(
+    option(
         "--ticks-per-turn",
-        type=float,
-        metavar="N",
-        help="Ticks of one turn, such as 4096, for angles in ticks; for pulses the us of one turn, "
+        "Ticks of one turn, such as 4096, for angles in ticks; for pulses the us of one turn, "
         "by default 4000.",
+        float,
+        metavar="N",
     ),
-    click.option("--topic", metavar="TOPIC", help="Bags: the topic of actual angles."),
-    click.option("--command-topic", metavar="TOPIC", help="Bags: the topic of requested angles."),
-    click.option(
-        "--episodes", metavar="LIST", help="LeRobot: the episodes to read, such as 0-3,7."
-    ),
+    option("--topic", "Bags: the topic of actual angles.", metavar="TOPIC"),
+    option("--command-topic", "Bags: the topic of requested angles.", metavar="TOPIC"),
+    option("--episodes", "LeRobot: the episodes to read, such as 0-3,7.", metavar="LIST"),
 )
 """The options of logs of which every joint is read."""
 
 log_options = several(
-    click.option(
-        "--joint", metavar="NAME", help="The joint to read where a log has several, or 'all'."
-    ),
+    option("--joint", "The joint to read where a log has several, or 'all'.", metavar="NAME"),
     recording_options,
 )
 """The options that :func:`to_log_options` takes."""

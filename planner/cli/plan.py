@@ -23,7 +23,7 @@ from planner.files.text import write_text
     "tolerance: deg cm",
 )
 @options.output
-@click.option("--report", type=types.OUTPUT, help="Write a page (HTML) about the plan.")
+@options.report("Write a page (HTML) about the plan.")
 @options.as_json
 def plan(*, run: Run, path: str, output: str, report: str | None, as_json: bool) -> None:  # noqa: ARG001
     """Plan requests that make the joints follow PATH, a CSV; '-' is standard input.

@@ -18,25 +18,15 @@ if TYPE_CHECKING:
 @click.argument("requests", type=types.INPUT)
 @buses.bus_options()
 @buses.model_option("The servos of the joints, with zeros and ranges, as calibrate writes them.")
-@click.option(
-    "--cycles",
-    type=click.IntRange(1),
-    default=1,
-    metavar="N",
-    help="How often to play them.",
-)
-@click.option(
+@options.option("--cycles", "How often to play them.", click.IntRange(1), default=1)
+@options.option(
     "--measured",
-    type=types.OUTPUT,
+    "Also write the measured angles, a row for each request, as refine takes them.",
+    types.OUTPUT,
     metavar="FILE",
-    help="Also write the measured angles, a row for each request, as refine takes them.",
 )
-@click.option(
-    "-o",
-    "--output",
-    type=types.OUTPUT,
-    default="log.csv",
-    help="The log of requested and actual angles.",
+@options.option(
+    "-o --output", "The log of requested and actual angles.", types.OUTPUT, default="log.csv"
 )
 @options.as_json
 def play(
@@ -138,13 +128,13 @@ def _a_row_each(times: Array, angles: Array, count: int, period: float) -> Array
 @buses.model_option("The servos of the joints, as calibrate writes them.")
 @options.positive("--rate-hz", "Rows per second.", 50.0)
 @options.positive("--duration-s", "How long.  [default: until Ctrl-C]")
-@click.option(
+@options.option(
     "--by-hand",
-    is_flag=True,
-    help="Switch the torque off first, and write a path of the angles alone, which plan takes; a "
+    "Switch the torque off first, and write a path of the angles alone, which plan takes; a "
     "row in which a servo did not answer is left out.",
+    bool,
 )
-@click.option("-o", "--output", type=types.OUTPUT, default="log.csv", help="The log.")
+@options.option("-o --output", "The log.", types.OUTPUT, default="log.csv")
 def record(
     *,
     model: str,

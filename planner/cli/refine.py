@@ -15,12 +15,11 @@ from planner.files.text import write_text
 @click.command()
 @click.argument("requests", type=types.REWRITTEN)
 @click.argument("measured", type=types.INPUT, nargs=-1, required=True)
-@click.option(
-    "--desired",
-    "path",
-    type=types.INPUT,
+@options.option(
+    "--desired path",
+    "The path that the requests were planned for: of joints, or of a foot with --leg.",
+    types.INPUT,
     required=True,
-    help="The path that the requests were planned for: of joints, or of a foot with --leg.",
 )
 @options.settings(
     f"leg: {options.LEG} unreachable",
@@ -31,30 +30,20 @@ from planner.files.text import write_text
     f"plan: method load norm solver weights {options.SMOOTHING}",
     "limits: deg",
 )
-@click.option(
-    "--history",
-    type=types.OUTPUT,
-    help="File with the trials so far: read if it exists, then written.",
+@options.option(
+    "--history", "File with the trials so far: read if it exists, then written.", types.OUTPUT
 )
-@click.option(
-    "--cycles",
-    type=click.IntRange(1),
-    metavar="N",
-    help="Cycles to take from MEASURED; by default all.",
-)
-@click.option(
+@options.option("--cycles", "Cycles to take from MEASURED; by default all.", click.IntRange(1))
+@options.option(
     "--sensor-delay-ms",
-    type=float,
-    metavar="MS",
-    help="How late the measured angles are; 0 to take them as they are.  [default: estimated]",
+    "How late the measured angles are; 0 to take them as they are.  [default: estimated]",
+    float,
 )
-@click.option(
-    "--reidentify/--no-reidentify",
-    default=True,
-    help="Whether the cycles may identify the models anew.",
+@options.option(
+    "--reidentify/--no-reidentify", "Whether the cycles may identify the models anew.", default=True
 )
 @options.output
-@click.option("--report", type=types.OUTPUT, help="Write a page (HTML) about what was learnt.")
+@options.report("Write a page (HTML) about what was learnt.")
 @options.as_json
 def refine(
     *,

@@ -25,17 +25,14 @@ STEPS = {"model": 15, "virtual": 26}
 
 
 @click.command()
-@click.option(
-    "--out",
-    type=types.FOLDER,
-    required=True,
-    help="Folder for the results; an earlier run's is replaced.",
+@options.option(
+    "--out", "Folder for the results; an earlier run's is replaced.", types.FOLDER, required=True
 )
-@click.option(
+@options.option(
     "--robot",
-    type=click.Choice(["model", "virtual"]),
+    "What the joints are: the paper's model, or servos in MuJoCo (extra 'mujoco').",
+    click.Choice(["model", "virtual"]),
     default="model",
-    help="What the joints are: the paper's model, or servos in MuJoCo (extra 'mujoco').",
 )
 @options.as_json
 def reproduce(*, out: str, robot: str, as_json: bool) -> None:

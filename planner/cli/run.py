@@ -29,9 +29,9 @@ HEADING = (
 
 @click.command()
 @click.argument("file", type=types.INPUT, metavar="[RUN.toml]", required=False)
-@click.option("--out", type=types.FOLDER, help="Folder for the results, whatever the file says.")
-@click.option("--check", is_flag=True, help="Only check the file and the files that it names.")
-@click.option("--template", is_flag=True, help="Print a file with every key, to begin with.")
+@options.option("--out", "Folder for the results, whatever the file says.", types.FOLDER)
+@options.option("--check", "Only check the file and the files that it names.", bool)
+@options.option("--template", "Print a file with every key, to begin with.", bool)
 @options.as_json
 def run(*, file: str | None, out: str | None, check: bool, template: bool, as_json: bool) -> None:
     """Carry out what RUN.toml describes: leg, models, path, method, limits and outputs.

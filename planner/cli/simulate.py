@@ -21,12 +21,12 @@ from planner.exceptions import InvalidFile, about
     "start: deg",
     rate_hz="Requests per second, as given to plan: the models take it.",
 )
-@click.option(
+@options.option(
     "--load",
-    type=click.Choice(["column"]),
-    help="Torque on the joints: columns <joint>_load_Nm of REQUESTS, as plan --load writes them.",
+    "Torque on the joints: columns <joint>_load_Nm of REQUESTS, as plan --load writes them.",
+    click.Choice(["column"]),
 )
-@click.option("--desired", type=types.INPUT, help="Joint path to compare the angles with.")
+@options.option("--desired", "Joint path to compare the angles with.", types.INPUT)
 @options.output
 @options.as_json
 def simulate(

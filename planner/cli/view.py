@@ -15,17 +15,17 @@ from planner.files.text import write_text
 @click.command()
 @click.argument("path", type=types.INPUT)
 @options.settings(f"leg: {options.LEG} unreachable", "model: file", "plan: cyclic")
-@click.option(
+@options.option(
     "--requests",
-    type=types.INPUT,
-    help="Requests to show as planned, as `plan` writes them; planned here by default.",
+    "Requests to show as planned, as `plan` writes them; planned here by default.",
+    types.INPUT,
 )
-@click.option(
+@options.option(
     "--method",
-    type=click.Choice(["closed-form", "optimal", "foot-optimal"]),
-    help="How to plan them here.  [default: foot-optimal for a foot path, else optimal]",
+    "How to plan them here.  [default: foot-optimal for a foot path, else optimal]",
+    click.Choice(["closed-form", "optimal", "foot-optimal"]),
 )
-@click.option("--html", type=types.OUTPUT, required=True, help="The page, which needs no server.")
+@options.option("--html", "The page, which needs no server.", types.OUTPUT, required=True)
 def view(*, run: Run, path: str, requests: str | None, method: Method | None, html: str) -> None:
     """Show the robot's leg following PATH, a foot path or joint path as for `plan`, on a page.
 

@@ -32,7 +32,6 @@ from planner.report.page import (
     heading,
     models_table,
     sentence,
-    table_section,
 )
 from planner.report.table import NOTHING, Column, Row, Table, number, percent
 from planner.trajectory import error_norm, index_of_largest, rms
@@ -69,15 +68,6 @@ def comparison_page(
     expected = [each.plans["optimal"].expected.error for each in check.joints]
     figures = [joint_figure(check, joint, j) for j, joint in enumerate(check.joints)]
     figures += [foot_figure(check)] if check.foot is not None else []
-    plans = {
-        "check": check,
-        "plans": plans_table(check.joints),
-        "foot": None if check.foot is None else foot_table(check.foot),
-        "second": check.methods.count(SECOND),
-        "has_expected": bool(np.isfinite(expected).any()),
-    }
-    checks = {"table": checks_table(check.checks), "reasons": tolerance_reasons(check.checks)}
-    models = models_table(names, [joint.model for joint in check.joints])
     subject = f"Plans compared for the leg “{title}”" if leg else heading(title or ", ".join(names))
     return Page(
         heading=subject,
@@ -88,10 +78,23 @@ def comparison_page(
         cards=key_figures(check),
         figure=leg_figure(check, check.foot, leg) if check.foot is not None and leg else None,
         sections=[
-            Section("How good each plan is", PLANS, plans),
-            Section("Angles and requests", FIGURES, {"pictures": figures}),
-            Section("What was checked", CHECKS, checks),
-            table_section("The models", models),
+            Section(
+                "How good each plan is",
+                "comparison.plans",
+                check=check,
+                plans=plans_table(check.joints),
+                foot=None if check.foot is None else foot_table(check.foot),
+                second=check.methods.count(SECOND),
+                has_expected=bool(np.isfinite(expected).any()),
+            ),
+            Section("Angles and requests", "comparison.figures", pictures=figures),
+            Section(
+                "What was checked",
+                "comparison.checks",
+                table=checks_table(check.checks),
+                reasons=tolerance_reasons(check.checks),
+            ),
+            Section("The models", table=models_table(names, [each.model for each in check.joints])),
         ],
         listings=sources,
         footer=Markup(
@@ -101,48 +104,6 @@ def comparison_page(
             "not the paper’s, nor are the optimised requests and the bounds."
         ),
     ).html()
-
-
-PLANS = """
-{{ plans }}
-<p class="note">Errors of the angles that each plan predicts, against the desired ones. No requests
-  bring the
-  {{ check.norm }} error below the lower bounds; the gap is how far a plan is above the sharpest of
-    them. Requests differ from those of the optimised plan.
-  {% if has_expected %}On the robot, expect the error of the plan and of its model, by what the
-    model was tested on.
-  {% endif %}
-  {% if second %}The plans by IPOPT are a second opinion on the optimised ones: the same problem as
-    a nonlinear programme in CasADi.{% endif %}</p>
-{% if foot is not none %}
-{{ foot }}
-<p class="note">Distance of the foot from its desired position. The last plan is made for all
-  joints at once: single joints
-  may have larger errors, which compensate for one another. The lower bound is about requests
-    within the limits: a
-    plan beyond them
-  has no gap.</p>
-{% endif %}
-"""
-
-FIGURES = """
-<p>Two plans that are equally good may have requests far apart: where the joint is at top speed, or
-  rests in its dead band, many requests have the same effect, and the joint averages the rest.</p>
-{{ hints }}
-{{ figures(pictures) }}
-"""
-
-CHECKS = """
-{{ table }}
-<p class="note">Of every claim the plan that is closest to breaking it; below zero there is room.
-  The simulation that the
-  angles are compared with shares no code with the model.</p>
-<ul class="reasons">
-{% for unit, names, reason in reasons %}
-  <li>{{ names }} [{{ unit }}]: {{ reason }}</li>
-{% endfor %}
-</ul>
-"""
 
 
 # The verdict in words.

@@ -15,11 +15,9 @@ from planner.report.page import (
     Listing,
     Page,
     Section,
-    figures_section,
     footer,
     sentence,
     spoken,
-    table_section,
 )
 from planner.report.replay import RESENT, SIGNS
 from planner.report.table import NOTHING, Column, Row, Table, number
@@ -53,23 +51,18 @@ def episodes_page(
     shown = [rows[place] | {"recording": _short(rows[place]["recording"])} for place in sorted(off)]
     table = episodes_table(shown, fastest=document["speed"] is None)
     units = sorted({row["unit"] for row in rows})
-    sections = [
-        Section(
-            "The recordings",
-            RECORDINGS,
-            {"table": table, "rest": max(len(rows) - MOST_ROWS, 0)},
-        )
-    ]
+    rest = max(len(rows) - MOST_ROWS, 0)
+    sections = [Section("The recordings", "replay.recordings", table=table, rest=rest)]
     if failures:
         left_out = [Row(_short(name), (reason,)) for name, reason in failures.items()]
         if len(left_out) > 20:  # that is enough to read
             left_out[20:] = [Row(f"{len(left_out) - 20} more", (NOTHING,))]
         columns = (Column("reason", words=True),)
         table = Table("recording", columns, tuple(left_out), label="Left out")
-        sections.append(table_section("Left out", table))
+        sections.append(Section("Left out", table=table))
     figures = [errors_figure(rows, unit) for unit in units]
     if len(figures) > 1:
-        sections.insert(0, figures_section("", figures[1:]))
+        sections.insert(0, Section("", pictures=figures[1:]))
     worst = max(rows, key=lambda row: float(row["planned_rms"]))
     median = {
         kind: float(np.median([row[f"{kind}_rms"] for row in rows]))
@@ -100,17 +93,6 @@ def episodes_page(
         listings=sources,
         footer=footer("replay"),
     ).html()  # fmt: skip
-
-
-RECORDINGS = """
-{{ table }}
-<p class="note">Errors of each recording’s joint that is farthest off, rms, by the exact model. “As
-recorded” are the recorded requests at this speed, “path as it is” the path itself as requests. What
-to expect on the robot is the error of plan and model together. No requests bring the error below
-the lower bound.
-{%- if rest %} {{ rest }} recordings with smaller errors are not in the table.{% endif %}
-</p>
-"""
 
 
 def episodes_table(rows: Sequence[Mapping[str, Any]], *, fastest: bool) -> Table:

@@ -16,7 +16,6 @@ from planner.report.page import (
     Listing,
     Page,
     Section,
-    figures_section,
     footer,
     heading,
     sentence,
@@ -36,7 +35,6 @@ NEXT = style.OPTIMAL._replace(label="predicted next")
 ERROR = style.INK._replace(label="error, measured", width=1.4)
 LEARNT = style.SHIFT._replace(label="learnt: measured less modelled", width=1.8)
 
-TRIALS = "{{ table }}{% if more %}{{ figures(more) }}{% endif %}"
 """The section on the trials: the first errors stand beside the heading, the rest here."""
 
 
@@ -101,8 +99,8 @@ def learning_page(
         ],
         figure=errors_figure(worst),
         sections=[
-            Section("The trials", TRIALS, {"table": trials_table(progress), "more": more}),
-            figures_section("The joints", joints),
+            Section("The trials", table=trials_table(progress), pictures=more),
+            Section("The joints", pictures=joints),
         ],
         listings=sources,
         footer=footer("refine"),

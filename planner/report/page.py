@@ -1,8 +1,7 @@
 """A page: one HTML file that needs nothing else, built from a list of sections.
 
-A page is a heading with its verdict, key figures, sections, and lists of its sources. A
-section is a title and a template, in which tables and figures are values: copy a section into a
-page of your own, or change its words.
+A page is a heading with its verdict, key figures, sections, and lists of its sources. The words of
+a section are a block of a template, in which tables and figures are values.
 """
 
 from __future__ import annotations
@@ -78,26 +77,23 @@ class Card(NamedTuple):
     words: str
 
 
-@dataclass(frozen=True)
 class Section:
-    """A part of a page."""
+    """A part of a page: its heading, and a block of a template with the values that it shows.
 
-    title: str  # its heading; none where it is empty
+    ``plan.joints`` is the block ``joints`` of ``templates/plan.html``; without one a section is a
+    ``table``, a ``note`` and ``pictures`` side by side. In a block ``{{ table }}`` is a table,
+    ``{{ show(figure) }}`` a figure, and ``{{ figures(several) }}`` draws several side by side.
+    """
 
-    # its content, a Jinja template; `{{ table }}` is a table, `{{ show(figure) }}` a figure, and
-    # `{{ figures(several) }}` draws several side by side
-    template: str
-    context: Mapping[str, Any]  # variables of the template
+    def __init__(self, title: str, block: str = "sections.plain", **values: Any) -> None:
+        """Keep the title, empty for none, and what the section shows."""
+        self.title, self.block, self.values = title, block, values
 
-
-def table_section(title: str, table: Table) -> Section:
-    """A table under a heading."""
-    return Section(title, "{{ table }}", {"table": table})
-
-
-def figures_section(title: str, figures: Sequence[Figure]) -> Section:
-    """Figures side by side under a heading."""
-    return Section(title, "{{ figures(pictures) }}", {"pictures": figures})
+    def html(self, templates: jinja2.Environment) -> Markup:
+        """Its content; everything is escaped where it is rendered."""
+        name, _, block = self.block.partition(".")
+        template = templates.get_template(f"{name}.html")
+        return Markup("".join(template.blocks[block](template.new_context(self.values))))
 
 
 class Listing(NamedTuple):
@@ -142,16 +138,10 @@ class Page:
 
         templates.globals |= {"show": show, "figures": side_by_side}
         figure = None if self.figure is None else show(self.figure)
-        bodies = [
-            templates.from_string(each.template).render(each.context) for each in self.sections
-        ]
         return templates.get_template("base.html").render(
             page=self,
             figure=figure,
-            sections=[
-                (section.title, Markup(body))  # escaped where it was rendered
-                for section, body in zip(self.sections, bodies, strict=True)
-            ],
+            sections=[(section.title, section.html(templates)) for section in self.sections],
             roles=ROLES,
             live_head=live_head(),
             live_scripts=live_scripts(drawn),
@@ -174,6 +164,11 @@ def environment() -> jinja2.Environment:
     environment.filters["breakable"] = _breakable
     environment.globals["hints"] = HINTS
     return environment
+
+
+def rendered(block: str, **values: Any) -> Markup:
+    """The words of a block of a template, without figures."""
+    return Section("", block, **values).html(environment())
 
 
 def live_head() -> Markup:

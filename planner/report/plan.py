@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -24,7 +24,6 @@ from planner.report.page import (
     models_table,
     sentence,
     spoken,
-    table_section,
 )
 from planner.report.table import (
     NO_BOUND,
@@ -33,7 +32,7 @@ from planner.report.table import (
     Row,
     Table,
     at_most,
-    number,
+    by_columns,
     percent,
     signed,
     two_digits,
@@ -54,6 +53,8 @@ METHODS = {
     "foot-optimal": style.FOOT_OPTIMAL,
 }
 """The role of each method's plan in all figures."""
+DEGREE = math.degrees(1.0)
+
 AT_LIMIT = math.radians(1e-6)
 """A request this close to a limit is at it [rad]."""
 
@@ -95,11 +96,10 @@ def plan_page(
     }
     sections = []
     if foot:
-        values = {**common, "foot": foot[1:]}
-        sections.append(Section("The foot", OVER_MODELS + "{{ figures(foot) }}", values))
+        sections.append(Section("The foot", "plan.foot", foot=foot[1:], **common))
     if parts:
-        feet = {"table": feet_table(parts), "feet": [distances_figure(parts, role)]}
-        sections.append(Section("The feet", "{{ table }}{{ figures(feet) }}", feet))
+        feet = [distances_figure(parts, role)]
+        sections.append(Section("The feet", table=feet_table(parts), pictures=feet))
     joints = {
         **common,
         "table": joints_table(plan, bounded=bounded),
@@ -108,9 +108,9 @@ def plan_page(
         "joints": [joint_figure(plan, role, j) for j in range(len(plan.names))],
     }
     sections += [
-        Section("The joints", JOINTS, joints),
-        Section("The requests", REQUESTS, {"motions": motions_of(plan), "table": requests}),
-        table_section("The models", models_table(plan.names, plan.models)),
+        Section("The joints", "plan.joints", **joints),
+        Section("The requests", "plan.requests", motions=motions_of(plan), table=requests),
+        Section("The models", table=models_table(plan.names, plan.models)),
     ]
     count = max(map(len, plan.task.models)) - 1
     over = f" · robust, {plan.task.robust} of the nominal and {count} drawn models" if count else ""
@@ -129,43 +129,6 @@ def plan_page(
     ).html()
 
 
-OVER_MODELS = """
-{% if over_models %}{{ over_models }}
-<p class="note">Errors ({{ norm }}) over the nominal model and others drawn from the
-intervals of its parameters; the mean is a root mean square. The robust plan makes the
-{{ robust }} error small.</p>
-{% endif %}"""
-
-JOINTS = (
-    """
-{{ table }}
-<p class="note">Errors are predicted minus desired angles at each request, by the exact models.
-{% if has_expected %}On the robot, expect the error of the plan and of its model, by what the model
-  was tested on.
-{% endif %}{% if no_bound %}There is no lower bound {{ no_bound }}.
-{% elif bounded %}No requests bring the {{ norm }} error below the lower bound.
-{% else %}The plan is for the foot: single joints may have errors that compensate for one
-  another.{% endif %}</p>
-"""
-    + OVER_MODELS
-    + """
-{{ hints }}
-{{ figures(joints) }}
-"""
-)
-
-REQUESTS = """
-{{ motions }}
-<p class="note">The length is the sum of all changes. Where requests step, turn or travel more than
-a gearbox likes, limit their steps (--max-step-deg, --max-request-speed-deg-s) or let smoother ones
-cost more accuracy (--smoothness).</p>
-<details>
-  <summary>All {{ table.rows | length }} of them [deg]</summary>
-  {{ table }}
-</details>
-"""
-
-
 # The verdict in words.
 
 
@@ -177,9 +140,7 @@ def verdict(plan: Plan, legs: Mapping[str, Plan] | None = None) -> tuple[str, st
         unit, several = "cm", bool(legs)
         subject = "feet stay" if legs else "foot stays"
     else:
-        planned, direct = (
-            size(errors, math.degrees(1.0)) for errors in (plan.errors, plan.direct - plan.desired)
-        )
+        planned, direct = (size(errors) for errors in (plan.errors, plan.direct - plan.desired))
         subject = "joints stay" if several else "joint stays"
     whose = "their paths" if several else "its path"
     tail = (
@@ -217,35 +178,39 @@ def remarks(
             f"The leg jumps to another pose after {len(jumps)} samples ({samples}): the "
             "desired angles are no smooth path. Start near another pose (--near), or move the path."
         )
-    rows = sorted(joint_rows(plan), key=lambda row: row.load, reverse=True)
-    # a smaller excess leaves no error worth a remark
-    if fast := [row for row in rows if row.too_fast >= 0.005 or row.load > 1.01]:
-        names = ", ".join(
-            f"{row.name} ({100 * row.too_fast:.0f} % of the path, up to {row.speed:.0f} deg/s; "
-            f"the joint reaches {row.top_speed:.0f})"
-            for row in fast
-        )
+    fast = []
+    for name, share, speeds in zip(plan.names, plan.too_fast, plan.speeds, strict=True):
+        speed, top = np.degrees(speeds.highest)
+        if share >= 0.005 or speed > 1.01 * top:  # less leaves no error worth a remark
+            path = f"{100 * share:.0f} % of the path, up to {speed:.0f} deg/s"
+            fast.append((speed / top, name, f"{name} ({path}; the joint reaches {top:.0f})"))
+    if fast:
+        fast.sort(key=lambda each: -each[0])
         lines.append(
-            f"The desired path is faster than the top speed of: {names}. There no requests make "
+            f"The desired path is faster than the top speed of: "
+            f"{', '.join(words for *_, words in fast)}. There no requests make "
             "the joint follow exactly; a slower or smaller path has no such error."
         )
-        by_name = dict(zip(plan.names, (each.evidence for each in plan.models), strict=True))
-        evidence = {row.name: by_name[row.name] for row in fast}
-        unknown = [name for name, each in evidence.items() if each and each.leaves_top_speed_open]
+        unknown = [name for _, name, _ in fast if name in open_top_speeds(plan)]
         if unknown:
             lines[-1] += (
                 f" For {', '.join(unknown)} this holds for the model only: {OPEN_TOP_SPEED}."
             )
-    if outside := [row for row in rows if row.beyond]:
-        names = ", ".join(f"{row.name} by {row.beyond:.3g} degrees" for row in outside)
+    rows = [*zip(plan.names, *beyond_limits(plan), strict=True)]
+    if outside := [f"{name} by {beyond:.3g} degrees" for name, _, beyond in rows if beyond]:
         lines.append(
-            f"Requests go beyond the limits of {names}. A robot that clips its requests would "
-            "track less well than this."
+            f"Requests go beyond the limits of {', '.join(outside)}. A robot that clips its "
+            "requests would track less well than this."
         )
-    if at_limit := [row for row in rows if row.at_limit and not row.beyond]:
-        names = ", ".join(f"{row.name} ({row.at_limit})" for row in at_limit)
-        lines.append(f"Requests at a limit of their joint: {names}.")
+    if at_limit := [f"{name} ({count})" for name, count, beyond in rows if count and not beyond]:
+        lines.append(f"Requests at a limit of their joint: {', '.join(at_limit)}.")
     return lines
+
+
+def open_top_speeds(plan: Plan) -> list[str]:
+    """The joints whose top speed their logs leave open: lower bounds are of their models only."""
+    pairs = zip(plan.names, plan.models, strict=True)
+    return [name for name, m in pairs if m.evidence and m.evidence.leaves_top_speed_open]
 
 
 def jumps_of(plan: Plan) -> list[int]:
@@ -259,7 +224,6 @@ def jumps_of(plan: Plan) -> list[int]:
 
 def cards(plan: Plan, legs: Mapping[str, Plan] | None = None) -> list[Card]:
     """The key figures; of a robot also of its feet."""
-    rows = joint_rows(plan)
     foot_cards = []
     if feet := list((legs or {}).values()) or ([plan] if plan.task.leg else []):
         planned, direct, early = foot_sizes(feet)
@@ -279,16 +243,22 @@ def cards(plan: Plan, legs: Mapping[str, Plan] | None = None) -> list[Card]:
                  f"above the lower bound for requests within the limits, "
                  f"{100.0 * plan.foot_bound:.3g} cm {kind}, proved")
         )  # fmt: skip
-    worst = max(rows, key=lambda row: row.planned.rms)
-    busy = max(rows, key=lambda row: row.load)
-    count, joints = len(plan.desired), len(rows)
+    planned_rms, direct_rms = (
+        [each.rms for each in sizes(errors)] for errors in (plan.errors, plan.direct - plan.desired)
+    )
+    worst = planned_rms.index(max(planned_rms))
+    speeds = [np.degrees(each.highest) for each in plan.speeds]
+    loads = [speed / top for speed, top in speeds]
+    busy = loads.index(max(loads))
+    count, joints = len(plan.desired), len(plan.names)
     return [
         *foot_cards,
-        Card(f"{worst.planned.rms:.3g}", "deg rms",
-             f"the joint with the largest error, {worst.name}; without a plan "
-             f"{worst.direct.rms:.3g} deg"),
-        Card(f"{busy.speed:.0f}", "deg/s",
-             f"{busy.name}, the fastest for its top speed, which is {busy.top_speed:.0f} deg/s"),
+        Card(f"{planned_rms[worst]:.3g}", "deg rms",
+             f"the joint with the largest error, {plan.names[worst]}; without a plan "
+             f"{direct_rms[worst]:.3g} deg"),
+        Card(f"{speeds[busy][0]:.0f}", "deg/s",
+             f"{plan.names[busy]}, the fastest for its top speed, which is {speeds[busy][1]:.0f} "
+             "deg/s"),
         Card(f"{plan.period * count:.3g}", "s",
              f"{count} requests to {joints} joint{'s' * (joints > 1)}, one every "
              f"{1000 * plan.period:.3g} ms; "
@@ -299,9 +269,14 @@ def cards(plan: Plan, legs: Mapping[str, Plan] | None = None) -> list[Card]:
 # The tables.
 
 
-def size(errors: Array, factor: float) -> Distance:
+def size(errors: Array, factor: float = DEGREE) -> Distance:
     """The errors times a factor in two numbers."""
     return Distance(factor * error_norm(errors, "rms"), factor * error_norm(errors, "max"))
+
+
+def sizes(errors: Array) -> list[Distance]:
+    """The errors of each joint [rad], (n, k), in two numbers [deg]."""
+    return [size(np.ascontiguousarray(column)) for column in errors.T]
 
 
 def foot_sizes(feet: Sequence[Plan]) -> tuple[Distance, ...]:
@@ -385,105 +360,55 @@ def start_words(plan: Plan) -> str:
     )
 
 
-class JointRow(NamedTuple):
-    """A joint under the plan: angles in degrees, speeds in degrees per second.
-
-    ``bound`` and ``gap`` are None for a plan for the foot, and the gap above a bound of zero is
-    infinite. ``speed`` and ``top_speed`` are the desired speed and the top speed in its direction,
-    where their ratio is largest; ``too_fast`` is the share of the desired path above the top speed,
-    ``at_limit`` the number of requests at one of the ``limits``, infinite where there is none, or
-    beyond it, and ``beyond`` how far they go, 0 where they stay within.
-    """
-
-    name: str
-    planned: Distance
-    direct: Distance
-    bound: float | None
-    gap: float | None
-    speed: float
-    top_speed: float
-    too_fast: float
-    limits: tuple[float, float]
-    at_limit: int
-    beyond: float
-
-    @property
-    def load(self) -> float:
-        """The speed as a share of the top speed."""
-        return self.speed / self.top_speed
-
-
-def joint_rows(plan: Plan) -> list[JointRow]:
-    """Every joint."""
-    rows = []
-    for j, name in enumerate(plan.names):
-        planned, direct = (
-            size(np.ascontiguousarray(errors[:, j]), math.degrees(1.0))
-            for errors in (plan.errors, plan.direct - plan.desired)
-        )
-        lower, upper = float(plan.task.lower[j]), float(plan.task.upper[j])
-        excess = np.maximum(lower - plan.requests[:, j], plan.requests[:, j] - upper)
-        beyond, bounded = float(excess.max()), is_bounded(plan)
-        speed, top_speed, low, high = np.degrees([*plan.speeds[j].highest, lower, upper]).tolist()
-        rows.append(
-            JointRow(
-                name=name,
-                planned=planned,
-                direct=direct,
-                bound=math.degrees(plan.lower_bounds[j]) if bounded else None,
-                gap=float(plan.gaps[j]) if bounded else None,
-                speed=speed,
-                top_speed=top_speed,
-                too_fast=float(plan.too_fast[j]),
-                limits=(low, high),
-                at_limit=int(np.sum(excess >= -AT_LIMIT)),
-                beyond=math.degrees(beyond) if beyond > AT_LIMIT else 0.0,
-            )
-        )
-    return rows
+def beyond_limits(plan: Plan) -> tuple[list[int], list[float]]:
+    """How many requests of each joint are at or beyond a limit, and how far they go [deg]."""
+    excess = np.maximum(plan.task.lower - plan.requests, plan.requests - plan.task.upper)
+    most = excess.max(axis=0)
+    beyond = np.degrees(np.where(most > AT_LIMIT, most, 0.0))
+    return np.sum(excess >= -AT_LIMIT, axis=0).tolist(), beyond.tolist()
 
 
 def joints_table(plan: Plan, *, bounded: bool = True) -> Table:
     """Errors, speeds and limits of joints, and lower bounds if wanted and available."""
-    bounded, has_expected = bounded and is_bounded(plan), any(expected_errors(plan))
-    is_shift = plan.method == "shift"
-    columns = [Column("best time shift [deg]" if is_shift else "planned [deg]", ("rms", "max"))]
-    if is_shift:
-        columns.append(Column("early [ms]"))
-    if has_expected:
-        columns.append(Column("on the robot [deg]"))
-    columns.append(Column("without a plan [deg]", ("rms", "max")))
-    if not is_shift:
-        columns.append(Column("best time shift", ("rms [deg]", "early [ms]")))
-    if bounded:
-        columns += [Column(f"{bound_title(plan)} [deg]"), Column("gap")]
-    columns.append(Column("speed [deg/s]", ("desired", "top")))
-    columns += [Column("too fast"), Column("limits [deg]"), Column("at or beyond limits")]
-    rows = []
-    shift = shifted(plan.task)
-    early = zip(shift.errors.T, shift.leads, strict=True)
-    for row, expected, (errors, lead) in zip(joint_rows(plan), plan.expected, early, strict=True):
-        early_by = f"{1e3 * lead:.0f}"
-        cells: list[str | tuple[str, ...]] = [tuple(f"{error:.3f}" for error in row.planned)]
-        if is_shift:
-            cells.append(early_by)
-        if has_expected:
-            cells.append(expected_words(expected).replace(" (", "\n").removesuffix(")"))
-        cells.append(tuple(f"{error:.3f}" for error in row.direct))
-        if not is_shift:
-            cells.append((f"{np.degrees(rms(errors)):.3f}", early_by))
-        if bounded:
-            gap = NOTHING if row.gap is None or math.isinf(row.gap) else percent(row.gap)
-            cells += [number(row.bound, 3), gap]
-        cells.append((f"{row.speed:.0f}", f"{row.top_speed:.0f}"))
-        cells += [percent(row.too_fast, 0), _limits(*row.limits), f"{row.at_limit}"]
-        rows.append(Row(row.name, tuple(cells)))
-    return Table("joint", tuple(columns), tuple(rows), label="Joints")
+    shift, norms, is_shift = shifted(plan.task), ("rms", "max"), plan.method == "shift"
+    early = [f"{1e3 * lead:.0f}" for lead in shift.leads]
+    planned, direct = (
+        [tuple(f"{error:.3f}" for error in each) for each in sizes(errors)]
+        for errors in (plan.errors, plan.direct - plan.desired)
+    )
+    pairs = zip((f"{np.degrees(rms(errors)):.3f}" for errors in shift.errors.T), early, strict=True)
+    robot = [expected_words(each).replace(" (", "\n").removesuffix(")") for each in plan.expected]
+    bounded = bounded and is_bounded(plan)
+    gaps = [NOTHING if math.isinf(gap) else percent(gap) for gap in plan.gaps] if bounded else []
+    bounds = [f"{math.degrees(each):.3f}" for each in plan.lower_bounds] if bounded else []
+    fastest = (np.degrees(each.highest) for each in plan.speeds)
+    limits = zip(plan.task.lower, plan.task.upper, strict=True)
+    return by_columns(
+        "joint",
+        plan.names,
+        [
+            (Column("best time shift [deg]" if is_shift else "planned [deg]", norms), planned),
+            is_shift and ("early [ms]", early),
+            any(expected_errors(plan)) and ("on the robot [deg]", robot),
+            (Column("without a plan [deg]", norms), direct),
+            not is_shift and (Column("best time shift", ("rms [deg]", "early [ms]")), [*pairs]),
+            bounded and (f"{bound_title(plan)} [deg]", bounds),
+            bounded and ("gap", gaps),
+            (
+                Column("speed [deg/s]", ("desired", "top")),
+                [tuple(f"{speed:.0f}" for speed in each) for each in fastest],
+            ),
+            ("too fast", [percent(share, 0) for share in plan.too_fast]),
+            ("limits [deg]", [_limits(*np.degrees(each).tolist()) for each in limits]),
+            ("at or beyond limits", list(map(str, beyond_limits(plan)[0]))),
+        ],
+        label="Joints",
+    )
 
 
 def models_errors_table(plan: Plan, labels: Sequence[str]) -> Table | None:
     """Errors of a robust plan over the models that joints may have, beside the nominal plan's."""
-    unit, factor, rows = "deg", math.degrees(1.0), list[Row]()
+    unit, factor, rows = "deg", DEGREE, list[Row]()
     results: Sequence[Inversion | FootInversion] = plan.inversions
     if plan.of_foot is not None:
         unit, factor, labels, results = "cm", 100.0, ["foot"], [plan.of_foot]
@@ -507,43 +432,51 @@ def _limits(lower: float, upper: float) -> str:
 
 def motions_of(plan: Plan) -> Table:
     """How the requests of every joint of a plan move; see :func:`motions_table`."""
-    factors = [math.degrees(1.0)] * len(plan.names)
-    return motions_table(zip(plan.names, plan.motions, factors, strict=True))
+    return motions_table(zip(plan.names, plan.motions, [DEGREE] * len(plan.names), strict=True))
 
 
 def motions_table(motions: Iterable[tuple[str, RequestMotion, float]]) -> Table:
     """How requests move, beside the desired path: by joint, with the factor to degrees."""
-    rows = []
-    for name, motion, factor in motions:
-        cells = (
-            factor * motion.largest_step,
-            motion.reversals_per_s,
-            factor * motion.path_length,
-            factor * motion.desired_length,
-            factor * motion.beyond,
-        )
-        rows.append(Row(name, tuple(map(format, cells, (".2f", ".1f", ".1f", ".1f", ".2f")))))
-    titles = ("largest step [deg]", "reversals/s", "length [deg]", "desired")
-    columns = tuple(map(Column, (*titles, "outside desired [deg]")))
-    return Table("requests", columns, tuple(rows), label="How the requests move")
+    names, each, factors = zip(*motions, strict=True)
+    pairs = [*zip(each, factors, strict=True)]
+    return by_columns(
+        "requests",
+        names,
+        [
+            ("largest step [deg]", [f"{factor * m.largest_step:.2f}" for m, factor in pairs]),
+            ("reversals/s", [f"{m.reversals_per_s:.1f}" for m in each]),
+            ("length [deg]", [f"{factor * m.path_length:.1f}" for m, factor in pairs]),
+            ("desired", [f"{factor * m.desired_length:.1f}" for m, factor in pairs]),
+            ("outside desired [deg]", [f"{factor * m.beyond:.2f}" for m, factor in pairs]),
+        ],
+        label="How the requests move",
+    )
 
 
 def feet_table(legs: Mapping[str, Plan]) -> Table:
     """How far the foot of each leg of a robot is from its path."""
-    on_robot = all(plan.expected_foot is not None for plan in legs.values())
-    norms = ("rms", "at most")
-    columns = [Column("plan [cm]", norms), Column("without a plan [cm]", norms)]
-    columns += [Column("best shift [cm]", norms)] + [Column("on the robot, rms [cm]")] * on_robot
-    rows = []
-    for name, plan in legs.items():
-        each = (plan.distances, plan.direct_distances, shifted(plan.task).distances)
-        cells: list[str | tuple[str, ...]] = [
-            tuple(f"{error:.3f}" for error in size(distances, 100.0)) for distances in each
-        ]
-        if plan.expected_foot is not None and on_robot:
-            cells.append(f"{100.0 * plan.expected_foot:.3f}")
-        rows.append(Row(name, tuple(cells)))
-    return Table("foot", tuple(columns), tuple(rows), label="Feet")
+    plans, norms = legs.values(), ("rms", "at most")
+    robot = [100.0 * plan.expected_foot for plan in plans if plan.expected_foot is not None]
+
+    def cells(distances: Iterable[Array]) -> list[tuple[str, ...]]:
+        return [tuple(f"{error:.3f}" for error in size(each, 100.0)) for each in distances]
+
+    shifts = cells(shifted(plan.task).distances for plan in plans)
+    return by_columns(
+        "foot",
+        legs,
+        [
+            (Column("plan [cm]", norms), cells(plan.distances for plan in plans)),
+            (
+                Column("without a plan [cm]", norms),
+                cells(plan.direct_distances for plan in plans),
+            ),
+            (Column("best shift [cm]", norms), shifts),
+            len(robot) == len(legs)
+            and ("on the robot, rms [cm]", list(map("{:.3f}".format, robot))),
+        ],
+        label="Feet",
+    )
 
 
 # The figures.

@@ -33,7 +33,6 @@ from planner.report.page import (
     models_table,
     sentence,
     spoken,
-    table_section,
 )
 from planner.report.plan import motions_table
 from planner.report.table import NOTHING, Column, Row, Table, at_most, number
@@ -77,32 +76,25 @@ def replay_page(
     ``models`` is their origin; an ``arm``, whose joints are all recorded, moves on the page.
     ``missed`` are the tolerances that it misses.
     """
-    planned = replay.planned
+    models_of = {each.name: each.inversion.model for each in replay.planned if each.inversion}
+    joints = [joint_figure(replay, j) for j in range(len(replay.joints))]
     sections = [
-        Section(
-            "The joints",
-            JOINTS,
-            {
-                "table": joints_table(replay),
-                "joints": [joint_figure(replay, j) for j in range(len(replay.joints))],
-            },
-        ),
-        table_section(
-            "The models",
-            models_table(
-                [each.name for each in planned],
-                [each.inversion.model for each in planned if each.inversion],
-            ),
-        ),
+        Section("The joints", "replay.joints", table=joints_table(replay), joints=joints),
+        Section("The models", table=models_table([*models_of], [*models_of.values()])),
     ]
     if fastest is not None:
         curves = [speeds_figure(fastest)]
         if fastest.retime == "varying":
             curves.append(factors_figure(fastest))
-        whose = "of the foot" if fastest.foot else "of the joint that is farthest off"
-        curve = {"curves": curves, "whose": whose, "unknown": _listed(replay.path.open_top_speeds)}
-        curve["open"] = OPEN_TOP_SPEED
-        sections.insert(0, Section("How fast it can be", SPEEDS, curve))
+        speeds = Section(
+            "How fast it can be",
+            "replay.speeds",
+            curves=curves,
+            whose="of the foot" if fastest.foot else "of the joint that is farthest off",
+            unknown=_listed(replay.path.open_top_speeds),
+            open=OPEN_TOP_SPEED,
+        )
+        sections.insert(0, speeds)
     head, tail = _verdict(replay)
     return Page(
         heading="Replay at the recorded speed"
@@ -125,27 +117,6 @@ def replay_page(
         listings=sources,
         footer=footer("replay"),
     ).html()
-
-
-JOINTS = """
-{{ table }}
-<p class="note">Errors are angles minus the path at each request, by the exact models. “Requests as
-recorded” are those at this speed, “path as it is” the path itself as requests. No
-requests bring the rms error below the lower bound. What to expect on the robot is the error of plan
-and model together.</p>
-{{ hints }}
-{{ figures(joints) }}
-"""
-
-SPEEDS = """
-<p>Largest errors at constant speeds, {{ whose }}. Where a lower bound is above the tolerance, no
-requests keep it.
-{%- if unknown %}
- The lower bound holds for the model only of {{ unknown }}: {{ open }}.
-{%- endif %}
-</p>
-{{ figures(curves) }}
-"""
 
 
 # The text.

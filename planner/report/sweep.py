@@ -12,7 +12,7 @@ from typing import Any, Literal
 import numpy as np
 
 from planner.report.figure import Axis, Curve, Figure, Panel
-from planner.report.page import Card, Listing, Page, Section, footer, spoken, table_section
+from planner.report.page import Card, Listing, Page, Section, footer, spoken
 from planner.report.style import DIRECT, FOOT_OPTIMAL, INK, LIMIT, OPTIMAL, Role
 from planner.report.table import Column, Row, Table
 
@@ -175,8 +175,10 @@ def sweep_page(swept: Swept, *, sources: Sequence[Listing] = ()) -> str:
                  "that error without a plan, with the desired angles as requests"),
         ]  # fmt: skip
         commands = [f"# point {each.number}\n{swept.command(each)}" for each in swept.front]
-        values = {"table": points_table(swept), "commands": "\n".join(commands)}
-        sections.append(Section("The front", FRONT, values))
+        text = "\n".join(commands)
+        sections.append(
+            Section("The front", "sweep.front", table=points_table(swept), commands=text)
+        )
     if swept.failures:
         rows = [
             Row(f"{points[0].number}", (swept.words(points[0]), f"{len(points)}", reason))
@@ -184,7 +186,7 @@ def sweep_page(swept: Swept, *, sources: Sequence[Listing] = ()) -> str:
         ]
         columns = Column("parameters", words=True), Column("points"), Column("reason", words=True)
         table = Table("first point", columns, tuple(rows), label="Points without a plan")
-        sections.append(table_section(table.label, table))
+        sections.append(Section(table.label, table=table))
     head, _, tail = swept.verdict.partition(": ")
     return Page(
         heading="Speed against error",
@@ -197,16 +199,6 @@ def sweep_page(swept: Swept, *, sources: Sequence[Listing] = ()) -> str:
         listings=sources,
         footer=footer("sweep"),
     ).html()
-
-
-FRONT = """
-{{ hints }}
-<p>No other point that was tried is both faster and closer to its path than one of these.</p>
-{{ table }}
-<p class="note">Each command plans its point again, with all files of a run; the error that it
-prints is that of the table.</p>
-<pre>{{ commands }}</pre>
-"""
 
 
 def points_table(swept: Swept) -> Table:

@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 import re
 import textwrap
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
 from itertools import groupby, zip_longest
 from operator import attrgetter
+from typing import Literal
 
 from markupsafe import Markup, escape
 
@@ -124,6 +125,22 @@ class Table:
             return f"<tr>{''.join(cells)}</tr>"
         below = "".join(_html_parts(column) for column in self.columns)
         return f'<tr>{"".join(cells)}</tr><tr class="sub"><td{across}></td>{below}</tr>'
+
+
+def by_columns(
+    about: str,
+    rows: Iterable[str],
+    columns: Iterable[tuple[str | Column, Sequence[str | tuple[str, ...]]] | Literal[False]],
+    *,
+    label: str = "",
+) -> Table:
+    """A table from the labels of its rows and its columns: titles and cells; False is no column."""
+    shown = [each for each in columns if each]
+    titles = (Column(title) if isinstance(title, str) else title for title, _ in shown)
+    cells = zip(rows, *(own for _, own in shown), strict=True)
+    return Table(
+        about, tuple(titles), tuple(Row(row, tuple(own)) for row, *own in cells), label=label
+    )
 
 
 def text_table(header: Sequence[str], rows: Sequence[Sequence[str]], *, about: int = 1) -> str:

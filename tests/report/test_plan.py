@@ -14,8 +14,8 @@ from planner.model.response import PathSpeeds
 from planner.report.page import sources_of
 from planner.report.plan import (
     WITHOUT,
+    beyond_limits,
     foot_figures,
-    joint_rows,
     joints_table,
     jumps_of,
     plan_page,
@@ -105,13 +105,12 @@ def test_a_path_is_said_to_be_too_fast_where_that_is_more_than_a_trace(outcome):
 
 
 def test_requests_at_a_limit_are_counted(outcome):
-    rows = joint_rows(limited(outcome, 0, (-10.0, float(outcome.requests[:, 0].max()))))
-    assert rows[0].at_limit >= 1
-    assert rows[0].limits[0] == pytest.approx(np.degrees(-10.0))
-    tight = limited(outcome, 0, (float(outcome.requests[:, 0].min()), 10.0))
-    assert joint_rows(tight)[0].at_limit >= 1
+    at_largest = limited(outcome, 0, (-10.0, float(outcome.requests[:, 0].max())))
+    at_least = limited(outcome, 0, (float(outcome.requests[:, 0].min()), 10.0))
+    for tight in (at_largest, at_least):
+        assert beyond_limits(tight)[0][0] >= 1
     free = limited(outcome, 0, (-np.inf, np.inf))
-    assert joint_rows(free)[0].at_limit == 0
+    assert beyond_limits(free)[0][0] == 0
     assert "none" in joints_table(free).rows[0].cells
     for limits, words in (((-np.inf, 10.0), "at most 573"), ((-10.0, np.inf), "at least −573")):
         half = joints_table(limited(outcome, 0, limits)).rows[0].cells

@@ -49,7 +49,7 @@ NORM = "the plan's norm, or with --fastest the largest error"
 )
 @options.recording_options
 @options.output_or_folder
-@click.option("--report", type=types.OUTPUT, help="Write a page (HTML) about the replay.")
+@options.report("Write a page (HTML) about the replay.")
 @options.parallel
 @options.as_json
 def replay(

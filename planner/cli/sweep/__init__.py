@@ -31,15 +31,15 @@ HEADING = (
 
 @click.command()
 @click.argument("file", type=types.INPUT, metavar="[SWEEP.toml]", required=False)
-@click.option("--out", type=types.FOLDER, help="Folder for the results, whatever the file says.")
-@click.option(
+@options.option("--out", "Folder for the results, whatever the file says.", types.FOLDER)
+@options.option(
     "--at",
-    multiple=True,
-    type=types.PARAMETER,
+    "Only this point, with all files of `run`: a value of each parameter.",
+    types.PARAMETER,
     metavar="NAME=VALUE",
-    help="Only this point, with all files of `run`: a value of each parameter.",
+    multiple=True,
 )
-@click.option("--template", is_flag=True, help="Print a file with every key, to begin with.")
+@options.option("--template", "Print a file with every key, to begin with.", bool)
 @options.parallel
 @options.as_json
 def sweep(

@@ -37,7 +37,6 @@ from planner.report.page import (
     Listing,
     Page,
     Section,
-    figures_section,
     footer,
     heading,
     parameters_of,
@@ -67,7 +66,9 @@ def identification_page(
     ]
     words = of_several([joint.identification for joint in joints])
     table = _units_above(joints_table(identifications))
-    overview = {"joints": joints, "table": table, "rare": explained(identifications)}
+    overview = Section(
+        "", "identification.overview", joints=joints, table=table, rare=explained(identifications)
+    )
     page = Page(
         heading=f"{len(joints)} joints, identified",
         eyebrow="request-planner identify",
@@ -76,7 +77,7 @@ def identification_page(
             "what is known of each, and what it adds, follows joint by joint.",
         ),
         sections=[
-            Section("", OVERVIEW, overview),
+            overview,
             *(section for joint in joints for section in _sections(joint, alone=False)),
         ],
         footer=footer("identify", ", with lag and acceleration time of any length"),
@@ -101,73 +102,6 @@ def identification_page(
     return page.html()
 
 
-OVERVIEW = """
-{{ table }}
-<p class="note">{% if rare %}{{ rare[:1] | upper }}{{ rare[1:] }}. {% endif %}In detail:
-{% for joint in joints %}
-<a href="#{{ joint.anchor }}">{{ joint.name or "unnamed" }}</a>{{ ", " if not loop.last else "." }}
-{% endfor %}</p>
-"""
-
-HEAD = """
-<h2 class="joint" id="{{ joint.anchor }}">{{ heading(joint.name or "unnamed") }}</h2>
-<div class="hero">
-<div><p class="verdict{{ "" if good else " no" }}">{{ verdict }}</p>
-{% if profile %}
-<p class="note">{{ profile }}</p>
-{% endif %}
-{% if joint.identification.warnings %}
-<ul class="warnings" aria-label="Warnings">
-{% for warning in joint.identification.warnings %}<li>{{ warning }}</li>{% endfor %}
-</ul>
-{% endif %}
-</div>
-{{ show(cloud) }}
-</div>
-{% include "cards.html" %}
-"""
-
-ESTIMATES = """
-<div class="facts">
-<div>
-{{ table }}
-<p class="note">The intervals hold if the model does; its residuals are below.
-{% if open %}Of v<sub>max</sub> and θ<sub>0</sub> the logs show little more than the ratio.
-{% elif share == 0.0 %}The joint never was at its top speed for a whole window: of v<sub>max</sub>
-  and θ<sub>0</sub> this log shows little more than the ratio.
-{% else %}The joint was at its top speed in {{ share | percent(1) }} of the measured intervals,
-  their whole window
-  through: there v<sub>max</sub> is read off, and below it the ratio to θ<sub>0</sub>.
-{% endif %}</p>
-</div>
-{{ show(intervals) }}
-</div>
-"""
-
-ADDS = """
-{{ table }}
-<p class="note">Held out: the second part of every log, predicted by a model that was fitted to the
-  first part only.
-  The joint moves about its mean by {{ signal }} (standard deviation).</p>
-"""
-
-LOGS = """
-{{ hints }}
-{% for name, error, figure in logs %}
-<h3 class="log">{{ name | breakable }} <small class="note">{{ error }} rms</small></h3>
-{{ show(figure) }}
-{% endfor %}
-"""
-
-ORIGIN = """
-{{ table }}
-<p class="note">The model, as <code>plan --model</code> reads it:</p>
-<pre>{% for name in names %}
-{{ name }} = {{ model | attr(name) }}
-{% endfor %}</pre>
-"""
-
-
 def _sections(joint: Joint, *, alone: bool = True) -> list[Section]:
     """A joint's parameters, the improvement by the model, the logs, and the sources.
 
@@ -180,34 +114,42 @@ def _sections(joint: Joint, *, alone: bool = True) -> list[Section]:
         for k, fit in enumerate(identification.fits, 1)
     ]  # fmt: skip
     sections = [
-        Section("What is known, and how well", ESTIMATES, {
-            "table": parameters_table(identification, page=True),
-            "share": saturated(identification),
-            "open": _leaves_top_speed_open(identification),
-            "intervals": intervals_figure(identification, prefix),
-        }),
-        Section("What the model adds", ADDS, {
-            "table": errors_table(identification),
-            "signal": _angle(identification, identification.signal),
-        }),
-        Section("Log by log", LOGS, {"logs": logs}),
-        Section("Where it comes from", ORIGIN, {
-            "table": logs_table(identification),
-            "names": parameters_of([identification.model.parameters()]),
-            "model": identification.model,
-        }),
-    ]  # fmt: skip
+        Section(
+            "What is known, and how well",
+            "identification.estimates",
+            table=parameters_table(identification, page=True),
+            share=saturated(identification),
+            open=_leaves_top_speed_open(identification),
+            intervals=intervals_figure(identification, prefix),
+        ),
+        Section(
+            "What the model adds",
+            "identification.adds",
+            table=errors_table(identification),
+            signal=_angle(identification, identification.signal),
+        ),
+        Section("Log by log", "identification.logs", logs=logs),
+        Section(
+            "Where it comes from",
+            "identification.origin",
+            table=logs_table(identification),
+            names=parameters_of([identification.model.parameters()]),
+            model=identification.model,
+        ),
+    ]
     if alone:
         return sections
-    head = Section("", HEAD, {
-        "joint": joint,
-        "heading": heading,
-        "verdict": _verdict(identification),
-        "profile": profile(identification),
-        "good": identification.accepted,
-        "cloud": cloud_figure(identification, prefix),
-        "cards": cards(identification),
-    })  # fmt: skip
+    head = Section(
+        "",
+        "identification.head",
+        joint=joint,
+        heading=heading,
+        verdict=_verdict(identification),
+        profile=profile(identification),
+        good=identification.accepted,
+        cloud=cloud_figure(identification, prefix),
+        cards=cards(identification),
+    )
     return [head, *sections]
 
 
@@ -358,16 +300,17 @@ def calibration_page(comparisons: Mapping[str, Compared], output: str) -> str:
         sections=(
             Section(
                 "Recommendation",
-                "<ul>{% for line in lines %}<li>{{ line }}</li>{% endfor %}</ul><p>{{ step }}</p>",
-                {"lines": lines, "step": Markup().join(parts)},
+                "identification.recommendation",
+                lines=lines,
+                step=Markup().join(parts),
             ),
             Section(
                 "Every way",
-                '{{ table }}\n<p class="note">The expected error is that of the plan and of its '
-                "model together; a dash where none was known.</p>",
-                {"table": candidates_table(comparisons)},
+                table=candidates_table(comparisons),
+                note="The expected error is that of the plan and of its model together; a dash "
+                "where none was known.",
             ),
-            figures_section("The joints", figures),
+            Section("The joints", pictures=figures),
         ),
         footer="Errors are measured: every way was played on the servos.",
         good=all(each.identification.accepted for _, each in joints),
