@@ -46,19 +46,6 @@ JOINT = "knee"
 
 
 @dataclass(frozen=True)
-class Range:
-    """The numbers that a key takes: above ``gt``, below ``lt``, from ``ge`` to ``le``."""
-
-    gt: float = -math.inf
-    ge: float = -math.inf
-    lt: float = math.inf
-    le: float = math.inf
-
-    def __contains__(self, number: float) -> bool:
-        return self.gt < number < self.lt and self.ge <= number <= self.le
-
-
-@dataclass(frozen=True)
 class Expected:
     """The expected value of a key in words, where its type is not enough, and a check of it.
 
@@ -67,6 +54,23 @@ class Expected:
 
     words: str
     check: Callable[[Any], Any] | None = None
+
+
+def within(
+    *, gt: float = -math.inf, ge: float = -math.inf, lt: float = math.inf, le: float = math.inf
+) -> Expected:
+    """Numbers above ``gt``, below ``lt``, from ``ge`` to ``le``; whole ones have an end ``le``."""
+    texts = {"above": gt, "of at least": ge, "below": lt}
+    ends = " and ".join(f"{text} {end:g}" for text, end in texts.items() if math.isfinite(end))
+
+    def check(number: float) -> float:
+        if not (gt < number < lt and ge <= number <= le):
+            raise ValueError
+        return number
+
+    return Expected(
+        f"a whole number from {ge} to {le}" if le < math.inf else f"a number {ends}", check
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,50 +181,10 @@ class Settings:
 
         ``standard_input``: whether ``-`` may name a file to read.
         """
-        return cls._at((), content, _Reading(cls, standard_input))
-
-    @classmethod
-    def _at(cls, place: Place, content: Any, reading: _Reading) -> Self:
-        if not isinstance(content, Mapping):
-            raise Unfit(place, f"got {_described(content)}, expected a table [{key_name(place)}]")
-        for name in content:
-            if name not in cls.keys:
-                raise Unfit((*place, name), reading.unknown((*place, name), cls), named=False)
-        missing = [name for name, key in cls.keys.items() if key.required and name not in content]
-        if len(missing) == 1:
-            words = cls.keys[missing[0]].expected
-            raise Unfit(place, f"no key '{missing[0]}', expected {words}; add it")
-        if missing:
-            raise Unfit(place, f"no keys {', '.join(missing)}; add them")
-        values = {
-            name: _checked_value(key.annotation, content[name], (*place, name), reading)
-            for name, key in cls.keys.items()
-            if name in content
-        }
-        settings = cls(**values)
-        object.__setattr__(settings, "keys_set", frozenset(values))
-        return settings
+        return _read(cls, content, (), cls, standard_input=standard_input)
 
 
 AnySettings = TypeVar("AnySettings", bound=Settings)
-
-
-@dataclass(frozen=True)
-class _Reading:
-    """Context of reading: the table of the whole file, and whether ``-`` may name a file."""
-
-    whole: type[Settings]
-    standard_input: bool
-
-    def unknown(self, place: Place, cls: type[Settings]) -> str:
-        """The message about an unknown key of a table."""
-        name, names = str(place[-1]), list(cls.keys)
-        hint = nearest(name, names)
-        elsewhere = [(*table.place, name) for table in tables(self.whole) if name in table.keys]
-        if not hint and elsewhere:
-            hint = f" (did you mean '{key_name(elsewhere[0])}'?)"
-        of = f" of [{key_name(place[:-1])}]" if place[:-1] else ""
-        return f"unknown key '{key_name(place)}'{hint}; keys{of}: {', '.join(names)}"
 
 
 class Unfit(ValueError):
@@ -304,49 +268,72 @@ def _expected(base: Any, notes: Sequence[Any]) -> str:
         return words[-1]
     if get_origin(base) is Literal:
         return f"one of {', '.join(get_args(base))}"
-    if base is bool:
-        return "true or false"
-    ends = next((note for note in notes if isinstance(note, Range)), Range())
-    if base is int:
-        return f"a whole number from {ends.ge} to {ends.le}"
-    texts = {"above": ends.gt, "of at least": ends.ge, "below": ends.lt}
-    bounds = [f"{text} {end:g}" for text, end in texts.items() if math.isfinite(end)]
-    return " ".join(["a number", " and ".join(bounds)]).strip()
+    return "true or false" if base is bool else "a number"
 
 
 def _is_table(annotation: Any) -> bool:
     return isinstance(annotation, type) and issubclass(annotation, Settings)
 
 
-def _checked_value(annotation: Any, value: Any, place: Place, reading: _Reading) -> Any:
-    """A value of a key, checked; tables become settings."""
-    base, notes = _unwrapped(annotation)
-    inner = get_args(base)
-    if _is_table(base):
-        return base._at(place, value, reading)
-    expected, hint = _expected(base, notes), ""
-    if get_origin(base) is tuple and _is_table(inner[0]):
-        if isinstance(value, list):
-            return tuple(
-                _checked_value(inner[0], each, (*place, k), reading) for k, each in enumerate(value)
-            )
-        expected = f"tables [[{key_name(place)}]]"
-    elif get_origin(base) is dict and not any(isinstance(note, Expected) for note in notes):
-        if isinstance(value, Mapping):
-            return {
-                name: _checked_value(inner[1], each, (*place, name), reading)
-                for name, each in value.items()
-            }
-        expected = f"a table [{key_name(place)}]"
-    else:
-        try:
-            result = fitted(annotation, value)
-            if result != "-" or reading.standard_input or SOURCE not in notes:
-                return result
-            hint = "; a run reads no standard input, so write it to a file first"
-        except (ValueError, OverflowError) as error:
-            hint = str(error) or _hint(value, expected)
-    raise Unfit(place, f"got {_described(value)}, expected {expected}{hint}")
+def _read(
+    cls: type[AnySettings],
+    content: Any,
+    place: Place,
+    whole: type[Settings],
+    *,
+    standard_input: bool,
+) -> AnySettings:
+    """The settings of a table at a place of a file, whose tables are those of ``whole``."""
+    if not isinstance(content, Mapping):
+        raise Unfit(place, f"got {_described(content)}, expected a table [{key_name(place)}]")
+    for name in content:
+        if name not in cls.keys:
+            hint = nearest(str(name), list(cls.keys))
+            others = [(*table.place, name) for table in tables(whole) if name in table.keys]
+            if not hint and others:
+                hint = f" (did you mean '{key_name(others[0])}'?)"
+            of = f" of [{key_name(place)}]" if place else ""
+            words = f"unknown key '{key_name((*place, name))}'{hint}; keys{of}: "
+            raise Unfit((*place, name), words + ", ".join(cls.keys), named=False)
+    missing = [name for name, key in cls.keys.items() if key.required and name not in content]
+    if len(missing) == 1:
+        words = cls.keys[missing[0]].expected
+        raise Unfit(place, f"no key '{missing[0]}', expected {words}; add it")
+    if missing:
+        raise Unfit(place, f"no keys {', '.join(missing)}; add them")
+
+    def checked(annotation: Any, value: Any, place: Place) -> Any:
+        base, notes = _unwrapped(annotation)
+        origin, inner, hint = get_origin(base), get_args(base), ""
+        in_words = any(isinstance(note, Expected) for note in notes)
+        if _is_table(base):
+            return _read(base, value, place, whole, standard_input=standard_input)
+        expected = _expected(base, notes)
+        if origin is tuple and _is_table(inner[0]):
+            if isinstance(value, list):
+                return tuple(checked(inner[0], each, (*place, k)) for k, each in enumerate(value))
+            expected = f"tables [[{key_name(place)}]]"
+        elif origin is dict and not in_words:
+            if isinstance(value, Mapping):
+                return {k: checked(inner[1], each, (*place, k)) for k, each in value.items()}
+            expected = f"a table [{key_name(place)}]"
+        else:
+            try:
+                result = fitted(annotation, value)
+                if result != "-" or standard_input or SOURCE not in notes:
+                    return result
+                hint = "; a run reads no standard input, so write it to a file first"
+            except (ValueError, OverflowError) as error:
+                hint = str(error) or _hint(value, expected)
+        raise Unfit(place, f"got {_described(value)}, expected {expected}{hint}")
+
+    given = {name: key for name, key in cls.keys.items() if name in content}
+    values = {
+        name: checked(key.annotation, content[name], (*place, name)) for name, key in given.items()
+    }
+    settings = cls(**values)
+    object.__setattr__(settings, "keys_set", frozenset(values))
+    return settings
 
 
 def fitted(annotation: Any, value: Any) -> Any:
@@ -371,7 +358,7 @@ def fitted(annotation: Any, value: Any) -> Any:
         if fits and base is float:
             value = float(value)
             fits = math.isfinite(value)
-    if not fits or any(isinstance(note, Range) and value not in note for note in notes):
+    if not fits:
         raise ValueError
     for note in notes:
         if isinstance(note, Expected) and note.check is not None:
@@ -534,6 +521,6 @@ Span = Annotated[
 Values = Annotated[tuple[float, ...], Expected("a list of rising numbers", _rises)]
 """Values to try."""
 
-Positive = Annotated[float, Range(gt=0.0)]
-NotNegative = Annotated[float, Range(ge=0.0)]
-Count = Annotated[int, Range(ge=1, le=10**6)]
+Positive = Annotated[float, within(gt=0.0)]
+NotNegative = Annotated[float, within(ge=0.0)]
+Count = Annotated[int, within(ge=1, le=10**6)]

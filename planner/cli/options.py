@@ -24,7 +24,7 @@ Command = Callable[..., Any]
 
 def option(names: str, about: str, kind: Any = None, **more: Any) -> Callable[[Command], Command]:
     """Give a command an option; a number is shown as N, or as the unit that ends its name."""
-    unit = re.split("[- ]", names)[-1]
+    unit = names.split()[0].rpartition("-")[2]
     if kind is int or isinstance(kind, click.IntRange):
         more.setdefault("metavar", "N")
     elif kind is float and unit in types.UNITS_OF_OPTIONS:

@@ -9,7 +9,6 @@ from planner.cli.declared import (
     Expected,
     NotNegative,
     Positive,
-    Range,
     Settings,
     Source,
     Span,
@@ -19,6 +18,7 @@ from planner.cli.declared import (
     WrittenOrNone,
     option,
     setting,
+    within,
 )
 
 FROM_LOG = "from-log"
@@ -36,8 +36,8 @@ JointNames = Annotated[tuple[Text, ...], Expected("a list of names of joints")]
 Weights = Annotated[
     tuple[NotNegative, NotNegative, NotNegative], Expected("a list of three numbers, 0 or more")
 ]
-Tick = Annotated[int, Range(ge=1 - 10**9, le=10**9 - 1)]
-Samples = Annotated[int, Range(ge=4, le=10**6)]
+Tick = Annotated[int, within(ge=1 - 10**9, le=10**9 - 1)]
+Samples = Annotated[int, within(ge=4, le=10**6)]
 
 Method = Literal["shift", "closed-form", "optimal", "foot-optimal"]
 Load = Literal["urdf", "urdf-dynamics", "column"]
@@ -119,7 +119,7 @@ class HalfEllipse(Settings):
     forward: float = option("Middle before the hip [m].", default=0.049)
     sideways: float = option("Outward of the hip [m].", default=0.028)
     hip_height: float = option("Hip above ground [m].", default=0.077)
-    ground_fraction: Annotated[float, Range(gt=0.0, lt=1.0)] = option(
+    ground_fraction: Annotated[float, within(gt=0.0, lt=1.0)] = option(
         "Part of the cycle on the ground.", default=0.5
     )
     heading_deg: float = option(
@@ -365,7 +365,7 @@ class Export(Settings):
     unit: Literal["rad", "deg", "ticks", "us"] | None = option(
         "csv: unit of the columns; us are the pulses of hobby servos.", only=("csv",), implied="rad"
     )
-    ticks_per_turn: Annotated[int, Range(ge=2, le=10**9 - 1)] | None = option(
+    ticks_per_turn: Annotated[int, within(ge=2, le=10**9 - 1)] | None = option(
         "csv in ticks or us: how many a turn has.",
         only=("csv",),
         otherwise="4096, or 4000 us",
@@ -527,10 +527,10 @@ class Search(Settings):
         otherwise="the values as they are",
         example=5,
     )
-    evaluations: Annotated[int, Range(ge=20, le=10**6)] | None = setting(
+    evaluations: Annotated[int, within(ge=20, le=10**6)] | None = setting(
         "Method cma: how many plans.", only=("cma",), implied=200
     )
-    seed: Annotated[int, Range(ge=0, le=10**9)] | None = setting(
+    seed: Annotated[int, within(ge=0, le=10**9)] | None = setting(
         "Method cma: of its random numbers.", only=("cma",), implied=0
     )
     at_error_cm: Positive | None = setting(

@@ -22,17 +22,9 @@ from planner.evaluation.cross_check import (
 )
 from planner.model.evidence import untested_words
 from planner.report import figure, style
-from planner.report.figure import Axis, Figure, Motion, Panel, Timeline, line, near_limits
+from planner.report.figure import Axis, Figure, Panel, Timeline, line, near_limits
 from planner.report.matplotlib_figure import draw_grid
-from planner.report.page import (
-    Card,
-    Listing,
-    Page,
-    Section,
-    heading,
-    models_table,
-    sentence,
-)
+from planner.report.page import Card, Listing, Page, Section, heading, models_table, sentence
 from planner.report.table import NOTHING, Column, Row, Table, number, percent
 from planner.trajectory import error_norm, index_of_largest, rms
 
@@ -71,7 +63,8 @@ def comparison_page(
     subject = f"Plans compared for the leg “{title}”" if leg else heading(title or ", ".join(names))
     return Page(
         heading=subject,
-        eyebrow="request-planner compare · closed form and optimised requests",
+        command="compare",
+        about="closed form and optimised requests",
         verdict=Markup("<strong>{}</strong>. {}").format(head, tail.replace(" %", "\u00a0%")),
         good=check.passed,
         remarks=[*remarks(check, unreachable=unreachable), *notes],
@@ -389,17 +382,14 @@ def foot_figure(check: CrossCheck) -> Figure:
 
 def leg_figure(check: CrossCheck, foot: FootComparison, leg: Leg) -> Figure:
     """The leg as desired, and under the plans."""
-    joints = np.column_stack([joint.desired for joint in check.joints])
-    motions = [Motion(style.DESIRED, leg.joint_positions(joints))]
-    for method, role in FOOT_ROLES.items():
-        plan = foot.plans[method]
-        motions.append(Motion(role, leg.joint_positions(plan.predicted), plan.distances))
     words = (
         "The leg under the plans",
         "Move the slider and the leg follows, drag it and it turns; the numbers are distances of "
         "the foot from its path.",
     )
-    return _timeline_of(check).leg("leg", words, motions)
+    desired = np.column_stack([joint.desired for joint in check.joints])
+    others = ((role, foot.plans[method].predicted) for method, role in FOOT_ROLES.items())
+    return _timeline_of(check).leg("leg", words, leg, desired, others)
 
 
 def _timeline_of(check: CrossCheck) -> Timeline:

@@ -10,15 +10,7 @@ import numpy as np
 
 from planner.report import style
 from planner.report.figure import Axis, Curve, Figure, Panel, joined
-from planner.report.page import (
-    Card,
-    Listing,
-    Page,
-    Section,
-    footer,
-    sentence,
-    spoken,
-)
+from planner.report.page import Card, Listing, Page, Section, sentence
 from planner.report.replay import RESENT, SIGNS
 from planner.report.table import NOTHING, Column, Row, Table, number
 from planner.trajectory import Array
@@ -71,8 +63,9 @@ def episodes_page(
     unit = SIGNS[units[0]] if len(units) == 1 else "deg, or % of a range,"
     return Page(
         heading=f"Replay of {total} recordings",
-        eyebrow=f"request-planner replay · {title}",
-        verdict=spoken(
+        command="replay",
+        about=title,
+        verdict=(
             f"{len(rows)} of {total} recordings have a plan",
             f"in the median {median['planned']:.2g} {unit} rms off in the joint that is farthest "
             f"off; the best time shift leaves {median['shifted']:.2g}, the path itself as requests "
@@ -91,7 +84,6 @@ def episodes_page(
         figure=figures[0],
         sections=sections,
         listings=sources,
-        footer=footer("replay"),
     ).html()  # fmt: skip
 
 

@@ -12,10 +12,11 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from planner.report.style import LIMIT, MUTED, Role
+from planner.report.style import DESIRED, LIMIT, MUTED, Role
 from planner.trajectory import Array
 
 if TYPE_CHECKING:
+    from kinematics.leg import Leg
     from planner.planning.plan import Plan
 
 MARGIN = 0.06
@@ -278,8 +279,27 @@ class Timeline:
         mean = self.curve(values.mean(axis=0), role, label, hidden=hidden)
         return mean, thin(mean, [self.curve(row, role) for row in values])
 
-    def leg(self, name: str, words: tuple[str, str], motions: Sequence[Motion]) -> Figure:
-        """Motions of a leg, which a page shows under a slider, with title and caption."""
+    def leg(
+        self,
+        name: str,
+        words: tuple[str, str],
+        leg: Leg,
+        desired: Array,
+        others: Iterable[tuple[Role, Array]],
+        foot: Array | None = None,
+    ) -> Figure:
+        """A leg that moves under a slider: as desired and by role at other angles [rad], (n, k).
+
+        ``foot`` [m], (n, 3), are its desired positions, where the leg may not reach them.
+        """
+        points = leg.joint_positions(desired)
+        if foot is not None:
+            points = np.concatenate([points[:, :-1], foot[:, None]], axis=1)
+        motions = [Motion(DESIRED, points)]
+        for role, angles in others:
+            own = leg.joint_positions(angles)
+            distances = np.linalg.norm(own[:, -1] - points[:, -1], axis=1)
+            motions.append(Motion(role, own, distances))
         movie = Movie(tuple(motions), self.period, self.cyclic)
         return Figure(name, *words, self.axis, movie=movie)
 

@@ -11,16 +11,7 @@ import numpy as np
 
 from planner.report import figure, style
 from planner.report.figure import Axis, Curve, Figure, Panel, Timeline
-from planner.report.page import (
-    Card,
-    Listing,
-    Page,
-    Section,
-    footer,
-    heading,
-    sentence,
-    spoken,
-)
+from planner.report.page import Card, Listing, Page, Section, heading, sentence
 from planner.report.table import NOTHING, Column, Row, Table
 from planner.trajectory import Array
 
@@ -89,8 +80,8 @@ def learning_page(
     }
     return Page(
         heading=heading(title),
-        eyebrow="request-planner refine",
-        verdict=spoken(head, f"{errors} rms", ": "),
+        command="refine",
+        verdict=(head, f"{errors} rms", ": "),
         remarks=remarks,
         cards=[
             Card(_short(value), worst.unit, words)
@@ -103,7 +94,6 @@ def learning_page(
             Section("The joints", pictures=joints),
         ],
         listings=sources,
-        footer=footer("refine"),
     ).html()
 
 

@@ -108,10 +108,11 @@ class Page:
     """A page."""
 
     heading: str  # its subject, in words
-    eyebrow: Any  # the command that made it, above the heading
-    verdict: Any  # a headline and its details; plain text, or markup
+    command: str  # the command that made it
+    verdict: Any  # a headline, its details and what links them; or plain text, or markup
     sections: Sequence[Section]  # in order
-    footer: Any  # source of the model
+    about: Any = ""  # its subject, or how it was made, above the heading
+    footer: Any = ""  # instead of the source of the model
     note: Any = ""  # basis of the verdict, in small letters
     good: bool = True  # whether the verdict is good news
     remarks: Sequence[str] = ()  # remarks, shown first
@@ -140,6 +141,8 @@ class Page:
         figure = None if self.figure is None else show(self.figure)
         return templates.get_template("base.html").render(
             page=self,
+            verdict=_spoken(*self.verdict) if isinstance(self.verdict, tuple) else self.verdict,
+            footer=self.footer or footer(self.command),
             figure=figure,
             sections=[(section.title, section.html(templates)) for section in self.sections],
             roles=ROLES,
@@ -276,7 +279,7 @@ def footer(command: str, more: str = "") -> Markup:
     ).format(__version__, command, more)
 
 
-def spoken(head: str, tail: str, link: str = ", ") -> Markup:
+def _spoken(head: str, tail: str, link: str = ", ") -> Markup:
     """A headline and its details, as a sentence."""
     return Markup("<strong>{}</strong>{}{}.").format(head, link if tail else "", tail)
 

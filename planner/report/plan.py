@@ -13,18 +13,8 @@ from planner.planning.plan import Plan, RequestMotion
 from planner.planning.result import ErrorsOfModels, FootInversion, Inversion
 from planner.planning.time_shift import refining_recommended, shift_recommended, shifted
 from planner.report import figure, style
-from planner.report.figure import Figure, Motion, Timeline
-from planner.report.page import (
-    Card,
-    Listing,
-    Page,
-    Section,
-    footer,
-    heading,
-    models_table,
-    sentence,
-    spoken,
-)
+from planner.report.figure import Figure, Timeline
+from planner.report.page import Card, Listing, Page, Section, heading, models_table, sentence
 from planner.report.table import (
     NO_BOUND,
     NOTHING,
@@ -117,15 +107,15 @@ def plan_page(
     words = remarks(plan, foot_given=foot_given, unreachable=unreachable, missed=missed)
     return Page(
         heading=f"Plan for the leg “{title}”" if plan.task.leg else heading(title),
-        eyebrow=f"request-planner plan · {method}{over}",
-        verdict=spoken(*verdict(plan, parts)),
+        command="plan",
+        about=f"{method}{over}",
+        verdict=verdict(plan, parts),
         good=not (missed or jumps_of(plan)),
         remarks=[*words, *notes],
         cards=cards(plan, parts),
         figure=foot[0] if foot else None,
         sections=sections,
         listings=sources,
-        footer=footer("plan"),
     ).html()
 
 
@@ -484,24 +474,16 @@ def feet_table(legs: Mapping[str, Plan]) -> Table:
 
 def foot_figures(plan: Plan, role: style.Role) -> list[Figure]:
     """The moving leg, and its foot's error over time."""
-    leg = plan.task.leg
-    if leg is None:
+    task = plan.task
+    if task.leg is None:
         return []
-    motions = []
-    for looks, angles, distances in (
-        (style.DESIRED, plan.desired, None),
-        (WITHOUT, plan.direct, plan.direct_distances),
-        (role, plan.predicted, plan.distances),
-    ):
-        points = leg.joint_positions(angles)
-        if looks is style.DESIRED:  # the desired position may be out of reach
-            points = np.concatenate([points[:, :-1], plan.task.desired_foot[:, None]], axis=1)
-        motions.append(Motion(looks, points, distances))
     words = (
         "The leg and the paths of its foot",
         "Move the slider and the leg follows, drag it and it turns.",
     )
-    return [Timeline.of(plan).leg("leg", words, motions), distances_figure({"": plan}, role)]
+    others = ((WITHOUT, plan.direct), (role, plan.predicted))
+    leg = Timeline.of(plan).leg("leg", words, task.leg, plan.desired, others, task.desired_foot)
+    return [leg, distances_figure({"": plan}, role)]
 
 
 def distances_figure(legs: Mapping[str, Plan], role: style.Role) -> Figure:

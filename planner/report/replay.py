@@ -18,22 +18,12 @@ from planner.report.figure import (
     Curve,
     Figure,
     Moments,
-    Motion,
     Panel,
     Span,
     Timeline,
     line,
 )
-from planner.report.page import (
-    Card,
-    Listing,
-    Page,
-    Section,
-    footer,
-    models_table,
-    sentence,
-    spoken,
-)
+from planner.report.page import Card, Listing, Page, Section, models_table, sentence
 from planner.report.plan import motions_table
 from planner.report.table import NOTHING, Column, Row, Table, at_most, number
 from planner.trajectory import Array, Distance, error_norm
@@ -95,13 +85,13 @@ def replay_page(
             open=OPEN_TOP_SPEED,
         )
         sections.insert(0, speeds)
-    head, tail = _verdict(replay)
     return Page(
         heading="Replay at the recorded speed"
         if replay.speed == 1.0
         else f"Replay at {replay.speed:.3g} times the speed",
-        eyebrow=f"request-planner replay · {title}",
-        verdict=spoken(head, tail),
+        command="replay",
+        about=title,
+        verdict=_verdict(replay),
         note=sentence(first_line(replay, models)),
         good=not missed,
         remarks=[
@@ -115,7 +105,6 @@ def replay_page(
         figure=moment_figure(replay) if arm is None else arm_figure(replay, arm),
         sections=sections,
         listings=sources,
-        footer=footer("replay"),
     ).html()
 
 
@@ -356,21 +345,18 @@ def arm_figure(replay: Replay, arm: Leg) -> Figure:
     """The moving arm: its path, with the path as requests, and planned."""
     by_name = {each.name: each for each in replay.joints}
     joints = [by_name[name] for name in arm.joint_names]
-    path = arm.joint_positions(np.column_stack([each.desired for each in joints]))
-    motions = [Motion(style.DESIRED, path)]
-    for kind, role in (("direct", AS_IT_IS), ("predicted", style.OPTIMAL)):
-        angles = [
-            each.recorded_angles if each.inversion is None else getattr(each, kind)
-            for each in joints
-        ]
-        points = arm.joint_positions(np.column_stack(angles))
-        distances = np.linalg.norm(points[:, -1] - path[:, -1], axis=1)
-        motions.append(Motion(role, points, distances))
+
+    def angles(kind: str) -> Array:
+        kinds = ("recorded_angles" if each.inversion is None else kind for each in joints)
+        return np.column_stack([getattr(*each) for each in zip(joints, kinds, strict=True)])
+
+    others = ((AS_IT_IS, angles("direct")), (style.OPTIMAL, angles("predicted")))
     words = (
         "The arm and the paths of its end",
         "Move the slider and the arm follows, drag it and it turns; the plots below follow.",
     )
-    return _timeline_of(replay).leg("arm", words, motions)
+    desired = np.column_stack([each.desired for each in joints])
+    return _timeline_of(replay).leg("arm", words, arm, desired, others)
 
 
 def joint_figure(replay: Replay, j: int) -> Figure:

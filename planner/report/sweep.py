@@ -12,7 +12,7 @@ from typing import Any, Literal
 import numpy as np
 
 from planner.report.figure import Axis, Curve, Figure, Panel
-from planner.report.page import Card, Listing, Page, Section, footer, spoken
+from planner.report.page import Card, Listing, Page, Section
 from planner.report.style import DIRECT, FOOT_OPTIMAL, INK, LIMIT, OPTIMAL, Role
 from planner.report.table import Column, Row, Table
 
@@ -190,14 +190,14 @@ def sweep_page(swept: Swept, *, sources: Sequence[Listing] = ()) -> str:
     head, _, tail = swept.verdict.partition(": ")
     return Page(
         heading="Speed against error",
-        eyebrow=f"request-planner sweep · {swept.file}",
-        verdict=spoken(head, tail, ": "),
+        command="sweep",
+        about=swept.file,
+        verdict=(head, tail, ": "),
         good=not swept.missed,
         cards=key_figures,
         figure=front_figure(swept) if swept.front else None,
         sections=sections,
         listings=sources,
-        footer=footer("sweep"),
     ).html()
 
 

@@ -71,7 +71,7 @@ def identification_page(
     )
     page = Page(
         heading=f"{len(joints)} joints, identified",
-        eyebrow="request-planner identify",
+        command="identify",
         verdict=Markup("<strong>{}</strong>: {}").format(
             words[0].upper() + words[1:],
             "what is known of each, and what it adds, follows joint by joint.",
@@ -91,7 +91,7 @@ def identification_page(
             page,
             heading=heading(joints[0].name or "a joint")
             + (", identified" if only.accepted else ", not identified"),
-            eyebrow=f"{page.eyebrow} · {logs}",
+            about=logs,
             verdict=_verdict(only),
             note=profile(only),
             remarks=only.warnings,
@@ -292,7 +292,7 @@ def calibration_page(comparisons: Mapping[str, Compared], output: str) -> str:
     return Page(
         heading=heading(joints[0][0] if len(joints) == 1 else f"{len(joints)} joints")
         + ", calibrated",
-        eyebrow="request-planner calibrate",
+        command="calibrate",
         verdict=lines[0]
         if len(lines) == 1
         else f"Under the recommended requests the errors are {spread(errors, '.2f')} deg rms, "

@@ -30,10 +30,7 @@ from planner.report.paper.results import (
 from planner.report.paper.virtual_figures import VIRTUAL_FEATURED
 from planner.report.table import Column, Row, Table, percent, signed
 
-EYEBROW = Markup(
-    "request-planner · Stronger &amp; Stone, <cite>A Model-Based Approach to Robot Joint "
-    "Control</cite>"
-)
+ABOUT = Markup("Stronger &amp; Stone, <cite>A Model-Based Approach to Robot Joint Control</cite>")
 
 
 def paper_page(results: Results, figures: Sequence[Figure], files: Sequence[str]) -> str:
@@ -62,7 +59,8 @@ def paper_page(results: Results, figures: Sequence[Figure], files: Sequence[str]
     ]  # fmt: skip
     return Page(
         heading="The paper’s experiment, again",
-        eyebrow=EYEBROW,
+        command="",
+        about=ABOUT,
         verdict=rendered("paper.verdict", results=results, foot=foot),
         note=rendered("paper.note", results=results),
         cards=cards,
@@ -103,7 +101,8 @@ def virtual_page(results: Results, figures: Sequence[Figure], files: Sequence[st
     warnings = {name: joint["warnings"] for name, joint in joints.items() if joint["warnings"]}
     return Page(
         heading="The paper’s experiment on a virtual robot",
-        eyebrow=EYEBROW,
+        command="",
+        about=ABOUT,
         verdict=rendered("virtual.verdict", results=results, foot=foot),
         note=results["note"],
         cards=cards,
