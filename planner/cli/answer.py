@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -37,9 +37,7 @@ from planner.trajectory import rms
 
 if TYPE_CHECKING:
     from kinematics import Leg
-
-Written = Sequence[tuple[str, "Path | str | None"]]
-"""Title and path of each file of a run."""
+    from planner.report.page import Written
 
 
 def document(desired: Desired, plan: Plan, missed: list[str]) -> dict[str, Any]:
@@ -237,47 +235,42 @@ def plan_report(
     """The page about a plan, as HTML, with links to the files that were ``written``."""
     from planner.report.plan import plan_page
 
-    return plan_page(
+    subjects = desired.legs or desired.names
+    about = plan_page(
         plan,
+        title=leg_title(desired.settings.leg) or ", ".join(subjects),
         method=desired.settings.plan.method,
         foot_given=desired.foot_given,
+        unreachable=desired.unreachable,
         legs=desired.legs,
         missed=missed,
-        **page_arguments(desired, desired.legs or desired.names, plan.task.leg, page, written),
+        notes=notes_of(desired),
     )
+    return about.html(page, origins_of(desired, plan.task.leg), [*inputs_of(desired), *written])
 
 
-def page_arguments(
-    desired: Desired,
-    subjects: Iterable[str],
-    leg: Leg | None,
-    page: Path | str,
-    written: Written,
-    *origins: tuple[str, str],
-) -> dict[str, Any]:
-    """The arguments that the pages of plans and comparisons share: title, sources, notes."""
-    from planner.report.page import sources_of
-
-    run, notes = desired.settings, []
-    if run.model.file == FROM_URDF:
+def notes_of(desired: Desired) -> list[str]:
+    """Remarks on the models and the units, for a page."""
+    notes = []
+    if desired.settings.model.file == FROM_URDF:
         notes.append(
             "The URDF has no more than the top speeds of the servos; the rest of their models is "
             "assumed. Identify the joints before these requests are sent."
         )
     if shares := [name for j, name in enumerate(desired.names) if desired.unit(j) != "deg"]:
         notes.append(f"{', '.join(shares)}: degrees stand for percent of the joint's range.")
-    files = [("path", run.path.file), ("model", run.model.file), ("robot", run.leg.urdf)]
-    places = [(role, beside(desired.folder, name)) for role, name in files if name]
-    inputs = [(role, place) for role, place in places if Path(place).is_file()]
-    return {
-        "title": leg_title(run.leg) or ", ".join(subjects),
-        "sources": sources_of(page, [*_origins(desired, leg), *origins], [*inputs, *written]),
-        "unreachable": desired.unreachable,
-        "notes": notes,
-    }
+    return notes
 
 
-def _origins(desired: Desired, leg: Leg | None) -> list[tuple[str, str]]:
+def inputs_of(desired: Desired) -> list[tuple[str, str]]:
+    """The files that the settings name: role and path of each."""
+    run = desired.settings
+    named = [("path", run.path.file), ("model", run.model.file), ("robot", run.leg.urdf)]
+    places = [(role, beside(desired.folder, name)) for role, name in named if name]
+    return [(role, place) for role, place in places if Path(place).is_file()]
+
+
+def origins_of(desired: Desired, leg: Leg | None) -> list[tuple[str, str]]:
     """Inputs and settings of the plans: pairs of name and value."""
 
     def pairs_of(by_joint: Mapping[str, float] | None) -> list[str]:

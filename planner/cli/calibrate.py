@@ -173,7 +173,7 @@ def calibrate(
     from planner.report.identification.page import calibration_page, calibration_text
 
     if report is not None:
-        write_text(report, calibration_page(results, output))
+        write_text(report, calibration_page(results, output).html())
     print_answer(
         _document(results, arm, checked), calibration_text(results, output), as_json=as_json
     )

@@ -64,9 +64,9 @@ def compare(
         request-planner gait -o foot.csv
         request-planner compare foot.csv --leg reference --unreachable clamp --report compare.html
     """  # noqa: D301
-    from planner.cli.answer import page_arguments
+    from planner.cli.answer import inputs_of, notes_of, origins_of
     from planner.cli.desired import check_angles, desired_of
-    from planner.cli.models import model_words
+    from planner.cli.models import leg_title, model_words
     from planner.report.comparison import (
         comparison_figure,
         comparison_page,
@@ -84,9 +84,15 @@ def compare(
     if figure is not None:
         write_picture(figure, comparison_figure(check))
     if report is not None:
-        names, files = in_order.names, [("picture", figure)]
-        about = page_arguments(desired, names, leg, report, files, ("bounds up to", level))
-        write_text(report, comparison_page(check, leg=leg, **about))
+        page = comparison_page(
+            check,
+            title=leg_title(run.leg) or ", ".join(in_order.names),
+            leg=leg,
+            unreachable=desired.unreachable,
+            notes=notes_of(desired),
+        )
+        origins = [*origins_of(desired, leg), ("bounds up to", level)]
+        write_text(report, page.html(report, origins, [*inputs_of(desired), ("picture", figure)]))
     unreachable = desired.unreachable
     if as_json:
         print_json({**check.to_dict(), "unreachable_samples": unreachable})

@@ -160,8 +160,8 @@ def _followed(run: settings.Run, leg: Leg | None, folder: str) -> Desired:
         )
     own = legs.values() if leg is None else (leg,)
     limits = _limits_of(joints.names, own, run.model, folder)
-    more = {"folder": folder, "limits": limits, "leg": leg, "legs": legs}
-    return _of_joints(joints, run, models, closed, remarks, **more)
+    followed = _of_joints(joints, run, models, closed, remarks)
+    return replace(followed, folder=folder, limits=limits, leg=leg, legs=legs)
 
 
 def load_joints(file: str, run: settings.Run) -> Desired:
@@ -181,8 +181,8 @@ def _of_joints(
     models: tuple[JointModel, ...],
     cyclic: bool,
     remarks: tuple[Remark, ...],
-    **more: Any,
 ) -> Desired:
+    """The motion of a joint path."""
     return Desired(
         run,
         path.names,
@@ -192,7 +192,6 @@ def _of_joints(
         cyclic=cyclic,
         remarks=(*remarks, *refused_models(path.names, models)),
         loads=path.loads,
-        **more,
     )
 
 

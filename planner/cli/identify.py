@@ -100,11 +100,10 @@ def identify(
     page: AbstractContextManager[None] = nullcontext()
     if report is not None:
         from planner.report.identification.page import identification_page
-        from planner.report.page import sources_of
 
         named = [*(("log", file) for file in logs), ("model", output)]
-        sources = sources_of(report, files=named)
-        page = staged(report, identification_page(identifications, sources=sources).encode())
+        html = identification_page(identifications).html(report, written=named)
+        page = staged(report, html.encode())
     with page:
         deliver(
             document,

@@ -27,7 +27,6 @@ from planner.model.response import load_columns
 from planner.planning.plan import Plan, joined
 from planner.planning.task import limits_of_each
 from planner.report.learning import Progress, learning_page
-from planner.report.page import sources_of
 from planner.report.plan import no_bound
 from planner.report.table import number, text_table
 from planner.trajectory import Array
@@ -427,14 +426,12 @@ def learning_report(
     desired, run = answer.desired, answer.desired.settings
     columns = [desired.names.index(name) for name in answer.measured.names]
     plans = list(answer.learnt.values())
-    return learning_page(
+    about = learning_page(
         plans[0] if len(plans) == 1 else joined(plans),
         executed=answer.executed[:, columns],
         measured=answer.measured.angles.mean(axis=0),
         progress=progress_of(answer),
         about_others=answer.about_not_measured,
         title=leg_title(run.leg) or ", ".join(desired.names),
-        sources=sources_of(
-            page, [("path", run.path.file or ""), ("model", run.model.file)], written
-        ),
     )
+    return about.html(page, [("path", run.path.file or ""), ("model", run.model.file)], written)

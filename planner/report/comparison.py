@@ -24,7 +24,7 @@ from planner.model.evidence import untested_words
 from planner.report import figure, style
 from planner.report.figure import Axis, Figure, Panel, Timeline, line, near_limits
 from planner.report.matplotlib_figure import draw_grid
-from planner.report.page import Card, Listing, Page, Section, heading, models_table, sentence
+from planner.report.page import Card, Page, Section, heading, models_table, sentence
 from planner.report.table import NOTHING, Column, Row, Table, number, percent
 from planner.trajectory import error_norm, index_of_largest, rms
 
@@ -51,10 +51,9 @@ def comparison_page(
     *,
     title: str = "",
     leg: Leg | None = None,
-    sources: Sequence[Listing] = (),
     unreachable: int = 0,
     notes: Sequence[str] = (),
-) -> str:
+) -> Page:
     """The whole page: verdict and key figures first, sources last; with a leg, it moves."""
     (head, tail), names = verdict(check), [joint.name for joint in check.joints]
     expected = [each.plans["optimal"].expected.error for each in check.joints]
@@ -89,14 +88,13 @@ def comparison_page(
             ),
             Section("The models", table=models_table(names, [each.model for each in check.joints])),
         ],
-        listings=sources,
         footer=Markup(
             f"request-planner {__version__} compare. The closed form inverts each line by the rule "
             "of Stronger &amp; Stone, <cite>A Model-Based Approach to Robot Joint Control</cite>, "
             "Section 4. The choice of the lines, with knots refined by simulating the joint, is "
             "not the paper’s, nor are the optimised requests and the bounds."
         ),
-    ).html()
+    )
 
 
 # The verdict in words.

@@ -10,7 +10,7 @@ import numpy as np
 
 from planner.report import style
 from planner.report.figure import Axis, Curve, Figure, Panel, joined
-from planner.report.page import Card, Listing, Page, Section, sentence
+from planner.report.page import Card, Page, Section, sentence
 from planner.report.replay import RESENT, SIGNS
 from planner.report.table import NOTHING, Column, Row, Table, number
 from planner.trajectory import Array
@@ -34,8 +34,7 @@ def episodes_page(
     document: Mapping[str, Any],
     *,
     title: str,
-    sources: Sequence[Listing] = (),
-) -> str:
+) -> Page:
     """The page about the document of ``replay --json`` for many recordings."""
     rows, failures = document["recordings"], document["left_out"]
     total = len(rows) + len(failures)
@@ -83,8 +82,7 @@ def episodes_page(
         ],
         figure=figures[0],
         sections=sections,
-        listings=sources,
-    ).html()  # fmt: skip
+    )  # fmt: skip
 
 
 def episodes_table(rows: Sequence[Mapping[str, Any]], *, fastest: bool) -> Table:

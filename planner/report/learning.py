@@ -11,7 +11,7 @@ import numpy as np
 
 from planner.report import figure, style
 from planner.report.figure import Axis, Curve, Figure, Panel, Timeline
-from planner.report.page import Card, Listing, Page, Section, heading, sentence
+from planner.report.page import Card, Page, Section, heading, sentence
 from planner.report.table import NOTHING, Column, Row, Table
 from planner.trajectory import Array
 
@@ -53,8 +53,7 @@ def learning_page(
     progress: Sequence[Progress],
     about_others: str = "",
     title: str,
-    sources: Sequence[Listing] = (),
-) -> str:
+) -> Page:
     """The page about the next plan; the last requests and their mean cycle are (n, k) [rad]."""
     trials, ended = len(progress[0].errors), all(each.stopped for each in progress)
     count = "1 trial" if trials == 1 else f"{trials} trials"
@@ -93,8 +92,7 @@ def learning_page(
             Section("The trials", table=trials_table(progress), pictures=more),
             Section("The joints", pictures=joints),
         ],
-        listings=sources,
-    ).html()
+    )
 
 
 def errors_figure(progress: Progress, name: str = "learning") -> Figure:

@@ -37,6 +37,9 @@ if TYPE_CHECKING:
 LIBRARIES = ("numpy", "scipy", "casadi", "osqp", "cvxpy", "pin", "matplotlib", "plotly")
 """Libraries whose versions a page lists."""
 
+Written = Iterable[tuple[str, "Path | str | None"]]
+"""Role and path of each file of a run; None or an empty name for none."""
+
 PARAMETERS: Mapping[str, tuple[str, str]] = {
     "v_max": ("top speed", "top speed v_max"),
     "theta_0": ("error that calls for top speed", "threshold theta_0"),
@@ -123,8 +126,19 @@ class Page:
     listings: Sequence[Listing] = ()  # the lists at the end
     downloads: bool = False  # whether the figures are also in files beside the page
 
-    def html(self) -> str:
-        """The whole page; the same content makes the same page."""
+    def html(
+        self,
+        place: Path | str = "",
+        origins: Iterable[tuple[str, str]] = (),
+        written: Written = (),
+    ) -> str:
+        """The whole page; the same content makes the same page.
+
+        Of a file at a ``place`` it ends with its inputs, ``origins``, and the files of its run,
+        ``written``, by role: links are relative to it, so that it may move together with them.
+        Standard input or output ("-"), missing files (None, "") and duplicates are left out.
+        """
+        sources = sources_of(place, origins, written) if place else []
         templates = environment()
         element, drawn = templates.get_template("figure.html"), dict[str, Mapping[str, Any]]()
 
@@ -141,6 +155,7 @@ class Page:
         figure = None if self.figure is None else show(self.figure)
         return templates.get_template("base.html").render(
             page=self,
+            listings=[*self.listings, *sources],
             verdict=_spoken(*self.verdict) if isinstance(self.verdict, tuple) else self.verdict,
             footer=self.footer or footer(self.command),
             figure=figure,
@@ -244,13 +259,9 @@ def versions(*more: str) -> dict[str, str]:
 def sources_of(
     page: Path | str,
     origins: Iterable[tuple[str, str]] = (),
-    files: Iterable[tuple[str, Path | str | None]] = (),
+    files: Written = (),
 ) -> list[Listing]:
-    """The lists at the end of a page: its inputs, the files of its run by role, and versions.
-
-    Links are relative to the page, so that it may move together with the files. Standard input or
-    output ("-"), missing files (None, "") and duplicates are left out.
-    """
+    """The lists at the end of a page: its inputs, the files of its run by role, and versions."""
     folder, links = Path(page).resolve().parent, dict[str, tuple[str, Markup]]()
     for role, file in files:
         if file and str(file) != "-":

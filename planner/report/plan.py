@@ -14,7 +14,7 @@ from planner.planning.result import ErrorsOfModels, FootInversion, Inversion
 from planner.planning.time_shift import refining_recommended, shift_recommended, shifted
 from planner.report import figure, style
 from planner.report.figure import Figure, Timeline
-from planner.report.page import Card, Listing, Page, Section, heading, models_table, sentence
+from planner.report.page import Card, Page, Section, heading, models_table, sentence
 from planner.report.table import (
     NO_BOUND,
     NOTHING,
@@ -54,13 +54,12 @@ def plan_page(
     *,
     title: str,
     method: str,
-    sources: Sequence[Listing] = (),
     foot_given: Array | None = None,
     unreachable: int = 0,
     legs: Mapping[str, Leg] | None = None,
     missed: Sequence[str] = (),
     notes: Sequence[str] = (),
-) -> str:
+) -> Page:
     """The whole page.
 
     ``foot_given`` [m], (n, 3), is the desired path of the foot before it was clamped to what the
@@ -115,8 +114,7 @@ def plan_page(
         cards=cards(plan, parts),
         figure=foot[0] if foot else None,
         sections=sections,
-        listings=sources,
-    ).html()
+    )
 
 
 # The verdict in words.

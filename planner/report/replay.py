@@ -23,7 +23,7 @@ from planner.report.figure import (
     Timeline,
     line,
 )
-from planner.report.page import Card, Listing, Page, Section, models_table, sentence
+from planner.report.page import Card, Page, Section, models_table, sentence
 from planner.report.plan import motions_table
 from planner.report.table import NOTHING, Column, Row, Table, at_most, number
 from planner.trajectory import Array, Distance, error_norm
@@ -59,8 +59,7 @@ def replay_page(
     arm: Leg | None = None,
     missed: Sequence[str] = (),
     remarks: Sequence[str] = (),
-    sources: Sequence[Listing] = (),
-) -> str:
+) -> Page:
     """The page about a replay, and about the search for the fastest one.
 
     ``models`` is their origin; an ``arm``, whose joints are all recorded, moves on the page.
@@ -104,8 +103,7 @@ def replay_page(
         cards=cards(replay),
         figure=moment_figure(replay) if arm is None else arm_figure(replay, arm),
         sections=sections,
-        listings=sources,
-    ).html()
+    )
 
 
 # The text.

@@ -12,7 +12,7 @@ from typing import Any, Literal
 import numpy as np
 
 from planner.report.figure import Axis, Curve, Figure, Panel
-from planner.report.page import Card, Listing, Page, Section
+from planner.report.page import Card, Page, Section
 from planner.report.style import DIRECT, FOOT_OPTIMAL, INK, LIMIT, OPTIMAL, Role
 from planner.report.table import Column, Row, Table
 
@@ -159,7 +159,7 @@ class Swept:
         return f"request-planner sweep {shlex.quote(self.file)} {options} --out {folder}"
 
 
-def sweep_page(swept: Swept, *, sources: Sequence[Listing] = ()) -> str:
+def sweep_page(swept: Swept) -> Page:
     """The whole page."""
     planned = sum(each.planned for each in swept.outcomes)
     key_figures = [Card(f"{planned}", "", f"of {len(swept.outcomes)} points have a plan")]
@@ -197,8 +197,7 @@ def sweep_page(swept: Swept, *, sources: Sequence[Listing] = ()) -> str:
         cards=key_figures,
         figure=front_figure(swept) if swept.front else None,
         sections=sections,
-        listings=sources,
-    ).html()
+    )
 
 
 def points_table(swept: Swept) -> Table:

@@ -31,7 +31,7 @@ def check():
 
 @pytest.fixture(scope="module")
 def page(check):
-    return comparison_page(check, title="leg <1>", leg=WALK.leg, unreachable=15)
+    return comparison_page(check, title="leg <1>", leg=WALK.leg, unreachable=15).html()
 
 
 @pytest.fixture
@@ -51,7 +51,7 @@ def test_what_does_not_hold_is_said_first(failed):
     head, _ = verdict(failed)
     assert head == f"1 of {len(failed.checks)} checks do not hold"
     assert remarks(failed)[0].startswith("knee, optimised: holds <always>: got 2 rad")
-    page = comparison_page(failed)
+    page = comparison_page(failed).html()
     assert 'class="verdict no"' in page
     assert "holds &lt;always&gt;" in page
     assert re.search(r'<tr class="broken">.*holds &lt;always&gt;.*<td>NO</td>', page)

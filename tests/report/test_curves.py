@@ -69,7 +69,7 @@ def test_learning(planned, snapshot):
         ],
         about_others="jaw is not learnt.",
         title="walk",
-    )  # fmt: skip
+    ).html()  # fmt: skip
     text = f"{text_of(page)}\n{figures_of(page)}\n"
     snapshot.check("learning", masked(text[: text.index("figure learning_joint")]))
     for j in range(2):

@@ -26,7 +26,8 @@ WIDTH, HEIGHT = 420, 900
 def several():
     refused = replace(never_saturated(), verdict="refused", held_out_rms=None)
     gripper = made_up(made_up_log(unit="1", joint="<gripper> & co", name="<img src=x>.csv"))
-    return identification_page({"hip": made_up(), "knee": refused, "<gripper> & co": gripper})
+    joints = {"hip": made_up(), "knee": refused, "<gripper> & co": gripper}
+    return identification_page(joints).html()
 
 
 def test_a_page_on_data_that_says_nothing_can_still_be_drawn():
@@ -39,7 +40,7 @@ def test_a_page_on_data_that_says_nothing_can_still_be_drawn():
         alternatives=(),
         verdict="refused",
     )
-    assert identification_page({"": unknown}).count("not determined") >= 5
+    assert identification_page({"": unknown}).html().count("not determined") >= 5
 
 
 def test_every_log_is_drawn_row_by_row_and_zoomed_by_its_button(browser, several, tmp_path):
@@ -90,7 +91,7 @@ def test_the_table_of_six_joints_is_as_wide_as_the_page(browser, tmp_path):
     }
     joints["kRightElbow"] = replace(joints["kRightElbow"], verdict="worse than a delay")
     page = tmp_path / "page.html"
-    page.write_text(identification_page(joints), encoding="utf-8")
+    page.write_text(identification_page(joints).html(), encoding="utf-8")
     browser.open(page, width=1280)
     frame = "document.querySelector('[aria-label=Joints]')"
     assert browser.ask(f"{frame}.scrollWidth") <= browser.ask(f"{frame}.clientWidth")

@@ -15,7 +15,6 @@ from planner.report.identification.page import (
     calibration_page,
     calibration_text,
 )
-from planner.report.page import sources_of
 from planner.report.plan import plan_page
 from planner.report.replay import replay_page
 from planner.robot.candidates import WORDS, Candidate, Compared
@@ -23,7 +22,7 @@ from tests.corpus.page_text import check_needs_nothing_else, figures_of, text_of
 from tests.corpus.test_corpus import masked
 from tests.report.made_up import made_up, made_up_log
 
-SOURCES = sources_of("page.html", [("recording", "walks_2.csv"), ("<model>", "arm.toml")])
+ORIGINS = [("recording", "walks_2.csv"), ("<model>", "arm.toml")]
 
 SERVO = JointModel(v_max=4.0, theta_0=0.2, lag=0.03, acceleration_time=0.05, tick=0.005, hold=4)
 
@@ -48,7 +47,7 @@ def calibrated(best, *, accepted=True):
 def calibration():
     ways = ("direct", "shift", "optimal")
     found = {f"to_{best}": calibrated(best, accepted=best != "shift") for best in ways}
-    return f"{calibration_text(found, 'arm.toml')}\n{calibration_page(found, 'my_arm.toml')}"
+    return f"{calibration_text(found, 'arm.toml')}\n{calibration_page(found, 'my_arm.toml').html()}"
 
 
 def logs(*names, size=0.5):
@@ -82,8 +81,9 @@ def plan_by_tested_models():
 
 def robot():
     legs = {"front-left": front_left_leg()}
-    about = {"missed": ["the foot is 2 cm off"], "notes": ["Mind the step."], "sources": SOURCES}
-    return plan_page(plan_by_tested_models(), title="walk", method="optimal", legs=legs, **about)
+    about = {"missed": ["the foot is 2 cm off"], "notes": ["Mind the step."]}
+    page = plan_page(plan_by_tested_models(), title="walk", method="optimal", legs=legs, **about)
+    return page.html("page.html", ORIGINS)
 
 
 def replayed_arm():
@@ -96,7 +96,7 @@ def replayed_arm():
     recorded = [*logs(hip, size=2.5), *logs(knee, jaw, "gripper")]
     limits = {hip: (-0.25, 3.25)}
     made = replay(recorded, {hip: tested, knee: plain}, speed=1.5, track="action", limits=limits)
-    return replay_page(made, title="demo.csv", models="model: arm.toml", arm=leg)
+    return replay_page(made, title="demo.csv", models="model: arm.toml", arm=leg).html()
 
 
 PAGES = {

@@ -11,7 +11,6 @@ import pytest
 import planner
 from kinematics import Limits
 from planner.model.response import PathSpeeds
-from planner.report.page import sources_of
 from planner.report.plan import (
     WITHOUT,
     beyond_limits,
@@ -60,7 +59,8 @@ def page(outcome):
 
 
 def page_of(outcome, **about):
-    return plan_page(outcome, **{"title": "leg <1>", "method": "foot-optimal", **about})
+    about = {"title": "leg <1>", "method": "foot-optimal", **about}
+    return plan_page(outcome, **about).html("page.html", [("path", "<x>.csv")])
 
 
 @pytest.mark.parametrize(
@@ -129,7 +129,6 @@ def test_requests_beyond_a_limit_are_said_to_be_beyond_it_and_by_how_much(outcom
 def test_every_name_is_escaped_and_every_request_shown(outcome):
     page = page_of(
         asked(outcome, names=("a<b>", "c&d", "e")),
-        sources=sources_of("page.html", [("path", "<x>.csv")]),
     )
     assert "<b>" not in page
     assert "leg &lt;1&gt;" in page

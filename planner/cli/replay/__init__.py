@@ -130,7 +130,6 @@ def replay(
 def _replay_one(task: ReplayTask, *, output: str, report: str | None, as_json: bool) -> None:
     from planner.cli.replay.dataset import write_replay
     from planner.cli.replay.task import document, fastest_document, missed
-    from planner.report.page import sources_of
     from planner.report.replay import replay_page, replay_text
 
     fastest = None
@@ -146,7 +145,7 @@ def _replay_one(task: ReplayTask, *, output: str, report: str | None, as_json: b
         if report is not None:
             progress("the page")
             arm, recording = task.arm(), task.recording
-            html = replay_page(
+            about = replay_page(
                 result,
                 title=PurePath(recording.name).name,
                 models=task.models.words,
@@ -154,13 +153,10 @@ def _replay_one(task: ReplayTask, *, output: str, report: str | None, as_json: b
                 arm=arm if arm and {*arm.joint_names} <= {*result.names} else None,
                 missed=misses,
                 remarks=task.models.remarks,
-                sources=sources_of(
-                    report,
-                    [("recording", recording.name), ("track", result.path.track)],
-                    [("recording", recording.path), ("requests", output)],
-                ),
             )
-            page = staged(report, html.encode())
+            origins = [("recording", recording.name), ("track", result.path.track)]
+            files = [("recording", recording.path), ("requests", output)]
+            page = staged(report, about.html(report, origins, files).encode())
     if fastest is not None:
         content |= {"fastest": fastest_document(fastest)}
     for each in result.path.remarks:
@@ -187,18 +183,13 @@ def _print_all(
 ) -> None:
     """Print the errors of the plans of many recordings, and list the failed recordings last."""
     from planner.report.episodes import episodes_page, episodes_text
-    from planner.report.page import sources_of
 
     if report is not None:
         with Progress() as progress:
             progress("the page")
-            page = episodes_page(
-                document,
-                title=", ".join(dict.fromkeys(PurePath(name).name for name in logs)),
-                sources=sources_of(
-                    report, [*(("recordings", name) for name in logs), ("track", document["track"])]
-                ),
-            )
+            title = ", ".join(dict.fromkeys(PurePath(name).name for name in logs))
+            origins = [*(("recordings", name) for name in logs), ("track", document["track"])]
+            page = episodes_page(document, title=title).html(report, origins)
             with staged(report, page.encode()):
                 pass
     print_answer(document, episodes_text(document), as_json=as_json)

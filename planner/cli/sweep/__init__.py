@@ -129,7 +129,7 @@ def write_sweep(
     from planner.cli.models import leg_title
     from planner.files.results import made_from
     from planner.files.table import csv_text
-    from planner.report.page import sources_of, versions
+    from planner.report.page import versions
     from planner.report.sweep import sweep_page
 
     run, page, rows = space.settings, folder / "report.html", _rows(swept)
@@ -143,7 +143,7 @@ def write_sweep(
         ("plan", run.plan.method),
         ("search", run.sweep.method),
     ]
-    write_text(page, sweep_page(swept, sources=sources_of(page, origins, files)))
+    write_text(page, sweep_page(swept).html(page, origins, files))
     document = {
         "made_by": "request-planner sweep",
         "made_from": "",

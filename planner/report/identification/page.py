@@ -34,7 +34,6 @@ from planner.report.identification.words import (
 )
 from planner.report.page import (
     Card,
-    Listing,
     Page,
     Section,
     footer,
@@ -54,9 +53,7 @@ class Joint(NamedTuple):
     prefix: str
 
 
-def identification_page(
-    identifications: Mapping[str, Identification], *, sources: Sequence[Listing] = ()
-) -> str:
+def identification_page(identifications: Mapping[str, Identification]) -> Page:
     """The whole page."""
     several = len(identifications) > 1
     joints = [
@@ -82,7 +79,6 @@ def identification_page(
         ],
         footer=footer("identify", ", with lag and acceleration time of any length"),
         good=all(joint.identification.accepted for joint in joints),
-        listings=sources,
     )
     if not several:
         only = joints[0].identification
@@ -99,7 +95,7 @@ def identification_page(
             figure=cloud_figure(only),
             sections=_sections(joints[0]),
         )
-    return page.html()
+    return page
 
 
 def _sections(joint: Joint, *, alone: bool = True) -> list[Section]:
@@ -272,7 +268,7 @@ def calibration_text(comparisons: Mapping[str, Compared], output: str) -> str:
     return "\n".join([*lines, candidates_table(comparisons).text(), step])
 
 
-def calibration_page(comparisons: Mapping[str, Compared], output: str) -> str:
+def calibration_page(comparisons: Mapping[str, Compared], output: str) -> Page:
     """The same as a page, with every joint's model beside its measurements."""
 
     def spread(values: Sequence[float], digits: str) -> str:
@@ -318,4 +314,4 @@ def calibration_page(comparisons: Mapping[str, Compared], output: str) -> str:
             Card(spread(gains, ".2g"), "×", "closer than the best shift"),
             Card(str(len(joints)), "", f"joint{'s' * (len(joints) > 1)}"),
         ),
-    ).html()
+    )
