@@ -41,7 +41,6 @@ if TYPE_CHECKING:
     click.Choice(["slope", "envelope", "exact"]),
     default="envelope",
 )
-@options.option("--figure", "Write the picture; .png or .svg.", types.PICTURE)
 @options.report("Write a page (HTML) about the comparison.")
 @options.as_json
 def compare(
@@ -49,7 +48,6 @@ def compare(
     run: Run,
     path: str,  # noqa: ARG001
     level: Level,
-    figure: str | None,
     report: str | None,
     as_json: bool,
 ) -> None:
@@ -68,12 +66,10 @@ def compare(
     from planner.cli.desired import check_angles, desired_of
     from planner.cli.models import leg_title, model_words
     from planner.report.comparison import (
-        comparison_figure,
         comparison_page,
         comparison_text,
         verdict_line,
     )
-    from planner.report.matplotlib_figure import write_picture
 
     desired = desired_of(run)
     options.warn_of(desired.remarks)
@@ -81,8 +77,6 @@ def compare(
     in_order, leg = _in_leg_order(desired)
     with Progress(len(desired.names) + (leg is not None)) as progress:
         check = comparison_of(in_order, leg, level, progress)
-    if figure is not None:
-        write_picture(figure, comparison_figure(check))
     if report is not None:
         page = comparison_page(
             check,
@@ -92,7 +86,7 @@ def compare(
             notes=notes_of(desired),
         )
         origins = [*origins_of(desired, leg), ("bounds up to", level)]
-        write_text(report, page.html(report, origins, [*inputs_of(desired), ("picture", figure)]))
+        write_text(report, page.html(report, origins, inputs_of(desired)))
     unreachable = desired.unreachable
     if as_json:
         print_json({**check.to_dict(), "unreachable_samples": unreachable})

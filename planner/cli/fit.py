@@ -11,7 +11,7 @@ from planner.cli import options, types
 from planner.cli.console import Progress, deliver
 from planner.cli.settings import Run
 from planner.exceptions import about
-from planner.report.table import text_table
+from planner.files.text import write_text
 
 if TYPE_CHECKING:
     from planner.approximation.fit import PiecewiseLinearFit
@@ -62,11 +62,7 @@ def _knot(text: str) -> tuple[float, float | None]:
     "Also write the knots of a single joint: knot_s and value_deg, or JSON for FILE.json.",
     types.OUTPUT,
 )
-@options.option(
-    "--figure",
-    "Also draw the lines, and the error for other numbers of them, as .svg or .png.",
-    types.PICTURE,
-)
+@options.report("Write a page (HTML) about the lines, and the error for other numbers of them.")
 @options.output
 @options.as_json
 def fit(
@@ -79,7 +75,7 @@ def fit(
     required_s: tuple[tuple[float, float | None], ...],
     exact: bool,
     knots_file: str | None,
-    figure: str | None,
+    report: str | None,
     output: str,
     as_json: bool,
 ) -> None:
@@ -88,8 +84,8 @@ def fit(
     \b
     Example, six lines per joint, and their knots:
         request-planner fit desired.csv --segments 6 --json
-    As few lines as stay within 2 degrees, with a picture:
-        request-planner fit desired.csv --max-error 2 --figure fit.svg
+    As few lines as stay within 2 degrees, with a page:
+        request-planner fit desired.csv --max-error 2 --report fit.html
     """  # noqa: D301
     import numpy as np
 
@@ -97,6 +93,7 @@ def fit(
     from planner.cli.desired import check_angles, load_joints
     from planner.cli.models import model_words
     from planner.files.paths import write_curve
+    from planner.report.fit import fit_page, fits_table
 
     path = load_joints(desired, run)
     options.warn_of(path.remarks)
@@ -127,24 +124,18 @@ def fit(
         "period_s": path.period,
         "joints": {name: _document(curve) for name, curve in fits.items()},
     }
-    rows = [
-        [name, f"{len(c.slopes)}", *(f"{np.degrees(each):.3f}" for each in (c.rms, c.max_error))]
-        for name, c in fits.items()
-    ]
     angles = np.column_stack([curve.angles for curve in fits.values()])
     if knots_file is not None:
         write_curve(knots_file, next(iter(fits.values())))
-    if figure is not None:
+    if report is not None:
         from planner.approximation.fit import choices
-        from planner.report.fit import fits_figure
-        from planner.report.matplotlib_figure import write_picture
 
-        alternatives = {name: choices(curve) for name, curve in fits.items()}
-        write_picture(figure, fits_figure(fits, alternatives))
+        page = fit_page(fits, {name: choices(curve) for name, curve in fits.items()})
+        origins, files = [("path", desired), ("model", run.model.file)], [("lines", output)]
+        write_text(report, page.html(report, origins, files))
     deliver(
         document,
-        f"lines within the top speed; {model_words(run.model)}\n"
-        + text_table(["joint", "lines", "rms [deg]", "max [deg]"], rows),
+        f"lines within the top speed; {model_words(run.model)}\n{fits_table(fits).text()}",
         lambda file: path.write(file, angles),
         output=output,
         as_json=as_json,

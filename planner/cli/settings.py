@@ -59,10 +59,9 @@ class Leg(Settings):
         "'reference' the hip's.",
     )
     urdf: Source | None = option(
-        "The description of your own robot, in place of name.",
+        "The description of your own robot, in place of a shipped leg.",
         example="robot.urdf",
         type=types.INPUT,
-        option_help="The same as --leg FILE.urdf.",
     )
     base: Frame | None = option(
         "With a URDF: the frame of the foot positions.", example="base_link", metavar="FRAME"
@@ -81,12 +80,10 @@ class Leg(Settings):
         "With a URDF: the same for joints that slide [m].", example={"slide": 0.1}
     )
     near: Angles | None = option(
-        "A pose near which to start [deg], of several that reach the first point.",
+        "Initial pose [deg]: the nearest solution of the inverse kinematics is taken.",
         example={"knee": 30.0},
         type=types.POSE,
         metavar="JOINT=DEG",
-        option_help="Initial pose: the nearest solution of the inverse kinematics is taken; "
-        "several times for several joints.",
     )
     unreachable: Literal["raise", "nearest", "clamp"] = option(
         "Positions out of reach: stop and list them, take the nearest, or clamp each "
@@ -105,8 +102,6 @@ class Model(Settings):
         default=SHIPPED_MODEL,
         option="--model",
         type=types.INPUT,
-        option_help="Joint models as TOML; 'ers210a', the paper's Table 1; or 'urdf', the same "
-        "servos with the top speeds of the leg's URDF.  [default: ers210a]",
     )
 
 
@@ -147,12 +142,11 @@ class Path(Settings):
         example="path.csv",
     )
     joints: JointNames = setting(
-        "With a file of joints: those to use, in this order; [] is every column.",
+        "With a file of joints: those to use, in this order.",
         default=(),
+        otherwise="every column",
         option="--joint",
         metavar="NAME",
-        option_help="A joint to use, several times for several; by default every column of the "
-        "file.",
     )
     rate_hz: Positive | None = option(
         "Requests per second: a file with t_s is resampled to it, and the models take it.",
@@ -240,7 +234,6 @@ class Plan(Settings):
         type=float,
         nargs=3,
         metavar="X Y Z",
-        option_help="Method foot-optimal: weight of each axis.  [default: 1 1 1]",
     )
     segments: Count | None = option(
         "Method closed-form: lines of the approximation.",
@@ -264,8 +257,6 @@ class Limits(Settings):
         by_joint="joints",
         type=types.SPANS,
         metavar="[JOINT=]LOW:HIGH",
-        option_help="Range of the requests [deg], of all joints or one; by default that of the "
-        "leg.",
     )
     joints: dict[str, Span] = setting(
         "The same for single joints [deg], which overrule it.", example=[-27.0, 147.0]
@@ -276,16 +267,14 @@ class Start(Settings):
     """With plan.cyclic = false and method optimal: where the joints rest before."""
 
     deg: float | None = setting(
-        "Angle of every joint [deg], from the same zero as the path.",
+        "Angle at which every joint rests before a path that does not repeat, from the same zero "
+        "as the path [deg, or percent of the range].",
         otherwise="where the path begins",
         example=0.0,
         option="--start-deg",
         by_joint="joints",
         type=types.ANGLES,
         metavar="[JOINT=]DEG",
-        option_help="With --no-cyclic: the angle at which all joints, or one, rest before the path "
-        "begins [degrees, or percent of the range, from the same zero as the path].  "
-        "[default: where the path begins]",
     )
     joints: dict[str, float] = setting(
         "The same for single joints [deg], which overrule it.", example=30.0
@@ -428,8 +417,6 @@ class Replay(Settings):
         otherwise="all that have a model, but no grippers",
         option="--joint",
         metavar="NAME",
-        option_help="A joint to plan, several times for several; the others get their recorded "
-        "requests.  [default: all that have a model, but no grippers]",
     )
     begin_s: NotNegative | None = option(
         "Where to begin [s since the first row].", otherwise="the first row"
@@ -441,10 +428,9 @@ class Replay(Settings):
         "Requests per second.", otherwise="that of the recording", example=50.0
     )
     fastest: bool = option(
-        "Find the largest speed at which the largest error keeps the tolerance of [tolerance].",
+        "Find the largest speed at which the largest error keeps --tolerance-deg or -cm, whatever "
+        "--norm is.",
         default=False,
-        option_help="Find the largest speed at which the largest error keeps --tolerance-deg or "
-        "-cm, whatever --norm is.",
     )
     retime: Literal["constant", "varying"] = option(
         "With fastest: one factor for the whole recording, or one that varies along it, "
@@ -452,13 +438,11 @@ class Replay(Settings):
         default="constant",
     )
     urdf_joints: Annotated[dict[str, Text], Expected("a table of names by joint")] = setting(
-        "Names of joints in the URDF, where they are others than in the recording.",
+        "With --urdf: what a joint of the recording is called there; several times for several.",
         example={"Rotation": "shoulder_pan"},
         option="--urdf-joint",
         type=types.NAMES,
         metavar="JOINT=NAME",
-        option_help="With --urdf: what a joint of the recording is called there; several times for "
-        "several.",
     )
     write_as: ReplayFormat = setting(
         "What to write: csv has the columns and units of the recording, joints those of "

@@ -166,12 +166,6 @@ def _check_file(path: str) -> None:
         check_writable(path)
 
 
-def _check_picture(path: str) -> None:
-    if not path.lower().endswith((".svg", ".png")):
-        raise click.UsageError(f"--figure: got '{path}', expected a name in .png or .svg.")
-    check_writable(path)
-
-
 SPAN = Parsed(_span, "LOW:HIGH in degrees with LOW below HIGH, such as -27:147")
 SPANS = by_joint(
     _span, "LOW:HIGH or JOINT=LOW:HIGH in degrees with LOW below HIGH, such as knee=-27:147"
@@ -195,7 +189,6 @@ UNITS_OF_OPTIONS = {
 
 INPUT = Place("file", use="read")
 OUTPUT = Place("file", _check_file, use="written")
-PICTURE = Place("file", _check_picture, use="written")
 FOLDER = Place("dir", check_folder, use="written")
 OUTPUT_OR_FOLDER = Place("file", use="written")  # checked once the format is known
 REWRITTEN = Place("file", use=None)

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from markupsafe import Markup
@@ -23,17 +21,9 @@ from planner.evaluation.cross_check import (
 from planner.model.evidence import untested_words
 from planner.report import figure, style
 from planner.report.figure import Axis, Figure, Panel, Timeline, line, near_limits
-from planner.report.matplotlib_figure import draw_grid
 from planner.report.page import Card, Page, Section, heading, models_table, sentence
 from planner.report.table import NOTHING, Column, Row, Table, number, percent
 from planner.trajectory import error_norm, index_of_largest, rms
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure as Picture
-
-
-MOST_COLUMNS, COLUMN = 3, 3.6
-"""Joints side by side in the figure of all of them, and the width of each [inch]."""
 
 SHOWN = "closed_form_paper"
 """The closed form that is drawn."""
@@ -320,23 +310,6 @@ def notes(joints: Sequence[JointComparison]) -> Iterator[str]:
 
 
 # The figures.
-
-
-def comparison_figure(check: CrossCheck) -> Picture:
-    """Every joint, with its errors and bound in its title, and the foot where there is one."""
-    parts = []
-    for j, joint in enumerate(check.joints):
-        closed_form, optimal = (
-            math.degrees(joint.plans[method].error) for method in (SHOWN, "optimal")
-        )
-        errors = f"{check.norm} {closed_form:.2f}° → {optimal:.2f}°"
-        title = f"{heading(joint.name)}: {errors}, bound {math.degrees(joint.bound):.2f}°"
-        parts.append(replace(joint_figure(check, joint, j), title=title))
-    if check.foot is not None:
-        rms = " → ".join(f"{100.0 * check.foot.plans[method].rms[0]:.2f}" for method in FOOT_ROLES)
-        parts.append(replace(foot_figure(check), title=f"Foot: rms {rms} cm"))
-    columns = min(len(check.joints), MOST_COLUMNS)
-    return draw_grid(parts, columns=columns, width=COLUMN if columns > 1 else 1.33 * COLUMN)
 
 
 def joint_figure(check: CrossCheck, joint: JointComparison, j: int) -> Figure:

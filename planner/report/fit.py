@@ -1,24 +1,20 @@
-"""The figure of a fit: its lines, those at the top speed, and errors of other numbers of lines."""
+"""The page of a fit: its lines, those at the top speed, and errors of other numbers of lines."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from planner.report.figure import Axis, Curve, Figure, Panel, Timeline, joined, line
-from planner.report.matplotlib_figure import draw_grid
-from planner.report.page import heading
+from planner.report.page import Page, Section, heading
 from planner.report.style import APPROXIMATION, DESIRED, DIRECT, INK, LOWER_BOUND, MUTED
+from planner.report.table import Table, at_most, by_columns, two_digits
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure as Picture
-
     from planner.approximation.fit import Choices, PiecewiseLinearFit
-
-COLUMN = 4.2
-"""Width of a column [inch]."""
 
 AT_TOP_SPEED = 0.999
 """A line at this share of the top speed, or more, is at the top speed."""
@@ -27,12 +23,39 @@ LINES = APPROXIMATION._replace(label="lines", dashes="-", width=2.0)
 FAST = DIRECT._replace(label="at the top speed", dashes="-", width=2.0)
 
 
-def fits_figure(fits: Mapping[str, PiecewiseLinearFit], choices: Mapping[str, Choices]) -> Picture:
-    """Every joint's samples and lines, with error against number of lines beside them."""
-    parts = []
-    for name, fit in fits.items():
-        parts += [fit_figure(name, fit), choices_figure(choices[name], fit)]
-    return draw_grid(parts, columns=2, width=COLUMN)
+def fit_page(fits: Mapping[str, PiecewiseLinearFit], choices: Mapping[str, Choices]) -> Page:
+    """The page: every joint's samples and lines, with error against number of lines beside them."""
+    worst = max(fits, key=lambda name: fits[name].max_error)
+    rms, most = np.degrees([fits[worst].rms, fits[worst].max_error])
+    sections = [Section("The joints", table=fits_table(fits))]
+    for k, (name, fit) in enumerate(fits.items(), 1):
+        pictures = [fit_figure(name, fit), choices_figure(choices[name], fit)]
+        named = [replace(each, name=f"{each.name}_{k}") for each in pictures]
+        sections.append(Section(heading(name), pictures=named))
+    return Page(
+        heading=f"Lines for {', '.join(fits)}",
+        command="fit",
+        verdict=(
+            f"The lines stay within {at_most(most)} degrees of the path",
+            f"{two_digits(rms)} degrees rms; {worst} is the farthest off",
+        ),
+        sections=sections,
+    )
+
+
+def fits_table(fits: Mapping[str, PiecewiseLinearFit]) -> Table:
+    """The number of lines of every joint, and its errors."""
+    curves = fits.values()
+    return by_columns(
+        "joint",
+        fits,
+        [
+            ("lines", [f"{len(each.slopes)}" for each in curves]),
+            ("rms [deg]", [f"{np.degrees(each.rms):.3f}" for each in curves]),
+            ("max [deg]", [f"{np.degrees(each.max_error):.3f}" for each in curves]),
+        ],
+        label="Lines",
+    )
 
 
 def fit_figure(name: str, fit: PiecewiseLinearFit) -> Figure:

@@ -1,23 +1,20 @@
-"""Figures in files: drawn by Matplotlib, as the same bytes every time."""
+"""Figures of the paper in files: drawn by Matplotlib, as the same bytes every time."""
 
 from __future__ import annotations
 
 import io
 from collections.abc import Sequence
 from functools import cache
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from planner.files.text import write_bytes
 from planner.report.figure import MARGIN, Axis, Curve, Figure, Span, Words
 from planner.report.style import INK, SETTINGS, WIDTH, applied
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure as Picture
-    from matplotlib.figure import FigureBase
 
 ROW = 1.5
 """Height of a panel of height 1 [inch]."""
@@ -39,34 +36,10 @@ def draw(figure: Figure) -> Picture:
     return picture
 
 
-def draw_grid(figures: Sequence[Figure], *, columns: int, width: float) -> Picture:
-    """Several figures as one, from left to right and then below, under their titles.
-
-    Args:
-        figures: The figures.
-        columns: How many are side by side.
-        width: Width of each [inch].
-    """
-    from matplotlib.figure import Figure as Picture
-
-    rows = [figures[k : k + columns] for k in range(0, len(figures), columns)]
-    whole = width * len(rows[0])
-    heights = [max(height_of(each, whole / len(row)) for each in row) + HEADING for row in rows]
-    with applied():
-        size = (whole, sum(heights))
-        picture = Picture(figsize=size, layout="constrained")
-        parts = picture.subfigures(len(rows), 1, height_ratios=heights, squeeze=False)
-        for part, row in zip(parts[:, 0], rows, strict=True):
-            places = part.subfigures(1, len(row), squeeze=False)[0]
-            for place, figure in zip(places, row, strict=True):
-                _draw_into(place, figure, width=whole / len(row), title=figure.title)
-    return picture
-
-
-def height_of(figure: Figure, width: float = WIDTH) -> float:
+def height_of(figure: Figure) -> float:
     """Height of a figure [inch]."""
     headings = HEADING * sum(bool(panel.title) for panel in figure.panels)
-    entries = LEGEND * -(-len(_names(figure)) // _columns(_names(figure), width))
+    entries = LEGEND * -(-len(_names(figure)) // _columns(_names(figure)))
     return ROW * sum(panel.height for panel in figure.panels) + BELOW + headings + entries
 
 
@@ -96,12 +69,6 @@ def to_png(picture: Picture) -> bytes:
     return stream.getvalue()
 
 
-def write_picture(file: Path | str, picture: Picture) -> None:
-    """Write a picture, as SVG or PNG by the file's ending."""
-    is_svg = Path(file).suffix.lower() == ".svg"
-    write_bytes(file, to_svg(picture).encode() if is_svg else to_png(picture))
-
-
 def pictures_of(figure: Figure) -> tuple[str, bytes]:
     """The figure as an SVG file and as a PNG file, laid out once."""
     picture = draw(figure)
@@ -110,10 +77,8 @@ def pictures_of(figure: Figure) -> tuple[str, bytes]:
     return svg, to_png(picture)
 
 
-def _draw_into(
-    picture: FigureBase, figure: Figure, *, width: float = WIDTH, title: str = ""
-) -> None:
-    """Draw panels, and the legend below a title."""
+def _draw_into(picture: Picture, figure: Figure) -> None:
+    """Draw the panels, and the legend above them."""
     heights = [panel.height for panel in figure.panels]
     rows = picture.subplots(len(heights), 1, sharex=True, squeeze=False, height_ratios=heights)
     handles: dict[str, Any] = {}
@@ -143,10 +108,7 @@ def _draw_into(
             [handles[name] for name in entries],
             entries,
             loc="outside upper left",
-            ncols=_columns(entries, width),
-            title=title or None,
-            alignment="left",
-            title_fontproperties={"weight": "bold", "size": 9.5},
+            ncols=_columns(entries),
         )
 
 
@@ -219,12 +181,12 @@ def _names(figure: Figure) -> list[str]:
     return list(dict.fromkeys([*names, *spans]))
 
 
-def _columns(names: Sequence[str], width: float) -> int:
-    """Columns of the legend that fit into a figure of this width."""
+def _columns(names: Sequence[str]) -> int:
+    """Columns of the legend that fit into a figure."""
     widths = [_width(name) + 0.56 for name in names]  # for the line before it, and the blank behind
     for columns in range(len(names), 1, -1):
         parts = np.array_split(widths, columns)  # as Matplotlib does
-        if sum(part.max() for part in parts) <= width:
+        if sum(part.max() for part in parts) <= WIDTH:
             return columns
     return 1
 

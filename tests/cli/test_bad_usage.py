@@ -183,7 +183,6 @@ BAD = {
     "a replay at no speed": "replay log.csv --speed 0",
     "a required knot between samples": "fit desired.csv --required-s 0.7=0 --exact --segments 4",
     "required angles too far apart": "fit desired.csv --required-s 0=0 --required-s 0.016=90",
-    "fit with a picture of no kind": "fit desired.csv --figure fit.pdf",
     "knots of two joints": "fit desired.csv --knots k.csv",
     "fit exactly for nothing": "fit desired.csv --exact",
     "a page and a model on standard output": "identify log.csv --report -",
@@ -227,7 +226,6 @@ BAD = {
     "a sensor finer than atoms": "excite --limits-deg -9:9 --resolution-deg 1e-320",
     "a command that writes from right to left": "'\u202enalp'",
     "a word without end": f"plan d.csv --norm {'x' * 5000}",
-    "a comparison with a picture of no kind": "compare desired.csv --figure compare.gif",
     "a comparison with a level that there is not": "compare desired.csv --level sharp",
     "a page of a plan in no folder": "plan desired.csv --report nowhere/plan.html",
     "a comparison with limits that exclude the path": "compare desired.csv --joint hip "

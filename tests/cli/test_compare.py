@@ -55,9 +55,9 @@ def test_joints_of_a_leg_are_compared_in_its_order_each_with_its_own_limits_and_
     assert (given["segments"], given["cyclic"]) == (3, False)
 
 
-@pytest.mark.usefixtures("sabotage", "undrawn")
+@pytest.mark.usefixtures("sabotage")
 def test_plans_that_fail_their_checks_are_shown_and_end_with_status_1(run, brief):
-    result = run("compare", brief, "--figure", "late.png", "--json")
+    result = run("compare", brief, "--report", "late.html", "--json")
     assert result.exit_code == 1
     assert result.stderr.startswith(
         "request-planner: failed: 34 of 38 checks hold; hip, optimised: no worse than closed form"

@@ -78,8 +78,7 @@ CASES = {
     "check-named": f"check {ARM} --duration-s 4 --joint hip",
     "compare-json": "compare path.csv --limits-deg -30:40 --json",
     "compare-norm": "compare path.csv --joint hip --norm max --level slope --no-cyclic",
-    "compare-page": f"compare short_stride.csv {CLAMPED} --segments 5 --report page.html "
-    "--figure page.png",
+    "compare-page": f"compare short_stride.csv {CLAMPED} --segments 5 --report page.html",
     "completion-bash": "completion bash",
     "completion-fish": "completion fish",
     "completion-zsh": "completion zsh",
@@ -122,7 +121,7 @@ CASES = {
         "fit path.csv --segments 4 --exact --joint hip --knots knots.csv",
         "fit path.csv --segments 4 --joint hip --knots /dev/null -o /dev/null",
     ],
-    "fit-figure": "fit path.csv --max-error 2 --figure fit.svg --json",
+    "fit-page": "fit path.csv --max-error 2 --report page.html --json",
     "fit-path": "fit path.csv --no-cyclic --max-rms 9 --required-s 0=0 --required-s 0.08 --model "
     "joint.toml",
     "gait": "gait --samples 8",
