@@ -214,24 +214,29 @@ def _option(key: str, declared: Declared, of_command: str) -> Callable[[Command]
     attributes = dict(declared.click)
     own = attributes.pop("option_help", "")
     default = None if declared.required else declared.default
-    default_text = declared.otherwise.strip('"') or ("" if default in (None, ()) else str(default))
+    shown = "" if default in (None, (), {}) else str(default)
+    default_text = declared.otherwise.strip('"') or shown
     first, slash, second = declared.option.partition("/")
     if declared.type is bool and (default is not None or not slash):
         default_text = (first if default else second).strip("-") if slash else ""
+    origin = get_origin(declared.type)
+    several_times = origin is dict or (origin is tuple and "type" not in attributes)
     text = of_command or own or declared.help
+    if several_times and text is declared.help:
+        text = f"{text.removesuffix('.')}; several times for several."
     if default_text and not own:
         text += f"  [default: {default_text}]"
     if declared.type is bool:
         attributes |= {"is_flag": True, "default": None}
-    elif get_origin(declared.type) is Literal:
+    elif origin is Literal:
         attributes = {"type": click.Choice(get_args(declared.type)), **attributes}
-    elif get_origin(declared.type) is tuple:
-        attributes = {"type": str, "multiple": "type" not in attributes, **attributes}
+    elif origin is tuple:
+        attributes = {"type": str, **attributes}
     else:
         unit = "n" if declared.type is int else key.rpartition("_" if "_" in key else ".")[2]
         units = {"metavar": unit.upper()} if unit in ("n", *types.UNITS_OF_OPTIONS) else {}
         attributes = {"type": declared.type, **units, **attributes}
-    if declared.by_joint or get_origin(declared.type) is dict:
+    if several_times or declared.by_joint:
         attributes["multiple"] = True
     parameter, required = _parameter(key), declared.required
     return click.option(declared.option, parameter, help=text, required=required, **attributes)

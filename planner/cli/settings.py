@@ -102,6 +102,8 @@ class Model(Settings):
         default=SHIPPED_MODEL,
         option="--model",
         type=types.INPUT,
+        option_help="Joint models as TOML; 'ers210a', the paper's Table 1; or 'urdf', the same "
+        "servos with the top speeds of the leg's URDF.  [default: ers210a]",
     )
 
 
@@ -234,6 +236,7 @@ class Plan(Settings):
         type=float,
         nargs=3,
         metavar="X Y Z",
+        option_help="Method foot-optimal: weight of each axis.  [default: 1 1 1]",
     )
     segments: Count | None = option(
         "Method closed-form: lines of the approximation.",
@@ -257,6 +260,8 @@ class Limits(Settings):
         by_joint="joints",
         type=types.SPANS,
         metavar="[JOINT=]LOW:HIGH",
+        option_help="Range of the requests [deg], of all joints or one; by default that of the "
+        "leg.",
     )
     joints: dict[str, Span] = setting(
         "The same for single joints [deg], which overrule it.", example=[-27.0, 147.0]
@@ -438,7 +443,7 @@ class Replay(Settings):
         default="constant",
     )
     urdf_joints: Annotated[dict[str, Text], Expected("a table of names by joint")] = setting(
-        "With --urdf: what a joint of the recording is called there; several times for several.",
+        "With --urdf: what a joint of the recording is called there.",
         example={"Rotation": "shoulder_pan"},
         option="--urdf-joint",
         type=types.NAMES,
