@@ -12,6 +12,7 @@ import json
 import math
 import os
 import platform
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import cache
@@ -174,14 +175,22 @@ def environment() -> jinja2.Environment:
         loader=jinja2.PackageLoader("planner.report"),
         autoescape=True,
         undefined=jinja2.StrictUndefined,
+        finalize=lambda value: table_html(value) if isinstance(value, Table) else value,
         trim_blocks=True,
         lstrip_blocks=True,
     )
     environment.filters["fixed"] = lambda value, digits=2: f"{value:.{digits}f}"
     environment.filters["percent"] = percent
     environment.filters["breakable"] = _breakable
+    environment.filters["noted"] = _noted
+    environment.tests["breaking"] = lambda cell: " " in cell and not re.search(r"\d", cell)
     environment.globals["hints"] = HINTS
     return environment
+
+
+def table_html(table: Table) -> Markup:
+    """A table for a page, in a frame that scrolls where it is too wide."""
+    return Markup(environment().get_template("table.html").render(table=table))
 
 
 def rendered(block: str, **values: Any) -> Markup:
@@ -305,6 +314,12 @@ def sentence(words: str) -> str:
     """Words, names in them as they are, to begin a line with and to end with a stop."""
     name = not words.split(" ", 1)[0].replace("_", "A").islower()
     return f"{words}." if name else f"{words[:1].upper()}{words[1:]}."
+
+
+def _noted(text: str) -> Markup:
+    """Words with minus signs, and a note after a line break in small letters."""
+    value, _, note = re.sub(r"(?<![\w.=])-(?=\d)", "−", text).partition("\n")
+    return Markup("{} <small>{}</small>").format(value, note) if note else escape(value)
 
 
 def _breakable(name: str) -> Markup:

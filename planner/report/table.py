@@ -1,9 +1,8 @@
-"""Tables, described once: drawn as HTML for a page and as plain text for a terminal."""
+"""Tables, described once: plain text for a terminal; a page draws them by its templates."""
 
 from __future__ import annotations
 
 import math
-import re
 import textwrap
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
@@ -12,8 +11,6 @@ from dataclasses import dataclass
 from itertools import groupby, zip_longest
 from operator import attrgetter
 from typing import Literal
-
-from markupsafe import Markup, escape
 
 NOTHING = "–"
 """Content of a cell without a value."""
@@ -87,44 +84,6 @@ class Table:
     def subjects(self) -> list[tuple[str, list[Row]]]:
         """The rows of every subject together."""
         return [(name, list(rows)) for name, rows in groupby(self.rows, attrgetter("subject"))]
-
-    def __html__(self) -> str:
-        """The table for a page, in a frame that scrolls where it is too wide."""
-        split = len(self.subjects()) > 1
-        body = []
-        for subject, rows in self.subjects():
-            for number, row in enumerate(rows):
-                head = ""
-                if split and number == 0:
-                    head = f'<th scope="rowgroup" rowspan="{len(rows)}">{escape(subject)}</th>'
-                first = "first" if split and number == 0 else ""
-                kinds = " ".join(each for each in (first, row.kind) if each)
-                cells = "".join(map(_html_cell, row.cells, self.columns))
-                opening = f'<tr class="{kinds}">' if kinds else "<tr>"
-                body.append(f'{opening}{head}<th scope="row">{_noted(row.about)}</th>{cells}</tr>')
-        label = escape(self.label or self.about)
-        lines = [
-            f'<div class="scroll" tabindex="0" role="region" aria-label="{label}">',
-            f"<table>\n<thead>{self._html_head(2 if split else 1)}</thead>",
-            "<tbody>",
-            *body,
-            "</tbody>\n</table>\n</div>",
-        ]
-        return Markup("\n".join(lines))  # every part is escaped
-
-    def _html_head(self, width: int) -> str:
-        across = f' colspan="{width}"' if width > 1 else ""
-        cells = [f'<th scope="col"{across}>{escape(self.about)}</th>']
-        for column in self.columns:
-            if column.parts:
-                scope = f'scope="colgroup" colspan="{len(column.parts)}"'
-            else:
-                scope = 'scope="col"' + (' class="words"' if column.words else "")
-            cells.append(f"<th {scope}>{escape(column.title)}</th>")
-        if not any(column.parts for column in self.columns):
-            return f"<tr>{''.join(cells)}</tr>"
-        below = "".join(_html_parts(column) for column in self.columns)
-        return f'<tr>{"".join(cells)}</tr><tr class="sub"><td{across}></td>{below}</tr>'
 
 
 def by_columns(
@@ -237,26 +196,3 @@ def _joined(cell: str | tuple[str, ...], column: Column) -> str:
 def _with_note(words: str) -> str:
     value, _, note = words.partition("\n")
     return f"{value} ({note})" if note else value
-
-
-def _html_cell(cell: str | tuple[str, ...], column: Column) -> str:
-    if isinstance(cell, str):
-        breaks = " class=breaks" if " " in cell and not re.search(r"\d", cell) else ""
-        return f"<td{' class=words' if column.words else breaks}>{_noted(cell)}</td>"
-    first, *rest = map(_noted, cell)
-    return f"<td class=part>{first}</td>" + "".join(f"<td>{each}</td>" for each in rest)
-
-
-def _html_parts(column: Column) -> str:
-    """The titles below a column's own."""
-    if not column.parts:
-        return "<td></td>"
-    first, *rest = (f">{escape(part)}</th>" for part in column.parts)
-    return '<th scope="col" class=part' + first + "".join(f'<th scope="col"{o}' for o in rest)
-
-
-def _noted(text: str) -> str:
-    """Words as HTML, a note in small letters."""
-    text = re.sub(r"(?<![\w.=])-(?=\d)", "−", text)
-    value, _, note = text.partition("\n")
-    return f"{escape(value)} <small>{escape(note)}</small>" if note else str(escape(value))
