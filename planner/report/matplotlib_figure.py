@@ -4,17 +4,22 @@ from __future__ import annotations
 
 import io
 from collections.abc import Sequence
+from contextlib import AbstractContextManager
 from functools import cache
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from planner.report.figure import MARGIN, Axis, Curve, Figure, Span, Words
-from planner.report.style import INK, SETTINGS, WIDTH, applied
+from planner.report.style import INK
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure as Picture
+
+WIDTH = 4.8
+"""Width of a picture [inch]: legible on a phone, and between one and two columns of a paper."""
 
 ROW = 1.5
 """Height of a panel of height 1 [inch]."""
@@ -26,11 +31,18 @@ AWAY = 4
 """Distance of words from their place [pt]."""
 
 
+def looks() -> AbstractContextManager[None]:
+    """A context in which Matplotlib draws and saves by ``paper.mplstyle``."""
+    import matplotlib as mpl
+
+    return mpl.rc_context(fname=Path(__file__).with_name("paper.mplstyle"))
+
+
 def draw(figure: Figure) -> Picture:
     """The figure as Matplotlib draws it."""
     from matplotlib.figure import Figure as Picture
 
-    with applied():
+    with looks():
         picture = Picture(figsize=(WIDTH, height_of(figure)), layout="constrained")
         _draw_into(picture, figure)
     return picture
@@ -51,7 +63,7 @@ def to_svg(picture: Picture) -> str:
     from matplotlib.backends.backend_svg import FigureCanvasSVG
 
     stream = io.StringIO()
-    with applied():
+    with looks():
         canvas: Any = FigureCanvasSVG(picture)
         canvas.print_svg(stream, metadata={"Date": None, "Creator": None})
     return "\n".join(row.rstrip() for row in stream.getvalue().splitlines()) + "\n"
@@ -62,7 +74,7 @@ def to_png(picture: Picture) -> bytes:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
     stream = io.BytesIO()
-    with applied():
+    with looks():
         picture.dpi = 200  # dots per inch
         canvas: Any = FigureCanvasAgg(picture)
         canvas.print_png(stream, metadata={"Software": None})
@@ -194,8 +206,9 @@ def _columns(names: Sequence[str]) -> int:
 @cache
 def _width(words: str) -> float:
     """Width of words in the legend [inch]."""
+    import matplotlib as mpl
     from matplotlib.font_manager import FontProperties
     from matplotlib.textpath import TextPath
 
-    font = FontProperties(family="DejaVu Sans", size=SETTINGS["legend.fontsize"])
+    font = FontProperties(family="DejaVu Sans", size=mpl.rcParams["legend.fontsize"])
     return float(TextPath((0.0, 0.0), words, prop=font).get_extents().width) / 72.0

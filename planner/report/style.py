@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from contextlib import AbstractContextManager
 from typing import Any, NamedTuple
 
 
@@ -57,55 +56,3 @@ ROLES: Mapping[str, Role] = {
     "foot-optimal": FOOT_OPTIMAL,
 }
 """Every role by the name of its CSS variable."""
-
-WIDTH = 4.8
-"""Width of a picture [inch]: legible on a phone, and between one and two columns of a paper."""
-
-SETTINGS: Mapping[str, Any] = {
-    "font.family": "sans-serif",
-    "font.sans-serif": ["DejaVu Sans"],
-    "font.size": 9.0,
-    "mathtext.fontset": "dejavusans",
-    "text.color": INK.light,
-    "axes.edgecolor": MUTED.light,
-    "axes.facecolor": "none",
-    "axes.grid": True,
-    "axes.axisbelow": True,
-    "axes.labelcolor": INK.light,
-    "axes.labelsize": 9.0,
-    "axes.linewidth": 0.8,
-    "axes.spines.right": False,
-    "axes.spines.top": False,
-    "axes.titlesize": 9.5,
-    "axes.titlelocation": "left",
-    "axes.titleweight": "bold",
-    "axes.unicode_minus": True,
-    "figure.facecolor": SURFACE.light,
-    "grid.color": GRID.light,
-    "grid.linewidth": GRID.width,
-    "legend.frameon": False,
-    "legend.fontsize": 8.5,
-    "legend.handlelength": 2.4,
-    "legend.columnspacing": 1.4,
-    "lines.solid_capstyle": "round",
-    "lines.dash_capstyle": "butt",
-    "path.simplify_threshold": 0.5,  # [pt]: halves the size of a long log
-    "xtick.color": MUTED.light,
-    "ytick.color": MUTED.light,
-    "xtick.labelcolor": INK.light,
-    "ytick.labelcolor": INK.light,
-    "xtick.labelsize": 8.5,
-    "ytick.labelsize": 8.5,
-    "savefig.facecolor": SURFACE.light,
-    "svg.fonttype": "none",
-    "svg.hashsalt": "request-planner",
-}
-"""Matplotlib's settings for every picture."""
-
-
-def applied() -> AbstractContextManager[None]:
-    """A context in which matplotlib draws and saves with these settings."""
-    import matplotlib as mpl
-
-    settings: Any = dict(SETTINGS)
-    return mpl.rc_context(settings)
