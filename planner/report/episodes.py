@@ -12,7 +12,7 @@ from planner.report import style
 from planner.report.figure import Axis, Curve, Figure, Panel, joined
 from planner.report.page import Card, Page, Section, sentence
 from planner.report.replay import RESENT, SIGNS
-from planner.report.table import NOTHING, Column, Row, Table, number
+from planner.report.table import NOTHING, Column, Row, Table, by_columns, number
 from planner.trajectory import Array
 
 MOST_ROWS = 500
@@ -87,20 +87,17 @@ def episodes_page(
 
 def episodes_table(rows: Sequence[Mapping[str, Any]], *, fastest: bool) -> Table:
     """Errors of recordings by kind of requests; with their speeds where these are the fastest."""
-    titles = ("requests", *["speed"] * fastest, "worst joint", *KINDS.values())
-    table_rows = [
-        Row(
-            str(row["recording"]),
-            (
-                f"{row['requests']}",
-                *[f"{row['speed']:.3g}"] * fastest,
-                f"{row['worst_joint']} [{row['unit']}]",
-                *(number(row[kind], 3) for kind in KINDS),
-            ),
-        )
-        for row in rows
-    ]
-    return Table("recording", tuple(map(Column, titles)), tuple(table_rows), label="Recordings")
+    return by_columns(
+        "recording",
+        [str(row["recording"]) for row in rows],
+        [
+            ("requests", [f"{row['requests']}" for row in rows]),
+            fastest and ("speed", [f"{row['speed']:.3g}" for row in rows]),
+            ("worst joint", [f"{row['worst_joint']} [{row['unit']}]" for row in rows]),
+            *((title, [number(row[kind], 3) for row in rows]) for kind, title in KINDS.items()),
+        ],
+        label="Recordings",
+    )
 
 
 def errors_figure(rows: Sequence[Mapping[str, Any]], unit: str) -> Figure:
