@@ -34,7 +34,21 @@ BESIDE = (
 
 
 KINDS = {
-    *("", ".cff", ".css", ".csv", ".html", ".ipynb", ".js", ".json", ".md", ".py", ".svg", ".toml"),
+    *(
+        "",
+        ".cff",
+        ".css",
+        ".csv",
+        ".html",
+        ".ipynb",
+        ".js",
+        ".json",
+        ".md",
+        ".mplstyle",
+        ".py",
+        ".svg",
+        ".toml",
+    ),
     *(".txt", ".typed", ".urdf"),
 }
 

@@ -198,6 +198,11 @@ def rendered(block: str, **values: Any) -> Markup:
     return Section("", block, **values).html(environment())
 
 
+def rendered_text(template: str, **values: Any) -> str:
+    """A template of plain text, for a terminal."""
+    return environment().overlay(autoescape=False).get_template(template).render(values)
+
+
 def live_head() -> Markup:
     """The element of a page's head by which inline scripts run, and nothing is loaded."""
     policy = (

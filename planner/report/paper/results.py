@@ -32,7 +32,7 @@ from planner.evaluation.virtual_experiment import (
 )
 from planner.identification.result import Identification
 from planner.model.joint import JointModel
-from planner.report.page import versions
+from planner.report.page import rendered_text, versions
 from planner.report.table import NOTHING, Column, Row, Table, number, percent, signed
 from planner.trajectory import Array, Distance
 
@@ -372,56 +372,22 @@ PLANS = {
 
 def paper_text(results: Results) -> str:
     """All tables as plain text, for the terminal."""
-    blocks = [
-        distances_text(results),
-        "",
-        "Lower bound on the rms error under any requests, how far above it a plan is, and how far",
-        "its requests go beyond the joint's limits, of which the closed form knows none",
-        bounds_table(results).text(),
-        "",
-        "Closed form and optimised requests are planned joint by joint: better in every joint need",
-        "not be better in the foot. Refining the knots is ours, not the paper's.",
-        f"The ten baseline figures (direct, shift) deviate from the paper's by "
-        f"{percent(results['baseline_deviation'], 1)} on average.",
-        results["note"],
-    ]
-    return "\n".join(blocks)
+    tables = {"table_2": table_2(results), "foot_table": foot_table(results)}
+    bounds = bounds_table(results)
+    return rendered_text("paper.txt", results=results, bounds_table=bounds, **tables)
 
 
 def virtual_text(results: Results) -> str:
     """All tables of the virtual robot as plain text, for the terminal."""
-    learning = ", ".join(f"{trial['L2']:.3f}" for trial in results["learning"]["trials"])
-    blocks = [
-        "What the step tests say about the joints: estimate (95 % interval)",
-        table_1(results).text(),
-        "",
-        distances_text(results),
-        "",
-        "L2 as predicted by the plan > as executed (loss); joints [deg], foot [cm]",
-        executed_table(results).text(),
-        "",
-        f"Learning from executed cycles: foot, L2 of each trial [cm]: {learning}",
-        "",
-        f"Means ± standard deviations over {results['robot']['cycles']} cycles by the true angles, "
-        f"after {dropped_words(results)} until the walk was steady.",
-        results["note"],
-    ]
-    return "\n".join(blocks)
-
-
-def distances_text(results: Results) -> str:
-    """Table 2 and the foot as plain text."""
-    bound = results["foot_bound"]
-    blocks = [
-        "Distances between joint trajectories [deg]: ours / the paper's (difference)",
-        table_2(results).text(),
-        "",
-        "Distance of the foot from its desired path [cm]: ours / the paper's (difference)",
-        foot_table(results).text(),
-        f"Lower bound on the foot's error within the joints' limits, by the model: "
-        f"{bound['L2']:.3f} cm rms; the foot-optimised plan is {percent(bound['gap'])} above it.",
-    ]
-    return "\n".join(blocks)
+    return rendered_text(
+        "virtual.txt",
+        results=results,
+        table_1=table_1(results),
+        table_2=table_2(results),
+        foot_table=foot_table(results),
+        executed_table=executed_table(results),
+        dropped=dropped_words(results),
+    )
 
 
 def table_2(results: Results) -> Table:
