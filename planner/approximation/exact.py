@@ -17,26 +17,17 @@ from __future__ import annotations
 import heapq
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from itertools import product
-from operator import attrgetter
+from itertools import count, product
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
-from planner.approximation.problem import (
-    Candidate,
-    Problem,
-    nearest_samples,
-    residuals,
-    segment_allowed,
-)
+from planner.approximation.problem import Candidate, Problem, nearest_samples, residuals
 from planner.approximation.values import best_values, ideal_of
 from planner.exceptions import SolverFailed
-from planner.trajectory import Array
+from planner.trajectory import Array, Indices
 
-Levels = list[npt.NDArray[np.intp]]
+Levels = list[Indices]
 
 PROVED = 1e-6
 """Relative gap between the squared error and its lower bound that ends the search."""
@@ -66,109 +57,89 @@ def proved_best(problem: Problem, start: Candidate) -> Candidate:
     Raises:
         SolverFailed: No proof within :data:`MOST_BRANCHES` halvings.
     """
-    return _BranchAndBound(problem, start).best
+    n, knots = problem.samples, np.floor(start.knots + 0.5)
+    best = best_values(problem, np.sort(np.mod(knots, n)) if problem.cyclic else knots)
+    relaxation = Relaxation(problem)
+    search = _Search(relaxation, best)
+    ideal = ideal_of(problem)
+    if float(np.sum((ideal - problem.desired) ** 2)) >= search.enough:
+        return best
+    levels = [np.arange(t, n - best.knots.size + t + 1) for t in range(best.knots.size)]
+    if not problem.cyclic:
+        levels[0], levels[-1] = np.array([0]), np.array([n - 1])
+    order = count()
+    queue = [(-math.inf, next(order), levels, first_multipliers(problem, best))]
+    while queue and queue[0][0] < search.enough:
+        bound, number, levels, multipliers = heapq.heappop(queue)
+        tightened = search.tightened(levels, multipliers, 60 if number == 0 else 25)
+        if tightened is None:
+            continue
+        bound, levels, multipliers = tightened
+        if math.prod(len(level) for level in levels) <= 16:
+            for chain in product(*(level.tolist() for level in levels)):
+                if relaxation.possible(chain):
+                    search.attempt(chain)
+            continue
+        for half in halves_of(levels):
+            number = next(order)
+            if number > MOST_BRANCHES:
+                gap = 1.0 - bound / search.best.error
+                raise SolverFailed(
+                    "exact piecewise-linear fit", f"{number} halvings", violation=gap
+                )
+            heapq.heappush(queue, (bound, number, half, multipliers))
+    return search.best
 
 
-class Multipliers(NamedTuple):
-    """Of the ends and of the starts of segments; the same except at pins."""
+class _Search:
+    """The best curve so far, and chains that were tried."""
 
-    into: Array  # (levels, n)
-    out: Array  # (levels, n)
-
-
-@dataclass(order=True)
-class Branch:
-    """Places where each knot may lie, with bounds on the curves among them."""
-
-    bound: float
-    number: int
-    levels: Levels
-    multipliers: Multipliers
-
-
-class _BranchAndBound:
-    def __init__(self, problem: Problem, start: Candidate) -> None:
-        self._problem = problem
-        self._relaxation = Relaxation(problem)
+    def __init__(self, relaxation: Relaxation, best: Candidate) -> None:
+        self.best = best
+        self._relaxation = relaxation
         self._tried: set[tuple[int, ...]] = set()
-        knots = np.floor(start.knots + 0.5)
-        knots = np.sort(np.mod(knots, problem.samples)) if problem.cyclic else knots
-        self.best = best_values(problem, knots)
-        ideal = ideal_of(problem)
-        if float(np.sum((ideal - problem.desired) ** 2)) < self._enough:
-            self._search()
 
     @property
-    def _enough(self) -> float:
+    def enough(self) -> float:
         """A bound that proves."""
         return self.best.error * (1.0 - PROVED) - 1e-12
 
-    def _search(self) -> None:
-        multipliers = first_multipliers(self._problem, self.best)
-        root = Branch(-math.inf, 0, self._all_levels(), multipliers)
-        queue, number = [root], 0
-        while queue:
-            branch = heapq.heappop(queue)
-            if branch.bound >= self._enough:
-                return
-            tightened = self._tightened(branch, 60 if number == 0 else 25)
-            if tightened is None:
-                continue
-            if math.prod(len(level) for level in tightened.levels) <= 16:
-                for chain in product(*tightened.levels):
-                    if self._relaxation.possible(chain):
-                        self._try(chain)
-                continue
-            for half in halves_of(tightened.levels):
-                number += 1
-                if number > MOST_BRANCHES:
-                    gap = 1.0 - branch.bound / self.best.error
-                    raise SolverFailed(
-                        "exact piecewise-linear fit", f"{number} halvings", violation=gap
-                    )
-                heapq.heappush(queue, replace(tightened, number=number, levels=half))
+    def attempt(self, chain: Sequence[int]) -> None:
+        """Remember the curve with these knots if it is the best so far."""
+        if tuple(chain) not in self._tried:
+            self._tried.add(tuple(chain))
+            curve = best_values(self._relaxation.problem, np.array(chain, dtype=np.float64))
+            self.best = curve if curve.error < self.best.error else self.best
 
-    def _all_levels(self) -> Levels:
-        n, size = self._problem.samples, self.best.knots.size
-        if self._problem.cyclic:
-            return [np.arange(t, n - size + t + 1) for t in range(size)]
-        inner = [np.arange(t, n - size + t + 1) for t in range(1, size - 1)]
-        return [np.array([0]), *inner, np.array([n - 1])]
-
-    def _tightened(self, branch: Branch, steps: int) -> Branch | None:
-        """The branch with better multipliers and fewer places; None if it holds nothing better."""
-        levels = branch.levels
-        trial = best = Multipliers(branch.multipliers.into.copy(), branch.multipliers.out.copy())
+    def tightened(
+        self, levels: Levels, multipliers: Array, steps: int
+    ) -> tuple[float, Levels, Array] | None:
+        """A bound, fewer places and better multipliers; None if they hold nothing better."""
+        trial = best = multipliers
         highest, pace, stalled = -math.inf, 1.0, 0
         for step in range(steps):
             cheapest = self._relaxation.bound(levels, trial)
             if not math.isfinite(cheapest.error):
                 return None
-            self._try(cheapest.chain)
-            if cheapest.error >= self._enough:
+            self.attempt(cheapest.chain)
+            if cheapest.error >= self.enough:
                 return None
             stalled += cheapest.error - highest < 1e-4 * (self.best.error - highest)
             if cheapest.error > highest:
-                highest = cheapest.error
-                best = Multipliers(trial.into.copy(), trial.out.copy())
+                highest, best = cheapest.error, trial
             if stalled > 3:
                 pace, stalled = 0.5 * pace, 0
             levels = [
-                level[cost < self._enough]
+                level[cost < self.enough]
                 for level, cost in zip(levels, cheapest.through, strict=True)
             ]
             reach = pace * (self.best.error - cheapest.error)
             width = 1 + int(6 / (1.0 + step / 6.0))
-            if pace < 0.05 or not climb(self._relaxation, trial, cheapest, reach, width):
+            higher = climbed(self._relaxation, trial, cheapest, reach, width)
+            if pace < 0.05 or higher is None:
                 break
-        return Branch(highest, 0, levels, best)
-
-    def _try(self, chain: Sequence[int]) -> None:
-        """Remember the curve with these knots if it is the best so far."""
-        if tuple(chain) not in self._tried:
-            self._tried.add(tuple(chain))
-            curve = best_values(self._problem, np.array(chain, dtype=np.float64))
-            self.best = min(self.best, curve, key=attrgetter("error"))
+            trial = higher
+        return highest, levels, best
 
 
 def halves_of(levels: Levels) -> list[Levels]:
@@ -196,12 +167,15 @@ class Bound(NamedTuple):
 
 
 class Relaxation:
-    """All segments between samples, with the sums from which their costs follow."""
+    """All segments between samples, with the sums from which their costs follow.
+
+    Multipliers have the shape (2, levels, n): of the ends of segments and of the starts, the same
+    except at pins.
+    """
 
     def __init__(self, problem: Problem) -> None:
         """Sum the samples of all segments, those at their ends by half."""
-        n = self.samples = problem.samples
-        self.cyclic, self.step = problem.cyclic, problem.step
+        n, self.problem = problem.samples, problem
         count = 2 * n if problem.cyclic else n
         desired = np.resize(problem.desired, count)
         start, end = np.arange(count)[:, None], np.arange(count)[None, :]
@@ -218,7 +192,10 @@ class Relaxation:
         if not problem.cyclic:
             first[0], last[-1] = 1.0, 0.0
         first, last = first[:, None], last[None, :]
-        possible = segment_allowed(problem, start, end)
+        nodes = nearest_samples(problem.required) % n
+        possible = span >= 1.0
+        for place in np.append(nodes, nodes + n):  # no required knot inside
+            possible &= (place <= start) | (place >= end)
         d_i, d_j = desired[start], desired[end]
         w0 = np.where(possible, span + first - last, 1.0)
         self.centre = (w1 - last * span) / w0
@@ -232,11 +209,9 @@ class Relaxation:
         self.error = np.where(possible, np.maximum(error, 0.0), np.inf)
         self.w0, self.length = w0, span
         self.pins = np.full(n, np.nan)
-        self.pins[nearest_samples(problem.required) % n] = problem.pins
+        self.pins[nodes] = problem.pins
 
-    def costs(
-        self, i: npt.NDArray[np.intp], j: npt.NDArray[np.intp], pi_i: Array, pi_j: Array
-    ) -> Array:
+    def costs(self, i: Indices, j: Indices, pi_i: Array, pi_j: Array) -> Array:
         """Least costs of segments from ``i`` to ``j``, whose ends have these multipliers: (5b)."""
         rise, tilt, slope = self._lines(i, j, pi_i, pi_j)
         error = self.error[i, j] + rise * self.mean[i, j] - rise * rise / (4.0 * self.w0[i, j])
@@ -245,41 +220,38 @@ class Relaxation:
 
     def possible(self, chain: Sequence[int]) -> bool:
         """Whether these knots are in order, none too close, and no required one between them."""
-        ends = [*chain, chain[0] + self.samples] if self.cyclic else list(chain)
+        cyclic = self.problem.cyclic
+        ends = [*chain, chain[0] + self.problem.samples] if cyclic else list(chain)
         return bool(np.all(np.isfinite(self.error[ends[:-1], ends[1:]])))
 
-    def ends(self, i: int, j: int, pi_i: float, pi_j: float) -> tuple[float, float]:
-        """Values of the cheapest line at ``i`` and ``j``."""
+    def ends(self, i: Indices, j: Indices, pi_i: Array, pi_j: Array) -> tuple[Array, Array]:
+        """Values of the cheapest lines at ``i`` and ``j``."""
         rise, _, slope = self._lines(i, j, pi_i, pi_j)
-        middle = self.mean[i, j] - rise / (2.0 * self.w0[i, j])
-        start = middle - slope * self.centre[i, j]
-        return float(start), float(start + slope * self.length[i, j])
+        start = self.mean[i, j] - rise / (2.0 * self.w0[i, j]) - slope * self.centre[i, j]
+        return start, start + slope * self.length[i, j]
 
     def _lines(
-        self, i: object, j: object, pi_i: object, pi_j: object
+        self, i: Indices, j: Indices, pi_i: Array, pi_j: Array
     ) -> tuple[Array, Array, Array]:
         """Terms of the multipliers in centre and slope, and the best slope."""
-        at: tuple[object, object] = (i, j)
-        centre = self.centre[at]  # type: ignore[index]
-        rise = pi_j - pi_i  # type: ignore[operator]
-        tilt = pi_j * self.length[at] - rise * centre  # type: ignore[operator, index]
-        slope = self.slope[at] - tilt / (2.0 * self.sxx[at])  # type: ignore[index]
-        return rise, tilt, np.minimum(np.maximum(slope, -self.step), self.step)
+        rise, step = pi_j - pi_i, self.problem.step
+        tilt = pi_j * self.length[i, j] - rise * self.centre[i, j]
+        slope = self.slope[i, j] - tilt / (2.0 * self.sxx[i, j])
+        return rise, tilt, np.minimum(np.maximum(slope, -step), step)
 
-    def bound(self, levels: Levels, multipliers: Multipliers) -> Bound:
+    def bound(self, levels: Levels, multipliers: Array) -> Bound:
         """The cheapest chain with one knot of every level; O(levels · places²), of a cycle ³."""
         into, out = multipliers
+        last, pin = len(levels) - 1, np.nan_to_num(self.pins)
         tables = []
-        last = len(levels) - 1
-        pin = np.nan_to_num(self.pins)
-        steps = [(t, t + 1, 0) for t in range(last)]
-        if self.cyclic:
-            steps.append((last, 0, self.samples))
-        for t, u, turn in steps:
+        for t in range(last + self.problem.cyclic):
+            u = (t + 1) % (last + 1)
             i, j = levels[t][:, None], levels[u][None, :]
-            table = self.costs(i, j + turn, out[t, i], into[u, j])
+            table = self.costs(
+                i, j + (self.problem.samples if u == 0 else 0), out[t, i], into[u, j]
+            )
             tables.append(table + pin[j] * (out[u, j] - into[u, j]))
-        if not self.cyclic:
+        if not self.problem.cyclic:
             tables[0] = tables[0] + pin[0] * (out[0, 0] - into[0, 0])
             tables.append(np.zeros((1, 1)))
         # costs[t][a, b]: cheapest way from place a of level 0 to place b of level t + 1.
@@ -303,30 +275,27 @@ class Relaxation:
         by_level.append(total.min(axis=1))
         return Bound(float(total[first, end]), chain, by_level[::-1])
 
-    def differences(self, chain: list[int], multipliers: Multipliers) -> tuple[Array, Array]:
-        """Slopes of the bound by the multipliers at the knots of its chain: into, out."""
+    def differences(self, chain: list[int], multipliers: Array) -> Array:
+        """Slopes of the bound by the multipliers at the knots of its chain, (2, levels)."""
         into, out = multipliers
-        size, n = len(chain), self.samples
-        arriving, leaving = np.zeros(size), np.zeros(size)
-        own = [node % n for node in chain]
-        for t in range(size if self.cyclic else size - 1):
-            u = (t + 1) % size
-            i, j = own[t], own[u] + n * (own[u] <= own[t])
-            leaving[t], arriving[u] = self.ends(i, j, out[t, i], into[u, own[u]])
+        size, n = len(chain), self.problem.samples
+        own, arriving, leaving = np.array(chain) % n, np.zeros(size), np.zeros(size)
+        t = np.arange(size if self.problem.cyclic else size - 1)
+        u = (t + 1) % size
+        i, j = own[t], own[u] + n * (own[u] <= own[t])
+        leaving[t], arriving[u] = self.ends(i, j, out[t, i], into[u, own[u]])
         pins = self.pins[own]
         pinned = np.isfinite(pins)
         by_into = np.where(pinned, arriving - pins, arriving - leaving)
         by_out = np.where(pinned, pins - leaving, arriving - leaving)
-        if not self.cyclic:
+        if not self.problem.cyclic:
             by_into[0] = by_out[-1] = 0.0
-            if not pinned[0]:
-                by_out[0] = 0.0
-            if not pinned[-1]:
-                by_into[-1] = 0.0
-        return by_into, by_out
+            by_out[0] *= pinned[0]
+            by_into[-1] *= pinned[-1]
+        return np.stack([by_into, by_out])
 
 
-def first_multipliers(problem: Problem, curve: Candidate) -> Multipliers:
+def first_multipliers(problem: Problem, curve: Candidate) -> Array:
     """The multipliers that make ``curve`` the cheapest chain with its own knots.
 
     A segment is optimal if twice the sum of its residuals, P - d, equals the multiplier at its
@@ -338,14 +307,13 @@ def first_multipliers(problem: Problem, curve: Candidate) -> Multipliers:
         along -= np.mean(along)
     else:
         along[[0, -1]] = 0.0
-    table = np.tile(along, (curve.knots.size, 1))
-    return Multipliers(table, table.copy())
+    return np.tile(along, (2, curve.knots.size, 1))
 
 
-def climb(
-    relaxation: Relaxation, multipliers: Multipliers, cheapest: Bound, reach: float, width: int
-) -> bool:
-    """Move the multipliers up by a step of Polyak's, in place.
+def climbed(
+    relaxation: Relaxation, multipliers: Array, cheapest: Bound, reach: float, width: int
+) -> Array | None:
+    """The multipliers after a step of Polyak's upwards.
 
     Args:
         relaxation: The relaxation.
@@ -355,20 +323,17 @@ def climb(
         width: Neighbours of a knot that take part of its step [samples].
 
     Returns:
-        False if the chain's segments meet: the bound is as high as can be.
+        None if the chain's segments meet: the bound is as high as can be.
     """
-    by_into, by_out = relaxation.differences(cheapest.chain, multipliers)
-    square = float(by_into @ by_into + by_out @ by_out)
+    slopes = relaxation.differences(cheapest.chain, multipliers)
+    square = float(np.sum(slopes**2))
     if square < 1e-20:
-        return False
-    step = 2.0 * reach / square
-    n = relaxation.samples
-    for t, knot in enumerate(cheapest.chain):
-        away = np.abs(np.arange(n) - knot % n)
-        if relaxation.cyclic:
-            away = np.minimum(away, n - away)
-        pinned = np.isfinite(relaxation.pins[knot % n])
-        near = np.maximum(0.0, 1.0 - away / (1 if pinned else width))
-        multipliers.into[t] += step * by_into[t] * near
-        multipliers.out[t] += step * by_out[t] * near
-    return True
+        return None
+    n = relaxation.problem.samples
+    knots = np.array(cheapest.chain)[:, np.newaxis] % n
+    away = np.abs(np.arange(n) - knots)
+    if relaxation.problem.cyclic:
+        away = np.minimum(away, n - away)
+    near = np.where(np.isfinite(relaxation.pins[knots]), 1, width)
+    share = np.maximum(0.0, 1.0 - away / near)
+    return np.asarray(multipliers + 2.0 * reach / square * slopes[:, :, np.newaxis] * share)

@@ -76,6 +76,11 @@ class Line(NamedTuple):
         """Its value at a place."""
         return self.value + self.slope * (place - self.place)
 
+    @property
+    def mirrored(self) -> Line:
+        """The line upside down."""
+        return Line(self.place, -self.value, -self.slope)
+
 
 class Link(NamedTuple):
     """An extreme line, kept until the next one crosses it.
@@ -121,14 +126,15 @@ def fewest_links(gates: Gates, breaks: Sequence[int] = ()) -> Course:
     ends = [*breaks, len(gates.places) - 1]
     lower, upper = list(gates.lower), list(gates.upper)
     gates = gates._replace(lower=lower, upper=upper)
-    if breaks:
-        least, most = _passable(gates)
+    if breaks:  # values there from which slopes can pass all the others
+        ramp = gates.slope * np.array(gates.places)
+        least, most = -envelope_below(-np.array(lower), ramp), envelope_below(np.array(upper), ramp)
         for k in breaks:
-            lower[k], upper[k] = least[k], max(most[k], least[k])
+            lower[k], upper[k] = float(least[k]), float(max(most[k], least[k]))
     parts: list[tuple[list[Link], LastLines]] = []
     first = 0
     for last in ends:
-        links, lines = _forward(gates, first, last)
+        links, lines = _links_from(gates, next_link(gates, first, last), last)
         parts.append((links, lines))
         place = gates.places[last]
         lower[last] = min(max(lines.lowest.at(place), lower[last]), upper[last])
@@ -179,11 +185,10 @@ def fewest_links_around(gates: Gates) -> Course | None:
             eave = _later(link, n * (1 - link.before // n))
             lines, joints, last = _closed(around, n, eave)
             choices = (last.highest, last.lowest, line_between(last, joints[-1].touched, 0.5))
-            cycles = [_around([*lines, line, _later(eave, n).line], joints, n) for line in choices]
+            cycles = [_joined([*lines, line, _later(eave, n).line], joints, n) for line in choices]
             return max(cycles, key=lambda cycle: min(cycle.shortest(n), 1.0))
         turn, before = link.touched // n, link
-        own = _later(link, -n * turn)
-        link = next_link(around, own.touched, end, half=own.end, rising=own.rising)
+        link = link_after(around, _later(link, -n * turn), end)
     return None
 
 
@@ -207,24 +212,19 @@ def _closed(around: Gates, n: int, eave: Link) -> tuple[list[Line], list[Link], 
     ends, far = (upper, math.inf) if target.rising else (lower, -math.inf)
     ends[free] = [far] * (free.stop - free.start)
     joined = around._replace(lower=lower, upper=upper)
-    links: list[Link] = []
-    outcome: Link | LastLines = eave
-    while isinstance(outcome, Link):
-        links.append(outcome)
-        outcome = next_link(joined, outcome.touched, last, half=outcome.end, rising=outcome.rising)
+    links, outcome = _links_from(joined, eave, last)
     joint = Link(target.line, target.rising, missed + n, -1, last - 1)
     return [link.line for link in links], [*links, joint], outcome
 
 
-def _around(lines: list[Line], links: list[Link], n: int) -> Course:
+def _joined(lines: list[Line], links: list[Link], n: int) -> Course:
     """The cycle of lines that cross one after the other, the last of them the first one again."""
-    knots, values = [], []
-    for line, after, link in zip(lines[:-1], lines[1:], links, strict=True):
-        place = meeting(line, after, float(link.touched), float(link.end + 1))
-        knots.append(place)
-        values.append(line.at(place))
-    start = n * math.floor(knots[0] / n)
-    return Course(np.array(knots) - start, np.array(values), len(links))
+    places = [
+        meeting(line, after, float(link.touched), float(link.end + 1))
+        for line, after, link in zip(lines[:-1], lines[1:], links, strict=True)
+    ]
+    values = [line.at(place) for line, place in zip(lines[:-1], places, strict=True)]
+    return Course(np.array(places) - n * math.floor(places[0] / n), np.array(values), len(links))
 
 
 def _later(link: Link, shift: int) -> Link:
@@ -234,31 +234,18 @@ def _later(link: Link, shift: int) -> Link:
     return Link(line, link.rising, link.touched + shift, before, link.end + shift)
 
 
-def _passable(gates: Gates) -> tuple[list[float], list[float]]:
-    """The least and the largest value at every gate from which slopes can pass all the others."""
-    ramp = gates.slope * np.array(gates.places)
-    least = -envelope_below(-np.array(gates.lower), ramp)
-    return least.tolist(), envelope_below(np.array(gates.upper), ramp).tolist()
-
-
-def _forward(gates: Gates, first: int, last: int) -> tuple[list[Link], LastLines]:
-    """The lines kept from one gate to another, and those that remain for the last segment."""
+def _links_from(gates: Gates, outcome: Link | LastLines, last: int) -> tuple[list[Link], LastLines]:
+    """The lines kept from one on, up to a gate, and those that remain for the last segment."""
     links: list[Link] = []
-    outcome = next_link(gates, first, last)
     while isinstance(outcome, Link):
         links.append(outcome)
-        outcome = next_link(gates, outcome.touched, last, half=outcome.end, rising=outcome.rising)
+        outcome = link_after(gates, outcome, last)
     return links, outcome
 
 
 def _pinned(gates: Gates, first: int, last: int, links: list[Link], lines: LastLines) -> LastLines:
     """The last lines through the one value that is left at the last gate."""
-    outcome: Link | LastLines
-    if links:
-        link = links[-1]
-        outcome = next_link(gates, link.touched, last, half=link.end, rising=link.rising)
-    else:
-        outcome = next_link(gates, first, last)
+    outcome = link_after(gates, links[-1], last) if links else next_link(gates, first, last)
     if isinstance(outcome, LastLines):
         return outcome
     place = gates.places[last]  # missed by a rounding error
@@ -318,9 +305,7 @@ def next_link(
         if top < lower:
             return Link(highest.line, True, highest.touched, highest.before, k - 1)
         if bottom > upper:
-            at, value, steepness = lowest.line
-            line = Line(at, -value, -steepness)
-            return Link(line, False, lowest.touched, lowest.before, k - 1)
+            return Link(lowest.line.mirrored, False, lowest.touched, lowest.before, k - 1)
         if upper < top:
             highest.tighten(k, place, upper)
         if lower > bottom:
@@ -329,8 +314,12 @@ def next_link(
             highest.add(k, place, lower)
         if upper < math.inf:
             lowest.add(k, place, -upper)
-    at, value, steepness = lowest.line
-    return LastLines(highest.line, Line(at, -value, -steepness))
+    return LastLines(highest.line, lowest.line.mirrored)
+
+
+def link_after(gates: Gates, link: Link, last: int) -> Link | LastLines:
+    """The line kept after another one."""
+    return next_link(gates, link.touched, last, half=link.end, rising=link.rising)
 
 
 class Extreme:

@@ -93,16 +93,12 @@ def within_largest_error(
     tight = course
     least = float(np.max(error_at_pins(problem), initial=attainable))
     low, high = least * (1.0 + TIE) + 1e-15, widest
-    if spare > low:
-        trial = minimum_link(problem, spare)
-        if _segments(problem, trial) == count:
-            tight, high = trial, spare
-    for _ in range(HALVINGS):
-        middle = 0.5 * (low + high)
-        trial = minimum_link(problem, middle)
-        if _segments(problem, trial) == count:
+    for turn in range(HALVINGS + 1):
+        middle = spare if turn == 0 else 0.5 * (low + high)
+        trial = minimum_link(problem, middle) if middle > low else None
+        if trial is not None and _segments(problem, trial) == count:
             tight, high = trial, middle
-        else:
+        elif turn > 0:
             low = middle
     limit = spare if high <= spare else high
     if tight.knots.size > 1:

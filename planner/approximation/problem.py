@@ -187,19 +187,6 @@ def with_required(problem: Problem, knots: Array) -> Array | None:
     return moved if problem.long_enough(moved) else None
 
 
-def segment_allowed(
-    problem: Problem, start: npt.NDArray[np.intp], end: npt.NDArray[np.intp]
-) -> npt.NDArray[np.bool_]:
-    """Whether a segment may lead from one node to another, by length and required knots."""
-    possible = end - start >= 1
-    for node in nearest_samples(problem.required):
-        turns = range(-1, 4) if problem.cyclic else (0,)
-        for turn in turns:
-            place = node + turn * problem.samples
-            possible &= (place <= start) | (place >= end)
-    return np.asarray(possible)
-
-
 def segment_capacity(problem: Problem) -> tuple[Array, npt.NDArray[np.intp]]:
     """Places that are knots in any case, ends included, and most segments between them."""
     n, fixed = problem.samples, problem.required
