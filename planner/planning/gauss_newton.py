@@ -203,17 +203,18 @@ class Pattern(NamedTuple):
 
 
 @inner
-def foot_of(leg: Array, angles: Array, foot: Array, jacobian: Array) -> None:
-    """Fill the foot's position [m], (3,), and its derivatives by the joints' angles, (J, 3).
+def foot_of(leg: Array, angles: Array, rows: Array) -> None:
+    """Fill the derivatives of a foot's position by the joints' angles, and last the position [m].
 
     ``p -> origin + (A + cos C + sin S) p`` from the last joint to the first: see
-    :class:`kinematics.chain.Link`. ``leg`` is as in :class:`Spec`, angles are in rad, (J,).
+    :class:`kinematics.chain.Link`. ``leg`` is as in :class:`Spec`, angles are in rad, (J,), rows
+    have shape (J + 1, 3).
     """
     joints = len(leg) - 1
     turned = np.empty((2, 3, 3))  # the link's rotation, and its derivative
     before = np.empty(3)
     for i in range(3):
-        foot[i] = leg[joints, 0, i]
+        rows[joints, i] = leg[joints, 0, i]
     for joint in range(joints - 1, -1, -1):
         cosine, sine = np.cos(angles[joint]), np.sin(angles[joint])
         for i in range(3):
@@ -224,22 +225,25 @@ def foot_of(leg: Array, angles: Array, foot: Array, jacobian: Array) -> None:
         for moved in range(joint, joints + 1):  # derivatives by this angle and others, the foot
             own = moved == joint
             for i in range(3):
-                before[i] = foot[i] if own or moved == joints else jacobian[moved, i]
+                before[i] = rows[joints if own else moved, i]
             for i in range(3):
-                total = 0.0
+                total = leg[joint, 0, i] if moved == joints else 0.0
                 for j in range(3):
                     total += turned[1 if own else 0, i, j] * before[j]
-                if moved == joints:
-                    foot[i] = leg[joint, 0, i] + total
-                else:
-                    jacobian[moved, i] = total
+                rows[moved, i] = total
 
 
 @compiled
-def set_errors(spec: Spec, states: Array, values: Array, jacobians: Array) -> None:
-    """Fill the errors of every sample and scenario [rad], (n, C, m), and their derivatives by J."""
+def errors_of(spec: Spec, states: Array) -> tuple[Array, Array]:
+    """The goal's errors in each scenario, and their derivatives by its joints' angles.
+
+    For angles, or states that begin with them, (n, A): errors [rad], (n, scenarios, m), and
+    derivatives, (n, scenarios, m, J).
+    """
     goal, leg, joints = spec.goal, spec.leg, spec.resting.shape[1]
-    angles, foot, jacobian = np.empty(joints), np.empty(3), np.empty((joints, 3))
+    values = np.empty((len(states), len(spec.shares), 1 if len(leg) == 0 else 3))
+    jacobians = np.empty((*values.shape, joints))
+    angles, rows = np.empty(joints), np.empty((joints + 1, 3))
     for k in range(len(values)):
         for c in range(values.shape[1]):
             if len(leg) == 0:
@@ -247,12 +251,13 @@ def set_errors(spec: Spec, states: Array, values: Array, jacobians: Array) -> No
                 continue
             for j in range(joints):
                 angles[j] = states[k, c * joints + j] + goal[k, 3 + j]
-            foot_of(leg, angles, foot, jacobian)
+            foot_of(leg, angles, rows)
             for i in range(3):
                 scale = leg[joints, 1, i]
-                values[k, c, i] = (foot[i] - goal[k, i]) * scale
+                values[k, c, i] = (rows[joints, i] - goal[k, i]) * scale
                 for j in range(joints):
-                    jacobians[k, c, i, j] = jacobian[j, i] * scale
+                    jacobians[k, c, i, j] = rows[j, i] * scale
+    return values, jacobians
 
 
 @compiled
@@ -261,24 +266,15 @@ def simulate_all(spec: Spec, requests: Array, angles: Array) -> bool:
 
     A cycle need not be unique. Where a drive has none the angles become NaN, and the answer False.
     """
-    samples, joints = requests.shape
+    (samples, joints), cyclic = requests.shape, spec.cyclic
     column, motion = np.empty(samples), np.empty((3, samples))
     for a in range(len(spec.drives)):
         row, sags, faster = spec.drives[a], spec.periods[0, a], spec.periods[1, a]
         for k in range(samples):
             column[k] = requests[k, a % joints]
-        weights, start = spec.weights[a, : int(row[10])], np.nan if spec.cyclic else row[13]
+        law, weights, start = law_of(row), spec.weights[a, : int(row[10])], row[13]
         apart = motion_of(
-            law_of(row),
-            weights,
-            column,
-            spec.oldest,
-            sags,
-            faster,
-            start,
-            spec.cyclic,
-            MOST_CYCLES,
-            motion,
+            law, weights, column, spec.oldest, sags, faster, start, cyclic, MOST_CYCLES, motion
         )
         if apart > 0.0:
             angles[:] = np.nan
@@ -295,13 +291,8 @@ def judge(spec: Spec, angles: Array, errors: Array) -> float:
     Filled are the errors of the scenarios in the norm that counts, then the root mean square over
     samples and scenarios by their weights, (scenarios + 1,).
     """
-    samples, scenarios, joints = len(angles), len(spec.shares), spec.resting.shape[1]
-    axes = 1 if len(spec.leg) == 0 else 3
-    values, jacobians = (
-        np.empty((samples, scenarios, axes)),
-        np.empty((samples, scenarios, axes, joints)),
-    )
-    set_errors(spec, angles, values, jacobians)
+    values, _ = errors_of(spec, angles)
+    samples, scenarios, axes = values.shape
     mean, total, worst = 0.0, 0.0, 0.0
     errors[:] = np.inf
     for c in range(scenarios):
@@ -451,10 +442,8 @@ def set_responses(spec: Spec, stage: Stage, point: Point, a: int, first: int, si
             before[s, i] = states[k - 1, s * drives + a] / unit_of_speed if follows else rest[s]
         for j in range(width):
             window[0, j, i] = requests[max(spec.acting[k, j], 0), a % requests.shape[1]]
-    sags, faster = (
-        spec.periods[0, a, first : first + size],
-        spec.periods[1, a, first : first + size],
-    )
+    end = first + size
+    sags, faster = spec.periods[0, a, first:end], spec.periods[1, a, first:end]
     periods(law, weights, window, sags, faster, rounded, before, slopes, bends)
     for s in range(parts):
         scale = unit_of_speed if s else 1.0
@@ -479,14 +468,11 @@ def set_responses(spec: Spec, stage: Stage, point: Point, a: int, first: int, si
 @inner
 def evaluate(spec: Spec, stage: Stage, unit: float, point: Point) -> None:
     """Fill the rest of a point from its requests and states."""
-    samples, joints = point.requests.shape
+    samples = len(point.requests)
     for a in range(len(spec.drives)):
         for first in range(0, samples, MOST_TOGETHER):
             set_responses(spec, stage, point, a, first, min(MOST_TOGETHER, samples - first))
-    axes = 1 if len(spec.leg) == 0 else 3
-    values = np.empty((samples, len(spec.shares), axes))
-    jacobians = np.empty((samples, len(spec.shares), axes, joints))
-    set_errors(spec, point.states, values, jacobians)
+    values, jacobians = errors_of(spec, point.states)
     set_cost(spec, stage, unit, values, jacobians, point)
     point.costs[3] = set_away(spec, point.requests, stage.smoothing, point.away)
     point.costs[1] = point.costs[0] + stage.weight * point.costs[3]

@@ -155,7 +155,7 @@ class Problem:
             torque = 0.0 if load is None else load
             periods[0, number] = model.compliance * torque
             periods[1, number] = model.faster_per_tick(torque)
-            start = 0.0 if self.start is None else self.start[number % self.joints]
+            start = math.nan if self.start is None else self.start[number % self.joints]
             coasts = max(1.0 / model.law.share, model.hold) if parts > 1 else 1.0
             drives.append((*model.law, model.hold, model.theta_0, coasts, start))
         first, bounds = self.first_requests, np.empty((4, *self.desired.shape))
@@ -221,20 +221,10 @@ class Problem:
         return angles
 
     def errors(self, angles: Array) -> tuple[Array, Array]:
-        """The goal's errors in each scenario, and their derivatives by its joints' angles.
+        """See :func:`planner.planning.gauss_newton.errors_of`."""
+        from planner.planning.gauss_newton import errors_of
 
-        Args:
-            angles: Angles [rad], (n, A).
-
-        Returns:
-            Errors [rad], (n, scenarios, m), and derivatives, (n, scenarios, m, J).
-        """
-        from planner.planning.gauss_newton import set_errors
-
-        shape = len(self.desired), len(self.weights), 1 if self.foot is None else 3
-        values, jacobians = np.empty(shape), np.empty((*shape, self.joints))
-        set_errors(self.spec, np.ascontiguousarray(angles), values, jacobians)
-        return values, jacobians
+        return errors_of(self.spec, np.ascontiguousarray(angles))
 
     def errors_of_models(self, angles: Array) -> tuple[float, Array]:
         """The error that counts, and errors that it comes from; inf where angles are NaN.
