@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from planner.exceptions import InvalidInput, InvalidTrajectory
 from planner.trajectory import LARGEST, TURN, Array, as_trajectory
-from planner.validation import ReadOnly, Summarised, Summary, is_one_of, shown
+from planner.validation import ReadOnly, Summarised, Summary, freeze, is_one_of, shown
 
 GAP = 10.0
 """Pause between rows, in median periods, after which nothing is assumed of what was requested."""
@@ -35,6 +35,12 @@ SLOWEST, FASTEST = 2.0, 2e-5
 
 FEWEST_ROWS = 3
 """Rows below which there is no motion to speak of."""
+
+
+ONE_LOG = (
+    "a planner.Log, a triple of arrays (times, requests, angles) or a mapping with the keys times, "
+    "requests and angles"
+)
 
 
 class Written(NamedTuple):
@@ -109,22 +115,20 @@ class Log(ReadOnly, Summarised):
             value: Any = getattr(self, field)
             if not isinstance(value, str):
                 raise InvalidTrajectory(f"log: {field}: got {shown(value)}, expected a text")
-        for column in ("times", "requests", "angles"):
-            named = f"{self.name}: {column}"
-            largest = LATEST if column == "times" else LARGEST
-            value = getattr(self, column)
+        columns = {"times": LATEST, "requests": LARGEST, "angles": LARGEST, "weights": 1.0}
+        if self.load is not None:
+            columns["load"] = LARGEST
+        for column, largest in columns.items():
+            value, named = getattr(self, column), f"{self.name}: {column}"
+            if column == "weights" and value is None:
+                value = np.ones(len(self.times))
             values = as_trajectory(value, name=named, minimum=FEWEST_ROWS, largest=largest)
             object.__setattr__(self, column, values)
         rows = len(self.times)
-        if self.load is not None:
-            load = as_trajectory(self.load, name=f"{self.name}: load", minimum=FEWEST_ROWS)
-            object.__setattr__(self, "load", load)
-        weights = np.ones(rows) if self.weights is None else self.weights
-        named = f"{self.name}: weights"
-        weights = as_trajectory(weights, name=named, minimum=FEWEST_ROWS, largest=1.0)
-        if np.min(weights) < 0.0:
-            raise InvalidTrajectory(f"{named}: got {np.min(weights):g}, expected 0 to 1")
-        object.__setattr__(self, "weights", weights)
+        if np.min(self.weights) < 0.0:
+            raise InvalidTrajectory(
+                f"{self.name}: weights: got {np.min(self.weights):g}, expected 0 to 1"
+            )
         for column in ("torque_on", "measured"):
             value = getattr(self, column)
             try:
@@ -133,15 +137,14 @@ class Log(ReadOnly, Summarised):
                 raise InvalidTrajectory(
                     f"{self.name}: {column}: {error}; expected flags"
                 ) from error
-            flags.setflags(write=False)
+            freeze(flags)
             object.__setattr__(self, column, flags)
         if isinstance(self.notes, str) or not isinstance(self.notes, Sequence):
             raise InvalidTrajectory(
                 f"{self.name}: notes: got {shown(self.notes)}, expected a list of texts"
             )
         object.__setattr__(self, "notes", tuple(self.notes))
-        optional = () if self.load is None else ("load",)
-        for column in ("requests", "angles", "torque_on", "measured", "weights", *optional):
+        for column in (*columns, "torque_on", "measured"):
             shape = getattr(self, column).shape
             if shape != (rows,):
                 raise InvalidTrajectory(
@@ -183,48 +186,41 @@ def as_logs(logs: Any) -> tuple[Log, ...]:
     none = isinstance(logs, np.ndarray) and logs.ndim == 0  # which only looks iterable
     if isinstance(logs, Iterable) and not isinstance(logs, Sequence | Mapping) and not none:
         logs = tuple(logs)
-    if _is_one(logs):
-        return (_as_log(logs, 0),)
+    if isinstance(logs, Log | Mapping) or _is_triple(logs):
+        logs = (logs,)
     if not isinstance(logs, Sequence) or isinstance(logs, str | bytes) or not logs:
         raise InvalidTrajectory(
-            f"logs: got {type(logs).__name__}, expected a planner.Log, a triple of arrays (times, "
-            "requests, angles), a mapping with these keys, or a sequence of such; "
+            f"logs: got {type(logs).__name__}, expected {ONE_LOG}, or a sequence of such; "
             "planner.read_logs reads files"
         )
-    return tuple(_as_log(log, i) for i, log in enumerate(logs))
+    return tuple(_as_log(log, f"log {number}") for number, log in enumerate(logs, start=1))
 
 
-def _is_one(logs: Any) -> bool:
-    if isinstance(logs, Log | Mapping):
-        return True
-    return (
-        isinstance(logs, Sequence)
-        and not isinstance(logs, str | bytes)
-        and len(logs) == 3
-        and all(np.ndim(column) == 1 and not _is_one(column) for column in logs)
+def _is_triple(log: Any) -> bool:
+    if not isinstance(log, Sequence) or isinstance(log, str | bytes) or len(log) != 3:
+        return False
+    return all(
+        np.ndim(each) == 1 and not isinstance(each, Log | Mapping) and not _is_triple(each)
+        for each in log
     )
 
 
-def _as_log(log: Any, number: int) -> Log:
+def _as_log(log: Any, name: str) -> Log:
     if isinstance(log, Log):
         return log
-    name = f"log {number + 1}"
-    if isinstance(log, Mapping):
-        missing = {"times", "requests", "angles"} - set(log)
-        unknown = set(log) - set(Log.__dataclass_fields__)
-        if missing or unknown:
-            wrong = f"missing {sorted(missing)}" if missing else f"unknown {sorted(unknown)}"
-            raise InvalidTrajectory(
-                f"{name}: {wrong} among its keys, expected times, requests and angles"
-            )
-        return Log(**{"name": name, **log})
-    if _is_one(log):
+    if _is_triple(log):
         times, requests, angles = log
         return Log(times=times, requests=requests, angles=angles, name=name)
-    raise InvalidTrajectory(
-        f"{name}: got {type(log).__name__}, expected a planner.Log, a triple of arrays or a "
-        "mapping with the keys times, requests and angles"
-    )
+    if not isinstance(log, Mapping):
+        raise InvalidTrajectory(f"{name}: got {type(log).__name__}, expected {ONE_LOG}")
+    missing = {"times", "requests", "angles"} - set(log)
+    unknown = set(log) - set(Log.__dataclass_fields__)
+    if missing or unknown:
+        wrong = f"missing {sorted(missing)}" if missing else f"unknown {sorted(unknown)}"
+        raise InvalidTrajectory(
+            f"{name}: {wrong} among its keys, expected times, requests and angles"
+        )
+    return Log(**{"name": name, **log})
 
 
 def check_periods(logs: Sequence[Log]) -> None:
@@ -243,11 +239,7 @@ def check_periods(logs: Sequence[Log]) -> None:
 
 
 def check_alike(logs: Sequence[Log]) -> None:
-    """Make sure that logs are of one joint, in one unit.
-
-    Raises:
-        InvalidInput: They are not.
-    """
+    """Raise InvalidInput where logs are of several joints, or in several units."""
     for name in ("unit", "joint"):
         found = sorted({getattr(log, name) for log in logs})
         if len(found) > 1:
