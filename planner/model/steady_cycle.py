@@ -23,30 +23,6 @@ FIXED_POINT_CYCLES = 3
 """First cycles that start where the one before ended, where the secant method has no slope;
 afterwards bisection takes its place."""
 
-SECANT_CYCLES = 10
-"""Cycles of the secant method alone; afterwards every other cycle is a bisection."""
-
-SETTLING_CYCLES = 100
-"""Cycles of a joint with inertia that are followed from rest before any other cycle is sought."""
-
-CONTRACTING = 0.5
-"""Newton step while the motion settles: largest ratio of the distance of a cycle's ends to that of
-the cycle before, twice in a row, with which it is tried. It may be twice as long as that ratio
-predicts."""
-
-NEAR = 1e-4
-"""Newton step while the motion settles: largest distance of the ends [rad], relative to angles
-beyond 1 rad."""
-
-DIFFERENCE = 1e-7
-"""Step of the difference quotients of a cycle's end by its start [rad, rad/tick]."""
-
-CLOSER = 0.01
-"""Tolerance of bisection on the angles at a cycle's ends, relative to the difference of speeds."""
-
-SINGULAR = 1e-6
-"""Singular values below this share of the largest one count as 0."""
-
 
 class Cycle(NamedTuple):
     """The request periods of a cycle, as :func:`planner.model.kernel.run` takes them.
@@ -121,7 +97,7 @@ def _run_steady_cycle(cycle: Cycle, near: float, most: int) -> float:
     """Run the cycle that repeats itself, its ends near an angle: see :func:`motion_of`."""
     law = cycle.law
     v_max = law.top if exceeds_drive(law) else law.top - law.friction
-    slower, faster = extremes(cycle.faster)
+    slower, faster = cycle.faster.min(), cycle.faster.max()
     by_pose = np.hypot(law.sag_sin, law.sag_cos)
     top = v_max + max(-slower, faster) + law.gain * by_pose
     # The joint overshoots a request by at most the difference of v_max and theta_0, and coasts.
@@ -132,23 +108,14 @@ def _run_steady_cycle(cycle: Cycle, near: float, most: int) -> float:
     beyond += by_pose
     if law.gain * by_pose >= v_max - max(-slower, faster):
         beyond += 2.0 * np.pi  # no request holds it at some angles: it falls to others
-    (low, high), (least, most_sag) = extremes(cycle.history), extremes(cycle.sags)
-    low, high = low + (law.offset + least) - beyond, high + (law.offset + most_sag) + beyond
+    low = cycle.history.min() + (law.offset + cycle.sags.min()) - beyond
+    high = cycle.history.max() + (law.offset + cycle.sags.max()) + beyond
     tolerance = CYCLE_TOLERANCE * max(1.0, abs(low), abs(high))
     if inert:
         return _settled_motion(cycle, near, low, high, tolerance, most)
     if law.friction > 0.0:
         return _nearest_cycle(cycle, near, low, high, tolerance, most)
     return _closed_cycle(cycle, near, low, high, tolerance, most)
-
-
-@inner
-def extremes(values: Array) -> tuple[float, float]:
-    """The least and the largest of some numbers."""
-    least = most = values[0]
-    for k in range(1, len(values)):
-        least, most = min(least, values[k]), max(most, values[k])
-    return least, most
 
 
 @inner
@@ -209,7 +176,7 @@ def _closed_cycle(
             if slope < 1.0:
                 closing = start + (end - start) / (1.0 - slope)
         earlier, ended_earlier = start, end
-        if turn > SECANT_CYCLES and turn % 2:
+        if turn > 10 and turn % 2:
             start = middle
         elif low < closing < high:
             start = closing
@@ -280,12 +247,13 @@ def _settled_motion(
         if mismatch <= tolerance:
             ended(cycle, state)
             return 0.0
-        trial, settling = end, turn < SETTLING_CYCLES
+        trial, settling = end, turn < 100
         ratio, ratio_before = mismatch / before if turn else np.inf, ratio
-        if not settling or (mismatch <= NEAR * scale and max(ratio, ratio_before) <= CONTRACTING):
-            trial = newton_step(cycle, state, end, DIFFERENCE * scale)
+        # While the motion settles: near a cycle, where the ends approach by half twice in a row
+        if not settling or (mismatch <= 1e-4 * scale and max(ratio, ratio_before) <= 0.5):
+            trial = newton_step(cycle, state, end, 1e-7 * scale)
             if settling and distance(trial, end) > 2.0 * mismatch * ratio / (1.0 - ratio):
-                trial = end
+                trial = end  # too far for that ratio
         reached = ended(cycle, trial)
         closer = distance(trial, reached) < mismatch / 2.0
         if not closer and settling and trial != end:
@@ -295,8 +263,8 @@ def _settled_motion(
             bisected += 1
             faster = end.speed - state.speed
             speed = state.speed + 2.0 / (1.0 + bisected) * faster
-            close = max(tolerance, CLOSER * abs(faster))
             begin = State(state.angle, speed, end.integral)
+            close = max(tolerance, 0.01 * abs(faster))
             trial = _closing_start(cycle, begin, low, high, close, most)
             reached = ended(cycle, trial)
         before = mismatch
@@ -309,7 +277,7 @@ def _settled_motion(
 def newton_step(cycle: Cycle, state: State, end: State, step: float) -> State:
     """The state at which a cycle closes to first order, by difference quotients; the nearest one.
 
-    A singular value of less than :data:`SINGULAR` of the largest counts as 0.
+    A singular value of less than a millionth of the largest counts as 0.
     """
     size = moving_states(cycle.law)
     matrix, right = np.eye(size), np.empty(size)
@@ -323,7 +291,7 @@ def newton_step(cycle: Cycle, state: State, end: State, step: float) -> State:
         for t in range(size):
             matrix[t, s] -= (further[t] - end[t]) / step
         right[s] = end[s] - state[s]
-    turn = np.linalg.lstsq(matrix, right, SINGULAR)[0]
+    turn = np.linalg.lstsq(matrix, right, 1e-6)[0]
     integral = state.integral + turn[2] if size == 3 else 0.0
     return State(state.angle + turn[0], state.speed + turn[1], integral)
 
