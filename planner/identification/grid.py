@@ -20,9 +20,6 @@ from planner.validation import as_number, as_whole, shown
 if TYPE_CHECKING:
     from planner.model.kernel import Track
 
-SLACK = 1.05
-"""A tick may be longer by this factor: periods of 20.06 and 20.55 ms are 4 ticks of 5 ms, not 5."""
-
 SURE = 3.0
 """Standard deviations by which a period estimated from uneven pauses may be off."""
 
@@ -33,15 +30,6 @@ MOST_ROWS = 20_000
 """About how many rows :func:`thinned` logs have, by which ticks and terms are chosen. (Of five logs
 of 100,000 rows one is predicted 88 % worse held out with half; twice: the same, in 1.5 times the
 time.)"""
-
-STRETCH, STRETCH_ROWS = 4.0, 500
-"""Least duration [s] and number of rows of each stretch."""
-
-SETTLING = 0.5
-"""How long after the first row of a stretch no row is used, as the speed there is taken for 0 [s].
-(Without it the log of a motor takes 1.6 times as long: its start looks like what is not fitted.)"""
-
-GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
 
 ON_A_TICK = 1e-9
 """Rows this close to a tick [ticks] are taken to be on it."""
@@ -93,7 +81,12 @@ def timing_of(logs: Sequence[Log], *, tick: float | None, hold: int | None) -> T
         raise InvalidInput(f"tick: got {shown(tick)}, expected a time of more than 0 s")
     count = as_whole(hold) or 0
     if hold is None:
-        whole = _default_hold(period) if tick is None else round(period / max(step, 1e-300))
+        whole = round(period / max(step, 1e-300)) if tick is not None else 1
+        # Ticks of about 5 ms, with which the terms of a joint are sought: the fit ends at
+        # :func:`fine_hold`. One a row for the paper's robot and faster logs, and at most 20: logs
+        # of less than 10 rows a second do not show what more would. 20.06 and 20.55 ms are 4 ticks.
+        if tick is None and period > 1.05 * 0.008:
+            whole = min(math.ceil(period / (1.05 * 0.005)), 20)
         hold = count = min(whole, 2 * MOST_HOLD)
     if not 1 <= count <= MOST_HOLD:
         raise InvalidInput(
@@ -138,17 +131,6 @@ def _keeps_to(period: float, times: Array) -> bool:
     rows = np.arange(len(times)) - (len(times) - 1) / 2.0
     wandering = np.std(beside - rows * (rows @ beside) / (rows @ rows))  # about a straight line
     return bool(wandering <= np.std(apart))
-
-
-def _default_hold(period: float) -> int:
-    """One tick a row for the paper's robot and faster logs, else ticks of about 5 ms.
-
-    With these the terms of a joint are sought; the fit ends at :func:`fine_tick`. Logs of less than
-    10 rows a second do not show what more than 20 ticks a row would.
-    """
-    if period <= SLACK * 0.008:
-        return 1
-    return min(math.ceil(period / (SLACK * 0.005)), 20)
 
 
 def fine_hold(period: float, window: float) -> int:
@@ -386,43 +368,39 @@ def sound_rows(log: Log) -> Mask:
 def thinned(logs: Sequence[Log]) -> tuple[Log, ...]:
     """Some stretches of long logs, the other rows as if without torque; other logs as they are.
 
-    Logs of twice :data:`MOST_ROWS` and more are divided into stretches, and these into groups. Two
-    stretches of each group are kept: that with the largest steps of the requests, and loads, which
-    may alone show a limit; and one by an additive sequence of the golden ratio, so that all parts
-    of a motion that repeats itself are seen. In a stretch the rows after the first one are left
-    out, in which the unknown speed at its start matters.
+    Logs of twice :data:`MOST_ROWS` and more are divided into stretches of at least 4 s and 500
+    rows, and these into groups. Two stretches of each group are kept: that with the largest steps
+    of the requests, and loads, which may alone show a limit; and one by an additive sequence of the
+    golden ratio, so that all parts of a motion that repeats itself are seen. In a stretch the half
+    second after the first row is left out, in which the unknown speed at its start matters.
+    (Without this the log of a motor takes 1.6 times as long.)
     """
     torque = np.concatenate([log.torque_on for log in logs])
     size = 2 * (int(np.sum(torque)) // MOST_ROWS)  # of a group [stretches]
     if size < 4:
         return tuple(logs)
-    length = max(STRETCH_ROWS, *(round(STRETCH / log.period) for log in logs))
+    length = max(500, *(round(4.0 / log.period) for log in logs))
     stretches = (np.cumsum(torque) - torque) // length
     groups = np.arange(stretches[-1] // size + 1)
-    lively = np.bincount(stretches, torque * _liveliness(logs), size * len(groups))
-    lively = lively.reshape(-1, size)
+    steps = np.concatenate([np.diff(log.requests, prepend=log.requests[0]) for log in logs])
+    loads = np.concatenate(
+        [np.zeros(len(log.times)) if log.load is None else log.load for log in logs]
+    )
+    steps, loads = (each**2 / (np.mean(each**2) or 1.0) for each in (steps, loads))
+    lively = np.bincount(stretches, torque * (steps + loads), size * len(groups)).reshape(-1, size)
     kept = np.zeros(lively.shape, dtype=bool)
     kept[groups, np.argmax(lively, axis=1)] = True
-    kept[groups, (size * (GOLDEN * groups % 1.0)).astype(int)] = True
+    golden = (math.sqrt(5.0) - 1.0) / 2.0
+    kept[groups, (size * (golden * groups % 1.0)).astype(int)] = True
     ends = np.cumsum([len(log.times) for log in logs])[:-1]
     found = []
     for log, on in zip(logs, np.split(torque & kept.ravel()[stretches], ends), strict=True):
         rows = np.arange(len(on))
         cut = on & np.append(False, log.torque_on[:-1] & ~on[:-1])
         last = np.maximum.accumulate(np.where(cut, rows, -1))
-        settling = (last >= 0) & (rows > last) & (rows - last < SETTLING / log.period)
+        settling = (last >= 0) & (rows > last) & (rows - last < 0.5 / log.period)
         found.append(replace(log, torque_on=on, measured=sound_rows(log) & ~settling))
     return tuple(found)
-
-
-def _liveliness(logs: Sequence[Log]) -> Array:
-    """Squares of the steps of the requests and of the loads, in units of their means, (rows,)."""
-    steps = np.concatenate([np.diff(log.requests, prepend=log.requests[0]) for log in logs])
-    loads = np.concatenate(
-        [np.zeros(len(log.times)) if log.load is None else log.load for log in logs]
-    )
-    steps, loads = (each**2 / (np.mean(each**2) or 1.0) for each in (steps, loads))
-    return np.asarray(steps + loads)
 
 
 def measured_speed(log: Log, among: Mask | None = None) -> float:
@@ -487,8 +465,11 @@ def resampled(
         )
         count = int(np.ceil(places[-1]))
         below = np.minimum(np.floor(places).astype(int), count - 1)
-        ticks = times[0] + tick * np.arange(1, count + 1)
-        runs.append((ticks, _torques(logs[number], shifted[number], ticks, tick), below, places))
+        ticks, torque = times[0] + tick * np.arange(1, count + 1), logs[number].load
+        ending = np.searchsorted(shifted[number], ticks - ON_A_TICK * tick)  # the row of a torque
+        ending = np.minimum(ending, len(shifted[number]) - 1)
+        torques = np.zeros(count) if torque is None else torque[ending]
+        runs.append((ticks, torques, below, places))
     lengths = [len(run[0]) + 1 for run in runs]
     states = np.cumsum([0, *lengths])
     starts = states[:-1]
@@ -519,14 +500,6 @@ def resampled(
 def resampled_like(grid: Grid, logs: Sequence[Log], tick: float) -> Grid:
     """Other rows, or ticks [s], with the reach, burn-in and settled pieces of a grid."""
     return resampled(logs, tick=tick, reach=grid.reach, burn_in=grid.burn_in, settled=grid.settled)
-
-
-def _torques(log: Log, times: Array, ticks: Array, tick: float) -> Array:
-    """Torque at ticks of a log [N m]: that of the row which ends the time it acts in."""
-    if log.load is None:
-        return np.zeros(len(ticks))
-    rows = np.searchsorted(times, ticks - ON_A_TICK * tick)
-    return np.asarray(log.load[np.minimum(rows, len(times) - 1)])
 
 
 def _axis(logs: Sequence[Log], reach: float) -> tuple[Array, Array, list[Array]]:
