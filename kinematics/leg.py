@@ -46,7 +46,7 @@ class Leg:
 
     A foot position is the origin of the foot frame in the base frame. Only the joints between the
     two frames count; the pose of the rest of the robot has no effect. All returned arrays are
-    copies.
+    copies. Methods raise InvalidInput for paths that are not finite arrays of their shape.
 
     Attributes:
         base: Name of the frame of positions.
@@ -148,9 +148,6 @@ class Leg:
 
         Returns:
             Foot positions in the base frame [m], shape (n, 3), read-only.
-
-        Raises:
-            InvalidInput: ``angles`` is not a finite array of shape (n, k).
         """
         turned = self._angles(angles).T
         return read_only(np.ascontiguousarray(self.chain.foot(np.cos(turned), np.sin(turned)).T))
@@ -164,9 +161,6 @@ class Leg:
         Returns:
             Origins of the joints, from the base, and last the foot, in the base frame [m], shape
             (n, k + 1, 3), read-only.
-
-        Raises:
-            InvalidInput: ``angles`` is not a finite array of shape (n, k).
         """
         turned = self._angles(angles).T
         points = self.chain.joints_and_foot(np.cos(turned), np.sin(turned))
@@ -182,9 +176,6 @@ class Leg:
 
         Returns:
             Derivatives of the position in the base frame [m/rad], shape (n, 3, k), read-only.
-
-        Raises:
-            InvalidInput: ``angles`` is not a finite array of shape (n, k).
         """
         return read_only(self.chain.jacobians(self._angles(angles)))
 
@@ -222,7 +213,6 @@ class Leg:
             Torques [N m], shape (n, k), read-only.
 
         Raises:
-            InvalidInput: ``angles`` is not a finite array of shape (n, k).
             UnsupportedLeg: The URDF has no masses, or the leg was not read from one.
             InvalidInput: ``gravity`` or ``period`` cannot be used.
         """
@@ -266,10 +256,7 @@ class Leg:
             Joint angles within the limits [rad], shape (n, 3), read-only.
 
         Raises:
-            InvalidInput: ``foot`` is not a finite array of shape (n, 3).
-            UnreachableFoot: Some points are out of reach, and ``unreachable`` is "raise".
-            UnsupportedLeg: The leg has more than three joints, or no closed form to clamp, or a
-                joint that never moves the foot.
+            UnreachableFoot: As :meth:`inverse`, and UnsupportedLeg.
         """
         return self.inverse(foot, unreachable=unreachable).angles
 
@@ -298,7 +285,6 @@ class Leg:
             Angles, which points they reach, and the remaining distances.
 
         Raises:
-            InvalidInput: ``foot`` is not a finite array of shape (n, 3).
             UnreachableFoot: Some points are out of reach, and ``unreachable`` is "raise".
             UnsupportedLeg: The leg has more than three joints, or no closed form to clamp, or a
                 joint that never moves the foot.
@@ -322,9 +308,6 @@ class Leg:
 
         Returns:
             Samples from which the leg would have to leap to the next one.
-
-        Raises:
-            InvalidInput: ``angles`` is not a finite array of shape (n, k).
         """
         return read_only(jumps(self.chain, self._angles(angles)))
 

@@ -188,6 +188,12 @@ class Motors:
         self._states = np.zeros((count, 11))
         self._states[:, [0, 2, 5]] = self.goals[:, None]
         self._states[:, 9] = AMBIENT
+        # views: angles [rad] and speeds [rad/s] as they are counted, the share of the voltage that
+        # is switched, -1 to 1, temperatures [°C], which a caller may write, and for how long each
+        # has pushed at nearly full duty without moving [s]
+        self.angles, self.speeds = self._states[:, 5], self._states[:, 6]
+        self.duties, self.temperatures = self._states[:, 8], self._states[:, 9]
+        self.overload_times = self._states[:, 10]
         self._delayed = np.tile(self.goals[:, None], MOST_DELAY)
         self._done = 0
 
@@ -203,31 +209,6 @@ class Motors:
             inputs = (self.goals, self.powered, self.gains, self.profiles, self.limits, self.jammed)
             _run(self._done, steps, self._constants, self._states, self._delayed, *inputs)
             self._done += steps
-
-    @property
-    def angles(self) -> Array:
-        """Angles as they are counted [rad]."""
-        return self._states[:, 5]
-
-    @property
-    def speeds(self) -> Array:
-        """Speeds as they are counted [rad/s]."""
-        return self._states[:, 6]
-
-    @property
-    def duties(self) -> Array:
-        """Share of the voltage that is switched, -1 to 1."""
-        return self._states[:, 8]
-
-    @property
-    def temperatures(self) -> Array:
-        """Temperatures [°C]; a caller may write them."""
-        return self._states[:, 9]
-
-    @property
-    def overload_times(self) -> Array:
-        """For how long each has pushed at nearly full duty without moving [s]."""
-        return self._states[:, 10]
 
 
 @compiled

@@ -82,12 +82,14 @@ class VirtualRobot:
         first = self._requests([np.asarray(start, dtype=np.float64)])[0]
         self._data.qpos[:] = first
         self._random = np.random.default_rng(seed)
-        self._supply = Supply(self.constants, self._random)
-        self._servos = [Servo(self.constants, float(angle)) for angle in first]
+        # each servo's sensed angle, its filtered speed, integral, duty and current
+        self._sensed, zeros = first.copy(), np.zeros(len(first))
+        self._speed, self._integral, self._duty, self._current = zeros, zeros, zeros, zeros
+        self._noise = 0.0  # of the supply [V]
         constants = self.constants
-        self._late = round(constants.transport_delay / constants.control_period)
+        late = round(constants.transport_delay / constants.control_period)
         self._periods = round(constants.request_period / constants.control_period)
-        self._under_way = deque([tuple(map(float, first))] * self._late)
+        self._under_way = deque([first] * late)
         self._count = 0
 
     def play(self, requests: npt.ArrayLike) -> Recording:
@@ -107,7 +109,7 @@ class VirtualRobot:
         for k, request in enumerate(clipped):
             angles[k], sensed[k] = self._data.qpos, self.sense()
             for _ in range(self._periods):
-                self._advance(tuple(map(float, request)))
+                self._advance(request)
         self._count += len(clipped)
         for array in (times, rows, sensed, angles):
             array.setflags(write=False)
@@ -130,16 +132,40 @@ class VirtualRobot:
         kept: Array = np.clip(rows, *self.limits)
         return kept
 
-    def _advance(self, row: tuple[float, ...]) -> None:
-        """One control period: sense, control, drive, move."""
-        self._under_way.append(row)
-        arrived = self._under_way.popleft()
-        voltage = self._supply.voltage(sum(servo.drawn for servo in self._servos))
-        sensed, speeds = self.sense(), self._data.qvel
-        for j, servo in enumerate(self._servos):
-            servo.request = arrived[j]
-            servo.control(float(sensed[j]))
-            self._data.qfrc_applied[j] = servo.drive(voltage, float(speeds[j]))
+    def _advance(self, requests: Array) -> None:
+        """One control period: supply, sense, control, drive, move.
+
+        With the error e between the request that has arrived and the sensed angle, and the filtered
+        speed of the latter w::
+
+            duty    = clip(kp e + ki ∫e - kd w, -1, 1), in steps of the PWM
+            current = (duty U - k speed) / R
+            torque  = k current
+
+        k is the motor's constant times the gear ratio. The integral is constant while the duty is
+        at its limit, and is clipped to its largest share of the duty. The voltage U of the battery
+        falls with the current that is drawn, and has slow noise.
+        """
+        each, period = self.constants, self.constants.control_period
+        keep = math.exp(-period / each.supply_correlation_time)
+        fresh = each.supply_noise * math.sqrt(1.0 - keep**2)
+        self._noise = keep * self._noise + fresh * self._random.standard_normal()
+        drawn = float(np.sum(self._duty * self._current))
+        voltage = each.battery_voltage + self._noise - each.battery_resistance * drawn
+        self._under_way.append(requests)
+        sensed, before = self.sense(), self._sensed
+        share = period / (each.derivative_filter + period)
+        self._speed = self._speed + share * ((sensed - before) / period - self._speed)
+        self._sensed = sensed
+        errors = self._under_way.popleft() - sensed
+        duty = each.proportional_gain * errors + self._integral - each.derivative_gain * self._speed
+        summed = self._integral + each.integral_gain * errors * period
+        summed = np.clip(summed, -each.integral_share, each.integral_share)
+        self._integral = np.where(np.abs(duty) < 1.0, summed, self._integral)
+        self._duty = np.rint(each.duty_steps * np.clip(duty, -1.0, 1.0)) / each.duty_steps
+        induced = each.joint_torque_constant * self._data.qvel
+        self._current = (self._duty * voltage - induced) / each.terminal_resistance
+        self._data.qfrc_applied[:] = each.joint_torque_constant * self._current
         self._step(self._model, self._data)
 
 
@@ -244,86 +270,6 @@ class Constants:
         return {
             each.name: {"value": getattr(self, each.name), **each.metadata} for each in fields(self)
         }
-
-
-class Servo:
-    """The electronics and the motor of one joint; MuJoCo simulates the joint itself.
-
-    With the error e between the request that has arrived and the sensed angle, and the filtered
-    speed of the latter w::
-
-        duty    = clip(kp e + ki ∫e - kd w, -1, 1), in steps of the PWM
-        current = (duty U - k speed) / R
-        torque  = k current
-
-    k is the motor's constant times the gear ratio, U the supply's voltage. The integral is
-    constant while the duty is at its limit, and is clipped to its largest share of the duty.
-    """
-
-    def __init__(self, constants: Constants, angle: float) -> None:
-        """A servo at rest.
-
-        Args:
-            constants: Its constants.
-            angle: Sensed angle and request that it rests at [rad].
-        """
-        self._constants = constants
-        self.request = angle
-        self.duty = 0.0
-        self.current = 0.0
-        self._sensed = angle
-        self._speed = 0.0
-        self._integral = 0.0
-
-    def control(self, sensed: float) -> None:
-        """Set the duty from the sensed angle [rad]: one period of the PID loop."""
-        constants = self._constants
-        period = constants.control_period
-        fresh = period / (constants.derivative_filter + period)
-        self._speed += fresh * ((sensed - self._sensed) / period - self._speed)
-        self._sensed = sensed
-        error = self.request - sensed
-        unclipped = (
-            constants.proportional_gain * error
-            + self._integral
-            - constants.derivative_gain * self._speed
-        )
-        if abs(unclipped) < 1.0:
-            share = constants.integral_share
-            summed = self._integral + constants.integral_gain * error * period
-            self._integral = max(-share, min(share, summed))
-        steps = constants.duty_steps
-        self.duty = round(steps * max(-1.0, min(1.0, unclipped))) / steps
-
-    def drive(self, voltage: float, speed: float) -> float:
-        """Torque on the joint [N m] at the supply's voltage [V] and the joint's speed [rad/s]."""
-        constant = self._constants.joint_torque_constant
-        induced = constant * speed
-        self.current = (self.duty * voltage - induced) / self._constants.terminal_resistance
-        return constant * self.current
-
-    @property
-    def drawn(self) -> float:
-        """Current drawn from the supply [A]: the motor's, for the share of time it is on."""
-        return self.duty * self.current
-
-
-class Supply:
-    """A battery, whose voltage falls with the current and has slow noise from a seed."""
-
-    def __init__(self, constants: Constants, random: np.random.Generator) -> None:
-        """A supply from which nothing is drawn yet."""
-        self._constants = constants
-        self._random = random
-        self._noise = 0.0
-        self._keep = math.exp(-constants.control_period / constants.supply_correlation_time)
-        self._fresh = constants.supply_noise * math.sqrt(1.0 - self._keep**2)
-
-    def voltage(self, drawn: float) -> float:
-        """Voltage one control period later while so much current [A] is drawn [V]."""
-        self._noise = self._keep * self._noise + self._fresh * self._random.standard_normal()
-        constants = self._constants
-        return constants.battery_voltage + self._noise - constants.battery_resistance * drawn
 
 
 def front_leg(constants: Constants) -> mujoco.MjModel:

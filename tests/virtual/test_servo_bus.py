@@ -30,6 +30,7 @@ PATIENCE = 5000
 @contextmanager
 def served(kind, **settings):
     """The port of virtual servos in lock step with sync writes."""
+    VirtualServos(1, kind).run(0.01)  # compiles, for longer than drivers wait for an answer
     servos = VirtualServos(6, kind, step=STEP, **settings)
     ended = threading.Event()
     with terminal() as (end, path):
