@@ -345,7 +345,8 @@ def check(
     """  # noqa: D301
     from tempfile import TemporaryDirectory
 
-    from planner.files.joint_model import read_model_file, read_servos
+    from planner.files.joint_model import read_model_file
+    from planner.files.robot import read_servos
     from planner.identification.identify import identify
     from planner.robot.measure import check as look
     from planner.robot.measure import excitation, move

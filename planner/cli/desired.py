@@ -25,7 +25,6 @@ from planner.cli.models import (
 )
 from planner.exceptions import ANGLE_UNIT, JOINT_UNITS, InvalidFile, nearest
 from planner.files.columns import LEAST_DEG, SHARES
-from planner.files.joint_model import has_servos, read_servos
 from planner.files.paths import (
     FootPath,
     JointPath,
@@ -35,6 +34,7 @@ from planner.files.paths import (
     path_table,
     write_joint_path,
 )
+from planner.files.robot import read_servos
 from planner.model.joint import JointModel
 from planner.trajectory import Array, most_lost
 
@@ -338,7 +338,7 @@ def _limits_of(
             leg.joint_names, zip(*np.array(leg.limits).tolist(), strict=True), strict=True
         )
     file = robot_file(model, folder)
-    servos = read_servos(file) if file is not None and has_servos(file) else {}
+    servos = {} if file is None else read_servos(file, optional=True)
     for name in [name for name in names if name in servos]:
         (low, high), (lower, upper) = servos[name].limits, limits.get(name, (-math.inf, math.inf))
         limits[name] = max(lower, low), min(upper, high)

@@ -88,7 +88,7 @@ def export(
 
 def _with_servos(export: Export, model: str, schedule: Schedule) -> Export:
     """The settings with the servos of a model file."""
-    from planner.files.joint_model import read_servos
+    from planner.files.robot import read_servos
     from planner.robot.arm import check_ranges
 
     if export.unit != "ticks":

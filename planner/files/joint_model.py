@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, get_args
 import numpy as np
 
 from planner.exceptions import InvalidFile, InvalidInput, InvalidModel, nearest
-from planner.files.robot import is_of_robot, legs_text, read_bus
+from planner.files.robot import SERVO, is_of_robot, legs_text, read_bus, read_servos, servo_lines
 from planner.files.text import key_name, read_toml, toml_value, write_text
 from planner.model.evidence import ACCEPTED, GAIN, Evidence, Verdict, warn_of_refused
 from planner.model.joint import JointModel
@@ -56,9 +56,6 @@ CORRELATIONS = "correlations"
 
 VERDICT, REASON = "verdict", "verdict_reason"
 """Keys of the verdict on a model, and of its reason."""
-
-SERVO = "servo"
-"""Key of the table of a joint's servo, within the joint's table; optional."""
 
 KNOWN = (*FIELDS, *TESTED, *INTERVALS, CORRELATIONS, VERDICT, REASON)
 """Every key of a model."""
@@ -209,7 +206,7 @@ def models_text(
         if model.evidence is not None:
             lines += _evidence_lines(model.evidence)
         if servos and joint in servos:
-            lines += _servo_lines(joint, servos[joint])
+            lines += servo_lines(joint, servos[joint])
         blocks.append("\n".join(lines))
     return "\n\n".join(blocks) + "\n"
 
@@ -234,7 +231,7 @@ def updated_text(
     kept = {} if file.common is None else {"": file.common}
     for joint, model in file.by_joint.items():
         kept[joint] = models.get("", model) if model == file.common else model
-    servos = (read_servos(path) if has_servos(path) else {}) | dict(servos or {})
+    servos = read_servos(path, optional=True) | dict(servos or {})
     bus = read_bus(path) if bus is None else bus
     text = models_text(kept | dict(models), remarks=remarks, about=about, servos=servos, bus=bus)
     return text + legs_text(path)
@@ -272,76 +269,6 @@ def _evidence_lines(evidence: Evidence) -> list[str]:
         matrix = json.dumps(evidence.correlations)
         lines.append(f"{CORRELATIONS} = {matrix}  # of the intervals above")
     return lines
-
-
-def _servo_lines(joint: str, servo: Servo) -> list[str]:
-    """The table of a joint's servo."""
-    return [
-        "",
-        f"[{key_name((joint,))}.{SERVO}]",
-        f"id = {servo.id}",
-        f"zero_tick = {servo.zero_tick}  # count at angle 0",
-        f"direction = {servo.direction}  # -1 where the servo is mounted the other way round",
-        f"ticks_per_turn = {servo.ticks_per_turn}",
-        f"limits = {list(servo.limits)}  # [rad] least and largest request",
-        *(f"{name} = {value}" for name, value in servo.settings.items()),
-    ]
-
-
-def has_servos(path: Path | str) -> bool:
-    """Whether a model file has a servo for any joint."""
-    tables = read_toml(path, example="id = 1").content.values()
-    return any(isinstance(own, dict) and isinstance(own.get(SERVO), dict) for own in tables)
-
-
-def read_servos(path: Path | str, joints: Sequence[str] | None = None) -> dict[str, Servo]:
-    """The servos of a model file, of these joints or of all: its tables ``[<joint>.servo]``."""
-    from planner.robot.arm import SETTINGS, Servo  # imports the drivers of the buses
-
-    file = read_toml(path, example="id = 1")
-    keys = {each.name for each in fields(Servo)} - {"settings"} | set(SETTINGS)
-    servos = {}
-    for joint, own in file.content.items():
-        table = own.get(SERVO) if isinstance(own, dict) else None
-        if not isinstance(table, dict):
-            continue
-        place = (joint, SERVO)
-        for key, value in table.items():
-            if key not in keys:
-                raise file.fault(f"unknown key '{key}'{nearest(key, sorted(keys))}", (*place, key))
-            fits, expected = isinstance(value, int), "a whole number"
-            if key == "limits":
-                fits, expected = _reals(value).shape == (2,), "two angles [rad]"
-                fits = fits and bool(np.isfinite(_reals(value)).all())
-            elif key == "ticks_per_turn":
-                fits, expected = isinstance(value, int | float), "a number"
-            if not fits or isinstance(value, bool):
-                words = f"{key}: got {shown(value)}, expected {expected}"
-                raise file.fault(words, (*place, key))
-        if "id" not in table:
-            words = f"[{joint}.{SERVO}] has no id; expected the servo's identifier on the bus"
-            raise file.fault(words, place)
-        arguments = {key: value for key, value in table.items() if key not in SETTINGS}
-        if "limits" in arguments:
-            arguments["limits"] = tuple(map(float, arguments["limits"]))
-        settings = {key: value for key, value in table.items() if key in SETTINGS}
-        try:
-            servos[joint] = Servo(**arguments, settings=settings)
-        except InvalidInput as error:
-            raise InvalidFile(file.path, f"[{joint}.{SERVO}]: {error}") from error
-    if not servos:
-        raise InvalidFile(
-            file.path,
-            "no table of a servo; expected tables such as [knee.servo] with id, zero_tick and "
-            "direction, as calibrate writes them",
-        )
-    if missing := [name for name in joints or () if name not in servos]:
-        raise InvalidFile(
-            file.path,
-            f"no servo of {', '.join(missing)}; servos are of {', '.join(servos)}: calibrate it, "
-            "or name the columns alike",
-        )
-    return servos if joints is None else {name: servos[name] for name in joints}
 
 
 def _model(

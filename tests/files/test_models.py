@@ -10,13 +10,11 @@ from hypothesis import given
 
 from planner.exceptions import InvalidFile
 from planner.files.joint_model import (
-    has_servos,
     models_text,
     read_model_file,
     read_models,
-    read_servos,
 )
-from planner.files.robot import legs_text, read_bus, read_legs
+from planner.files.robot import legs_text, read_bus, read_legs, read_servos
 from planner.model.joint import JointModel
 from tests.strategies import models
 
@@ -101,7 +99,6 @@ def test_a_file_of_a_robot_is_read_written_and_read_again(tmp_path, file, snapsh
     assert [model.evidence for model in read_models(again).values()] == [
         model.evidence for model in models.values()
     ]
-    assert has_servos(again)
     assert read_servos(again) == servos
     assert read_bus(again) == bus == {"bus": "feetech", "port": "/dev/ttyUSB0"}
     assert read_legs(again) == legs

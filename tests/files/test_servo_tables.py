@@ -7,7 +7,7 @@ import math
 import pytest
 
 from planner import InvalidFile
-from planner.files.joint_model import has_servos, read_servos
+from planner.files.robot import read_servos
 from planner.robot.arm import Servo
 
 SERVO = {
@@ -56,7 +56,7 @@ def test_a_servo_that_is_none_is_refused(tmp_path, changes, line, message):
 def test_a_file_without_servos_says_what_is_missing(tmp_path):
     file = tmp_path / "model.toml"
     file.write_text("v_max = 5.0\n\n[knee]\nlag = 0.03\n")
-    assert not has_servos(file)
+    assert read_servos(file, optional=True) == {}
     with pytest.raises(InvalidFile, match="no table of a servo; expected tables such as"):
         read_servos(file)
 
