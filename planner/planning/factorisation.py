@@ -47,10 +47,9 @@ class Factor(NamedTuple):
 
 @inner
 def stored(rows: Places, columns: Places, position: Places) -> tuple[Places, Indices, Places]:
-    """Places of entries, in columns of the permuted upper triangle; equal places are one.
+    """The place of each entry in columns of the permuted upper triangle; equal places are one.
 
-    Returns:
-        The place of each entry, the first place of each column, and the row of each place.
+    Further the first place of each column, and the row of each place.
     """
     size, count = len(position), len(rows)
     column = np.zeros(size + 1, np.int64)
@@ -125,13 +124,8 @@ def solved(pattern: Factor, values: Array, right: Array, answer: Array) -> bool:
     """Fill the solution, in the unknowns' own order; False where a pivot vanishes.
 
     Row by row the factor L, the pivots D and the solution of L y = b, by the up-looking algorithm
-    of QDLDL (B. Stellato and others, OSQP, Math. Prog. Comp. 12, 2020); then back.
-
-    Args:
-        pattern: Where the entries are.
-        values: The stored entries of the matrix.
-        right: Right-hand side b.
-        answer: Filled.
+    of QDLDL (B. Stellato and others, OSQP, Math. Prog. Comp. 12, 2020); then back. ``values`` are
+    the stored entries of the matrix.
     """
     size, position = len(right), pattern.position
     column, row, reach, reached = pattern.column, pattern.row, pattern.reach, pattern.reached

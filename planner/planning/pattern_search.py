@@ -133,20 +133,11 @@ def search(
     steps: tuple[float, float, float],
     most_work: int,
 ) -> float:
-    """The pattern search.
+    """The pattern search; the sum of squared errors at its end [rad^2], inf without a curve.
 
-    Args:
-        spec: The problem: desired angles and limits.
-        lines: How lines are inverted.
-        knots: Knots [samples], and
-        values: values there [rad]; moved in place.
-        steps: Size of the first moves, least size [samples], and the move of values for a size of
-            one sample [rad].
-        most_work: Most samples simulated, except for the last move; those of a joint that does not
-            settle count in each of its cycles.
-
-    Returns:
-        Sum of squared errors at the end [rad^2]; inf where no curve can be followed.
+    Knots [samples] and the values there [rad] are moved in place. ``steps`` are the size of the
+    first moves, the least size [samples], and the move of values for a size of one sample [rad].
+    The samples of a joint that does not settle count in each of its cycles as work.
     """
     (size, finest, lift), count, samples = steps, len(knots), len(spec.goal)
     requests, angles = np.empty((2, samples, 1))

@@ -16,7 +16,7 @@ from planner.model.evidence import Expectation, expectation
 from planner.model.joint import JointModel
 from planner.model.response import PathSpeeds, path_speeds
 from planner.planning.result import ErrorsOfModels, FootInversion, Inversion, Learning
-from planner.planning.task import Solver, Task
+from planner.planning.task import Solver, Task, columns_of
 from planner.trajectory import Array, error_norm, relative_gap, reversals, steps
 from planner.validation import ReadOnly, Summarised, Summary, freeze
 
@@ -53,13 +53,7 @@ def request_motion(
     """How one joint's requests move: steps, reversals, length and range.
 
     A cycle counts the change from the last request to the first. Requests that stay where they are
-    do not change direction.
-
-    Args:
-        requests: Requests [rad], shape (n,).
-        desired: Desired angles [rad], shape (n,).
-        period: Time from one request to the next [s].
-        cyclic: Whether they repeat for ever.
+    do not change direction. Requests and desired angles have shape (n,) [rad].
     """
     changes, desired_changes = (steps(each, cyclic=cyclic) for each in (requests, desired))
     beyond = max(desired.min() - requests.min(), requests.max() - desired.max(), 0.0)
@@ -224,7 +218,7 @@ class Plan(ReadOnly, Summarised):
         """Errors that are judged, each of shape (n,)."""
         if self.task.goal == "foot":
             return [self.distances]
-        return [np.ascontiguousarray(column) for column in self.errors.T]
+        return columns_of(self.errors)
 
     @property
     def rms(self) -> Array:
@@ -249,17 +243,13 @@ class Plan(ReadOnly, Summarised):
         about the model alone, and so NaN for a plan that has learnt from cycles.
         """
         task, learnt = self.task, self.task.disturbance is not None
-        columns = zip(task.nominal, task.desired.T, self.predicted.T, task.loads, strict=True)
+        evidence = [None if learnt else model.evidence for model in task.nominal]
+        each = zip(
+            evidence, columns_of(task.desired), columns_of(self.predicted), task.loads, strict=True
+        )
         return tuple(
-            expectation(
-                None if learnt else model.evidence,
-                np.ascontiguousarray(desired),
-                np.ascontiguousarray(predicted),
-                period=task.period,
-                cyclic=task.cyclic,
-                load=load,
-            )
-            for model, desired, predicted, load in columns
+            expectation(known, goal, angles, period=task.period, cyclic=task.cyclic, load=load)
+            for known, goal, angles, load in each
         )
 
     @property
@@ -280,7 +270,7 @@ class Plan(ReadOnly, Summarised):
         leg = self.task.leg
         if leg is None or not all(math.isfinite(each.error) for each in self.expected):
             return None
-        squares = float(np.mean(np.sum((self.foot - self.task.desired_foot) ** 2, axis=1)))
+        squares = float(np.mean(self.distances**2))
         own = np.mean(self.errors**2, axis=0)
         for j, each in enumerate(self.expected):
             moved = self.predicted.copy()
@@ -326,20 +316,14 @@ class Plan(ReadOnly, Summarised):
         from planner.planning.bounds.multipliers import linear_bound  # slow to import: SciPy
         from planner.planning.bounds.reachable_set import BoundProblem
 
-        added = 0.0 if task.disturbance is None else task.disturbance
-        goals = zip(task.nominal, (task.desired - added).T, task.starts, task.loads, strict=True)
-        bounds = [
-            0.0
-            if no_bound
-            else linear_bound(
-                BoundProblem(
-                    model, np.ascontiguousarray(goal), task.cyclic, task.norm, start, load
-                ),
-                "envelope",
-            )
-            for no_bound, (model, goal, start, load) in zip(felt, goals, strict=True)
-        ]
-        return np.array(bounds)
+        goals = task.desired if task.disturbance is None else task.desired - task.disturbance
+        each = zip(task.nominal, columns_of(goals), task.starts, task.loads, strict=True)
+        problems = (
+            BoundProblem(model, goal, task.cyclic, task.norm, start, load)
+            for model, goal, start, load in each
+        )
+        pairs = zip(felt, problems, strict=True)
+        return np.array([0.0 if no else linear_bound(one, "envelope") for no, one in pairs])
 
     @property
     def gaps(self) -> Array:
@@ -365,30 +349,23 @@ class Plan(ReadOnly, Summarised):
     @cached_property
     def motions(self) -> tuple[RequestMotion, ...]:
         """How the requests of every joint move."""
-        columns = zip(self.requests.T, self.desired.T, strict=True)
+        pairs = zip(columns_of(self.requests), columns_of(self.desired), strict=True)
         return tuple(
-            request_motion(
-                np.ascontiguousarray(sent),
-                np.ascontiguousarray(desired),
-                period=self.period,
-                cyclic=self.cyclic,
-            )
-            for sent, desired in columns
+            request_motion(*pair, period=self.period, cyclic=self.cyclic) for pair in pairs
         )
 
     @property
     def largest_steps(self) -> Array:
         """Largest change from one request of each joint to its next, cycles closed [rad], (k,)."""
-        changes = np.abs(steps(self.requests, cyclic=self.cyclic))
-        return np.asarray(np.max(changes, axis=0, initial=0.0))
+        return np.array([each.largest_step for each in self.motions])
 
     @cached_property
     def speeds(self) -> tuple[PathSpeeds, ...]:
         """Speeds of every joint on the desired path, and its top speeds."""
-        columns = zip(self.models, self.desired.T, self.task.loads, strict=True)
+        each = zip(self.models, columns_of(self.desired), self.task.loads, strict=True)
         return tuple(
-            path_speeds(model, np.ascontiguousarray(desired), cyclic=self.cyclic, load=load)
-            for model, desired, load in columns
+            path_speeds(model, desired, cyclic=self.cyclic, load=load)
+            for model, desired, load in each
         )
 
     @property
@@ -406,12 +383,10 @@ class Plan(ReadOnly, Summarised):
         return replace(
             self,
             task=self.task.joint(j),
-            requests=np.ascontiguousarray(self.requests[:, j : j + 1]),
+            requests=columns_of(self.requests)[j][:, np.newaxis],
             approximations=self.approximations[j : j + 1],
             leads=self.leads[j : j + 1],
-            nominal_requests=None
-            if nominal is None
-            else np.ascontiguousarray(nominal[:, j : j + 1]),
+            nominal_requests=None if nominal is None else columns_of(nominal)[j][:, np.newaxis],
             learning=self.learning[j : j + 1],
         )
 

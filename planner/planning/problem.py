@@ -58,13 +58,9 @@ class FootGoal(NamedTuple):
 
     @classmethod
     def of(cls, leg: Leg, desired: Array, scale: Array, added: Array) -> FootGoal:
-        """The goal of a leg's foot.
+        """The goal of a foot at positions (n, 3) [m], its errors scaled by axis [rad/m], (3,).
 
-        Args:
-            leg: The leg.
-            desired: Positions of the foot [m], (n, 3).
-            scale: Errors for a metre along each axis [rad/m], (3,).
-            added: Added to the joints' angles before the position is computed [rad], (n, J).
+        ``added`` is added to the joints' angles before a position is computed [rad], (n, J).
         """
         links = np.zeros((len(leg.chain.links) + 1, 10, 3))
         for own, link in zip(links, leg.chain.links, strict=False):

@@ -51,14 +51,7 @@ class Repeating(NamedTuple):
 
 
 def repeating_path(joints: int, preview: int, cycle: int, *, ahead: int) -> Repeating:
-    """Allocate the memory for joints that repeat together.
-
-    Args:
-        joints: Number of joints.
-        preview: Rows of the path that are known at every tick.
-        cycle: Rows after which it about repeats.
-        ahead: Rows by which to continue it, at most.
-    """
+    """Allocate the memory for joints that repeat together, continued by ``ahead`` rows at most."""
     shortest, longest = round((1.0 - VARIES) * cycle), round((1.0 + VARIES) * cycle)
     ahead = max(min(ahead, shortest), 0)
     rows = np.full((joints, longest + preview), math.nan)
@@ -69,15 +62,11 @@ def repeating_path(joints: int, preview: int, cycle: int, *, ahead: int) -> Repe
 
 @compiled
 def continue_path(path: Repeating, stretch: Array, bad: Mask, periods: int, weights: Array) -> None:
-    """Add the present preview to the path, and continue it.
+    """Add the present preview to the path, and continue the stretch (k, preview + ahead) [rad].
 
-    Args:
-        path: The path before; changed in place.
-        stretch: The preview [rad], continued here, (k, preview + ahead).
-        bad: Joints without a valid preview, (k,): their rows do not change.
-        periods: Time since the last call.
-        weights: Filled with the weights of the continued rows, (k,), from 0, where nothing is
-            known of them, to 1.
+    The rows of joints without a valid preview, ``bad``, do not change; ``periods`` is the time
+    since the last call. Filled are the weights of the continued rows, (k,), from 0, where nothing
+    is known of them, to 1.
     """
     rows, errors, preview, ahead = path.rows, path.errors, path.preview, path.ahead
     count, longest = len(stretch), rows.shape[1] - preview

@@ -258,13 +258,9 @@ def minimise(
 ) -> tuple[Array, float]:
     """The best requests of the stages, judged by the exact models, and their error.
 
-    Args:
-        problem: The goal, and the limits.
-        requests: Requests within the limits to start from [rad], (n, J).
-        angles: Angles to start from, not always the response to them [rad], (n, A).
-        stages: The stages to go through.
-        through_rms: Where the largest error counts: whether the plan for the root mean square comes
-            first, and the stages that turn to the largest error start from it.
+    They start from requests within the limits, (n, J), and from angles that are not always the
+    response to them, (n, A). Where the largest error counts, with ``through_rms`` the plan for the
+    root mean square comes first, and the stages that turn to the largest error start from it.
     """
     first, then = (stages, ()) if through_rms else ((), stages)
     search, least = begun(problem, requests, angles), problem.exact_error(requests)

@@ -368,10 +368,7 @@ class Stream:
 def _fill(rows: Array, values: Any, *, constant: bool = False) -> bool:
     """Lay values of every joint out over the preview, the last row held; NaN where invalid.
 
-    Args:
-        rows: Filled, (preview, k).
-        values: The argument of the step.
-        constant: Whether a number, or one for each joint, does not change.
+    With ``constant`` a number, or one for each joint, holds for all rows.
     """
     rows[:] = math.nan
     count = rows.shape[1]

@@ -251,7 +251,7 @@ class Task(ReadOnly):
         """Torque on each joint [N m], (n,), or None where none of its models feels it."""
         if self.load is None:
             return (None,) * len(self.names)
-        columns = [np.ascontiguousarray(column) for column in self.load.T]
+        columns = columns_of(self.load)
         freeze(*columns)
         return tuple(
             column if any(model.feels_load for model in models) else None
@@ -319,7 +319,7 @@ class Task(ReadOnly):
             away = self.foot_at(angles) - self.desired_foot
             away = np.linalg.norm(away * self.axis_scales, axis=1)
             return np.array([error_norm(away, self.norm)])
-        errors = (np.ascontiguousarray(column) for column in (angles - self.desired).T)
+        errors = columns_of(angles - self.desired)
         return np.array([error_norm(each, self.norm) for each in errors])
 
     def error_made_by(self, deviations: Array, angles: Array) -> float:
@@ -435,6 +435,11 @@ class Task(ReadOnly):
             )
 
 
+def columns_of(rows: Array) -> list[Array]:
+    """The columns of an array (n, k), each of its own, (n,)."""
+    return [np.ascontiguousarray(column) for column in rows.T]
+
+
 _BY_JOINT = ("names", "models", "lower", "upper", "max_step")
 
 
@@ -478,12 +483,8 @@ def of_each(
 ) -> list[Any]:
     """The values of an argument for each joint; None for joints without one.
 
-    Args:
-        what: Name of the argument, for messages.
-        value: Its value: a dict by joint, one number, or one for each joint.
-        names: The joints. For one without a name the value is returned as it is.
-        expected: The expected value, for messages.
-        shape: Where there may be one at every sample: samples and joints, (n, k).
+    The argument is a dict by joint, one number, or one for each joint; where there may be one at
+    every sample, ``shape`` is (n, k). For a joint without a name the value is returned as it is.
 
     Raises:
         InvalidInput: They are no numbers, not as many as there are joints, or for a joint that is
