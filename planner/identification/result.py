@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from typing import Any, Literal, NamedTuple, get_args
 
@@ -156,16 +156,16 @@ class LogFit(ReadOnly):
     @property
     def left_out(self) -> dict[str, int]:
         """How many rows were not fitted, by reason."""
-        log, found = self.log, {}
-        rest = ~self.used
+        log, found, rest = self.log, {}, ~self.used
+        first = np.zeros(len(rest), dtype=np.bool_)  # the rows of each piece before a fitted one
+        for piece in pieces_of(log):
+            used = np.flatnonzero(self.used[piece])
+            first[piece.start : piece.start + int(used[0]) if len(used) else piece.stop] = True
         for reason, rows in (
             ("without torque", ~log.torque_on),
             ("not measured, or that no joint takes", ~sound_rows(log)),
-            ("on which requests before the log act", _first_rows(self)),
-            (
-                "held by something else, or too few between others",
-                np.ones(len(rest), dtype=np.bool_),
-            ),
+            ("on which requests before the log act", first),
+            ("held by something else, or too few between others", rest),
         ):
             if count := int(np.sum(rest & rows)):
                 found[reason] = count
@@ -297,11 +297,17 @@ class Identification(ReadOnly, Summarised):
     def tested(self) -> Evidence:
         """The validation record of the model file: error by motion, intervals, verdict."""
         angles = np.concatenate([fit.log.angles[fit.used] for fit in self.fits])
-        for held_out in (True, False):
-            runs = runs_of_fits(self.fits, held_out=held_out)
+        for of_test in (True, False):
+            runs = runs_of_fits(self.fits, held_out=of_test)
             by_acceleration, spread = errors_of_motion(runs, noise=self.noise)
             if by_acceleration:
                 break
+        known = {
+            GAIN if name == "theta_0" else name: each
+            for name, each in (self.intervals | {"theta_0": self.gain_interval}).items()
+        }
+        delay = next((each.held_out_rms for each in self.alternatives if each.name == "delay"), 0.0)
+        held_out = math.nan if self.held_out_rms is None else self.held_out_rms
         return Evidence(
             self.expected_error,
             self.fastest,
@@ -310,36 +316,22 @@ class Identification(ReadOnly, Summarised):
             if len(angles)
             else (-math.inf, math.inf),
             by_acceleration,
-            self._delay_error() if _holds_steps_only(self.fits) else 0.0,
+            self._delay_error(known) if _holds_steps_only(self.fits) else 0.0,
             spread,
-            self._over_delay(),
-            {name: (interval.lower, interval.upper) for name, interval in self._known().items()},
+            float(f"{held_out / (delay or math.nan):.4g}"),
+            {name: (low, high) for name, (low, high) in known.items()},
             self.correlations,
             self.verdict,
             self.reason,
         )
 
-    def _over_delay(self) -> float:
-        """Error on rows held out over that of the best pure delay [-]."""
-        found = {each.name: each.held_out_rms for each in self.alternatives}
-        delay = found.get("delay")
-        if self.held_out_rms is None or not delay:
-            return math.nan
-        return float(f"{self.held_out_rms / delay:.4g}")
-
-    def _known(self) -> dict[str, Interval]:
-        """The intervals, that of v_max / theta_0 instead of theta_0's."""
-        known = self.intervals | {"theta_0": self.gain_interval}
-        return {GAIN if name == "theta_0" else name: each for name, each in known.items()}
-
-    def _delay_error(self) -> float:
+    def _delay_error(self, known: Mapping[str, Interval]) -> float:
         """Half the width of the 95 % interval of the delay of requests that move [s].
 
         It is :attr:`JointModel.latency`; the intervals of its parameters are combined by their
         correlations. One without an end counts as wide as the parameter is large.
         """
-        known, model = self._known(), self.model
-        gain = known[GAIN]
+        model, gain = self.model, known[GAIN]
         longest = 1.0 / gain.lower if gain.lower > 0.0 else math.inf
         shares = {
             "lag": _reach(model.lag, known["lag"]),
@@ -401,15 +393,6 @@ class Identification(ReadOnly, Summarised):
                 for fit in self.fits
             ],
         }
-
-
-def _first_rows(fit: LogFit) -> npt.NDArray[np.bool_]:
-    """The rows of each piece of a log before the first that was fitted."""
-    first = np.zeros(len(fit.used), dtype=np.bool_)
-    for piece in pieces_of(fit.log):
-        used = np.flatnonzero(fit.used[piece])
-        first[piece.start : piece.start + int(used[0]) if len(used) else piece.stop] = True
-    return first
 
 
 def runs_of_fits(fits: Sequence[LogFit], *, held_out: bool) -> list[Run]:

@@ -125,28 +125,14 @@ class Evidence(NamedTuple):
             >>> round(seen.error_of(0.2 * np.sin(phase), period=0.01, cyclic=True), 4)
             0.0038
         """
-        return math.hypot(*self._errors_of(*_motion(angles, period, cyclic=cyclic)))
+        return math.hypot(*self._errors_of(_motion(angles, period, cyclic=cyclic)))
 
-    def range_of(self, angles: Array, *, period: float, cyclic: bool) -> tuple[float, float]:
-        """Range of the model's error in 90 % of motions like this one [rad].
-
-        The interval of the delay, a part of :meth:`error_of`, counts in the upper end only.
-
-        Args:
-            angles: Angles by the model [rad], shape (n,).
-            period: Time between them [s].
-            cyclic: Whether the motion repeats.
-        """
-        tested, by_delay = self._errors_of(*_motion(angles, period, cyclic=cyclic))
-        least, most = self.spread
-        return least * tested, math.hypot(most * tested, by_delay) if tested else by_delay
-
-    def _errors_of(self, speeds: Array, accelerations: Array) -> tuple[float, float]:
+    def _errors_of(self, motion: tuple[Array, Array]) -> tuple[float, float]:
         """Error by the test, and error by the interval of the delay [rad], rms."""
-        by_delay = self.delay_error * rms(speeds)
+        speeds, accelerations = motion
+        by_delay, size = self.delay_error * rms(speeds), rms(accelerations)
         if not self.by_acceleration:
             return self.error, by_delay
-        size = rms(accelerations)
         sizes, errors = np.transpose(self.by_acceleration)
         beyond = max(size / sizes[-1], 1.0) if sizes[-1] > 0.0 else 1.0
         return float(np.interp(size, sizes, errors)) * beyond, by_delay
@@ -171,8 +157,8 @@ class Evidence(NamedTuple):
             >>> seen.exceeded(np.array([0.0, 0.7]), period=0.1, cyclic=False)
             ('speed', 'angle')
         """
-        speeds, accelerations = _motion(angles, period, cyclic=cyclic)
-        tested, by_delay = self._errors_of(speeds, accelerations)
+        speeds, accelerations = motion = _motion(angles, period, cyclic=cyclic)
+        tested, by_delay = self._errors_of(motion)
         # The part, as long as those of the tests, that accelerates most
         length = max(min(round(WINDOW / period), len(accelerations)), 1)
         closed = np.append(accelerations, accelerations[: length - 1] if cyclic else [])
@@ -345,7 +331,8 @@ def expectation(
 ) -> Expectation:
     """The error to expect: the errors of plan and model, taken as independent.
 
-    For the range the two may also add up, or cancel, by a correlation of ``ALIKE``.
+    For the range, of the model's error in 90 % of motions like this one, the two may also add up,
+    or cancel, by a correlation of ``ALIKE``. The interval of the delay counts in its upper end.
 
     Args:
         evidence: Evidence of the joint's model.
@@ -358,18 +345,16 @@ def expectation(
     if evidence is None or math.isnan(evidence.error):
         return Expectation(math.nan, ())
     torque = 0.0 if load is None else load
-    error = evidence.error_of(predicted, period=period, cyclic=cyclic)
     untested = evidence.exceeded(predicted, period=period, cyclic=cyclic, load=torque)
-    own = rms(predicted - desired)
-    least, most = evidence.range_of(predicted, period=period, cyclic=cyclic)
-    ends = (-ALIKE, min(max(ALIKE * own, least), most)), (ALIKE, most)  # the first cancels most
-    low, high = (
-        math.sqrt(own**2 + end**2 + 2.0 * alike * own * end)
-        if math.isfinite(evidence.spread[1])
-        else math.nan
-        for alike, end in ends
-    )
-    return Expectation(math.hypot(own, error), untested, low, high)
+    tested, by_delay = evidence._errors_of(_motion(predicted, period, cyclic=cyclic))
+    own, low, high = rms(predicted - desired), math.nan, math.nan
+    if math.isfinite(evidence.spread[1]):
+        least, most = (share * tested for share in evidence.spread)
+        most = math.hypot(most, by_delay) if tested else by_delay
+        cancels = min(max(ALIKE * own, least), most)  # the error that cancels most of the plan's
+        low = math.sqrt(own**2 + cancels**2 - 2.0 * ALIKE * own * cancels)
+        high = math.sqrt(own**2 + most**2 + 2.0 * ALIKE * own * most)
+    return Expectation(math.hypot(own, math.hypot(tested, by_delay)), untested, low, high)
 
 
 def untested_words(names: Sequence[str], expected: Sequence[Expectation]) -> str:

@@ -187,7 +187,7 @@ def test_nine_motions_of_ten_are_in_the_range_where_they_scatter_more_than_parts
     runs = [Run(angles, np.full((1, 100), size), period) for size in sizes]
     by_acceleration, spread = errors_of_motion(runs)
     seen = Evidence(0.01, by_acceleration=by_acceleration, spread=spread)
-    low, high = seen.range_of(angles, period=period, cyclic=True)
+    low, high = expectation(seen, angles, angles, period=period, cyclic=True)[2:]
     others = sizes * np.exp(np.log(1.8) / 1.645 * random.standard_normal(len(sizes)))
     assert np.mean((low <= others) & (others <= high)) == pytest.approx(0.9, abs=0.03)
     for size in (0.001, 0.02, 0.1):
@@ -213,8 +213,9 @@ def test_models_of_the_same_rows_count_by_the_geometric_mean_of_their_errors():
 def test_the_interval_of_the_delay_counts_at_the_upper_end_of_the_range_only():
     angles, period = sine(0.2)
     seen = SEEN._replace(spread=(0.5, 2.0))
-    low, high = seen.range_of(angles, period=period, cyclic=True)
-    least, most = seen._replace(delay_error=0.05).range_of(angles, period=period, cyclic=True)
+    low, high = expectation(seen, angles, angles, period=period, cyclic=True)[2:]
+    steps = seen._replace(delay_error=0.05)
+    least, most = expectation(steps, angles, angles, period=period, cyclic=True)[2:]
     speed = 0.2 * 2.0 * np.pi / ROOT
     tested = SEEN.error_of(angles, period=period, cyclic=True)
     assert (least, low, high) == pytest.approx((0.5 * tested, 0.5 * tested, 2.0 * tested))

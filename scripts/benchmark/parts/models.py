@@ -16,6 +16,7 @@ import planner
 from benchmark.parts import Options
 from benchmark.parts.pairs import FITTED, humanoid, pendulums, so101
 from benchmark.table import Table
+from planner.model.evidence import expectation
 from tests.identification.made import logged
 
 Array = npt.NDArray[np.float64]
@@ -185,9 +186,9 @@ def motions_of(
         met, by_delay = (
             math.sqrt(np.mean((angles - log.angles)[part] ** 2)) for angles in (predicted, late)
         )
-        expected = evidence.error_of(predicted[part], period=period, cyclic=False)
-        ends = evidence.range_of(predicted[part], period=period, cyclic=False)
-        yield Motion(met, by_delay, expected, *ends)
+        planned = predicted[part]
+        told = expectation(evidence, planned, planned, period=period, cyclic=False)
+        yield Motion(met, by_delay, told.error, told.low, told.high)
 
 
 def terms(result: planner.Identification) -> tuple[float, ...]:
