@@ -86,29 +86,25 @@ class Check:
         subject: The joint that it is about, or the foot.
         plan: The plan that it is about; empty where it is about none.
         name: The claim.
-        value: The figure; negative where there is room.
+        value: The figure, in the tolerance's unit; negative where there is room.
         tolerance: Largest allowed value.
-        unit: Unit of both.
-        reason: Reason for the tolerance.
     """
 
     subject: str
     plan: str
     name: str
     value: float
-    tolerance: float
-    unit: str
-    reason: str
+    tolerance: Tolerance
 
     @property
     def is_rounding(self) -> bool:
         """Whether the value is rounding: within a thousandth of a tolerance that is not zero."""
-        return self.tolerance > 0.0 and abs(self.value) <= ROUNDING * self.tolerance
+        return abs(self.value) <= ROUNDING * self.tolerance.value > 0.0
 
     @property
     def passed(self) -> bool:
         """Whether the claim holds; not for NaN."""
-        return self.value <= self.tolerance
+        return self.value <= self.tolerance.value
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values for JSON; a value that is not finite becomes None."""
@@ -117,18 +113,11 @@ class Check:
             "plan": self.plan,
             "name": self.name,
             "value": self.value if math.isfinite(self.value) else None,
-            "tolerance": self.tolerance,
-            "unit": self.unit,
-            "reason": self.reason,
+            "tolerance": self.tolerance.value,
+            "unit": self.tolerance.unit,
+            "reason": self.tolerance.reason,
             "passed": self.passed,
         }
-
-
-def check(
-    subject: str, plan: str, name: str, value: float, allowed: Tolerance, *, more: float = 0.0
-) -> Check:
-    """A check against a tolerance, or ``more`` than that in its unit."""
-    return Check(subject, plan, name, value, allowed.value + more, allowed.unit, allowed.reason)
 
 
 class Answer(NamedTuple):
@@ -225,8 +214,8 @@ def _symbolic_run(
 def answer_checks(subject: str, plan: str, answer: Answer, *, cyclic: bool) -> list[Check]:
     """That the predicted angles agree with the second answer, and begin as they should."""
     return [
-        check(subject, plan, AGREES, answer.agreement, AGREEMENT),
-        check(subject, plan, CLOSES if cyclic else RESTS, answer.closure, CLOSURE),
+        Check(subject, plan, AGREES, answer.agreement, AGREEMENT),
+        Check(subject, plan, CLOSES if cyclic else RESTS, answer.closure, CLOSURE),
     ]
 
 
@@ -238,9 +227,9 @@ def bound_checks(
     checks = []
     if len(values) > 1:
         worst = max(low - high for low, high in pairwise(values))
-        checks.append(check(subject, "", f"bounds ordered, {' ≤ '.join(bounds)}", worst, ORDERED))
+        checks.append(Check(subject, "", f"bounds ordered, {' ≤ '.join(bounds)}", worst, ORDERED))
     return checks + [
-        check(subject, plan, ABOVE, max(values) - error, ABOVE_BOUND)
+        Check(subject, plan, ABOVE, max(values) - error, ABOVE_BOUND)
         for plan, error in errors.items()
     ]
 
@@ -273,13 +262,12 @@ def no_worse_checks(
 ) -> list[Check]:
     """That a plan's error is no larger than those of its rivals, in the tolerance's unit."""
     return [
-        check(
+        Check(
             subject,
             plan,
             f"no worse than {rival}",
             error - least,
-            allowed,
-            more=SHARE * least,
+            allowed._replace(value=allowed.value + SHARE * least),
         )
         for rival, least in rivals.items()
     ]

@@ -33,7 +33,6 @@ from planner.evaluation.checks import (
     answer_checks,
     beyond_limits,
     bound_checks,
-    check,
     kept_within,
     no_worse_checks,
     second_answer,
@@ -392,20 +391,20 @@ def compare_joint(
             apart = bounds[level] - stated_bound(problem, level)
             # With a sag by the pose the statement has fewer conditions.
             apart = max(-apart, 0.0) if problem.model.most_pose_sag else abs(apart)
-            checks.append(check(name, "", f"{level} bound agrees with CVXPY's", apart, STATED))
-    checks += [check(name, METHODS[method], SOLVED, 1.0, SOLVES) for method in failed]
+            checks.append(Check(name, "", f"{level} bound agrees with CVXPY's", apart, STATED))
+    checks += [Check(name, METHODS[method], SOLVED, 1.0, SOLVES) for method in failed]
     if SECOND in plans:
         excess = robot_error - math.hypot(plans[SECOND].error, known_error)
         relative = 0.0 if excess <= FOLLOWED else excess / robot_error
         checks += [
-            check(name, METHODS[SECOND], SOLVED, 0.0, SOLVES),
-            check(name, METHODS["optimal"], "as good as IPOPT's", relative, AS_GOOD),
+            Check(name, METHODS[SECOND], SOLVED, 0.0, SOLVES),
+            Check(name, METHODS["optimal"], "as good as IPOPT's", relative, AS_GOOD),
         ]
     if optimal.limits is not None:
         for method, plan in plans.items():
             if method not in CLOSED_FORMS:
                 excess = beyond_limits(plan.requests, optimal.limits)
-                checks.append(check(name, METHODS[method], INSIDE, excess, WITHIN_LIMITS))
+                checks.append(Check(name, METHODS[method], INSIDE, excess, WITHIN_LIMITS))
     return JointComparison(
         name=name,
         plans=plans,
@@ -508,10 +507,10 @@ def judge_foot(joints: Sequence[JointComparison], together: FootInversion) -> Fo
         answer = second_answer(best, column)
         checks += answer_checks(joint.name, label, answer, cyclic=best.cyclic)
     excess = beyond_limits(best.requests, together.limits)
-    checks.append(check(FOOT, label, INSIDE, excess, WITHIN_LIMITS))
+    checks.append(Check(FOOT, label, INSIDE, excess, WITHIN_LIMITS))
     error = error_norm(best.distances, norm)
     if best.foot_bound is not None:
-        checks.append(check(FOOT, label, ABOVE, best.foot_bound - error, FOOT_ABOVE_BOUND))
+        checks.append(Check(FOOT, label, ABOVE, best.foot_bound - error, FOOT_ABOVE_BOUND))
     rivals, known_error = {}, _known_error(_unsmoothed(best))
     for method in planned_methods(joints):
         single = [joint.plans[method] for joint in joints]

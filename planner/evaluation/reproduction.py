@@ -68,35 +68,33 @@ VISIBLE = 0.01
 """A speed has changed, or is the top speed, when it is this close, relative to the top speed."""
 
 
-class Measured(NamedTuple):
-    """A figure measured on the robot: mean and standard deviation over 20 steps of the walk."""
+class OverCycles(NamedTuple):
+    """A distance over several cycles: its mean and its standard deviation."""
 
-    mean: float
-    deviation: float
-
-
-class Published(NamedTuple):
-    """A distance as published: the paper's L2, a root mean square, and its Linf."""
-
-    L2: Measured
-    Linf: Measured
+    mean: Distance
+    deviation: Distance
 
 
-TABLE_2: Mapping[str, Mapping[str, Published]] = {
+def _printed(l2: float, l2_deviation: float, linf: float, linf_deviation: float) -> OverCycles:
+    """A distance as published, over 20 steps of the robot's walk."""
+    return OverCycles(Distance(l2, linf), Distance(l2_deviation, linf_deviation))
+
+
+TABLE_2: Mapping[str, Mapping[str, OverCycles]] = {
     "rotator": {
-        "Des,Dir": Published(Measured(31.0, 0.2), Measured(57.2, 0.3)),
-        "Des,MB": Published(Measured(9.1, 0.2), Measured(29.4, 0.8)),
-        "Pwl,MB": Published(Measured(2.7, 0.4), Measured(6.4, 0.6)),
+        "Des,Dir": _printed(31.0, 0.2, 57.2, 0.3),
+        "Des,MB": _printed(9.1, 0.2, 29.4, 0.8),
+        "Pwl,MB": _printed(2.7, 0.4, 6.4, 0.6),
     },
     "abductor": {
-        "Des,Dir": Published(Measured(29.0, 0.2), Measured(59.5, 0.5)),
-        "Des,MB": Published(Measured(10.4, 0.1), Measured(24.5, 0.7)),
-        "Pwl,MB": Published(Measured(2.7, 0.3), Measured(6.0, 0.4)),
+        "Des,Dir": _printed(29.0, 0.2, 59.5, 0.5),
+        "Des,MB": _printed(10.4, 0.1, 24.5, 0.7),
+        "Pwl,MB": _printed(2.7, 0.3, 6.0, 0.4),
     },
     "knee": {
-        "Des,Dir": Published(Measured(20.1, 0.1), Measured(42.6, 0.3)),
-        "Des,MB": Published(Measured(5.6, 0.2), Measured(11.1, 0.5)),
-        "Pwl,MB": Published(Measured(2.6, 0.2), Measured(6.2, 0.7)),
+        "Des,Dir": _printed(20.1, 0.1, 42.6, 0.3),
+        "Des,MB": _printed(5.6, 0.2, 11.1, 0.5),
+        "Pwl,MB": _printed(2.6, 0.2, 6.2, 0.7),
     },
 }
 """Distances between angle trajectories [degrees], by joint and comparison.
@@ -105,20 +103,20 @@ Des is the desired trajectory, Dir the angles when it is requested, Pwl its piec
 linear approximation, and MB (model-based) the angles under the requests from that.
 """
 
-FOOT: Mapping[str, Published] = {
-    "direct": Published(Measured(3.23, 0.01), Measured(4.61, 0.05)),
-    "shift": Published(Measured(1.55, 0.04), Measured(3.57, 0.08)),
-    "closed_form": Published(Measured(1.21, 0.04), Measured(2.34, 0.12)),
+FOOT: Mapping[str, OverCycles] = {
+    "direct": _printed(3.23, 0.01, 4.61, 0.05),
+    "shift": _printed(1.55, 0.04, 3.57, 0.08),
+    "closed_form": _printed(1.21, 0.04, 2.34, 0.12),
 }
 """Distances of the foot from its desired path [cm], by method."""
 
 
-def published(joint: str, comparison: str) -> Published | None:
+def published(joint: str, comparison: str) -> OverCycles | None:
     """The paper's figures beside a distance of angles [degrees]; None where it has none."""
     return TABLE_2.get(joint, {}).get(SAME_METHOD.get(comparison, comparison))
 
 
-def published_foot(method: str) -> Published | None:
+def published_foot(method: str) -> OverCycles | None:
     """The paper's figures beside a distance of the foot [cm]; None where it has none."""
     return FOOT.get(SAME_METHOD.get(method, method))
 
@@ -139,9 +137,9 @@ def deviations(table2: Table2, foot: FootTable) -> tuple[float, ...]:
     pairs = [(table2[joint]["Des,Dir"], TABLE_2[joint]["Des,Dir"]) for joint in JOINTS]
     pairs += [(foot[method], FOOT[method]) for method in ("direct", "shift")]
     return tuple(
-        abs(our / published.mean - 1.0)
+        abs(our / their - 1.0)
         for ours, theirs in pairs
-        for our, published in zip(ours, theirs, strict=True)
+        for our, their in zip(ours, theirs.mean, strict=True)
     )
 
 

@@ -6,7 +6,6 @@ import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 
@@ -14,6 +13,7 @@ from planner.evaluation.reproduction import (
     PAIRS,
     SEGMENTS,
     Clock,
+    OverCycles,
     PlannedWalk,
     best_lead,
     plan_walk,
@@ -57,13 +57,6 @@ MEASURED_CYCLES = 2
 
 MOST_DROPPED = 20
 """Cycles after which a walk that is not steady will not be."""
-
-
-class OverCycles(NamedTuple):
-    """A distance over several cycles: its mean and its standard deviation."""
-
-    mean: Distance
-    deviation: Distance
 
 
 def over_cycles(distances: Iterable[Distance], unit: float) -> OverCycles:

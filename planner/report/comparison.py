@@ -215,8 +215,8 @@ def failure_words(check: Check) -> str:
     """A check that does not hold."""
     plan = f", {check.plan}" if check.plan else ""
     return (
-        f"{check.subject}{plan}: {check.name}: got {check.value:.3g} {check.unit}, "
-        f"tolerance {check.tolerance:.2g} {check.unit}"
+        f"{check.subject}{plan}: {check.name}: got {check.value:.3g} {check.tolerance.unit}, "
+        f"tolerance {check.tolerance.value:.2g} {check.tolerance.unit}"
     )
 
 
@@ -271,14 +271,14 @@ def checks_table(checks: Sequence[Check]) -> Table:
     """One row per claim: the plan that is closest to breaking it, or every one that does."""
     claims: dict[tuple[str, str], list[Check]] = {}
     for each in checks:
-        claims.setdefault((each.name, each.unit), []).append(each)
+        claims.setdefault((each.name, each.tolerance.unit), []).append(each)
     rows = []
     for same in claims.values():
-        worst = max(same, key=lambda each: each.value - each.tolerance)
+        worst = max(same, key=lambda each: each.value - each.tolerance.value)
         for each in [each for each in same if not each.passed] or [worst]:
             where = ", ".join(part for part in (each.subject, each.plan) if part)
             where = "nowhere, but for rounding" if each.is_rounding else where
-            tolerance = f"{each.tolerance:.1e} {each.unit}"
+            tolerance = f"{each.tolerance.value:.1e} {each.tolerance.unit}"
             holds = "yes" if each.passed else "NO"
             cells = (f"{each.value:.1e}", tolerance, holds, where)
             rows.append(Row(each.name, cells, kind="" if each.passed else "broken"))
@@ -290,7 +290,7 @@ def tolerance_reasons(checks: Sequence[Check]) -> list[tuple[str, str, str]]:
     """Every reason of a tolerance: the unit and the names of its checks, and the reason."""
     names: dict[tuple[str, str], dict[str, None]] = {}
     for each in checks:
-        names.setdefault((each.unit, each.reason), {})[each.name] = None
+        names.setdefault(each.tolerance[1:], {})[each.name] = None
     return [(unit, "; ".join(each), reason) for (unit, reason), each in names.items()]
 
 

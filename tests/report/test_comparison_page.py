@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import planner
-from planner.evaluation.checks import Check
+from planner.evaluation.checks import Check, Tolerance
 from planner.planning.bounds import foot_bound
 from planner.report.comparison import (
     SHOWN,
@@ -36,7 +36,7 @@ def page(check):
 
 @pytest.fixture
 def failed(check):
-    wrong = Check("knee", "optimised", "holds <always>", 2.0, 1.0, "rad", "rounding")
+    wrong = Check("knee", "optimised", "holds <always>", 2.0, Tolerance(1.0, "rad", "rounding"))
     joint = replace(check.joints[2], checks=(*check.joints[2].checks, wrong))
     return replace(check, joints=(*check.joints[:2], joint))
 

@@ -16,8 +16,8 @@ from planner.evaluation.reproduction import (
     REFINE,
     RULE,
     SOURCE,
+    OverCycles,
     PlannedWalk,
-    Published,
     Reproduction,
     deviations,
     published,
@@ -27,7 +27,6 @@ from planner.evaluation.virtual_experiment import (
     AMPLITUDES,
     MEASURED_CYCLES,
     STEP_CYCLES,
-    OverCycles,
     VirtualOutcome,
 )
 from planner.identification.result import Identification
@@ -91,13 +90,12 @@ def paper_results(reproduction: Reproduction) -> dict[str, Any]:
     }
 
 
-def distance_entry(distance: Distance, published: Published | None) -> dict[str, Any]:
+def distance_entry(distance: Distance, published: OverCycles | None) -> dict[str, Any]:
     """A distance beside the paper's own, if it has one."""
     paper = published and {
-        "L2": published.L2.mean,
-        "Linf": published.Linf.mean,
-        "L2_deviation": published.L2.deviation,
-        "Linf_deviation": published.Linf.deviation,
+        **_norms(published.mean),
+        "L2_deviation": published.deviation.rms,
+        "Linf_deviation": published.deviation.max,
     }
     return {**_norms(distance), "paper": paper}
 
@@ -248,7 +246,7 @@ def virtual_results(outcome: VirtualOutcome) -> dict[str, Any]:
 
 
 def _entry(
-    over: OverCycles, sensed: OverCycles, predicted: Distance, published: Published | None
+    over: OverCycles, sensed: OverCycles, predicted: Distance, published: OverCycles | None
 ) -> dict[str, Any]:
     return {
         **distance_entry(over.mean, published),
