@@ -61,9 +61,6 @@ class Span:
     role: Role  # gives its colour
     opacity: float
     along: Literal["x", "y"] = "x"  # the axis
-    words: str = ""  # its label, at its upper end
-    words_side: Literal["left", "right"] = "right"  # at which end of a horizontal span they stand
-    legend: str = ""  # its name in the legend of a file
 
 
 @dataclass(frozen=True)

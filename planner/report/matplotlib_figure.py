@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from planner.report.figure import MARGIN, Axis, Curve, Figure, Span, Words
+from planner.report.figure import MARGIN, Axis, Curve, Figure, Words
 from planner.report.style import INK
 
 if TYPE_CHECKING:
@@ -96,7 +96,9 @@ def _draw_into(picture: Picture, figure: Figure) -> None:
     handles: dict[str, Any] = {}
     for axes, panel in zip(rows[:, 0], figure.panels, strict=True):
         for span in panel.spans:
-            _draw_span(axes, span)
+            shade = axes.axvspan if span.along == "x" else axes.axhspan
+            look = (span.role.light, span.opacity)
+            shade(span.start, span.end, zorder=0.5, facecolor=look, linewidth=0.0)
         for order, curve in enumerate(curve for curve in panel.curves if not curve.hidden):
             axes.plot(curve.x, curve.y, zorder=3.0 + 0.01 * order, **_looks(curve))
         for words in panel.words:
@@ -138,25 +140,6 @@ def _looks(curve: Curve) -> dict[str, Any]:
     return looks | {"ms": 2.3 if faint else 5.0, "mew": 0.0, "alpha": curve.opacity}
 
 
-def _draw_span(axes: Axes, span: Span) -> None:
-    looks: dict[str, Any] = {"facecolor": (span.role.light, span.opacity), "linewidth": 0.0}
-    shade = axes.axvspan if span.along == "x" else axes.axhspan
-    shade(span.start, span.end, zorder=0.5, label=span.legend or "_", **looks)
-    if span.words:
-        left = span.words_side == "left"
-        axes.annotate(
-            span.words,
-            (span.start if left else span.end, 0.98),
-            xycoords=("data", "axes fraction"),
-            textcoords="offset points",
-            xytext=(-AWAY if left else AWAY, 0),
-            ha="right" if left else "left",
-            va="top",
-            fontsize=8.5,
-            color=INK.light,
-        )
-
-
 def _write(axes: Axes, words: Words) -> None:
     away = {"left": AWAY, "right": -AWAY, "bottom": AWAY, "top": -AWAY}
     axes.annotate(
@@ -189,8 +172,7 @@ def _names(figure: Figure) -> list[str]:
     """The entries of the legend: each name once, in the order in which they are drawn."""
     curves = [curve for panel in figure.panels for curve in panel.curves]
     names = [curve.name for curve in curves if curve.legend and not curve.hidden]
-    spans = [span.legend for panel in figure.panels for span in panel.spans if span.legend]
-    return list(dict.fromkeys([*names, *spans]))
+    return list(dict.fromkeys(names))
 
 
 def _columns(names: Sequence[str]) -> int:

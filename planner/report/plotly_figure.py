@@ -57,8 +57,7 @@ def plot(figure: Figure) -> dict[str, Any]:
         if panel.title:
             words.append(_heading(panel.title, domain[1]))
         words += [_words(each, axis) for each in panel.words]
-        words += [_span_words(each, axis) for each in panel.spans if each.words]
-        shapes += [_shade(each, axis) for each in panel.spans if each.opacity]
+        shapes += [_shade(each, axis) for each in panel.spans]
     layout = {
         "xaxis": _x_axis(figure),
         **axes,
@@ -312,15 +311,6 @@ def _words(words: Words, axis: str) -> dict[str, Any]:
         "showarrow": False,
         "font": {"color": colour(INK), "size": 12},
     }
-
-
-def _span_words(span: Span, axis: str) -> dict[str, Any]:
-    """The label of a span, beside its upper end."""
-    if span.words_side == "left":
-        label = Words(span.words, span.start, 1.0, across="right", upward="top")
-    else:
-        label = Words(span.words, span.end, 1.0, across="left", upward="top")
-    return _words(label, axis) | {"yref": f"{axis} domain"}
 
 
 def _escaped(text: str) -> str:

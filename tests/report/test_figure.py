@@ -55,7 +55,7 @@ def everything():
         Curve(MUTED, X, X, legend=False),
     )
     spans = (
-        Span(0.5, 1.0, DIRECT, 0.2, words="lag 4", words_side="left", legend="why"),
+        Span(0.5, 1.0, DIRECT, 0.2),
         Span(-0.5, 0.5, DIRECT, 0.2, along="y"),
     )
     first = Panel(
@@ -69,7 +69,7 @@ def test_the_curves_and_shades_of_a_file_are_those_of_the_figure():
     picture = draw(figure_of(first, second))
     (legend,), (above, below) = picture.legends, picture.axes
     entries = [text.get_text() for text in legend.get_texts()]
-    assert entries == ["desired", "requested", "knots", "cloud", "why"]
+    assert entries == ["desired", "requested", "knots", "cloud"]
     shown = [curve for curve in first.curves if not curve.hidden]
     for curve, line in zip(shown, above.lines, strict=True):
         assert line.get_label() == curve.name
@@ -85,14 +85,14 @@ def test_the_curves_and_shades_of_a_file_are_those_of_the_figure():
     assert (dots.get_linestyle(), dots.get_marker()) == ("None", "o")
     assert [line.zorder for line in above.lines] == sorted({line.zorder for line in above.lines})
     across, along = above.patches
-    assert (across.get_x(), across.get_width(), across.get_label()) == (0.5, 0.5, "why")
+    assert (across.get_x(), across.get_width()) == (0.5, 0.5)
     assert (along.get_y(), along.get_height()) == (-0.5, 1.0)
     assert across.get_facecolor()[3] == 0.2
     assert len(below.lines) == 1
     assert (below.get_xlim(), above.get_ylim()[0] < 0.0) == ((0.0, 2.0), True)
     assert (below.get_ylim()[0], below.get_xlabel()) == (0.0, "time [ms]")
     assert (above.get_title(loc="left"), above.get_ylabel()) == ("<hip>", "angle [deg]")
-    assert [text.get_text() for text in above.texts] == ["lag 4", r"$v_\mathrm{max}$"]
+    assert [text.get_text() for text in above.texts] == [r"$v_\mathrm{max}$"]
 
 
 def test_names_are_text_and_nothing_else():

@@ -56,6 +56,6 @@ def test_the_step_tests_shade_lag_and_acceleration_time(reproduction, figures):
         assert acceleration.end - acceleration.start == pytest.approx(
             period * response.acceleration
         )
-        assert lag.words == f"lag {response.lag} ticks"
+        assert panel.words[0].text == f"lag {response.lag} ticks"
         angles = curve_of(panel, "actual").y[:-1]
         np.testing.assert_array_equal(angles, np.degrees(response.angles))

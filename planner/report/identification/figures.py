@@ -291,14 +291,14 @@ def log_figure(identification: Identification, fit: LogFit, prefix: str) -> Figu
     drawn = [tuple(curve for curve in curves if len(curve.y)) for curves in (above, below)]
     edges = np.flatnonzero(np.diff(np.concatenate([[0], held_out.astype(int), [0]])))
     shades = tuple(
-        Span(float(times[start]), float(times[end - 1]), style.GRID, 0.45, legend="held out")
+        Span(float(times[start]), float(times[end - 1]), style.GRID, 0.45)
         for start, end in zip(edges[::2], edges[1::2], strict=True)
         if end - start < len(times)
     )
     band, level = 2.0 * units.factor * noise, "unknown"
     noises: tuple[Span, ...] = ()
     if math.isfinite(noise):
-        noises = (Span(-band, band, style.CLOSED_FORM, 0.16, "y", legend="± 2 noise"),)
+        noises = (Span(-band, band, style.CLOSED_FORM, 0.16, "y"),)
         level = f"{units.factor * noise:.2g} {units.angle}"
     colours, shaded, counted = "", "", ""
     if held_out.any():

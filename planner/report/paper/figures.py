@@ -341,21 +341,24 @@ def _step_test(reproduction: Reproduction, number: int, amplitude: float, captio
     full = begun + response.acceleration
     start, middle, end = (timeline.step * sample for sample in (response.step, begun, full))
     speed = math.degrees(response.v_max) * reproduction.model.period
+    top = 1.24 * amplitude
     panel = Panel(
-        Axis("angle", "deg", (-0.12 * amplitude, 1.24 * amplitude)),
+        Axis("angle", "deg", (-0.12 * amplitude, top)),
         (
             timeline.degrees(response.requests, style.REQUESTED, held=True),
             timeline.degrees(response.angles, style.CLOSED_FORM, "actual"),
         ),
         f"top speed {speed:.3g} deg per tick",
         spans=(
-            Span(start, middle, style.MUTED, SHADE, words=f"lag {response.lag} ticks",
-                 words_side="left"),
-            Span(middle, end, style.CLOSED_FORM, SHADE,
-                 words=f"acceleration {response.acceleration} ticks"),
+            Span(start, middle, style.MUTED, SHADE),
+            Span(middle, end, style.CLOSED_FORM, SHADE),
+        ),
+        words=(
+            Words(f"lag {response.lag} ticks", start, top, "right", "top"),
+            Words(f"acceleration {response.acceleration} ticks", end, top, "left", "top"),
         ),
         height=1.6,
-    )  # fmt: skip
+    )
     words = (f"Figure {number}: step test, {amplitude:g} degrees", caption)
     return timeline.figure(f"figure{number}_step_{amplitude:g}", [panel], words)
 
