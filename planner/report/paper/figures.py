@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -54,26 +54,10 @@ SHADE = 0.16
 
 ACROSS, UPWARD = Axis("forward of the hip, x", "cm"), Axis("above the hip, z", "cm")
 
-Curves = Callable[[int], Sequence[Curve]]
-"""Function for the curves of a joint by its index."""
-
 
 def paper_figures(reproduction: Reproduction) -> tuple[Figure, ...]:
     """Every figure, in the order of the paper's."""
-    timeline = timeline_of(reproduction)
-
-    def lines(j: int) -> list[Curve]:
-        fit = reproduction.plans["closed_form_plain"][j].approximation
-        assert fit is not None, "a closed form has an approximation"
-        fine = np.linspace(0.0, fit.samples, 20 * fit.samples + 1)  # knots lie between samples
-        knots, values = np.mod(fit.knots, fit.samples), np.degrees(fit.values)
-        role = style.APPROXIMATION
-        return [
-            Curve(role, timeline.step * fine, np.degrees(fit(fine))),
-            Curve(role, timeline.step * knots, values, "knots", marks="rings"),
-        ]
-
-    steps = zip(
+    step_tests = zip(
         (3, 4),
         STEP_AMPLITUDES,
         (
@@ -83,17 +67,16 @@ def paper_figures(reproduction: Reproduction) -> tuple[Figure, ...]:
         ),
         strict=True,
     )
+    direct, approximation, trajectories, *others = _joint_figures(reproduction)
     return (
         direct_foot_figure(reproduction),
-        _joints(reproduction, "figure2_joints_direct"),
-        *(_step_test(reproduction, *each) for each in steps),
+        direct,
+        *(_step_test(reproduction, *each) for each in step_tests),
         _speed(reproduction),
-        _joints(reproduction, "figure6_approximation", more=lines),
-        _joints(reproduction, "figure7_trajectories"),
+        approximation,
+        trajectories,
         _foot_paths(reproduction),
-        _joints(reproduction, "joints_by_method", distance_panel(reproduction, reproduction.foot)),
-        _joints(reproduction, "optimised_trajectories"),
-        _joints(reproduction, "foot_optimised_trajectories"),
+        *others,
     )
 
 
@@ -202,132 +185,144 @@ def timeline_of(planned: PlannedWalk) -> Timeline:
     return Timeline(planned.models[0].period, len(planned.walk.desired))
 
 
-def joints_figure(
-    planned: PlannedWalk,
-    name: str,
-    words: tuple[str, str],
-    curves: Curves,
-    *more: Panel,
-    clock: bool = False,
-) -> Figure:
-    """A panel per joint over one step of the walk, and more below."""
-    panels = [
-        Panel(Axis("angle", "deg"), tuple(curves(j)), joint)
-        for j, joint in enumerate(planned.walk.joint_names)
-    ]
-    return timeline_of(planned).figure(name, [*panels, *more], words, clock=clock)
-
-
 class Drawn(NamedTuple):
-    """A curve of a joint: its values, those of a method, and its looks."""
+    """A curve of every joint, with its looks; a method may be hidden at first."""
 
-    values: Literal["desired", "requests", "angles", "approximations"]
+    values: Array  # angles or requests [rad], shape (n, k), or of several cycles, (cycles, n, k)
     role: Role
-    method: str = ""
     label: str = ""
     hidden: bool = False
 
 
-JOINTS: Mapping[str, tuple[tuple[str, str], tuple[Drawn, ...]]] = {
-    "figure2_joints_direct": (
-        (
-            "Figure 2: the joints under the direct method",
-            "Every joint starts late and then moves at its top speed at most. The paper shows the "
-            "rotator.",
-        ),
-        (
-            Drawn("desired", style.DESIRED, label="requested = desired"),
-            Drawn("angles", style.DIRECT, "direct", "actual"),
-        ),
-    ),
-    "figure6_approximation": (
-        (
-            "Figure 6: piecewise linear approximations",
-            "Six lines per joint, none steeper than the top speed, with knots chosen "
-            "automatically; in the paper they were drawn by hand. Where the desired angles are "
-            "faster than the joint, the lines must leave them.",
-        ),
-        (Drawn("desired", style.DESIRED),),
-    ),
-    "figure7_trajectories": (
-        (
-            "Figure 7: the four trajectories of the paper's method",
-            "The requests run ahead of the approximation, the joint stays approximately on it. "
-            "They know no limits: where the joint has some, a robot would clip them.",
-        ),
-        (
-            Drawn("desired", style.DESIRED),
-            Drawn("requests", style.REQUESTED, "closed_form_plain"),
-            Drawn("approximations", style.APPROXIMATION, "closed_form_plain"),
-            Drawn("angles", style.CLOSED_FORM, "closed_form_plain", "actual"),
-        ),
-    ),
-    "joints_by_method": (
-        (
-            "The joints under the methods",
-            "What the joints do while the foot goes as in Figure 8.",
-        ),
-        (
-            Drawn("desired", style.DESIRED),
-            Drawn("angles", style.DIRECT, "direct"),
-            Drawn("angles", style.PLAIN, "closed_form_plain"),
-            Drawn("angles", style.OPTIMAL, "optimal", hidden=True),
-            Drawn("angles", style.FOOT_OPTIMAL, "foot_optimal"),
-            Drawn(
-                "requests", style.REQUESTED, "foot_optimal", "requests, foot-optimised", hidden=True
-            ),
-        ),
-    ),
-    "optimised_trajectories": (
-        (
-            "Beyond the paper: optimised requests",
-            "Found on the full nonlinear model, inside the joint's limits, and within a fraction "
-            "of a percent of the lower bound.",
-        ),
-        (
-            Drawn("desired", style.DESIRED),
-            Drawn("requests", style.REQUESTED, "optimal"),
-            Drawn("angles", style.OPTIMAL, "optimal", "actual"),
-        ),
-    ),
-    "foot_optimised_trajectories": (
-        (
-            "Beyond the paper: requests for the foot",
-            "All joints are planned at once for the foot: single joints have larger errors, "
-            "which compensate for one another.",
-        ),
-        (
-            Drawn("desired", style.DESIRED),
-            Drawn("requests", style.REQUESTED, "foot_optimal"),
-            Drawn("angles", style.FOOT_OPTIMAL, "foot_optimal", "actual"),
-        ),
-    ),
-}
-"""The figures of the joints by name: title and caption, and curves."""
-
-
-def _joints(
-    reproduction: Reproduction, name: str, *panels: Panel, more: Curves = lambda _: ()
+def joints_figure(
+    planned: PlannedWalk,
+    name: str,
+    words: tuple[str, str],
+    drawn: Sequence[Drawn],
+    *below: Panel,
+    more: Callable[[int], Sequence[Curve]] = lambda _: (),
 ) -> Figure:
-    """One of :data:`JOINTS`, with more panels below, and more curves of each joint."""
-    words, specs = JOINTS[name]
-    draw = timeline_of(reproduction).degrees
+    """A panel per joint over one step of the walk, with ``more`` curves by its index.
 
-    kinds = {
-        "requests": reproduction.requests,
-        "angles": reproduction.angles,
-        "approximations": reproduction.approximations,
-        "desired": {"": reproduction.walk.desired},
-    }
+    With panels below it follows the moving leg.
+    """
+    timeline, panels = timeline_of(planned), list[Panel]()
+    for j, joint in enumerate(planned.walk.joint_names):
+        curves: list[Curve] = []
+        for values, role, label, hidden in drawn:
+            own = np.degrees(values[..., j])
+            if own.ndim > 1:
+                curves += timeline.cycles(own, role, label, hidden=hidden)
+            else:
+                held = role is style.REQUESTED
+                curves.append(timeline.curve(own, role, label, held=held, hidden=hidden))
+        panels.append(Panel(Axis("angle", "deg"), (*curves, *more(j)), joint))
+    return timeline.figure(name, [*panels, *below], words, clock=bool(below))
 
-    def curves(j: int) -> list[Curve]:
+
+def _joint_figures(reproduction: Reproduction) -> list[Figure]:
+    """Figures 2, 6 and 7, the joints under all methods, and figures beyond the paper."""
+    timeline, desired = timeline_of(reproduction), Drawn(reproduction.walk.desired, style.DESIRED)
+    requests, angles, plain = reproduction.requests, reproduction.angles, "closed_form_plain"
+
+    def lines(j: int) -> list[Curve]:
+        fit = reproduction.plans[plain][j].approximation
+        assert fit is not None, "a closed form has an approximation"
+        fine = np.linspace(0.0, fit.samples, 20 * fit.samples + 1)  # knots lie between samples
+        knots, values = np.mod(fit.knots, fit.samples), np.degrees(fit.values)
+        role = style.APPROXIMATION
         return [
-            *(draw(kinds[each.values][each.method][:, j], each.role, each.label,
-                   held=each.role is style.REQUESTED, hidden=each.hidden) for each in specs),
-            *more(j),
-        ]  # fmt: skip
+            Curve(role, timeline.step * fine, np.degrees(fit(fine))),
+            Curve(role, timeline.step * knots, values, "knots", marks="rings"),
+        ]
 
-    return joints_figure(reproduction, name, words, curves, *panels, clock=bool(panels))
+    return [
+        joints_figure(
+            reproduction,
+            "figure2_joints_direct",
+            (
+                "Figure 2: the joints under the direct method",
+                "Every joint starts late and then moves at its top speed at most. The paper shows "
+                "the rotator.",
+            ),
+            [
+                desired._replace(label="requested = desired"),
+                Drawn(angles["direct"], style.DIRECT, "actual"),
+            ],
+        ),
+        joints_figure(
+            reproduction,
+            "figure6_approximation",
+            (
+                "Figure 6: piecewise linear approximations",
+                "Six lines per joint, none steeper than the top speed, with knots chosen "
+                "automatically; in the paper they were drawn by hand. Where the desired angles are "
+                "faster than the joint, the lines must leave them.",
+            ),
+            [desired],
+            more=lines,
+        ),
+        joints_figure(
+            reproduction,
+            "figure7_trajectories",
+            (
+                "Figure 7: the four trajectories of the paper's method",
+                "The requests run ahead of the approximation, the joint stays approximately on it. "
+                "They know no limits: where the joint has some, a robot would clip them.",
+            ),
+            [
+                desired,
+                Drawn(requests[plain], style.REQUESTED),
+                Drawn(reproduction.approximations[plain], style.APPROXIMATION),
+                Drawn(angles[plain], style.CLOSED_FORM, "actual"),
+            ],
+        ),
+        joints_figure(
+            reproduction,
+            "joints_by_method",
+            (
+                "The joints under the methods",
+                "What the joints do while the foot goes as in Figure 8.",
+            ),
+            [
+                desired,
+                Drawn(angles["direct"], style.DIRECT),
+                Drawn(angles[plain], style.PLAIN),
+                Drawn(angles["optimal"], style.OPTIMAL, hidden=True),
+                Drawn(angles["foot_optimal"], style.FOOT_OPTIMAL),
+                Drawn(requests["foot_optimal"], style.REQUESTED, "requests, foot-optimised", True),
+            ],
+            distance_panel(reproduction, reproduction.foot),
+        ),
+        joints_figure(
+            reproduction,
+            "optimised_trajectories",
+            (
+                "Beyond the paper: optimised requests",
+                "Found on the full nonlinear model, inside the joint's limits, and within a "
+                "fraction of a percent of the lower bound.",
+            ),
+            [
+                desired,
+                Drawn(requests["optimal"], style.REQUESTED),
+                Drawn(angles["optimal"], style.OPTIMAL, "actual"),
+            ],
+        ),
+        joints_figure(
+            reproduction,
+            "foot_optimised_trajectories",
+            (
+                "Beyond the paper: requests for the foot",
+                "All joints are planned at once for the foot: single joints have larger errors, "
+                "which compensate for one another.",
+            ),
+            [
+                desired,
+                Drawn(requests["foot_optimal"], style.REQUESTED),
+                Drawn(angles["foot_optimal"], style.FOOT_OPTIMAL, "actual"),
+            ],
+        ),
+    ]
 
 
 # The model.

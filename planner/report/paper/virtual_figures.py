@@ -10,6 +10,7 @@ from planner.report import style
 from planner.report.figure import Axis, Curve, Figure, Panel, Timeline, joined, thin
 from planner.report.paper.figures import (
     ROLES,
+    Drawn,
     distance_panel,
     foot_paths_figure,
     joints_figure,
@@ -38,10 +39,7 @@ def virtual_figures(outcome: VirtualOutcome) -> tuple[Figure, ...]:
     return (
         _foot_paths(outcome),
         _step_tests(outcome),
-        _joints_direct(outcome),
-        _trajectories(outcome),
-        _foot_optimised(outcome),
-        _joints_by_method(outcome),
+        *_joint_figures(outcome),
         _learning(outcome),
     )
 
@@ -101,99 +99,75 @@ def _step_tests(outcome: VirtualOutcome) -> Figure:
     )
 
 
-def _joints_direct(outcome: VirtualOutcome) -> Figure:
-    """Figure 2: the joints under the direct method, and the models' predictions."""
-    draw, run = timeline_of(outcome.planned).degrees, outcome.runs["direct"]
-
-    def curves(j: int) -> list[Curve]:
-        return [
-            draw(outcome.planned.walk.desired[:, j], style.DESIRED, "requested = desired"),
-            *_walked(outcome, "direct", j, style.DIRECT, f"actual, {len(run.angles)} cycles"),
-            draw(outcome.planned.direct[:, j], PREDICTED),
-        ]
-
-    words = (
-        "The direct method (Figure 2), predicted before it was seen",
-        "The models come from step tests alone; this walk is new to them. Dotted: what they "
-        "predict.",
-    )
-    return joints_figure(outcome.planned, "joints_direct", words, curves)
-
-
-def _trajectories(outcome: VirtualOutcome) -> Figure:
-    """Figure 7: desired, approximation, requests, and the angles of every cycle."""
-    planned, method = outcome.planned, "closed_form_plain"
-    draw = timeline_of(planned).degrees
-    return joints_figure(
-        planned,
-        "trajectories",
-        (
-            "The four trajectories of the paper's method (Figure 7)",
-            "How close the actual angles stay to the approximation is the paper's measure of the "
-            "model's fidelity. Requests beyond a joint's limits are cut off by the robot.",
-        ),
-        lambda j: [
-            draw(planned.walk.desired[:, j], style.DESIRED),
-            draw(planned.requests[method][:, j], style.REQUESTED, held=True),
-            draw(planned.approximations[method][:, j], style.APPROXIMATION),
-            *_walked(outcome, method, j, style.PLAIN, "actual"),
-        ],
-    )
-
-
-def _foot_optimised(outcome: VirtualOutcome) -> Figure:
-    draw, requests = timeline_of(outcome.planned).degrees, outcome.runs["foot_optimal"].requests
-    return joints_figure(
-        outcome.planned,
-        "foot_optimised_trajectories",
-        (
-            "The joints under requests for the foot",
-            "Dotted: what the plan predicted. Single joints leave their desired angles to bring "
-            "the foot closer, as planned.",
-        ),
-        lambda j: [
-            draw(outcome.planned.walk.desired[:, j], style.DESIRED),
-            draw(requests[:, j], style.REQUESTED, held=True),
-            *_walked(outcome, "foot_optimal", j, style.FOOT_OPTIMAL, "actual"),
-            draw(outcome.planned.angles["foot_optimal"][:, j], PREDICTED),
-        ],
-    )
-
-
-def _joints_by_method(outcome: VirtualOutcome) -> Figure:
-    draw = timeline_of(outcome.planned).degrees
-    return joints_figure(
-        outcome.planned,
-        "joints_by_method",
-        (
-            "The joints under the methods, every cycle",
-            "What the joints do while the foot goes along its paths.",
-        ),
-        lambda j: [
-            draw(outcome.planned.walk.desired[:, j], style.DESIRED),
-            *(
-                curve
-                for method, role in ROLES.items()
-                if method != "shift"
-                for curve in _walked(outcome, method, j, role, hidden=method == "optimal")
+def _joint_figures(outcome: VirtualOutcome) -> list[Figure]:
+    """Figures 2 and 7, the joints under requests for the foot, and under all methods."""
+    planned, plain = outcome.planned, "closed_form_plain"
+    desired = Drawn(planned.walk.desired, style.DESIRED)
+    walked = {method: run.angles for method, run in outcome.runs.items()}
+    count = len(walked["direct"])
+    return [
+        joints_figure(
+            planned,
+            "joints_direct",
+            (
+                "The direct method (Figure 2), predicted before it was seen",
+                "The models come from step tests alone; this walk is new to them. Dotted: what "
+                "they predict.",
             ),
-        ],
-        distance_panel(outcome.planned, outcome.foot_paths),
-        clock=True,
-    )
-
-
-def _walked(
-    outcome: VirtualOutcome,
-    method: str,
-    j: int,
-    role: Role,
-    label: str = "",
-    *,
-    hidden: bool = False,
-) -> tuple[Curve, Curve]:
-    angles = np.degrees(outcome.runs[method].angles[:, :, j])
-    return timeline_of(outcome.planned).cycles(angles, role, label, hidden=hidden)
+            [
+                desired._replace(label="requested = desired"),
+                Drawn(walked["direct"], style.DIRECT, f"actual, {count} cycles"),
+                Drawn(planned.direct, PREDICTED),
+            ],
+        ),
+        joints_figure(
+            planned,
+            "trajectories",
+            (
+                "The four trajectories of the paper's method (Figure 7)",
+                "How close the actual angles stay to the approximation is the paper's measure of "
+                "the model's fidelity. Requests beyond a joint's limits are cut off by the robot.",
+            ),
+            [
+                desired,
+                Drawn(planned.requests[plain], style.REQUESTED),
+                Drawn(planned.approximations[plain], style.APPROXIMATION),
+                Drawn(walked[plain], style.PLAIN, "actual"),
+            ],
+        ),
+        joints_figure(
+            planned,
+            "foot_optimised_trajectories",
+            (
+                "The joints under requests for the foot",
+                "Dotted: what the plan predicted. Single joints leave their desired angles to "
+                "bring the foot closer, as planned.",
+            ),
+            [
+                desired,
+                Drawn(outcome.runs["foot_optimal"].requests, style.REQUESTED),
+                Drawn(walked["foot_optimal"], style.FOOT_OPTIMAL, "actual"),
+                Drawn(planned.angles["foot_optimal"], PREDICTED),
+            ],
+        ),
+        joints_figure(
+            planned,
+            "joints_by_method",
+            (
+                "The joints under the methods, every cycle",
+                "What the joints do while the foot goes along its paths.",
+            ),
+            [
+                desired,
+                *(
+                    Drawn(walked[method], role, hidden=method == "optimal")
+                    for method, role in ROLES.items()
+                    if method != "shift"
+                ),
+            ],
+            distance_panel(planned, outcome.foot_paths),
+        ),
+    ]
 
 
 def _learning(outcome: VirtualOutcome) -> Figure:
