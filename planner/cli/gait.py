@@ -163,7 +163,7 @@ def _shortest(run: Run, leg: Leg, path: Array, period: float) -> tuple[Array, di
     """The path in the fewest samples that keep the tolerance; the same for machines and people."""
     from planner.cli.models import models_of, refused_models
     from planner.gait.stride import in_samples, shortest_cycle
-    from planner.model.evidence import OPEN_TOP_SPEED, expectation, untested_words
+    from planner.model.evidence import OPEN_TOP_SPEED, untested_words
 
     assert run.tolerance.cm is not None, "the tolerance is needed"
     at_rate = replace(run, path=replace(run.path, rate_hz=1.0 / period))
@@ -178,40 +178,34 @@ def _shortest(run: Run, leg: Leg, path: Array, period: float) -> tuple[Array, di
             samples=len(path),
             progress=progress,
         )
-    proof, count, evidence = cycle.too_short, cycle.samples, [model.evidence for model in models]
-    fewer = in_samples(path, count)
-    unknown = any(each and each.leaves_top_speed_open for each in evidence)
-    columns = zip(evidence, leg.joint_angles(fewer).T, cycle.plan.predicted.T, strict=True)
-    expected = [expectation(*each, period=period, cyclic=True) for each in columns]
-    document = {
-        "tolerance_cm": run.tolerance.cm,
-        "samples": count,
-        "cycle_s": cycle.period,
-        "max_cm": 100.0 * cycle.plan.max_error,
-        "untested": {
-            name: list(each.untested) for name, each in zip(leg.joint_names, expected, strict=True)
-        },
-        "too_short": None,
-    }
+    proof, count, expected = cycle.too_short, cycle.samples, cycle.plan.plan.expected
+    unknown = any(each.evidence and each.evidence.leaves_top_speed_open for each in models)
+    names, too_short, proved = leg.joint_names, None, "no shorter one is proved impossible"
     if proof is not None:
-        document["too_short"] = {
+        too_short = {
             "samples": proof.samples,
             "cycle_s": proof.samples * period,
             "lower_bound_cm": 100.0 * proof.bound,
             "of_model_only": unknown,
         }
-    proved = "no shorter one is proved impossible"
-    if proof is not None:
         proved = f"in {proof.samples * period:.4g} s no requests keep it there"
         proved += f", which holds for the models only: {OPEN_TOP_SPEED}" if unknown else ""
+    document = {
+        "tolerance_cm": run.tolerance.cm,
+        "samples": count,
+        "cycle_s": cycle.period,
+        "max_cm": 100.0 * cycle.plan.max_error,
+        "untested": {name: list(e.untested) for name, e in zip(names, expected, strict=True)},
+        "too_short": too_short,
+    }
     words = (
         f"a cycle of {count} samples, {count * period:.4g} s, is the shortest at which the planned "
         f"foot stays within {run.tolerance.cm:g} cm by the model; {proved}\n"
         "plan it with --method foot-optimal --norm max: the default, rms, lets the largest error "
         "be more"
     )
-    untested = untested_words(leg.joint_names, expected)
-    return fewer, document, f"{words}\n{untested}" if untested else words
+    untested = untested_words(names, expected)
+    return in_samples(path, count), document, f"{words}\n{untested}" if untested else words
 
 
 def about(leg: Leg, stride: Stride, period: float) -> dict[str, Any]:
