@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from planner.cli import options, types
+from planner.cli import options
 from planner.cli.console import complain
 from planner.cli.options import Command
 from planner.exceptions import BusError, InvalidFile
@@ -39,7 +39,7 @@ def _bus(text: str) -> str:
 
 def bus_options(*, required: bool = False) -> Callable[[Command], Command]:
     """Give a command the options that :func:`open_bus` takes; ``required``: a bus."""
-    bus_type = types.Parsed(
+    bus_type = options.Parsed(
         _bus,
         f"{', '.join(BUSES[:-1])}, lerobot:ROBOT such as lerobot:{ROBOT}, or virtual:KIND with one "
         f"of {', '.join(KINDS)}",
@@ -66,7 +66,7 @@ def bus_options(*, required: bool = False) -> Callable[[Command], Command]:
 
 def model_option(help_text: str) -> Callable[[Command], Command]:
     """Give a command the option of the file that names the servos of the joints."""
-    return options.option("--model", help_text, types.INPUT, metavar="FILE", required=True)
+    return options.option("--model", help_text, options.INPUT, metavar="FILE", required=True)
 
 
 def _ids(text: str) -> dict[str, int]:
@@ -102,7 +102,7 @@ def ids_by_joint(choices: Mapping[str, Any], ids: dict[str, int]) -> dict[str, i
     }
 
 
-IDS = types.Parsed(_ids, "identifiers of servos, such as 1-6 or pan=1,lift=2, each once")
+IDS = options.Parsed(_ids, "identifiers of servos, such as 1-6 or pan=1,lift=2, each once")
 
 
 @contextmanager
@@ -183,16 +183,16 @@ def _fault(text: str) -> tuple[str, int, float]:
     """A fault, its servo (0 for the bus), and its share or time."""
     kind, _, value = text.partition("=")
     if kind in ("drop", "disconnect", "power-off"):
-        number = types.finite(value)
+        number = options.finite(value)
         if number < 0.0 or (kind == "drop" and number > 1.0):
             raise ValueError
         return kind, 0, number
     if kind not in TIMED or not (parts := re.fullmatch(r"(\d{1,3})@(.+)", value)):
         raise ValueError
-    return kind, int(parts[1]), types.finite(parts[2])
+    return kind, int(parts[1]), options.finite(parts[2])
 
 
-FAULT = types.Parsed(
+FAULT = options.Parsed(
     _fault,
     "drop=SHARE, disconnect=S, power-off=S, or stall, overheat or saturate=ID@S, such as stall=3@5",
 )

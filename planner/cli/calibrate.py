@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from planner.cli import buses, options, types
+from planner.cli import buses, options
 from planner.cli.console import Progress, print_answer, remark, summarise, warn
 from planner.exceptions import InvalidFile, about
 from planner.files.text import write_text
@@ -57,7 +57,7 @@ SLOWEST = 16.0
 @options.option(
     "--zero-tick zeros",
     "Count of the servo at angle 0.  [default: the middle, 2048, or 512 of an XL-320]",
-    types.TICKS,
+    options.TICKS,
     metavar="[JOINT=]N",
     multiple=True,
 )
@@ -79,7 +79,7 @@ SLOWEST = 16.0
 @options.option(
     "-o --output",
     "Where to write the models and servos; joints that are there already stay.",
-    types.Place("file", types._check_file, use=None),
+    options.Place("file", options._check_file, use=None),
     default="arm.toml",
 )
 @options.as_json

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from planner.cli import options, types
+from planner.cli import options
 from planner.cli.console import Progress, print_json, summarise, terminal_width
 from planner.cli.settings import Run
 from planner.files.text import write_text
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 @click.command()
-@click.argument("path", type=types.INPUT)
+@click.argument("path", type=options.INPUT)
 @options.settings(
     f"leg: {options.LEG} unreachable",
     "model: file",

@@ -232,7 +232,7 @@ def _declared(cls: type[Settings]) -> dict[str, Declared]:
     for each in fields(cls):
         annotation = annotations[each.name]
         default = each.default if each.default_factory is MISSING else each.default_factory()
-        base, notes = _unwrapped(annotation)
+        base, notes = unwrapped(annotation)
         in_words = any(isinstance(note, Expected) for note in notes)
         declared = each.metadata.get("declared", Declared())
         named = f"--{each.name.replace('_', '-')}" if declared.is_option else ""
@@ -248,7 +248,7 @@ def _declared(cls: type[Settings]) -> dict[str, Declared]:
     return keys
 
 
-def _unwrapped(annotation: Any) -> tuple[Any, tuple[Any, ...]]:
+def unwrapped(annotation: Any) -> tuple[Any, tuple[Any, ...]]:
     """The annotated type without None, and its annotations, innermost first."""
     notes: tuple[Any, ...] = ()
     while True:
@@ -303,7 +303,7 @@ def _read(
         raise Unfit(place, f"no keys {', '.join(missing)}; add them")
 
     def checked(annotation: Any, value: Any, place: Place) -> Any:
-        base, notes = _unwrapped(annotation)
+        base, notes = unwrapped(annotation)
         origin, inner, hint = get_origin(base), get_args(base), ""
         in_words = any(isinstance(note, Expected) for note in notes)
         if _is_table(base):
@@ -338,7 +338,7 @@ def _read(
 
 def fitted(annotation: Any, value: Any) -> Any:
     """A value of a type with annotations; ValueError, perhaps with a hint, if it does not fit."""
-    base, notes = _unwrapped(annotation)
+    base, notes = unwrapped(annotation)
     origin, inner = get_origin(base), get_args(base)
     if origin is Literal:
         fits = isinstance(value, str) and value in inner
@@ -425,7 +425,7 @@ def tables(cls: type[Settings], place: tuple[str, ...] = ()) -> Iterator[Table]:
         elif get_origin(key.type) is tuple and _is_table(inner[0]):
             yield _table(inner[0], (*place, name, NUMBER), repeated=True)
         elif key.free:
-            free, place_of = _expected(*_unwrapped(inner[1])), (*place, name)
+            free, place_of = _expected(*unwrapped(inner[1])), (*place, name)
             yield Table(place_of, key.help, {}, free=free, example=key.example, active=False)
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from planner.cli import options, types
+from planner.cli import options
 from planner.cli.console import deliver
 from planner.cli.settings import Run
 from planner.files.staging import staged
@@ -35,7 +35,7 @@ UNNAMED = "requested"
 @options.option(
     "--limits-deg limits_deg",
     "Range of the requests.",
-    types.SPAN,
+    options.SPAN,
     metavar="LOW:HIGH",
     required=True,
 )
@@ -75,7 +75,7 @@ UNNAMED = "requested"
 @options.option(
     "--expected-log",
     "Also write the log of a simulated joint, as an input for identify.",
-    types.OUTPUT,
+    options.OUTPUT,
 )
 @options.output
 @options.as_json

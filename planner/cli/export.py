@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
-from planner.cli import options, types
+from planner.cli import options
 from planner.cli.console import BadSetting, Key, deliver
 from planner.cli.settings import Export, Run
 from planner.exceptions import InvalidFile
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 @click.command()
-@click.argument("requests", type=types.INPUT)
+@click.argument("requests", type=options.INPUT)
 @options.settings(options.EXPORT, "path: joints")
 @options.output_or_folder
 @options.option("--period-s", "Time between requests, where the file has no column t_s.", float)
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     "--model",
     "csv in ticks: zero, direction and ticks of a turn of each joint's servo, as calibrate "
     "writes them, instead of --zero-tick, --reverse and --ticks-per-turn.",
-    types.INPUT,
+    options.INPUT,
     metavar="FILE",
 )
 @options.as_json

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from planner.cli import options, types
+from planner.cli import options
 from planner.cli.console import Progress, deliver
 from planner.cli.settings import Run
 from planner.exceptions import about
@@ -24,7 +24,7 @@ def _knot(text: str) -> tuple[float, float | None]:
 
 
 @click.command()
-@click.argument("desired", type=types.INPUT)
+@click.argument("desired", type=options.INPUT)
 @options.settings(
     "model: file",
     "path: joints",
@@ -34,13 +34,13 @@ def _knot(text: str) -> tuple[float, float | None]:
 @options.option(
     "--max-error",
     "Use as few lines as stay this close to the path everywhere.",
-    types.above_0("degrees"),
+    options.above_0("degrees"),
     metavar="DEG",
 )
 @options.option(
     "--max-rms",
     "Use as few lines as stay this close to the path in root mean square.",
-    types.above_0("degrees"),
+    options.above_0("degrees"),
     metavar="DEG",
 )
 @options.option(
@@ -52,7 +52,7 @@ def _knot(text: str) -> tuple[float, float | None]:
 @options.option(
     "--required-s required_s",
     "Time at which there must be a knot, and perhaps its angle; several times for more.",
-    types.Parsed(_knot, "seconds (0.4) or seconds=degrees (0.4=12.5)"),
+    options.Parsed(_knot, "seconds (0.4) or seconds=degrees (0.4=12.5)"),
     metavar="S[=DEG]",
     multiple=True,
 )
@@ -60,7 +60,7 @@ def _knot(text: str) -> tuple[float, float | None]:
 @options.option(
     "--knots knots_file",
     "Also write the knots of a single joint: knot_s and value_deg, or JSON for FILE.json.",
-    types.OUTPUT,
+    options.OUTPUT,
 )
 @options.report("Write a page (HTML) about the lines, and the error for other numbers of them.")
 @options.output

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from planner.cli import options, types
+from planner.cli import options
 from planner.cli.console import Progress, deliver, remark, warn
 from planner.exceptions import InvalidFile, PlannerError, about
 from planner.files.staging import staged
@@ -24,7 +24,7 @@ FEW_ROWS = 20_000
 
 
 @click.command()
-@click.argument("logs", nargs=-1, required=True, type=types.INPUT, metavar="LOG...")
+@click.argument("logs", nargs=-1, required=True, type=options.INPUT, metavar="LOG...")
 @options.log_options
 @options.positive(
     "--tick-ms", "Time step of the model.  [default: chosen from the rate of the log]"
@@ -43,7 +43,7 @@ FEW_ROWS = 20_000
 @options.option(
     "-o --output",
     "Where to write the model as TOML; '-' is standard output.",
-    types.OUTPUT,
+    options.OUTPUT,
     default="-",
 )
 @options.as_json

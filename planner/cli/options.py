@@ -1,20 +1,29 @@
-"""Options of several commands: settings, built from their declarations, and other options."""
+"""Options of several commands: their types, settings built from their declarations, and others.
+
+A type parses a value once, refuses invalid ones, and completes it in a shell. A file or a folder
+that is to be written is checked here, before anything is computed; so is that no output overwrites
+an input.
+"""
 
 from __future__ import annotations
 
+import math
+import os
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import fields
 from functools import wraps
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, get_args, get_origin
 
 import click
+from click.shell_completion import CompletionItem
 
-from planner.cli import types
 from planner.cli.console import BadSetting, FailedCheck, Key, Remark, warn
-from planner.cli.declared import NUMBER, Declared, Unfit, tables
-from planner.cli.settings import Replay, Run
+from planner.cli.declared import NUMBER, SOURCE, Declared, Unfit, tables, unwrapped
+from planner.cli.settings import SHIPPED, Replay, Run
+from planner.files.staging import cannot_write, check_folder, check_writable
 
 if TYPE_CHECKING:
     from planner.files.logs.make_log import LogOptions
@@ -22,12 +31,184 @@ if TYPE_CHECKING:
 Command = Callable[..., Any]
 
 
+class Parsed(click.ParamType):  # type: ignore[type-arg]  # generic from click 8.5 on
+    """A value that a function parses."""
+
+    name = "value"
+
+    def __init__(self, parse: Callable[[str], Any], expected: str) -> None:
+        """Take a function that raises ValueError, and the expected text in words."""
+        self.parse = parse
+        self.expected = expected
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """The value of a text."""
+        try:
+            return self.parse(value)
+        except (ValueError, OverflowError):
+            option = "" if param is None else f"{param.opts[0]}: "
+            message = f"{option}got '{value}', expected {self.expected}."
+            raise click.UsageError(message, ctx) from None
+
+
+def by_joint(parse: Callable[[str], Any], expected: str, *, all_joints: bool = True) -> Parsed:
+    """A pair of joint and value: NAME=VALUE for one joint, VALUE for all joints, named ""."""
+
+    def parse_named(text: str) -> tuple[str, Any]:
+        joint, equals, value = text.rpartition("=")
+        if not joint and (equals or not all_joints):
+            raise ValueError
+        return joint, parse(value)
+
+    return Parsed(parse_named, expected)
+
+
+class LegName(click.ParamType):  # type: ignore[type-arg]  # generic from click 8.5 on
+    """The name of a shipped leg, or the URDF of a robot."""
+
+    name = "leg"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
+        """The same text, if it is a shipped leg or a URDF."""
+        text = str(value)
+        is_file = text.lower().endswith((".urdf", ".xml")) or os.sep in text
+        if text not in SHIPPED and not is_file:
+            names = ", ".join(f"'{name}'" for name in SHIPPED)
+            self.fail(f"'{text}' is not one of {names}, nor a .urdf file.", param, ctx)
+        return text
+
+    def shell_complete(self, ctx: Any, param: Any, incomplete: str) -> list[CompletionItem]:  # noqa: ARG002
+        """The names that begin like this, or files if no name does."""
+        names = [CompletionItem(name) for name in SHIPPED if name.startswith(incomplete)]
+        return names or [CompletionItem(incomplete, type="file")]
+
+
+class Place(click.ParamType):  # type: ignore[type-arg]  # generic from click 8.5 on
+    """The name of a file or a folder, which a shell completes; one to write is checked at once."""
+
+    def __init__(
+        self,
+        kind: str,
+        check: Callable[[str], None] = lambda _: None,
+        *,
+        use: Literal["read", "written"] | None,
+    ) -> None:
+        """Complete to ``file``, which has folders on the way, or ``dir``, and check the name.
+
+        A written place must not have another use in the same command; a ``use`` of None is of a
+        file that may be both input and output.
+        """
+        self.name = self.kind = kind
+        self.check = check
+        self.use = use
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
+        """The same text, where it passes the check."""
+        self.check(value)
+        text = str(value)
+        if self.use is not None and param is not None and ctx is not None:
+            self._check_uses(text, param, ctx)
+        return text
+
+    def _check_uses(self, text: str, param: click.Parameter, ctx: click.Context) -> None:
+        """Refuse a place that is written and has another use in this command."""
+        place = Path(os.path.realpath(text))  # of a link to itself, too
+        is_device = place.exists() and not (place.is_file() or place.is_dir())
+        if text == "-" and self.use == "written":
+            place, text = Path(text), "standard output"
+        elif text == "-" or is_device:
+            return
+        uses = ctx.meta.setdefault(f"{__name__}.places", {}).setdefault(place, {})
+        uses[param.name] = self.use
+        if len(uses) > 1 and "written" in uses.values():
+            reason = "an input too" if "read" in uses.values() else "another output too"
+            raise cannot_write(text, ValueError(f"it is {reason}"))
+
+    def shell_complete(self, ctx: Any, param: Any, incomplete: str) -> list[CompletionItem]:  # noqa: ARG002
+        """Leave it to the shell, which lists files and folders."""
+        return [CompletionItem(incomplete, type=self.kind)]
+
+
+def above_0(unit: str) -> Parsed:
+    """A number above 0, in this unit."""
+
+    def parse(text: str) -> float:
+        number = finite(text)
+        if number <= 0.0:
+            raise ValueError
+        return number
+
+    return Parsed(parse, f"more than 0 {unit}")
+
+
+def finite(text: str) -> float:
+    """A finite number."""
+    number = float(text)
+    if not math.isfinite(number):
+        raise ValueError
+    return number
+
+
+def _span(text: str) -> list[float]:
+    low, high = (finite(part) for part in text.split(":"))
+    if not low < high:
+        raise ValueError
+    return [low, high]
+
+
+def _tick(text: str) -> int:
+    if not re.fullmatch(r"-?\d{1,9}", text, flags=re.ASCII):
+        raise ValueError
+    return int(text)
+
+
+def _position(text: str) -> tuple[str, float]:
+    slides = text.endswith("m")
+    return "lock_m" if slides else "lock", finite(text.removesuffix("m"))
+
+
+def _check_file(path: str) -> None:
+    if path != "-":
+        check_writable(path)
+
+
+SPAN = Parsed(_span, "LOW:HIGH in degrees with LOW below HIGH, such as -27:147")
+SPANS = by_joint(
+    _span, "LOW:HIGH or JOINT=LOW:HIGH in degrees with LOW below HIGH, such as knee=-27:147"
+)
+ANGLES = by_joint(finite, "degrees, as DEG or JOINT=DEG, such as knee=30")
+POSE = by_joint(finite, "JOINT=DEG, such as wrist=-90", all_joints=False)
+PARAMETER = by_joint(finite, "NAME=VALUE, such as length=0.04", all_joints=False)
+POSITIONS = by_joint(_position, "JOINT=DEG, such as wrist=-90", all_joints=False)
+LIST = Parsed(lambda text: [each.strip() for each in text.split(",")], "A,B,C")
+NAMES = by_joint(str, "JOINT=NAME, such as Rotation=shoulder_pan", all_joints=False)
+TICKS = by_joint(_tick, "N or JOINT=N, such as knee=2048")
+
+TYPES = {"leg.name": LegName(), "leg.lock": POSITIONS, "export.joint_names": LIST}
+"""Types of settings that do not follow from the types of their values."""
+
+UNITS_OF_OPTIONS = {
+    "hz": "hertz",
+    "s": "seconds",
+    "ms": "milliseconds",
+    "deg": "degrees",
+    "cm": "centimetres",
+}
+"""Units that end the name of an option, such as --rate-hz."""
+
+INPUT = Place("file", use="read")
+OUTPUT = Place("file", _check_file, use="written")
+FOLDER = Place("dir", check_folder, use="written")
+OUTPUT_OR_FOLDER = Place("file", use="written")  # checked once the format is known
+REWRITTEN = Place("file", use=None)
+
+
 def option(names: str, about: str, kind: Any = None, **more: Any) -> Callable[[Command], Command]:
     """Give a command an option; a number is shown as N, or as the unit that ends its name."""
     unit = names.split()[0].rpartition("-")[2]
     if kind is int or isinstance(kind, click.IntRange):
         more.setdefault("metavar", "N")
-    elif kind is float and unit in types.UNITS_OF_OPTIONS:
+    elif kind is float and unit in UNITS_OF_OPTIONS:
         more.setdefault("metavar", unit.upper())
     elif kind is bool and "/" not in names:
         more["is_flag"] = True
@@ -35,12 +216,12 @@ def option(names: str, about: str, kind: Any = None, **more: Any) -> Callable[[C
 
 
 output = option(
-    "-o --output", "Where to write the CSV; '-' is standard output.", types.OUTPUT, default="-"
+    "-o --output", "Where to write the CSV; '-' is standard output.", OUTPUT, default="-"
 )
 output_or_folder = option(
     "-o --output",
     "The file, or folder, to write; '-' is standard output.",
-    types.OUTPUT_OR_FOLDER,
+    OUTPUT_OR_FOLDER,
     metavar="OUT",
     default="-",
 )
@@ -49,13 +230,13 @@ output_or_folder = option(
 def positive(name: str, about: str, default: float | None = None) -> Callable[[Command], Command]:
     """Give a command an option for a number above 0, whose unit ends its name: ``--rate-hz``."""
     unit = name.rpartition("-")[2]
-    kind = types.above_0(types.UNITS_OF_OPTIONS[unit])
+    kind = above_0(UNITS_OF_OPTIONS[unit])
     return option(name, about, kind, default=default, metavar=unit.upper())
 
 
 def report(about: str) -> Callable[[Command], Command]:
     """Give a command the option of its page."""
-    return option("--report", about, types.OUTPUT)
+    return option("--report", about, OUTPUT)
 
 
 def several(*decorators: Callable[[Command], Command]) -> Callable[[Command], Command]:
@@ -219,27 +400,43 @@ def _option(key: str, declared: Declared, of_command: str) -> Callable[[Command]
     first, slash, second = declared.option.partition("/")
     if declared.type is bool and (default is not None or not slash):
         default_text = (first if default else second).strip("-") if slash else ""
-    origin = get_origin(declared.type)
-    several_times = origin is dict or (origin is tuple and "type" not in attributes)
+    kind = _type_of(key, declared)
+    origin, is_list = get_origin(declared.type), kind is LIST or "nargs" in attributes
+    several_times = origin is dict or (origin is tuple and not is_list)
     text = of_command or own or declared.help
-    if several_times and text is declared.help:
+    if several_times and not declared.by_joint and text is declared.help:
         text = f"{text.removesuffix('.')}; several times for several."
     if default_text and not own:
         text += f"  [default: {default_text}]"
-    if declared.type is bool:
+    if kind is bool:
         attributes |= {"is_flag": True, "default": None}
-    elif origin is Literal:
-        attributes = {"type": click.Choice(get_args(declared.type)), **attributes}
-    elif origin is tuple:
-        attributes = {"type": str, **attributes}
-    else:
-        unit = "n" if declared.type is int else key.rpartition("_" if "_" in key else ".")[2]
-        units = {"metavar": unit.upper()} if unit in ("n", *types.UNITS_OF_OPTIONS) else {}
-        attributes = {"type": declared.type, **units, **attributes}
+    elif kind in (int, float) and not is_list:
+        unit = "n" if kind is int else key.rpartition("_" if "_" in key else ".")[2]
+        if unit in ("n", *UNITS_OF_OPTIONS):
+            attributes.setdefault("metavar", unit.upper())
     if several_times or declared.by_joint:
         attributes["multiple"] = True
     parameter, required = _parameter(key), declared.required
-    return click.option(declared.option, parameter, help=text, required=required, **attributes)
+    return click.option(
+        declared.option, parameter, help=text, required=required, type=kind, **attributes
+    )
+
+
+def _type_of(key: str, declared: Declared) -> Any:
+    """The type of an option, by that of its setting."""
+    if key in TYPES:
+        return TYPES[key]
+    base, notes = unwrapped(declared.annotation)
+    origin, inner = get_origin(base), get_args(base)
+    if declared.by_joint:
+        return {int: TICKS, float: ANGLES}.get(base, SPANS)
+    if origin is dict:
+        return POSE if inner[1] is float else NAMES
+    if origin is tuple:
+        return float if "nargs" in declared.click else str
+    if SOURCE in notes:
+        return INPUT
+    return click.Choice(inner) if origin is Literal else base
 
 
 def check_parallel(workers: int | None, scheduler: str | None) -> None:
@@ -291,7 +488,7 @@ def _as_options(table: str = "") -> Iterator[None]:
 
 def put(content: dict[str, Any], key: str, value: Any) -> None:
     """Put the value of an option at its place in the content of a run file."""
-    if key == "leg.name" and value not in types.SHIPPED:
+    if key == "leg.name" and value not in SHIPPED:
         key = "leg.urdf"
     if key == "leg.urdf" and "urdf" in content.get("leg", {}):
         raise click.UsageError("--leg and --urdf name a file each: leave one out.")

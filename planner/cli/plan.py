@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import click
 
-from planner.cli import options, types
+from planner.cli import options
 from planner.cli.console import Progress, deliver
 from planner.cli.settings import Run
 from planner.files.text import write_text
 
 
 @click.command()
-@click.argument("path", type=types.INPUT)
+@click.argument("path", type=options.INPUT)
 @options.settings(
     f"leg: {options.LEG} unreachable",
     "model: file",

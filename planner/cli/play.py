@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from planner.cli import buses, options, types
+from planner.cli import buses, options
 from planner.cli.console import print_answer, summarise, warn
 from planner.exceptions import BusError, InvalidFile
 
@@ -15,18 +15,18 @@ if TYPE_CHECKING:
 
 
 @click.command()
-@click.argument("requests", type=types.INPUT)
+@click.argument("requests", type=options.INPUT)
 @buses.bus_options()
 @buses.model_option("The servos of the joints, with zeros and ranges, as calibrate writes them.")
 @options.option("--cycles", "How often to play them.", click.IntRange(1), default=1)
 @options.option(
     "--measured",
     "Also write the measured angles, a row for each request, as refine takes them.",
-    types.OUTPUT,
+    options.OUTPUT,
     metavar="FILE",
 )
 @options.option(
-    "-o --output", "The log of requested and actual angles.", types.OUTPUT, default="log.csv"
+    "-o --output", "The log of requested and actual angles.", options.OUTPUT, default="log.csv"
 )
 @options.as_json
 def play(
@@ -134,7 +134,7 @@ def _a_row_each(times: Array, angles: Array, count: int, period: float) -> Array
     "row in which a servo did not answer is left out.",
     bool,
 )
-@options.option("-o --output", "The log.", types.OUTPUT, default="log.csv")
+@options.option("-o --output", "The log.", options.OUTPUT, default="log.csv")
 def record(
     *,
     model: str,

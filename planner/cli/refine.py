@@ -6,19 +6,19 @@ from pathlib import Path
 
 import click
 
-from planner.cli import options, types
+from planner.cli import options
 from planner.cli.console import Progress, deliver, warn
 from planner.cli.settings import Run
 from planner.files.text import write_text
 
 
 @click.command()
-@click.argument("requests", type=types.REWRITTEN)
-@click.argument("measured", type=types.INPUT, nargs=-1, required=True)
+@click.argument("requests", type=options.REWRITTEN)
+@click.argument("measured", type=options.INPUT, nargs=-1, required=True)
 @options.option(
     "--desired path",
     "The path that the requests were planned for: of joints, or of a foot with --leg.",
-    types.INPUT,
+    options.INPUT,
     required=True,
 )
 @options.settings(
@@ -31,7 +31,7 @@ from planner.files.text import write_text
     "limits: deg",
 )
 @options.option(
-    "--history", "File with the trials so far: read if it exists, then written.", types.OUTPUT
+    "--history", "File with the trials so far: read if it exists, then written.", options.OUTPUT
 )
 @options.option("--cycles", "Cycles to take from MEASURED; by default all.", click.IntRange(1))
 @options.option(

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from planner.cli import options, types
+from planner.cli import options
 from planner.cli.console import Progress, print_json, terminal_width
 from planner.files.staging import list_files, output_folder
 from planner.files.text import to_json, write_bytes, write_text
@@ -26,7 +26,7 @@ STEPS = {"model": 15, "virtual": 26}
 
 @click.command()
 @options.option(
-    "--out", "Folder for the results; an earlier run's is replaced.", types.FOLDER, required=True
+    "--out", "Folder for the results; an earlier run's is replaced.", options.FOLDER, required=True
 )
 @options.option(
     "--robot",

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from planner.cli import options, types
+from planner.cli import options
 from planner.cli.console import Progress, print_answer, warn
 from planner.cli.declared import template as template_of
 from planner.cli.settings import Run
@@ -28,8 +28,8 @@ HEADING = (
 
 
 @click.command()
-@click.argument("file", type=types.INPUT, metavar="[RUN.toml]", required=False)
-@options.option("--out", "Folder for the results, whatever the file says.", types.FOLDER)
+@click.argument("file", type=options.INPUT, metavar="[RUN.toml]", required=False)
+@options.option("--out", "Folder for the results, whatever the file says.", options.FOLDER)
 @options.option("--check", "Only check the file and the files that it names.", bool)
 @options.option("--template", "Print a file with every key, to begin with.", bool)
 @options.as_json

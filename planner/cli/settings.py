@@ -1,9 +1,8 @@
 """All settings of a plan, its outputs and a sweep: type, unit, range, default and meaning."""
 
 import math
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
-from planner.cli import types
 from planner.cli.declared import (
     Count,
     Expected,
@@ -39,6 +38,11 @@ Weights = Annotated[
 Tick = Annotated[int, within(ge=1 - 10**9, le=10**9 - 1)]
 Samples = Annotated[int, within(ge=4, le=10**6)]
 
+ShippedLeg = Literal["reference", "front-left", "front-right", "hind-left", "hind-right"]
+
+SHIPPED = get_args(ShippedLeg)
+"""The legs that need no description."""
+
 Method = Literal["shift", "closed-form", "optimal", "foot-optimal"]
 Load = Literal["urdf", "urdf-dynamics", "column"]
 ReplayFormat = Literal["csv", "joints", "lerobot", "yaml", "bag", "mcap"]
@@ -47,21 +51,19 @@ ReplayFormat = Literal["csv", "joints", "lerobot", "yaml", "bag", "mcap"]
 class Leg(Settings):
     """The leg that follows a foot path; with a path of joints it gives their limits."""
 
-    name: types.ShippedLeg | None = setting(
+    name: ShippedLeg | None = setting(
         "A shipped leg: paths are in the body's frame, for 'reference' in the hip's.",
         example="front-left",
         set_to="reference",
         option="--leg",
-        type=types.LegName(),
         metavar="NAME|FILE.urdf",
         option_help="A leg of your own robot, with --base and --foot; or a shipped one: "
-        f"{', '.join(types.SHIPPED)}. Positions are in the base's frame: the body's, and for "
+        f"{', '.join(SHIPPED)}. Positions are in the base's frame: the body's, and for "
         "'reference' the hip's.",
     )
     urdf: Source | None = option(
         "The description of your own robot, in place of a shipped leg.",
         example="robot.urdf",
-        type=types.INPUT,
     )
     base: Frame | None = option(
         "With a URDF: the frame of the foot positions.", example="base_link", metavar="FRAME"
@@ -72,7 +74,6 @@ class Leg(Settings):
     lock: Angles | None = option(
         "With a URDF: joints to hold, and where [deg], so that three remain.",
         example={"wrist": -90.0},
-        type=types.POSITIONS,
         metavar="JOINT=DEG",
         option_help="With a URDF: hold a joint, so that three remain; JOINT=0.1m one that slides.",
     )
@@ -82,7 +83,6 @@ class Leg(Settings):
     near: Angles | None = option(
         "Initial pose [deg]: the nearest solution of the inverse kinematics is taken.",
         example={"knee": 30.0},
-        type=types.POSE,
         metavar="JOINT=DEG",
     )
     unreachable: Literal["raise", "nearest", "clamp"] = option(
@@ -101,7 +101,6 @@ class Model(Settings):
         f"'{FROM_URDF}' assumes the same servos with the top speeds of the leg's description.",
         default=SHIPPED_MODEL,
         option="--model",
-        type=types.INPUT,
         option_help="Joint models as TOML; 'ers210a', the paper's Table 1; or 'urdf', the same "
         "servos with the top speeds of the leg's URDF.  [default: ers210a]",
     )
@@ -233,7 +232,6 @@ class Plan(Settings):
         "Method foot-optimal: how much each axis counts, x, y, z.",
         only=("foot-optimal",),
         implied=[1.0, 1.0, 1.0],
-        type=float,
         nargs=3,
         metavar="X Y Z",
         option_help="Method foot-optimal: weight of each axis.  [default: 1 1 1]",
@@ -258,7 +256,6 @@ class Limits(Settings):
         example=[-120.0, 150.0],
         option="--limits-deg",
         by_joint="joints",
-        type=types.SPANS,
         metavar="[JOINT=]LOW:HIGH",
         option_help="Range of the requests [deg], of all joints or one; by default that of the "
         "leg.",
@@ -278,7 +275,6 @@ class Start(Settings):
         example=0.0,
         option="--start-deg",
         by_joint="joints",
-        type=types.ANGLES,
         metavar="[JOINT=]DEG",
     )
     joints: dict[str, float] = setting(
@@ -353,7 +349,6 @@ class Export(Settings):
         "The joints' names on the robot, in the order of the columns.",
         otherwise="those of the path",
         example=["lf_1", "lf_2", "lf_3"],
-        type=types.LIST,
         metavar="A,B,C",
     )
     unit: Literal["rad", "deg", "ticks", "us"] | None = option(
@@ -371,7 +366,6 @@ class Export(Settings):
         otherwise="2048, or 1500 us",
         example=2048,
         by_joint="zero_ticks",
-        type=types.TICKS,
         metavar="[JOINT=]N",
     )
     zero_ticks: Annotated[dict[str, Tick] | None, Expected("a table of ticks by joint")] = setting(
@@ -446,7 +440,6 @@ class Replay(Settings):
         "With --urdf: what a joint of the recording is called there.",
         example={"Rotation": "shoulder_pan"},
         option="--urdf-joint",
-        type=types.NAMES,
         metavar="JOINT=NAME",
     )
     write_as: ReplayFormat = setting(

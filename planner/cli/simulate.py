@@ -6,14 +6,14 @@ from typing import Any
 
 import click
 
-from planner.cli import options, types
+from planner.cli import options
 from planner.cli.console import deliver, warn
 from planner.cli.settings import Run
 from planner.exceptions import InvalidFile, about
 
 
 @click.command()
-@click.argument("requests", type=types.INPUT)
+@click.argument("requests", type=options.INPUT)
 @options.settings(
     "model: file",
     "path: joints rate_hz",
@@ -26,7 +26,7 @@ from planner.exceptions import InvalidFile, about
     "Torque on the joints: columns <joint>_load_Nm of REQUESTS, as plan --load writes them.",
     click.Choice(["column"]),
 )
-@options.option("--desired", "Joint path to compare the angles with.", types.INPUT)
+@options.option("--desired", "Joint path to compare the angles with.", options.INPUT)
 @options.output
 @options.as_json
 def simulate(

@@ -6,26 +6,26 @@ from dataclasses import replace
 
 import click
 
-from planner.cli import options, types
+from planner.cli import options
 from planner.cli.console import summarise
 from planner.cli.settings import Method, Run
 from planner.files.text import write_text
 
 
 @click.command()
-@click.argument("path", type=types.INPUT)
+@click.argument("path", type=options.INPUT)
 @options.settings(f"leg: {options.LEG} unreachable", "model: file", "plan: cyclic")
 @options.option(
     "--requests",
     "Requests to show as planned, as `plan` writes them; planned here by default.",
-    types.INPUT,
+    options.INPUT,
 )
 @options.option(
     "--method",
     "How to plan them here.  [default: foot-optimal for a foot path, else optimal]",
     click.Choice(["closed-form", "optimal", "foot-optimal"]),
 )
-@options.option("--html", "The page, which needs no server.", types.OUTPUT, required=True)
+@options.option("--html", "The page, which needs no server.", options.OUTPUT, required=True)
 def view(*, run: Run, path: str, requests: str | None, method: Method | None, html: str) -> None:
     """Show the robot's leg following PATH, a foot path or joint path as for `plan`, on a page.
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from planner.cli import options, types
+from planner.cli import options
 from planner.cli.console import Progress, deliver, print_answer, remark, warn
 from planner.cli.settings import TOLERANCE, Run
 from planner.cli.settings import Replay as ReplaySettings
@@ -26,7 +26,7 @@ NORM = "the plan's norm, or with --fastest the largest error"
 
 
 @click.command()
-@click.argument("logs", nargs=-1, required=True, type=types.INPUT, metavar="RECORDING...")
+@click.argument("logs", nargs=-1, required=True, type=options.INPUT, metavar="RECORDING...")
 @options.settings(
     "model: file",
     "replay: speed track joints begin_s end_s rate_hz",

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from planner.cli import options, types
+from planner.cli import options
 from planner.cli.console import Progress, print_answer, remark
 from planner.cli.declared import flat
 from planner.cli.declared import template as template_of
@@ -30,12 +30,12 @@ HEADING = (
 
 
 @click.command()
-@click.argument("file", type=types.INPUT, metavar="[SWEEP.toml]", required=False)
-@options.option("--out", "Folder for the results, whatever the file says.", types.FOLDER)
+@click.argument("file", type=options.INPUT, metavar="[SWEEP.toml]", required=False)
+@options.option("--out", "Folder for the results, whatever the file says.", options.FOLDER)
 @options.option(
     "--at",
     "Only this point, with all files of `run`: a value of each parameter.",
-    types.PARAMETER,
+    options.PARAMETER,
     metavar="NAME=VALUE",
     multiple=True,
 )
