@@ -181,8 +181,8 @@ class Point(NamedTuple):
         quadratic: Curvature of the cost by the angles, in blocks of a scenario or of all, and in
             the last column half the gradient, (n, blocks, size, size + 1).
         away: S applied to the requests, less their centre [rad], (.., J).
-        costs: Cost of the errors, cost with the regularisation, the unit of the errors, and the
-            squares of the regularisation, (4,).
+        costs: Cost of the errors, cost with the regularisation, the unit of the errors, the squares
+            of the regularisation, and the largest curvature, (5,).
     """
 
     requests: Array
@@ -333,7 +333,7 @@ def set_cost(
             for i in range(size):
                 squared += shares[c] * values[k, c, i] ** 2
         largest = max(largest, np.sqrt(squared))
-    unit = largest if unit == 0.0 else unit
+    unit, curvature = largest if unit == 0.0 else unit, 0.0
     for k in range(samples):
         squared = 0.0
         for block in range(blocks):
@@ -363,9 +363,11 @@ def set_cost(
                     both = quadratic[k, block, j, count] * quadratic[k, block, h, count]
                     quadratic[k, block, j, h] = weight * (quadratic[k, block, j, h] + radial * both)
                 quadratic[k, block, j, j] += ridge
+                for h in range(count):
+                    curvature = max(curvature, quadratic[k, block, j, h])
             for j in range(count):
                 quadratic[k, block, j, count] *= weight
-    costs[0], costs[2] = cost, unit
+    costs[0], costs[2], costs[4] = cost, unit, curvature
 
 
 @inner
@@ -579,7 +581,7 @@ def allocated(spec: Spec, smoothing: bool) -> Point:
         np.zeros((drives, parts, parts + 2 * width, samples)),
         np.zeros((samples, blocks, size, size + 1)),
         np.zeros((rows_away(spec, smoothing)[1], joints)),
-        np.zeros(4),
+        np.zeros(5),
     )
 
 
@@ -921,9 +923,8 @@ def go_through(
         row = stages[number]
         stage = Stage(row[0], row[1], row[2], int(row[3]), smoothing)
         evaluate(spec, stage, 0.0, point)
-        unit = point.costs[2]
         damping[0] = max(damping[0], OPTIONS.first_damping)
-        penalty = OPTIONS.defect_penalty * largest_curvature(point)
+        unit, penalty = point.costs[2], OPTIONS.defect_penalty * point.costs[4]
         for _ in range(stage.steps):
             solvable, predicted = set_step(spec, stage, pattern, point, search, step)
             if not solvable:
@@ -976,15 +977,3 @@ def copied(source: Array, target: Array) -> None:
     for k in range(source.shape[0]):
         for j in range(source.shape[1]):
             target[k, j] = source[k, j]
-
-
-@inner
-def largest_curvature(point: Point) -> float:
-    """The largest entry of the curvature."""
-    largest, count = 0.0, point.quadratic.shape[2]
-    for k in range(len(point.quadratic)):
-        for block in range(point.quadratic.shape[1]):
-            for i in range(count):
-                for h in range(count):
-                    largest = max(largest, point.quadratic[k, block, i, h])
-    return largest
