@@ -6,16 +6,15 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from kinematics.chain import Limits
-    from kinematics.exceptions import (
-        InvalidInput,
-        KinematicsError,
-        UnreachableFoot,
-        UnsupportedLeg,
-    )
-    from kinematics.inverse import InverseSolution
-    from kinematics.leg import Leg, foot_function
-    from kinematics.robot import urdf_path
+    from kinematics.chain import Limits as Limits
+    from kinematics.exceptions import InvalidInput as InvalidInput
+    from kinematics.exceptions import KinematicsError as KinematicsError
+    from kinematics.exceptions import UnreachableFoot as UnreachableFoot
+    from kinematics.exceptions import UnsupportedLeg as UnsupportedLeg
+    from kinematics.inverse import InverseSolution as InverseSolution
+    from kinematics.leg import Leg as Leg
+    from kinematics.leg import foot_function as foot_function
+    from kinematics.robot import urdf_path as urdf_path
 
 _HOMES = {
     "InvalidInput": "exceptions",
@@ -29,17 +28,7 @@ _HOMES = {
     "urdf_path": "robot",
 }
 
-__all__ = [
-    "InvalidInput",
-    "InverseSolution",
-    "KinematicsError",
-    "Leg",
-    "Limits",
-    "UnreachableFoot",
-    "UnsupportedLeg",
-    "foot_function",
-    "urdf_path",
-]
+__all__ = list(_HOMES)
 
 
 def __getattr__(name: str) -> Any:

@@ -135,10 +135,9 @@ def outcomes(
 def executor_of(workers: int | None = None, scheduler: str | None = None) -> Iterator[Executor]:
     """Hand out the processes of this machine, or a cluster; running tasks end with the block.
 
-    Args:
-        workers: Processes, of one thread each, as threads of the linear algebra would compete with
-            the other workers; by default one for each usable processor.
-        scheduler: Address of a Dask scheduler whose workers are used instead.
+    By default there is a process for each usable processor, of one thread each, as threads of the
+    linear algebra would compete with the other workers. ``scheduler`` is the address of a Dask
+    scheduler whose workers are used instead.
 
     Raises:
         InvalidInput: No scheduler answers at this address, or its workers cannot do the tasks.

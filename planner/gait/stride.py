@@ -81,7 +81,7 @@ def stride(
 
     Args:
         leg: A leg of three joints at most.
-        samples: Number of points in the cycle, at least 4.
+        samples: As of :func:`planner.half_ellipse`, and so are all others; None for the default.
         length: Half of the stroke [m].
         height: How high the foot is lifted [m].
         forward: x of the middle of the stroke [m].
@@ -89,9 +89,6 @@ def stride(
         hip_height: How far the ground lies below the base frame, -z [m].
         ground_fraction: Fraction of the cycle that the foot is on the ground.
         heading: Where the walk goes, from x towards y [rad].
-
-    Returns:
-        The walk.
 
     Raises:
         InvalidInput: A parameter is not a number or out of its range.
@@ -125,7 +122,12 @@ def stride(
             heading=heading,
         )
         angles = started.joint_angles(foot)
-        _check_closed(leg, angles)
+        jumps = leg.jumps(np.vstack([angles, angles[:1]]))
+        if jumps.size:
+            raise Infeasible(
+                f"foot: the leg would have to leap to another pose after sample {jumps[0]}; make "
+                "the stride smaller or move it"
+            )
         if not fixed and dexterity(leg.chain, angles).min() < least:
             raise Infeasible("foot: the leg would be close to stretched or folded")
         return Stride(foot, long, high, centre, pose, angles)
@@ -152,16 +154,6 @@ def _largest(scaled: Callable[[float], Stride]) -> Stride:
             f"forward, sideways and hip_height, or give another pose ({why})"
         ) from why
     return best
-
-
-def _check_closed(leg: Leg, angles: Array) -> None:
-    """Refuse a cycle in which the leg leaps from one pose to another."""
-    jumps = leg.jumps(np.vstack([angles, angles[:1]]))
-    if jumps.size:
-        raise Infeasible(
-            f"foot: the leg would have to leap to another pose after sample {jumps[0]}; make the "
-            "stride smaller or move it"
-        )
 
 
 Pattern = Literal["walk", "trot", "pace", "bound"]
@@ -191,15 +183,8 @@ def gait(legs: Mapping[str, Leg], pattern: Pattern, **walk: Any) -> dict[str, Le
     """The walk of four legs in a pattern of footfalls, over one cycle.
 
     All legs have the same stroke and swing: those of :func:`planner.gait.stride.stride` that every
-    leg can trace, at the hip height of the lowest leg if all have the same base.
-
-    Args:
-        legs: The legs by name: front-left, front-right, hind-left and hind-right.
-        pattern: "walk", "trot", "pace" or "bound".
-        **walk: Arguments of :func:`planner.gait.stride.stride`, the same for all legs.
-
-    Returns:
-        The legs in the order given.
+    leg can trace with these arguments, at the hip height of the lowest leg if all have the same
+    base. The legs' names are those of :data:`LEGS`.
 
     Raises:
         InvalidInput: An unknown pattern, or other legs.
@@ -239,13 +224,8 @@ def standing_pose(leg: Leg) -> Array:
 
     Of the poses with nearly the best dexterity the one nearest to the middle of the limits, with
     the foot then moved to below the joint before the last. Where that is impossible, as for an arm,
-    the pose stays. If the leg has ``near``, a pose to start from, this is returned.
-
-    Args:
-        leg: A leg of three joints at most.
-
-    Returns:
-        Angles [rad], read-only, shape (k,); rounded to a degree where no limit is nearer.
+    the pose stays. If the leg has ``near``, a pose to start from, this is returned. The angles are
+    in rad, read-only, shape (k,), rounded to a degree where no limit is nearer.
 
     Raises:
         UnsupportedLeg: The leg has more joints and no ``near``, or a joint that never moves the

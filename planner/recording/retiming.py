@@ -142,8 +142,7 @@ def fastest(
             lower bound for it.
         leg: With it, the leg or arm, whose joints are all planned.
         retime: "constant" or "varying".
-        track: As of :func:`planner.replay`, and so are ``joints``, ``begin``, ``end``, ``rate`` and
-            ``limits``.
+        track: As of :func:`planner.replay`, and so are the next five.
         joints: The joints to plan.
         begin: Where to begin [s].
         end: Where to end [s].

@@ -292,16 +292,9 @@ def timed_requests(
 def ramp(current: npt.ArrayLike, first: npt.ArrayLike, *, speed: float, period: float) -> Array:
     """Evenly spaced requests from the present angles to the first request, both left out.
 
-    The joints set out and arrive together: the one with the longest way turns at most at ``speed``.
-
-    Args:
-        current: Where the joints are [rad], shape (k,).
-        first: The first request [rad], shape (k,).
-        speed: Top speed of the ramp [rad/s].
-        period: Time between requests [s].
-
-    Returns:
-        Requests [rad], shape (m, k); none where one period suffices.
+    The joints set out and arrive together: the one with the longest way turns at most at ``speed``
+    [rad/s]. From angles and to a request [rad], (k,), there are requests every period [s], (m, k);
+    none where one period suffices.
 
     Raises:
         InvalidInput: A speed or period that is not positive, a ramp without end, or angles that do

@@ -68,20 +68,12 @@ class Schedule:
 
 
 def check_period(period: float) -> None:
-    """Make sure that a time between requests [s] is one.
-
-    Raises:
-        InvalidInput: It is not positive and finite.
-    """
+    """Raise InvalidInput for a time between requests [s] that is not positive and finite."""
     as_positive("period", period, "a positive number of seconds")
 
 
 def check_cycles(cycles: int) -> int:
-    """A number of repetitions.
-
-    Raises:
-        InvalidInput: It is not a positive whole number.
-    """
+    """A number of repetitions; InvalidInput if it is not a positive whole number."""
     number = as_whole(cycles) or 0
     if number < 1:
         raise InvalidInput(f"cycles: got {shown(cycles)}, expected a whole number from 1 up")
@@ -93,11 +85,7 @@ Between = Literal["hold", "linear"]
 
 
 def repeated(schedule: Schedule, cycles: int) -> Schedule:
-    """The schedule, ``cycles`` times in a row.
-
-    Raises:
-        InvalidInput: Not a positive whole number, or more than :data:`MOST_ROWS` rows.
-    """
+    """The schedule, ``cycles`` times in a row; InvalidInput beyond :data:`MOST_ROWS` rows."""
     check_cycles(cycles)
     many = f"{cycles}" if cycles < 10**18 else "so many"
     _check_length(len(schedule.requests) * cycles, f"{many} cycles", "fewer cycles")
@@ -111,15 +99,8 @@ def resampled(schedule: Schedule, rate: float, *, between: Between = "hold") -> 
     what r is at its time: rows between two requests repeat the earlier one. At a rate at which some
     requests would never be sent the joint would not move as planned, so that is refused. "linear"
     follows the straight line from each request to the next instead, at any rate, which is as if
-    every request came half a period early; the last is held.
-
-    Args:
-        schedule: The requests.
-        rate: Rows per second [Hz].
-        between: Rows between two requests.
-
-    Returns:
-        Rows at 0, 1/rate, 2/rate ... as long as the schedule lasts.
+    every request came half a period early; the last is held. Rows are at 0, 1/rate, 2/rate ... as
+    long as the schedule lasts, the rate in Hz.
 
     Raises:
         InvalidInput: A rate that is not positive and finite, or at which held requests are left
