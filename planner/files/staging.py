@@ -29,13 +29,6 @@ from planner.exceptions import InvalidFile
 MANIFEST = "results.json"
 """The file of a run that lists, under ``files``, every file of that run."""
 
-MOST_MANIFEST = 64 * 2**20
-"""Longest manifest that is read [bytes]."""
-
-MOST_FOREIGN = 1000
-"""Foreign files that are counted before the search for more of them ends."""
-
-
 _CLAIMED: dict[Path, bool] = {}
 """Folders of results that this process works on, and whether it could lock them."""
 
@@ -125,7 +118,12 @@ def output_folder(path: Path | str, *, export: str = "") -> Iterator[Path]:
                 for folder in (*filter(Path.is_dir, new.rglob("*")), new):
                     _names_to_disk(folder)
             except OSError as error:
-                raise _named_as_output(error, path, new) from error
+                name = error.filename  # none where a disk is full
+                own = name is None or Path(str(name)).is_relative_to(new)
+                if isinstance(error, BrokenPipeError) or not own:
+                    raise
+                inner = "" if name is None else Path(str(name)).relative_to(new)
+                raise cannot_write(Path(path) / inner, error) from error
             _check_replaceable(path, target)
             try:
                 _replace(target, new)
@@ -234,18 +232,6 @@ def _beside(target: Path, age: str) -> Path:
     Chosen before anything is made, so that a signal at any moment finds the name to clear away.
     """
     return target.with_name(f".{target.name}.{age}-{secrets.token_hex(8)}")
-
-
-def _named_as_output(error: OSError, path: str, new: Path) -> OSError | InvalidFile:
-    """An error in filling a hidden folder, with the user's name of it; other errors as they are."""
-    if isinstance(error, BrokenPipeError):
-        return error
-    if error.filename is None:  # such as where a disk is full
-        return cannot_write(path, error)
-    place = Path(os.fsdecode(error.filename)) if isinstance(error.filename, str | bytes) else None
-    if place is None or not place.is_relative_to(new):
-        return error
-    return cannot_write(Path(path) / place.relative_to(new), error)
 
 
 @contextmanager
@@ -369,12 +355,9 @@ def _check_replaceable(path: Path | str, target: Path) -> None:
     if not target.is_dir():
         raise InvalidFile(path, "is a file, expected a folder; choose another name")
     ours = _files_of_run(target)
-    foreign = sorted(
-        islice((file for file in _files_below(target) if file not in ours), MOST_FOREIGN)
-    )
+    foreign = sorted(islice((file for file in _files_below(target) if file not in ours), 1000))
     if foreign:
-        least = "at least " if len(foreign) == MOST_FOREIGN else ""
-        more = f" and {least}{len(foreign) - 1} more" if len(foreign) > 1 else ""
+        more = f" and {len(foreign) - 1} more" if len(foreign) > 1 else ""
         raise InvalidFile(
             path,
             f"holds files that no earlier run made ({foreign[0]}{more}), expected a new or empty "
@@ -386,9 +369,7 @@ def _files_of_run(target: Path) -> set[str]:
     """Files that the manifest lists; empty without a manifest of a run."""
     manifest = target / MANIFEST
     try:
-        if not manifest.is_file() or manifest.stat().st_size > MOST_MANIFEST:
-            return set()
-        content = json.loads(manifest.read_bytes())
+        content = json.loads(manifest.read_bytes()) if manifest.is_file() else None
     except (OSError, ValueError, RecursionError):
         return set()
     files = content.get("files") if isinstance(content, dict) else None
