@@ -120,8 +120,12 @@ def read_servos(
     """
     from planner.robot.arm import SETTINGS, Servo  # imports the drivers of the buses
 
-    whole = (lambda value: as_whole(value) is not None, "a whole number")
-    keys: Kinds = dict.fromkeys(("id", "zero_tick", "direction", *SETTINGS), whole) | {
+    def is_whole(value: Any) -> bool:
+        return as_whole(value) is not None
+
+    whole = (is_whole, "a whole number")
+    keys: Kinds = dict.fromkeys(("zero_tick", "direction", *SETTINGS), whole) | {
+        "id": (is_whole, "a whole number, the servo's identifier on the bus"),
         "ticks_per_turn": (_is_number, "a number"),
         "limits": (
             lambda value: isinstance(value, list) and [*map(_is_number, value)] == [True, True],
