@@ -75,6 +75,7 @@ def over_top_speeds(fit: Fit) -> tuple[Fit, tuple[Fit, ...]]:
         return fit, ()
     while True:
         found = _at_other_speeds(fit)
+        found += [_with_short_window(each) for each in (fit, *found)]
         best = min([fit, *found], key=lambda each: each.cost)
         if best.cost >= 0.999 * fit.cost:
             break
@@ -101,6 +102,17 @@ def _at_other_speeds(fit: Fit) -> list[Fit]:
             )
             found.append(last)
     return found
+
+
+def _with_short_window(fit: Fit) -> Fit:
+    """The fit from a window of a tick with the same latency."""
+    at, short = fit.parameters, fit.grid.tick
+    lag = at.lag + 0.5 * max(at.acceleration_time - short, 0.0)
+    start = at._replace(lag=lag, acceleration_time=short)
+    free = fit.free & ~only("v_max") if math.isinf(at.v_max) else fit.free
+    return least_squares(
+        fit.grid, start, free=free, starts=fit.starts, scale=fit.scale, effort=PROFILE
+    )
 
 
 def intervals_of(
