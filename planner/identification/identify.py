@@ -54,7 +54,7 @@ from planner.identification.judgement import (
 )
 from planner.identification.least_squares import Fit, better, least_squares, respond, sound_rms
 from planner.identification.log import Log, as_logs, check_alike, check_periods, unwrapped
-from planner.identification.parameters import only
+from planner.identification.parameters import Parameters, only
 from planner.identification.residual_patterns import (
     Contact,
     contacts,
@@ -305,9 +305,14 @@ def _without_contact(logs: Sequence[Log], fit: Fit) -> tuple[Sequence[Log], list
     return tuple(free), notes
 
 
-def _with_motor(logs: Sequence[Log], timing: Timing, plain: Sequence[_Fitted]) -> _Search:
+def _with_motor(
+    logs: Sequence[Log],
+    timing: Timing,
+    plain: Sequence[_Fitted],
+    known: Parameters | None = None,
+) -> _Search:
     """The joint fitted to all rows with the better ticks, with the terms of a motor if they pay."""
-    full = [_Fitted(*with_motor(*each)) for each in plain]
+    full = [_Fitted(*with_motor(*each, known)) for each in plain]
     k = 1 if len(full) > 1 and better(full[0].fit, full[1].fit) else 0
     full[k] = _Fitted(*with_integral(*full[k]))
     motor = full[k].fit is not plain[k].fit
@@ -349,9 +354,9 @@ def _left_out_at_stops(logs: Sequence[Log], fit: Fit) -> tuple[Sequence[Log], li
     return tuple(free_logs), notes
 
 
-def _searched(logs: Sequence[Log], timing: Timing) -> _Search:
+def _searched(logs: Sequence[Log], timing: Timing, known: Parameters | None = None) -> _Search:
     """The joint of these logs, with known ticks."""
-    return _with_motor(logs, timing, [*map(_with_terms, fit_joint(logs, timing))])
+    return _with_motor(logs, timing, [*map(_with_terms, fit_joint(logs, timing))], known)
 
 
 def _weighed(search: _Search) -> _Search:
@@ -363,11 +368,16 @@ def _weighed(search: _Search) -> _Search:
     logs = with_weights(_log_fits(search.logs, fit, None), noise_of(fit))
     if logs is None:
         return search
-    anew = _searched(logs, search.timing)
+    anew = _searched(logs, search.timing, _known(search))
     plain = search.plain._replace(fit=refitted(logs, search.plain.fit))
     joint = search.joint._replace(fit=refitted(logs, fit)) if search.motor else plain
     again = search._replace(logs=logs, plain=plain, joint=joint)
     return again if better(anew.joint.fit, again.joint.fit) else anew
+
+
+def _known(search: _Search) -> Parameters | None:
+    """The motor of a search, where there is one."""
+    return search.joint.fit.parameters if search.motor else None
 
 
 def _with_proven_motor(search: _Search) -> _Search:
@@ -487,7 +497,7 @@ def _held_out(
     try:
         fit, terms = _with_terms(fit_joint(known, timing)[0])
         if search.motor:
-            fit, _ = with_motor(fit, terms)
+            fit, _ = with_motor(fit, terms, _known(search))
         fit = refitted(known, fit, tick=grid.tick)
         likewise = refitted(known, whole, tick=grid.tick)
         if fit.cost > (1.0 + LOST) * likewise.cost:

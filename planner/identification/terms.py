@@ -199,7 +199,9 @@ def _with_term(name: str, fit: Fit, known: Fit | None = None) -> tuple[Fit, dict
     return trial if kept else fit, terms
 
 
-def with_motor(fit: Fit, terms: tuple[Term, ...]) -> tuple[Fit, tuple[Term, ...]]:
+def with_motor(
+    fit: Fit, terms: tuple[Term, ...], known: Parameters | None = None
+) -> tuple[Fit, tuple[Term, ...]]:
     """The fit with those of :data:`MOTOR` that reduce the loss, sought together; or the same fit.
 
     A sag by the angle that was not kept is tried again beside them: it may show only there. Where
@@ -208,14 +210,16 @@ def with_motor(fit: Fit, terms: tuple[Term, ...]) -> tuple[Fit, tuple[Term, ...]
     Args:
         fit: A fit with terms.
         terms: What was tried for it.
+        known: The motor that was found on other rows of the joint, in place of the wide box.
     """
     excerpt, loaded = _excerpt_to_search(fit), None
     if excerpt is None:
         return fit, terms
     free = fit.free | only(*MOTOR)
-    motor = _motor(fit, _beginnings(fit, excerpt, free), free, fit.starts)
+    begins = [*([known] if known else []), *_beginnings(fit, excerpt, free)]
+    motor = _motor(fit, begins, free, fit.starts)
     if fit.rms > POOR * float(np.std(fit.grid.angles)):
-        bare, loaded = _motor_anywhere(fit, free)
+        bare, loaded = _motor_anywhere(fit, [known] if known else _anywhere(fit), free)
         if _saving(fit, bare) >= SAVING:
             motor = min(motor, bare, key=lambda each: huber(each.weighted, fit.scale))
     known = {term.name: term for term in terms}
@@ -373,6 +377,7 @@ def _motor(fit: Fit, begins: Sequence[Parameters], free: Free, starts: Array) ->
     Those of :data:`MOTOR` without which the loss is no larger are left out again.
     """
     search = partial(least_squares, fit.grid, starts=starts, scale=fit.scale, effort=TERM)
+    begins = [Parameters(*np.where(free, each, fit.parameters).tolist()) for each in begins]
     trial = min((search(begin, free=free) for begin in begins), key=lambda each: each.cost)
     trial = search(trial.parameters, starts=trial.starts, free=free, effort=ENOUGH)
     trial = _redivided(trial, partial(search, free=free))
@@ -415,11 +420,11 @@ def _divisions(fit: Fit) -> list[Parameters]:
     ]
 
 
-def _motor_anywhere(fit: Fit, free: Free) -> tuple[Fit, Fit | None]:
+def _motor_anywhere(fit: Fit, begins: Sequence[Parameters], free: Free) -> tuple[Fit, Fit | None]:
     """The best motor of a wide box, without a sag by the angle and, where that is new, with it."""
     grid, sag = fit.grid, only(*SAG) & ~free
     ways = free | sag if grid.unloaded else free
-    found = _motor(fit, _anywhere(fit), ways, grid.measured_starts)
+    found = _motor(fit, begins, ways, grid.measured_starts)
     if not (found.free & sag).any():
         return found, None
     return left_out(found, SAG, scale=fit.scale, effort=ENOUGH), found

@@ -213,6 +213,29 @@ def test_a_top_speed_that_few_rows_reach_is_sought_among_all_speeds():
     assert over_top_speeds(inertia_alone) == (inertia_alone, ())
 
 
+def test_a_top_speed_that_friction_hides_is_sought_from_a_short_window_too():
+    """Friction takes 99 % of the acceleration, so that the joint moves at 0.06 of its top speed."""
+    joint = planner.JointModel(
+        v_max=6.22,
+        theta_0=0.702,
+        lag=0.028,
+        acceleration_time=0.003,
+        tick=0.0005,
+        dead_band=0.0379,
+        time_constant=0.0161,
+        max_acceleration=20.66,
+    )
+    grid = resampled(
+        [logged(joint, period=0.01, rows=1500, seed=79)], tick=0.001, reach=0.2, burn_in=0.3
+    )
+    free = only("gain", "v_max", "lag", "acceleration_time")
+    free |= only("dead_band", "time_constant", "acceleration")
+    at = Parameters.of(joint)._replace(v_max=0.42, lag=0.019, acceleration_time=0.023)
+    best, others = over_top_speeds(least_squares(grid, at, free=free))
+    speeds = [each.parameters.v_max for each in (best, *others)]
+    assert min(speeds) <= joint.v_max <= max(speeds)
+
+
 @pytest.fixture(scope="module")
 def fitted():
     """The fit to a noisy log, and its uncertainty."""
