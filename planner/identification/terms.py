@@ -200,7 +200,7 @@ def _with_term(name: str, fit: Fit, known: Fit | None = None) -> tuple[Fit, dict
 
 
 def with_motor(
-    fit: Fit, terms: tuple[Term, ...], known: Parameters | None = None
+    fit: Fit, terms: tuple[Term, ...], begin: Parameters | None = None
 ) -> tuple[Fit, tuple[Term, ...]]:
     """The fit with those of :data:`MOTOR` that reduce the loss, sought together; or the same fit.
 
@@ -210,16 +210,16 @@ def with_motor(
     Args:
         fit: A fit with terms.
         terms: What was tried for it.
-        known: The motor that was found on other rows of the joint, in place of the wide box.
+        begin: The motor that was found on other rows of the joint, in place of the wide box.
     """
     excerpt, loaded = _excerpt_to_search(fit), None
     if excerpt is None:
         return fit, terms
     free = fit.free | only(*MOTOR)
-    begins = [*([known] if known else []), *_beginnings(fit, excerpt, free)]
+    begins = [*([begin] if begin else []), *_beginnings(fit, excerpt, free)]
     motor = _motor(fit, begins, free, fit.starts)
     if fit.rms > POOR * float(np.std(fit.grid.angles)):
-        bare, loaded = _motor_anywhere(fit, [known] if known else _anywhere(fit), free)
+        bare, loaded = _motor_anywhere(fit, [begin] if begin else _anywhere(fit), free)
         if _saving(fit, bare) >= SAVING:
             motor = min(motor, bare, key=lambda each: huber(each.weighted, fit.scale))
     known = {term.name: term for term in terms}
