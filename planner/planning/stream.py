@@ -303,37 +303,26 @@ class Stream:
                 problems.append(
                     f"measured: got {shown(measured)}, expected {joints} angles [rad], or NaN"
                 )
-        if (np.abs(self._away()[1]) > MOST_TURNS * TURN).any():
-            problems += [*self._not_measured(), *self._not_radians()]
-        return problems
+        return problems + self._degrees()
 
-    def _away(self) -> tuple[Array, Array]:
-        """Angles of the joints, 0 where unknown, and distances of the desired angles from them."""
-        states = self._data.states
-        here = np.where(np.isnan(states["angle"]), states["measured"], states["angle"])
-        here[np.isnan(here)] = 0.0
-        return here, self._data.desired - here
-
-    def _not_measured(self) -> list[str]:
-        """Mark first measured angles that are in degrees as missing; return the problems."""
-        states, begins = self._data.states, self._data.desired[0]
-        here, problems = states["measured"], []
-        far = np.isnan(states["angle"]) & (np.abs(here - begins) > MOST_TURNS * TURN)
-        for j in np.flatnonzero(far & (np.abs(here) > np.abs(begins))):
+    def _degrees(self) -> list[str]:
+        """Mark first measured angles, and desired ones, in degrees as missing; their problems."""
+        states, rows, problems = self._data.states, self._data.desired, list[str]()
+        measured, begins, first = states["measured"], rows[0], np.isnan(states["angle"])
+        here = np.nan_to_num(np.where(first, measured, states["angle"]))
+        if not (np.abs(rows - here) > MOST_TURNS * TURN).any():
+            return []
+        far = first & (np.abs(measured - begins) > MOST_TURNS * TURN)
+        for j in np.flatnonzero(far & (np.abs(measured) > np.abs(begins))).tolist():
             problems.append(
-                f"measured: {self.names[j]} {turns_words(here[j])}, where it should be at "
+                f"measured: {self.names[j]} {turns_words(measured[j])}, where it should be at "
                 f"{begins[j]:.3g} rad; if these are degrees, convert them with numpy.radians"
             )
-            here[j] = math.nan
-        return problems
-
-    def _not_radians(self) -> list[str]:
-        """Mark desired angles that are in degrees as missing; return the problems."""
-        (here, away), rows, problems = self._away(), self._data.desired, []
+            measured[j], here[j] = math.nan, 0.0
         for j, name in enumerate(self.names):
-            way = np.append(0.0, away[:, j])  # including the first move
+            way = np.append(0.0, rows[:, j] - here[j])  # including the first move
             if np.all(np.abs(rows[:, j]) <= LARGEST) and not_radians(way):
-                k = int(np.argmax(np.abs(away[:, j])))
+                k = int(np.argmax(np.abs(way[1:])))
                 problems.append(
                     f"desired: {name} {turns_words(rows[k, j])}, where it is at {here[j]:.3g} rad; "
                     "if these are degrees, convert them with numpy.radians"
