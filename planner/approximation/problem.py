@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from heapq import heapify, heapreplace
 from typing import NamedTuple
 
 import numpy as np
@@ -210,22 +209,15 @@ def even_knots(problem: Problem, segments: int | None = None) -> Array:
         Knots, shape (K,), of a cycle without its end.
     """
     places, most = segment_capacity(problem)
-    length = np.diff(places)
-    parts = np.array(most)
+    length, parts = np.diff(places), np.array(most)
     if segments is not None:
-        parts = np.ones(length.size, dtype=np.intp)
-        queue = [(-length[k], k) for k in range(length.size) if most[k] > 1]
-        heapify(queue)
-        for _ in range(segments - length.size):
-            if not queue:
-                break
-            k = queue[0][1]
-            parts[k] += 1
-            share = -length[k] / parts[k] if parts[k] < most[k] else math.inf
-            heapreplace(queue, (share, k))
-    pieces = []
-    for start, size, count in zip(places[:-1], length, parts, strict=True):
-        pieces.append(start + size * np.arange(count) / count)
+        parts = np.ones_like(most)
+        for _ in range(min(segments, int(np.sum(most))) - length.size):
+            parts[np.argmax(np.where(parts < most, length / parts, -np.inf))] += 1
+    pieces = [
+        start + size * np.arange(count) / count
+        for start, size, count in zip(places[:-1], length, parts, strict=True)
+    ]
     knots = np.concatenate(pieces)
     return knots if problem.cyclic else np.append(knots, places[-1])
 

@@ -46,15 +46,6 @@ WINDOW = 16
 to 40 segments, mean error: 8: 0.1 % more; 32: 0.3 % less for 2.6 times the time, as the dense QP of
 a step costs its cube."""
 
-PROGRESS = 1e-7
-"""Relative decrease of the squared error below which a descent ends."""
-
-LONGEST_QP = 5000
-"""Samples up to which a cycle that does not close is solved again."""
-
-PIN_WEIGHT = 1e5
-"""Weight of a sample at which the curve's value is required."""
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class QP:
@@ -257,7 +248,7 @@ def descend(
     start: Candidate,
     *,
     rounds: int,
-    progress: float = PROGRESS,
+    progress: float = 1e-7,
     values_only: bool = False,
 ) -> Candidate:
     """Move knots and values downhill until there is no progress; the ends of a path stay.
@@ -308,7 +299,7 @@ def descend_by_windows(problem: Problem, start: Candidate, *, rounds: int) -> Ca
         if problem.cyclic or last < size - 1:
             moves[-1] = False
         places, values[number], _ = kernel.descend(
-            inside, problem.step, False, places - low, values[number], moves, rounds, PROGRESS
+            inside, problem.step, False, places - low, values[number], moves, rounds, 1e-7
         )
         knots[number] = places + low - n * turn
     return candidate(problem, knots, values)
@@ -322,7 +313,7 @@ def ideal_of(problem: Problem) -> Array:
     """The ideal of a problem [unit of the samples], shape (n,).
 
     Its squared error is no more than that of any curve within the slopes that keeps the pins: pins
-    on samples are penalised by :data:`PIN_WEIGHT`, so the others are at least as close, and the
+    on samples have a large weight, so the others are at least as close, and the
     sequence is the pin's value there. Beside a pin it may exceed ``step`` slightly.
     """
     desired, weights = problem.desired, np.ones(problem.samples)
@@ -330,7 +321,7 @@ def ideal_of(problem: Problem) -> Array:
     at = problem.required[pinned].astype(np.intp)
     if at.size:
         desired = desired.copy()
-        desired[at], weights[at] = problem.pins[pinned], PIN_WEIGHT
+        desired[at], weights[at] = problem.pins[pinned], 1e5
     ideal = slope_bounded(desired, problem.step, cyclic=problem.cyclic, weights=weights)
     ideal[at] = problem.pins[pinned]
     return ideal
@@ -363,7 +354,7 @@ def slope_bounded(
     n = desired.size
     three = open_ended(np.concatenate([desired] * 3), np.concatenate([weights] * 3), step)
     cycle = three[n : 2 * n]
-    if abs(three[n] - three[2 * n]) <= 1e-9 * np.ptp(desired) or n > LONGEST_QP:
+    if abs(three[n] - three[2 * n]) <= 1e-9 * np.ptp(desired) or n > 5000:  # samples
         return cycle
     return _closed(desired, weights, step, cycle)
 

@@ -54,9 +54,6 @@ FOOT_NO_WORSE = Tolerance(
     f"{LOCAL:g} between local optima",
 )
 
-SETTLING = 50
-"""Cycles in which a joint is sought in another steady cycle than the predicted one."""
-
 AGREES = "predicted angles agree with the independent simulation"
 CLOSES = "the cycle closes"
 RESTS = "the joint starts from rest"
@@ -173,7 +170,7 @@ def _settled(run: Callable[[Array], Array], begun: Array) -> Array | None:
     So many cycles are run at most that one into which it creeps is left out.
     """
     before = run(begun)
-    for _ in range(SETTLING):
+    for _ in range(50):
         after = run(before[:, -1])
         if np.max(np.abs(after[0] - before[0])) <= 1e-3 * AGREEMENT.value:
             return np.asarray(after[0])

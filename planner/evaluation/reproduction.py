@@ -64,9 +64,6 @@ PAIRS: Mapping[str, str] = {
 """The rows of Table 2, Plain for the closed form as in the paper and MB for ours, with two of the
 optimised plans, and the method whose angles each of them judges."""
 
-VISIBLE = 0.01
-"""A speed has changed, or is the top speed, when it is this close, relative to the top speed."""
-
 
 class OverCycles(NamedTuple):
     """A distance over several cycles: its mean and its standard deviation."""
@@ -306,8 +303,9 @@ def measure_step_response(
     speeds = angles - np.roll(angles, 1)  # speeds[k] leads from sample k - 1 to k [rad/sample]
     fastest = float(np.max(np.abs(speeds)))
     after = speeds[step:]
-    begun = int(np.argmax(np.abs(after - after[0]) > VISIBLE * fastest))
-    full = int(np.argmax(after <= -(1.0 - VISIBLE) * fastest))
+    visible = 0.01 * fastest  # a change of the speed, or its distance from the top speed
+    begun = int(np.argmax(np.abs(after - after[0]) > visible))
+    full = int(np.argmax(after <= visible - fastest))
     lag = begun - 1  # sample `begun` ends the first interval in which the speed is another
     return StepResponse(
         requests=requests,

@@ -36,9 +36,6 @@ AMPLITUDES = (20.0, 40.0, 70.0)
 STEP_CYCLES = 3
 """Cycles of each step test, as the paper repeats them."""
 
-REST_REQUESTS = 16
-"""Requests of rest that a step test's log begins with, longer than any lag."""
-
 SETTLING = 1.0
 """Time in which the leg takes up the pose that a test begins with [s]."""
 
@@ -257,8 +254,9 @@ def record_step_test(robot: VirtualRobot, walk: ReferenceWalk, joint: int, ampli
     middle = (walk.desired.min(axis=0) + walk.desired.max(axis=0)) / 2.0
     height = np.radians(amplitude)
     cycles = np.tile(step_test(float(height)), STEP_CYCLES)
-    requests = np.tile(middle, (REST_REQUESTS + len(cycles), 1))
-    requests[:, joint] += np.concatenate([np.zeros(REST_REQUESTS), cycles]) - height / 2.0
+    cycles = np.concatenate([np.zeros(16), cycles])  # rest that is longer than any lag
+    requests = np.tile(middle, (len(cycles), 1))
+    requests[:, joint] += cycles - height / 2.0
     robot.rest(SETTLING, requests[0])
     recording = robot.play(requests)
     return Log(

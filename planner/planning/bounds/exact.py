@@ -42,9 +42,6 @@ WORK_PER_SECOND = 600_000
 """Work that counts as a second, so that the bound does not depend on the clock; five problems of 19
 to 88 samples took 560,000 to 630,000 per second on an AMD EPYC."""
 
-INACTIVE = 1e-9
-"""A cut with a smaller multiplier is dropped: an interior-point method's rounding of zero."""
-
 GAP = 5e-4
 """Relative gap to the incumbent at which the search stops [-]; smoothing costs a plan 2e-4 of its
 error, and a smaller gap is below that."""
@@ -70,9 +67,6 @@ larger."""
 NEIGHBOURHOOD = 11
 """Ticks on either side whose conditions are included [-]. With twice as many a round takes longer
 and, in the same time, the bound is 0.4 % lower in the mean of 13 problems."""
-
-TIGHTENING_TOLERANCE = 1e-5
-"""Clarabel's gap and residuals, in units of v_max a tick [-]; the ranges are valid at any."""
 
 
 class Node(NamedTuple):
@@ -167,7 +161,8 @@ def cut_off(problem: ScaledProblem, node: Node, *, rounds: int = 1) -> Node:
         new_cuts = violated_cuts(problem, node.ranges, node.solution, node.intervals)
         if not new_cuts or before >= problem.incumbent:
             break
-        active = [cut for cut, weight in node.weighted_cuts() if weight > INACTIVE]
+        # Smaller multipliers are an interior-point method's rounding of zero.
+        active = [cut for cut, weight in node.weighted_cuts() if weight > 1e-9]
         node = _solved(problem, node._replace(cuts=active + new_cuts))
         if node.bound <= before * (1.0 + GAP):
             break
@@ -232,13 +227,6 @@ def _nearest(
     return *nearest, (float(ends.min()), float(ends.max()))
 
 
-DIFFERENCE = 1e-6
-"""Step of the difference quotients of a response [v_max ticks]."""
-
-POLISHING_STEPS = 30
-"""Most least-squares steps that improve an incumbent [-]."""
-
-
 def response_error(problem: ScaledProblem, node: Node) -> float:
     """The error of a response near to the node's mixtures [v_max ticks]: an incumbent.
 
@@ -257,14 +245,14 @@ def response_error(problem: ScaledProblem, node: Node) -> float:
         return np.asarray(_response_errors(problem, chosen[:, np.newaxis])[:, 0])
 
     def slopes(chosen: Array) -> Array:
-        ways = DIFFERENCE * np.eye(len(chosen))
+        ways = 1e-6 * np.eye(len(chosen))
         sides = (_response_errors(problem, chosen[:, np.newaxis] + way) for way in (ways, -ways))
-        return np.asarray(np.subtract(*sides) / (2.0 * DIFFERENCE))
+        return np.asarray(np.subtract(*sides) / 2e-6)
 
     error = error_norm(errors(unknowns), problem.norm)
     if error >= problem.incumbent:
         return error
-    better = least_squares(errors, unknowns, jac=slopes, max_nfev=POLISHING_STEPS).x
+    better = least_squares(errors, unknowns, jac=slopes, max_nfev=30).x
     return min(error, error_norm(errors(better), problem.norm))
 
 
@@ -302,7 +290,7 @@ def tighten(
         undecided = tick >= problem.first and slowest[tick] < 0.0 < fastest[tick]
         objectives = [angle, -angle, speed, -speed] if undecided else [angle, -angle]
         problem.work += matrix.nnz * len(objectives)
-        solver = ConicSolver(matrix, limits, cones, tolerance=TIGHTENING_TOLERANCE)
+        solver = ConicSolver(matrix, limits, cones, tolerance=1e-5)  # ranges are valid at any
         middle, room = (each[chosen] for each in problem.box(ranges))
         proved = []
         for objective in objectives:

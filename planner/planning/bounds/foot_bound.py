@@ -36,9 +36,6 @@ from planner.trajectory import Array, Indices
 MOST_SAMPLES_BOUNDED = 1000
 """Longest path whose bound is computed for reports [samples]: it takes half a minute at most."""
 
-ATTAINED = 1e-5
-"""Error below which no bound is computed [of a leg's length]."""
-
 EFFORT = 1200
 """Most samples searched, summed over rounds, before splitting stops [-]: some seconds. The
 multipliers of a round count as 20 more."""
@@ -50,17 +47,9 @@ GAIN = 2e-3
 """Least predicted gain of a round [of the plan's squared error]; half of it may be no more than the
 tolerance of the search for minima."""
 
-NOTHING = 1e-3
-"""Squared error of relaxed responses near the plan below which the bound is 0 [of the plan's]: it
-is an upper limit of the bound."""
-
 SPREAD = 0.05
 """Spread of the columns' angles below which the widest side is split instead [of that side];
 without the rule three of seven bounds are 9 to 89 % lower."""
-
-PROXIMAL = 0.02
-"""Proximal weight of the Gauss-Newton search, relative to the mean square of the foot's Jacobian
-[-]."""
 
 TOLERANCE = 1e-3
 """Share of a plan's squared error that the search for minima may leave unproved."""
@@ -86,7 +75,8 @@ def foot_bound(task: Task, angles: Array) -> float:
     models, leg = task.nominal, task.leg
     assert leg is not None, "a foot belongs to a leg"
     plan_error = float(task.errors_of(angles)[0])
-    if plan_error <= ATTAINED * leg.chain.size or any(model.exceeds_v_max for model in models):
+    attained = plan_error <= 1e-5 * leg.chain.size
+    if attained or any(model.exceeds_v_max for model in models):
         return 0.0
     lower, upper = attainable_angles(
         models, (task.lower, task.upper), len(angles), start=task.start, loads=task.loads
@@ -237,7 +227,8 @@ def _gauss_newton_step(
     limits = [linear @ (at.T @ angles.ravel()) - errors.T.ravel(), relaxation.limits]
     limits += [distance.upper.ravel(), -distance.lower.ravel()]
     curvature, slope = np.zeros(ticks + 3 * samples), np.zeros(ticks + 3 * samples)
-    proximal = 2.0 * PROXIMAL * float(np.mean(np.sum(jacobians**2, axis=1))) / samples
+    # The proximal weight is small beside the mean square of the foot's Jacobian.
+    proximal = 0.04 * float(np.mean(np.sum(jacobians**2, axis=1))) / samples
     curvature[sampled], slope[sampled] = proximal, -proximal * angles.ravel()
     cones = Cones(3 * samples, len(relaxation.limits) + 2 * len(sampled))
     if relaxation.norm == "rms":
@@ -358,8 +349,8 @@ def _branch_and_bound(relaxation: LagrangianRelaxation, away: Array, plan: Array
     distance, samples = relaxation.distance, relaxation.samples
     angles, multipliers = stationary_point(relaxation, plan)
     squares = distance.squared(angles)
-    if (np.max(squares) if relaxation.norm == "max" else np.mean(squares)) < NOTHING:
-        return 0.0
+    if (np.max(squares) if relaxation.norm == "max" else np.mean(squares)) < 1e-3:
+        return 0.0  # this is an upper limit of the bound
     lower, upper = distance.lower[samples // 2], distance.upper[samples // 2]
     order, rounds = count(), min(max(EFFORT // samples, 3), 12)  # three or four usually gain all
     node = _improved(relaxation, Node(0.0, lower, upper, multipliers, (angles,)), rounds)

@@ -15,12 +15,6 @@ import numpy as np
 from kinematics.chain import Chain
 from planner.trajectory import Array, Indices
 
-WIDEST_CELL = float(np.radians(15.0))
-"""Width of the first cells [rad], wider by steps of half of it where there would be too many."""
-
-SAMPLES_AT_ONCE = 64
-"""Samples in a block: each has up to a few thousand first cells."""
-
 MOST_CELLS = 400_000
 """Most open cells of a block; beyond it the search stops with their bounds. So many occur only
 where angles far apart are equally good, and take some 100 MB."""
@@ -80,8 +74,8 @@ def minima(
     """
     chain, *rows, scale = distance
     blocks = []
-    for first in range(0, len(weights), SAMPLES_AT_ONCE):
-        part = slice(first, first + SAMPLES_AT_ONCE)
+    for first in range(0, len(weights), 64):  # each has up to a few thousand first cells
+        part = slice(first, first + 64)
         lower, upper, desired = (each[part] for each in rows)
         own = Distance(chain, lower, upper, desired, scale)
         blocks.append(_block(own, weights[part], slopes[part], guesses[part], tolerance))
@@ -124,7 +118,7 @@ def _first_cells(distance: Distance) -> tuple[Indices, Array, Array]:
     The samples' boxes are cut alike.
     """
     width = distance.upper - distance.lower
-    across, widest = np.max(width, axis=0), WIDEST_CELL
+    across, widest = np.max(width, axis=0), np.radians(15.0)
     while len(width) * np.prod(np.ceil(across / widest) + 1.0) > MOST_CELLS:
         widest *= 1.5
     count = np.maximum(np.ceil(across / widest), 1.0).astype(int)

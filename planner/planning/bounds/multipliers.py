@@ -7,7 +7,6 @@ it is valid for any multipliers at all, and at the optimal ones it equals the di
 from __future__ import annotations
 
 import logging
-from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -57,22 +56,13 @@ def linear_bound(problem: BoundProblem, level: Level) -> float:
 def bound_of(reachable: ReachableSet, problem: BoundProblem) -> float:
     """The distance of the desired angles from a reachable set [rad], proved by (9) or (9c)."""
     desired, norm = problem.desired, problem.norm
-    middle, slack = float(np.mean(desired)), farthest_per_period(problem.model, problem.load)
-    scale = max(float(np.ptp(desired)), slack)
-    curvature = reachable.curvature
-    scaled = replace(
-        reachable,
-        limits=(reachable.limits - middle * reachable.of_angles.sum(axis=1)) / scale,
-        curvature=None if curvature is None else curvature.scaled(scale),
-    )
-    centred = (desired - middle) / scale
-    slack /= scale
-    if not np.any(scaled.matrix @ interpolated(centred, problem) > scaled.limits):
+    if not np.any(reachable.matrix @ interpolated(desired, problem) > reachable.limits):
         return 0.0
-    answer = nearest_motion(scaled, centred, norm=norm, speed=slack / problem.model.hold)
+    slack = farthest_per_period(problem.model, problem.load)
+    answer = nearest_motion(reachable, desired, norm=norm, speed=slack / problem.model.hold)
     if not answer.has_multipliers:
         raise SolverFailed("lower bound", answer.status)
-    return scale * certified_error(scaled, centred, answer.multipliers, norm=norm, slack=slack)
+    return certified_error(reachable, desired, answer.multipliers, norm=norm, slack=slack)
 
 
 def interpolated(desired: Array, problem: BoundProblem) -> Array:
@@ -115,20 +105,27 @@ def nearest_motion(
     interval = np.searchsorted(knots, np.arange(ticks - speeds, ticks))  # ends at this knot
     interval = interval % len(knots) if speeds == ticks else interval - 1
     sums = sparse.csr_array((np.ones(speeds), (interval, np.arange(speeds))))
-    moved = sparse.csr_array(sums @ steps)[:, knots]
+    moved, equations = sparse.csr_array(sums @ steps)[:, knots], sums.shape[0]
+    # Angles are counted from their middle, in units of their range.
+    middle, unit = float(np.mean(desired)), max(float(np.ptp(desired)), speed * float(sampled[1]))
     matrix = sparse.block_array(
-        [[moved / speed, -sums], [of_angles[:, knots] / speed, reachable.of_speeds]]
+        [
+            [moved * (unit / speed), -sums],
+            [of_angles[:, knots] * (unit / speed), reachable.of_speeds],
+        ]
     )
-    equations = sums.shape[0]
+    limits = (reachable.limits - middle * of_angles.sum(axis=1)) / speed
     answer = nearest_point(
         sparse.csr_array(matrix),
-        np.concatenate([np.zeros(equations), reachable.limits / speed]),
+        np.concatenate([np.zeros(equations), limits]),
         np.searchsorted(knots, sampled),
-        desired,
+        (desired - middle) / unit,
         norm=norm,
         equations=equations,
     )
-    return answer._replace(multipliers=answer.multipliers[equations:])
+    angles, own = np.split(answer.unknowns, [len(knots)])
+    unknowns = np.append(middle + unit * angles, own)
+    return answer._replace(unknowns=unknowns, multipliers=answer.multipliers[equations:])
 
 
 def nearest_point(

@@ -57,10 +57,6 @@ class Curvature(NamedTuple):
     samples: npt.NDArray[np.int_]
     between: Array
 
-    def scaled(self, scale: float) -> Curvature:
-        """The same with angles, and the limits of the rows, divided by ``scale`` [rad]."""
-        return self._replace(factors=self.factors * scale, between=self.between / scale)
-
 
 @dataclass(frozen=True, eq=False)
 class ReachableSet:
@@ -119,6 +115,7 @@ def reachable_set(
     load = load_by_tick(problem, ticks)
     moved = np.arange(0 if problem.cyclic else 1, ticks)
     speeds = sparse.eye_array(len(moved), format="csr")
+    every = sparse.eye_array(ticks, format="csr")
     pose = pose_sags(model, angles)
     low, high = speed_ranges(model, load, pose)
     # With inertia 2a keeps every speed within condition 1 if the first one is.
@@ -135,14 +132,14 @@ def reachable_set(
     conditions = ReachableSet(
         sparse.csr_array((of_speeds.shape[0], ticks)),
         of_speeds,
-        _differences(ticks, cyclic=problem.cyclic),
+        sparse.csr_array(every[moved] - every[moved - 1]),  # a cycle's first is x[0] - x[-1]
         np.concatenate(limits),
         np.arange(0, ticks, model.hold),
     )
     if start is None:
         return conditions
     farthest = distance_from_rest(model, load, level)
-    near_start = sparse.eye_array(ticks, format="csr")[: len(farthest)]
+    near_start = every[: len(farthest)]
     of_no_speed = sparse.csr_array((len(farthest), len(moved)))
     conditions = conditions.with_rows(near_start, of_no_speed, farthest + start)
     return conditions.with_rows(-near_start, of_no_speed, farthest - start)
@@ -233,11 +230,6 @@ def load_by_tick(problem: BoundProblem, ticks: int) -> Array:
     return by_tick
 
 
-LEAST_SPEED = 1e-3
-"""Least limit of a speed by condition 1 in either direction, where gravity overcomes the joint
-[v_max]: the condition is then weaker."""
-
-
 def speed_ranges(model: JointModel, load: Array, pose: tuple[float, float]) -> tuple[Array, Array]:
     """Least and largest speed in each tick [rad/tick]: condition 1.
 
@@ -259,7 +251,7 @@ def _speed_limits(model: JointModel, load: Array, pose: tuple[float, float]) -> 
     low, high = (limit * model.tick for limit in model.speed_limits(load))
     if model.most_pose_sag == 0.0:
         return low, high
-    least = LEAST_SPEED * model.v_max_per_tick
+    least = 1e-3 * model.v_max_per_tick  # weaker, where gravity overcomes the joint
     low = np.minimum(low + model.gain_per_tick * pose[0], -least)
     return low, np.maximum(high + model.gain_per_tick * pose[1], least)
 
@@ -391,14 +383,6 @@ def _motor_conditions(model: JointModel, side: Side) -> list[SpeedCondition]:
         for factor, added in hull
         for now, most in lines
     ]
-
-
-def _differences(ticks: int, *, cyclic: bool) -> sparse.csr_array:
-    """Rows x[t] - x[t-1]; cyclic, the first row is x[0] - x[-1]."""
-    every = sparse.eye_array(ticks, format="csr")
-    if cyclic:
-        return sparse.csr_array(every - every[np.roll(np.arange(ticks), 1)])
-    return sparse.csr_array(every[1:] - every[:-1])
 
 
 def _speed_rows(
