@@ -209,6 +209,8 @@ def branching_request(problem: ScaledProblem, node: Node) -> tuple[int, float] |
     for request in problem.windows:
         value, distance, ends = _nearest(problem, node, request)
         if distance >= VIOLATION:
+            grid = np.linspace(*ends, 300)  # on it, so that rounding does not decide the search
+            value = float(grid[np.argmin(np.abs(grid - value))])
             kept = MARGIN * (ends[1] - ends[0])
             value = min(max(value, ends[0] + kept), ends[1] - kept)
             wide.append((weights[request] * distance, distance, request, value))
