@@ -6,7 +6,6 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 from markupsafe import Markup
@@ -32,84 +31,78 @@ from planner.report.identification.words import (
     units_of,
     verdict,
 )
-from planner.report.page import (
-    Card,
-    Page,
-    Section,
-    footer,
-    heading,
-    parameters_of,
-)
+from planner.report.page import Card, Page, Section, footer, heading, parameters_of
 from planner.report.table import NOTHING, Column, Row, Table, number, percent
 from planner.robot.candidates import WORDS, Compared
 
-
-class Joint(NamedTuple):
-    """A joint of the page: name, anchor, identification, and prefix of its figures."""
-
-    name: str
-    anchor: str
-    identification: Identification
-    prefix: str
+LAGS = ", with lag and acceleration time of any length"
+"""What the model has beside the paper's, for the footer."""
 
 
 def identification_page(identifications: Mapping[str, Identification]) -> Page:
-    """The whole page."""
-    several = len(identifications) > 1
-    joints = [
-        Joint(name, re.sub(r"\W+", "-", f"{prefix}{name or 'joint'}"), identification, prefix)
-        for k, (name, identification) in enumerate(identifications.items(), 1)
-        for prefix in [f"joint{k}_" if several else ""]
-    ]
-    words = of_several([joint.identification for joint in joints])
-    table = _units_above(joints_table(identifications))
-    overview = Section(
-        "", "identification.overview", joints=joints, table=table, rare=explained(identifications)
-    )
-    page = Page(
-        heading=f"{len(joints)} joints, identified",
-        command="identify",
-        verdict=Markup("<strong>{}</strong>: {}").format(
-            words[0].upper() + words[1:],
-            "what is known of each, and what it adds, follows joint by joint.",
-        ),
-        sections=[
-            overview,
-            *(section for joint in joints for section in _sections(joint, alone=False)),
-        ],
-        footer=footer("identify", ", with lag and acceleration time of any length"),
-        good=all(joint.identification.accepted for joint in joints),
-    )
-    if not several:
-        only = joints[0].identification
-        logs = f"{len(only.fits)} log{'s' * (len(only.fits) > 1)}"
-        page = replace(
-            page,
-            heading=heading(joints[0].name or "a joint")
-            + (", identified" if only.accepted else ", not identified"),
-            about=logs,
+    """The whole page: of a joint, or of several one after the other, below a table of all."""
+    if len(identifications) == 1:
+        ((name, only),) = identifications.items()
+        return Page(
+            heading=f"{heading(name or 'a joint')}, {'' if only.accepted else 'not '}identified",
+            command="identify",
+            about=f"{len(only.fits)} log{'s' * (len(only.fits) > 1)}",
             verdict=_verdict(only),
             note=profile(only),
+            good=only.accepted,
             remarks=only.warnings,
             cards=cards(only),
             figure=cloud_figure(only),
-            sections=_sections(joints[0]),
+            sections=_sections(only, ""),
+            footer=footer("identify", LAGS),
         )
-    return page
+    words = of_several(list(identifications.values()))
+    details, anchors = list[Section](), dict[str, str]()
+    for k, (name, each) in enumerate(identifications.items(), 1):
+        prefix = f"joint{k}_"
+        anchors[name] = re.sub(r"\W+", "-", f"{prefix}{name or 'joint'}")
+        head = Section(
+            "",
+            "identification.head",
+            name=heading(name or "unnamed"),
+            anchor=anchors[name],
+            warnings=each.warnings,
+            verdict=_verdict(each),
+            profile=profile(each),
+            good=each.accepted,
+            cloud=cloud_figure(each, prefix),
+            cards=cards(each),
+        )
+        details += [head, *_sections(each, prefix)]
+    overview = Section(
+        "",
+        "identification.overview",
+        anchors=anchors,
+        table=_units_above(joints_table(identifications)),
+        rare=explained(identifications),
+    )
+    return Page(
+        heading=f"{len(identifications)} joints, identified",
+        command="identify",
+        verdict=(
+            words[0].upper() + words[1:],
+            "what is known of each, and what it adds, follows joint by joint",
+            ": ",
+        ),
+        good=all(each.accepted for each in identifications.values()),
+        sections=[overview, *details],
+        footer=footer("identify", LAGS),
+    )
 
 
-def _sections(joint: Joint, *, alone: bool = True) -> list[Section]:
-    """A joint's parameters, the improvement by the model, the logs, and the sources.
-
-    Of several joints each has its heading, its cloud and its key figures before them.
-    """
-    identification, prefix = joint.identification, joint.prefix
+def _sections(identification: Identification, prefix: str) -> list[Section]:
+    """A joint's parameters, the improvement by the model, the logs, and the sources."""
     logs = [
         (fit.log.name, _angle(identification, fit.rms),
          log_figure(identification, fit, f"{prefix}log{k}_"))
         for k, fit in enumerate(identification.fits, 1)
     ]  # fmt: skip
-    sections = [
+    return [
         Section(
             "What is known, and how well",
             "identification.estimates",
@@ -133,20 +126,6 @@ def _sections(joint: Joint, *, alone: bool = True) -> list[Section]:
             model=identification.model,
         ),
     ]
-    if alone:
-        return sections
-    head = Section(
-        "",
-        "identification.head",
-        joint=joint,
-        heading=heading,
-        verdict=_verdict(identification),
-        profile=profile(identification),
-        good=identification.accepted,
-        cloud=cloud_figure(identification, prefix),
-        cards=cards(identification),
-    )
-    return [head, *sections]
 
 
 def cards(identification: Identification) -> list[Card]:
