@@ -125,18 +125,9 @@ def comparison_of(
 
 
 def _in_leg_order(desired: Desired) -> tuple[Desired, Leg | None]:
-    """The joints, with their load, in the order of the leg; no leg if some are missing."""
-    leg, load = desired.leg, desired.load
-    load = load(desired.angles) if callable(load) else load
-    names = desired.names
-    if leg is None or set(names) != set(leg.joint_names):
-        return replace(desired, load=load), None
-    columns = [names.index(name) for name in leg.joint_names]
-    ordered = replace(
-        desired,
-        names=leg.joint_names,
-        models=tuple(desired.models[column] for column in columns),
-        angles=desired.angles[:, columns],
-        load=None if load is None else load[:, columns],
-    )
-    return ordered, leg
+    """The joints in the order of the leg; no leg if some are missing."""
+    leg = desired.leg
+    if leg is not None and set(desired.names) == set(leg.joint_names):
+        return desired.of_leg(leg), leg
+    load = desired.load
+    return replace(desired, load=load(desired.angles) if callable(load) else load), None

@@ -107,6 +107,19 @@ class Desired:
         finally:
             JOINT_UNITS.reset(token)
 
+    def of_leg(self, leg: Leg) -> Desired:
+        """The joints of a leg in its order, under a load of their desired poses."""
+        columns = [self.names.index(name) for name in leg.joint_names]
+        load = self.load(self.angles) if callable(self.load) else self.load
+        return replace(
+            self,
+            names=leg.joint_names,
+            angles=self.angles[:, columns],
+            models=tuple(self.models[j] for j in columns),
+            leg=leg,
+            load=None if load is None else load[:, columns],
+        )
+
     def write(self, path: Path | str, angles: Array, loads: Array | None = None) -> None:
         """Write angles or requests [rad] and torques [N m], (n, k), as CSV in the joints' units."""
         write_joint_path(

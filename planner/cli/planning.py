@@ -126,17 +126,9 @@ def _by_feet(desired: Desired, progress: Callable[[str], None]) -> Plan:
     requests = np.empty_like(desired.angles)
     for name, leg in desired.legs.items():
         progress(f"the foot {name}")
+        part = desired.of_leg(leg)
+        part = replace(part, foot=leg.foot_positions(part.angles))
         columns = [desired.names.index(joint) for joint in leg.joint_names]
-        angles = desired.angles[:, columns]
-        part = replace(
-            desired,
-            names=leg.joint_names,
-            angles=angles,
-            models=tuple(desired.models[j] for j in columns),
-            leg=leg,
-            foot=leg.foot_positions(angles),
-            load=None if desired.load is None else np.asarray(desired.load)[:, columns],
-        )
         requests[:, columns] = planned(task_of(part), method="optimal").requests
     return Plan(task=task_of(desired), requests=requests)
 

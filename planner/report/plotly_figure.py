@@ -31,6 +31,10 @@ MOST_FRAMES = 1500
 """Most samples of a motion that are shown; of longer motions every second one, or every third."""
 
 
+VARIABLES = {role.light: name for name, role in ROLES.items()}
+"""Names of the page's colours."""
+
+
 def live(figure: Figure) -> dict[str, Any]:
     """Data for the page's scripts: the moving leg, numbers at a moment, or the plot."""
     if figure.movie is not None:
@@ -194,11 +198,8 @@ def _marker(curve: Curve) -> dict[str, Any]:
 
 
 def colour(role: Role) -> str:
-    """The colour of a role as a page names it, which is light or dark with the page."""
-    for name, candidate in ROLES.items():
-        if candidate.light == role.light:
-            return f"var(--{name})"
-    raise KeyError(f"no colour of the page is {role.light}: give the role one of ROLES")
+    """The colour of one of the roles as a page names it, which is light or dark with the page."""
+    return f"var(--{VARIABLES[role.light]})"
 
 
 def _dashes(role: Role) -> str:
