@@ -64,7 +64,7 @@ def announced(tmp_path, monkeypatch, caplog):
         stream = io.StringIO()
         monkeypatch.setattr("sys.stderr", stream)
         listener = compilation._Compilation()
-        for function in functions or (kernel.run, kernel.along):
+        for function in functions or (kernel.periods, kernel.along):
             compiling = SimpleNamespace(data={"dispatcher": function})
             listener.on_start(compiling)
             listener.on_end(compiling)

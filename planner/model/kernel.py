@@ -212,40 +212,6 @@ def run_period(
 
 
 @compiled
-def run(
-    law: Law,
-    weights: Array,
-    history: Array,
-    sags: Array,
-    faster: Array,
-    state: State,
-    skipped: int,
-    motion: Array,
-) -> State:
-    """Run a joint through request periods.
-
-    Args:
-        law: The joint.
-        weights: Weight of each request at each tick of a period, youngest first, (hold, width).
-        history: Requests, oldest first: those acting before sample k are
-            ``history[k : k + width]`` [rad], (n + width - 1,).
-        sags: Sag under the load in each period, kappa tau [rad], (n,).
-        faster: How much faster the joint is in the positive direction [rad/tick], (n,).
-        state: State before the first tick.
-        skipped: Ticks of the first period that are left out.
-        motion: Filled with the state after each period, (3, n).
-
-    Returns:
-        The last state.
-    """
-    for k in range(motion.shape[1]):
-        left_out = skipped if k == 0 else 0
-        state = run_period(law, weights, history, k, sags[k], faster[k], state, left_out)
-        motion[0, k], motion[1, k], motion[2, k] = state
-    return state
-
-
-@compiled
 def moved_along_lines(
     law: Law, weights: Array, steps: Indices, slopes: Array, offsets: Array, faster: Array
 ) -> Array:

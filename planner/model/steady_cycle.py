@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from planner.compilation import compiled, inner
-from planner.model.kernel import at_rest, exceeds_drive, moving_states, rest_angle, run
+from planner.model.kernel import at_rest, exceeds_drive, moving_states, rest_angle, run_period
 from planner.model.law import Law, State
 from planner.trajectory import Array
 
@@ -25,7 +25,7 @@ afterwards bisection takes its place."""
 
 
 class Cycle(NamedTuple):
-    """The request periods of a cycle, as :func:`planner.model.kernel.run` takes them.
+    """The request periods of a cycle, or of a motion from rest.
 
     Attributes:
         law: The joint.
@@ -35,6 +35,7 @@ class Cycle(NamedTuple):
         sags: Sag under the load in each period, kappa tau [rad], (n,).
         faster: How much faster the joint is in the positive direction [rad/tick], (n,).
         motion: Filled with the state after each period, (3, n).
+        most: Most runs of a cycle that still drifts.
     """
 
     law: Law
@@ -44,6 +45,7 @@ class Cycle(NamedTuple):
     sags: Array
     faster: Array
     motion: Array
+    most: int
 
 
 @compiled
@@ -84,16 +86,26 @@ def motion_of(
         history[i] = requests[(i - oldest) % samples if cyclic else max(i - oldest, 0)]
     if np.isnan(start):
         start = rest_angle(law, requests[0], sags[0])
+    cycle = Cycle(law, weights, history, oldest, sags, faster, motion, most)
     if cyclic:
-        cycle = Cycle(law, weights, history, oldest, sags, faster, motion)
-        return _run_steady_cycle(cycle, start, most)
-    state = at_rest(law, start, sags[0])
-    run(law, weights, history, sags, faster, state, len(weights) - 1, motion)
+        return _run_steady_cycle(cycle, start)
+    run(cycle, at_rest(law, start, sags[0]), len(weights) - 1)
     return 0.0
 
 
+@compiled
+def run(cycle: Cycle, state: State, skipped: int) -> State:
+    """The state at the end, from that before the first tick but for some that are left out."""
+    law, weights, history, _, sags, faster, motion, _ = cycle
+    for k in range(motion.shape[1]):
+        left_out = skipped if k == 0 else 0
+        state = run_period(law, weights, history, k, sags[k], faster[k], state, left_out)
+        motion[0, k], motion[1, k], motion[2, k] = state
+    return state
+
+
 @inner
-def _run_steady_cycle(cycle: Cycle, near: float, most: int) -> float:
+def _run_steady_cycle(cycle: Cycle, near: float) -> float:
     """Run the cycle that repeats itself, its ends near an angle: see :func:`motion_of`."""
     law = cycle.law
     v_max = law.top if exceeds_drive(law) else law.top - law.friction
@@ -112,27 +124,21 @@ def _run_steady_cycle(cycle: Cycle, near: float, most: int) -> float:
     high = cycle.history.max() + (law.offset + cycle.sags.max()) + beyond
     tolerance = CYCLE_TOLERANCE * max(1.0, abs(low), abs(high))
     if inert:
-        return _settled_motion(cycle, near, low, high, tolerance, most)
+        return _settled_motion(cycle, near, low, high, tolerance)
     if law.friction > 0.0:
-        return _nearest_cycle(cycle, near, low, high, tolerance, most)
-    return _closed_cycle(cycle, near, low, high, tolerance, most)
-
-
-@inner
-def ended(cycle: Cycle, state: State) -> State:
-    """The state at the end of a cycle, from that at its start."""
-    law, weights, history, _, sags, faster, motion = cycle
-    return run(law, weights, history, sags, faster, state, 0, motion)
+        return _nearest_cycle(cycle, near, low, high, tolerance)
+    return _closed_cycle(cycle, near, low, high, tolerance)
 
 
 @inner
 def begun(cycle: Cycle, angle: float) -> State:
     """The state at the end of the first cycle from rest: the first request was always there."""
-    law, weights, history, oldest, sags, faster, motion = cycle
+    history, oldest = cycle.history, cycle.oldest
     resting = history.copy()
-    resting[:oldest] = history[oldest % motion.shape[1]]  # the first request
-    state = at_rest(law, angle, sags[0])
-    return run(law, weights, resting, sags, faster, state, len(weights) - 1, motion)
+    resting[:oldest] = history[oldest % cycle.motion.shape[1]]  # the first request
+    law, weights, _, _, sags, faster, motion, most = cycle
+    first = Cycle(law, weights, resting, oldest, sags, faster, motion, most)
+    return run(first, at_rest(law, angle, sags[0]), len(weights) - 1)
 
 
 @inner
@@ -149,7 +155,6 @@ def _closed_cycle(
     low: float,
     high: float,
     tolerance: float,
-    most: int,
 ) -> float:
     """Run the steady cycle of a joint without inertia and without a dead band.
 
@@ -159,8 +164,8 @@ def _closed_cycle(
     fixed points the method finds one.
     """
     earlier, ended_earlier, mismatch = np.nan, np.nan, np.inf
-    for turn in range(most):
-        end = ended(cycle, State(start, 0.0, 0.0)).angle
+    for turn in range(cycle.most):
+        end = run(cycle, State(start, 0.0, 0.0), 0).angle
         mismatch = abs(end - start)
         if mismatch <= tolerance:
             return 0.0
@@ -192,7 +197,6 @@ def _nearest_cycle(
     low: float,
     high: float,
     tolerance: float,
-    most: int,
 ) -> float:
     """Run the steady cycle nearest to ``start``, of a joint with a dead band: there may be many.
 
@@ -201,14 +205,14 @@ def _nearest_cycle(
     moves. Where v_max <= theta_0 a tick the fixed-point iteration cannot pass the near end of that
     range; it is bisected. With a sag by the pose there may be several ranges: one of them is found.
     """
-    end = ended(cycle, State(start, 0.0, 0.0)).angle
+    end = run(cycle, State(start, 0.0, 0.0), 0).angle
     if abs(end - start) <= tolerance:
         return 0.0
     sign, far = (1.0, high) if end > start else (-1.0, low)
-    for turn in range(1, most):
+    for turn in range(1, cycle.most):
         bisecting = (turn > FIXED_POINT_CYCLES and turn % 2 == 1) or sign * (far - end) <= 0.0
         trial = (start + far) / 2.0 if bisecting else end
-        after = ended(cycle, State(trial, 0.0, 0.0)).angle
+        after = run(cycle, State(trial, 0.0, 0.0), 0).angle
         ahead = sign * (after - trial)
         if ahead > tolerance:
             start, end = trial, after
@@ -228,7 +232,6 @@ def _settled_motion(
     low: float,
     high: float,
     tolerance: float,
-    most: int,
 ) -> float:
     """Run the steady cycle into which a joint with inertia settles from rest at an angle.
 
@@ -241,11 +244,11 @@ def _settled_motion(
     """
     scale = tolerance / CYCLE_TOLERANCE
     state, bisected, ratio, before = begun(cycle, near), 0, np.inf, np.inf
-    end = ended(cycle, state)
+    end = run(cycle, state, 0)
     mismatch = distance(state, end)
-    for turn in range(most):
+    for turn in range(cycle.most):
         if mismatch <= tolerance:
-            ended(cycle, state)
+            run(cycle, state, 0)
             return 0.0
         trial, settling = end, turn < 100
         ratio, ratio_before = mismatch / before if turn else np.inf, ratio
@@ -254,19 +257,19 @@ def _settled_motion(
             trial = newton_step(cycle, state, end, 1e-7 * scale)
             if settling and distance(trial, end) > 2.0 * mismatch * ratio / (1.0 - ratio):
                 trial = end  # too far for that ratio
-        reached = ended(cycle, trial)
+        reached = run(cycle, trial, 0)
         closer = distance(trial, reached) < mismatch / 2.0
         if not closer and settling and trial != end:
             trial = end
-            reached = ended(cycle, trial)
+            reached = run(cycle, trial, 0)
         if not (closer or settling):
             bisected += 1
             faster = end.speed - state.speed
             speed = state.speed + 2.0 / (1.0 + bisected) * faster
             begin = State(state.angle, speed, end.integral)
             close = max(tolerance, 0.01 * abs(faster))
-            trial = _closing_start(cycle, begin, low, high, close, most)
-            reached = ended(cycle, trial)
+            trial = _closing_start(cycle, begin, low, high, close)
+            reached = run(cycle, trial, 0)
         before = mismatch
         state, end = trial, reached
         mismatch = distance(state, end)
@@ -287,7 +290,7 @@ def newton_step(cycle: Cycle, state: State, end: State, step: float) -> State:
             state.speed + (step if s == 1 else 0.0),
             state.integral + (step if s == 2 else 0.0),
         )
-        further = ended(cycle, moved)
+        further = run(cycle, moved, 0)
         for t in range(size):
             matrix[t, s] -= (further[t] - end[t]) / step
         right[s] = end[s] - state[s]
@@ -297,17 +300,15 @@ def newton_step(cycle: Cycle, state: State, end: State, step: float) -> State:
 
 
 @inner
-def _closing_start(
-    cycle: Cycle, start: State, low: float, high: float, close: float, most: int
-) -> State:
+def _closing_start(cycle: Cycle, start: State, low: float, high: float, close: float) -> State:
     """The state with another angle at which a cycle closes, to ``close`` [rad], by bisection.
 
     Of several, the one nearest to ``start`` in the direction in which a cycle from there moves.
     """
     angle, sign = start.angle, 0.0
     near = far = angle
-    for _ in range(most):
-        ahead = ended(cycle, State(angle, start.speed, start.integral)).angle - angle
+    for _ in range(cycle.most):
+        ahead = run(cycle, State(angle, start.speed, start.integral), 0).angle - angle
         if sign == 0.0:
             sign, far = (1.0, high) if ahead > 0.0 else (-1.0, low)
         if sign * ahead > close:
