@@ -202,22 +202,27 @@ def _refined(joints: Plan, cycles: Array, sensor_delay: float | None, reidentify
     check_trial(cycles, modelled, before.trials if before else (), old)
     trials, now = _with_trial(before, joints, requests, cycles)
     since = before.reidentified if before else (0,) * len(joints.models)
-    noise = _noise(joints, trials, now)
+    off = _disturbances(joints, trials)
+    noise = noise_of([each.measured for each in trials], off[now], cyclic=joints.cyclic)
     if reidentify and now == len(trials) - 1:  # not an earlier trial, executed again
         joints, since, notes = reidentified(joints, trials, since, deviation_of(noise))
         remarks += notes
-        noise = _noise(joints, trials, now)
+        off = _disturbances(joints, trials)
+        noise = noise_of([each.measured for each in trials], off[now], cyclic=joints.cyclic)
     delays = delays_of(joints, cycles, joints.task.response(requests), removed)
     spread = deviation_of(noise)
     remarks += remarks_on_delays(joints, delays, spread)
     disturbance, best, gain = _estimated(joints, trials, max(since), noise)
-    base = trials[best]
+    base, task = trials[best], joints.task
     freeze(disturbance)
-    task = replace(joints.task.with_models(joints.models), disturbance=disturbance)
     # Of the requests with about the least error those near the requests of the trial
-    new = planned(task, solver=joints.solver or "gauss-newton", executed=base.requests)
-    change = _change(joints, new, base)
-    saving = base.error - _error(joints, base.mean + change)
+    new = planned(
+        replace(task.with_models(joints.models), disturbance=disturbance),
+        solver=joints.solver or "gauss-newton",
+        executed=base.requests,
+    )
+    expected = task.response(new.requests) + off[best]
+    saving = base.error - float(task.errors_of(expected)[0])
     stopped = ""
     if gain < LEAST_GAIN:
         stopped = "smaller and smaller steps from the best cycle have made it worse"
@@ -252,10 +257,11 @@ def _refined(joints: Plan, cycles: Array, sensor_delay: float | None, reidentify
         stopped += f"; {_remaining(joints, base, floor)}"
     else:
         unforeseen = _unforeseen(joints, trials, spread)
-        new = _shortened(new, base, saving, unforeseen * _size(joints, _by_joint(change)))
-        change = _change(joints, new, base)
-        missed = unforeseen * _size(joints, _by_joint(change))
-        next_error = math.hypot(_error(joints, base.mean + change), missed)
+        missed = unforeseen * _size(joints, _by_joint(expected - base.mean))
+        new = _shortened(new, base, saving, missed)
+        expected = task.response(new.requests) + off[best]
+        missed = unforeseen * _size(joints, _by_joint(expected - base.mean))
+        next_error = math.hypot(float(task.errors_of(expected)[0]), missed)
     of_mean = math.sqrt(1.0 - 1.0 / base.cycles)  # the noise that is averaged out of its error
     next_error = math.hypot(next_error, of_mean * _size(joints, spread))
     freeze(spread)
@@ -274,9 +280,9 @@ def _refined(joints: Plan, cycles: Array, sensor_delay: float | None, reidentify
     return replace(new, learning=(learning,))
 
 
-def _change(joints: Plan, plan: Plan, base: Trial) -> Array:
-    """How a plan changes the angles of a trial, by the models [rad], (n, k)."""
-    return joints.task.response(plan.requests) - joints.task.response(base.requests)
+def _disturbances(joints: Plan, trials: Sequence[Trial]) -> list[Array]:
+    """The disturbance as it was measured in each trial [rad], (n, k)."""
+    return [np.asarray(each.mean - joints.task.response(each.requests)) for each in trials]
 
 
 def _shortened(plan: Plan, base: Trial, saving: float, missed: float) -> Plan:
@@ -309,25 +315,20 @@ def _unforeseen(joints: Plan, trials: Sequence[Trial], noise: Array) -> float:
     """
     if len(trials) < 2:
         return UNFORESEEN
-    last, before = trials[-1], trials[-2]
-    by_model = joints.task.response(last.requests) - joints.task.response(before.requests)
-    unforeseen = _by_joint(last.mean - before.mean - by_model)
+    before, last = trials[-2:]
+    unforeseen = np.diff(_disturbances(joints, (before, last)), axis=0)[0]
+    by_model = last.mean - before.mean - unforeseen
     random = noise * math.sqrt(1.0 / last.cycles + 1.0 / before.cycles)
-    unforeseen = np.sqrt(np.maximum(unforeseen**2 - random**2, 0.0))
+    missed = np.sqrt(np.maximum(_by_joint(unforeseen) ** 2 - random**2, 0.0))
     change = _size(joints, _by_joint(by_model))
     if change <= _size(joints, random):
         return UNFORESEEN
-    return max(UNFORESEEN, _size(joints, unforeseen) / change)
+    return max(UNFORESEEN, _size(joints, missed) / change)
 
 
 def _by_joint(angles: Array) -> Array:
     """Root mean square of each joint's angles (n, k) [rad], (k,)."""
     return np.asarray(np.sqrt(np.mean(angles**2, axis=0)))
-
-
-def _error(joints: Plan, angles: Array) -> float:
-    """Error of angles (n, k) in the plan's norm: [rad], or [m] for a foot."""
-    return float(joints.task.errors_of(angles)[0])
 
 
 def _size(joints: Plan, deviations: Array) -> float:
@@ -347,7 +348,7 @@ def _estimated(
         The disturbance for the next requests [rad], (n, k), the trial they start from, the gain.
     """
     disturbance, gain, base, least = np.zeros_like(trials[0].requests), 1.0, 0, math.inf
-    before = disturbance
+    before, off = disturbance, _disturbances(joints, trials)
     for number, trial in enumerate(trials):
         random = _size(joints, deviation_of(noise)) / math.sqrt(trial.cycles)
         if trial.error <= 1.01 * least + 0.2 * random:  # no worse than noise explains
@@ -356,20 +357,10 @@ def _estimated(
             least = min(least, trial.error)
         elif number >= since:
             gain *= SHRINK
-        innovation = _measured_disturbance(joints, trials[base]) - before
+        innovation = off[base] - before
         power = noise / trials[base].cycles
         disturbance = before + gain * learnt(innovation, power, joints.models, cyclic=joints.cyclic)
     return disturbance, base, gain
-
-
-def _measured_disturbance(joints: Plan, trial: Trial) -> Array:
-    """The disturbance as it was measured in a trial [rad], (n, k)."""
-    return np.asarray(trial.mean - joints.task.response(trial.requests))
-
-
-def _noise(joints: Plan, trials: Sequence[Trial], now: int) -> Array:
-    measured = [trial.measured for trial in trials]
-    return noise_of(measured, _measured_disturbance(joints, trials[now]), cyclic=joints.cyclic)
 
 
 def _with_trial(
@@ -384,7 +375,7 @@ def _with_trial(
     elif len(trials) == MOST_TRIALS:
         del trials[int(np.argmax([trial.error for trial in trials]))]
         now -= 1
-    error = _error(joints, cycles.mean(axis=0))
+    error = float(joints.task.errors_of(cycles.mean(axis=0))[0])
     trials[now : now + 1] = [Trial(requests=requests.copy(), measured=cycles.copy(), error=error)]
     return tuple(trials), now
 
