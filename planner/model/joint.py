@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -462,14 +461,13 @@ class JointModel:
         level = np.asarray(np.asarray(request, dtype=np.float64) + self.sag(load))
         if self.most_pose_sag == 0.0 or self.has_integral:
             return level
-        angle = level.copy()
+        finite = np.isfinite(level)
+        known = np.where(finite, level, 0.0)
+        angle = known.copy()
         for _ in range(REST_STEPS):  # Newton's method
-            finite = np.where(np.isfinite(angle), angle, 0.0)
-            slope = 1.0 - self.sag_sin * np.cos(finite) + self.sag_cos * np.sin(finite)
-            angle -= np.where(
-                np.isfinite(level), (finite - self.pose_sag(finite) - level) / slope, 0.0
-            )
-        return angle
+            slope = 1.0 - self.sag_sin * np.cos(angle) + self.sag_cos * np.sin(angle)
+            angle -= (angle - self.pose_sag(angle) - known) / slope
+        return np.where(finite, angle, level)
 
     @property
     def feels_load(self) -> bool:
@@ -616,24 +614,18 @@ def acting(ages: RequestAges, samples: int, *, cyclic: bool) -> npt.NDArray[np.i
 
 
 @lru_cache(maxsize=128)
-def weights_by_tick(model: JointModel) -> Array:
-    """Weight of each acting request at each tick of a period: (hold, width)."""
-    at = request_ages(model)
-    weights = np.zeros((model.hold, at.width))
-    for number, tick in enumerate(range(1 - model.hold, 1)):
-        for j, weight in enumerate(model.window.weights):
-            age = -((tick - model.window.first - j) // model.hold)
-            weights[number, age - at.youngest] += weight
-    return weights
+def weights_by_tick(*models: JointModel) -> Array:
+    """Weight of each request at each tick of a period, youngest first: (joints, hold, width).
 
-
-def weights_of_all(models: Sequence[JointModel]) -> Array:
-    """:func:`weights_by_tick` of several joints, for all requests: (joints, ticks, width)."""
+    Of several joints for the requests that act on any of them, and the longest hold.
+    """
     ages = request_ages(*models)
     weights = np.zeros((len(models), max(model.hold for model in models), ages.width))
     for own, model in zip(weights, models, strict=True):
-        place, by_tick = request_ages(model).youngest - ages.youngest, weights_by_tick(model)
-        own[: model.hold, place : place + by_tick.shape[1]] = by_tick
+        for number, tick in enumerate(range(1 - model.hold, 1)):
+            for j, weight in enumerate(model.window.weights):
+                age = -((tick - model.window.first - j) // model.hold)
+                own[number, age - ages.youngest] += weight
     return weights
 
 

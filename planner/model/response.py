@@ -107,7 +107,7 @@ def motion_under(
     motion = np.empty((3, len(requests)))
     apart = motion_of(
         model.law,
-        weights_by_tick(model),
+        weights_by_tick(model)[0],
         np.ascontiguousarray(requests),
         request_ages(model).oldest,
         model.compliance * torques,
@@ -332,7 +332,7 @@ def sensitivities(
     n, torques = len(requests), checked_load(load, model, len(requests))
     motion = motion_under(model, requests, cyclic=cyclic, start=start, torques=torques)
     ages, load_at = request_ages(model), np.zeros(n) if torques is None else torques
-    weights, numbers = weights_by_tick(model), np.maximum(acting(ages, n, cyclic=cyclic), 0)
+    weights, numbers = weights_by_tick(model)[0], np.maximum(acting(ages, n, cyclic=cyclic), 0)
     own = max(model.law.states, 2)
 
     def of_periods(weights: Array, states: Array) -> Array:

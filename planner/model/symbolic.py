@@ -30,7 +30,7 @@ def period_function(model: JointModel) -> Any:
     sag, corner = model.compliance * torque, law.gain * radius
     faster = (model.v_offset + model.speed_per_torque * torque) * model.tick
     angle, speed, integral = State(*(state[s] for s in range(size)))
-    for weights in weights_by_tick(model).tolist():
+    for weights in weights_by_tick(model)[0].tolist():
         raised = law.offset + sag + law.integral_inside * integral / law.gain
         by_pose = _pose_sag(law, angle)
         drives = [

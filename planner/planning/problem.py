@@ -16,7 +16,7 @@ from planner.model.joint import (
     RequestAges,
     acting,
     request_ages,
-    weights_of_all,
+    weights_by_tick,
 )
 from planner.model.response import Loads, rest_angles, rest_requests
 from planner.planning.candidate_models import Robust
@@ -173,7 +173,7 @@ class Problem:
             centring,
             0.0 if self.foot is None else RIDGE,
             np.array(drives, dtype=np.float64),
-            weights_of_all(self.models),
+            weights_by_tick(*self.models),
             acting(self.ages, len(self.desired), cyclic=self.cyclic),
             periods,
             bounds,

@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from planner.exceptions import Infeasible, InvalidInput, angle_text
 from planner.model.evidence import warn_of_refused
-from planner.model.joint import JointModel, checked_model, request_ages, weights_of_all
+from planner.model.joint import JointModel, checked_model, request_ages, weights_by_tick
 from planner.planning.task import limits_of_each, steps_of_each
 from planner.trajectory import LARGEST, MOST_TURNS, TURN, Array, not_radians, turns_words
 from planner.validation import as_reals, as_whole, check_choice, shown
@@ -185,7 +185,7 @@ class Stream:
             joints=joints,
             laws=np.array([model.law for model in models]),
             states=states,
-            weights=weights_of_all(models),
+            weights=weights_by_tick(*models),
             radii=np.geomspace(NEAR, FAR, samples),
             sent=np.zeros((count, ages.oldest)),
             plan=np.zeros((count, samples)),

@@ -45,7 +45,7 @@ def rounded_periods(model: JointModel, angles, windows, radius, *, moving=None, 
     slopes, bends = np.empty((own, own + width, n)), np.empty((own, width, n))
     kernel.periods(
         model.law,
-        weights_by_tick(model),
+        weights_by_tick(model)[0],
         window,
         sags,
         faster,

@@ -63,7 +63,7 @@ class Plan:
         problem = Problem(
             joints[0],
             model.law,
-            weights_by_tick(model),
+            weights_by_tick(model)[0],
             self.samples,
             State(self.angle, self.speed),
             begins,
@@ -144,7 +144,7 @@ def test_a_plan_moves_on_by_every_period_that_has_elapsed(missed):
     width = request_ages(model).width
     sent, plan = np.arange(8.0), np.arange(10.0, 20.0)
     from_python(tick.elapse)(
-        one[0], state[0], model.law, weights_by_tick(model), sent, plan, 0.0, missed
+        one[0], state[0], model.law, weights_by_tick(model)[0], sent, plan, 0.0, missed
     )
     np.testing.assert_array_equal(sent, np.minimum(np.arange(8.0) + missed, 7.0))
     np.testing.assert_array_equal(plan, np.minimum(np.arange(10.0, 20.0) + missed + 1, 19.0))
