@@ -519,10 +519,7 @@ class JointModel:
         return np.stack([low - band, -band, band, high + band])
 
     def speed(
-        self,
-        error: npt.ArrayLike,
-        load: npt.ArrayLike = 0.0,
-        angle: npt.ArrayLike | None = None,
+        self, error: npt.ArrayLike, load: npt.ArrayLike = 0.0, angle: npt.ArrayLike | None = None
     ) -> Array:
         """Speed that errors demand [rad/s]: f of Equation 2 and of (1a).
 

@@ -10,13 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.exceptions import InvalidInput, InvalidTrajectory, NoSteadyCycle
-from planner.model.joint import (
-    JointModel,
-    acting,
-    checked_model,
-    request_ages,
-    weights_by_tick,
-)
+from planner.model.joint import JointModel, acting, checked_model, request_ages, weights_by_tick
 from planner.trajectory import LARGEST, SAME, Array, Mask, as_trajectory, steps
 from planner.validation import as_flag, as_number, freeze, shown
 

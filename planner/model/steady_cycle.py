@@ -149,13 +149,7 @@ def distance(start: State, end: State) -> float:
 
 
 @inner
-def _closed_cycle(
-    cycle: Cycle,
-    start: float,
-    low: float,
-    high: float,
-    tolerance: float,
-) -> float:
+def _closed_cycle(cycle: Cycle, start: float, low: float, high: float, tolerance: float) -> float:
     """Run the steady cycle of a joint without inertia and without a dead band.
 
     The angle at the end of a cycle is a continuous, piecewise linear function of the angle at its
@@ -191,13 +185,7 @@ def _closed_cycle(
 
 
 @inner
-def _nearest_cycle(
-    cycle: Cycle,
-    start: float,
-    low: float,
-    high: float,
-    tolerance: float,
-) -> float:
+def _nearest_cycle(cycle: Cycle, start: float, low: float, high: float, tolerance: float) -> float:
     """Run the steady cycle nearest to ``start``, of a joint with a dead band: there may be many.
 
     How much further a cycle ends than it starts does not increase with the angle where it starts.
@@ -226,13 +214,7 @@ def _nearest_cycle(
 
 
 @inner
-def _settled_motion(
-    cycle: Cycle,
-    near: float,
-    low: float,
-    high: float,
-    tolerance: float,
-) -> float:
+def _settled_motion(cycle: Cycle, near: float, low: float, high: float, tolerance: float) -> float:
     """Run the steady cycle into which a joint with inertia settles from rest at an angle.
 
     The motion is followed, cycle by cycle; near its end a step of Newton's method finishes. Where
