@@ -36,10 +36,13 @@ class Parsed(click.ParamType):  # type: ignore[type-arg]  # generic from click 8
 
     name = "value"
 
-    def __init__(self, parse: Callable[[str], Any], expected: str) -> None:
-        """Take a function that raises ValueError, and the expected text in words."""
+    def __init__(
+        self, parse: Callable[[str], Any], expected: str, choices: Sequence[str] = ()
+    ) -> None:
+        """Take a function that raises ValueError, the expected text in words, and names for it."""
         self.parse = parse
         self.expected = expected
+        self.choices = choices
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """The value of a text."""
@@ -49,6 +52,11 @@ class Parsed(click.ParamType):  # type: ignore[type-arg]  # generic from click 8
             option = "" if param is None else f"{param.opts[0]}: "
             message = f"{option}got '{value}', expected {self.expected}."
             raise click.UsageError(message, ctx) from None
+
+    def shell_complete(self, ctx: Any, param: Any, incomplete: str) -> list[CompletionItem]:  # noqa: ARG002
+        """The choices that begin like this, or files if none does."""
+        names = [CompletionItem(name) for name in self.choices if name.startswith(incomplete)]
+        return names or [CompletionItem(incomplete, type="file")] * bool(self.choices)
 
 
 def by_joint(parse: Callable[[str], Any], expected: str, *, all_joints: bool = True) -> Parsed:
@@ -61,26 +69,6 @@ def by_joint(parse: Callable[[str], Any], expected: str, *, all_joints: bool = T
         return joint, parse(value)
 
     return Parsed(parse_named, expected)
-
-
-class LegName(click.ParamType):  # type: ignore[type-arg]  # generic from click 8.5 on
-    """The name of a shipped leg, or the URDF of a robot."""
-
-    name = "leg"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
-        """The same text, if it is a shipped leg or a URDF."""
-        text = str(value)
-        is_file = text.lower().endswith((".urdf", ".xml")) or os.sep in text
-        if text not in SHIPPED and not is_file:
-            names = ", ".join(f"'{name}'" for name in SHIPPED)
-            self.fail(f"'{text}' is not one of {names}, nor a .urdf file.", param, ctx)
-        return text
-
-    def shell_complete(self, ctx: Any, param: Any, incomplete: str) -> list[CompletionItem]:  # noqa: ARG002
-        """The names that begin like this, or files if no name does."""
-        names = [CompletionItem(name) for name in SHIPPED if name.startswith(incomplete)]
-        return names or [CompletionItem(incomplete, type="file")]
 
 
 class Place(click.ParamType):  # type: ignore[type-arg]  # generic from click 8.5 on
@@ -167,6 +155,12 @@ def _position(text: str) -> tuple[str, float]:
     return "lock_m" if slides else "lock", finite(text.removesuffix("m"))
 
 
+def _leg(text: str) -> str:
+    if text not in SHIPPED and not text.lower().endswith((".urdf", ".xml")) and os.sep not in text:
+        raise ValueError
+    return text
+
+
 def _check_file(path: str) -> None:
     if path != "-":
         check_writable(path)
@@ -184,7 +178,9 @@ LIST = Parsed(lambda text: [each.strip() for each in text.split(",")], "A,B,C")
 NAMES = by_joint(str, "JOINT=NAME, such as Rotation=shoulder_pan", all_joints=False)
 TICKS = by_joint(_tick, "N or JOINT=N, such as knee=2048")
 
-TYPES = {"leg.name": LegName(), "leg.lock": POSITIONS, "export.joint_names": LIST}
+LEG_NAME = Parsed(_leg, f"one of {', '.join(SHIPPED)}, or a .urdf file", SHIPPED)
+
+TYPES = {"leg.name": LEG_NAME, "leg.lock": POSITIONS, "export.joint_names": LIST}
 """Types of settings that do not follow from the types of their values."""
 
 UNITS_OF_OPTIONS = {
