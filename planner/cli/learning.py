@@ -26,7 +26,7 @@ from planner.learning.refine import refine
 from planner.model.response import load_columns
 from planner.planning.plan import Plan, joined
 from planner.planning.task import limits_of_each
-from planner.report.learning import Progress, learning_page
+from planner.report.learning import Trials, learning_page
 from planner.report.plan import no_bound
 from planner.report.table import number, text_table
 from planner.trajectory import Array
@@ -376,7 +376,7 @@ def summary(answer: Refined) -> str:
     return "\n".join(lines)
 
 
-def progress_of(answer: Refined) -> list[Progress]:
+def progress_of(answer: Refined) -> list[Trials]:
     """The errors of each joint, or of the foot, in the user's units."""
     desired, rows = answer.desired, []
     file_models = dict(zip(desired.names, desired.models, strict=True))
@@ -393,7 +393,7 @@ def progress_of(answer: Refined) -> list[Progress]:
             anew = "is not that of the file: earlier trials identified it anew"
             remarks.append(f"the model{whose} {anew}")
         rows.append(
-            Progress(
+            Trials(
                 name=name,
                 unit="cm" if foot else desired.unit(desired.names.index(name)),
                 errors=factor * learning.errors,

@@ -30,7 +30,7 @@ LEARNT = style.SHIFT._replace(label="learnt: measured less modelled", width=1.8)
 
 
 @dataclass(frozen=True, eq=False)
-class Progress:
+class Trials:
     """The errors of a joint or a foot that learns."""
 
     name: str  # the joint, or "foot"
@@ -50,7 +50,7 @@ def learning_page(
     *,
     executed: Array,
     measured: Array,
-    progress: Sequence[Progress],
+    progress: Sequence[Trials],
     about_others: str = "",
     title: str,
 ) -> Page:
@@ -95,7 +95,7 @@ def learning_page(
     )
 
 
-def errors_figure(progress: Progress, name: str = "learning") -> Figure:
+def errors_figure(progress: Trials, name: str = "learning") -> Figure:
     """The error of each trial, with the lower bound."""
     count, notes = len(progress.errors), list[str]()
     goes_on = not math.isnan(progress.predicted) and not progress.stopped
@@ -145,7 +145,7 @@ def joint_figure(plan: Plan, executed: Array, measured: Array, j: int) -> Figure
     )
 
 
-def trials_table(progress: Sequence[Progress]) -> Table:
+def trials_table(progress: Sequence[Trials]) -> Table:
     """The errors of all trials."""
     rows, best = [], "\nbest"
     for number in range(max(len(each.errors) for each in progress)):

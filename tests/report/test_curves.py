@@ -62,9 +62,9 @@ def test_learning(planned, snapshot):
         executed=planned.requests,
         measured=measured,
         progress=[
-            learning.Progress("hip", "deg", np.array([3.0, 1.5, 2.0]), 3.25, 1.0, 0.1,
+            learning.Trials("hip", "deg", np.array([3.0, 1.5, 2.0]), 3.25, 1.0, 0.1,
                               1.0, 1, "", ("a cycle was left out",)),
-            learning.Progress("knee", "deg", np.array([1.0, 4.0]), 0.9, math.nan, 1e-4, 1.0,
+            learning.Trials("knee", "deg", np.array([1.0, 4.0]), 0.9, math.nan, 1e-4, 1.0,
                               0, "no gain is left", ()),
         ],
         about_others="jaw is not learnt.",
