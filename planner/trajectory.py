@@ -38,20 +38,11 @@ its motion, and of its largest angle, is in one direction."""
 def as_trajectory(
     values: npt.ArrayLike, *, name: str, minimum: int = 2, largest: float = LARGEST
 ) -> Array:
-    """Copy ``values`` into a read-only trajectory, or raise an error that gives the reason.
-
-    Args:
-        values: Angles or requests [rad], shape (n,).
-        name: Their name in an error.
-        minimum: Least number of samples that is accepted.
-        largest: Largest magnitude that is accepted.
-
-    Returns:
-        A read-only copy, float64, shape (n,).
+    """Copy angles or requests [rad], (n,), into a read-only trajectory, float64, shape (n,).
 
     Raises:
-        InvalidTrajectory: Not one-dimensional, too short, or not finite real numbers of a size
-            that can be true.
+        InvalidTrajectory: Not one-dimensional, fewer than ``minimum`` samples, or not finite real
+            numbers up to the ``largest``.
     """
     array = _reals(values, name, "one number per request, shape (n,)", "rad")
     if array.ndim != 1:
@@ -138,11 +129,7 @@ def turns_words(angle: float) -> str:
 
 
 def check_radians(angles: Array, *, name: str) -> None:
-    """Refuse angles over time that are those of degrees.
-
-    Args:
-        angles: Angles or requests [rad], shape (n,).
-        name: Their name in an error.
+    """Refuse angles [rad], (n,), that are those of degrees.
 
     Raises:
         InvalidTrajectory: They are beyond two turns, and the joint does not wind.
@@ -156,10 +143,7 @@ def check_radians(angles: Array, *, name: str) -> None:
 
 
 def as_rows(values: npt.ArrayLike, *, name: str) -> Array:
-    """Copy requests of one joint, shape (n,), or several, shape (n, k), into read-only rows.
-
-    Returns:
-        A read-only copy, float64, shape (n, k); one joint has a column of its own.
+    """Copy requests of one joint, (n,), or several, (n, k), into read-only rows, float64, (n, k).
 
     Raises:
         InvalidTrajectory: Another shape, empty, not real numbers, not finite, or degrees.
@@ -188,26 +172,17 @@ def index_of_largest(values: Array) -> int:
 
 
 def steps(values: Array, *, cyclic: bool) -> Array:
-    """Changes from each sample to the next along the first axis.
+    """Changes from each sample to the next along the first axis, (n, ...).
 
-    Args:
-        values: Samples, shape (n, ...).
-        cyclic: Whether the change from the last sample to the first is one of them, the last.
-
-    Returns:
-        Their n or n - 1 changes.
+    The last one is that from the last sample to the first if they are ``cyclic``; else there are
+    n - 1.
     """
     after = np.concatenate([values[1:], values[:1]]) if cyclic else values[1:]
     return np.asarray(after - values[: len(after)])
 
 
 def reversals(values: Array, *, cyclic: bool) -> int:
-    """How often values [rad], shape (n,), change direction, where staying changes nothing.
-
-    Args:
-        values: Samples.
-        cyclic: Whether the first sample follows the last.
-    """
+    """How often values [rad], shape (n,), change direction, where staying changes nothing."""
     changes = steps(values, cyclic=cyclic)
     directions = np.sign(changes[np.abs(changes) > 1e-9])  # less is rounding
     if cyclic:
@@ -221,12 +196,7 @@ def rms(values: Array) -> float:
 
 
 def error_norm(errors: Array, norm: Literal["rms", "max"]) -> float:
-    """Root mean square of errors or distances, or the largest absolute value, in their own unit.
-
-    Args:
-        errors: Errors at the samples, shape (n,).
-        norm: "rms" or "max".
-    """
+    """Root mean square of errors or distances, (n,), or the largest magnitude, in their unit."""
     return rms(errors) if norm == "rms" else float(np.max(np.abs(errors)))
 
 
@@ -244,14 +214,8 @@ LOST = 0.1
 def most_lost(times: Array, rows: Array, at: Array, samples: Array) -> tuple[int, float] | None:
     """The loss of a path by straight lines between samples, where it exceeds ``LOST``.
 
-    Args:
-        times: Times of the rows of the path [s], shape (n,).
-        rows: The path, shape (n, k).
-        at: Times of the samples [s], shape (m,).
-        samples: The samples, shape (m, k).
-
-    Returns:
-        The column that loses most, and the share of its motion that is lost (rms).
+    For rows (n, k) at times [s], (n,), and samples (m, k) at others, (m,), it is the column that
+    loses most, and the share of its motion that is lost (rms).
     """
     again = np.column_stack([np.interp(times, at, column) for column in samples.T])
     moved = np.std(rows, axis=0)

@@ -45,16 +45,7 @@ def as_number(value: object, *, infinite: bool = False) -> float:
 
 
 def as_positive(name: str, value: object, expected: str) -> float:
-    """The value as a float above 0.
-
-    Args:
-        name: Its name in the error.
-        value: The argument.
-        expected: The expected value in the error, with the unit.
-
-    Raises:
-        InvalidInput: It is no finite number above 0.
-    """
+    """The value as a float above 0, or InvalidInput with what was ``expected``, and its unit."""
     number = as_number(value)
     if not number > 0.0:
         raise InvalidInput(f"{name}: got {shown(value)}, expected {expected}")
@@ -72,11 +63,7 @@ def as_whole(value: object) -> int | None:
 
 
 def as_reals(values: Any) -> Array:
-    """A new array of the values as floats, of any shape.
-
-    Raises:
-        ValueError: They are no real numbers, or rows of different lengths.
-    """
+    """A new array of the values as floats, of any shape; ValueError where they are none."""
     array = np.asarray(values)
     if array.dtype.kind not in "iuf":
         raise ValueError(f"got an array of {array.dtype!s:.40}, expected real numbers")
@@ -100,11 +87,7 @@ class ReadOnly:
 
 
 def as_flag(name: str, value: object) -> bool:
-    """The value as a bool.
-
-    Raises:
-        InvalidInput: It is neither True nor False.
-    """
+    """The value as a bool, or InvalidInput."""
     if not isinstance(value, (bool, np.bool_)):
         raise InvalidInput(f"{name}: got {shown(value)}, expected True or False")
     return bool(value)
@@ -123,16 +106,10 @@ def is_one_of(value: object, names: Sequence[Any]) -> bool:
 
 
 class Summary(NamedTuple):
-    """A heading, and a table with a unit beside every number or title.
-
-    Attributes:
-        head: The heading, in one line.
-        columns: Titles of the columns; that of the first may be empty.
-        rows: Their cells.
-    """
+    """A heading in one line, and a table with a unit beside every number or title."""
 
     head: str
-    columns: Sequence[str] = ()
+    columns: Sequence[str] = ()  # titles; that of the first may be empty
     rows: Sequence[Sequence[str]] = ()
 
     def text(self) -> str:

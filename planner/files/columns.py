@@ -178,12 +178,10 @@ def with_unit(
         stem, _, word = name.rpartition("_")
         stem = stem if stem and word.lower() in OTHER_UNITS else name
         expected = " or ".join(f"{stem}_{unit}" for unit in units if unit not in SHARES)
-        what, advice = f"column '{name}' has no unit", "rename it, or remove it"
-        if len(bare) > 1:
-            what = f"columns {', '.join(map(repr, bare))} have no unit"
-            expected = f"an ending of the unit, such as {expected}"
-            advice = "rename or remove them"
-        raise table.fault(f"{what}; expected {expected}: {advice}")
+        few = len(bare) == 1
+        named = f"column '{name}' has" if few else f"columns {', '.join(map(repr, bare))} have"
+        such, them = ("", "it") if few else ("an ending of the unit, such as ", "them")
+        raise table.fault(f"{named} no unit; expected {such}{expected}: rename or remove {them}")
     names, endings = zip(*(part for part in parts if part), strict=True)
     if len(set(endings) - set(SHARES)) > 1 or len(set(endings) & set(SHARES)) > 1:
         mixed = ", ".join(columns)
