@@ -356,18 +356,15 @@ class GrowingLog:
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
             self._file: TextIO = self.unfinished.open("w", encoding="utf-8", newline="\n")
-            self._write(",".join([TIME, *columns]))
         except OSError as error:
             raise cannot_write(self.unfinished, error) from error
+        self._write(",".join([TIME, *columns]))
 
     def keep(self, time: float, *kinds: Array) -> None:
         """Write a row: a time [s], and of each kind the angles [rad], NaN where there is none."""
         angles = np.degrees(np.column_stack(kinds)).round(6) + 0.0  # no negative zero
         cells = ("" if math.isnan(each) else f"{each:.6f}" for each in angles.ravel().tolist())
-        try:
-            self._write(",".join([f"{time:.6f}", *cells]))
-        except OSError as error:
-            raise cannot_write(self.unfinished, error) from error
+        self._write(",".join([f"{time:.6f}", *cells]))
         self.rows += 1
 
     def finish(self) -> None:
@@ -384,5 +381,8 @@ class GrowingLog:
             self.unfinished.unlink()
 
     def _write(self, line: str) -> None:
-        self._file.write(line + "\n")
-        self._file.flush()
+        try:
+            self._file.write(line + "\n")
+            self._file.flush()
+        except OSError as error:
+            raise cannot_write(self.unfinished, error) from error

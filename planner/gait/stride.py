@@ -132,11 +132,8 @@ def stride(
             raise Infeasible("foot: the leg would be close to stretched or folded")
         return Stride(foot, long, high, centre, pose, angles)
 
-    return scaled(1.0) if fixed else _largest(scaled)
-
-
-def _largest(scaled: Callable[[float], Stride]) -> Stride:
-    """The stride of the largest feasible scale up to 1."""
+    if fixed:
+        return scaled(1.0)
     low, high, best = 0.0, 1.0, None
     scale = high
     for _ in range(10):  # to a thousandth

@@ -141,12 +141,8 @@ def play(
     def answer(tick: int, _: int) -> tuple[Array, bool] | None:
         return (rows[tick % len(rows)], False) if tick <= last else None
 
-    player = Player(send, now, sleep, period)
-    return player.run(
-        lambda: player.keep_in_step(answer, start=player.lead(way), last=last),
-        on_stop=on_stop,
-        report=report,
-    )
+    player = _Player(send, now, sleep, period)
+    return player.run(answer, way=way, last=last, on_stop=on_stop, report=report)
 
 
 def check_functions(*, optional: bool = False, **functions: object) -> None:
@@ -156,32 +152,37 @@ def check_functions(*, optional: bool = False, **functions: object) -> None:
             raise InvalidInput(f"{name}: got {shown(each)}, expected a function")
 
 
-class Player:
+class _Player:
     """Sends requests and counts the sent, skipped and late ones."""
 
     def __init__(
-        self,
-        send: Send,
-        now: Callable[[], float],
-        sleep: Callable[[float], object],
-        period: float,
+        self, send: Send, now: Callable[[], float], sleep: Callable[[float], object], period: float
     ) -> None:
         self._send, self._now, self._sleep, self._period = send, now, sleep, period
-        self._sent = self._skipped = self._held = self._overruns = 0
+        self._counts = {"sent": 0, "skipped": 0, "held": 0, "overruns": 0}
         self._late = self._latest = 0.0
 
     def run(
         self,
-        motion: Callable[[], object],
+        answer: Callable[[int, int], tuple[Array, bool] | None],
         *,
+        way: Iterable[Array] = (),
+        last: float = math.inf,
         on_stop: Callable[[], object] | None,
         report: Callable[[Playback], object] | None,
     ) -> Playback:
-        """Send a motion to its end, Ctrl-C or an error, and count requests: see :func:`play`."""
+        """Lead along a way, then answer at each tick, to the end, Ctrl-C or an error: :func:`play`.
+
+        ``answer`` is called when a tick is due, with its number and how many were missed since the
+        last one. It returns the requests [rad], shape (k,), not sent where one is not finite, and
+        whether the last request of a joint is repeated; or None at the end. The tick ``last`` is
+        not missed, however late.
+        """
         interrupted, failed = False, True
         try:
             try:
-                motion()
+                start = self._lead(way)
+                self._keep_in_step(answer, start, last)
                 failed = False
             except KeyboardInterrupt:
                 interrupted, failed = True, False
@@ -190,12 +191,9 @@ class Player:
                     on_stop()
         finally:
             playback = Playback(
-                sent=self._sent,
-                skipped=self._skipped,
-                held=self._held,
-                overruns=self._overruns,
+                **self._counts,
                 latest=self._latest,
-                mean_lateness=self._late / max(self._sent, 1),
+                mean_lateness=self._late / max(self._counts["sent"], 1),
                 interrupted=interrupted,
                 failed=failed,
             )
@@ -203,45 +201,32 @@ class Player:
                 report(playback)
         return playback
 
-    def lead(self, way: Iterable[Array]) -> float:
+    def _lead(self, way: Iterable[Array]) -> float:
         """Send each row a full period after the one before; the time at which the next is due."""
         due = self._now()
         for row in way:
             due = self._send_at(due, row) + self._period
-            self._overruns += self._now() >= due
+            self._counts["overruns"] += self._now() >= due
         return max(due, self._now())
 
-    def keep_in_step(
-        self,
-        answer: Callable[[int, int], tuple[Array, bool] | None],
-        *,
-        start: float,
-        last: float = math.inf,
+    def _keep_in_step(
+        self, answer: Callable[[int, int], tuple[Array, bool] | None], start: float, last: float
     ) -> None:
-        """At each tick ask for requests and send them, until there is no answer when it is due.
-
-        Args:
-            answer: Given the number of the tick, and how many were missed since the last one;
-                called when the tick is due. Returns the requests [rad], shape (k,), not sent where
-                one is not finite, and whether the last request of a joint is repeated.
-            start: When the first tick is due [s].
-            last: The number of a tick that is not missed, however late.
-        """
         tick = 0
         while True:
             missed = max(int(min((self._now() - start) / self._period, last)) - tick, 0)
             tick += missed
-            self._skipped += missed
+            self._counts["skipped"] += missed
             due = start + tick * self._period
             self._wait_until(due)
             reply = answer(tick, missed)
             if reply is None:
                 return
             requests, held = reply
-            self._held += held
+            self._counts["held"] += held
             if np.isfinite(requests).all():
                 self._send_at(due, requests)
-            self._overruns += self._now() >= due + self._period
+            self._counts["overruns"] += self._now() >= due + self._period
             tick += 1
 
     def _send_at(self, due: float, row: Array) -> float:
@@ -249,7 +234,7 @@ class Player:
         self._wait_until(due)
         begun = self._now()
         self._send(row)
-        self._sent += 1
+        self._counts["sent"] += 1
         self._late += begun - due
         self._latest = max(self._latest, begun - due)
         return begun
@@ -408,10 +393,8 @@ def follow(
                 _check_times(median(times), stream.period)
         return requests, "held" in stream.status
 
-    player = Player(send, now, sleep, stream.period)
-    return player.run(
-        lambda: player.keep_in_step(answer, start=now()), on_stop=on_stop, report=report
-    )
+    player = _Player(send, now, sleep, stream.period)
+    return player.run(answer, on_stop=on_stop, report=report)
 
 
 def _check_times(used: float, period: float) -> None:
