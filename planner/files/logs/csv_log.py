@@ -96,14 +96,37 @@ def _complete(candidates: tuple[Pair, ...]) -> tuple[Pair, ...]:
     return tuple(pair for pair in candidates if pair.requested and pair.actual)
 
 
-def _choose_pairs(table: Table, options: LogOptions) -> tuple[Pair, ...]:
-    """One column of requested and one of actual angles for each joint to read."""
-    candidates = pairs(table.names)
-    if options.requested is not None or options.actual is not None:
-        return (_named_pair(table, candidates, options),)
-    complete = _complete(candidates)
-    if not complete:
-        every = f"columns: {', '.join(table.names)}"
+def _choose_pairs(table: Table, options: LogOptions) -> list[Pair]:
+    """One column of requested and one of actual angles for each joint to read.
+
+    Of two columns that the options may name, the one that they leave out is guessed.
+    """
+    candidates, every = pairs(table.names), f"columns: {', '.join(table.names)}"
+    named = {role: column for role in ROLES if (column := getattr(options, role)) is not None}
+    if named:
+        for column in named.values():
+            table.place(column)
+        first = next(iter(named.values()))
+        _, joint = meaning(first) or ("", "")
+        joint = options.joint if options.joint not in (None, ALL_JOINTS) else joint
+        columns = {role: (column,) for role, column in named.items()}
+        for role in [role for role in ROLES if role not in named]:
+            guesses = {pair.joint: own for pair in candidates if (own := getattr(pair, role))}
+            if joint not in guesses and len(guesses) != 1:
+                raise table.fault(
+                    f"no column is clearly the {role} angle; {every}; name it with --{role}"
+                )
+            columns[role] = guesses.get(joint) or next(iter(guesses.values()))
+        if columns["requested"] == columns["actual"]:
+            raise table.fault(
+                f"column '{first}' cannot be both the requested and the actual angle; name the "
+                "other one too"
+            )
+        chosen = [Pair(joint, **columns)]
+    elif complete := _complete(candidates):
+        joints = [pair.joint for pair in complete]
+        chosen = [complete[k] for k in choose_joints(table.path, joints, options.joint)]
+    else:
         half = next((pair for pair in candidates if pair.requested or pair.actual), None)
         if half is None:
             raise table.fault(
@@ -115,51 +138,13 @@ def _choose_pairs(table: Table, options: LogOptions) -> tuple[Pair, ...]:
             f"'{(half.requested or half.actual)[0]}' is the {there} angle, but no column names the "
             f"{other} one; {every}; name it with --{other}"
         )
-    chosen = choose_joints(table.path, [pair.joint for pair in complete], options.joint)
-    return tuple(_single(table, complete[k]) for k in chosen)
-
-
-def _named_pair(table: Table, candidates: tuple[Pair, ...], options: LogOptions) -> Pair:
-    """The columns that the options name; if they name only one, the other is guessed."""
-    by_role = {"requested": options.requested, "actual": options.actual}
-    names = [column for column in by_role.values() if column is not None]
-    for column in names:
-        table.place(column)
-    first = meaning(names[0])
-    chosen = None if options.joint == ALL_JOINTS else options.joint
-    joint = chosen or (first[1] if first is not None else "")
-    columns = {
-        role: (column,) if column is not None else _guess(table, candidates, role, joint)
-        for role, column in by_role.items()
-    }
-    if columns["requested"] == columns["actual"]:
-        raise table.fault(
-            f"column '{names[0]}' cannot be both the requested and the actual angle; name the "
-            "other one too"
-        )
-    return _single(table, Pair(joint, **columns))
-
-
-def _guess(table: Table, candidates: tuple[Pair, ...], role: str, joint: str) -> tuple[str, ...]:
-    """The columns of a role, of this joint or of the only one that has any."""
-    guesses = {pair.joint: getattr(pair, role) for pair in candidates if getattr(pair, role)}
-    if joint not in guesses and len(guesses) != 1:
-        raise table.fault(
-            f"no column is clearly the {role} angle; columns: {', '.join(table.names)}; name it "
-            f"with --{role}"
-        )
-    guess: tuple[str, ...] = guesses.get(joint) or next(iter(guesses.values()))
-    return guess
-
-
-def _single(table: Table, pair: Pair) -> Pair:
-    for role, columns in (("requested", pair.requested), ("actual", pair.actual)):
-        if len(columns) > 1:
+    for role in ROLES:
+        for several in (own for pair in chosen if len(own := getattr(pair, role)) > 1):
             raise table.fault(
-                f"{len(columns)} columns may be the {role} angle ({', '.join(columns)}); name one "
+                f"{len(several)} columns may be the {role} angle ({', '.join(several)}); name one "
                 f"with --{role}"
             )
-    return pair
+    return chosen
 
 
 def _scale(table: Table, column: str, user_unit: str | None, options: LogOptions) -> Scale:
