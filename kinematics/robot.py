@@ -66,17 +66,6 @@ def read_robot(path: Path, *, locked: Mapping[str, float] | None = None) -> Robo
 
     if not isinstance(locked, Mapping | None):
         raise InvalidInput(f"locked: got {type(locked).__name__}, expected joints and positions")
-    model, mimics = _read_model(path)
-    lower, upper = model.lowerPositionLimit, model.upperPositionLimit
-    rest = np.clip(pinocchio.neutral(model), lower, upper)
-    indices = {_lock_joint(model, rest, *each) for each in (locked or {}).items()}
-    return Robot(model, mimics, frozenset(indices), read_only(rest))
-
-
-def _read_model(path: Path) -> tuple[Any, set[str]]:
-    """Pinocchio's model, and the names of the joints that mimic another joint."""
-    import pinocchio
-
     try:
         with path.open("rb") as stream:
             text = stream.read(MOST_BYTES + 1)
@@ -113,7 +102,9 @@ def _read_model(path: Path) -> tuple[Any, set[str]]:
         except (ValueError, RuntimeError) as error:  # too deep an element among them
             complaint = next(iter(complaints()), str(error))
             raise InvalidInput(f"{path}: is not a valid URDF: {complaint}") from error
-    return model, mimics
+    rest = np.clip(pinocchio.neutral(model), model.lowerPositionLimit, model.upperPositionLimit)
+    indices = {_lock_joint(model, rest, *each) for each in (locked or {}).items()}
+    return Robot(model, mimics, frozenset(indices), read_only(rest))
 
 
 def named(joints: Sequence[str]) -> str:

@@ -164,11 +164,37 @@ def recorded_path(
     period, origin = _period(logs, rate), _origin(logs)
     remarks: list[str] = []
     paths = []
-    for name, log in zip(names, logs, strict=True):
+    for name, recorded in zip(names, logs, strict=True):
+        log, jumps = unwrapped(recorded)
+        if jumps:
+            remarks.append(
+                f"{name}: its encoder, or its requests, started again {jumps} times; the angles go "
+                "on"
+            )
+        times, angles = log.times - origin, log.angles
+        sound = sound_rows(log)
+        if not sound.all() and sound.any():
+            remarks.append(
+                f"{name}: {int((~sound).sum())} angles that are missing, or that no joint takes, "
+                "are bridged"
+            )
+            angles = np.interp(times, times[sound], angles[sound])
+        freeze(times, angles)
         model, reason = chosen[name]
-        if model is not None:
-            model = _requested_every(model, period, name)
-        paths.append(_path(log, name, model, track, origin, reason=reason, remarks=remarks))
+        paths.append(
+            Path(
+                name=name,
+                unit=log.unit,
+                times=times,
+                followed=angles if track == "state" else log.requests,
+                requests=log.requests,
+                angles=angles,
+                load=log.load if model is not None and model.feels_load else None,
+                model=None if model is None else _requested_every(model, period, name),
+                reason=reason,
+                log=log,
+            )
+        )
     remarks += _remarks(logs, origin, first, last)
     return RecordedPath(
         name=logs[0].name,
@@ -280,46 +306,6 @@ def _requested_every(model: JointModel, period: float, joint: str) -> JointModel
         raise InvalidInput(
             f"rate: {1.0 / period:.6g} requests a second are none for the model of {joint}: {error}"
         ) from error
-
-
-def _path(
-    log: Log,
-    name: str,
-    model: JointModel | None,
-    track: Track,
-    origin: float,
-    *,
-    reason: str,
-    remarks: list[str],
-) -> Path:
-    """A joint's signals over the time since the recording began."""
-    log, jumps = unwrapped(log)
-    if jumps:
-        remarks.append(
-            f"{name}: its encoder, or its requests, started again {jumps} times; the angles go on"
-        )
-    times, angles = log.times - origin, log.angles
-    sound = sound_rows(log)
-    if not sound.all() and sound.any():
-        remarks.append(
-            f"{name}: {int((~sound).sum())} angles that are missing, or that no joint takes, are "
-            "bridged"
-        )
-        angles = np.interp(times, times[sound], angles[sound])
-    freeze(times, angles)
-    feels = model is not None and model.feels_load and log.load is not None
-    return Path(
-        name=name,
-        unit=log.unit,
-        times=times,
-        followed=angles if track == "state" else log.requests,
-        requests=log.requests,
-        angles=angles,
-        load=log.load if feels else None,
-        model=model,
-        reason=reason,
-        log=log,
-    )
 
 
 def _remarks(logs: Sequence[Log], origin: float, first: float, last: float) -> list[str]:
