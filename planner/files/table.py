@@ -125,7 +125,13 @@ def read_table(path: Path | str, *, most_rows: int | None = None) -> Table:
             if len(cells) != len(names):
                 line = reader.line_num
                 cut = len(cells) < len(names) and not any(map(_is_row, reader))
-                raise _ragged(path, names, len(cells), line, cut=cut)
+                advice = "is the file cut short?" if cut else "mend the row or its commas"
+                raise InvalidFile(
+                    path,
+                    f"got {len(cells)} {'cell' if len(cells) == 1 else 'cells'}, expected "
+                    f"{len(names)} ({_shortened(', '.join(names))}); {advice}",
+                    line=line,
+                )
             rows.append(tuple(cells) if delimiter == "," else tuple(map(_with_point, cells)))
             lines.append(reader.line_num)
             if len(rows) * len(names) > MOST_CELLS:
@@ -163,18 +169,13 @@ def _without_comments(text: str, start: int) -> str:
     last = max(k for k, line in enumerate(lines) if line.strip())
     header = lines[last].strip()
     blank = [""] * (len(lines) + 1)
-    if _follows_header(rest.partition("\n")[0], header):
+    following = rest.partition("\n")[0]
+    delimiter = max(DELIMITERS, key=following.count)
+    cells = following.split(delimiter)
+    numeric = any(_is_number(_with_point(cell)) for cell in cells)
+    if numeric and len(cells) == len(header.split(delimiter)):  # a row as long as the header
         blank[last] = header[1:].strip() if header[1:2] not in DELIMITERS else header
     return text[:start] + "\n".join(blank) + rest
-
-
-def _follows_header(line: str, header: str) -> bool:
-    """Whether a line is a row of numbers with as many cells as a header."""
-    delimiter = max(DELIMITERS, key=line.count)
-    cells = line.split(delimiter)
-    return len(cells) == len(header.split(delimiter)) and any(
-        _is_number(_with_point(cell)) for cell in cells
-    )
 
 
 def write_table(path: Path | str, names: Sequence[str], values: Array) -> None:
@@ -239,19 +240,6 @@ def _checked_names(path: Path | str, names: list[str], line: int) -> tuple[str, 
             path, f"{count} columns are named '{name}', expected one; rename the others", line=line
         )
     return tuple(names)
-
-
-def _ragged(
-    path: Path | str, names: Sequence[str], cells: int, line: int, *, cut: bool
-) -> InvalidFile:
-    """The error that a row does not have one cell per column."""
-    return InvalidFile(
-        path,
-        f"got {cells} {'cell' if cells == 1 else 'cells'}, expected {len(names)} "
-        f"({_shortened(', '.join(names))}); "
-        + ("is the file cut short?" if cut else "mend the row or its commas"),
-        line=line,
-    )
 
 
 def _with_point(cell: str) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any, Literal, NamedTuple
@@ -151,19 +151,15 @@ def test_motion(model: JointModel, limits: tuple[float, float]) -> Array:
         seed=7,
     ).requests
     levels = middle + reach * np.array([0.0, 0.9, 0.3, -0.8, -0.5, 0.0])
-    moves = _moves(levels, round(half / period))
-    angles = np.concatenate([sines, moves])
+    # from level to level along minimum-jerk curves in two thirds of the time, then at rest
+    samples = round(half / period)
+    each = samples // (len(levels) - 1)
+    shares = np.clip(1.5 * np.arange(1, each + 1) / each, 0.0, 1.0)
+    rise = shares**3 * (10.0 - 15.0 * shares + 6.0 * shares**2)
+    moves = [low + (high - low) * rise for low, high in pairwise(levels)]
+    rest = np.full(samples - each * len(moves), levels[-1])
+    angles = np.concatenate([sines, *moves, rest])
     fastest = float(np.max(np.abs(np.diff(angles)))) / period
     share = min(1.0, 0.6 * model.v_max / fastest)
     scaled: Array = middle + share * (angles - middle)
     return scaled
-
-
-def _moves(levels: Sequence[float] | Array, samples: int) -> Array:
-    """From level to level along minimum-jerk curves in two thirds of the time, then at rest."""
-    each = samples // (len(levels) - 1)
-    share = np.clip(1.5 * np.arange(1, each + 1) / each, 0.0, 1.0)
-    rise = share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
-    parts = [low + (high - low) * rise for low, high in pairwise(levels)]
-    motion = np.concatenate(parts)
-    return np.append(motion, np.full(samples - len(motion), levels[-1]))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -205,7 +205,14 @@ def read_logs(
     if not every:
         raise InvalidInput("no log; give at least one file")
     logs = tuple(log for path in every for log in format_of(path, chosen).read(path, chosen))
-    _check_units(every, chosen, {log.joint for log in logs})
+    unread = set(chosen.units()) - {"", *ROLES, *(log.joint for log in logs)}
+    if unread and STANDARD_STREAM not in map(str, every):
+        names = [name for path in every for name in joints_in(path, chosen)]
+        for joint in sorted(unread - set(names)):
+            raise InvalidInput(
+                f"--unit: no joint '{joint}'{nearest(joint, names)}; joints: "
+                + ", ".join(each or "(one without a name)" for each in names)
+            )
     return logs
 
 
@@ -225,19 +232,6 @@ def joints_in(path: Path | str, options: LogOptions | None = None) -> tuple[str,
     """
     chosen = _checked(options)
     return format_of(path, chosen).joints(path, chosen)
-
-
-def _check_units(paths: Sequence[Path | str], options: LogOptions, joints: Collection[str]) -> None:
-    """Refuse a unit of a joint that is in no file; ``joints`` are the joints of the logs."""
-    unread = set(options.units()) - {"", *ROLES, *joints}
-    if not unread or STANDARD_STREAM in map(str, paths):
-        return
-    names = [name for path in paths for name in joints_in(path, options)]
-    for joint in sorted(unread - set(names)):
-        raise InvalidInput(
-            f"--unit: no joint '{joint}'{nearest(joint, names)}; joints: "
-            + ", ".join(each or "(one without a name)" for each in names)
-        )
 
 
 def _checked(options: LogOptions | None) -> LogOptions:
