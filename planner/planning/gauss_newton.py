@@ -48,7 +48,7 @@ class Spec(NamedTuple):
         ridge: Curvature added to that of the goal, which may not depend on every angle.
         drives: Of each drive the numbers of its law, then ticks of its request period, unit of the
             radius of the corners [rad], time in which a speed counts as an angle [ticks], and from
-            rest the angle before the first sample [rad], (A, 14).
+            rest the angle before the first sample, else NaN [rad], (A, 14).
         weights: Weight of each request at each tick of a period, youngest first, (A, ticks, width).
         acting: Number of each request that acts before a sample, youngest first; from rest -1
             before the first one, which it equals, (n, width).

@@ -81,19 +81,14 @@ class Problem:
         models: The joints of the nominal scenario, then of the further scenarios, (A,).
         desired: Desired angles, for a foot the angles that bring it nearest [rad], (n, J).
         foot: The goal of a foot; None where the one joint should follow ``desired``.
-        cyclic: Whether the trajectory repeats for ever.
-        norm: The error that counts.
+        cyclic, norm, max_step, smoothness, start, robust: Of the task.
         lower, upper: Limits on the requests [rad], shape (J,) or (n, J).
-        max_step: Largest change from one request to the next [rad], shape (J,), inf for none.
-        smoothness: Relative rise of the shown error that smoother requests may cost [-].
-        start: From rest: angles at which the joints rest before the plan [rad], shape (J,).
-        first: From rest: the requests that hold them there [rad], shape (J,); by default in the
-            middle of the dead bands of the nominal models.
+        first: From rest: the requests that hold the joints at the start [rad], shape (J,); by
+            default in the middle of the dead bands of the nominal models.
         loads: Torque on each model's joint in the period that ends in each sample [N m], (n,), or
             None, (A,).
         near: Requests near which those of a search stay [rad], (n, J); by default R* of (10).
         weights: Weight of each scenario, together 1.
-        robust: With several scenarios the error that counts.
     """
 
     models: tuple[JointModel, ...]
