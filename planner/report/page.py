@@ -168,29 +168,29 @@ class Page:
 
 
 def environment() -> jinja2.Environment:
-    """Environment of the templates: their folder, filters and globals."""
+    """Environment of the templates: their folder, filters and globals; it draws tables."""
     import jinja2
 
-    environment = jinja2.Environment(
+    def drawn(value: Any) -> Any:
+        if not isinstance(value, Table):
+            return value
+        return Markup(templates.get_template("table.html").render(table=value))
+
+    templates = jinja2.Environment(
         loader=jinja2.PackageLoader("planner.report"),
         autoescape=True,
         undefined=jinja2.StrictUndefined,
-        finalize=lambda value: table_html(value) if isinstance(value, Table) else value,
+        finalize=drawn,
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters["fixed"] = lambda value, digits=2: f"{value:.{digits}f}"
-    environment.filters["percent"] = percent
-    environment.filters["breakable"] = _breakable
-    environment.filters["noted"] = _noted
-    environment.tests["breaking"] = lambda cell: " " in cell and not re.search(r"\d", cell)
-    environment.globals["hints"] = HINTS
-    return environment
-
-
-def table_html(table: Table) -> Markup:
-    """A table for a page, in a frame that scrolls where it is too wide."""
-    return Markup(environment().get_template("table.html").render(table=table))
+    templates.filters["fixed"] = lambda value, digits=2: f"{value:.{digits}f}"
+    templates.filters["percent"] = percent
+    templates.filters["breakable"] = _breakable
+    templates.filters["noted"] = _noted
+    templates.tests["breaking"] = lambda cell: " " in cell and not re.search(r"\d", cell)
+    templates.globals["hints"] = HINTS
+    return templates
 
 
 def rendered(block: str, **values: Any) -> Markup:
