@@ -204,8 +204,8 @@ def with_motor(
 ) -> tuple[Fit, tuple[Term, ...]]:
     """The fit with those of :data:`MOTOR` that reduce the loss, sought together; or the same fit.
 
-    A sag by the angle that was not kept is tried again beside them: it may show only there. Where
-    the fit is poor a wide box is searched, too, and with the sag.
+    A load and a sag by the angle that were not kept are tried again beside them: they may show only
+    there. Where the fit is poor a wide box is searched, too, and with the sag.
 
     Args:
         fit: A fit with terms.
@@ -223,22 +223,25 @@ def with_motor(
         if _saving(fit, bare) >= SAVING:
             motor = min(motor, bare, key=lambda each: huber(each.weighted, fit.scale))
     known = {term.name: term for term in terms}
-    untried = "sag_sin" in known and not known["sag_sin"].kept
-    if untried and (loaded is not None or motor is not fit):
-        motor, tried = _with_term("sag_sin", motor, loaded)
-        known |= tried
+    for name, found in (("compliance", None), ("slowing", None), ("sag_sin", loaded)):
+        untried = TERMS[name] in known and not known[TERMS[name]].kept
+        if untried and (found is not None or motor is not fit):
+            motor, tried = _with_term(name, motor, found)
+            known |= tried
     if motor is fit:
         return fit, terms
+    open_ends = dict.fromkeys(MOTOR, Interval(0.0, math.inf))
+    open_ends["asymmetry"] = Interval(-math.inf, math.inf)
+    for name in MOTOR[1:]:  # another one may pay now
+        if not motor.free[only(name)].any() and _shows(name, motor):
+            motor, tried = _with_term(name, motor)
+            open_ends[name] = tried[TERMS[name]].interval
     motor = least_squares(motor.grid, motor.parameters, free=motor.free, starts=motor.starts)
     uncertainty = uncertainty_of(motor)
-    for name in MOTOR:
+    for name, interval in open_ends.items():
         kept = bool(motor.free[only(name)].any())
-        interval = Interval(-math.inf if name == "asymmetry" else 0.0, math.inf)
-        if kept:
-            interval = model_interval(motor, uncertainty, name)
-        elif name != "acceleration" and _shows(name, motor):
-            interval = _with_term(name, motor)[1][TERMS[name]].interval
-        known[TERMS[name]] = _term(name, kept, fit, motor, interval)
+        ends = model_interval(motor, uncertainty, name) if kept else interval
+        known[TERMS[name]] = _term(name, kept, fit, motor, ends)
     return motor, tuple(known.values())
 
 
