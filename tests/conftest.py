@@ -273,8 +273,6 @@ def in_this_process(monkeypatch):
 def undrawn(monkeypatch):
     """Leave pictures in files empty: the commands' own tests draw them."""
     monkeypatch.setattr("planner.report.matplotlib_figure.pictures_of", lambda _: (NO_PICTURE, b""))
-    monkeypatch.setattr("planner.report.matplotlib_figure.to_svg", lambda _: NO_PICTURE)
-    monkeypatch.setattr("planner.report.matplotlib_figure.to_png", lambda _: b"")
 
 
 @pytest.fixture(scope="session")

@@ -54,7 +54,7 @@ def console(run, robots, tmp_path):
     return console
 
 
-@pytest.mark.usefixtures("no_foot_bound", "undrawn")
+@pytest.mark.usefixtures("no_foot_bound")
 @pytest.mark.parametrize("name", ["solo", "arm"])
 def test_a_public_robot_gets_from_urdf_to_report(console, tmp_path, name):
     word = {"arm": "ur5", "solo": "solo12"}[name]

@@ -43,7 +43,7 @@ def results(folder):
     return json.loads((folder / "results.json").read_text(encoding="utf-8"))
 
 
-@pytest.mark.usefixtures("no_foot_bound", "undrawn")
+@pytest.mark.usefixtures("no_foot_bound")
 def test_the_template_runs_as_it_is_and_plans_what_plan_does(run, write, template, tmp_path):
     result = run("run", write(template, "walk.toml"))
     assert result.exit_code == 0, result.stderr
