@@ -47,10 +47,9 @@ from planner.identification.intervals import (
     with_open_speed,
 )
 from planner.identification.judgement import (
-    exchanged_columns,
     notes_on,
-    opposite_sign,
     verdict_on,
+    wrong_columns,
 )
 from planner.identification.least_squares import Fit, better, least_squares, respond, sound_rms
 from planner.identification.log import Log, as_logs, check_alike, check_periods, unwrapped
@@ -574,13 +573,14 @@ def _answer(
         bounds = with_open_speed(bounds, fit, longer, fine.joint.fit)
         intervals = all_intervals(fit, bounds, uncertainty)
         intervals = over_ticks(intervals, fit, longer, fine.joint.fit)
+    against, exchanged = wrong_columns(alike)
     verdict, reason, findings = verdict_on(
         fit,
         intervals,
         held,
         errors,
-        against=opposite_sign(alike),
-        exchanged=exchanged_columns(alike),
+        against=against,
+        exchanged=exchanged,
         signal=signal,
         tested=held is not None or not hold_out,
         friction=friction,

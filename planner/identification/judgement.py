@@ -347,34 +347,46 @@ def notes_on(logs: Sequence[Log], timing: Timing, jumps: Sequence[int]) -> list[
     return [Finding("log", each) for each in words]
 
 
-def opposite_sign(grid: Grid) -> Finding | None:
-    """What speaks for a joint that moves against its requests; None where nothing does.
+def wrong_columns(grid: Grid) -> tuple[Finding | None, Finding | None]:
+    """What speaks for a joint that moves against its requests, and for exchanged columns, if any.
 
-    The angles then are as much like requests of the opposite sign, after a shorter delay. Half a
-    cycle of motion that repeats itself looks like the other sign, too. There the shorter delay is
-    taken for the true one: what a joint is late by is less than half a cycle.
+    Against its requests: the angles are as much like requests of the opposite sign, after a shorter
+    delay. Half a cycle of motion that repeats itself looks like the other sign, too. There the
+    shorter delay is taken for the true one: what a joint is late by is less than half a cycle.
+
+    Exchanged: the angles come before their requests. Motion that repeats itself is as like the
+    requests before as those after.
     """
-    delays = _delays(grid)
-    coarse = _likeness(grid, delays)
+    delays, against, exchanged = _delays(grid), None, None
+    before, after = _likeness(grid, delays), _likeness(grid, -delays)
     best = []
     for sign in (1.0, -1.0):
-        near = delays[_first_best(sign * coarse)] + delays[1] * np.linspace(-1.0, 1.0, 17)
+        near = delays[_first_best(sign * before)] + delays[1] * np.linspace(-1.0, 1.0, 17)
         near = np.maximum(near, 0.0)
         fine = sign * _likeness(grid, near)
         best.append((float(near[_first_best(fine)]), float(np.max(fine))))
     (same_delay, same), (delay, other) = best
     as_good = _unlike(other) <= SIGN_LIKENESS * _unlike(same)
-    if other < 0.7 or not as_good or delay >= same_delay:
-        return None
-    repeats = _unlike(same) <= SIGN_LIKENESS * _unlike(other)
-    return Finding(
-        "sign",
-        f"the joint seems to move against its requests: its angles correlate by {other:.2f} with "
-        f"requests of the opposite sign {1e3 * delay:.0f} ms before, and by {same:.2f} with the "
-        f"requests themselves {1e3 * same_delay:.0f} ms before; invert the sign of one column"
-        + ", or record motion that does not repeat itself"
-        * repeats,
-    )
+    if other >= 0.7 and as_good and delay < same_delay:
+        repeats = _unlike(same) <= SIGN_LIKENESS * _unlike(other)
+        words = (
+            f"the joint seems to move against its requests: its angles correlate by {other:.2f} "
+            f"with requests of the opposite sign {1e3 * delay:.0f} ms before, and by {same:.2f} "
+            f"with the requests themselves {1e3 * same_delay:.0f} ms before; invert the sign of "
+            "one column" + ", or record motion that does not repeat itself" * repeats
+        )
+        against = Finding("sign", words)
+    k = _first_best(after)
+    past, future = float(np.max(before)), float(after[k])
+    if future >= 0.7 and SIGN_LIKENESS * _unlike(future) < _unlike(past):
+        words = (
+            "the joint seems to move before it is requested to: its angles correlate by "
+            f"{future:.2f} with the requests {1e3 * delays[k]:.0f} ms later, and by at most "
+            f"{past:.2f} with earlier ones; are the columns of requested and actual angles "
+            "exchanged, or the times of one of them late?"
+        )
+        exchanged = Finding("columns", words)
+    return against, exchanged
 
 
 def _other_scale(grid: Grid, unit: str) -> str:
@@ -400,26 +412,6 @@ def _other_scale(grid: Grid, unit: str) -> str:
         f"the angles are like the requests but span {angle_in(unit, actual)} beside "
         f"{angle_in(unit, requested)}: is the scale of a column wrong? expected actual angles "
         f"times {requested / actual:.3g}, or requested ones times {actual / requested:.3g};"
-    )
-
-
-def exchanged_columns(grid: Grid) -> Finding | None:
-    """What speaks for angles that come before their requests; None where nothing does.
-
-    Motion that repeats itself is as like the requests before as those after.
-    """
-    delays = _delays(grid)
-    before, after = _likeness(grid, delays), _likeness(grid, -delays)
-    k = _first_best(after)
-    past, future = float(np.max(before)), float(after[k])
-    if future < 0.7 or SIGN_LIKENESS * _unlike(future) >= _unlike(past):
-        return None
-    return Finding(
-        "columns",
-        "the joint seems to move before it is requested to: its angles correlate by "
-        f"{future:.2f} with the requests {1e3 * delays[k]:.0f} ms later, and by at most {past:.2f} "
-        "with earlier ones; are the columns of requested and actual angles exchanged, or the times "
-        "of one of them late?",
     )
 
 
