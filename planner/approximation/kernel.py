@@ -67,8 +67,10 @@ def open_ended(desired: Array, weights: Array, step: float) -> Array:
 
 
 @compiled
-def chord_costs(desired: Array, step: float, nodes: Indices, states: Array, fixed: Mask) -> Array:
-    """Squared errors of segments between states of nodes, each over the samples after its start.
+def segment_costs(
+    desired: Array, step: float, nodes: Indices, states: Array, fixed: Mask, by_lines: bool
+) -> Array:
+    """Squared errors of segments between nodes, each over the samples after its start.
 
     Args:
         desired: Samples, shape (n,).
@@ -76,6 +78,8 @@ def chord_costs(desired: Array, step: float, nodes: Indices, states: Array, fixe
         nodes: Samples where knots may lie, increasing, shape (m,).
         states: Values that the curve may have there, shape (m, g); infinite where there are fewer.
         fixed: Which nodes must be knots, shape (m,).
+        by_lines: Whether a segment is the best line within the slopes through its samples, whatever
+            its states, of which there is one.
 
     Returns:
         Costs by end and start, shape (m g, m g), infinite where a segment is too steep, does not
@@ -88,8 +92,13 @@ def chord_costs(desired: Array, step: float, nodes: Indices, states: Array, fixe
             length = float(nodes[j] - nodes[i])
             d0, d1, d2 = _moments(totals, nodes[i], nodes[j])
             w1 = 0.5 * length * (length + 1.0)
+            if by_lines:
+                sxx, sxy = length * (length * length - 1.0) / 12.0, d1 - w1 * d0 / length
+                slope = min(max(sxy / max(sxx, 1e-9), -step), step)
+                cost = d2 - d0 * d0 / length + slope * (slope * sxx - 2.0 * sxy)
+                costs[j, i] = max(cost, 0.0)
             w2 = w1 * (2.0 * length + 1.0) / 3.0
-            for start in range(count):
+            for start in range(0 if by_lines else count):
                 a = states[i, start]
                 for end in range(count):
                     slope = (states[j, end] - a) / length
@@ -97,25 +106,6 @@ def chord_costs(desired: Array, step: float, nodes: Indices, states: Array, fixe
                         cost = a * (length * a + 2.0 * (slope * w1 - d0))
                         cost += slope * (slope * w2 - 2.0 * d1) + d2
                         costs[j * count + end, i * count + start] = max(cost, 0.0)
-            if fixed[j]:
-                break
-    return costs
-
-
-@compiled
-def line_costs(desired: Array, step: float, nodes: Indices, fixed: Mask) -> Array:
-    """The same of the best line within the slopes through each segment's samples, shape (m, m)."""
-    size = len(nodes)
-    costs, totals = _infinite(size), _totals(desired)
-    for i in range(size):
-        for j in range(i + 1, size):
-            length = float(nodes[j] - nodes[i])
-            d0, d1, d2 = _moments(totals, nodes[i], nodes[j])
-            sxx = length * (length * length - 1.0) / 12.0
-            sxy = d1 - 0.5 * (length + 1.0) * d0
-            slope = min(max(sxy / max(sxx, 1e-9), -step), step)
-            cost = d2 - d0 * d0 / length + slope * (slope * sxx - 2.0 * sxy)
-            costs[j, i] = max(cost, 0.0)
             if fixed[j]:
                 break
     return costs

@@ -32,6 +32,7 @@ import numpy as np
 
 from planner.approximation.problem import (
     EQUAL,
+    SHORTEST,
     Candidate,
     CanonicalForm,
     Problem,
@@ -272,16 +273,17 @@ def with_moved_knots(problem: Problem, curves: list[Candidate]) -> Candidate:
 
 def moved(problem: Problem, curve: Candidate) -> list[Candidate]:
     """The curves with one knot moved along the curve; their errors are not yet computed."""
-    period = problem.samples if problem.cyclic else None
-    curves = []
-    for k in np.flatnonzero(~fixed_variables(problem, curve.knots)[0]):
-        for move in MOVES:
-            knots, values = curve.knots.copy(), curve.values.copy()
-            knots[k] += move
-            values[k] = np.interp(knots[k], curve.knots, curve.values, period=period)
-            if problem.long_enough(knots):
-                curves.append(Candidate(knots, values, curve.error))
-    return curves
+    n, movable = problem.samples, np.flatnonzero(~fixed_variables(problem, curve.knots)[0])
+    which = np.repeat(movable, len(MOVES))
+    row = np.arange(which.size)
+    knots, values = (np.tile(each, (which.size, 1)) for each in (curve.knots, curve.values))
+    knots[row, which] += np.tile(MOVES, movable.size)
+    period = n if problem.cyclic else None
+    values[row, which] = np.interp(knots[row, which], curve.knots, curve.values, period=period)
+    ends = np.column_stack([knots, knots[:, 0] + n]) if problem.cyclic else knots
+    allowed = np.min(np.diff(ends, axis=1), axis=1) >= SHORTEST
+    pairs = zip(knots[allowed], values[allowed], strict=True)
+    return [Candidate(*pair, curve.error) for pair in pairs]
 
 
 def exact_curve(problem: Problem) -> Candidate | None:
@@ -352,6 +354,8 @@ def _nodes(problem: Problem, nodes: int, first: int) -> Indices:
     n = problem.samples
     last = n if problem.cyclic else n - 1
     even = np.round(np.linspace(0, last, min(last, nodes) + 1)).astype(np.intp)
+    if not problem.required.size:
+        return even
     fixed = nearest_samples(problem.required) - first
     return np.union1d(even, fixed % n if problem.cyclic else fixed)
 
@@ -380,21 +384,16 @@ def cheapest_knots(
     around = np.arange(first, first + n + cyclic) % n
     required = nearest_samples(problem.required) - first
     required = required % n if cyclic else required
-    desired, stays, count = problem.desired[around], np.isin(grid, required), 1
-    if states is None:
-        costs = kernel.line_costs(desired, problem.step, grid, stays)
-        begin = np.zeros(1)
-    else:
-        own = states[around][grid]
-        for place, pin in zip(required, problem.pins, strict=True):
-            if np.isfinite(pin) and own.shape[1] > 1:
-                own[grid % n == place] = pin, *(np.inf,) * (own.shape[1] - 1)
-        costs = kernel.chord_costs(desired, problem.step, grid, own, stays)
-        begin, count = (own[0] - desired[0]) ** 2, own.shape[1]
-    way = kernel.cheapest_chain(costs, begin, segments)
+    desired, stays = problem.desired[around], np.isin(grid, required)
+    own = (desired[:, np.newaxis] if states is None else states[around])[grid]
+    for place, pin in zip(required, problem.pins, strict=True):
+        if np.isfinite(pin) and own.shape[1] > 1:
+            own[grid % n == place] = pin, *(np.inf,) * (own.shape[1] - 1)
+    costs = kernel.segment_costs(desired, problem.step, grid, own, stays, states is None)
+    way = kernel.cheapest_chain(costs, (own[0] - desired[0]) ** 2, segments)
     if not way.size:
         return None
-    knots = grid[way // count].astype(np.float64) + first
+    knots = grid[way // own.shape[1]].astype(np.float64) + first
     return with_required(problem, knots[:-1] if cyclic else knots)
 
 

@@ -6,7 +6,7 @@ import cvxpy as cp
 import numpy as np
 import pytest
 
-from planner.approximation.kernel import chord_costs, line_costs
+from planner.approximation.kernel import segment_costs
 from planner.approximation.values import attainable_error, envelopes, slope_bounded
 from tests.approximation.samples import KINDS, samples_of
 
@@ -41,7 +41,7 @@ def instance(request):
 
 def test_a_segment_costs_what_the_best_line_within_the_slopes_leaves(instance):
     desired, fixed = instance
-    costs = line_costs(desired, STEP, NODES, fixed)
+    costs = segment_costs(desired, STEP, NODES, np.zeros((len(NODES), 1)), fixed, True)
     for i, j, possible in pairs(fixed):
         expected = np.inf
         if possible:
@@ -56,7 +56,7 @@ def test_a_segment_costs_what_the_best_line_within_the_slopes_leaves(instance):
 def test_a_chord_costs_its_squared_error_where_it_is_not_too_steep(instance):
     desired, fixed = instance
     states = np.stack([desired[NODES] - 0.1, desired[NODES] + 0.2], axis=1)
-    costs = chord_costs(desired, STEP, NODES, states, fixed)
+    costs = segment_costs(desired, STEP, NODES, states, fixed, False)
     for i, j, possible in pairs(fixed):
         for a, b in np.ndindex(2, 2):
             start, end, expected = NODES[i], NODES[j], np.inf

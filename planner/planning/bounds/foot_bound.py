@@ -183,27 +183,10 @@ def dual_function(
     return float(np.sum(proved) + constant - relaxation.limits @ conditions), angles
 
 
-def stationary_point(relaxation: LagrangianRelaxation, angles: Array) -> tuple[Array, Multipliers]:
-    """The stationary point near some angles, in the box, (n, k), and its multipliers.
-
-    It is sought by Gauss-Newton steps. If the solver fails, the multipliers are those of the step
-    before, or zero ones: any of them are valid.
-    """
-    multipliers = relaxation.unconditional
-    for _ in range(12):
-        step = _gauss_newton_step(relaxation, angles)
-        if step is None:
-            break
-        before, (angles, multipliers) = angles, step
-        if np.max(np.abs(angles - before)) <= 1e-5:  # [rad]
-            break
-    return angles, multipliers
-
-
-def _gauss_newton_step(
+def gauss_newton_step(
     relaxation: LagrangianRelaxation, angles: Array
 ) -> tuple[Array, Multipliers] | None:
-    """The best angles for a linearised foot, and their multipliers; None without an answer.
+    """The best angles in the box for a linearised foot, and their multipliers; None if it fails.
 
     The unknowns are the angles at all ticks, the linearised errors sample by sample and, in the
     norm "max", the largest of their lengths.
@@ -347,7 +330,12 @@ class Node(NamedTuple):
 def _branch_and_bound(relaxation: LagrangianRelaxation, away: Array, plan: Array) -> float:
     """The least bound of nodes that cover all responses."""
     distance, samples = relaxation.distance, relaxation.samples
-    angles, multipliers = stationary_point(relaxation, plan)
+    angles, multipliers = plan, relaxation.unconditional
+    for _ in range(12):
+        step = gauss_newton_step(relaxation, angles)
+        if step is None or np.max(np.abs(step[0] - angles)) <= 1e-5:  # [rad]
+            break
+        angles, multipliers = step
     squares = distance.squared(angles)
     if (np.max(squares) if relaxation.norm == "max" else np.mean(squares)) < 1e-3:
         return 0.0  # this is an upper limit of the bound
