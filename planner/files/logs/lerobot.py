@@ -51,9 +51,8 @@ def read_lerobot(path: Path | str, options: LogOptions) -> tuple[Log, ...]:
     logs: list[Log] = []
     all_episodes: set[int] = set()
     for file in _files(dataset, Path(path), episodes):
-        columns = read_columns(file, [TIME, EPISODE, ACTION, STATE])
-        times, numbers = (_one_a_row(file, name, columns[name]) for name in (TIME, EPISODE))
-        joints = _joints(dataset, file, columns)
+        times, numbers, actions, states = _read(file, TIME, EPISODE, ACTION, STATE)
+        joints = _joints(dataset, file, actions, states)
         chosen = choose_joints(path, tuple(joints), options.joint)
         names = [tuple(joints)[k] for k in chosen]
         scales = {name: _scale(path, name, options) for name in names}
@@ -68,8 +67,8 @@ def read_lerobot(path: Path | str, options: LogOptions) -> tuple[Log, ...]:
                 action, state = joints[name]
                 values = Columns(
                     times=times[rows],
-                    requests=columns[ACTION].reshape(len(times), -1)[rows, action],
-                    angles=columns[STATE].reshape(len(times), -1)[rows, state],
+                    requests=actions[rows, action],
+                    angles=states[rows, state],
                     request_scale=scales[name],
                     angle_scale=scales[name],
                 )
@@ -104,7 +103,7 @@ def lerobot_episodes(path: Path | str, options: LogOptions) -> tuple[EpisodeFile
     places: list[EpisodeFile] = []
     for file in _files(dataset, Path(path), chosen):
         try:
-            numbers = _one_a_row(file, EPISODE, read_columns(file, [EPISODE])[EPISODE])
+            (numbers,) = _read(file, EPISODE)
             places += [EpisodeFile(file, number) for number in _episodes_in(file, numbers)]
         except InvalidFile:
             match = _EPISODE.fullmatch(file.name)
@@ -130,24 +129,21 @@ class EpisodeRows(NamedTuple):
 
 def read_episode(place: EpisodeFile) -> EpisodeRows:
     """The rows of an episode as they are written."""
-    file = place.file
-    columns = read_columns(file, [TIME, EPISODE, ACTION, STATE])
-    rows = np.flatnonzero(_one_a_row(file, EPISODE, columns[EPISODE]) == place.episode)
-    count = len(columns[TIME])
-    action, state = (columns[key].reshape(count, -1)[rows] for key in (ACTION, STATE))
+    times, numbers, actions, states = _read(place.file, TIME, EPISODE, ACTION, STATE)
+    rows = np.flatnonzero(numbers == place.episode)
     try:
-        numbers = _one_a_row(file, TASK, read_columns(file, [TASK])[TASK])
-        task = find_dataset(file).tasks().get(int(numbers[rows[0]]), "")
+        (tasks,) = _read(place.file, TASK)
+        task = find_dataset(place.file).tasks().get(int(tasks[rows[0]]), "")
     except (InvalidFile, IndexError):
         task = ""
-    return EpisodeRows(columns[TIME].ravel()[rows], action, state, task)
+    return EpisodeRows(times[rows], actions[rows], states[rows], task)
 
 
 def lerobot_joints(path: Path | str, options: LogOptions) -> tuple[str, ...]:
     """Names of the joints that both the action and the observation hold."""
     dataset = find_dataset(Path(path))
     file = _files(dataset, Path(path), options.episode_numbers())[0]
-    return tuple(_joints(dataset, file, read_columns(file, [ACTION, STATE])))
+    return tuple(_joints(dataset, file, *_read(file, ACTION, STATE)))
 
 
 def _files(dataset: Dataset, path: Path, episodes: frozenset[int] | None) -> tuple[Path, ...]:
@@ -171,13 +167,12 @@ def _check_there(
 
 
 def _joints(
-    dataset: Dataset, file: Path, columns: Mapping[str, Array]
+    dataset: Dataset, file: Path, actions: Array, states: Array
 ) -> dict[str, tuple[int, int]]:
     """Places in the action and in the observation of every joint that both hold."""
     places = []
-    for key in (ACTION, STATE):
-        values, names = columns[key], dataset.names[key]
-        width = values.shape[1] if values.ndim == 2 else 1
+    for key, width in ((ACTION, actions.shape[1]), (STATE, states.shape[1])):
+        names = dataset.names[key]
         if names is None:
             names = tuple(str(j) for j in range(width))
         if len(names) != width:
@@ -207,11 +202,17 @@ def _scale(path: Path | str, joint: str, options: LogOptions) -> Scale:
     )
 
 
-def _one_a_row(file: Path, name: str, values: Array) -> Array:
-    """Numbers of shape (n,); some versions of LeRobot write them as lists of one."""
-    if values.ndim == 2 and values.shape[1] != 1:
-        raise InvalidFile(file, f"'{name}' has {values.shape[1]} numbers a row, expected one")
-    return values.ravel()
+def _read(file: Path, *names: str) -> list[Array]:
+    """Columns of a file: features of shape (n, width), others (n,).
+
+    Some versions of LeRobot write single numbers as lists of one.
+    """
+    columns = read_columns(file, names)
+    for name, values in columns.items():
+        if name not in (ACTION, STATE) and values.ndim == 2 and values.shape[1] != 1:
+            raise InvalidFile(file, f"'{name}' has {values.shape[1]} numbers a row, expected one")
+    shapes = [(len(columns[name]), -1) if name in (ACTION, STATE) else -1 for name in names]
+    return [columns[name].reshape(shape) for name, shape in zip(names, shapes, strict=True)]
 
 
 def _episodes_in(file: Path, numbers: Array) -> list[int]:
