@@ -146,26 +146,30 @@ class VirtualRobot:
         at its limit, and is clipped to its largest share of the duty. The voltage U of the battery
         falls with the current that is drawn, and has slow noise.
         """
-        each, period = self.constants, self.constants.control_period
-        keep = math.exp(-period / each.supply_correlation_time)
-        fresh = each.supply_noise * math.sqrt(1.0 - keep**2)
+        constants, period = self.constants, self.constants.control_period
+        keep = math.exp(-period / constants.supply_correlation_time)
+        fresh = constants.supply_noise * math.sqrt(1.0 - keep**2)
         self._noise = keep * self._noise + fresh * self._random.standard_normal()
         drawn = float(np.sum(self._duty * self._current))
-        voltage = each.battery_voltage + self._noise - each.battery_resistance * drawn
+        voltage = constants.battery_voltage + self._noise - constants.battery_resistance * drawn
         self._under_way.append(requests)
         sensed, before = self.sense(), self._sensed
-        share = period / (each.derivative_filter + period)
+        share = period / (constants.derivative_filter + period)
         self._speed = self._speed + share * ((sensed - before) / period - self._speed)
         self._sensed = sensed
         errors = self._under_way.popleft() - sensed
-        duty = each.proportional_gain * errors + self._integral - each.derivative_gain * self._speed
-        summed = self._integral + each.integral_gain * errors * period
-        summed = np.clip(summed, -each.integral_share, each.integral_share)
+        duty = (
+            constants.proportional_gain * errors
+            + self._integral
+            - constants.derivative_gain * self._speed
+        )
+        summed = self._integral + constants.integral_gain * errors * period
+        summed = np.clip(summed, -constants.integral_share, constants.integral_share)
         self._integral = np.where(np.abs(duty) < 1.0, summed, self._integral)
-        self._duty = np.rint(each.duty_steps * np.clip(duty, -1.0, 1.0)) / each.duty_steps
-        induced = each.joint_torque_constant * self._data.qvel
-        self._current = (self._duty * voltage - induced) / each.terminal_resistance
-        self._data.qfrc_applied[:] = each.joint_torque_constant * self._current
+        self._duty = np.rint(constants.duty_steps * np.clip(duty, -1.0, 1.0)) / constants.duty_steps
+        induced = constants.joint_torque_constant * self._data.qvel
+        self._current = (self._duty * voltage - induced) / constants.terminal_resistance
+        self._data.qfrc_applied[:] = constants.joint_torque_constant * self._current
         self._step(self._model, self._data)
 
 
