@@ -154,11 +154,9 @@ class PiecewiseLinear(_Curves):
 
     def _locate(self, index: Array) -> tuple[npt.NDArray[np.intp], Array]:
         """Segment of each index, and how far into it the index lies [samples]."""
+        starts, since_first = self.knots - self.knots[0], index - self.knots[0]
         if self.cyclic:
-            since_first = np.mod(index - self.knots[0], self.samples)
-            starts = self.knots - self.knots[0]
-        else:
-            since_first, starts = index - self.knots[0], self.knots - self.knots[0]
+            since_first = np.mod(since_first, self.samples)
         segment = np.searchsorted(starts, since_first, side="right") - 1
         segment = np.clip(segment, 0, self.segments - 1)
         return segment, since_first - starts[segment]
