@@ -384,7 +384,8 @@ def cheapest_knots(
     around = np.arange(first, first + n + cyclic) % n
     required = nearest_samples(problem.required) - first
     required = required % n if cyclic else required
-    desired, stays = problem.desired[around], np.isin(grid, required)
+    desired, stays = problem.desired[around], np.zeros(grid.size, dtype=np.bool_)
+    stays[np.searchsorted(grid, required)] = True
     own = (desired[:, np.newaxis] if states is None else states[around])[grid]
     for place, pin in zip(required, problem.pins, strict=True):
         if np.isfinite(pin) and own.shape[1] > 1:
