@@ -240,7 +240,7 @@ def within_slopes(
 def best_values(problem: Problem, knots: Array) -> Candidate:
     """The curve of best values within the slopes at given knots, at most :data:`WINDOW`."""
     start = Candidate(knots, feasible_values(problem, knots), math.inf)
-    return descend(problem, start, rounds=8, progress=1e-10, values_only=True)
+    return descend(problem, start, rounds=8, progress=1e-13, values_only=True)
 
 
 def descend(
