@@ -7,25 +7,27 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from kinematics.chain import Limits as Limits
-    from kinematics.exceptions import InvalidInput as InvalidInput
-    from kinematics.exceptions import KinematicsError as KinematicsError
-    from kinematics.exceptions import UnreachableFoot as UnreachableFoot
-    from kinematics.exceptions import UnsupportedLeg as UnsupportedLeg
     from kinematics.inverse import InverseSolution as InverseSolution
     from kinematics.leg import Leg as Leg
     from kinematics.leg import foot_function as foot_function
     from kinematics.robot import urdf_path as urdf_path
+    from planner.exceptions import InvalidInput as InvalidInput
+    from planner.exceptions import PlannerError
+    from planner.exceptions import UnreachableFoot as UnreachableFoot
+    from planner.exceptions import UnsupportedLeg as UnsupportedLeg
+
+    KinematicsError = PlannerError
 
 _HOMES = {
-    "InvalidInput": "exceptions",
-    "InverseSolution": "inverse",
-    "KinematicsError": "exceptions",
-    "Leg": "leg",
-    "Limits": "chain",
-    "UnreachableFoot": "exceptions",
-    "UnsupportedLeg": "exceptions",
-    "foot_function": "leg",
-    "urdf_path": "robot",
+    "InvalidInput": "planner.exceptions.InvalidInput",
+    "InverseSolution": "kinematics.inverse.InverseSolution",
+    "KinematicsError": "planner.exceptions.PlannerError",
+    "Leg": "kinematics.leg.Leg",
+    "Limits": "kinematics.chain.Limits",
+    "UnreachableFoot": "planner.exceptions.UnreachableFoot",
+    "UnsupportedLeg": "planner.exceptions.UnsupportedLeg",
+    "foot_function": "kinematics.leg.foot_function",
+    "urdf_path": "kinematics.robot.urdf_path",
 }
 
 __all__ = list(_HOMES)
@@ -35,7 +37,8 @@ def __getattr__(name: str) -> Any:
     """Import a public name on first access (PEP 562)."""
     if name not in _HOMES:
         raise AttributeError(f"module 'kinematics' has no attribute {name!r}")
-    return getattr(import_module(f"kinematics.{_HOMES[name]}"), name)
+    module, _, attribute = _HOMES[name].rpartition(".")
+    return getattr(import_module(module), attribute)
 
 
 def __dir__() -> list[str]:

@@ -25,7 +25,7 @@ import numpy as np
 import numpy.typing as npt
 
 from kinematics.chain import Chain, Limits, half_turned, read_only
-from kinematics.exceptions import UnreachableFoot, UnsupportedLeg
+from planner.exceptions import UnreachableFoot, UnsupportedLeg
 from planner.trajectory import TURN, Array, Indices
 from planner.validation import check_choice
 

@@ -13,7 +13,6 @@ import numpy as np
 import numpy.typing as npt
 
 from kinematics.chain import Chain, Limits, read_only
-from kinematics.exceptions import InvalidInput, UnsupportedLeg
 from kinematics.inverse import (
     ClosedForm,
     InverseSolution,
@@ -30,6 +29,7 @@ from kinematics.robot import (
     named,
     read_robot,
 )
+from planner.exceptions import InvalidInput, UnsupportedLeg
 from planner.trajectory import Array, Indices, as_path
 from planner.validation import as_positive, as_reals, shown
 

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from kinematics.chain import read_only
-from kinematics.exceptions import InvalidInput, UnsupportedLeg
+from planner.exceptions import InvalidInput, UnsupportedLeg
 from planner.trajectory import Array
 
 MOST_BYTES = 64 * 2**20

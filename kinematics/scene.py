@@ -14,8 +14,8 @@ from typing import Any, Self
 import numpy as np
 
 from kinematics.chain import read_only
-from kinematics.exceptions import InvalidInput
 from kinematics.robot import Robot, captured_stderr, find_frame, joints_between, read_robot
+from planner.exceptions import InvalidInput
 from planner.trajectory import Array
 
 MESHES = (".stl", ".obj", ".dae")

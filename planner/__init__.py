@@ -22,6 +22,8 @@ if TYPE_CHECKING:
         OutsideEquation13,
         PlannerError,
         SolverFailed,
+        UnreachableFoot,
+        UnsupportedLeg,
     )
     from planner.files.joint_model import read_models
     from planner.files.logs.make_log import LogOptions
@@ -76,6 +78,8 @@ __all__ = [
     "Stream",
     "TimedRequest",
     "Trial",
+    "UnreachableFoot",
+    "UnsupportedLeg",
     "__version__",
     "certify",
     "closed_form_requests",
@@ -122,6 +126,8 @@ _HOMES = {
         "OutsideEquation13",
         "PlannerError",
         "SolverFailed",
+        "UnreachableFoot",
+        "UnsupportedLeg",
     ),
     "planner.files.joint_model": ("read_models",),
     "planner.files.logs.make_log": ("LogOptions",),

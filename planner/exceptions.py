@@ -8,6 +8,9 @@
     │   ├── InvalidTrajectory             NaN, wrong shape, too short
     │   ├── InvalidFile                   invalid content; carries path and line
     │   ├── Infeasible                    requirements that contradict each other
+    │   ├── UnsupportedLeg                no leg between the two frames, or a joint that never moves
+    │   │                                 its foot
+    │   ├── UnreachableFoot               points out of the leg's reach; carries their distances
     │   └── MissingExtra                  the call needs a package that is not installed
     ├── BusError                          servos that do not answer, do not follow or report a fault
     ├── NoSteadyCycle                     a cycle that never closes; carries the mismatch
@@ -16,7 +19,6 @@
     OutsideEquation13 (a UserWarning)     the paper's rule, where the paper does not derive it
 
 The command line turns ``InvalidInput`` into exit status 2 and the others into exit status 1.
-Errors of a leg, below ``InvalidInput``, are in :mod:`kinematics.exceptions`.
 """
 
 from __future__ import annotations
@@ -26,7 +28,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
+
+if TYPE_CHECKING:
+    from planner.trajectory import Array, Indices
 
 LONGEST = 1500
 """Characters of a message; of a longer one the middle is left out."""
@@ -77,6 +82,33 @@ class InvalidFile(InvalidInput):
 
 class Infeasible(InvalidInput):
     """No answer can meet the requirements."""
+
+
+class UnsupportedLeg(InvalidInput):
+    """The joints between the two frames form no leg, or none with an inverse."""
+
+
+class UnreachableFoot(InvalidInput):
+    """The leg cannot reach some of the points within its joint limits.
+
+    Attributes:
+        indices: Which points, read-only, shape (m,).
+        distances: How far each lies from the nearest point that can be reached [m], read-only,
+            shape (m,).
+    """
+
+    def __init__(self, indices: Indices, distances: Array, *, of: int) -> None:
+        """Name the points, as far as they fit on a line, and the worst of them."""
+        self.indices = indices
+        self.distances = distances
+        listed = ", ".join(str(index) for index in indices[:10])
+        more = ", ..." if len(indices) > 10 else ""
+        worst = int(distances.argmax())
+        super().__init__(
+            f"{len(indices)} of {of} foot positions are out of reach, the worst by "
+            f"{distances[worst]:.3g} m (index {indices[worst]}); indices: {listed}{more}; move "
+            "them (are they in metres, in the base frame?), or ask for unreachable='nearest'"
+        )
 
 
 class MissingExtra(InvalidInput):

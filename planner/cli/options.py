@@ -320,9 +320,6 @@ BY_JOINT = {
 LEG = "name urdf base foot lock near"
 """The keys of a leg, for :func:`settings`."""
 
-SMOOTHING = "max_step_deg max_request_speed_deg_s smoothness"
-"""The keys of a plan that say how smooth the requests are."""
-
 
 def _of_table(table: str) -> str:
     """All options of a table."""

@@ -6,7 +6,7 @@ import click
 
 from planner.cli import options
 from planner.cli.console import Progress, deliver
-from planner.cli.settings import Run
+from planner.cli.settings import SMOOTHING, Run
 from planner.files.text import write_text
 
 
@@ -18,7 +18,7 @@ from planner.files.text import write_text
     "path: joints rate_hz speed",
     "plan: cyclic",
     "start: deg",
-    f"plan: method segments rule load norm solver weights {options.SMOOTHING} robust",
+    f"plan: method segments rule load norm solver weights {SMOOTHING} robust",
     "limits: deg",
     "tolerance: deg cm",
 )

@@ -8,7 +8,7 @@ import click
 
 from planner.cli import options
 from planner.cli.console import Progress, deliver, warn
-from planner.cli.settings import Run
+from planner.cli.settings import SMOOTHING, Run
 from planner.files.text import write_text
 
 
@@ -27,7 +27,7 @@ from planner.files.text import write_text
     "path: joints rate_hz",
     "plan: cyclic",
     "start: deg",
-    f"plan: method load norm solver weights {options.SMOOTHING}",
+    f"plan: method load norm solver weights {SMOOTHING}",
     "limits: deg",
 )
 @options.option(

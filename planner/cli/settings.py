@@ -247,6 +247,10 @@ class Plan(Settings):
     )
 
 
+SMOOTHING = "max_step_deg max_request_speed_deg_s smoothness"
+"""The keys of :class:`Plan` that say how smooth the requests are."""
+
+
 class Limits(Settings):
     """Ranges of the requests; those of the leg hold where there are none."""
 

@@ -9,10 +9,9 @@ from typing import Any, Literal, NamedTuple, get_args
 import numpy as np
 
 from kinematics.chain import Chain, read_only
-from kinematics.exceptions import UnreachableFoot, UnsupportedLeg
 from kinematics.inverse import check_joints
 from kinematics.leg import Leg
-from planner.exceptions import Infeasible, InvalidInput, nearest
+from planner.exceptions import Infeasible, InvalidInput, UnreachableFoot, UnsupportedLeg, nearest
 from planner.gait.half_ellipse import half_ellipse, in_range
 from planner.model.joint import JointModel
 from planner.planning.inversion import invert_foot

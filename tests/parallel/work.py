@@ -14,8 +14,7 @@ from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 
-from kinematics.exceptions import UnsupportedLeg
-from planner.exceptions import InvalidInput, about, angle_text
+from planner.exceptions import InvalidInput, UnsupportedLeg, about, angle_text
 from planner.files.results import Results, Task
 from planner.parallel import carry_out, executor_of
 

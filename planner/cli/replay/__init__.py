@@ -11,7 +11,7 @@ import click
 
 from planner.cli import options
 from planner.cli.console import Progress, deliver, print_answer, remark, warn
-from planner.cli.settings import TOLERANCE, Run
+from planner.cli.settings import SMOOTHING, TOLERANCE, Run
 from planner.cli.settings import Replay as ReplaySettings
 from planner.files.staging import check_folder, check_writable, claimed, staged
 
@@ -31,7 +31,7 @@ NORM = "the plan's norm, or with --fastest the largest error"
     "model: file",
     "replay: speed track joints begin_s end_s rate_hz",
     "limits: deg",
-    f"plan: load norm solver {options.SMOOTHING}",
+    f"plan: load norm solver {SMOOTHING}",
     "replay: fastest",
     "tolerance: deg cm",
     "replay: retime",

@@ -21,7 +21,6 @@ from typing import Any, Literal
 
 import numpy as np
 
-from kinematics.exceptions import UnreachableFoot
 from planner.cli import options
 from planner.cli.console import BadSetting, Key, Remark
 from planner.cli.declared import fitted, understand
@@ -30,7 +29,7 @@ from planner.cli.models import beside, find_leg, load_leg, models_of, refused_mo
 from planner.cli.planning import plan_of, prepare
 from planner.cli.run_file import speaking_of
 from planner.cli.settings import Run, Search, Sweep, SweptParameters
-from planner.exceptions import PlannerError, importing
+from planner.exceptions import PlannerError, UnreachableFoot, importing
 from planner.files.paths import is_foot_path, path_table
 from planner.files.results import Results, Task, digest_of
 from planner.files.text import Toml, read_toml
