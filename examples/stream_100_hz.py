@@ -13,7 +13,8 @@ from dataclasses import replace
 import numpy as np
 
 import planner
-from planner.virtual.robot import Pendulum, Sts3215, VirtualRobot
+from planner.virtual.pendulum import Pendulum, Sts3215
+from planner.virtual.robot import VirtualRobot
 
 PERIOD = 0.01  # [s]
 PREVIEW = 20  # rows, 0.2 s
@@ -55,9 +56,8 @@ class Target:
 
 def error(*, streamed: bool) -> float:
     """Error of the arm to the target, sent as it is or by a stream [rad, rms]."""
-    robot = VirtualRobot(
-        [0.6], constants=replace(Sts3215(), request_period=PERIOD), pendulum=Pendulum()
-    )
+    servo = replace(Sts3215(), request_period=PERIOD)
+    robot = VirtualRobot([0.6], constants=servo, model=Pendulum().model(servo))
     robot.rest(1.0, [0.6])
     target, clock, desired_angles, angles = Target(), [0.0], [], []
 

@@ -13,7 +13,8 @@ from dataclasses import replace
 import numpy as np
 
 import planner
-from planner.virtual.robot import Pendulum, Sts3215, VirtualRobot
+from planner.virtual.pendulum import Pendulum, Sts3215
+from planner.virtual.robot import VirtualRobot
 
 PERIOD = 0.033  # [s]
 CHUNK, USED = 50, 25  # actions in a chunk, and actions used before the next one
@@ -26,7 +27,7 @@ class Arm:
 
     def __init__(self, start: float) -> None:
         servo = replace(Sts3215(), request_period=PERIOD)
-        self.robot = VirtualRobot([start], constants=servo, pendulum=Pendulum())
+        self.robot = VirtualRobot([start], constants=servo, model=Pendulum().model(servo))
         self.robot.rest(1.0, [start])
         self.time, self.angles = 0.0, []
 

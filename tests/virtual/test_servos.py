@@ -7,13 +7,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from planner.robot.bus import Bus
 from planner.robot.protocols import PROTOCOLS
+from planner.virtual.pendulum import Pendulum, Sts3215
 from planner.virtual.robot import Constants
 from planner.virtual.servo_bus import KINDS, Faults, VirtualPort, VirtualServos
 
@@ -44,27 +44,18 @@ def test_control_tables_and_what_errors_are_called(snapshot):
     snapshot.check("protocols", "\n".join(lines) + "\n")
 
 
-@pytest.fixture
-def pendulum(monkeypatch):
-    """The benchmark's pendulum and its servo."""
-    monkeypatch.syspath_prepend(str(Path(__file__).resolve().parents[2] / "scripts"))
-    from benchmark import pendulum
-
-    return pendulum
-
-
-def test_constants_with_their_units_and_sources(snapshot, pendulum):
+def test_constants_with_their_units_and_sources(snapshot):
     lines = [
         f"{type(each).__name__} {name} {entry['value']} {entry['unit']}: {entry['source']}"
-        for each in (Constants(), pendulum.Sts3215())
+        for each in (Constants(), Sts3215())
         for name, entry in each.to_dict().items()
     ]
     lines += [
         f"{type(each).__name__} {name} {getattr(each, name):.9g}"
-        for each in (Constants(), pendulum.Sts3215())
+        for each in (Constants(), Sts3215())
         for name in ("sensor_error", "armature", "stall_torque", "top_speed")
     ]
-    snapshot.check("constants", "\n".join([*lines, repr(pendulum.Pendulum())]) + "\n")
+    snapshot.check("constants", "\n".join([*lines, repr(Pendulum())]) + "\n")
 
 
 def moved(kind, registers, faults):
@@ -129,15 +120,15 @@ def test_faults_spoil_the_motion_of_their_servo_and_no_other(snapshot):
 
 
 @pytest.mark.parametrize("joint", ["leg", "pendulum"])
-def test_the_robot_moves_as_it_did(joint, snapshot, pendulum):
+def test_the_robot_moves_as_it_did(joint, snapshot):
     pytest.importorskip("mujoco", reason="needs the extra 'mujoco'")
     from planner.virtual.robot import VirtualRobot
 
     if joint == "leg":
         robot, goal = VirtualRobot(seed=2), np.array([0.6, 0.5, 1.0])
     else:
-        servo = pendulum.Sts3215()
-        model = pendulum.Pendulum().model(servo)
+        servo = Sts3215()
+        model = Pendulum().model(servo)
         robot = VirtualRobot((0.2,), constants=servo, model=model, seed=2)
         goal = np.array([1.2])
     rows = np.vstack([np.tile(goal, (40, 1)), np.tile(-0.2 * goal, (40, 1))])
