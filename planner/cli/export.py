@@ -77,6 +77,7 @@ def export(
     if export.format in FOLDERS and output == "-":
         raise click.UsageError(f"--format {export.format} is a folder: name it with --output.")
     rows, skipped = rows_of(export, schedule)
+    check_rows(export, rows)
     deliver(
         rows_document(export, rows, skipped),
         rows_summary(rows, skipped),
