@@ -210,7 +210,8 @@ def with_motor(
     Args:
         fit: A fit with terms.
         terms: What was tried for it.
-        begin: The motor that was found on other rows of the joint, in place of the wide box.
+        begin: The motor found on other rows of the joint, where the search begins, too; then no
+            wide box is searched.
     """
     excerpt, loaded = _excerpt_to_search(fit), None
     if excerpt is None:

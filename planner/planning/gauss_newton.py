@@ -85,6 +85,7 @@ class Spec(NamedTuple):
 
 
 FIRST, LOWER, UPPER, LARGEST_CHANGE = 0, 1, 2, 3  # rows of Spec.bounds
+HOLD, UNIT, COASTING, START = 10, 11, 12, 13  # columns of Spec.drives after the law's
 
 
 class Stage(NamedTuple):
@@ -272,7 +273,7 @@ def simulate_all(spec: Spec, requests: Array, angles: Array) -> bool:
         row, sags, faster = spec.drives[a], spec.periods[0, a], spec.periods[1, a]
         for k in range(samples):
             column[k] = requests[k, a % joints]
-        law, weights, start = law_of(row), spec.weights[a, : int(row[10])], row[13]
+        law, weights, start = law_of(row), spec.weights[a, : int(row[HOLD])], row[START]
         apart = motion_of(
             law, weights, column, spec.oldest, sags, faster, start, cyclic, MOST_CYCLES, motion
         )
@@ -430,12 +431,12 @@ def set_responses(spec: Spec, stage: Stage, point: Point, a: int, first: int, si
     parts, cyclic, states, requests = spec.parts, spec.cyclic, point.states, point.requests
     row, derived, defects = spec.drives[a], point.slopes[a], point.defects
     law = law_of(row)
-    weights, unit_of_speed = spec.weights[a, : int(row[10])], row[12]
+    weights, unit_of_speed = spec.weights[a, : int(row[HOLD])], row[COASTING]
     own = moving_states(law)
     slopes, bends = np.empty((own, own + width, size)), np.empty((own, width, size))
     window, before = np.empty((3, width, size)), np.zeros((own, size))
-    rounded = np.full(size, (law.gain * stage.radius * row[11]) ** 2)
-    rest = at_rest(law, row[13], spec.periods[0, a, 0])
+    rounded = np.full(size, (law.gain * stage.radius * row[UNIT]) ** 2)
+    rest = at_rest(law, row[START], spec.periods[0, a, 0])
     for i in range(size):
         k = first + i
         follows = k > 0 or cyclic

@@ -156,26 +156,27 @@ class Problem:
         if near is None:
             near = np.array(rest_requests(self.nominal, self.desired, self.loads[: self.joints]))
             centring = CENTRING if any(model.dead_band for model in self.models) else 0.0
+        foot = self.foot
         spec = Spec(
-            self.cyclic,
-            self.ages.oldest,
-            parts,
-            self.norm == "max",
-            self.robust == "worst",
-            bool(np.isfinite(self.lower).any() or np.isfinite(self.upper).any()),
-            bool(np.isfinite(self.max_step).any()),
-            self.near is not None,
-            centring,
-            0.0 if self.foot is None else RIDGE,
-            np.array(drives, dtype=np.float64),
-            weights_by_tick(*self.models),
-            acting(self.ages, len(self.desired), cyclic=self.cyclic),
-            periods,
-            bounds,
-            near,
-            np.array(self.desired) if self.foot is None else self.foot.rows,
-            np.empty((0, 10, 3)) if self.foot is None else self.foot.links,
-            np.array(self.weights),
+            cyclic=self.cyclic,
+            oldest=self.ages.oldest,
+            parts=parts,
+            largest=self.norm == "max",
+            worst=self.robust == "worst",
+            bounded=bool(np.isfinite(self.lower).any() or np.isfinite(self.upper).any()),
+            limited=bool(np.isfinite(self.max_step).any()),
+            changes=self.near is not None,
+            centring=centring,
+            ridge=0.0 if foot is None else RIDGE,
+            drives=np.array(drives, dtype=np.float64),
+            weights=weights_by_tick(*self.models),
+            acting=acting(self.ages, len(self.desired), cyclic=self.cyclic),
+            periods=periods,
+            bounds=bounds,
+            resting=near,
+            goal=np.array(self.desired) if foot is None else foot.rows,
+            leg=np.empty((0, 10, 3)) if foot is None else foot.links,
+            shares=np.array(self.weights),
         )
         limit(spec, spec.resting)
         return spec
@@ -244,6 +245,8 @@ class Problem:
 
     def states_of(self, angles: Array) -> Array:
         """States near angles (n, A): speeds are means over the period before, integrals 0."""
+        from planner.planning.gauss_newton import COASTING, HOLD
+
         parts, count = self.spec.parts, len(self.models)
         states = np.zeros((len(angles), parts * count))
         states[:, :count] = angles
@@ -251,8 +254,9 @@ class Problem:
             before = np.roll(angles, 1, axis=0)
             if self.start is not None:
                 before[0] = np.resize(self.start, count)
-            coasts, holds = self.spec.drives[:, 12], [model.hold for model in self.models]
-            states[:, count : 2 * count] = coasts * (angles - before) / holds
+            drives = self.spec.drives
+            moved = drives[:, COASTING] * (angles - before)
+            states[:, count : 2 * count] = moved / drives[:, HOLD]
         return states
 
     @property

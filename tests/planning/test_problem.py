@@ -205,7 +205,9 @@ def test_a_joint_whose_load_makes_it_sag_and_slower_goes_where_its_simulation_do
     motion = motion_under(model, requests, cyclic=cyclic, start=start, torques=torques)
     point.requests[:, 0] = requests
     point.states[:, 0] = motion[0]
-    point.states[:, 1:] = problem.spec.drives[:, 12] * motion[1 : problem.spec.parts].T
+    point.states[:, 1:] = (
+        problem.spec.drives[:, gauss_newton.COASTING] * motion[1 : problem.spec.parts].T
+    )
     evaluate(problem.spec, Stage(1e-12, 1.0), 1.0, point)
     np.testing.assert_allclose(point.defects, 0.0, rtol=0.0, atol=SAME)
     exact = problem.exact_angles(requests[:, np.newaxis])
