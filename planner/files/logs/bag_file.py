@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 from planner.exceptions import InvalidFile, importing
@@ -29,6 +30,10 @@ CONTROLLER_STATE = "control_msgs/msg/JointTrajectoryControllerState"
 LONGEST = 1_000_000
 """Longest array in a message that is read: one of 2^32 empty messages takes no bytes, and rosbags
 more than 15 s."""
+
+MOST_TIMES = 1000
+"""Chunks of a bag that is not small unfold to this many times its size at most, counted once for
+each topic that is read. Names that repeat in every message unfold to some 50 times."""
 
 MOST_CHUNK = 256 * 2**20
 """Largest chunk that is unfolded [bytes]: recorders begin a new one after a few megabytes. rosbags
@@ -106,16 +111,16 @@ def open_bag(path: Path | str) -> Iterator[Bag]:
     ros1 = place.suffix.lower() == ".bag"
     if not place.exists():
         raise InvalidFile(path, "no such file; check the name and the folder")
-    with _damage_reported(path):
-        _limit_chunks(path)
-        reader: Any = rosbag1.Reader(place) if ros1 else rosbag2.Reader(place)
-        reader.open()
-    try:
-        topics = {connection.topic: connection.msgtype for connection in reader.connections}
-        yield Bag(place, topics, reader, ros1)
-    finally:
+    with _limited(path):
         with _damage_reported(path):
-            reader.close()
+            reader: Any = rosbag1.Reader(place) if ros1 else rosbag2.Reader(place)
+            reader.open()
+        try:
+            topics = {connection.topic: connection.msgtype for connection in reader.connections}
+            yield Bag(place, topics, reader, ros1)
+        finally:
+            with _damage_reported(path):
+                reader.close()
 
 
 @contextmanager
@@ -162,12 +167,19 @@ def _words(error: BaseException) -> str:
     return " ".join(str(error).split())[:120] or type(error).__name__
 
 
-def _limit_chunks(path: Path | str) -> None:
-    """Let rosbags refuse chunks of this bag that unfold to more than :data:`MOST_CHUNK`."""
+@contextmanager
+def _limited(path: Path | str) -> Iterator[None]:
+    """Let rosbags refuse what unfolds to too much while this bag is open.
+
+    Each chunk or compressed message unfolds to :data:`MOST_CHUNK` at most, all together to four
+    times that or :data:`MOST_TIMES` the size of the bag. rosbags finds its decompressors in tables
+    of its modules, which this changes inside the block only.
+    """
     import bz2
 
     import lz4.frame  # type: ignore[import-untyped]
-    from rosbags.rosbag1 import reader
+    from rosbags.rosbag1 import reader as ros1_reader
+    from rosbags.rosbag2 import reader as ros2_reader
     from rosbags.rosbag2 import storage_mcap
 
     if sys.version_info >= (3, 14):
@@ -175,23 +187,50 @@ def _limit_chunks(path: Path | str) -> None:
     else:
         from backports import zstd
 
-    def limited(begin: Callable[[], Any]) -> Callable[..., bytes]:
+    files = [Path(path), *Path(path).glob("*")]
+    most = max(
+        4 * MOST_CHUNK, MOST_TIMES * sum(each.stat().st_size for each in files if each.is_file())
+    )
+    total = 0
+
+    def limited(begin: Callable[[], Any], what: str = "a chunk") -> Callable[..., bytes]:
         def unfold(content: bytes, *_: int) -> bytes:
+            nonlocal total
             whole = b""
             while content:  # one frame after another
                 frame = begin()
                 whole += frame.decompress(content, MOST_CHUNK + 1 - len(whole))
                 if len(whole) > MOST_CHUNK:
                     raise InvalidFile(
-                        path, f"a chunk unfolds to more than {MOST_CHUNK >> 20} MiB; is it a bag?"
+                        path, f"{what} unfolds to more than {MOST_CHUNK >> 20} MiB; is it a bag?"
                     )
                 if not frame.eof:
-                    raise ValueError("a chunk ends too soon")
+                    raise ValueError(f"{what} ends too soon")
                 content = frame.unused_data
+            total += len(whole)
+            if total > most:
+                raise InvalidFile(
+                    path, f"unfolds to more than {most >> 20} MiB; split the bag if it is one"
+                )
             return whole
 
         return unfold
 
     lz4_frames = limited(lz4.frame.LZ4FrameDecompressor)
-    reader.decompressors |= {"lz4": lz4_frames, "bz2": limited(bz2.BZ2Decompressor)}
-    storage_mcap.DECOMPRESSORS |= {"lz4": lz4_frames, "zstd": limited(zstd.ZstdDecompressor)}
+    messages = limited(zstd.ZstdDecompressor, "a message")
+    tables: tuple[tuple[dict[str, Any], dict[str, Any]], ...] = (
+        (ros1_reader.decompressors, {"lz4": lz4_frames, "bz2": limited(bz2.BZ2Decompressor)}),
+        (
+            storage_mcap.DECOMPRESSORS,
+            {"lz4": lz4_frames, "zstd": limited(zstd.ZstdDecompressor)},
+        ),
+        (vars(ros2_reader), {"zstd": SimpleNamespace(open=zstd.open, decompress=messages)}),
+    )
+    before = [{key: table[key] for key in entries} for table, entries in tables]
+    try:
+        for table, entries in tables:
+            table.update(entries)
+        yield
+    finally:
+        for (table, _), entries in zip(tables, before, strict=True):
+            table.update(entries)

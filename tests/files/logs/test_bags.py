@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from rosbags import rosbag1, rosbag2
+from rosbags.rosbag2 import storage_mcap
 
 from planner import InvalidFile, LogOptions, read_logs
+from planner.files.logs import bag_file
 from tests.files.logs.bags import (
     HUMBLE,
     JOINTS,
@@ -97,21 +99,56 @@ def test_a_bag_without_definitions_tells_the_layout_by_its_bytes(tmp_path, layou
     _assert_holds_the_angles(*read_logs(folder, options=LogOptions(joint="knee")), "knee")
 
 
-@pytest.mark.parametrize(
-    ("storage", "compression"),
-    [
-        ("ros1", (rosbag1.Writer.CompressionFormat.BZ2,)),
-        ("ros1", (rosbag1.Writer.CompressionFormat.LZ4,)),
-        ("sqlite3", (rosbag2.CompressionMode.MESSAGE, rosbag2.CompressionFormat.ZSTD)),
-        ("sqlite3", (rosbag2.CompressionMode.FILE, rosbag2.CompressionFormat.ZSTD)),
-        ("mcap", (rosbag2.CompressionMode.STORAGE, rosbag2.CompressionFormat.ZSTD)),
-    ],
-    ids=["bz2", "lz4", "zstd messages", "zstd file", "zstd chunks"],
-)
-def test_compressed_bags_are_read(tmp_path, storage, compression):
-    path = tmp_path / ("run.bag" if storage == "ros1" else "run")
-    _controller_bag(path, storage=storage, compression=compression)
+ZSTD = rosbag2.CompressionFormat.ZSTD
+COMPRESSED = {
+    "bz2": ("ros1", (rosbag1.Writer.CompressionFormat.BZ2,)),
+    "lz4": ("ros1", (rosbag1.Writer.CompressionFormat.LZ4,)),
+    "zstd messages": ("sqlite3", (rosbag2.CompressionMode.MESSAGE, ZSTD)),
+    "zstd file": ("sqlite3", (rosbag2.CompressionMode.FILE, ZSTD)),
+    "zstd chunks": ("mcap", (rosbag2.CompressionMode.STORAGE, ZSTD)),
+}
+
+
+def _compressed_bag(folder, how):
+    storage, compression = COMPRESSED[how]
+    path = folder / ("run.bag" if storage == "ros1" else "run")
+    return _controller_bag(path, storage=storage, compression=compression)
+
+
+@pytest.mark.parametrize("how", COMPRESSED)
+def test_compressed_bags_are_read(tmp_path, how):
+    path = _compressed_bag(tmp_path, how)
     _assert_holds_the_angles(*read_logs(path, options=LogOptions(joint="hip")), "hip")
+
+
+@pytest.mark.parametrize("how", [how for how in COMPRESSED if how != "zstd file"])
+def test_a_chunk_or_message_that_unfolds_to_too_much_is_refused(tmp_path, monkeypatch, how):
+    path = _compressed_bag(tmp_path, how)
+    monkeypatch.setattr(bag_file, "MOST_CHUNK", 50)
+    with pytest.raises(InvalidFile, match=r"(chunk|message) unfolds to more than 0 MiB"):
+        read_logs(path)
+
+
+def test_all_that_a_bag_unfolds_to_is_limited_by_its_size(tmp_path, monkeypatch):
+    path = _compressed_bag(tmp_path, "zstd messages")
+    monkeypatch.setattr(bag_file, "MOST_CHUNK", 600)  # one message
+    monkeypatch.setattr(bag_file, "MOST_TIMES", 0.01)
+    with pytest.raises(InvalidFile, match="run: unfolds to more than 0 MiB; split the bag"):
+        read_logs(path)
+
+
+@pytest.mark.parametrize("damaged", [False, True])
+def test_rosbags_is_as_before_once_a_bag_was_read(tmp_path, damaged):
+    tables = (rosbag1.reader.decompressors, storage_mcap.DECOMPRESSORS, vars(rosbag2.reader))
+    before = [dict(table) for table in tables]
+    path = _compressed_bag(tmp_path, "zstd chunks")
+    if damaged:
+        only_file(path, ".mcap").write_bytes(b"damaged")
+        with pytest.raises(InvalidFile):
+            read_logs(path)
+    else:
+        read_logs(path, options=LogOptions(joint="hip"))
+    assert [dict(table) for table in tables] == before
 
 
 COMMANDS = {
