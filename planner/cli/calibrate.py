@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 import select
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,7 +15,7 @@ import click
 
 from planner.cli import buses, options
 from planner.cli.console import Progress, print_answer, remark, summarise, warn
-from planner.exceptions import InvalidFile, about
+from planner.exceptions import InvalidFile, InvalidInput, about
 from planner.files.text import write_text
 
 if TYPE_CHECKING:
@@ -161,7 +162,8 @@ def calibrate(
         if dry_run:
             return
         if not yes:
-            click.confirm("Is the way free, and may they move?", abort=True, err=True)
+            with _answered():
+                click.confirm("Is the way free, and may they move?", abort=True, err=True)
         advice = f"what was measured is in {folder}; go on with --resume"
         with buses.stopping(advice), arm.powered():
             for joint in joints:
@@ -198,6 +200,18 @@ def _checked_text(arm: Arm, check: Check, period: float) -> str:
     return "\n".join(lines)
 
 
+@contextmanager
+def _answered() -> Iterator[None]:
+    """Ask in here; where standard input ends before an answer, say what to do."""
+    try:
+        yield
+    except click.Abort as error:
+        if isinstance(error.__context__, EOFError):
+            click.echo(err=True)
+            raise InvalidInput("standard input: no answer; --yes asks no questions") from None
+        raise
+
+
 def _asked_ranges(arm: Arm, ranges: dict[str, Any]) -> dict[str, Any]:
     """These ranges [rad], or those that a hand shows, as the user chooses."""
     from planner.robot.measure import ranges_by_hand
@@ -207,14 +221,15 @@ def _asked_ranges(arm: Arm, ranges: dict[str, Any]) -> dict[str, Any]:
         for name, (low, high) in ranges.items()
     )
     click.echo(f"Ranges [deg]: {spans}", err=True)
-    answer = click.prompt(
-        "Enter to keep them, or h to show them by hand (the torque goes off: hold the arm)",
-        type=click.Choice(["", "h"]),
-        default="",
-        show_choices=False,
-        show_default=False,
-        err=True,
-    )
+    with _answered():
+        answer = click.prompt(
+            "Enter to keep them, or h to show them by hand (the torque goes off: hold the arm)",
+            type=click.Choice(["", "h"]),
+            default="",
+            show_choices=False,
+            show_default=False,
+            err=True,
+        )
     if answer != "h":
         return ranges
     for servo in arm.servos.values():

@@ -168,6 +168,11 @@ def joint_path(table: Table, *, joints: Sequence[str] = (), even: bool = True) -
                     "a path, with one column for each joint; request-planner identify reads logs, "
                     "and --joint takes single columns as a path"
                 )
+        if is_foot_path(table):
+            raise table.fault(
+                "a foot path, expected joint angles in columns <joint>_deg or <joint>_rad; "
+                "request-planner plan makes such from it"
+            )
         no_joints = {*time_columns(table.names), "index", "sample"}  # which number the rows
         columns = [name for name in table.names if not (name in no_joints or name.endswith(LOAD))]
     if not columns:

@@ -203,6 +203,13 @@ is taken for a sensor's, and not learnt."""
 def delays_to_remove(joints: Plan, cycles: Array, modelled: Array) -> list[float]:
     """The delay to take off the measured angles (cycles, n, k) of each joint [s]: a sensor's."""
     delays = delays_of(joints, cycles, modelled, [0.0] * len(joints.models))
+    for j, (delay, model) in enumerate(zip(delays, joints.models, strict=True)):
+        if delay.share >= OF_SENSOR and -delay.seconds > model.latency:
+            raise InvalidTrajectory(
+                f"measured: the angles of {_joint(j, modelled)} come {-1e3 * delay.seconds:.3g} ms "
+                f"earlier than the model's, and its latency is {1e3 * model.latency:.3g} ms: no "
+                "joint answers before its request; are requests and measured angles exchanged?"
+            )
     return [
         delay.seconds
         if delay.share >= OF_SENSOR and delay.seconds > OF_JOINT * model.latency

@@ -74,6 +74,8 @@ EXPORT = "export desired.csv"
 BAD = {
     **LOOPS,
     "a bus without a port": "calibrate --bus feetech --ids 1",
+    "a foot path to export": "export foot.csv --format csv",
+    "a model as a log": "identify soft.toml",
     "a bus that is none": "calibrate --bus modbus --ids 1",
     "a virtual servo of no kind": "calibrate --bus virtual:ax-12 --ids 1",
     "a kind that speaks otherwise": "virtual-bus --kind xl-320 --protocol feetech",

@@ -167,6 +167,12 @@ def test_at_most_two_questions_are_asked_and_no_is_an_answer(run, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+def test_a_question_without_an_answer_names_the_option_that_asks_none(run):
+    result = run("calibrate", *BRIEF[:-1], "--ids", "1", stdin="")
+    assert result.exit_code == 2
+    assert result.stderr.splitlines()[-1].endswith("no answer; --yes asks no questions")
+
+
 def test_a_fault_ends_it_in_one_line_and_keeps_every_row(run, faulty, tmp_path):
     faulty(stall={1: 8.0})
     result = run("-q", "calibrate", *BRIEF, "--ids", "1-2")

@@ -452,3 +452,12 @@ def test_deviations_of_a_joint_are_those_of_the_foot_in_its_weighted_norm(j, a_f
     scales = a_foot.plan.task.axis_scales
     expected = math.sqrt(np.mean(np.sum(((moved - foot) * scales) ** 2, axis=1)))
     assert refining._size(a_foot.plan, off) == pytest.approx(expected, rel=1e-3)
+
+
+def test_measured_angles_before_their_requests_are_refused_as_exchanged():
+    desired = 0.4 * np.sin(2.0 * np.pi * np.arange(125) / 125)
+    model = planner.JointModel.ers210a()
+    plan = planner.invert_optimal(model, desired)
+    angles = planner.simulate(model, plan.requests)
+    with pytest.raises(planner.InvalidTrajectory, match="are requests and measured angles exch"):
+        planner.refine(replace(plan, requests=angles), plan.requests)

@@ -262,6 +262,8 @@ def _recognised(path: Path | str) -> Format:
     if str(path) == STANDARD_STREAM:
         return CSV
     if not place.is_dir():
+        if place.suffix.lower() == ".toml":
+            raise InvalidFile(place, "TOML, such as a model file, expected a log of the joint")
         return BY_SUFFIX.get(place.suffix.lower(), CSV)
     if is_dataset(place):
         return LEROBOT
