@@ -357,7 +357,8 @@ def _check_replaceable(path: Path | str, target: Path) -> None:
     ours = _files_of_run(target)
     foreign = sorted(islice((file for file in _files_below(target) if file not in ours), 1000))
     if foreign:
-        more = f" and {len(foreign) - 1} more" if len(foreign) > 1 else ""
+        least = "at least " if len(foreign) == 1000 else ""
+        more = f" and {least}{len(foreign) - 1} more" if len(foreign) > 1 else ""
         raise InvalidFile(
             path,
             f"holds files that no earlier run made ({foreign[0]}{more}), expected a new or empty "
