@@ -105,8 +105,12 @@ class SerialPort(Port):
 
     @contextmanager
     def _gone(self) -> Iterator[None]:
+        import serial
+
         try:
             yield
+        except serial.SerialTimeoutException as error:  # of a write
+            raise BusError(f"{self.path}: takes no more bytes; check the cable") from error
         except (OSError, termios.error) as error:
             raise BusError(
                 f"{self.path}: the bus is gone; check the cable and the supply"

@@ -128,7 +128,7 @@ def test_a_port_whose_other_end_is_gone_or_full_is_named(monkeypatch):
                 use()
         port.close()
     monkeypatch.setattr("planner.robot.bus.FULL", 0.01)
-    with terminal() as (_, path), pytest.raises(BusError, match="the bus is gone"):
+    with terminal() as (_, path), pytest.raises(BusError, match="takes no more bytes"):
         SerialPort(path).write(bytes(2**20))
 
 
