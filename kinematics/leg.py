@@ -130,6 +130,7 @@ class Leg:
         )
         if not np.all(np.isfinite(np.concatenate([chain.translations.ravel(), chain.tip]))):
             raise InvalidInput(f"{path}: an origin between {base!r} and {foot!r} is not finite")
+        _check_against_pinocchio(robot, chain, start, end, joints)
         pose = None if near is None else _pose(near, names, limits)
         speeds = np.array([model.velocityLimit[model.joints[joint].idx_v] for joint in joints])
         speeds[~((speeds > 0.0) & (speeds <= 100.0))] = np.nan  # [rad/s]
@@ -416,6 +417,26 @@ def _read_limits(path: Path, model: Any, joints: list[int]) -> Limits:
         beyond = np.abs(limit) > 1e6  # [rad]
         limit[beyond] = np.copysign(np.inf, limit[beyond])
     return Limits(read_only(lower), read_only(upper))
+
+
+def _check_against_pinocchio(
+    robot: Robot, chain: Chain, start: Any, end: Any, joints: list[int]
+) -> None:
+    """Raise an error where the chain's foot disagrees with Pinocchio's at one of three poses."""
+    import pinocchio
+
+    data = robot.model.createData()
+    for pose in (0.0, 0.7, -1.9):
+        angles = pose * np.arange(1.0, len(joints) + 1.0)
+        pinocchio.forwardKinematics(robot.model, data, robot.configuration(joints, angles))
+        from_base = (data.oMi[start.parentJoint] * start.placement).inverse()
+        expected = (from_base * data.oMi[end.parentJoint] * end.placement).translation
+        foot = chain.foot(np.cos(angles), np.sin(angles))[:, 0]
+        if not np.allclose(foot, expected, rtol=1e-12, atol=1e-12):  # rounding [m]
+            raise UnsupportedLeg(
+                f"the chain from {start.name!r} to {end.name!r} disagrees with Pinocchio by "
+                f"{np.linalg.norm(foot - expected):.3g} m; please report this robot"
+            )
 
 
 def foot_function(leg: Leg) -> Any:

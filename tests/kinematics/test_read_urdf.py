@@ -110,3 +110,9 @@ def test_meshes_need_not_exist(tmp_path):
     mesh = '<link name="link_1"><visual><geometry><mesh filename="package://no/where.stl"/>'
     text = VALID.replace('<link name="link_1"/>', f"{mesh}</geometry></visual></link>")
     assert len(leg_of(tmp_path, text).joint_names) == 2
+
+
+def test_a_chain_that_disagrees_with_pinocchio_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr("kinematics.leg._axis", lambda *_: np.array([0.0, 0.6, 0.8]))
+    with pytest.raises(UnsupportedLeg, match=r"disagrees with Pinocchio by .* m; please report"):
+        made_up_leg(tmp_path, [Joint((0, 0, 0), X), KNEE], TIP)
