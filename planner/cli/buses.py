@@ -220,7 +220,7 @@ FAULT = options.Parsed(
 @options.option(
     "--fault faults",
     "drop=0.05 (of the packets), disconnect=10 (seconds from now), power-off=10, stall=3@5 "
-    "(servo 3 after 5 s), overheat=3@5, saturate=3@5 (its supply sags); several times for several.",
+    "(servo 3 after 5 s), overheat=3@5, saturate=3@5 (its supply sags). Repeat it for several.",
     FAULT,
     metavar="FAULT",
     multiple=True,

@@ -45,7 +45,7 @@ SLOWEST = 16.0
 )
 @options.option(
     "--joint chosen",
-    "Calibrate this joint only; several times for several.  [default: all]",
+    "Calibrate this joint only. Repeat the option for several joints.  [default: all]",
     metavar="NAME",
     multiple=True,
 )

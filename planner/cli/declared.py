@@ -323,7 +323,9 @@ def _read(
                 if result != "-" or standard_input or SOURCE not in notes:
                     return result
                 hint = "; a run reads no standard input, so write it to a file first"
-            except (ValueError, OverflowError) as error:
+            except OverflowError:
+                hint = ""
+            except ValueError as error:
                 hint = str(error) or _hint(value, expected)
         raise Unfit(place, f"got {_described(value)}, expected {expected}{hint}")
 

@@ -50,7 +50,7 @@ UNNAMED = "requested"
 )
 @options.option(
     "--amplitude-deg",
-    "Height of a step test; several times for several.  [default: an eighth, half and the "
+    "Height of a step test. Repeat the option for several.  [default: an eighth, half and the "
     "whole of the range]",
     float,
     multiple=True,

@@ -45,13 +45,13 @@ def _knot(text: str) -> tuple[float, float | None]:
 )
 @options.option(
     "--knot-s knot_s",
-    "Time of a knot; several times for all knots. Only their angles are then sought.",
+    "Time of a knot. Repeat the option for each knot. Only their angles are then sought.",
     float,
     multiple=True,
 )
 @options.option(
     "--required-s required_s",
-    "Time at which there must be a knot, and perhaps its angle; several times for more.",
+    "Time at which there must be a knot, and perhaps its angle. Repeat it for more.",
     options.Parsed(_knot, "seconds (0.4) or seconds=degrees (0.4=12.5)"),
     metavar="S[=DEG]",
     multiple=True,

@@ -21,7 +21,7 @@ from planner.model.joint import JointModel, joint_of_top_speed
 if TYPE_CHECKING:
     from kinematics import Leg
 
-SHIPPED = {
+SHIPPED_LEGS = {
     "reference": LegPlace("reference_leg.urdf", "hip", "foot"),
     **{
         f"{end}-{side}": LegPlace("ers210a.urdf", "body", f"{end}_{side}_ball")
@@ -59,7 +59,7 @@ def find_leg(leg: settings.Leg, folder: str = "") -> LegPlace | None:
 def _shipped(name: str) -> LegPlace:
     from kinematics import urdf_path
 
-    return SHIPPED[name]._replace(urdf=str(urdf_path(SHIPPED[name].urdf)))
+    return SHIPPED_LEGS[name]._replace(urdf=str(urdf_path(SHIPPED_LEGS[name].urdf)))
 
 
 def load_leg(place: LegPlace | None) -> Leg | None:
@@ -78,13 +78,13 @@ def legs_of(model: settings.Model, folder: str = "") -> dict[str, Leg]:
     file = robot_file(model, folder)
     places = {} if file is None else read_legs(file)
     if model.file == settings.SHIPPED_MODEL:
-        places = {name: _shipped(name) for name in SHIPPED if name != "reference"}
+        places = {name: _shipped(name) for name in SHIPPED_LEGS if name != "reference"}
     return {name: leg for name, place in places.items() if (leg := load_leg(place)) is not None}
 
 
 def legs_among(joints: Sequence[str], model: settings.Model, folder: str = "") -> dict[str, Leg]:
     """The legs of the robot whose joints are all among these, by name."""
-    named = tuple(f"{name.replace('-', '_')}_" for name in SHIPPED)
+    named = tuple(f"{name.replace('-', '_')}_" for name in SHIPPED_LEGS)
     if model.file == settings.SHIPPED_MODEL and not any(each.startswith(named) for each in joints):
         return {}  # the URDF is read for its own joints only
     legs = legs_of(model, folder).items()

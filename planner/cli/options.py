@@ -22,7 +22,7 @@ from click.shell_completion import CompletionItem
 
 from planner.cli.console import BadSetting, FailedCheck, Key, Remark, warn
 from planner.cli.declared import NUMBER, SOURCE, Declared, Unfit, tables, unwrapped
-from planner.cli.settings import SHIPPED, Replay, Run
+from planner.cli.settings import LEG_NAMES, Replay, Run
 from planner.files.staging import cannot_write, check_folder, check_writable
 
 if TYPE_CHECKING:
@@ -156,7 +156,11 @@ def _position(text: str) -> tuple[str, float]:
 
 
 def _leg(text: str) -> str:
-    if text not in SHIPPED and not text.lower().endswith((".urdf", ".xml")) and os.sep not in text:
+    if (
+        text not in LEG_NAMES
+        and not text.lower().endswith((".urdf", ".xml"))
+        and os.sep not in text
+    ):
         raise ValueError
     return text
 
@@ -178,7 +182,7 @@ LIST = Parsed(lambda text: [each.strip() for each in text.split(",")], "A,B,C")
 NAMES = by_joint(str, "JOINT=NAME, such as Rotation=shoulder_pan", all_joints=False)
 TICKS = by_joint(_tick, "N or JOINT=N, such as knee=2048")
 
-LEG_NAME = Parsed(_leg, f"one of {', '.join(SHIPPED)}, or a .urdf file", SHIPPED)
+LEG_NAME = Parsed(_leg, f"one of {', '.join(LEG_NAMES)}, or a .urdf file", LEG_NAMES)
 
 TYPES = {"leg.name": LEG_NAME, "leg.lock": POSITIONS, "export.joint_names": LIST}
 """Types of settings that do not follow from the types of their values."""
@@ -397,8 +401,8 @@ def _option(key: str, declared: Declared, of_command: str) -> Callable[[Command]
     origin, is_list = get_origin(declared.type), kind is LIST or "nargs" in attributes
     several_times = origin is dict or (origin is tuple and not is_list)
     text = of_command or own or declared.help
-    if several_times and not declared.by_joint and text is declared.help:
-        text = f"{text.removesuffix('.')}; several times for several."
+    if several_times and not declared.by_joint and not (of_command or own):
+        text = f"{text.removesuffix('.')}. Repeat the option for several."
     if default_text and not own:
         text += f"  [default: {default_text}]"
     if kind is bool:
@@ -481,7 +485,7 @@ def _as_options(table: str = "") -> Iterator[None]:
 
 def put(content: dict[str, Any], key: str, value: Any) -> None:
     """Put the value of an option at its place in the content of a run file."""
-    if key == "leg.name" and value not in SHIPPED:
+    if key == "leg.name" and value not in LEG_NAMES:
         key = "leg.urdf"
     if key == "leg.urdf" and "urdf" in content.get("leg", {}):
         raise click.UsageError("--leg and --urdf name a file each: leave one out.")

@@ -40,7 +40,7 @@ Samples = Annotated[int, within(ge=4, le=10**6)]
 
 ShippedLeg = Literal["reference", "front-left", "front-right", "hind-left", "hind-right"]
 
-SHIPPED = get_args(ShippedLeg)
+LEG_NAMES = get_args(ShippedLeg)
 """The legs that need no description."""
 
 Method = Literal["shift", "closed-form", "optimal", "foot-optimal"]
@@ -58,7 +58,7 @@ class Leg(Settings):
         option="--leg",
         metavar="NAME|FILE.urdf",
         option_help="A leg of your own robot, with --base and --foot; or a shipped one: "
-        f"{', '.join(SHIPPED)}. Positions are in the base's frame: the body's, and for "
+        f"{', '.join(LEG_NAMES)}. Positions are in the base's frame: the body's, and for "
         "'reference' the hip's.",
     )
     urdf: Source | None = option(

@@ -81,12 +81,12 @@ def verdict_on(
         bounds: Its intervals.
         held: The prediction of held-out rows, if there are any.
         simple: Error of the simpler descriptions on the same rows [rad].
-        against: What speaks for a joint that moves against its requests, if anything does.
-        exchanged: What speaks for columns that are exchanged, if anything does.
+        against: Evidence for a joint that moves against its requests, if any.
+        exchanged: Evidence for columns that are exchanged, if any.
         signal: Standard deviation of the motion [rad].
         tested: Whether rows were held out, or were not asked for.
         friction: By how much the dead band may be larger than that of the model [rad].
-        shaken: What speaks for a joint that is shaken at rest.
+        shaken: Evidence for a joint that is shaken at rest.
         unit: The unit of the logs, for the findings.
 
     Returns:
@@ -177,8 +177,8 @@ def verdict_on(
     if not fits:
         verdict, why = "refused", f"{why}, and a mere delay hardly more" if useless else why
     elif ours > DELAY_WINS * delay:
-        verdict, of_test = "worse than a delay", "" if held is None else " on rows held out"
-        why = f"the error of a pure delay is {100.0 * delay / ours:.0f} % of its own{of_test}"
+        verdict, of_test = "worse than a delay", "" if held is None else "on held-out rows "
+        why = f"{of_test}a pure delay has {100.0 * delay / ours:.0f} % of the model's error"
     elif any(doubts.values()):
         verdict, why = "usable", "; ".join(words for words, doubted in doubts.items() if doubted)
     else:
@@ -348,7 +348,7 @@ def notes_on(logs: Sequence[Log], timing: Timing, jumps: Sequence[int]) -> list[
 
 
 def wrong_columns(grid: Grid) -> tuple[Finding | None, Finding | None]:
-    """What speaks for a joint that moves against its requests, and for exchanged columns, if any.
+    """Evidence for a joint that moves against its requests, and for exchanged columns, if any.
 
     Against its requests: the angles are as much like requests of the opposite sign, after a shorter
     delay. Half a cycle of motion that repeats itself looks like the other sign, too. There the

@@ -10,6 +10,7 @@ from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 
+from planner.identification.grid import measured_speed
 from planner.planning.inversion import LoadOfPose, plan
 from planner.planning.plan import Plan, RequestMotion
 from planner.planning.result import Inversion
@@ -398,6 +399,22 @@ class Replay(ReadOnly, Summarised):
         if self.speed != 1.0 or self.path.track != "state":
             return ()
         return tuple(joint for joint in self.planned if joint.resent_may_serve)
+
+    @property
+    def contradicted(self) -> tuple[str, ...]:
+        """The joints that moved faster in the replayed part of the recording than their models can.
+
+        By a load a joint may exceed the top speed of its model a little: 5 % are no contradiction.
+        """
+        names = []
+        for each in self.planned:
+            assert each.path.model is not None, "planned joints have models"
+            inside = (each.path.times >= self.path.first) & (each.path.times <= self.path.last)
+            part = replace(each.path.log, torque_on=each.path.log.torque_on & inside)
+            limits = each.path.model.speed_limits(0.0, part.angles)
+            if measured_speed(part) > 1.05 * max(np.max(np.abs(limit)) for limit in limits):
+                names.append(each.name)
+        return tuple(names)
 
     @cached_property
     def requests(self) -> Array:

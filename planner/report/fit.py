@@ -107,8 +107,8 @@ def choices_figure(choices: Choices, fit: PiecewiseLinearFit) -> Figure:
     return Figure(
         "choices",
         "Other numbers of lines",
-        "The error of each number of lines; no lines within the top speed have less than the lower "
-        "bound.",
+        "The error of each number of lines. No approximation whose slopes are within the top speed "
+        "has an error below the lower bound.",
         Axis("number of lines", names={each: f"{each:.0f}" for each in numbers}),
         (Panel(Axis("rms error", "deg", (low, high)), tuple(curves), height=1.3),),
     )

@@ -1,4 +1,4 @@
-"""The pages about a replay, with a slider through the episode, and about many recordings."""
+"""The pages about a replay, with a slider through the episode."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from planner.identification.grid import measured_speed
 from planner.model.evidence import OPEN_TOP_SPEED
 from planner.recording.recorded_path import WHY
 from planner.report import figure, style
@@ -131,10 +130,10 @@ def replay_text(replay: Replay, models: str, fastest: Fastest | None = None) -> 
     fast = {each.name for each in replay.planned if each.too_fast}
     if unknown := sorted(replay.path.open_top_speeds & fast):
         lines.append(f"faster by the model only of {', '.join(unknown)}: {OPEN_TOP_SPEED}")
-    if refuted := _refuted(replay):
+    if contradicted := replay.contradicted:
         lines.append(
-            f"the recording contradicts the model of {', '.join(refuted)}: it moved faster than "
-            "the top speed of the model; identify it from this recording too"
+            f"the recording contradicts the model of {', '.join(contradicted)}: it moved faster "
+            "than the top speed of the model; identify it from this recording too"
         )
     if words := _resent_words(replay):
         lines.append(words)
@@ -153,20 +152,6 @@ def _resent_words(replay: Replay) -> str:
     if not errors:
         return ""
     return f"{RESENT}, {', '.join(errors)}"
-
-
-def _refuted(replay: Replay) -> list[str]:
-    """The joints that moved faster in the replayed part of the recording than their models can."""
-    names = []
-    for each in replay.planned:
-        assert each.path.model is not None, "planned joints have models"
-        inside = (each.path.times >= replay.path.first) & (each.path.times <= replay.path.last)
-        part = replace(each.path.log, torque_on=each.path.log.torque_on & inside)
-        limits = each.path.model.speed_limits(0.0, part.angles)
-        # by a load a joint may exceed the top speed of its model a little
-        if measured_speed(part) > 1.05 * max(np.max(np.abs(limit)) for limit in limits):
-            names.append(each.name)
-    return names
 
 
 def fastest_text(fastest: Fastest) -> str:

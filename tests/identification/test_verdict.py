@@ -218,7 +218,7 @@ def test_a_delay_that_is_five_percent_closer_to_held_out_rows_wins(share, verdic
     found = judged(fitted, held={"delay": share})
     assert found.verdict.startswith(verdict)
     if verdict == "worse":
-        assert found.reason == "the error of a pure delay is 94 % of its own on rows held out"
+        assert found.reason == "on held-out rows a pure delay has 94 % of the model's error"
     # On all rows only where none are held out.
     alone = judged(fitted, simple={"delay": share})
     assert alone.verdict.startswith(verdict)
