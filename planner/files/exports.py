@@ -51,10 +51,7 @@ def check_format(
     """
     if form != "csv" and form not in NEEDS:
         raise InvalidInput(f"format: got '{form}', expected csv, {', '.join(NEEDS)}")
-    if form in NEEDS:
-        package, what, extra = NEEDS[form]
-        if find_spec(package) is None:
-            raise MissingExtra(what, extra)
+    check_installed(form)
     if ticks is not None:
         for key, names in (("zero tick", ticks.zeros), ("reverse", ticks.reversed)):
             if unknown := [name for name in names if name not in schedule.names]:
@@ -73,6 +70,14 @@ def check_format(
             )
     if form in ("bag", "mcap") and (not topic.strip("/") or any(map(str.isspace, topic))):
         raise InvalidInput(f"topic: got '{topic}', expected a name such as {TOPIC}")
+
+
+def check_installed(form: str) -> None:
+    """Refuse a format whose package is missing."""
+    if form in NEEDS:
+        package, what, extra = NEEDS[form]
+        if find_spec(package) is None:
+            raise MissingExtra(what, extra)
 
 
 @dataclass(frozen=True)

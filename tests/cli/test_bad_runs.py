@@ -24,6 +24,7 @@ WRONG = {
     "a word for a number": WALK + 'samples = "many"\n',
     "a number for a table of joints": JOINTS + "[limits]\njoints = 3\n",
     "a number out of range": WALK + "ground_fraction = 1.5\n",
+    "a number beyond floats": WALK + f"ground_fraction = 1{'0' * 400}\n",
     "no number": WALK + "height = nan\n",
     "a value for a table": "plan = 3\n",
     "one export that is no list": JOINTS + '[export]\nformat = "csv"\n',

@@ -15,13 +15,13 @@ import numpy as np
 
 from planner.cli import settings
 from planner.cli.console import BadSetting, Key
-from planner.cli.export import FOLDERS, write_rows
+from planner.cli.export import FOLDERS, check_rows, write_rows
 from planner.cli.models import find_leg
 from planner.cli.replay.task import ReplayTask
 from planner.cli.settings import ReplayFormat
 from planner.exceptions import InvalidInput, PlannerError
 from planner.files.columns import TIME
-from planner.files.exports import check_format
+from planner.files.exports import check_installed
 from planner.files.lerobot_export import TASK, Layout, frame_rate, lerobot_dataset
 from planner.files.logs.lerobot import ACTION, STATE, find_dataset, read_episode
 from planner.files.logs.read import Recording
@@ -50,8 +50,7 @@ def check_writing(form: ReplayFormat, recordings: Sequence[Recording], output: s
             " holds one: name one file, or one episode (--episodes 0), or write them all with ",
             Key("replay.write_as", "lerobot"),
         )
-    if form not in ("csv", "joints"):
-        check_format(form, Schedule(("joint",), np.zeros((3, 1)), 0.02))
+    check_installed(form)
 
 
 def write_replay(file: str, recording: Recording, replay: Replay, form: ReplayFormat) -> None:
@@ -77,7 +76,9 @@ def write_replay(file: str, recording: Recording, replay: Replay, form: ReplayFo
         write_joint_path(file, names, angles, period=replay.period, units=units)
     else:
         export = settings.Export(format=form, file=file)
-        write_rows(file, export, Schedule(names, requests, replay.period))
+        schedule = Schedule(names, requests, replay.period)
+        check_rows(export, schedule)
+        write_rows(file, export, schedule)
 
 
 def lerobot_episode(recording: Recording, replay: Replay) -> tuple[Layout, dict[str, Array], str]:
