@@ -19,6 +19,7 @@ from planner.files.logs.make_log import Columns, LogOptions, Source, choose_join
 from planner.files.text import read_json, read_text
 from planner.identification.log import Log
 from planner.trajectory import Array
+from planner.validation import as_number
 
 ACTION, STATE = "action", "observation.state"
 """Features that hold the requested and the actual angles."""
@@ -331,12 +332,12 @@ def find_dataset(path: Path) -> Dataset:
         shape = feature.get("shape", [len(flat)])
         # some datasets name the axis ("motors") and not the joints on it
         written[key] = flat if flat and shape == [len(flat)] else None
-    rate, robot = info.get("fps"), info.get("robot_type")
+    rate, robot = as_number(info.get("fps")), info.get("robot_type")
     return Dataset(
         root,
         written,
         tuple(key for key in features or () if key not in (ACTION, STATE, *COUNTED)),
-        float(rate) if isinstance(rate, int | float) and rate > 0 else None,
+        rate if rate > 0.0 else None,
         robot if isinstance(robot, str) else None,
     )
 
@@ -421,6 +422,8 @@ def _numbers(path: Path | str, array: Any, name: str) -> Array:
                 f"column '{name}': lists of {min(lengths)} to {max(lengths)} numbers, expected one "
                 "length",
             )
+        if lengths == [0]:
+            raise InvalidFile(path, f"column '{name}': empty in every row, expected numbers")
     if not (pa.types.is_floating(values.type) or pa.types.is_integer(values.type)):
         raise InvalidFile(path, f"column '{name}': got {kind}, expected numbers")
     numbers: Array = values.to_numpy(zero_copy_only=False).astype(np.float64)

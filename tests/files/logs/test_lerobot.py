@@ -200,6 +200,10 @@ TABLES = {
     "no action": lambda table: table.drop_columns("action"),
     "of another robot": lambda table: _set(table, "action", [[1.0, 2.0]] * 5),
     "rows of different lengths": lambda table: _set(table, "action", [*FOUR, [1.0]]),
+    "empty rows": lambda table: _set(table, "action", [[]] * 5),
+    "no rows of actions": lambda table: _set(
+        table, "action", pa.array([None] * 5, pa.list_(pa.float32()))
+    ),
     "text": lambda table: _set(table, "timestamp", list("abcde")),
     "unsorted": lambda table: _set(table, "timestamp", [0.0, 0.1, 0.3, 0.2, 0.4]),
     "no episode's number": lambda table: _set(table, "episode_index", [0.5] * 5),
@@ -238,6 +242,17 @@ def test_a_file_that_is_cut_short_is_refused(tmp_path):
         told = _refused(root, joint="gripper", unit="deg", episodes="0")
         assert told.startswith(f"{file}: not Parquet that can be read (")
         assert told.endswith("); is the file cut short?")
+
+
+@pytest.mark.parametrize(
+    ("fps", "rate"),
+    [(30, 30.0), (29.97, 29.97), (10**400, None), (True, None), (-1, None)],
+    ids=["whole", "fraction", "huge", "true", "negative"],
+)
+def test_a_rate_is_a_finite_number_above_zero(tmp_path, fps, rate):
+    root = v21(tmp_path / "set")
+    _described(root, fps=fps)
+    assert find_dataset(root).rate == rate
 
 
 INFOS = {
