@@ -108,6 +108,8 @@ def read_bus(path: Path | str) -> dict[str, Any]:
         if not is_of_robot(key, value):
             expected = "a text in quotes" if BUS[key] is str else "a whole number"
             raise file.fault(f"{key}: got {shown(value)}, expected {expected}", (key,))
+        if "\0" in str(value):
+            raise file.fault(f"{key}: got {shown(value)}, expected no null character", (key,))
     return settings
 
 

@@ -167,6 +167,20 @@ def test_a_leg_that_is_none_is_refused_with_its_line(file, snapshot):
     snapshot.check("legs", refusals(read_legs, BAD_LEGS, file))
 
 
+@pytest.mark.parametrize(
+    ("port", "message"),
+    [
+        ("3", "port: got 3, expected a text in quotes"),
+        (r'"a\u0000b"', r"port: got 'a\x00b', expected no null character"),
+    ],
+)
+def test_a_port_that_is_none_is_refused_with_its_line(file, port, message):
+    file.write_text(ROBOT.replace('"/dev/ttyUSB0"', port))
+    with pytest.raises(InvalidFile) as caught:
+        read_bus(file)
+    assert str(caught.value) == f"{file}, line 3: {message}"
+
+
 def test_joints_called_leg_and_port_are_joints(file):
     model = "v_max = 5.0\ntheta_0 = 0.1\nlag = 0.03\nacceleration_time = 0.05\n"
     file.write_text(f"[leg]\n{model}[port]\n{model}")
