@@ -263,7 +263,7 @@ def minimise(
     root mean square comes first, and the stages that turn to the largest error start from it.
     """
     first, then = (stages, ()) if through_rms else ((), stages)
-    search, least = begun(problem, requests, angles), problem.exact_error(requests)
+    search, least = search_from(problem, requests, angles), problem.exact_error(requests)
     ends, _, figures = descend(problem, search, [*first, *stages_for(problem, then)])
     best = int(np.argmin(figures[:, 0]))
     if figures[best, 0] < least:
@@ -278,7 +278,7 @@ def stages_for(problem: Problem, stages: Sequence[Stage]) -> Sequence[Stage]:
     return [*(stage for stage in stages if stage.radius >= LARGEST[0].radius), *LARGEST]
 
 
-def begun(problem: Problem, requests: Array, angles: Array) -> Search:
+def search_from(problem: Problem, requests: Array, angles: Array) -> Search:
     """A search from requests (n, J) and angles (n, A) [rad]."""
     states, active = problem.states_of(angles), np.zeros((2, *requests.shape), dtype=np.int64)
     active[0][np.broadcast_to(problem.lower == problem.upper, requests.shape)] = -1
@@ -288,10 +288,12 @@ def begun(problem: Problem, requests: Array, angles: Array) -> Search:
 def descend(
     problem: Problem, search: Search, stages: Sequence[Stage]
 ) -> tuple[Array, Array, Array]:
-    """The requests with which each stage ends [rad], their angles and figures.
+    """Go through m stages, each from the end of the one before; ``search`` moves to the last end.
 
-    They are the last arguments of :func:`planner.planning.gauss_newton.go_through`, which judges
-    the stages of sharp corners by the exact models.
+    Returns:
+        The requests with which each stage ends [rad], (m, n, J); where corners are sharp the angles
+        of the exact models under them [rad], (m, n, A), else NaN; and (m, 3): their error, inf
+        where it is not known, their root mean square, and the squares of the regularisation.
     """
     ends = np.empty((len(stages), *search.requests.shape))
     angles = np.empty((len(stages), len(search.requests), len(problem.models)))
@@ -571,8 +573,8 @@ def allowed(problem: Problem, motion: Motion, best: Motion) -> bool:
     return motion.shown <= (1.0 + problem.smoothness) * best.shown or motion.error <= unseen
 
 
-class Bound(NamedTuple):
-    """Limits that smoother requests keep.
+class Allowance(NamedTuple):
+    """How large the errors of smoother requests may be.
 
     Attributes:
         shown: Largest error that a robot may show.
@@ -592,7 +594,7 @@ class Bound(NamedTuple):
         """The allowed error of such a motion."""
         return min(math.sqrt(max(self.shown**2 - motion.model_error**2, 0.0)), self.at_most)
 
-    def used(self, motion: Motion, error: float) -> float:
+    def share_used(self, motion: Motion, error: float) -> float:
         """Share of the allowed rise of an error that a motion uses; inf where it exceeds limits."""
         room = self.error(motion) - error
         if motion.mean > self.mean or room <= 0.0:
@@ -643,20 +645,20 @@ def smoothed(
     if problem.norm == "max":
         mean = (1.0 + MEAN * smoothness) * math.hypot(given.mean, given.model_error)
         mean = max(math.sqrt(max(mean**2 - given.model_error**2, 0.0)), alike)
-    shown = Bound(
+    relative = Allowance(
         shown=(1.0 + smoothness) * best.shown, growth=1.0 + smoothness, at_most=at_most, mean=mean
     )
 
-    def within(unseen: float) -> Bound:
-        most, heaviest = min(unseen, at_most), HEAVIEST * smoothness
-        return Bound(heaviest=heaviest, at_most=most, mean=max(mean, unseen))
+    def absolute(error: float) -> Allowance:
+        most, heaviest = min(error, at_most), HEAVIEST * smoothness
+        return Allowance(heaviest=heaviest, at_most=most, mean=max(mean, error))
 
-    smoother = [smoothest(problem, start, given.error, shown) for start in starts]
+    smoother = [smoothest(problem, start, given.error, relative) for start in starts]
     shaking = any(shakes(problem, each) for each in smoother)
-    bound = within(best.unseen if shaking else alike)
-    smoother += [smoothest(problem, start, given.error, bound) for start in starts]
+    allowance = absolute(best.unseen if shaking else alike)
+    smoother += [smoothest(problem, start, given.error, allowance) for start in starts]
     answer = min(smoother, key=problem.roughness)
-    return resting_at_rests(problem, answer, given.error, (shown, within(best.unseen)))
+    return resting_at_rests(problem, answer, given.error, (relative, absolute(best.unseen)))
 
 
 # In brackets below, up to LARGE_GAIN: the effect of other values on the sum of squared second
@@ -693,8 +695,8 @@ RADII = *(0.04,) * 2, *(0.015,) * 16
 """Radius of the corners in each step of the smoothing [theta_0]."""
 
 
-def smoothest(problem: Problem, start: Motion, error: float, bound: Bound) -> Array:
-    """The smoothest requests within the bound.
+def smoothest(problem: Problem, start: Motion, error: float, allowance: Allowance) -> Array:
+    """The smoothest requests whose errors are within the allowance.
 
     Steps minimise ``J + w |D2 R|^2`` with sharp corners, J the cost of the errors and D2 the second
     differences of the requests. At the best weight w the smoothing costs about as much as J may
@@ -704,10 +706,10 @@ def smoothest(problem: Problem, start: Motion, error: float, bound: Bound) -> Ar
     """
     power = stages_for(problem, NARROW)[-1].power
     best, least = start.requests, problem.roughness(start.requests)
-    most, factor = bound.error(start), 1.0
+    most, factor = allowance.error(start), 1.0
     if least <= STRAIGHT or most <= error:
         return best
-    search, now, cost = begun(problem, start.requests, start.angles), least, 0.0
+    search, now, cost = search_from(problem, start.requests, start.angles), least, 0.0
     evidence = [model.evidence for model in problem.nominal]
     varying = problem.foot is not None
     varying |= any(each is not None and each.depends_on_motion for each in evidence)
@@ -722,19 +724,21 @@ def smoothest(problem: Problem, start: Motion, error: float, bound: Bound) -> Ar
             rise = error**2 * cost * (share**power - 1.0)
         if before <= STRAIGHT or rise <= 0.0 or most <= error:
             break
-        weight = min(factor * rise / before, bound.heaviest * share ** (power - 2.0))
+        weight = min(factor * rise / before, allowance.heaviest * share ** (power - 2.0))
         stage = Stage(radius, weight, power, 1, smoothing=True)
         (smoother,), (reached,), figures = descend(problem, search, [stage])
         ((reached_error, mean, now),) = figures.tolist()
         motion = start._replace(error=reached_error, mean=mean)
         if varying:
             motion = judged(problem, smoother, reached)
-        used = bound.used(motion, error)
+        used = allowance.share_used(motion, error)
         if used <= 1.0:
             if now < least:
                 best, least = smoother, now
-            bound = bound._replace(shown=min(bound.shown, bound.growth * motion.shown))
-            most, used = bound.error(motion), bound.used(motion, error)
+            allowance = allowance._replace(
+                shown=min(allowance.shown, allowance.growth * motion.shown)
+            )
+            most, used = allowance.error(motion), allowance.share_used(motion, error)
             if used > ENOUGH and now > LARGE_GAIN * before:
                 break
             factor *= max(used, GROWTH**-2.0) ** -0.5
@@ -760,9 +764,9 @@ SHAKING = 8.0
 
 
 def resting_at_rests(
-    problem: Problem, requests: Array, error: float, bounds: Sequence[Bound]
+    problem: Problem, requests: Array, error: float, allowances: Sequence[Allowance]
 ) -> Array:
-    """Requests that rest where the path does, if the given ones shake there and a bound allows it.
+    """Requests that rest where the path does, if the given ones shake there and errors allow it.
 
     Before and after a motion requests stay free: for the time in which the joints settle, or twice
     as long, and so on until the error is allowed. ``error`` is that of the best plan.
@@ -780,10 +784,10 @@ def resting_at_rests(
         held = holding(problem, resting[:, np.newaxis], problem.resting)
         best, _ = minimise(held, held.admissible(requests), angles, SHARP)
         start, answers = judged(problem, best), []
-        for bound in bounds:
-            if bound.used(start, error) <= 1.0:
-                answer = problem.admissible(smoothest(held, start, error, bound))
-                kept = bound.used(judged(problem, answer), error) <= 1.0
+        for allowance in allowances:
+            if allowance.share_used(start, error) <= 1.0:
+                answer = problem.admissible(smoothest(held, start, error, allowance))
+                kept = allowance.share_used(judged(problem, answer), error) <= 1.0
                 if kept and problem.roughness(answer) <= most:
                     answers.append(answer)
         if answers:
