@@ -183,36 +183,25 @@ def _refined(joints: Plan, cycles: Array, sensor_delay: float | None, reidentify
             "the executed plan was for several models: learning goes on from the nominal one, and "
             "the measured errors replace the others"
         )
-    requests = joints.requests
-    modelled = joints.task.response(requests)
     before = joints.learning[0] if joints.learning else None
-    old = [joints.task.response(trial.requests) for trial in before.trials] if before else []
-    error = before.trials[-1].mean - old[-1] if before else 0.0
-    check_angles(cycles, requests, joints.desired, modelled, modelled + error)
-    if joints.cyclic and (later := settled(cycles)) is not cycles:
-        cycles = later
-        remarks.append("the first cycle differs from the others: it is a transient and is ignored")
-    if sensor_delay is not None:
-        removed = [float(sensor_delay)] * len(joints.models)
-    elif before is not None:
-        removed = [delay.removed for delay in before.delays]
-    else:
-        removed = delays_to_remove(joints, cycles, modelled)
-    cycles = earlier(cycles, removed, joints)
-    check_trial(cycles, modelled, before.trials if before else (), old)
-    trials, now = _with_trial(before, joints, requests, cycles)
-    since = before.reidentified if before else (0,) * len(joints.models)
-    off = _disturbances(joints, trials)
-    noise = noise_of([each.measured for each in trials], off[now], cyclic=joints.cyclic)
+    cycles, removed, notes = _measured(joints, before, cycles, sensor_delay)
+    remarks += notes
+    trials, now = _with_trial(before, joints, joints.requests, cycles)
+    reidentified_at = before.reidentified if before else (0,) * len(joints.models)
+    measured = [each.measured for each in trials]
+    disturbances = _disturbances(joints, trials)
+    noise = noise_of(measured, disturbances[now], cyclic=joints.cyclic)
     if reidentify and now == len(trials) - 1:  # not an earlier trial, executed again
-        joints, since, notes = reidentified(joints, trials, since, deviation_of(noise))
+        joints, reidentified_at, notes = reidentified(
+            joints, trials, reidentified_at, deviation_of(noise)
+        )
         remarks += notes
-        off = _disturbances(joints, trials)
-        noise = noise_of([each.measured for each in trials], off[now], cyclic=joints.cyclic)
-    delays = delays_of(joints, cycles, joints.task.response(requests), removed)
+        disturbances = _disturbances(joints, trials)
+        noise = noise_of(measured, disturbances[now], cyclic=joints.cyclic)
+    delays = delays_of(joints, cycles, joints.task.response(joints.requests), removed)
     spread = deviation_of(noise)
     remarks += remarks_on_delays(joints, delays, spread)
-    disturbance, best, gain = _estimated(joints, trials, max(since), noise)
+    disturbance, best, gain = _estimated(joints, trials, max(reidentified_at), noise)
     base, task = trials[best], joints.task
     freeze(disturbance)
     # Of the requests with about the least error those near the requests of the trial
@@ -221,25 +210,9 @@ def _refined(joints: Plan, cycles: Array, sensor_delay: float | None, reidentify
         solver=joints.solver or "gauss-newton",
         executed=base.requests,
     )
-    expected = task.response(new.requests) + off[best]
+    expected = task.response(new.requests) + disturbances[best]
     saving = base.error - float(task.errors_of(expected)[0])
-    stopped = ""
-    if gain < LEAST_GAIN:
-        stopped = "smaller and smaller steps from the best cycle have made it worse"
-    elif saving <= WORTHWHILE * base.error:
-        stopped = (
-            f"by the model the next requests would lower the error by less than "
-            f"{100.0 * WORTHWHILE:g} %"
-        )
-    elif base.error <= min(
-        VISIBLE * _size(joints, spread) / math.sqrt(base.cycles),
-        _size(joints, np.full(len(joints.models), ENCODER_STEP)),
-    ):
-        stopped = (
-            f"noise hides what is left of the error in {base.cycles} measured "
-            f"cycle{'s' if base.cycles > 1 else ''}; refine from {4 * base.cycles} cycles of these "
-            "requests to go on"
-        )
+    stopped = _reason_to_stop(joints, base, gain, saving, spread)
     if stopped and not new.task.keeps(base.requests, rounding=SAME_REQUESTS):
         stopped = ""
         remarks.append(
@@ -259,17 +232,17 @@ def _refined(joints: Plan, cycles: Array, sensor_delay: float | None, reidentify
         unforeseen = _unforeseen(joints, trials, spread)
         missed = unforeseen * _size(joints, _by_joint(expected - base.mean))
         new = _shortened(new, base, saving, missed)
-        expected = task.response(new.requests) + off[best]
+        expected = task.response(new.requests) + disturbances[best]
         missed = unforeseen * _size(joints, _by_joint(expected - base.mean))
         next_error = math.hypot(float(task.errors_of(expected)[0]), missed)
-    of_mean = math.sqrt(1.0 - 1.0 / base.cycles)  # the noise that is averaged out of its error
-    next_error = math.hypot(next_error, of_mean * _size(joints, spread))
+    averaged_out = math.sqrt(1.0 - 1.0 / base.cycles)  # noise that its error lacks [-]
+    next_error = math.hypot(next_error, averaged_out * _size(joints, spread))
     freeze(spread)
     learning = Learning(
         trials=trials,
         noise=spread,
         gain=gain,
-        reidentified=since,
+        reidentified=reidentified_at,
         delays=delays,
         best=best,
         floor=floor,
@@ -278,6 +251,57 @@ def _refined(joints: Plan, cycles: Array, sensor_delay: float | None, reidentify
         remarks=tuple(remarks),
     )
     return replace(new, learning=(learning,))
+
+
+def _measured(
+    joints: Plan, before: Learning | None, cycles: Array, sensor_delay: float | None
+) -> tuple[Array, list[float], list[str]]:
+    """Check measured cycles, without a transient and the sensor's delay.
+
+    Returns:
+        The cycles [rad], (cycles, n, k), the delay removed from each joint [s], and remarks.
+    """
+    remarks = list[str]()
+    modelled = joints.task.response(joints.requests)
+    trials = before.trials if before else ()
+    old = [joints.task.response(trial.requests) for trial in trials]
+    error = trials[-1].mean - old[-1] if trials else 0.0
+    check_angles(cycles, joints.requests, joints.desired, modelled, modelled + error)
+    if joints.cyclic and (later := settled(cycles)) is not cycles:
+        cycles = later
+        remarks.append("the first cycle differs from the others: it is a transient and is ignored")
+    if sensor_delay is not None:
+        removed = [float(sensor_delay)] * len(joints.models)
+    elif before is not None:
+        removed = [delay.removed for delay in before.delays]
+    else:
+        removed = delays_to_remove(joints, cycles, modelled)
+    cycles = earlier(cycles, removed, joints)
+    check_trial(cycles, modelled, trials, old)
+    return cycles, removed, remarks
+
+
+def _reason_to_stop(joints: Plan, base: Trial, gain: float, saving: float, spread: Array) -> str:
+    """Why learning has ended with a trial, in words; "" where it goes on.
+
+    ``saving`` is by how much the next requests lower its error by the model, ``spread`` the noise
+    of a cycle [rad], (k,).
+    """
+    if gain < LEAST_GAIN:
+        return "smaller and smaller steps from the best cycle have made it worse"
+    if saving <= WORTHWHILE * base.error:
+        return (
+            f"by the model the next requests would lower the error by less than "
+            f"{100.0 * WORTHWHILE:g} %"
+        )
+    noise = VISIBLE * _size(joints, spread) / math.sqrt(base.cycles)
+    if base.error <= min(noise, _size(joints, np.full(len(joints.models), ENCODER_STEP))):
+        return (
+            f"noise hides what is left of the error in {base.cycles} measured "
+            f"cycle{'s' if base.cycles > 1 else ''}; refine from {4 * base.cycles} cycles of these "
+            "requests to go on"
+        )
+    return ""
 
 
 def _disturbances(joints: Plan, trials: Sequence[Trial]) -> list[Array]:
