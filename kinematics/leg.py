@@ -29,7 +29,7 @@ from kinematics.robot import (
     named,
     read_robot,
 )
-from planner.exceptions import InvalidInput, UnsupportedLeg
+from planner.exceptions import InvalidInput, UnsupportedLeg, angle_text
 from planner.trajectory import Array, Indices, as_path
 from planner.validation import as_positive, as_reals, shown
 
@@ -329,7 +329,8 @@ def _pose(near: Mapping[str, float], names: tuple[str, ...], limits: Limits) -> 
             )
         if not abs(angle) <= FARTHEST:
             raise InvalidInput(
-                f"near: joint {name!r} at {angle!r}, expected an angle within ±{FARTHEST:g} rad"
+                f"near: joint {name!r} at {angle_text(angle)}, expected an angle within "
+                f"±{angle_text(FARTHEST)}"
             )
         pose[names.index(name)] = angle
     return read_only(pose)

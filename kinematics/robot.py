@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from kinematics.chain import read_only
-from planner.exceptions import InvalidInput, UnsupportedLeg
+from planner.exceptions import InvalidInput, UnsupportedLeg, angle_text
 from planner.trajectory import Array
 
 MOST_BYTES = 64 * 2**20
@@ -131,9 +131,13 @@ def _lock_joint(model: Any, coordinates: Any, name: str, position: float) -> int
         low = float(model.lowerPositionLimit[kind.idx_q])
         high = float(model.upperPositionLimit[kind.idx_q])
     if not (math.isfinite(position) and low - 1e-9 <= position <= high + 1e-9):
-        raise InvalidInput(
-            f"locked: joint {name!r} at {position:g}, expected {low:g} to {high:g}, its range"
+        slides = kind.shortname().startswith("JointModelP")
+        at, its_range = (
+            (f"{position:g} m", f"{low:g} to {high:g} m")
+            if slides
+            else (angle_text(position), angle_text(low, high))
         )
+        raise InvalidInput(f"locked: joint {name!r} at {at}, expected {its_range}, its range")
     _set(model, coordinates, joint, float(position))
     return joint
 

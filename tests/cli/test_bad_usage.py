@@ -12,6 +12,12 @@ GOOD = "t_s,hip_deg,knee_deg\n0,1,20\n0.008,2,30\n0.016,3,10\n0.024,1,10\n"
 LEG = ",".join(f"front_left_{name}_deg" for name in ("rotator", "abductor", "knee"))
 GAITS = '[leg]\nname = "reference"\n[path.half_ellipse]\n[sweep.parameters]\nlength = [0.02]\n'
 
+HIP = (
+    '<robot name="r"><link name="a"/><link name="b"/><joint name="hip" type="revolute">'
+    '<parent link="a"/><child link="b"/><axis xyz="0 1 0"/>'
+    '<limit lower="-0.5" upper="2" effort="1" velocity="1"/></joint></robot>'
+)
+
 FILES = {
     "d.csv": GOOD.encode(),
     "e.csv": GOOD.encode(),
@@ -28,9 +34,8 @@ FILES = {
     ),
     "copied.csv": b"t_s,requested_deg,actual_deg\n0,1,1\n0.01,2,2\n0.02,3,3\n0.03,3,3\n",
     "page.urdf": b"<html></html>",
-    "no_range.urdf": b'<robot name="r"><link name="a"/><link name="b"/><joint name="hip" '
-    b'type="revolute"><parent link="a"/><child link="b"/><axis xyz="0 1 0"/>'
-    b'<limit effort="1" velocity="1"/></joint></robot>',
+    "hip.urdf": HIP.encode(),
+    "no_range.urdf": HIP.replace('lower="-0.5" upper="2" ', "").encode(),
     "empty.toml": b"",
     "named": b'[path]\nfile = "d.csv"\n',
     "lost.toml": b'[path]\nfile = "no.csv"\n',
@@ -102,6 +107,8 @@ BAD = {
     "no such leg": "plan foot.csv --leg middle-left",
     "a robot twice": "plan foot.csv --leg robot.urdf --urdf robot.urdf",
     "a joint held nowhere": "gait --leg robot.urdf --base hip --foot foot --lock wrist",
+    "a joint held beyond its range": "gait --leg hip.urdf --base a --foot b --lock hip=1e9",
+    "a pose far beyond any turn": "gait --leg front-left --near front_left_knee=1e9",
     "a pose without a number": "gait --leg front-left --near knee=bent",
     "speeds of no robot": "plan desired.csv --model urdf",
     "joints that the leg has not": "plan desired.csv --leg reference",

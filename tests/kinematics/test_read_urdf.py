@@ -116,3 +116,17 @@ def test_a_chain_that_disagrees_with_pinocchio_is_refused(tmp_path, monkeypatch)
     monkeypatch.setattr("kinematics.leg._axis", lambda *_: np.array([0.0, 0.6, 0.8]))
     with pytest.raises(UnsupportedLeg, match=r"disagrees with Pinocchio by .* m; please report"):
         made_up_leg(tmp_path, [Joint((0, 0, 0), X), KNEE], TIP)
+
+
+@pytest.mark.parametrize(
+    ("kind", "message"),
+    [
+        ("revolute", "'joint_1' at 3 rad, expected -2.5 to 2.5 rad, its range"),
+        ("prismatic", "'joint_1' at 3 m, expected -2.5 to 2.5 m, its range"),
+    ],
+)
+def test_a_position_beyond_the_range_of_a_locked_joint_has_its_unit(tmp_path, kind, message):
+    path = tmp_path / "robot.urdf"
+    path.write_text(urdf_text([Joint((0, 0, 0), X, kind=kind), KNEE], TIP))
+    with pytest.raises(InvalidInput, match=message):
+        Leg.from_urdf(path, base="link_0", foot="tip", locked={"joint_1": 3.0})
