@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from planner.exceptions import InvalidInput, importing
+from planner.files.logs.lerobot import COUNTED
 from planner.files.staging import output_folder
 from planner.files.text import write_text
 from planner.robot.schedule import Schedule
@@ -31,15 +32,6 @@ WHOLE = 1e-3
 
 QUANTILES = {"q01": 0.01, "q10": 0.1, "q50": 0.5, "q90": 0.9, "q99": 0.99}
 """Quantiles by which some policies normalise, under LeRobot's names."""
-
-COUNTED = {
-    "timestamp": "float32",
-    "frame_index": "int64",
-    "episode_index": "int64",
-    "index": "int64",
-    "task_index": "int64",
-}
-"""Columns of every dataset that count rows, and their types."""
 
 
 @dataclass(frozen=True, kw_only=True)

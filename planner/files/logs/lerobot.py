@@ -14,7 +14,6 @@ import numpy as np
 
 from planner.exceptions import InvalidFile, importing, nearest
 from planner.files.columns import Scale
-from planner.files.lerobot_export import COUNTED
 from planner.files.logs.make_log import Columns, LogOptions, Source, choose_joints, make_log
 from planner.files.text import read_json, read_text
 from planner.identification.log import Log
@@ -37,6 +36,15 @@ _EPISODE = re.compile(r"episode_(\d+)\.parquet", re.ASCII)
 
 TIME, EPISODE, TASK = "timestamp", "episode_index", "task_index"
 """Columns of a row's time [s] in its episode, of the episode's number, and of its task's."""
+
+COUNTED = {
+    "timestamp": "float32",
+    "frame_index": "int64",
+    "episode_index": "int64",
+    "index": "int64",
+    "task_index": "int64",
+}
+"""Columns of every dataset that count rows, and their types."""
 
 MOST_BYTES = 2**28
 """Unfolded columns of one file [bytes]: 22 hours at 30 Hz of 6 joints."""

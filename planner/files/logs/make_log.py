@@ -200,7 +200,7 @@ class Columns:
 
     # torque on the joint in the direction of positive angles [N m], shape (n,); None where the
     # log does not say
-    load: Array | None = None  # (n,) [N m]
+    load: Array | None = None
 
     # name of the column of requests; "" where there is none of this joint alone
     requested: str = ""
