@@ -54,6 +54,10 @@ worse than a delay; a simpler description that predicts them better by the secon
 (six warnings more; none)."""
 
 
+ANOTHER_SCALE = "one column may be in another scale"
+"""A reason to refuse a model, or to doubt it."""
+
+
 def verdict_on(
     fit: Fit,
     bounds: Mapping[str, Interval],
@@ -100,30 +104,18 @@ def verdict_on(
     suspect, hidden = missed > SUSPECT, friction > SUSPECT * signal
     useless = missed > POOR and fit.rms > NO_BETTER * mere
     fits = missed <= REFUSED and not useless
+    # Findings from which all others follow
+    if not fits and _at_random(fit, signal):
+        words = (
+            "this log holds no motion of the joint: its angles change from row to row at random, "
+            f"by {angle(signal)} (rms); is the torque on, and is this the right column?"
+        )
+        return _refused("the log holds no motion of the joint", Finding("motion", words))
+    if against is not None:
+        return _refused("the joint seems to move against its requests", against)
+    if exchanged is not None and not fits:
+        return _refused("the joint seems to move before it is requested to", exchanged)
     scale = _other_scale(fit.grid, unit)
-    words = "the model misses" if fits else "the model does not fit: it misses"
-    words += f" {100.0 * missed:.0f} % of the motion's standard deviation{where}"
-    words += f" (rms {angle(error)})"
-    if useless:
-        words += f", and a mere delay hardly more ({angle(mere)} in place of {angle(fit.rms)})"
-    elif not fits:
-        words += f"; more than {100.0 * REFUSED:.0f} % is not accepted"
-    words += f"; {scale} if not, {REASONS}" if scale else f"; {REASONS}"
-    misses = Finding("columns" if scale else "error" if fits else "fit", words)
-    resting = Finding(
-        "motion",
-        "this log holds no motion of the joint: its angles change from row to row at random, by "
-        f"{angle(signal)} (rms); is the torque on, and is this the right column?",
-    )
-    # What makes all other findings follow from it
-    for why, note, applies in (
-        ("the log holds no motion of the joint", resting, not fits and _at_random(fit, signal)),
-        ("the joint seems to move against its requests", against, True),
-        ("the joint seems to move before it is requested to", exchanged, not fits),
-        ("one column may be in another scale", misses, not fits and suspect and scale),
-    ):
-        if note is not None and applies:
-            return "refused", Finding(note.topic, why), [note]
     ours, others = (fit.rms, simple) if held is None else (held.rms, held.alternatives)
     name = min(others, key=lambda other: others[other])
     beaten, span = ours > SIMPLER_WINS * others[name], float(np.ptp(fit.grid.angles))
@@ -136,7 +128,17 @@ def verdict_on(
         )
         notes.append(Finding("held out", words))
     if suspect:
-        notes.append(misses)
+        words = "the model misses" if fits else "the model does not fit: it misses"
+        words += f" {100.0 * missed:.0f} % of the motion's standard deviation{where}"
+        words += f" (rms {angle(error)})"
+        if useless:
+            words += f", and a mere delay hardly more ({angle(mere)} in place of {angle(fit.rms)})"
+        elif not fits:
+            words += f"; more than {100.0 * REFUSED:.0f} % is not accepted"
+        words += f"; {scale} if not, {REASONS}" if scale else f"; {REASONS}"
+        notes.append(Finding("columns" if scale else "error" if fits else "fit", words))
+        if scale and not fits:
+            return _refused(ANOTHER_SCALE, notes[-1])
     elif scale and span > np.ptp(fit.grid.requests):  # taken for gravity
         notes.append(Finding("columns", f"{scale} if not, its load moves the joint so far"))
     if not fits and span < 0.2:
@@ -166,7 +168,7 @@ def verdict_on(
     why, delay = f"it misses {share} % of the motion{where}", others["delay"]
     doubts = {
         why: suspect,
-        "one column may be in another scale": any(note.topic == "columns" for note in notes),
+        ANOTHER_SCALE: any(note.topic == "columns" for note in notes),
         f"{SIMPLER[name]} predicts better": beaten,
         "a pure delay predicts nearly as well": PROVEN * delay < ours <= delay,
         "the log does not determine dry friction": hidden,
@@ -184,6 +186,11 @@ def verdict_on(
     else:
         why += _not_found(fit)
     return verdict, Finding("fit", why), notes
+
+
+def _refused(why: str, note: Finding) -> tuple[Verdict, Finding, list[Finding]]:
+    """The answer of :func:`verdict_on` where a finding makes the fit meaningless."""
+    return "refused", Finding(note.topic, why), [note]
 
 
 def _not_found(fit: Fit) -> str:
