@@ -192,6 +192,15 @@ def test_recorded_requests_may_serve_only_along_the_recorded_angles_at_their_spe
     assert made.resent_may_serve == (made.joints if serve else ())
 
 
+def test_a_recording_faster_than_the_top_speed_contradicts_the_model_where_it_is_replayed():
+    log = recorded()
+    fastest = np.max(np.abs(np.diff(log.angles))) / OWN
+    slow = {each: replace(SERVO, v_max=each * fastest) for each in (0.7, 1.1)}
+    both = replay([log, replace(log, joint="wrist")], {"elbow": slow[0.7], "wrist": slow[1.1]})
+    assert both.contradicted == ("elbow",)
+    assert replay(log, slow[0.7], end=0.1 * OWN * COUNT).contradicted == ()
+
+
 def test_at_its_own_speed_a_recording_of_any_length_keeps_its_last_row():
     for count in range(20, 150):
         path = recorded_path([recorded(requests=asked()[:count])], SERVO)
