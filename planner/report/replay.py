@@ -203,8 +203,8 @@ def _verdict(replay: Replay) -> tuple[str, str]:
     return (
         f"By the model the planned joint{stay} within {at_most(worst['planned'])} {unit} of "
         f"{paths}",
-        f"where the path itself as requests is up to {worst['direct']:.2g} {unit} off, and the "
-        f"recorded requests at this speed {worst['resent']:.2g}",
+        f"where the path itself as requests is up to {at_most(worst['direct'])} {unit} off, and "
+        f"the recorded requests at this speed {at_most(worst['resent'])}",
     )
 
 
