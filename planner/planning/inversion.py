@@ -190,7 +190,8 @@ def invert_foot(
             ``max_step`` is not above 0 or ``smoothness`` is below 0, or ``robust`` has a model
             without intervals or only sequences of one.
         Infeasible: The limits exclude each other, or no joint moves the foot where it counts.
-        kinematics.KinematicsError: The path is not an array (n, 3), or the leg has no inverse.
+        InvalidTrajectory: The path is not an array (n, 3).
+        UnsupportedLeg: The leg has no inverse.
         SolverFailed: No requests were found that lead to a steady cycle of every joint.
 
     Example:

@@ -162,7 +162,7 @@ class Task(ReadOnly):
             InvalidInput: An argument is invalid, or the arguments do not fit together.
             InvalidTrajectory: ``desired`` is not finite, or has fewer than three rows.
             Infeasible: The limits exclude each other, the start or a desired angle.
-            kinematics.KinematicsError: The leg has no inverse.
+            UnsupportedLeg: The leg has no inverse.
         """
         check_choice("norm", norm, NORMS)
         cyclic = as_flag("cyclic", cyclic)
