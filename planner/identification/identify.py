@@ -308,10 +308,10 @@ def _with_motor(
     logs: Sequence[Log],
     timing: Timing,
     plain: Sequence[_Fitted],
-    known: Parameters | None = None,
+    begin: Parameters | None = None,
 ) -> _Search:
     """The joint fitted to all rows with the better ticks, with the terms of a motor if they pay."""
-    full = [_Fitted(*with_motor(*each, known)) for each in plain]
+    full = [_Fitted(*with_motor(*each, begin)) for each in plain]
     k = 1 if len(full) > 1 and better(full[0].fit, full[1].fit) else 0
     full[k] = _Fitted(*with_integral(*full[k]))
     motor = full[k].fit is not plain[k].fit
@@ -353,9 +353,9 @@ def _left_out_at_stops(logs: Sequence[Log], fit: Fit) -> tuple[Sequence[Log], li
     return tuple(free_logs), notes
 
 
-def _searched(logs: Sequence[Log], timing: Timing, known: Parameters | None = None) -> _Search:
+def _searched(logs: Sequence[Log], timing: Timing, begin: Parameters | None = None) -> _Search:
     """The joint of these logs, with known ticks."""
-    return _with_motor(logs, timing, [*map(_with_terms, fit_joint(logs, timing))], known)
+    return _with_motor(logs, timing, [*map(_with_terms, fit_joint(logs, timing))], begin)
 
 
 def _weighed(search: _Search) -> _Search:
@@ -367,14 +367,14 @@ def _weighed(search: _Search) -> _Search:
     logs = with_weights(_log_fits(search.logs, fit, None), noise_of(fit))
     if logs is None:
         return search
-    anew = _searched(logs, search.timing, _known(search))
+    anew = _searched(logs, search.timing, _motor_of(search))
     plain = search.plain._replace(fit=refitted(logs, search.plain.fit))
     joint = search.joint._replace(fit=refitted(logs, fit)) if search.motor else plain
     again = search._replace(logs=logs, plain=plain, joint=joint)
     return again if better(anew.joint.fit, again.joint.fit) else anew
 
 
-def _known(search: _Search) -> Parameters | None:
+def _motor_of(search: _Search) -> Parameters | None:
     """The motor of a search, where there is one."""
     return search.joint.fit.parameters if search.motor else None
 
@@ -496,7 +496,7 @@ def _held_out(
     try:
         fit, terms = _with_terms(fit_joint(known, timing)[0])
         if search.motor:
-            fit, _ = with_motor(fit, terms, _known(search))
+            fit, _ = with_motor(fit, terms, _motor_of(search))
         fit = refitted(known, fit, tick=grid.tick)
         likewise = refitted(known, whole, tick=grid.tick)
         if fit.cost > (1.0 + LOST) * likewise.cost:

@@ -217,10 +217,10 @@ def with_motor(
     if excerpt is None:
         return fit, terms
     free = fit.free | only(*MOTOR)
-    begins = [*([begin] if begin else []), *_beginnings(fit, excerpt, free)]
-    motor = _motor(fit, begins, free, fit.starts)
+    known_motor = [begin] if begin else []
+    motor = _motor(fit, [*known_motor, *_beginnings(fit, excerpt, free)], free, fit.starts)
     if fit.rms > POOR * float(np.std(fit.grid.angles)):
-        bare, loaded = _motor_anywhere(fit, [begin] if begin else _anywhere(fit), free)
+        bare, loaded = _motor_anywhere(fit, known_motor or _anywhere(fit), free)
         if _saving(fit, bare) >= SAVING:
             motor = min(motor, bare, key=lambda each: huber(each.weighted, fit.scale))
     known = {term.name: term for term in terms}
@@ -425,7 +425,10 @@ def _divisions(fit: Fit) -> list[Parameters]:
 
 
 def _motor_anywhere(fit: Fit, begins: Sequence[Parameters], free: Free) -> tuple[Fit, Fit | None]:
-    """The best motor of a wide box, without a sag by the angle and, where that is new, with it."""
+    """The best motor from these beginnings and the measured starts of the runs.
+
+    First without a sag by the angle, then, where that is new, with it.
+    """
     grid, sag = fit.grid, only(*SAG) & ~free
     ways = free | sag if grid.unloaded else free
     found = _motor(fit, begins, ways, grid.measured_starts)
