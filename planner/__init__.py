@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from planner.identification.result import Identification
     from planner.learning.refine import refine
     from planner.model.joint import JointModel
-    from planner.model.response import sensitivities, simulate
+    from planner.model.response import simulate
     from planner.planning.bounds.certify import Certificate, certify, lower_bound
     from planner.planning.closed_form import closed_form_requests, invert_closed_form
     from planner.planning.inversion import invert_foot, invert_optimal, plan
@@ -103,7 +103,6 @@ __all__ = [
     "reference_walk",
     "refine",
     "replay",
-    "sensitivities",
     "simulate",
     "step_test",
     "timed_requests",
@@ -153,7 +152,7 @@ _HOMES = {
     "planner.planning.time_shift": ("invert_shift",),
     "planner.learning.refine": ("refine",),
     "planner.model.joint": ("JointModel",),
-    "planner.model.response": ("sensitivities", "simulate"),
+    "planner.model.response": ("simulate",),
     "planner.recording.replaying": ("Replay", "replay"),
     "planner.recording.retiming": ("Fastest", "fastest"),
     "planner.robot.play": ("Playback", "TimedRequest", "follow", "play", "timed_requests"),

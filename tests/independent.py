@@ -112,8 +112,9 @@ def from_rest(model, requests, *, start=None, load=None):
     def request_at(tick):
         return requests[max(tick // model.hold, 0)]
 
-    def load_at(tick):
-        return load[-(-tick // model.hold) % len(load)]
+    def load_at(tick):  # the mean of the samples before and after
+        after = -(-tick // model.hold) % len(load)
+        return (load[max(after - 1, 0)] + load[after]) / 2.0
 
     ticks = len(requests) * model.hold
     return windowed(model, request_at, ticks, before, load_at, moving)[:: model.hold]
@@ -127,7 +128,7 @@ def next_cycle(model, requests, last_angle, *, load=None, moving=(0.0, 0.0)):
         return requests[(n - 1 + (tick + 1) // hold) % n]
 
     def load_at(tick):
-        return 0.0 if load is None else load[tick // hold]
+        return 0.0 if load is None else (load[tick // hold - 1] + load[tick // hold]) / 2.0
 
     every = windowed(model, request_at, n * hold, last_angle, load_at, moving)
     return every[hold - 1 :: hold]

@@ -12,7 +12,7 @@ import numpy as np
 
 from planner.exceptions import NoSteadyCycle
 from planner.model.joint import JointModel, acting, request_ages
-from planner.model.response import motion_under
+from planner.model.response import load_by_period, motion_under
 from planner.planning.bounds.reachable_set import Level
 from planner.planning.plan import Plan
 from planner.planning.result import Inversion
@@ -149,7 +149,8 @@ def second_answer(plan: Plan, column: int = 0) -> Answer:
         angles = run(np.array([rest, 0.0, float(model.rest_integral(rest, torque))]))[0]
         apart = float(np.max(np.abs(predicted - angles)))
         return Answer(apart, abs(float(predicted[0]) - rest), 0.0)
-    last = motion_under(model, requests, cyclic=True, torques=load)[:, -1]
+    acting_load = load_by_period(load, cyclic=True)
+    last = motion_under(model, requests, cyclic=True, torques=acting_load)[:, -1]
     following = run(np.array([predicted[-1], *last[1:]]))[0]
     closure = abs(float(following[-1] - predicted[-1]))
     apart = max(float(np.max(np.abs(predicted - following))), closure)
@@ -189,7 +190,8 @@ def _symbolic_run(
     from planner.model.symbolic import period_function  # slow to import: CasADi
 
     count = len(requests)
-    torques = np.zeros(count) if load is None else load
+    acting_load = load_by_period(load, cyclic=cyclic)
+    torques = np.zeros(count) if acting_load is None else acting_load
     sent = requests[np.maximum(acting(request_ages(model), count, cyclic=cyclic), 0)]
     size = model.law.states
     first = 0 if cyclic else 1

@@ -181,7 +181,7 @@ def cross_check(
         level: The sharpest bound to compute; those before it are computed too.
         names: Names of the joints; by default those of the leg.
         load: Torque on the joints in the direction of positive angles [N m], a number, shape (k,)
-            for each joint's, or (n, k); row i acts in the request period that ends in sample i.
+            for each joint's, or (n, k), at the samples; see :func:`planner.simulate`.
         progress: Called with the name of each joint before it is compared, and with ``"foot"``.
 
     Returns:

@@ -14,6 +14,7 @@ import numpy.typing as npt
 from planner.exceptions import InvalidInput
 from planner.identification.log import IMPOSSIBLE, Log, pieces_of
 from planner.model.joint import MOST_HOLD, MOST_TERMS
+from planner.model.response import load_by_period
 from planner.trajectory import Array, Indices, Mask, rms
 from planner.validation import as_number, as_whole, shown
 
@@ -465,7 +466,8 @@ def resampled(
         )
         count = int(np.ceil(places[-1]))
         below = np.minimum(np.floor(places).astype(int), count - 1)
-        ticks, torque = times[0] + tick * np.arange(1, count + 1), logs[number].load
+        ticks = times[0] + tick * np.arange(1, count + 1)
+        torque = load_by_period(logs[number].load, cyclic=False)
         ending = np.searchsorted(shifted[number], ticks - ON_A_TICK * tick)  # the row of a torque
         ending = np.minimum(ending, len(shifted[number]) - 1)
         torques = np.zeros(count) if torque is None else torque[ending]

@@ -78,8 +78,8 @@ class Log(ReadOnly, Summarised):
         joint: Name of the joint, or empty.
         unit: "rad" for angles, "1" for shares of a range (grippers, hands): everything that is
             said in radians then is a share.
-        load: Torque on the joint in the direction of positive angles [N m], shape (n,), each in
-            the time since the row before; None where it is not known.
+        load: Torque on the joint in the direction of positive angles at that time [N m], shape
+            (n,); between two rows their mean acts. None where it is not known.
         weights: Weight of each row's error in a fit, from 0 to 1, shape (n,); by default all are 1.
         notes: What was guessed when the log was read, in words.
         written: How the file wrote its requests, where it was read from one.

@@ -1,18 +1,17 @@
-"""Responses of joints to requests, their derivatives, and angles at rest under loads."""
+"""Responses of joints to requests, and angles at rest under loads."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import reduce
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from planner.exceptions import InvalidInput, InvalidTrajectory, NoSteadyCycle
-from planner.model.joint import JointModel, acting, checked_model, request_ages, weights_by_tick
+from planner.model.joint import JointModel, checked_model, request_ages, weights_by_tick
 from planner.trajectory import LARGEST, SAME, Array, Mask, as_trajectory, steps
-from planner.validation import as_flag, as_number, freeze, shown
+from planner.validation import as_flag, as_number, shown
 
 Loads = Sequence[Array | None]
 """For each joint the torque on it at every sample [N m], shape (n,), or None."""
@@ -48,7 +47,7 @@ def simulate(
             default the joint rests where the first request holds it, at request + offset, in the
             middle of the dead band.
         load: Torque on the joint in the direction of positive angles [N m], a number or shape
-            (n,); entry k acts in the request period that ends in sample k.
+            (n,), at the samples; in a request period the mean of the two at its ends acts.
 
     Returns:
         Angles [rad], shape (n,), read-only; sample k is taken right after request k.
@@ -74,7 +73,7 @@ def simulate(
             f"requests: got {requests.size}, each held for {model.hold} ticks, expected at most "
             f"{MOST_TICKS} ticks; simulate them part by part"
         )
-    torques = checked_load(load, model, len(requests))
+    torques = load_by_period(checked_load(load, model, len(requests)), cyclic=cyclic)
     motion = motion_under(model, requests, cyclic=cyclic, start=start, torques=torques)
     sampled: Array = motion[0].copy()
     sampled.setflags(write=False)
@@ -90,6 +89,8 @@ def motion_under(
     torques: Array | None = None,
 ) -> Array:
     """:func:`simulate` of arguments that have been checked: the states at the samples, (3, n).
+
+    The torques are those of :func:`load_by_period`.
 
     Raises:
         NoSteadyCycle: The response does not settle.
@@ -186,10 +187,11 @@ def path_speeds(
         model: The joint.
         desired: Desired angles [rad], shape (n,).
         cyclic: Whether the path repeats: then the step from the last sample to the first counts.
-        load: Torque on the joint in the period that ends in each sample [N m], shape (n,).
+        load: Torque on the joint at each sample [N m], shape (n,).
     """
     speeds = steps(desired, cyclic=cyclic) / model.period
-    torques = 0.0 if load is None else np.roll(load, -1)[: len(speeds)]
+    acting = load_by_period(load, cyclic=cyclic)
+    torques = 0.0 if acting is None else np.roll(acting, -1)[: len(speeds)]
     low, high = model.speed_limits(torques, desired[: len(speeds)])
     if model.most_pose_sag > 0.0:  # where gravity overcomes the joint, any speed is too high
         least = SAME * model.v_max
@@ -243,7 +245,7 @@ def checked_load(load: npt.ArrayLike | None, model: JointModel, samples: int) ->
 
     Args:
         load: Torque on the joint in the direction of positive angles [N m], a number or one a
-            sample; it acts in the request period that ends in the sample.
+            sample.
         model: The joint.
         samples: Number of requests.
 
@@ -279,112 +281,12 @@ def checked_load(load: npt.ArrayLike | None, model: JointModel, samples: int) ->
     return torques if model.feels_load else None
 
 
-LEAST_RADIUS = 1e-12
-"""Least radius of the corners [theta_0]: its square is not lost in rounding."""
+def load_by_period(load: Array | None, *, cyclic: bool) -> Array | None:
+    """The torque in the period that ends in each sample: the mean of those at its ends [N m], (n,).
 
-
-def sensitivities(
-    model: JointModel,
-    requests: npt.ArrayLike,
-    *,
-    cyclic: bool = True,
-    start: float | None = None,
-    load: npt.ArrayLike | None = None,
-) -> Array:
-    """Derivatives of the angles with respect to the requests.
-
-    They follow from the derivatives of one request period by one forward recursion; at a corner of
-    f they are the mean of the two one-sided derivatives.
-
-    Args:
-        model: The joint.
-        requests: Requests [rad], shape (n,).
-        cyclic: Whether the requests repeat for ever; then the steady cycle is differentiated.
-        start: From rest: see :func:`planner.simulate`. By default the start moves with the first
-            request, which holds the joint there.
-        load: Torque on the joint [N m]: see :func:`planner.simulate`.
-
-    Returns:
-        d angles[k] / d requests[j], shape (n, n). Memory grows with n squared.
-
-    Raises:
-        InvalidTrajectory, InvalidInput, NoSteadyCycle: as :func:`planner.simulate`; NoSteadyCycle
-            also where a cycle has no derivative because no tick of it is unsaturated. With a dead
-            band the cycle then moves with the first request, beside which it was sought.
-
-    Example:
-        >>> import numpy as np
-        >>> requests = np.radians(20.0 * np.sin(2 * np.pi * np.arange(50) / 50))
-        >>> sensitivities(JointModel.ers210a(), requests).shape  # angles by requests
-        (50, 50)
+    From rest the first sample's own load acts before it.
     """
-    model = checked_model(model)
-    from planner.model import kernel
-
-    requests = as_trajectory(requests, name="requests")
-    simulate(model, requests, cyclic=cyclic, start=start, load=load)  # checks the arguments
-    n, torques = len(requests), checked_load(load, model, len(requests))
-    motion = motion_under(model, requests, cyclic=cyclic, start=start, torques=torques)
-    ages, load_at = request_ages(model), np.zeros(n) if torques is None else torques
-    weights, numbers = weights_by_tick(model)[0], np.maximum(acting(ages, n, cyclic=cyclic), 0)
-    own = max(model.law.states, 2)
-
-    def of_periods(weights: Array, states: Array) -> Array:
-        """Derivatives of the first periods from these states on, by them and by the requests."""
-        count = states.shape[1]
-        window, slopes = np.empty((3, ages.width, count)), np.empty((own, own + ages.width, count))
-        window[0] = requests[numbers[:count].T]
-        kernel.periods(
-            model.law,
-            weights,
-            window,
-            model.compliance * load_at[:count],
-            model.faster_per_tick(load_at[:count]),
-            np.full(count, (model.law.gain * LEAST_RADIUS * model.theta_0) ** 2),
-            states,
-            slopes,
-            np.empty((own, 0, count)),
-        )
-        return np.moveaxis(slopes, -1, 0)
-
-    size, each = model.law.states, of_periods(weights, np.roll(motion[:own], 1, axis=1))
-    kept, by_request = each[:, :size, :size], each[:, :size, own:]
-    driven = np.zeros((n, size, n))
-    place = np.arange(n)[:, np.newaxis, np.newaxis], np.arange(size), numbers[:, :, np.newaxis]
-    np.add.at(driven, place, by_request.transpose(0, 2, 1))
-    if cyclic:
-        begin = np.zeros((size, n))
-        closing = np.eye(size) - reduce(lambda product, each: each @ product, kept, np.eye(size))
-        if np.linalg.det(closing) > 0.0:
-            begin = np.linalg.solve(closing, _recursion(kept, driven, begin)[-1])
-        elif model.dead_band:
-            begin[0, 0] = 1.0
-        else:
-            raise NoSteadyCycle(0.0, 1)
-        rows = _recursion(kept, driven, begin)[:, 0]
-    else:
-        first = np.zeros((size, n))
-        angle = motion[0, 0]
-        sag = model.sag_sin * np.cos(angle) - model.sag_cos * np.sin(angle)  # its derivative
-        if model.has_integral:
-            first[0, 0], first[2, 0] = 1.0, -model.law.gain * sag
-        else:
-            first[0, 0] = 1.0 / (1.0 - sag)
-        if start is not None:  # the last tick of the period before, from rest at the start
-            integral = float(model.rest_integral(start, load_at[0]))
-            rest = np.array([[start], [0.0], [integral]])[:own]
-            first[:, 0] = of_periods(weights[-1:], rest)[0, :size, own:].sum(axis=1)
-        later = _recursion(kept[1:], driven[1:], first)[:, 0]
-        rows = np.vstack([first[:1], later])
-    rows = np.ascontiguousarray(rows)
-    freeze(rows)
-    return rows
-
-
-def _recursion(kept: Array, driven: Array, before: Array) -> Array:
-    """Derivatives of a run's states from those of the initial state, (samples, states, n)."""
-    rows = driven.copy()
-    for row, each in zip(rows, kept, strict=True):
-        row += each @ before
-        before = row
-    return rows
+    if load is None:
+        return None
+    before = np.concatenate([load[-1:] if cyclic else load[:1], load[:-1]])
+    return np.asarray((before + load) / 2.0)

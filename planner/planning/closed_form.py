@@ -76,8 +76,8 @@ def invert_closed_form(
         refine: Whether to move the knots of the approximation until the joint itself, not only the
             approximation, comes as close to ``desired`` as it can with these lines; this never
             makes the plan worse.
-        load: Torque on the joint in the direction of positive angles [N m], a number or shape (n,);
-            entry k acts in the request period that ends in sample k.
+        load: Torque on the joint in the direction of positive angles [N m], a number or shape (n,),
+            at the samples; see :func:`planner.simulate`.
 
     Returns:
         The requests, with the approximation behind them.
@@ -222,7 +222,7 @@ def closed_form_requests(
             which takes m sets of knots and values as arrays. Slopes within the joint's top speeds.
         rule: How to invert a line, see :func:`planner.line_offset`.
         load: Torque on the joint in the direction of positive angles [N m], a number or shape (n,),
-            the same for every curve; entry k acts in the request period that ends in sample k.
+            the same for every curve.
 
     Returns:
         Requests [rad], shape (n,) for one curve, (m, n) for several or a stack.

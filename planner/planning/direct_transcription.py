@@ -29,6 +29,7 @@ import numpy as np
 
 from planner.exceptions import SolverFailed, angle_text
 from planner.model.joint import acting, request_ages
+from planner.model.response import load_by_period
 from planner.model.symbolic import period_function
 from planner.planning.problem import Problem
 from planner.trajectory import Array
@@ -116,8 +117,9 @@ def _transcribed(
     """
     import casadi
 
-    (model,), (load,) = problem.models, problem.loads
-    samples, cyclic, unit = len(problem.desired), problem.cyclic, model.theta_0
+    (model,), samples = problem.models, len(problem.desired)
+    cyclic, unit = problem.cyclic, model.theta_0
+    load = load_by_period(problem.loads[0], cyclic=cyclic)
     desired, resting = problem.desired[:, 0] / unit, problem.resting[:, 0] / unit
     ideal, first = ideal[:, 0] / unit, first[:, 0] / unit
     max_step = float(problem.max_step[0]) / unit

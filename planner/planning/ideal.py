@@ -10,6 +10,7 @@ import numpy as np
 
 from planner.approximation.values import slope_bounded
 from planner.model.joint import JointModel, request_ages
+from planner.model.response import load_by_period
 from planner.planning.closed_form import SAME_TIME
 from planner.planning.line_inverse import interpolated_offset
 from planner.planning.problem import Problem
@@ -28,9 +29,8 @@ def initial_guess(problem: Problem) -> tuple[Array, Array]:
     Returns:
         Requests within the limits, and angles [rad], both (n, 1).
     """
-    (model,), (load,) = problem.models, problem.loads
-    desired, cyclic = problem.desired[:, 0], problem.cyclic
-    count = len(desired)
+    (model,), desired, cyclic = problem.models, problem.desired[:, 0], problem.cyclic
+    count, load = len(desired), load_by_period(problem.loads[0], cyclic=cyclic)
     ideal = nearest_within_speeds(model, desired, load, cyclic=cyclic)
     if problem.start is not None:
         ideal = within_attainable_range(model, ideal, float(problem.start[0]), load)
@@ -93,7 +93,7 @@ def within_attainable_range(
 
 def below_top_speed(problem: Problem, ideal: Array) -> int:
     """Number of samples that the ideal [rad], (n, 1), reaches below the joint's top speeds."""
-    (model,), (load,) = problem.models, problem.loads
+    (model,), load = problem.models, load_by_period(problem.loads[0], cyclic=problem.cyclic)
     limits = model.speed_limits(0.0 if load is None else load, ideal[:, 0])
     low, high = ((1.0 - BARELY_SLOWER) * limit * model.period for limit in limits)
     before = ideal[-1:, 0] if problem.cyclic else ideal[:1, 0]

@@ -80,7 +80,7 @@ def invert_optimal(
         solver: "gauss-newton", the search above; "ipopt" for the same problem as a nonlinear
             programme, through CasADi (``docs/math.md``, section 6), judged as exactly.
         load: Torque on the joint in the direction of positive angles [N m], a number or shape (n,);
-            entry k acts in the request period that ends in sample k.
+            at the samples; see :func:`planner.simulate`.
         max_step: Largest change from one request to the next [rad], in a cycle also from the last
             to the first, from rest also from the request that holds the start. Each is kept
             exactly.
@@ -170,7 +170,7 @@ def invert_foot(
         unreachable: Points out of reach are followed as closely as the leg can ("nearest"; the
             plan's ``reachable`` says which), or are an error that lists them ("raise").
         load: Torque on the joints in the direction of positive angles [N m], a number, shape (k,)
-            for each joint's, or (n, k); row i acts in the request period that ends in sample i. Or
+            for each joint's, or (n, k), at the samples; see :func:`planner.simulate`. Or
             a function of the angles (n, k) [rad]: see :func:`planner.plan`.
         disturbance: Measured minus modelled angles [rad], shape (n, k), which the models' angles
             are taken to miss under other requests too: see :func:`planner.refine`.

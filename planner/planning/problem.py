@@ -18,7 +18,7 @@ from planner.model.joint import (
     request_ages,
     weights_by_tick,
 )
-from planner.model.response import Loads, rest_angles, rest_requests
+from planner.model.response import Loads, load_by_period, rest_angles, rest_requests
 from planner.planning.candidate_models import Robust
 from planner.planning.task import Norm, Task
 from planner.trajectory import Array
@@ -85,8 +85,7 @@ class Problem:
         lower, upper: Limits on the requests [rad], shape (J,) or (n, J).
         first: From rest: the requests that hold the joints at the start [rad], shape (J,); by
             default in the middle of the dead bands of the nominal models.
-        loads: Torque on each model's joint in the period that ends in each sample [N m], (n,), or
-            None, (A,).
+        loads: Torque on each model's joint at each sample [N m], (n,), or None, (A,).
         near: Requests near which those of a search stay [rad], (n, J); by default R* of (10).
         weights: Weight of each scenario, together 1.
     """
@@ -143,7 +142,8 @@ class Problem:
         parts = max(model.law.states for model in self.models)
         periods, drives = np.empty((2, len(self.models), len(self.desired))), []
         for number, (model, load) in enumerate(zip(self.models, self.loads, strict=True)):
-            torque = 0.0 if load is None else load
+            acting_load = load_by_period(load, cyclic=self.cyclic)
+            torque = 0.0 if acting_load is None else acting_load
             periods[0, number] = model.compliance * torque
             periods[1, number] = model.faster_per_tick(torque)
             start = math.nan if self.start is None else self.start[number % self.joints]

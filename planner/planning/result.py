@@ -236,7 +236,7 @@ class Inversion(_View):
 
     @property
     def load(self) -> Array | None:
-        """Torque in the period that ends in each sample [N m], (n,); None if no model feels it."""
+        """Torque at each sample [N m], (n,); None if no model feels it."""
         return self.plan.task.loads[self.column]
 
     @property

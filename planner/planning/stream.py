@@ -243,7 +243,7 @@ class Stream:
                 this tick: read right before the requests are sent, in the order of the log from
                 which the model was identified. Omit angles older than a period.
             load: Torque on the joints [N m]: a number, shape (k,), or rows like those of
-                ``desired``; row j acts in the period that ends in row j.
+                ``desired``, row 0 for now; between two rows their mean acts.
             missed: Ticks without a step since the last one: the robot held its requests.
 
         Returns:

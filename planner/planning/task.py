@@ -104,8 +104,8 @@ class Task(ReadOnly):
         smoothness: Relative rise of the error that smoother requests may cost [-].
         robust: With several models: whether the "mean" or the "worst" of their errors counts.
         tolerance: Error that the plan should keep [rad], [m] for a foot; None for none.
-        load: Torques in the period that ends in each sample [N m], shape (n, k), 0 for joints that
-            feel none; None where no joint feels one.
+        load: Torques at each sample [N m], shape (n, k), 0 for joints that feel none; None where no
+            joint feels one.
         load_of_pose: Whether ``load`` is the load at the predicted angles.
         disturbance: Measured minus modelled angles in executed cycles [rad], (n, k), or None.
     """

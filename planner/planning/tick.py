@@ -101,7 +101,7 @@ JOINT = _fields(
 
 STATE = _fields(
     "angle speed "  # now, predicted and corrected, NaN before the first tick [rad], [rad/tick]
-    "integral "  # of its servo, now [rad/tick]
+    "integral load "  # of its servo, now [rad/tick]; torque on it at the last tick [N m]
     "damping "
     "read believed unread "  # the last measured angle, the one that counted, ticks since then
     "measured "  # argument: the angle, NaN where there is none [rad]
@@ -193,11 +193,14 @@ def tick(data: Data, path: Repeating, missed: int, strict: bool) -> bool:
             for i in range(len(its_sent)):
                 its_sent[i] = min(max(state.angle - sag, joint.lower), joint.upper)
         else:
-            elapse(joint, state, law, own, its_sent, its_plan, load[0, j], missed)
+            torque = (state.load + load[0, j]) / 2.0
+            elapse(joint, state, law, own, its_sent, its_plan, torque, missed)
+        state.load = load[0, j]
         # The motion before the first request of the plan acts is already determined
         begin = State(state.angle, state.speed, state.integral)
         for row in range(1, youngest + samples):
-            torque = load[min(row, preview - 1), j]
+            at = load[min(row, preview - 1), j]
+            torque = (load[min(row, preview) - 1, j] + at) / 2.0
             load_sag = joint.compliance * torque
             faster = joint.faster + joint.faster_by_load * torque
             if row < youngest:
@@ -206,7 +209,7 @@ def tick(data: Data, path: Repeating, missed: int, strict: bool) -> bool:
                 column, k = min(row, rows.shape[1] - 1), row - youngest
                 sample = period_samples[k]
                 sample.load_sag, sample.faster, sample.goal = load_sag, faster, rows[j, column]
-                sag = rest_offset(law, load_sag, pose_sag(law, sample.goal))
+                sag = rest_offset(law, joint.compliance * at, pose_sag(law, sample.goal))
                 sample.resting = sample.goal - sag
                 sample.count = 1.0 if column < preview else shares[j]
                 sample.rounded = (law.gain * joint.theta_0 * radii[k]) ** 2

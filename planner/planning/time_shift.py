@@ -70,7 +70,7 @@ def invert_shift(
         start: From rest: where the joint rests before the first request [rad]; by default at the
             first desired angle.
         load: Torque on the joint in the direction of positive angles [N m], a number or shape (n,);
-            entry k acts in the request period that ends in sample k.
+            at the samples; see :func:`planner.simulate`.
 
     Returns:
         The requests; ``lead`` is how early they are [s].

@@ -89,7 +89,7 @@ def test_gravity_is_the_torque_of_the_same_size(model, requests):
     )
     if np.max(np.abs(model.gravity(before))) < 0.9 * model.theta_0:  # else it is refused
         start = float(before[0])
-        by_torque = simulate(pulled, requests, cyclic=False, start=start, load=torque)
+        by_torque = motion_under(pulled, requests, cyclic=False, start=start, torques=torque)[0]
         np.testing.assert_allclose(by_torque, angles, rtol=0.0, atol=SAME)
 
 

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from planner.model.joint import JointModel, acting, request_ages
-from planner.model.response import simulate
+from planner.model.response import load_by_period, simulate
 from planner.model.symbolic import period_function
 from tests.strategies import models
 
@@ -62,6 +62,7 @@ def test_the_ages_of_held_requests_are_counted_in_requests(hold, lag, accelerati
 
 def chained(model, requests, state, *, cyclic, load=None):
     """Angles of periods in CasADi symbols, one after the other."""
+    load = load_by_period(load, cyclic=cyclic)
     after, size = period_function(model), model.law.states
     numbers = np.maximum(acting(request_ages(model), len(requests), cyclic=cyclic), 0)
     angles = []

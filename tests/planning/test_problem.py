@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from planner.model.joint import JointModel
-from planner.model.response import motion_under, simulate
+from planner.model.response import load_by_period, motion_under, simulate
 from planner.planning import gauss_newton
 from planner.planning.gauss_newton import Stage
 from planner.planning.problem import Problem, problem_of
@@ -202,7 +202,8 @@ def test_a_joint_whose_load_makes_it_sag_and_slower_goes_where_its_simulation_do
     start = None if cyclic else 0.1
     problem = track(model, requests, cyclic=cyclic, start=start, load=torques)
     point = allocated(problem.spec, smoothing=False)
-    motion = motion_under(model, requests, cyclic=cyclic, start=start, torques=torques)
+    acting_load = load_by_period(torques, cyclic=cyclic)
+    motion = motion_under(model, requests, cyclic=cyclic, start=start, torques=acting_load)
     point.requests[:, 0] = requests
     point.states[:, 0] = motion[0]
     point.states[:, 1:] = (

@@ -244,11 +244,6 @@ ENTRANCES: Mapping[str, Entrance] = {
     ),
     "Stream.step": (_step, lambda: {"desired": ANGLES[:7]}, "measured load missed"),
     "timed_requests": (_timed, lambda: {"requests": ANGLES, "period": 0.01}, "cycles"),
-    "sensitivities": (
-        planner.sensitivities,
-        lambda: {"model": MODEL, "requests": ANGLES},
-        "cyclic start",
-    ),
     "simulate": (
         planner.simulate,
         lambda: {"model": MODEL, "requests": ANGLES},

@@ -29,8 +29,10 @@ def stated_bound(problem: BoundProblem, level: Level) -> float:
     v, ratio, hold = model.v_max_per_tick, model.v_max_per_tick / model.theta_0, model.hold
     ticks = len(desired) * hold if cyclic else (len(desired) - 1) * hold + 1
     by_sample = np.zeros(len(desired)) if load is None else load
-    # The torque at tick t is that of the sample that is next.
-    torque = np.array([by_sample[math.ceil(t / hold) % len(desired)] for t in range(ticks)])
+    before = np.append(by_sample[-1 if cyclic else 0], by_sample)
+    # The torque at tick t is the mean of those at the samples before and after it.
+    after = [math.ceil(t / hold) % len(desired) for t in range(ticks)]
+    torque = np.array([(before[k] + by_sample[k]) / 2.0 for k in after])
     b = (model.v_offset + model.speed_per_torque * torque) * model.tick
     sag = model.compliance * torque
     x = cp.Variable(ticks)

@@ -12,6 +12,7 @@ import numpy.typing as npt
 from scipy import sparse
 
 from planner.model.joint import JointModel
+from planner.model.response import load_by_period
 from planner.planning.task import Norm
 from planner.trajectory import Array
 
@@ -29,7 +30,7 @@ class BoundProblem(NamedTuple):
         cyclic: Whether the trajectory repeats for ever.
         norm: Which error.
         start: From rest: where the joint rests before the first request [rad]; None for any start.
-        load: Torque on the joint in the period that ends in each sample [N m], shape (n,), if any.
+        load: Torque on the joint at each sample [N m], shape (n,), if any.
     """
 
     model: JointModel
@@ -223,10 +224,11 @@ def farthest_per_period(model: JointModel, load: Array | None = None) -> float:
 
 def load_by_tick(problem: BoundProblem, ticks: int) -> Array:
     """The torque in the tick that ends in each tick's angle [N m], shape (ticks,)."""
-    if problem.load is None:
+    by_period = load_by_period(problem.load, cyclic=problem.cyclic)
+    if by_period is None:
         return np.zeros(ticks)
     samples = -(-np.arange(ticks) // problem.model.hold)  # at each tick the sample that is next
-    by_tick: Array = problem.load[samples % len(problem.load)]
+    by_tick: Array = by_period[samples % len(by_period)]
     return by_tick
 
 

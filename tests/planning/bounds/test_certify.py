@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 import planner
 from planner.exceptions import InvalidInput, NoSteadyCycle, SolverFailed
 from planner.model.joint import JointModel
-from planner.model.response import simulate
+from planner.model.response import load_by_period, motion_under, simulate
 from planner.planning.bounds.certify import certify, lower_bound
 from planner.planning.bounds.cvxpy_statement import stated_bound
 from planner.planning.bounds.multipliers import bound_of, certified_error, nearest_motion
@@ -103,15 +103,12 @@ def test_a_zigzag_is_missed_by_what_a_tick_cannot_cover(norm):
 
 
 def at_every_tick(model, requests, load, *, cyclic, start=None):
-    """Angles of every tick, each of its own sample: the load of a sample acts in those before."""
-    torques = None if load is None else np.roll(np.repeat(load, model.hold), 1 - model.hold)
-    return simulate(
-        replace(model, hold=1),
-        np.repeat(requests, model.hold),
-        cyclic=cyclic,
-        start=start,
-        load=torques,
-    )
+    """Angles of every tick, each of its own sample: the load of a period acts in all its ticks."""
+    torques = load_by_period(load, cyclic=cyclic)
+    if torques is not None:
+        torques = np.roll(np.repeat(torques, model.hold), 1 - model.hold)
+    ticks, sent = replace(model, hold=1), np.repeat(requests, model.hold)
+    return motion_under(ticks, sent, cyclic=cyclic, start=start, torques=torques)[0]
 
 
 @pytest.mark.parametrize("cyclic", [True, False])
