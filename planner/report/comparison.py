@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
-from markupsafe import Markup
 
 from kinematics.leg import Leg
-from planner._version import __version__
 from planner.evaluation.checks import AGREES, Check, beyond_limits
 from planner.evaluation.cross_check import (
     METHODS,
@@ -21,7 +20,7 @@ from planner.evaluation.cross_check import (
 from planner.model.evidence import untested_words
 from planner.report import figure, style
 from planner.report.figure import Axis, Figure, Panel, Timeline, line, near_limits
-from planner.report.page import Card, Page, Section, heading, models_table, sentence
+from planner.report.page import Page, heading, models_table
 from planner.report.table import NOTHING, Column, Row, Table, number, percent
 from planner.trajectory import error_norm, index_of_largest, rms
 
@@ -45,144 +44,57 @@ def comparison_page(
     notes: Sequence[str] = (),
 ) -> Page:
     """The whole page: verdict and key figures first, sources last; with a leg, it moves."""
-    (head, tail), names = verdict(check), [joint.name for joint in check.joints]
-    expected = [each.plans["optimal"].expected.error for each in check.joints]
-    figures = [joint_figure(check, joint, j) for j, joint in enumerate(check.joints)]
-    figures += [foot_figure(check)] if check.foot is not None else []
-    subject = f"Plans compared for the leg “{title}”" if leg else heading(title or ", ".join(names))
+    joints, foot = check.joints, check.foot
+    names = [joint.name for joint in joints]
+    limits = [joint.plans["optimal"].limits for joint in joints]
+    excesses = {
+        joint.name: math.degrees(beyond_limits(joint.plans[SHOWN].requests, each))
+        for joint, each in zip(joints, limits, strict=True)
+        if each is not None
+    }
+    methods = [method for method in (SHOWN, "optimal", SECOND) if method in check.methods]
+    expected = [joint.plans["optimal"].expected.error for joint in joints]
+    feet = foot and [foot.plans[method].distances for method in ("optimal", "foot_optimal")]
+    pictures = [joint_figure(check, joint, j) for j, joint in enumerate(joints)]
     return Page(
-        heading=subject,
-        command="compare",
-        about="closed form and optimised requests",
-        verdict=Markup("<strong>{}</strong>. {}").format(head, tail.replace(" %", "\u00a0%")),
+        "comparison",
+        check=check,
+        title=title or ", ".join(names),
+        leg=leg,
         good=check.passed,
-        remarks=[*remarks(check, unreachable=unreachable), *notes],
-        cards=key_figures(check),
-        figure=leg_figure(check, check.foot, leg) if check.foot is not None and leg else None,
-        sections=[
-            Section(
-                "How good each plan is",
-                "comparison.plans",
-                check=check,
-                plans=plans_table(check.joints),
-                foot=None if check.foot is None else foot_table(check.foot),
-                second=check.methods.count(SECOND),
-                has_expected=bool(np.isfinite(expected).any()),
-            ),
-            Section("Angles and requests", "comparison.figures", pictures=figures),
-            Section(
-                "What was checked",
-                "comparison.checks",
-                table=checks_table(check.checks),
-                reasons=tolerance_reasons(check.checks),
-            ),
-            Section("The models", table=models_table(names, [each.model for each in check.joints])),
-        ],
-        footer=Markup(
-            f"request-planner {__version__} compare. The closed form inverts each line by the rule "
-            "of Stronger &amp; Stone, <cite>A Model-Based Approach to Robot Joint Control</cite>, "
-            "Section 4. The choice of the lines, with knots refined by simulating the joint, is "
-            "not the paper’s, nor are the optimised requests and the bounds."
-        ),
+        zero=not all(joint.bound for joint in joints),
+        gaps={method: above_bound(check, method) for method in methods},
+        apart=max(math.degrees(np.max(np.abs(joint.difference(SHOWN)))) for joint in joints),
+        failures=[*map(failure_words, check.failures)],
+        unreachable=unreachable,
+        # more than rounding of degrees
+        beyond={name: excess for name, excess in excesses.items() if excess > 1e-7},
+        notes=plan_notes(joints),
+        more=notes,
+        moving=leg_figure(check, foot, leg) if foot is not None and leg else None,
+        agreement=max(each.value for each in check.checks if each.name == AGREES),
+        foot=feet and [100.0 * error_norm(each, check.norm) for each in feet],
+        foot_gap=foot and foot.gap("foot_optimal"),
+        worst=max(joints, key=lambda joint: joint.plans["optimal"].error),
+        plans=plans_table(joints),
+        feet=None if foot is None else foot_table(foot),
+        has_expected=bool(np.isfinite(expected).any()),
+        pictures=pictures if foot is None else [*pictures, foot_figure(check, foot)],
+        table=checks_table(check.checks),
+        reasons=tolerance_reasons(check.checks),
+        models=models_table(names, [joint.model for joint in joints]),
     )
 
 
-# The verdict in words.
-
-
-def verdict(check: CrossCheck) -> tuple[str, str]:
-    """The verdict: a headline and its details."""
-    head = f"The plans agree: all {len(check.checks)} checks hold"
-    if not check.passed:
-        head = f"{len(check.failures)} of {len(check.checks)} checks do not hold"
-    words = {SHOWN: "closed form", "optimal": "optimised requests", SECOND: "IPOPT through CasADi"}
-    gaps = ", ".join(
-        f"{words[method]} {above_bound(check, method)}"
-        for method in words
-        if method in check.methods
-    )
-    zero = error_above_zero(check, SHOWN) is not None
-    tail = f"{'Errors above a lower bound of 0' if zero else 'Gaps above the lower bound'}: {gaps}."
-    apart = max(math.degrees(np.max(np.abs(joint.difference(SHOWN)))) for joint in check.joints)
-    if apart > 0.0:
-        tail += f" The requests of the first two differ by up to {apart:.3g} degrees all the same."
-    return head, tail
-
-
-def above_bound(check: CrossCheck, method: str) -> str:
-    """The joints' gaps, from the smallest to the largest; the error where a lower bound is zero."""
-    if (error := error_above_zero(check, method)) is not None:
-        return f"{error:.3g} degrees"
+def above_bound(check: CrossCheck, method: str) -> dict[str, Any]:
+    """The joints' gaps, from the smallest to the largest; the error [deg] of a bound of zero."""
+    errors = [joint.plans[method].error for joint in check.joints if not joint.bound]
+    if errors:
+        return {"degrees": math.degrees(max(errors)), "gap": ""}
     gaps = [joint.gap(method) for joint in check.joints]
     least, most = percent(min(gaps)), percent(max(gaps))
-    return least if least == most else f"{least.removesuffix(' %')} – {most}"
-
-
-def error_above_zero(check: CrossCheck, method: str) -> float | None:
-    """The largest error of the joints whose lower bound is zero [deg]; None where there is none."""
-    errors = [joint.plans[method].error for joint in check.joints if not joint.bound]
-    return math.degrees(max(errors)) if errors else None
-
-
-def key_figures(check: CrossCheck) -> list[Card]:
-    """Agreement, gaps, and the foot."""
-    norm, count = check.norm, len(check.checks)
-    agreement = max(each.value for each in check.checks if each.name == AGREES)
-    words = (
-        f"checks hold; the predicted angles are at most {agreement:.1g} rad from an independent "
-        "simulation"
-    )
-    cards = [Card(f"{count - len(check.failures)} of {count}", "", words)]
-    gaps = {
-        SHOWN: "closed form, the paper’s rule, knots refined",
-        "optimal": "optimised",
-        SECOND: "optimised by IPOPT through CasADi",
-    }
-    for method in [each for each in gaps if each in check.methods]:
-        if (error := error_above_zero(check, method)) is not None:
-            cards.append(Card(f"{error:.3g}", f"deg {norm}", f"lower bound 0: {gaps[method]}"))
-            continue
-        text = f"above the lower bound on the {norm} error: {gaps[method]}"
-        cards.append(Card(above_bound(check, method), "", text))
-    if check.foot is not None:
-        before, after = (
-            100.0 * error_norm(check.foot.plans[method].distances, norm)
-            for method in ("optimal", "foot_optimal")
-        )
-        gap = check.foot.gap("foot_optimal")
-        proved = "" if gap is None else f": {percent(gap)} above the lower bound"
-        words = f"the foot’s {norm} error, joints planned one by one and all at once for it{proved}"
-        return [*cards, Card(f"{before:.2f} → {after:.2f}", "cm", words)]
-    worst = max(check.joints, key=lambda joint: joint.plans["optimal"].error)
-    error, bound = math.degrees(worst.plans["optimal"].error), math.degrees(worst.bound)
-    words = f"the largest error of a joint when optimised, {worst.name}; "
-    return [*cards, Card(f"{error:.3g}", f"deg {norm}", f"{words}lower bound {bound:.3g} deg")]
-
-
-def remarks(check: CrossCheck, *, unreachable: int = 0) -> list[str]:
-    """Remarks for users of these plans."""
-    lines = [f"{failure_words(each)}." for each in check.failures]
-    if unreachable:
-        lines.append(
-            f"{unreachable} of {len(check.joints[0].desired)} samples were out of reach; the "
-            "distances are to the path that the leg can reach."
-        )
-    excesses = {
-        joint.name: beyond_limits(joint.plans[SHOWN].requests, limits)
-        for joint in check.joints
-        if (limits := joint.plans["optimal"].limits) is not None
-    }
-    beyond = [
-        f"{name} by {math.degrees(excess):.3g} degrees"
-        for name, excess in excesses.items()
-        if excess > 1e-9  # more than rounding of degrees [rad]
-    ]
-    if beyond:
-        lines.append(
-            f"The closed form knows no limits: it requests more than they allow of "
-            f"{', '.join(beyond)}. A robot that clips its requests would track less well than this."
-        )
-    return lines + [sentence(note) for note in notes(check.joints)]
+    gap = least if least == most else f"{least.removesuffix(' %')} – {most}"
+    return {"degrees": None, "gap": gap}
 
 
 # The tables, and the text of a terminal.
@@ -197,7 +109,7 @@ def comparison_text(check: CrossCheck) -> str:
         f"  {unit}, {names}: {reason}" for unit, names, reason in tolerance_reasons(check.checks)
     ]
     checks = "\n".join([checks_table(check.checks).text(), "tolerances:", *reasons])
-    lines = [f"note: {note}" for note in notes(check.joints)]
+    lines = [f"note: {note}" for note in plan_notes(check.joints)]
     return "\n\n".join([*(table.text() for table in tables), checks, *lines])
 
 
@@ -294,7 +206,7 @@ def tolerance_reasons(checks: Sequence[Check]) -> list[tuple[str, str, str]]:
     return [(unit, "; ".join(each), reason) for (unit, reason), each in names.items()]
 
 
-def notes(joints: Sequence[JointComparison]) -> Iterator[str]:
+def plan_notes(joints: Sequence[JointComparison]) -> Iterator[str]:
     """Notes on single plans."""
     names = [joint.name for joint in joints]
     if words := untested_words(names, [joint.plans["optimal"].expected for joint in joints]):
@@ -340,12 +252,11 @@ def joint_figure(check: CrossCheck, joint: JointComparison, j: int) -> Figure:
     )  # fmt: skip
 
 
-def foot_figure(check: CrossCheck) -> Figure:
+def foot_figure(check: CrossCheck, foot: FootComparison) -> Figure:
     """How far the foot is from its desired position, under the plans."""
-    assert check.foot is not None, "only a leg has a foot"
     timeline = _timeline_of(check)
     curves = [
-        timeline.curve(100.0 * check.foot.plans[method].distances, role)
+        timeline.curve(100.0 * foot.plans[method].distances, role)
         for method, role in FOOT_ROLES.items()
     ]
     return figure.foot_figure(timeline, {"": curves})

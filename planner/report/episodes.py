@@ -10,7 +10,7 @@ import numpy as np
 
 from planner.report import style
 from planner.report.figure import Axis, Curve, Figure, Panel, joined
-from planner.report.page import Card, Page, Section, sentence
+from planner.report.page import Page
 from planner.report.replay import RESENT, SIGNS
 from planner.report.table import NOTHING, Column, Row, Table, by_columns, number
 from planner.trajectory import Array
@@ -40,49 +40,31 @@ def episodes_page(
     total = len(rows) + len(failures)
     off = np.argsort([-row["planned_rms"] for row in rows], kind="stable")[:MOST_ROWS]
     shown = [rows[place] | {"recording": _short(rows[place]["recording"])} for place in sorted(off)]
-    table = episodes_table(shown, fastest=document["speed"] is None)
+    left_out = [Row(_short(name), (reason,)) for name, reason in failures.items()]
+    if len(left_out) > 20:  # that is enough to read
+        left_out[20:] = [Row(f"{len(left_out) - 20} more", (NOTHING,))]
+    reasons = Table("recording", (Column("reason", words=True),), tuple(left_out), label="Left out")
     units = sorted({row["unit"] for row in rows})
-    rest = max(len(rows) - MOST_ROWS, 0)
-    sections = [Section("The recordings", "replay.recordings", table=table, rest=rest)]
-    if failures:
-        left_out = [Row(_short(name), (reason,)) for name, reason in failures.items()]
-        if len(left_out) > 20:  # that is enough to read
-            left_out[20:] = [Row(f"{len(left_out) - 20} more", (NOTHING,))]
-        columns = (Column("reason", words=True),)
-        table = Table("recording", columns, tuple(left_out), label="Left out")
-        sections.append(Section("Left out", table=table))
-    figures = [errors_figure(rows, unit) for unit in units]
-    if len(figures) > 1:
-        sections.insert(0, Section("", pictures=figures[1:]))
     worst = max(rows, key=lambda row: float(row["planned_rms"]))
-    median = {
-        kind: float(np.median([row[f"{kind}_rms"] for row in rows]))
-        for kind in ("direct", "shifted", "planned")
-    }
-    unit = SIGNS[units[0]] if len(units) == 1 else "deg, or % of a range,"
     return Page(
-        heading=f"Replay of {total} recordings",
-        command="replay",
-        about=title,
-        verdict=(
-            f"{len(rows)} of {total} recordings have a plan",
-            f"in the median {median['planned']:.2g} {unit} rms off in the joint that is farthest "
-            f"off; the best time shift leaves {median['shifted']:.2g}, the path itself as requests "
-            f"{median['direct']:.2g}",
-        ),
-        note=sentence(episodes_line(document)),
+        "episodes",
+        total=total,
+        title=title,
+        rows=rows,
+        median={
+            kind: float(np.median([row[f"{kind}_rms"] for row in rows]))
+            for kind in ("direct", "shifted", "planned")
+        },
+        unit=SIGNS[units[0]] if len(units) == 1 else "deg, or % of a range,",
+        line=episodes_line(document),
         good=not failures,
-        remarks=[sentence(each) for each in document["remarks"]],
-        cards=[
-            Card(f"{worst['planned_rms']:.3g}", f"{SIGNS[worst['unit']]} rms",
-                 f"the plan that is farthest off, of {worst['worst_joint']} in "
-                 f"{_short(worst['recording'])}; lower bound {number(worst['lower_bound'], 3)}"),
-            Card(f"{sum(row['duration_s'] for row in rows):.3g}", "s",
-                 f"{sum(row['requests'] for row in rows)} requests in all"),
-        ],
-        figure=figures[0],
-        sections=sections,
-    )  # fmt: skip
+        remarks=document["remarks"],
+        worst={**worst, "recording": _short(worst["recording"]), "sign": SIGNS[worst["unit"]]},
+        errors=[errors_figure(rows, unit) for unit in units],
+        recordings=episodes_table(shown, fastest=document["speed"] is None),
+        rest=max(len(rows) - MOST_ROWS, 0),
+        left_out=reasons if failures else None,
+    )
 
 
 def episodes_table(rows: Sequence[Mapping[str, Any]], *, fastest: bool) -> Table:

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from planner.report.figure import Axis, Curve, Figure, Panel, Timeline, joined, line
-from planner.report.page import Page, Section, heading
+from planner.report.page import Page, heading
 from planner.report.style import APPROXIMATION, DESIRED, DIRECT, INK, LOWER_BOUND, MUTED
-from planner.report.table import Table, at_most, by_columns, two_digits
+from planner.report.table import Table, by_columns
 
 if TYPE_CHECKING:
     from planner.approximation.fit import Choices, PiecewiseLinearFit
@@ -27,20 +27,12 @@ def fit_page(fits: Mapping[str, PiecewiseLinearFit], choices: Mapping[str, Choic
     """The page: every joint's samples and lines, with error against number of lines beside them."""
     worst = max(fits, key=lambda name: fits[name].max_error)
     rms, most = np.degrees([fits[worst].rms, fits[worst].max_error])
-    sections = [Section("The joints", table=fits_table(fits))]
+    joints = {}
     for k, (name, fit) in enumerate(fits.items(), 1):
         pictures = [fit_figure(name, fit), choices_figure(choices[name], fit)]
-        named = [replace(each, name=f"{each.name}_{k}") for each in pictures]
-        sections.append(Section(heading(name), pictures=named))
-    return Page(
-        heading=f"Lines for {', '.join(fits)}",
-        command="fit",
-        verdict=(
-            f"The lines stay within {at_most(most)} degrees of the path",
-            f"{two_digits(rms)} degrees rms; {worst} is the farthest off",
-        ),
-        sections=sections,
-    )
+        joints[name] = [replace(each, name=f"{each.name}_{k}") for each in pictures]
+    table = fits_table(fits)
+    return Page("fit", joints=joints, table=table, worst=worst, rms=rms, most=most)
 
 
 def fits_table(fits: Mapping[str, PiecewiseLinearFit]) -> Table:

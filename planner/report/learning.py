@@ -11,7 +11,7 @@ import numpy as np
 
 from planner.report import figure, style
 from planner.report.figure import Axis, Curve, Figure, Panel, Timeline
-from planner.report.page import Card, Page, Section, heading, sentence
+from planner.report.page import Page, heading
 from planner.report.table import NOTHING, Column, Row, Table
 from planner.trajectory import Array
 
@@ -55,43 +55,21 @@ def learning_page(
     title: str,
 ) -> Page:
     """The page about the next plan; the last requests and their mean cycle are (n, k) [rad]."""
-    trials, ended = len(progress[0].errors), all(each.stopped for each in progress)
-    count = "1 trial" if trials == 1 else f"{trials} trials"
     worst = max(progress, key=lambda each: float(np.min(each.errors)))
     rest = [each for each in progress if each is not worst]
-    more = [errors_figure(each, f"learning_{j + 2}") for j, each in enumerate(rest)]
-    joints = [joint_figure(plan, executed, measured, j) for j in range(len(plan.names))]
-    errors = ", ".join(
-        f"{each.name} from {_short(each.errors[0])} to {_short(np.min(each.errors))} {each.unit}"
-        if len(each.errors) > 1
-        else f"{each.name} {_short(each.errors[0])} {each.unit}"
-        for each in progress
-    )
-    head = "Learning has ended" if ended else f"Learnt from {count}"
-    remarks = [about_others] if about_others else []
-    remarks += [sentence(f"{each.name}: {text}") for each in progress for text in each.remarks]
-    remarks += [sentence(f"{each.name}: {each.stopped}") for each in progress if each.stopped]
-    figures = {
-        f"rms error of the first trial, {worst.name}": worst.errors[0],
-        "of the best trial": np.min(worst.errors) if len(worst.errors) > 1 else math.nan,
-        "lower bound of the model": worst.bound,
-        "noise of one cycle": worst.noise,
-    }
     return Page(
-        heading=heading(title),
-        command="refine",
-        verdict=(head, f"{errors} rms", ": "),
-        remarks=remarks,
-        cards=[
-            Card(_short(value), worst.unit, words)
-            for words, value in figures.items()
-            if not math.isnan(value)
-        ],
-        figure=errors_figure(worst),
-        sections=[
-            Section("The trials", table=trials_table(progress), pictures=more),
-            Section("The joints", pictures=joints),
-        ],
+        "learning",
+        title=title,
+        trials=len(progress[0].errors),
+        ended=all(each.stopped for each in progress),
+        progress=progress,
+        about_others=about_others,
+        worst=worst,
+        errors=errors_figure(worst),
+        table=trials_table(progress),
+        more=[errors_figure(each, f"learning_{j}") for j, each in enumerate(rest, 2)],
+        short=_short,
+        joints=[joint_figure(plan, executed, measured, j) for j in range(len(plan.names))],
     )
 
 

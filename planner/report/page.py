@@ -1,8 +1,4 @@
-"""A page: one HTML file that needs nothing else, built from a list of sections.
-
-A page is a heading with its verdict, key figures, sections, and lists of its sources. The words of
-a section are a block of a template, in which tables and figures are values.
-"""
+"""A page: one HTML file that needs nothing else, from a template and the values that it shows."""
 
 from __future__ import annotations
 
@@ -14,12 +10,12 @@ import os
 import platform
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
 from markupsafe import Markup, escape
@@ -28,7 +24,18 @@ from planner._version import __version__
 from planner.report.figure import Figure
 from planner.report.plotly_figure import live
 from planner.report.style import ROLES
-from planner.report.table import NOTHING, Column, Row, Table, percent, raised, signed
+from planner.report.table import (
+    NOTHING,
+    Column,
+    Row,
+    Table,
+    at_most,
+    number,
+    percent,
+    raised,
+    signed,
+    two_digits,
+)
 
 if TYPE_CHECKING:
     import jinja2
@@ -66,66 +73,18 @@ PARAMETERS: Mapping[str, tuple[str, str]] = {
 MANY = 6
 """So many figures stand in columns, each below the one before, and not in rows."""
 
-HINTS = Markup(
-    '<p class="note hints">Drag in a plot (on a touch screen, use its buttons) to zoom into it; '
-    "plots over time zoom together. Double-click to see everything again. An entry of a legend "
-    "hides its curve.</p>"
-)
 
+class Page:
+    """A page: a template that extends ``base.html``, and the values that its blocks show.
 
-class Card(NamedTuple):
-    """A key figure: the number, its unit, and its meaning."""
-
-    figure: str
-    unit: str
-    words: str
-
-
-class Section:
-    """A part of a page: its heading, and a block of a template with the values that it shows.
-
-    ``plan.joints`` is the block ``joints`` of ``templates/plan.html``; without one a section is a
-    ``table``, a ``note`` and ``pictures`` side by side. In a block ``{{ table }}`` is a table,
-    ``{{ show(figure) }}`` a figure, and ``{{ figures(several) }}`` draws several side by side.
+    The words of a page are its template's. There ``{{ table }}`` draws a table,
+    ``{{ show(figure) }}`` a figure, and ``{{ figures(several) }}`` several side by side;
+    ``macros.html`` has the parts that pages are made of. Everything is escaped where it is drawn.
     """
 
-    def __init__(self, title: str, block: str = "sections.plain", **values: Any) -> None:
-        """Keep the title, empty for none, and what the section shows."""
-        self.title, self.block, self.values = title, block, values
-
-    def html(self, templates: jinja2.Environment) -> Markup:
-        """Its content; everything is escaped where it is rendered."""
-        name, _, block = self.block.partition(".")
-        template = templates.get_template(f"{name}.html")
-        return Markup("".join(template.blocks[block](template.new_context(self.values))))
-
-
-class Listing(NamedTuple):
-    """A list at the end of a page: a title, and pairs of a name and its content."""
-
-    title: str
-    pairs: Sequence[tuple[Any, Any]]
-
-
-@dataclass(frozen=True)
-class Page:
-    """A page."""
-
-    heading: str  # its subject, in words
-    command: str  # the command that made it
-    verdict: Any  # a headline, its details and what links them; or plain text, or markup
-    sections: Sequence[Section]  # in order
-    about: Any = ""  # its subject, or how it was made, above the heading
-    footer: Any = ""  # instead of the source of the model
-    note: Any = ""  # basis of the verdict, in small letters
-    good: bool = True  # whether the verdict is good news
-    remarks: Sequence[str] = ()  # remarks, shown first
-    cards: Sequence[Card] = ()  # key figures
-
-    # the figure beside the heading; the key figures stand there without one
-    figure: Figure | None = None
-    listings: Sequence[Listing] = ()  # the lists at the end
-    downloads: bool = False  # whether the figures are also in files beside the page
+    def __init__(self, template: str, **values: Any) -> None:
+        """Keep the template's name, such as "plan", and the values."""
+        self.template, self.values = template, values
 
     def html(
         self,
@@ -139,31 +98,27 @@ class Page:
         ``written``, by role: links are relative to it, so that it may move together with them.
         Standard input or output ("-"), missing files (None, "") and duplicates are left out.
         """
-        sources = sources_of(place, origins, written) if place else []
-        templates = environment()
-        element, drawn = templates.get_template("figure.html"), dict[str, Mapping[str, Any]]()
+        templates, drawn = environment(), dict[str, Mapping[str, Any]]()
+        element, downloads = templates.get_template("figure.html"), "files" in self.values
 
         def show(figure: Figure) -> Markup:
             data = drawn[figure.name] = live(figure)
-            return Markup(element.render(figure=figure, live=data, downloads=self.downloads))
+            return Markup(element.render(figure=figure, live=data, downloads=downloads))
 
         def side_by_side(figures: Sequence[Figure]) -> Markup:
+            if not figures:
+                return Markup()
             kind = "pictures many" if len(figures) >= MANY else "pictures"
             elements = Markup("\n").join(map(show, figures))
             return Markup('<div class="{}">\n{}\n</div>').format(kind, elements)
 
         templates.globals |= {"show": show, "figures": side_by_side}
-        figure = None if self.figure is None else show(self.figure)
-        return templates.get_template("base.html").render(
-            page=self,
-            listings=[*self.listings, *sources],
-            verdict=_spoken(*self.verdict) if isinstance(self.verdict, tuple) else self.verdict,
-            footer=self.footer or footer(self.command),
-            figure=figure,
-            sections=[(section.title, section.html(templates)) for section in self.sections],
+        return templates.get_template(f"{self.template}.html").render(
+            sources=sources_of(place, origins, written) if place else [],
             roles=ROLES,
-            live_head=live_head(),
-            live_scripts=live_scripts(drawn),
+            live_scripts=lambda: live_scripts(drawn),
+            version=__version__,
+            **self.values,
         )
 
 
@@ -184,32 +139,28 @@ def environment() -> jinja2.Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    templates.filters["fixed"] = lambda value, digits=2: f"{value:.{digits}f}"
-    templates.filters["percent"] = percent
-    templates.filters["breakable"] = _breakable
-    templates.filters["noted"] = _noted
+    words = {
+        "at_most": at_most,
+        "breakable": _breakable,
+        "degrees": math.degrees,
+        "digits": lambda value, digits=3: f"{value:.{digits}g}",
+        "fixed": lambda value, digits=2: f"{value:.{digits}f}",
+        "heading": heading,
+        "noted": _noted,
+        "number": number,
+        "percent": percent,
+        "sentence": sentence,
+        "two_digits": two_digits,
+    }
+    templates.filters |= words
     templates.tests["breaking"] = lambda cell: " " in cell and not re.search(r"\d", cell)
-    templates.globals["hints"] = HINTS
+    templates.globals |= vars(templates.get_template("macros.html").module)
     return templates
-
-
-def rendered(block: str, **values: Any) -> Markup:
-    """The words of a block of a template, without figures."""
-    return Section("", block, **values).html(environment())
 
 
 def rendered_text(template: str, **values: Any) -> str:
     """A template of plain text, for a terminal."""
     return environment().overlay(autoescape=False).get_template(template).render(values)
-
-
-def live_head() -> Markup:
-    """The element of a page's head by which inline scripts run, and nothing is loaded."""
-    policy = (
-        "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; "
-        "img-src data: blob:"
-    )
-    return Markup(f'<meta http-equiv="Content-Security-Policy" content="{policy}">')
 
 
 def live_scripts(figures: Mapping[str, Mapping[str, Any]]) -> Markup:
@@ -274,39 +225,27 @@ def sources_of(
     page: Path | str,
     origins: Iterable[tuple[str, str]] = (),
     files: Written = (),
-) -> list[Listing]:
-    """The lists at the end of a page: its inputs, the files of its run by role, and versions."""
+) -> list[tuple[str, list[tuple[str, Any]]]]:
+    """The lists at the end of a page: its inputs, the files of its run by role, and versions.
+
+    Each is a title with pairs of a name and its content; lists without any are left out.
+    """
     folder, links = Path(page).resolve().parent, dict[str, tuple[str, Markup]]()
     for role, file in files:
         if file and str(file) != "-":
             name, href = _seen_from(folder, Path(file).resolve())
-            link = Markup('<a href="{}">{}</a>').format(href, _breakable(name))
-            links.setdefault(href, (role, link))
-    lists = [
-        Listing("Where it comes from", [(name, _breakable(which)) for name, which in origins]),
-        Listing("Files of this run", list(links.values())),
-        Listing("Versions", list(versions().items())),
+            links.setdefault(href, (role, file_link(name, href)))
+    lists: list[tuple[str, list[tuple[str, Any]]]] = [
+        ("Where it comes from", [(name, _breakable(which)) for name, which in origins]),
+        ("Files of this run", list(links.values())),
+        ("Versions", list(versions().items())),
     ]
-    return [each for each in lists if each.pairs]
+    return [each for each in lists if each[1]]
 
 
-def file_links(files: Sequence[str]) -> Listing:
-    """The files of a folder, relative to its page."""
-    links = [(Markup('<a href="{}">{}</a>').format(file, _breakable(file)), "") for file in files]
-    return Listing("Files of this run", links)
-
-
-def footer(command: str, more: str = "") -> Markup:
-    """Footer of a command's page: the source of the model."""
-    return Markup(
-        "request-planner {} {}. The model is that of Stronger &amp; Stone, <cite>A Model-Based "
-        "Approach to Robot Joint Control</cite>, Equations 2 and 3{}."
-    ).format(__version__, command, more)
-
-
-def _spoken(head: str, tail: str, link: str = ", ") -> Markup:
-    """A headline and its details, as a sentence."""
-    return Markup("<strong>{}</strong>{}{}.").format(head, link if tail else "", tail)
+def file_link(name: str, href: str = "") -> Markup:
+    """A link to a file, by default to the one of this name beside the page."""
+    return Markup('<a href="{}">{}</a>').format(href or name, _breakable(name))
 
 
 def heading(name: str) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,18 +14,16 @@ from planner.planning.result import ErrorsOfModels, FootInversion, Inversion
 from planner.planning.time_shift import refining_recommended, shift_recommended, shifted
 from planner.report import figure, style
 from planner.report.figure import Figure, Timeline
-from planner.report.page import Card, Page, Section, heading, models_table, sentence
+from planner.report.page import Page, heading, models_table
 from planner.report.table import (
     NO_BOUND,
     NOTHING,
     Column,
     Row,
     Table,
-    at_most,
     by_columns,
     percent,
     signed,
-    two_digits,
 )
 from planner.trajectory import Array, Distance, error_norm, rms
 
@@ -71,128 +69,76 @@ def plan_page(
         Row(f"{timeline.step * k:.6g}", tuple(f"{angle:.3f}" for angle in angles))
         for k, angles in enumerate(np.degrees(plan.requests).tolist())
     )
-    columns = tuple(map(Column, plan.names))
-    requests = Table(timeline.unit, columns, tuple(rows), label="Requests")
+    requests = Table(timeline.unit, tuple(map(Column, plan.names)), tuple(rows), label="Requests")
     parts = {name: plan.of_leg(leg) for name, leg in (legs or {}).items()}
-    bounded = is_bounded(plan) and method != "foot-optimal"  # of a robot, too: its joints, by feet
-    foot, over_models = foot_figures(plan, role), models_errors_table(plan, plan.names)
-    common: dict[str, Any] = {
-        "norm": plan.task.norm,
-        "robust": plan.task.robust,
-        "no_bound": no_bound(plan),
-        "bounded": bounded,
-        "over_models": over_models,
-    }
-    sections = []
-    if foot:
-        sections.append(Section("The foot", "plan.foot", foot=foot[1:], **common))
-    if parts:
-        feet = [distances_figure(parts, role)]
-        sections.append(Section("The feet", table=feet_table(parts), pictures=feet))
-    joints = {
-        **common,
-        "table": joints_table(plan, bounded=bounded),
-        "over_models": None if plan.of_foot else over_models,
-        "has_expected": any(expected_errors(plan)),
-        "joints": [joint_figure(plan, role, j) for j in range(len(plan.names))],
-    }
-    sections += [
-        Section("The joints", "plan.joints", **joints),
-        Section("The requests", "plan.requests", motions=motions_of(plan), table=requests),
-        Section("The models", table=models_table(plan.names, plan.models)),
-    ]
-    count = max(map(len, plan.task.models)) - 1
-    over = f" · robust, {plan.task.robust} of the nominal and {count} drawn models" if count else ""
-    words = remarks(plan, foot_given=foot_given, unreachable=unreachable, missed=missed)
-    return Page(
-        heading=f"Plan for the leg “{title}”" if plan.task.leg else heading(title),
-        command="plan",
-        about=f"{method}{over}",
-        verdict=verdict(plan, parts),
-        good=not (missed or jumps_of(plan)),
-        remarks=[*words, *notes],
-        cards=cards(plan, parts),
-        figure=foot[0] if foot else None,
-        sections=sections,
-    )
-
-
-# The verdict in words.
-
-
-def verdict(plan: Plan, legs: Mapping[str, Plan] | None = None) -> tuple[str, str]:
-    """The verdict: a headline and its details; of a robot by the parts of its legs."""
-    several, unit = len(plan.names) > 1, "degrees"
-    if feet := list((legs or {}).values()) or ([plan] if plan.task.leg else []):
-        planned, direct, _ = foot_sizes(feet)
-        unit, several = "cm", bool(legs)
-        subject = "feet stay" if legs else "foot stays"
+    joint_sizes = [sizes(errors) for errors in (plan.errors, plan.direct - plan.desired)]
+    joints = [
+        {"name": name, "planned": planned.rms, "direct": direct.rms, "share": share, "speed": speed,
+         "top": top, "load": speed / top}
+        for name, planned, direct, share, (speed, top) in zip(
+            plan.names, *joint_sizes, plan.too_fast,
+            (np.degrees(each.highest) for each in plan.speeds), strict=True)
+    ]  # fmt: skip
+    feet, unit, early = list(parts.values()) or ([plan] if plan.task.leg else []), "degrees", None
+    expected = max(expected_errors(plan)) if not feet else 0.0
+    if feet:
+        unit, (planned, direct, early) = "cm", foot_sizes(feet)
+        subject = "feet" if parts else "foot"
+        if plan.task.leg and plan.expected_foot:
+            expected = 100.0 * plan.expected_foot
     else:
         planned, direct = (size(errors) for errors in (plan.errors, plan.direct - plan.desired))
-        subject = "joints stay" if several else "joint stays"
-    whose = "their paths" if several else "its path"
-    tail = (
-        f"{two_digits(planned.rms)} {unit} rms. Without a plan, with the desired angles as "
-        f"requests, the error is up to {at_most(direct.max)} {unit}, "
-        f"{two_digits(direct.rms)} {unit} rms"
+        subject = "joints" if len(joints) > 1 else "joint"
+    fast = sorted(
+        (each for each in joints if each["share"] >= 0.005 or each["load"] > 1.01),
+        key=lambda each: -each["load"],  # less leaves no error worth a remark
     )
-    expected = max(expected_errors(plan)) if not feet else 0.0
-    if plan.task.leg and plan.expected_foot:
-        expected = 100.0 * plan.expected_foot
-    tail += f". On the robot expect about {two_digits(expected)} {unit} rms" if expected else ""
-    return f"By the model the {subject} within {at_most(planned.max)} {unit} of {whose}", tail
-
-
-def remarks(
-    plan: Plan, *, foot_given: Array | None = None, unreachable: int, missed: Sequence[str]
-) -> list[str]:
-    """Remarks for users of these requests."""
-    lines = [f"{each}." for each in missed]
-    lines += map(sentence, advice(plan))
-    if unreachable:
-        head = f"{unreachable} of {len(plan.desired)} positions are out of the leg's reach"
-        words = "; the distances count them."
-        if foot_given is not None:
-            given = size(np.linalg.norm(plan.foot - foot_given, axis=1), 100.0)
-            words = (
-                ". The path was clamped to what the leg can reach, and all distances here are to "
-                "the clamped path. To the path as given the foot's distance is "
-                f"{given.rms:.3f} cm rms, {given.max:.3f} cm at most."
-            )
-        lines.append(head + words)
-    if jumps := jumps_of(plan):
-        samples = ", ".join(str(sample) for sample in jumps[:5])
-        lines.append(
-            f"The leg jumps to another pose after {len(jumps)} samples ({samples}): the "
-            "desired angles are no smooth path. Start near another pose (--near), or move the path."
-        )
-    fast = []
-    for name, share, speeds in zip(plan.names, plan.too_fast, plan.speeds, strict=True):
-        speed, top = np.degrees(speeds.highest)
-        if share >= 0.005 or speed > 1.01 * top:  # less leaves no error worth a remark
-            path = f"{100 * share:.0f} % of the path, up to {speed:.0f} deg/s"
-            fast.append((speed / top, name, f"{name} ({path}; the joint reaches {top:.0f})"))
-    if fast:
-        fast.sort(key=lambda each: -each[0])
-        lines.append(
-            f"The desired path is faster than the top speed of: "
-            f"{', '.join(words for *_, words in fast)}. There no requests make "
-            "the joint follow exactly; a slower or smaller path has no such error."
-        )
-        unknown = [name for _, name, _ in fast if name in open_top_speeds(plan)]
-        if unknown:
-            lines[-1] += (
-                f" For {', '.join(unknown)} this holds for the model only: {OPEN_TOP_SPEED}."
-            )
-    rows = [*zip(plan.names, *beyond_limits(plan), strict=True)]
-    if outside := [f"{name} by {beyond:.3g} degrees" for name, _, beyond in rows if beyond]:
-        lines.append(
-            f"Requests go beyond the limits of {', '.join(outside)}. A robot that clips its "
-            "requests would track less well than this."
-        )
-    if at_limit := [f"{name} ({count})" for name, count, beyond in rows if count and not beyond]:
-        lines.append(f"Requests at a limit of their joint: {', '.join(at_limit)}.")
-    return lines
+    limited = [*zip(plan.names, *beyond_limits(plan), strict=True)]
+    as_given = None
+    if foot_given is not None:
+        as_given = size(np.linalg.norm(plan.foot - foot_given, axis=1), 100.0)
+    bounded = is_bounded(plan) and method != "foot-optimal"  # of a robot, too: its joints, by feet
+    return Page(
+        "plan",
+        plan=plan,
+        title=title,
+        method=method,
+        draws=max(map(len, plan.task.models)) - 1,
+        good=not (missed or jumps_of(plan)),
+        legs=parts,
+        unit=unit,
+        subject=subject,
+        planned=planned,
+        direct=direct,
+        early=early,
+        expected=expected,
+        missed=missed,
+        advice=advice(plan),
+        unreachable=unreachable,
+        as_given=as_given,
+        jumps=jumps_of(plan),
+        fast=fast,
+        unknown=[each["name"] for each in fast if each["name"] in open_top_speeds(plan)],
+        open=OPEN_TOP_SPEED,
+        outside={name: beyond for name, _, beyond in limited if beyond},
+        at_limit={name: count for name, count, beyond in limited if count and not beyond},
+        notes=notes,
+        worst=max(joints, key=lambda each: each["planned"]),
+        busy=max(joints, key=lambda each: each["load"]),
+        leg=leg_figure(plan, role) if plan.task.leg else None,
+        distances=distances_figure({"": plan}, role) if plan.task.leg else None,
+        feet=feet_table(parts) if parts else None,
+        feet_distances=distances_figure(parts, role) if parts else None,
+        joints=joints_table(plan, bounded=bounded),
+        bounded=bounded,
+        no_bound=no_bound(plan),
+        has_expected=any(expected_errors(plan)),
+        over_models=models_errors_table(plan, plan.names),
+        pictures=[joint_figure(plan, role, j) for j in range(len(plan.names))],
+        motions=motions_of(plan),
+        requests=requests,
+        models=models_table(plan.names, plan.models),
+    )
 
 
 def open_top_speeds(plan: Plan) -> list[str]:
@@ -208,50 +154,6 @@ def jumps_of(plan: Plan) -> list[int]:
         return []
     closed = np.vstack([desired, desired[:1]]) if plan.cyclic else desired
     return [int(sample) for sample in leg.jumps(closed)]
-
-
-def cards(plan: Plan, legs: Mapping[str, Plan] | None = None) -> list[Card]:
-    """The key figures; of a robot also of its feet."""
-    foot_cards = []
-    if feet := list((legs or {}).values()) or ([plan] if plan.task.leg else []):
-        planned, direct, early = foot_sizes(feet)
-        shift = [f", with the best time shift {each:.3g} cm" for each in early]
-        shift = ["", ""] if plan.method == "shift" else shift
-        whose = "the feet from their paths" if legs else "the foot from its path"
-        foot_cards += [
-            Card(f"{planned.rms:.3g}", "cm rms",
-                 f"{whose}; without a plan {direct.rms:.3g} cm{shift[0]}"),
-            Card(f"{planned.max:.3g}", "cm",
-                 f"at most; without a plan {direct.max:.3g} cm{shift[1]}"),
-        ]  # fmt: skip
-    if plan.foot_bound:
-        kind = {"rms": "rms", "max": "at most"}[plan.task.norm]
-        foot_cards.append(
-            Card(percent(float(plan.gaps[0])), "",
-                 f"above the lower bound for requests within the limits, "
-                 f"{100.0 * plan.foot_bound:.3g} cm {kind}, proved")
-        )  # fmt: skip
-    planned_rms, direct_rms = (
-        [each.rms for each in sizes(errors)] for errors in (plan.errors, plan.direct - plan.desired)
-    )
-    worst = planned_rms.index(max(planned_rms))
-    speeds = [np.degrees(each.highest) for each in plan.speeds]
-    loads = [speed / top for speed, top in speeds]
-    busy = loads.index(max(loads))
-    count, joints = len(plan.desired), len(plan.names)
-    return [
-        *foot_cards,
-        Card(f"{planned_rms[worst]:.3g}", "deg rms",
-             f"the joint with the largest error, {plan.names[worst]}; without a plan "
-             f"{direct_rms[worst]:.3g} deg"),
-        Card(f"{speeds[busy][0]:.0f}", "deg/s",
-             f"{plan.names[busy]}, the fastest for its top speed, which is {speeds[busy][1]:.0f} "
-             "deg/s"),
-        Card(f"{plan.period * count:.3g}", "s",
-             f"{count} requests to {joints} joint{'s' * (joints > 1)}, one every "
-             f"{1000 * plan.period:.3g} ms; "
-             + ("the path repeats" if plan.cyclic else "from rest")),
-    ]  # fmt: skip
 
 
 # The tables.
@@ -470,18 +372,16 @@ def feet_table(legs: Mapping[str, Plan]) -> Table:
 # The figures.
 
 
-def foot_figures(plan: Plan, role: style.Role) -> list[Figure]:
-    """The moving leg, and its foot's error over time."""
+def leg_figure(plan: Plan, role: style.Role) -> Figure:
+    """The moving leg, as desired, without a plan and with it."""
     task = plan.task
-    if task.leg is None:
-        return []
+    assert task.leg is not None, "only a leg moves"
     words = (
         "The leg and the paths of its foot",
         "Move the slider and the leg follows, drag it and it turns.",
     )
     others = ((WITHOUT, plan.direct), (role, plan.predicted))
-    leg = Timeline.of(plan).leg("leg", words, task.leg, plan.desired, others, task.desired_foot)
-    return [leg, distances_figure({"": plan}, role)]
+    return Timeline.of(plan).leg("leg", words, task.leg, plan.desired, others, task.desired_foot)
 
 
 def distances_figure(legs: Mapping[str, Plan], role: style.Role) -> Figure:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -22,9 +22,9 @@ from planner.report.figure import (
     Timeline,
     line,
 )
-from planner.report.page import Card, Page, Section, models_table, sentence
+from planner.report.page import Page, models_table, sentence
 from planner.report.plan import motions_table
-from planner.report.table import NOTHING, Column, Row, Table, at_most, number
+from planner.report.table import NOTHING, Column, Row, Table, number
 from planner.trajectory import Array, Distance, error_norm
 
 if TYPE_CHECKING:
@@ -65,43 +65,59 @@ def replay_page(
     ``missed`` are the tolerances that it misses.
     """
     models_of = {each.name: each.inversion.model for each in replay.planned if each.inversion}
-    joints = [joint_figure(replay, j) for j in range(len(replay.joints))]
-    sections = [
-        Section("The joints", "replay.joints", table=joints_table(replay), joints=joints),
-        Section("The models", table=models_table([*models_of], [*models_of.values()])),
-    ]
-    if fastest is not None:
-        curves = [speeds_figure(fastest)]
-        if fastest.retime == "varying":
-            curves.append(factors_figure(fastest))
-        speeds = Section(
-            "How fast it can be",
-            "replay.speeds",
-            curves=curves,
-            whose="of the foot" if fastest.foot else "of the joint that is farthest off",
-            unknown=_listed(replay.path.open_top_speeds),
-            open=OPEN_TOP_SPEED,
+    curves = [] if fastest is None else [speeds_figure(fastest)]
+    if fastest is not None and fastest.retime == "varying":
+        curves.append(factors_figure(fastest))
+    units = {"rad": "degrees", "1": "% of the range"}
+    there = {joint.path.unit for joint in replay.planned}
+    joints: list[dict[str, Any]] = []
+    for each in replay.planned:
+        unit, factor = LOG_UNITS[each.path.unit]
+        bound, expected = factor * each.lower_bound, factor * each.expected
+        joints.append(
+            {
+                "name": each.name,
+                "unit": SIGNS[unit],
+                "sizes": {kind: _sizes(each, error) for kind, error in each.errors.items()},
+                "bound": bound if math.isfinite(bound) else None,
+                "expected": expected if math.isfinite(expected) else None,
+            }
         )
-        sections.insert(0, speeds)
+    known = [each for each in joints if each["expected"] is not None]
+    fast = {each.name: sum(b - a for a, b in each.too_fast) for each in replay.planned}
+    fast = {name: seconds for name, seconds in fast.items() if seconds}
+    proof = fastest and fastest.impossible
     return Page(
-        heading="Replay at the recorded speed"
-        if replay.speed == 1.0
-        else f"Replay at {replay.speed:.3g} times the speed",
-        command="replay",
-        about=title,
-        verdict=_verdict(replay),
-        note=sentence(first_line(replay, models)),
+        "replay",
+        replay=replay,
+        title=title,
+        several=len(joints) > 1,
+        unit=" or ".join(words for each, words in units.items() if each in there),
+        most={
+            kind: max(each["sizes"][kind].max for each in joints)
+            for kind in ("planned", "direct", "resent")
+        },
+        first_line=first_line(replay, models),
         good=not missed,
-        remarks=[
-            *([] if fastest is None else [sentence(fastest_text(fastest))]),
-            *map(sentence, [*missed, *replay.path.remarks]),
-            *_remarks(replay, fastest),
-            *map(sentence, filter(None, [_resent_words(replay)])),
-            *remarks,
-        ],
-        cards=cards(replay),
-        figure=moment_figure(replay) if arm is None else arm_figure(replay, arm),
-        sections=sections,
+        fastest=fastest and fastest_text(fastest),
+        missed=missed,
+        fast=fast,
+        unknown=sorted(replay.path.open_top_speeds & fast.keys()),
+        said=proof and proof.of_model_only,
+        open=OPEN_TOP_SPEED,
+        untested=fastest is None and replay.untested,
+        unplanned=[each for each in replay.joints if each.inversion is None],
+        resent=_resent_words(replay),
+        remarks=remarks,
+        farthest=max(joints, key=lambda each: each["sizes"]["planned"].rms),
+        expected=max(known, key=lambda each: each["expected"], default=None),
+        moving=moment_figure(replay) if arm is None else arm_figure(replay, arm),
+        speeds=curves,
+        of_foot=fastest is not None and fastest.foot,
+        open_speeds=sorted(replay.path.open_top_speeds),
+        joints=joints_table(replay),
+        pictures=[joint_figure(replay, j) for j in range(len(replay.joints))],
+        models=models_table([*models_of], [*models_of.values()]),
     )
 
 
@@ -186,74 +202,6 @@ def fastest_text(fastest: Fastest) -> str:
     if fastest.impossible.of_model_only:
         proof += f", which holds for its model only: {OPEN_TOP_SPEED}"
     return f"{words}; {proof}"
-
-
-# The words of the page.
-
-
-def _verdict(replay: Replay) -> tuple[str, str]:
-    worst = {
-        kind: max(_sizes(each, each.errors[kind]).max for each in replay.planned)
-        for kind in ("planned", "direct", "resent")
-    }
-    there = {joint.path.unit for joint in replay.planned}
-    units = {"rad": "degrees", "1": "% of the range"}
-    unit = " or ".join(words for each, words in units.items() if each in there)
-    stay, paths = ("s stay", "their paths") if len(replay.planned) > 1 else (" stays", "its path")
-    return (
-        f"By the model the planned joint{stay} within {at_most(worst['planned'])} {unit} of "
-        f"{paths}",
-        f"where the path itself as requests is up to {at_most(worst['direct'])} {unit} off, and "
-        f"the recorded requests at this speed {at_most(worst['resent'])}",
-    )
-
-
-def _remarks(replay: Replay, fastest: Fastest | None) -> list[str]:
-    lines = []
-    fast = [each for each in replay.planned if each.too_fast]
-    if fast:
-        parts = ", ".join(
-            f"{each.name} ({sum(b - a for a, b in each.too_fast):.2g} s)" for each in fast
-        )
-        unknown = _listed(replay.path.open_top_speeds & {each.name for each in fast})
-        proof = fastest and fastest.impossible
-        reason = "" if proof and proof.of_model_only else f": {OPEN_TOP_SPEED}"
-        only = f" That is by the model only of {unknown}{reason}." if unknown else ""
-        lines.append(f"The path is faster than the joint can be: {parts}; shaded below.{only}")
-    if fastest is None and (untested := replay.untested):
-        lines.append(f"Outside what the models were tested on: {untested}.")
-    unplanned = [each for each in replay.joints if each.inversion is None]
-    if unplanned:
-        names = ", ".join(f"{each.name} ({each.path.reason})" for each in unplanned)
-        lines.append(f"These joints get their recorded requests at the same moments: {names}.")
-    return lines
-
-
-def cards(replay: Replay) -> list[Card]:
-    """The key figures."""
-    worst = max(replay.planned, key=lambda each: _sizes(each, each.errors["planned"]).rms)
-    unit, factor = LOG_UNITS[worst.path.unit]
-    errors = {kind: _sizes(worst, error).rms for kind, error in worst.errors.items()}
-    bound = factor * worst.lower_bound
-    bounded = f"; lower bound {bound:.3g}" if math.isfinite(bound) else ""
-    entries = [
-        Card(f"{errors['planned']:.3g}", f"{SIGNS[unit]} rms",
-             f"the joint that is farthest off, {worst.name}; the best time shift of its path "
-             f"leaves {errors['shifted']:.3g}{bounded}"),
-    ]  # fmt: skip
-    if expected := [each for each in replay.planned if math.isfinite(each.expected)]:
-        each = max(expected, key=lambda joint: LOG_UNITS[joint.path.unit][1] * joint.expected)
-        unit, factor = LOG_UNITS[each.path.unit]
-        entries.append(
-            Card(f"{factor * each.expected:.3g}", f"{SIGNS[unit]} rms",
-                 f"to expect on the robot of {each.name}, the plan's error and the model's")
-        )  # fmt: skip
-    count, joints = len(replay.moments), len(replay.joints)
-    words = (
-        f"{count} requests to {joints} joint{'s' * (joints > 1)} at {1.0 / replay.period:.4g} Hz, "
-        f"for {replay.path.duration:.3g} s of the recording"
-    )
-    return [*entries, Card(f"{(count - 1) * replay.period:.3g}", "s", words)]
 
 
 def joints_table(replay: Replay) -> Table:
@@ -436,10 +384,6 @@ def factors_figure(fastest: Fastest) -> Figure:
         ("Speed along the replay", "One factor for all of it, or one that varies."),
         clock=True,
     )
-
-
-def _listed(names: Iterable[str]) -> str:
-    return ", ".join(sorted(names))
 
 
 def _sizes(joint: JointReplay, errors: Array) -> Distance:

@@ -12,7 +12,7 @@ from typing import Any, Literal
 import numpy as np
 
 from planner.report.figure import Axis, Curve, Figure, Panel
-from planner.report.page import Card, Page, Section
+from planner.report.page import Page
 from planner.report.style import DIRECT, FOOT_OPTIMAL, INK, LIMIT, OPTIMAL, Role
 from planner.report.table import Column, Row, Table
 
@@ -161,42 +161,20 @@ class Swept:
 
 def sweep_page(swept: Swept) -> Page:
     """The whole page."""
-    planned = sum(each.planned for each in swept.outcomes)
-    key_figures = [Card(f"{planned}", "", f"of {len(swept.outcomes)} points have a plan")]
-    sections = []
-    if swept.front:
-        slow, fast = swept.front[0], swept.front[-1]
-        key_figures += [
-            Card(f"{fast.speed:.3g}", swept.speed_unit,
-                 f"the fastest of the front, at {fast.error:.3g} {swept.error_unit}"),
-            Card(f"{slow.error:.3g}", swept.error_unit,
-                 f"the least error, at {slow.speed:.3g} {swept.speed_unit}"),
-            Card(f"{slow.direct / max(slow.error, 1e-9):.3g}", "times",
-                 "that error without a plan, with the desired angles as requests"),
-        ]  # fmt: skip
-        commands = [f"# point {each.number}\n{swept.command(each)}" for each in swept.front]
-        text = "\n".join(commands)
-        sections.append(
-            Section("The front", "sweep.front", table=points_table(swept), commands=text)
-        )
-    if swept.failures:
-        rows = [
-            Row(f"{points[0].number}", (swept.words(points[0]), f"{len(points)}", reason))
-            for reason, points in list(swept.failures.items())[:20]
-        ]
-        columns = Column("parameters", words=True), Column("points"), Column("reason", words=True)
-        table = Table("first point", columns, tuple(rows), label="Points without a plan")
-        sections.append(Section(table.label, table=table))
-    head, _, tail = swept.verdict.partition(": ")
+    rows = [
+        Row(f"{points[0].number}", (swept.words(points[0]), f"{len(points)}", reason))
+        for reason, points in list(swept.failures.items())[:20]
+    ]
+    columns = Column("parameters", words=True), Column("points"), Column("reason", words=True)
+    failures = Table("first point", columns, tuple(rows), label="Points without a plan")
     return Page(
-        heading="Speed against error",
-        command="sweep",
-        about=swept.file,
-        verdict=(head, tail, ": "),
+        "sweep",
+        swept=swept,
         good=not swept.missed,
-        cards=key_figures,
+        planned=sum(each.planned for each in swept.outcomes),
         figure=front_figure(swept) if swept.front else None,
-        sections=sections,
+        points=points_table(swept),
+        failures=failures if rows else None,
     )
 
 

@@ -96,7 +96,9 @@ def test_the_curves_and_shades_of_a_file_are_those_of_the_figure():
 
 
 def test_names_are_text_and_nothing_else():
-    element = Page("", "", "", [], "", figure=figure_of(*everything())).html()
+    element = Page(
+        "fit", joints={"": [figure_of(*everything())]}, table="", worst="", rms=0, most=0
+    ).html()
     assert "<hip>" not in element
     assert 'aria-label="title. axes: angle [deg], ' in element
     assert "panels: &lt;hip&gt;, foot; curves: desired, requested, knots, cloud" in element

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from planner.report.figure import Axis, Curve, Figure, Panel
-from planner.report.page import live_head, live_scripts, sources_of
+from planner.report.page import live_scripts, sources_of
 from planner.report.plotly_figure import plot
 from planner.report.style import DIRECT
 from tests.browser import ARGUMENTS
@@ -59,7 +59,7 @@ def page(tmp_path):
         f'<figure id="{name}"><div class="live"></div></figure>' for name in plots
     )
     file = tmp_path / "page.html"
-    file.write_text(f"<!doctype html>{live_head()}{figures}{live_scripts(plots)}")
+    file.write_text(f"<!doctype html>{figures}{live_scripts(plots)}")
     return file
 
 
@@ -82,7 +82,7 @@ def test_a_browser_that_shows_no_frame_before_its_picture_finds_the_page_alive(p
 
 def links_of(page, files):
     """The list of links at the end of a page."""
-    lists = {each.title: each.pairs for each in sources_of(page, files=files)}
+    lists = dict(sources_of(page, files=files))
     return lists["Files of this run"]
 
 

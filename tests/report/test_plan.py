@@ -14,14 +14,14 @@ from planner.model.response import PathSpeeds
 from planner.report.plan import (
     WITHOUT,
     beyond_limits,
-    foot_figures,
+    distances_figure,
     joints_table,
     jumps_of,
+    leg_figure,
     plan_page,
-    remarks,
-    verdict,
 )
 from planner.report.style import FOOT_OPTIMAL
+from tests.corpus.page_text import text_of
 
 SAME = 1e-12
 """The same figure by another route [m, rad]."""
@@ -58,6 +58,10 @@ def page(outcome):
     return page_of(outcome)
 
 
+def text_of_page(outcome, **about):
+    return text_of(page_of(outcome, **about))
+
+
 def page_of(outcome, **about):
     about = {"title": "leg <1>", "method": "foot-optimal", **about}
     return plan_page(outcome, **about).html("page.html", [("path", "<x>.csv")])
@@ -71,8 +75,8 @@ def test_no_joint_leaves_the_distance_within_which_it_is_said_to_stay(outcome, e
     errors[3] = np.radians(error)
     one = outcome.joint(0)
     one.__dict__["predicted"] = WALK.desired[:, :1] + errors
-    head, _ = verdict(one)
-    assert head == f"By the model the joint stays within {told} degrees of its path"
+    page = text_of_page(one, method="optimal")
+    assert f"By the model the joint stays within {told} degrees of its path," in page
 
 
 def test_what_goes_wrong_is_remarked(outcome, page):
@@ -82,7 +86,7 @@ def test_what_goes_wrong_is_remarked(outcome, page):
     )
     jumping = np.vstack([WALK.desired[:40], mirrored[40:]])
     jumped = asked(outcome, desired=jumping)
-    said = " ".join(remarks(jumped, unreachable=7, missed=["the foot is 2 cm off"]))
+    said = text_of_page(jumped, unreachable=7, missed=["the foot is 2 cm off"])
     assert "the foot is 2 cm off." in said
     assert "7 of 88 positions are out of the leg's reach" in said
     assert "the distances count them" in said
@@ -99,8 +103,7 @@ def test_a_path_is_said_to_be_too_fast_where_that_is_more_than_a_trace(outcome):
         shares = np.r_[np.full(fast, share), np.full(400 - fast, 0.5)]
         changed = asked(outcome)
         changed.__dict__["speeds"] = (PathSpeeds(shares, np.ones(400)),) * 3
-        words = remarks(changed, unreachable=0, missed=())
-        said.append(any("faster than the top speed" in each for each in words))
+        said.append("faster than the top speed" in text_of_page(changed))
     assert said == [False, True, True]
 
 
@@ -120,10 +123,9 @@ def test_requests_at_a_limit_are_counted(outcome):
 def test_requests_beyond_a_limit_are_said_to_be_beyond_it_and_by_how_much(outcome):
     most = float(outcome.requests[:, 0].max())
     for limit, beyond in ((most - math.radians(2.0), True), (most, False)):
-        said = remarks(limited(outcome, 0, (-10.0, limit)), unreachable=0, missed=())
-        found = [f"{WALK.joint_names[0]} by 2 degrees" in each for each in said]
-        assert any(found) == beyond
-        assert any(each.startswith("Requests at a limit") for each in said) != beyond
+        said = text_of_page(limited(outcome, 0, (-10.0, limit)))
+        assert (f"{WALK.joint_names[0]} by 2 degrees" in said) == beyond
+        assert ("Requests at a limit" in said) != beyond
 
 
 def test_every_name_is_escaped_and_every_request_shown(outcome):
@@ -140,7 +142,7 @@ def test_every_name_is_escaped_and_every_request_shown(outcome):
 
 def test_the_foot_is_drawn_where_it_should_be_though_the_leg_does_not_reach(outcome):
     far = WALK.desired_foot + np.array([0.0, 0.0, -0.1])
-    desired, direct, planned = foot_figures(asked(outcome, foot=far), FOOT_OPTIMAL)[0].movie.motions
+    desired, direct, planned = leg_figure(asked(outcome, foot=far), FOOT_OPTIMAL).movie.motions
     np.testing.assert_array_equal(desired.points[:, -1], far)
     for motion, angles in ((direct, outcome.direct), (planned, outcome.predicted)):
         foot = WALK.leg.foot_positions(angles)
@@ -149,7 +151,7 @@ def test_the_foot_is_drawn_where_it_should_be_though_the_leg_does_not_reach(outc
 
 
 def test_the_distances_of_the_foot_are_drawn_by_what_was_requested(outcome):
-    figure = foot_figures(outcome, FOOT_OPTIMAL)[-1]
+    figure = distances_figure({"": outcome}, FOOT_OPTIMAL)
     drawn = {curve.name: curve.y[: len(outcome.distances)] for curve in figure.panels[0].curves}
     np.testing.assert_allclose(drawn[WITHOUT.label], 100.0 * outcome.direct_distances)
     np.testing.assert_allclose(drawn[FOOT_OPTIMAL.label], 100.0 * outcome.distances)

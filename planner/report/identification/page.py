@@ -6,9 +6,9 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
-from markupsafe import Markup
 
 from planner.identification.result import Identification
 from planner.report.identification.figures import (
@@ -31,137 +31,61 @@ from planner.report.identification.words import (
     units_of,
     verdict,
 )
-from planner.report.page import Card, Page, Section, footer, heading, parameters_of
-from planner.report.table import NOTHING, Column, Row, Table, number, percent
+from planner.report.page import Page, parameters_of
+from planner.report.table import Column, Row, Table, number
 from planner.robot.candidates import WORDS, Compared
-
-LAGS = ", with lag and acceleration time of any length"
-"""What the model has beside the paper's, for the footer."""
 
 
 def identification_page(identifications: Mapping[str, Identification]) -> Page:
     """The whole page: of a joint, or of several one after the other, below a table of all."""
-    if len(identifications) == 1:
-        ((name, only),) = identifications.items()
-        return Page(
-            heading=f"{heading(name or 'a joint')}, {'' if only.accepted else 'not '}identified",
-            command="identify",
-            about=f"{len(only.fits)} log{'s' * (len(only.fits) > 1)}",
-            verdict=_verdict(only),
-            note=profile(only),
-            good=only.accepted,
-            remarks=only.warnings,
-            cards=cards(only),
-            figure=cloud_figure(only),
-            sections=_sections(only, ""),
-            footer=footer("identify", LAGS),
-        )
-    words = of_several(list(identifications.values()))
-    details, anchors = list[Section](), dict[str, str]()
-    for k, (name, each) in enumerate(identifications.items(), 1):
-        prefix = f"joint{k}_"
-        anchors[name] = re.sub(r"\W+", "-", f"{prefix}{name or 'joint'}")
-        head = Section(
-            "",
-            "identification.head",
-            name=heading(name or "unnamed"),
-            anchor=anchors[name],
-            warnings=each.warnings,
-            verdict=_verdict(each),
-            profile=profile(each),
-            good=each.accepted,
-            cloud=cloud_figure(each, prefix),
-            cards=cards(each),
-        )
-        details += [head, *_sections(each, prefix)]
-    overview = Section(
-        "",
-        "identification.overview",
-        anchors=anchors,
+    several = len(identifications) > 1
+    joints = [
+        _joint_values(name, each, f"joint{k}_" if several else "")
+        for k, (name, each) in enumerate(identifications.items(), 1)
+    ]
+    return Page(
+        "identification",
+        joints=joints,
+        good=all(each.accepted for each in identifications.values()),
+        summary=of_several(list(identifications.values())),
         table=_units_above(joints_table(identifications)),
         rare=explained(identifications),
     )
-    return Page(
-        heading=f"{len(identifications)} joints, identified",
-        command="identify",
-        verdict=(
-            words[0].upper() + words[1:],
-            "what is known of each, and what it adds, follows joint by joint",
-            ": ",
-        ),
-        good=all(each.accepted for each in identifications.values()),
-        sections=[overview, *details],
-        footer=footer("identify", LAGS),
-    )
 
 
-def _sections(identification: Identification, prefix: str) -> list[Section]:
-    """A joint's parameters, the improvement by the model, the logs, and the sources."""
-    logs = [
-        (fit.log.name, _angle(identification, fit.rms),
-         log_figure(identification, fit, f"{prefix}log{k}_"))
-        for k, fit in enumerate(identification.fits, 1)
-    ]  # fmt: skip
-    return [
-        Section(
-            "What is known, and how well",
-            "identification.estimates",
-            table=parameters_table(identification, page=True),
-            share=saturated(identification),
-            open=_leaves_top_speed_open(identification),
-            intervals=intervals_figure(identification, prefix),
-        ),
-        Section(
-            "What the model adds",
-            "identification.adds",
-            table=errors_table(identification),
-            signal=_angle(identification, identification.signal),
-        ),
-        Section("Log by log", "identification.logs", logs=logs),
-        Section(
-            "Where it comes from",
-            "identification.origin",
-            table=logs_table(identification),
-            names=parameters_of([identification.model.parameters()]),
-            model=identification.model,
-        ),
-    ]
+def _joint_values(name: str, found: Identification, prefix: str) -> dict[str, Any]:
+    """What the page shows of a joint: figures, tables, and numbers in the units of the page."""
+    units, (error, where) = units_of(found), telling_error(found)
 
+    def angle(radians: float) -> str:
+        return f"{units.factor * radians:.3g} {units.angle}"
 
-def cards(identification: Identification) -> list[Card]:
-    """The key figures."""
-    error, where = telling_error(identification)
-    size, _, unit = _angle(identification, error).partition(" ")
-    short = {row.name: row.bounds if row.rough else row.value for row in parameters(identification)}
-    share = f"; reached in {percent(saturated(identification), 1)} of the measured intervals"
-    reached = "" if _leaves_top_speed_open(identification) else share
-    below = f"error that calls for top speed; speed per error below it: {short['gain']}"
-    return [
-        Card(size, unit,
-             f"rms error {where}; noise: {_angle(identification, identification.noise)}"),
-        Card(short["v_max"], "", f"top speed{reached}"),
-        Card(short["lag"], "", f"lag; acceleration time: {short['acceleration_time']}"),
-        Card(short["theta_0"], "", below),
-    ]  # fmt: skip
-
-
-def _verdict(identification: Identification) -> str:
-    """The verdict, its details, and the parameters that the logs determine."""
-    words = verdict(identification).replace(" %", "\N{NO-BREAK SPACE}%")
-    head, tail = words.split(":", 1)
-    start = Markup("<strong>{}</strong>:").format(head[0].upper() + head[1:])
-    return start + f"{tail}. {determined_words(identification)}"
-
-
-def _angle(identification: Identification, radians: float | None) -> str:
-    """An angle in the unit of the page."""
-    units = units_of(identification)
-    return NOTHING if radians is None else f"{units.factor * radians:.3g} {units.angle}"
-
-
-def _leaves_top_speed_open(identification: Identification) -> bool:
-    """Whether the joint may be faster than anything in the logs."""
-    return math.isinf(identification.intervals["v_max"].upper)
+    return {
+        "name": name,
+        "of": found,
+        "anchor": re.sub(r"\W+", "-", f"{prefix}{name or 'joint'}"),
+        "verdict": verdict(found),
+        "determined": determined_words(found),
+        "profile": profile(found),
+        "error": angle(error).split(" ", 1),
+        "where": where,
+        "noise": angle(found.noise),
+        "signal": angle(found.signal),
+        "short": {row.name: row.bounds if row.rough else row.value for row in parameters(found)},
+        # whether the joint may be faster than anything in the logs
+        "open": math.isinf(found.intervals["v_max"].upper),
+        "saturated": saturated(found),
+        "speeds": cloud_figure(found, prefix),
+        "parameters": parameters_table(found, page=True),
+        "intervals": intervals_figure(found, prefix),
+        "errors": errors_table(found),
+        "logs": [
+            (fit.log.name, angle(fit.rms), log_figure(found, fit, f"{prefix}log{k}_"))
+            for k, fit in enumerate(found.fits, 1)
+        ],
+        "rows": logs_table(found),
+        "names": parameters_of([found.model.parameters()]),
+    }
 
 
 def saturated(identification: Identification) -> float:
@@ -256,41 +180,19 @@ def calibration_page(comparisons: Mapping[str, Compared], output: str) -> Page:
     joints = list(comparisons.items())
     gains = [each.named("shift").error / each.recommended.error for _, each in joints]
     errors = [math.degrees(each.recommended.error) for _, each in joints]
-    lines = [recommendation(joint, each) for joint, each in joints]
     figures = []
     for k, (joint, each) in enumerate(joints, 1):
         figure = cloud_figure(each.identification, f"joint{k}_")
         figures.append(replace(figure, title=f"{joint}: {figure.title}"))
     step = next_step({joint: each.identification for joint, each in joints}, output)
-    parts = re.split("(request-planner [^;]+)", step[:1].upper() + step[1:])
-    parts[1::2] = map(Markup("<code>{}</code>").format, parts[1::2])
     return Page(
-        heading=heading(joints[0][0] if len(joints) == 1 else f"{len(joints)} joints")
-        + ", calibrated",
-        command="calibrate",
-        verdict=lines[0]
-        if len(lines) == 1
-        else f"Under the recommended requests the errors are {spread(errors, '.2f')} deg rms, "
-        f"{spread(gains, '.2g')} times less than those of the best shift.",
-        sections=(
-            Section(
-                "Recommendation",
-                "identification.recommendation",
-                lines=lines,
-                step=Markup().join(parts),
-            ),
-            Section(
-                "Every way",
-                table=candidates_table(comparisons),
-                note="The expected error is that of the plan and of its model together; a dash "
-                "where none was known.",
-            ),
-            Section("The joints", pictures=figures),
-        ),
-        footer="Errors are measured: every way was played on the servos.",
+        "calibration",
+        joint=joints[0][0],
+        lines=[recommendation(joint, each) for joint, each in joints],
         good=all(each.identification.accepted for _, each in joints),
-        cards=(
-            Card(spread(gains, ".2g"), "×", "closer than the best shift"),
-            Card(str(len(joints)), "", f"joint{'s' * (len(joints) > 1)}"),
-        ),
+        errors=spread(errors, ".2f"),
+        gains=spread(gains, ".2g"),
+        step=re.split("(request-planner [^;]+)", step[:1].upper() + step[1:]),
+        table=candidates_table(comparisons),
+        pictures=figures,
     )

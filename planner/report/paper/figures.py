@@ -43,7 +43,7 @@ HIDDEN = ("shift", "optimal")
 """Methods that are hidden at first: in space they are the direct method's path, and nearly the
 closed form's."""
 
-FEATURED = ("figure8_foot_paths", "joints_by_method")
+FEATURED = ("figure8_foot_paths", "foot_paths", "joints_by_method")
 """The figures after the key figures: the moving leg and its joints."""
 
 TIED = 8

@@ -21,9 +21,6 @@ from planner.report.style import Role
 if TYPE_CHECKING:
     from planner.evaluation.virtual_experiment import VirtualOutcome
 
-VIRTUAL_FEATURED = ("foot_paths", "joints_by_method")
-"""The figures after the key figures: the moving leg and its joints."""
-
 PATHS = {
     "direct": style.DIRECT,
     "closed_form_plain": style.PLAIN,
