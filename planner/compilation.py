@@ -25,7 +25,8 @@ from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
 
 COMPILING = (
-    "request-planner: compiling the joint model, once after installation, for half a minute ..."
+    "request-planner: compiling what this command needs, for up to half a minute; it is kept, and "
+    "other commands compile the rest when they first need it ..."
 )
 
 NO_CACHE = (

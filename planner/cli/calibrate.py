@@ -155,6 +155,12 @@ def calibrate(
         arm = measure.with_ranges(arm, ranges)
         tests = 32.0  # of a joint, with the ways to their beginnings [s]
         seconds = len(joints) * (choices["duration_s"] + tests)
+        earlier = [name for name in joints if Path(folder, f"{name}.csv").exists()]
+        if earlier and not resume:
+            warn(
+                f"{folder} has logs of {', '.join(earlier)} by an earlier calibration, which new "
+                "ones replace: move the folder to keep them, or take them with --resume"
+            )
         remark(
             f"each of {', '.join(joints)} will move within its range, one after the other, for "
             f"{seconds / 60.0:.1f} min in all; Ctrl-C stops it; logs go to {folder}"

@@ -57,9 +57,14 @@ class Expected:
 
 
 def within(
-    *, gt: float = -math.inf, ge: float = -math.inf, lt: float = math.inf, le: float = math.inf
+    *,
+    gt: float = -math.inf,
+    ge: float = -math.inf,
+    lt: float = math.inf,
+    le: float = math.inf,
+    words: str = "",
 ) -> Expected:
-    """Numbers above ``gt``, below ``lt``, from ``ge`` to ``le``; whole ones have an end ``le``."""
+    """Numbers above ``gt``, below ``lt``, from ``ge`` to ``le``: whole ones, or as in ``words``."""
     texts = {"above": gt, "of at least": ge, "below": lt}
     ends = " and ".join(f"{text} {end:g}" for text, end in texts.items() if math.isfinite(end))
 
@@ -68,9 +73,8 @@ def within(
             raise ValueError
         return number
 
-    return Expected(
-        f"a whole number from {ge} to {le}" if le < math.inf else f"a number {ends}", check
-    )
+    numbers = f"a number {ends}" if math.isinf(le) else f"a whole number from {ge} to {le}"
+    return Expected(words or numbers, check)
 
 
 @dataclass(frozen=True, eq=False)

@@ -164,7 +164,12 @@ def _log_text(joint: str, expected: Identification) -> str:
 
 def _check(choices: dict[str, Any]) -> None:
     """Refuse options that the kind ignores, and invalid numbers."""
-    kind = choices["kind"]
+    kind, (low, high), turns = choices["kind"], choices["limits_deg"], 720.0
+    if high - low > turns:
+        raise click.UsageError(
+            f"--limits-deg: got {low:g}:{high:g}, expected at most {turns:g} degrees from one to "
+            "the other, two turns; are they counts of a sensor?"
+        )
     for name, kinds in (
         ("amplitude_deg", ("combined", "steps")),
         ("cycles", ("combined", "steps")),

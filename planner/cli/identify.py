@@ -71,14 +71,17 @@ def identify(
 
     if report == "-":
         raise click.UsageError("--report: standard output takes the model; name a file.")
+    others, above = list[str](), ""
     try:
-        others = list(read_model_file(output).by_joint) if has_content(output) else []
+        if has_content(output):
+            file = read_model_file(output)
+            others, above = list(file.by_joint), file.joint
     except InvalidFile as error:
         words = "remove the file to replace it, or choose another name for the model"
         raise InvalidFile(output, f"is no valid model file ({error}); {words}") from error
     by_joint = _by_joint(logs, choices)
     identifications = _identify_joints(by_joint, choices)
-    tables = identifications
+    tables, of_joint = identifications, ""
     document: dict[str, Any]
     if choices["joint"] == "all":
         document = {"joints": {joint: each.to_dict() for joint, each in tables.items()}}
@@ -87,7 +90,10 @@ def identify(
         # A single model is written above all tables: it then holds for a joint of any name.
         # Beside the tables of other joints it gets its own.
         own = joint or (others[0] if len(others) == 1 else "")
+        if above not in ("", own) and own:
+            others.append(above)
         tables = {own if others else "": identification}
+        of_joint = "" if others else own or above
         document = {"joint": joint, **identification.to_dict()}
     if kept := [joint for joint in others if joint not in tables]:
         remark(f"{output}: the models of {', '.join(kept)} stay")
@@ -96,6 +102,7 @@ def identify(
         {joint: each.model for joint, each in tables.items()},
         remarks=remarks(),
         about=model_comments(tables),
+        of_joint=of_joint,
     )
     page: AbstractContextManager[None] = nullcontext()
     if report is not None:

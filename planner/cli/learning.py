@@ -12,18 +12,18 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.ndimage import maximum_filter1d, minimum_filter1d, uniform_filter1d
 
-from planner.cli.console import BadSetting, Key
-from planner.cli.desired import Desired
+from planner.cli.console import BadSetting, Key, Remark
+from planner.cli.desired import Desired, repeats
 from planner.cli.models import leg_title, model_words
 from planner.cli.planning import plan_of, task_of
-from planner.exceptions import InvalidFile, about
+from planner.exceptions import InvalidFile, NoSteadyCycle, about
 from planner.files.columns import pairs, split_unit, with_unit
 from planner.files.learning_history import LearningState, read_history, write_history
 from planner.files.paths import JOINT_UNITS, UNEVEN, JointPath, joint_path, read_joint_path
 from planner.files.table import Table, read_table
 from planner.identification.grid import mean_period
 from planner.learning.refine import refine
-from planner.model.response import load_columns
+from planner.model.response import load_columns, simulate_joints
 from planner.planning.plan import Plan, joined
 from planner.planning.task import limits_of_each
 from planner.report.learning import Trials, learning_page
@@ -166,6 +166,29 @@ def read_measured(
             paths[0], f"got {len(angles)} of {samples} rows, expected {cycles} cycles"
         )
     return Measured(names or desired.names, angles[: cycles or len(angles)], unused_rows)
+
+
+def recorded_in_a_cycle(desired: Desired, executed: Array, measured: Measured) -> Remark | None:
+    """A remark where a motion is to begin at rest, and the joints were in their steady cycle."""
+    columns = [desired.names.index(name) for name in measured.names]
+    requests = executed[:, columns]
+    if desired.cyclic or not repeats(requests, None)[0]:
+        return None
+    models = [desired.models[j] for j in columns]
+    starts = [desired.starts.get(desired.names[j], desired.angles[0, j]) for j in columns]
+    try:
+        cycle = simulate_joints(models, requests, cyclic=True)
+    except NoSteadyCycle:
+        return None
+    apart = cycle - simulate_joints(models, requests, cyclic=False, starts=starts)
+    nearer = np.sum(apart * (measured.angles.mean(axis=0) - cycle + apart)) / np.sum(apart**2)
+    if np.max(np.abs(apart)) < math.radians(0.5) or nearer < 0.5:
+        return None
+    return Remark(
+        "the measured angles begin as in a cycle that repeats, and ",
+        Key("plan.cyclic", False),
+        " is for a motion from rest: if the requests were repeated, leave it out, here and in plan",
+    )
 
 
 def _check_requests(table: Table, log: JointPath, executed: JointPath, period: float) -> None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from planner.cli import settings
 from planner.cli.console import BadSetting, Key, Remark
-from planner.exceptions import InvalidFile
+from planner.exceptions import InvalidFile, InvalidModel
 from planner.files.columns import SHARES
 from planner.files.joint_model import read_model_file
 from planner.files.robot import LegPlace, read_legs
@@ -111,7 +111,11 @@ def models_of(
     file, rate = run.model.file, run.path.rate_hz
     models = _by_file(file, joints, leg, folder)
     if rate is not None:
-        models = tuple(each.requested_every(1.0 / rate) for each in models)
+        try:
+            models = tuple(each.requested_every(1.0 / rate) for each in models)
+        except InvalidModel as error:
+            reason = str(error).removeprefix("period: ")
+            raise BadSetting(Key("path.rate_hz"), f": {reason}") from error
     for name, each in zip(joints, models, strict=True):
         if abs(each.period - models[0].period) > 1e-9 * models[0].period:
             raise InvalidFile(

@@ -82,6 +82,7 @@ ADVICE = {
     "cyclic=False": "--no-cyclic",
     "max_error": "--max-error",
     "max_rms": "--max-rms",
+    "forward, sideways and hip_height": "--forward, --sideways and --hip-height",
 }
 """Arguments that messages of the library advise, as options."""
 

@@ -79,6 +79,7 @@ def refine(
         learning_report,
         read_executed,
         read_measured,
+        recorded_in_a_cycle,
         refined,
         summary,
         write_states,
@@ -95,6 +96,8 @@ def refine(
         )
     executed = read_executed(requests, desired)
     angles = read_measured(measured, desired, executed, cycles=cycles)
+    if words := recorded_in_a_cycle(desired, executed.angles, angles):
+        options.warn_of([words])
     if angles.unused:
         warn(f"{angles.unused} measured rows after the last whole cycle are not used")
     with Progress(len(desired.names)) as progress:

@@ -36,6 +36,8 @@ Weights = Annotated[
     tuple[NotNegative, NotNegative, NotNegative], Expected("a list of three numbers, 0 or more")
 ]
 Tick = Annotated[int, within(ge=1 - 10**9, le=10**9 - 1)]
+Length = Annotated[float, within(gt=0.0, le=2.0, words="a number above 0, up to 2, in metres")]
+Share = Annotated[float, within(ge=0.0, le=1.0, words="a number from 0 to 1, 0.05 for 5 %")]
 Samples = Annotated[int, within(ge=4, le=10**6)]
 
 ShippedLeg = Literal["reference", "front-left", "front-right", "hind-left", "hind-right"]
@@ -110,8 +112,10 @@ class HalfEllipse(Settings):
     """The foot path of a walk in the hip's frame, for which [path] has no file."""
 
     samples: Samples = option("Samples in a cycle.", default=88)
-    length: Positive = setting("Half of the stroke [m].", default=0.04893, option="--half-stroke")
-    height: NotNegative = option("How high the foot swings [m].", default=0.042)
+    length: Length = setting("Half of the stroke [m].", default=0.04893, option="--half-stroke")
+    height: Annotated[float, within(ge=0.0, le=2.0, words="a number from 0 to 2, in metres")] = (
+        option("How high the foot swings [m].", default=0.042)
+    )
     forward: float = option("Middle before the hip [m].", default=0.049)
     sideways: float = option("Outward of the hip [m].", default=0.028)
     hip_height: float = option("Hip above ground [m].", default=0.077)
@@ -213,7 +217,7 @@ class Plan(Settings):
         example=600.0,
         metavar="DEG/S",
     )
-    smoothness: NotNegative | None = option(
+    smoothness: Share | None = option(
         "Methods optimal and foot-optimal: share by which smoother requests may raise the "
         "error that the robot would show, of plan and model together (an encoder's step of "
         "0.088 degrees at least); 0 for none.",

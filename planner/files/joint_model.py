@@ -57,6 +57,9 @@ CORRELATIONS = "correlations"
 VERDICT, REASON = "verdict", "verdict_reason"
 """Keys of the verdict on a model, and of its reason."""
 
+JOINT = "joint"
+"""Key above all tables: the joint of which the model there was identified, if it has a name."""
+
 KNOWN = (*FIELDS, *TESTED, *INTERVALS, CORRELATIONS, VERDICT, REASON)
 """Every key of a model."""
 
@@ -76,6 +79,7 @@ class ModelFile:
     path: str
     common: JointModel | None
     by_joint: Mapping[str, JointModel]
+    joint: str = ""  # the joint from whose logs the model for every joint is; "" where unknown
 
     def one(self) -> JointModel:
         """The only model of the file."""
@@ -149,6 +153,9 @@ def read_model_file(path: Path | str) -> ModelFile:
     path = file.path
     content = {key: each for key, each in file.content.items() if not is_of_robot(key, each)}
     common = {key: value for key, value in content.items() if not isinstance(value, dict)}
+    of_joint = common.pop(JOINT, "")
+    if not isinstance(of_joint, str):
+        raise file.fault(f"{JOINT}: got {shown(of_joint)}, expected the name of a joint", (JOINT,))
     tables = {
         joint: {key: each for key, each in own.items() if (key, type(each)) != (SERVO, dict)}
         for joint, own in content.items()
@@ -168,7 +175,7 @@ def read_model_file(path: Path | str) -> ModelFile:
         table: _model(path, {**common, **own}, own, f"table [{table}]: ")
         for table, own in tables.items()
     }
-    return ModelFile(path, model, by_joint)
+    return ModelFile(path, model, by_joint, of_joint)
 
 
 def write_model(path: Path | str, model: JointModel) -> None:
@@ -183,11 +190,13 @@ def models_text(
     about: Mapping[str, Mapping[str, str]] | None = None,
     servos: Mapping[str, Servo] | None = None,
     bus: Mapping[str, str | int] | None = None,
+    of_joint: str = "",
 ) -> str:
     """Models by joint as TOML that :func:`read_models` reads; "" stands above all tables.
 
-    ``remarks`` are comments at the top; ``about`` are, by joint, comments by key that take the
-    place of the key's unit, and under "" one above the joint's keys.
+    The model above all tables is that ``of_joint``, if this has a name. ``remarks`` are comments at
+    the top; ``about`` are, by joint, comments by key that take the place of the key's unit, and
+    under "" one above the joint's keys.
     """
     # A table inherits the keys above all tables, unless it sets them.
     above = models[""].parameters() if "" in models else {}
@@ -198,6 +207,9 @@ def models_text(
         comments = (about or {}).get(joint, {})
         lines = [f"[{key_name((joint,))}]"] if joint else []
         lines += [_comment(line) for line in comments.get("", "").splitlines()]
+        if of_joint and not joint:
+            words = "this model holds for joints of any name"
+            lines.append(f"{JOINT} = {toml_value(of_joint)}  # was identified; {words}")
         lines += [
             f"{name} = {getattr(model, name)!r}  "
             + _comment(comments.get(name, f"[{PARAMETER_UNITS[name]}]"))
@@ -219,21 +231,29 @@ def updated_text(
     about: Mapping[str, Mapping[str, str]] | None = None,
     servos: Mapping[str, Servo] | None = None,
     bus: Mapping[str, str | int] | None = None,
+    of_joint: str = "",
 ) -> str:
     """Models as :func:`models_text` writes them, with what else the model file at ``path`` holds.
 
     Other joints, servos and legs of the file stay, and its bus where none is named. A joint whose
-    table changes nothing of the model above all tables keeps to that model, also to a new one.
+    table changes nothing of the model above all tables keeps to that model, also to a new one. A
+    model above all tables of a known joint gets a table of its own beside a model of another joint.
     """
     if not has_content(path):
-        return models_text(models, remarks=remarks, about=about, servos=servos, bus=bus)
+        return models_text(
+            models, remarks=remarks, about=about, servos=servos, bus=bus, of_joint=of_joint
+        )
     file = read_model_file(path)
-    kept = {} if file.common is None else {"": file.common}
+    above = file.joint if file.joint not in ("", of_joint) else ""
+    kept = {} if file.common is None else {above: file.common}
     for joint, model in file.by_joint.items():
         kept[joint] = models.get("", model) if model == file.common else model
     servos = read_servos(path, optional=True) | dict(servos or {})
     bus = read_bus(path) if bus is None else bus
-    text = models_text(kept | dict(models), remarks=remarks, about=about, servos=servos, bus=bus)
+    models = kept | dict(models)
+    text = models_text(
+        models, remarks=remarks, about=about, servos=servos, bus=bus, of_joint=of_joint
+    )
     return text + legs_text(path)
 
 

@@ -92,7 +92,6 @@ def stride(
     Raises:
         InvalidInput: A parameter is not a number or out of its range.
         Infeasible: The leg cannot trace it, or no half ellipse around this place.
-        UnreachableFoot: Length and height are given and points are out of reach.
         UnsupportedLeg: The leg has more than three joints, or one of them never moves the foot.
     """
     if not isinstance(leg, Leg):
@@ -124,18 +123,16 @@ def stride(
         jumps = leg.jumps(np.vstack([angles, angles[:1]]))
         if jumps.size:
             raise Infeasible(
-                f"foot: the leg would have to leap to another pose after sample {jumps[0]}; make "
-                "the stride smaller or move it"
+                "half ellipse: the leg would have to leap to another pose after sample "
+                f"{jumps[0]}; make the stride smaller or move it"
             )
         if not fixed and dexterity(leg.chain, angles).min() < least:
-            raise Infeasible("foot: the leg would be close to stretched or folded")
+            raise Infeasible("half ellipse: the leg would be close to stretched or folded")
         return Stride(foot, long, high, centre, pose, angles)
 
-    if fixed:
-        return scaled(1.0)
     low, high, best = 0.0, 1.0, None
     scale = high
-    for _ in range(10):  # to a thousandth
+    for _ in range(1 if fixed else 10):  # to a thousandth
         try:
             best = scaled(scale)
             low = scale
@@ -145,9 +142,13 @@ def stride(
             break
         scale = 0.5 * (low + high)
     if best is None:
+        given = {"half stroke": length, "height": height}
+        size = " and ".join(f"of {name} {each:g} m" for name, each in given.items() if each)
+        smaller = "make it smaller, " if size else ""
+        size, reason = size or "at all, however small,", str(why).partition(";")[0]
         raise Infeasible(
-            "foot: the leg traces no half ellipse around this place, however small; move it with "
-            f"forward, sideways and hip_height, or give another pose ({why})"
+            f"half ellipse: the leg traces none {size} around this place; {smaller}move it with "
+            f"forward, sideways and hip_height, or give another pose ({reason})"
         ) from why
     return best
 

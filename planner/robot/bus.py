@@ -84,7 +84,7 @@ class SerialPort(Port):
             else:
                 reason = os.strerror(error.errno).lower()
                 words = f"cannot be opened ({reason}); check the cable and the rights on the port"
-            raise BusError(f"{path}: {words}") from error
+            raise InvalidInput(f"{path}: {words}") from error
         self.baud_rate = int(self._serial.baudrate)
 
     def write(self, content: bytes) -> None:

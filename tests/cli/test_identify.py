@@ -109,3 +109,17 @@ def test_a_model_file_that_is_replaced_keeps_all_but_the_model_of_the_joint(run)
         assert after["knee"]["v_max"] == pytest.approx(TRUE.v_max, rel=0.02)
         assert after["knee"]["verdict"] == "holds"
         assert after["knee"]["verdict_reason"] != "it is old"
+
+
+def test_a_model_for_any_joint_keeps_the_name_of_its_own_beside_another_joint(run):
+    for joint in ("knee", "hip"):
+        write_log(f"{joint}.csv", joints=(joint,))
+    for _ in range(2):
+        assert run("identify", "knee.csv", "-o", "arm.toml").exit_code == 0
+        assert read_model_file("arm.toml").joint == "knee"
+    knee = read_model_file("arm.toml").for_joints(["toe"])
+    result = run("identify", "hip.csv", "-o", "arm.toml")
+    assert "arm.toml: the models of knee stay" in result.stderr
+    after = read_model_file("arm.toml")
+    assert (after.common, list(after.by_joint)) == (None, ["knee", "hip"])
+    assert after.for_joints(["knee"]) == knee

@@ -150,6 +150,16 @@ def test_a_second_run_can_take_the_logs_as_they_are(calibrated, command_line, mo
     assert np.array_equal(taken, [kept.angles])
 
 
+def test_logs_that_a_calibration_replaces_are_told(calibrated, command_line, monkeypatch):
+    folder, _ = calibrated
+    monkeypatch.chdir(folder)
+    line = ("calibrate", *BRIEF, "--ids", "1", "--dry-run", "-o")
+    told = "arm_logs has logs of joint_1 by an earlier calibration, which new ones replace"
+    assert told in command_line(*line, "arm.toml").stderr
+    assert told not in command_line(*line, "arm.toml", "--resume").stderr
+    assert "earlier" not in command_line(*line, "new.toml").stderr
+
+
 def test_logs_of_another_range_are_not_taken(calibrated, command_line, monkeypatch):
     folder, _ = calibrated
     monkeypatch.chdir(folder)

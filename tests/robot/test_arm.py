@@ -165,11 +165,13 @@ def test_two_joints_cannot_share_a_servo():
 
 
 def test_a_port_that_cannot_be_opened_is_one_clear_error(tmp_path):
-    with pytest.raises(BusError, match=r"cannot be opened \(no such file or directory\); check"):
+    with pytest.raises(
+        InvalidInput, match=r"cannot be opened \(no such file or directory\); check"
+    ):
         SerialPort("/dev/ttyNONE")
     (tmp_path / "file").write_text("")
     before = len(list(Path("/proc/self/fd").iterdir()))
-    with pytest.raises(BusError, match="is no serial port; expected such as /dev/ttyACM0"):
+    with pytest.raises(InvalidInput, match="is no serial port; expected such as /dev/ttyACM0"):
         SerialPort(str(tmp_path / "file"))
     assert len(list(Path("/proc/self/fd").iterdir())) == before
     with pytest.raises(InvalidInput, match="baud rate: got 123, expected one of 9600"):

@@ -87,7 +87,7 @@ def sweep(
         return
     check_folder(place)
     click.get_current_context().with_resource(claimed(place))
-    options.warn_of(space.refused_models())
+    options.warn_of([*space.refused_models(), *space.rounded()])
     inputs = space.inputs()
     origin = {**inputs, "sweep": space.settings.sweep.values()}
     if resume and (before := finished(place, MANIFEST, origin)):

@@ -121,6 +121,20 @@ class Space:
                 return refused_models(desired.names, desired.models)
         return ()
 
+    def rounded(self) -> tuple[Remark, ...]:
+        """A remark on periods of a grid that are no whole number of requests."""
+        periods = self.values.get("period_s", ())
+        whole = [round(each / self.period) * self.period for each in periods]
+        pairs = [
+            f"{each:g} becomes {to:g}"
+            for each, to in zip(periods, whole, strict=True)
+            if abs(each - to) > 1e-6 * each
+        ]
+        if not pairs or self.settings.sweep.method == "cma":  # which chooses between the ends
+            return ()
+        every = f" s, rounded to requests {self.period:g} s apart"
+        return (Remark(Key("sweep.parameters.period_s"), f": {', '.join(pairs)}{every}"),)
+
     def inputs(self) -> dict[str, Any]:
         """The inputs of all outcomes, beside the point."""
         run = self.settings

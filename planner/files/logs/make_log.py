@@ -232,6 +232,7 @@ def make_log(source: Source, columns: Columns, *, joint: str, notes: tuple[str, 
             f"steps of {ENCODER_STEP:.5f}, a turn of 2 pi over 4096: they are radians; rename "
             "the columns",
         )
+    _check_one_unit(source, columns, joint, requests[measured], angles[measured])
     if np.array_equal(requests[measured], angles[measured]) and np.ptp(angles) > 0.0:
         raise InvalidFile(
             source.path,
@@ -433,6 +434,43 @@ def _checked(source: Source, what: str, numbers: Array, scale: Scale) -> Array:
             f"{what}: got {numbers[k]:g}, expected {expected} in {scale.name}; check the unit", k
         )
     return values
+
+
+def _check_one_unit(
+    source: Source, columns: Columns, joint: str, requests: Array, angles: Array
+) -> None:
+    """Refuse a log in which one column alone has degrees for radians, or radians for degrees.
+
+    The spans then differ by about 57.3, while one column follows the other within half a second.
+    """
+    if len(angles) < 20:
+        return
+    spans = np.ptp(requests), np.ptp(angles)
+    ratio = max(spans) / max(min(spans), 1e-300)
+    if not 40.0 < ratio < 80.0:
+        return
+    latest = min(len(angles) // 2, round(0.5 / float(np.median(np.diff(columns.times)))))
+
+    def follows(late: int) -> bool:
+        inputs, outputs = requests[: len(requests) - late], angles[late:]
+        inputs, outputs = inputs - inputs.mean(), outputs - outputs.mean()
+        return bool(inputs @ outputs > 0.7 * np.sqrt((inputs @ inputs) * (outputs @ outputs)))
+
+    if not any(follows(late) for late in range(0, latest + 1, 1 + latest // 25)):
+        return
+    large, small = ("requested", "actual") if spans[0] > spans[1] else ("actual", "requested")
+    units = {"requested": columns.request_scale.name, "actual": columns.angle_scale.name}
+    if units[large] == "rad":
+        wrong, named, held = large, "radians", "degrees"
+    elif units[small] == "deg":
+        wrong, named, held = small, "degrees", "radians"
+    else:
+        return
+    raise InvalidFile(
+        source.path,
+        f"{joint}{': ' if joint else ''}the {large} angles span {ratio:.3g} times as much as the "
+        f"{small} ones: the {wrong} ones are named {named}, and are {held}; rename their column",
+    )
 
 
 def _in_radian_steps(numbers: Array) -> bool:

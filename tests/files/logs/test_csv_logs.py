@@ -297,3 +297,32 @@ def test_radians_under_a_heading_in_degrees_are_refused_where_their_steps_show_i
     file.write_text(file.read_text().replace("_deg", "_rad"))
     (log,) = read_logs([str(file)])
     assert np.ptp(log.angles) > 0.8 * reach
+
+
+@pytest.mark.parametrize(
+    ("units", "factors", "wrong"),
+    [
+        ("rad rad", (1.0, 57.3), "the actual ones are named radians, and are degrees"),
+        ("rad rad", (57.3, 1.0), "the requested ones are named radians, and are degrees"),
+        ("deg deg", (57.3, 1.0), "the actual ones are named degrees, and are radians"),
+        ("deg rad", (57.3, 57.3), "the actual ones are named radians, and are degrees"),
+        ("deg rad", (57.3, 1.0), None),
+        ("rad rad", (1.0, 1.0), None),
+    ],
+)
+def test_one_column_in_degrees_beside_one_in_radians_is_refused(tmp_path, units, factors, wrong):
+    times = 0.02 * np.arange(200)
+    requests = factors[0] * 0.12 * np.sin(5.0 * times)
+    angles = factors[1] * 0.1 * np.sin(5.0 * (times - 0.1))
+    rows = [
+        "{:.2f},{:.9f},{:.9f}".format(*row) for row in zip(times, requests, angles, strict=True)
+    ]
+    of_requests, of_angles = units.split()
+    file = tmp_path / "log.csv"
+    heading = f"t_s,knee_requested_{of_requests},knee_actual_{of_angles}"
+    file.write_text("\n".join([heading, *rows]))
+    if wrong is None:
+        read_logs([str(file)])
+    else:
+        with pytest.raises(InvalidFile, match=f"knee: the .* times as much as .*: {wrong}; rename"):
+            read_logs([str(file)])
