@@ -22,6 +22,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -29,40 +30,31 @@ import numpy as np
 from planner.approximation.values import envelope_below
 from planner.trajectory import Array
 
+REACHED = 1e-13
+"""Width of a gate that lines are known to reach, so that rounding does not keep them from it."""
+
 
 class Course(NamedTuple):
-    """A curve of few lines.
+    """A curve of few lines."""
 
-    Attributes:
-        knots: Its knots, shape (K,); of a cycle without the first one again.
-        values: Its values there, shape (K,).
-        fewest: Lower bound on the segments of any such curve.
-    """
-
-    knots: Array
-    values: Array
-    fewest: int
-
-    def shortest(self, period: float | None = None) -> float:
-        """Length of its shortest segment; of a cycle, with its period [samples]."""
-        end = [] if period is None else [self.knots[0] + period]
-        return float(np.min(np.diff(np.append(self.knots, end)), initial=math.inf))
+    knots: Array  # (K,); of a cycle without the first one again
+    values: Array  # (K,)
+    fewest: int  # lower bound on the segments of any such curve
 
 
 class Gates(NamedTuple):
-    """Intervals that a curve must pass, by place.
+    """Intervals that a curve must pass, by place."""
 
-    Attributes:
-        places: Where the gates are, increasing [samples].
-        lower: Least value of the curve at each.
-        upper: Largest value of the curve at each.
-        slope: Largest rise per sample, v.
-    """
+    places: Sequence[float]  # increasing [samples]
+    lower: Sequence[float]  # least value of the curve at each
+    upper: Sequence[float]  # largest value of the curve at each
+    slope: float  # largest rise per sample, v
 
-    places: Sequence[float]
-    lower: Sequence[float]
-    upper: Sequence[float]
-    slope: float
+    def reachable(self) -> tuple[Array, Array]:
+        """Least and largest value at each from which slopes can pass all others."""
+        ramp = self.slope * np.array(self.places)
+        least = -envelope_below(-np.array(self.lower), ramp)
+        return least, np.maximum(envelope_below(np.array(self.upper), ramp), least)
 
 
 class Line(NamedTuple):
@@ -75,11 +67,6 @@ class Line(NamedTuple):
     def at(self, place: float) -> float:
         """Its value at a place."""
         return self.value + self.slope * (place - self.place)
-
-    @property
-    def mirrored(self) -> Line:
-        """The line upside down."""
-        return Line(self.place, -self.value, -self.slope)
 
 
 class Link(NamedTuple):
@@ -102,11 +89,8 @@ class Link(NamedTuple):
     end: int
 
 
-class LastLines(NamedTuple):
-    """The highest and the lowest line at the last gate, where no gate is missed."""
-
-    highest: Line
-    lowest: Line
+LastLines = tuple[Line, Line]
+"""The highest and the lowest line at the last gate, where no gate is missed."""
 
 
 def fewest_links(gates: Gates, breaks: Sequence[int] = ()) -> Course:
@@ -123,115 +107,85 @@ def fewest_links(gates: Gates, breaks: Sequence[int] = ()) -> Course:
         The path; ``fewest`` is its number of segments. Where gates are one sample apart or more,
         so are its knots.
     """
-    ends = [*breaks, len(gates.places) - 1]
     lower, upper = list(gates.lower), list(gates.upper)
     gates = gates._replace(lower=lower, upper=upper)
-    if breaks:  # values there from which slopes can pass all the others
-        ramp = gates.slope * np.array(gates.places)
-        least, most = -envelope_below(-np.array(lower), ramp), envelope_below(np.array(upper), ramp)
-        for k in breaks:
-            lower[k], upper[k] = float(least[k]), float(max(most[k], least[k]))
-    parts: list[tuple[list[Link], LastLines]] = []
-    first = 0
-    for last in ends:
+    parts = list(pairwise([0, *breaks, len(lower) - 1]))
+    if breaks:
+        least, most = gates.reachable()
+        for first, last in parts[:-1]:
+            lower[last], upper[last] = float(least[last]), float(most[last])
+            lines, place = (
+                _links_from(gates, next_link(gates, first, last), last)[1],
+                gates.places[last],
+            )
+            highest, lowest = (min(max(each.at(place), lower[last]), upper[last]) for each in lines)
+            lower[last], upper[last] = min(lowest, highest), highest
+    knots, values = list[float](), list[float]()
+    for first, last in reversed(parts):
         links, lines = _links_from(gates, next_link(gates, first, last), last)
-        parts.append((links, lines))
-        place = gates.places[last]
-        lower[last] = min(max(lines.lowest.at(place), lower[last]), upper[last])
-        upper[last] = max(min(lines.highest.at(place), upper[last]), lower[last])
-        first = last
-    knots, values = [gates.places[-1]], list[float]()
-    for (links, lines), first, last in zip(
-        parts[::-1], [*ends[-2::-1], 0], ends[::-1], strict=True
-    ):
-        if values:
-            lower[last] = upper[last] = values[-1]
-            lines = _pinned(gates, first, last, links, lines)
-        final = _final(links, lines, gates.places[first])
-        if not values:
-            values.append(final.at(knots[0]))
-        lines_of = [link.line for link in links] + [final]
-        for link, line in zip(links[::-1], lines_of[:0:-1], strict=True):
-            touched, missed = gates.places[link.touched], gates.places[link.end + 1]
-            place = meeting(link.line, line, touched, missed)
-            knots.append(place)
-            values.append(link.line.at(place))
-        knots.append(gates.places[first])
-        values.append(min(max(lines_of[0].at(knots[-1]), lower[first]), upper[first]))
-    return Course(np.array(knots[::-1]), np.array(values[::-1]), len(knots) - 1)
+        start, end = gates.places[first], gates.places[last]
+        if links:  # the last line: the one that crosses the line before it first
+            final = lines[links[-1].rising]
+        else:
+            top, bottom = lines
+            middle = 0.5 * (top.at(start) + bottom.at(start))
+            final = Line(start, middle, 0.5 * (top.slope + bottom.slope))
+        places, heights = joints(gates, links, final)
+        begin = min(max((links[0].line if links else final).at(start), lower[first]), upper[first])
+        if not knots:
+            knots, values = [end], [final.at(end)]
+        knots, values = [start, *places, *knots], [begin, *heights, *values]
+        lower[first], upper[first] = begin - REACHED, begin + REACHED
+    return Course(np.array(knots), np.array(values), len(knots) - 1)
 
 
 def fewest_links_around(gates: Gates) -> Course | None:
     """The cycle of fewest segments; O(number of gates).
 
+    From the first eave on it is a path to the same line a turn later, which passes both gates that
+    the eave touches.
+
     Args:
         gates: Gates of one turn, one sample apart, which no constant passes.
 
     Returns:
-        The cycle from the first eave, its segments a sample long or longer if some choice of its
-        last line makes them so; None if rounding hides all eaves.
+        The cycle from the eave on; None if rounding hides all eaves.
     """
     n = len(gates.places)
-    around = Gates(
-        [float(k) for k in range(5 * n)], list(gates.lower) * 5, list(gates.upper) * 5, gates.slope
-    )
-    end = 5 * n - 1
-    before: Link | None = None
-    link = next_link(around, 0, end)
-    turn = 0
-    while isinstance(link, Link) and turn < 3:
-        link = _later(link, n * turn)
+    places = [float(k) for k in range(8 * n)]
+    around = Gates(places, list(gates.lower) * 8, list(gates.upper) * 8, gates.slope)
+    before, link = None, next_link(around, 0, 8 * n - 1)
+    while isinstance(link, Link) and link.touched < 4 * n:
         if before is not None and link.rising != before.rising:
-            eave = _later(link, n * (1 - link.before // n))
-            lines, joints, last = _closed(around, n, eave)
-            choices = (last.highest, last.lowest, line_between(last, joints[-1].touched, 0.5))
-            cycles = [_joined([*lines, line, _later(eave, n).line], joints, n) for line in choices]
-            return max(cycles, key=lambda cycle: min(cycle.shortest(n), 1.0))
-        turn, before = link.touched // n, link
-        link = link_after(around, _later(link, -n * turn), end)
-    return None
+            break
+        before, link = link, link_after(around, link, 8 * n - 1)
+    else:
+        return None
+    line, size, first = link.line, link.touched - link.before, link.before
+    lower, upper = (
+        list(each[first : first + n + size + 1]) for each in (around.lower, around.upper)
+    )
+    lower[n:], upper[n:] = [-math.inf] * (size + 1), [math.inf] * (size + 1)
+    for k in (0, size):
+        lower[n + k] = line.at(first + k) - REACHED
+        upper[n + k] = line.at(first + k) + REACHED
+    path = Gates(places[: n + size + 1], lower, upper, gates.slope)
+    eave = Link(line._replace(place=line.place - first), link.rising, size, 0, link.end - first)
+    links = _links_from(path, eave, n + size)[0]
+    again = eave.line._replace(place=eave.line.place + n)
+    knots, values = joints(path, links, again)
+    shift = first - n * math.floor((first + knots[0]) / n)
+    return Course(np.array(knots) + shift, np.array(values), len(knots))
 
 
-def _closed(around: Gates, n: int, eave: Link) -> tuple[list[Line], list[Link], LastLines]:
-    """The lines from an eave until it can be joined a turn later, where they cross, and the last.
-
-    A line joins it between the gate that it misses and the one that it touches first. Of the gates
-    in between, only the ends away from the missed one count.
-
-    Args:
-        around: Gates of several turns.
-        n: Gates of a turn.
-        eave: The line, the gate that it touches first in the second turn.
-    """
-    missed = eave.before - 1
-    while around.lower[missed] <= eave.line.at(missed) <= around.upper[missed]:
-        missed -= 1
-    target = _later(eave, n)
-    last, free = target.before, slice(missed + n + 1, target.before + 1)
-    lower, upper = list(around.lower[: last + 1]), list(around.upper[: last + 1])
-    ends, far = (upper, math.inf) if target.rising else (lower, -math.inf)
-    ends[free] = [far] * (free.stop - free.start)
-    joined = around._replace(lower=lower, upper=upper)
-    links, outcome = _links_from(joined, eave, last)
-    joint = Link(target.line, target.rising, missed + n, -1, last - 1)
-    return [link.line for link in links], [*links, joint], outcome
-
-
-def _joined(lines: list[Line], links: list[Link], n: int) -> Course:
-    """The cycle of lines that cross one after the other, the last of them the first one again."""
+def joints(gates: Gates, links: Sequence[Link], final: Line) -> tuple[list[float], list[float]]:
+    """Where lines cross one after the other, and the final one at last, and their values there."""
+    following = [*(link.line for link in links[1:]), final]
     places = [
-        meeting(line, after, float(link.touched), float(link.end + 1))
-        for line, after, link in zip(lines[:-1], lines[1:], links, strict=True)
+        meeting(link.line, line, gates.places[link.touched], gates.places[link.end + 1])
+        for link, line in zip(links, following, strict=bool(links))
     ]
-    values = [line.at(place) for line, place in zip(lines[:-1], places, strict=True)]
-    return Course(np.array(places) - n * math.floor(places[0] / n), np.array(values), len(links))
-
-
-def _later(link: Link, shift: int) -> Link:
-    """A line and the numbers of its gates, so many samples later."""
-    line = link.line._replace(place=link.line.place + shift)
-    before = link.before + shift if link.before >= 0 else -1
-    return Link(line, link.rising, link.touched + shift, before, link.end + shift)
+    return places, [link.line.at(place) for link, place in zip(links, places, strict=True)]
 
 
 def _links_from(gates: Gates, outcome: Link | LastLines, last: int) -> tuple[list[Link], LastLines]:
@@ -241,32 +195,6 @@ def _links_from(gates: Gates, outcome: Link | LastLines, last: int) -> tuple[lis
         links.append(outcome)
         outcome = link_after(gates, outcome, last)
     return links, outcome
-
-
-def _pinned(gates: Gates, first: int, last: int, links: list[Link], lines: LastLines) -> LastLines:
-    """The last lines through the one value that is left at the last gate."""
-    outcome = link_after(gates, links[-1], last) if links else next_link(gates, first, last)
-    if isinstance(outcome, LastLines):
-        return outcome
-    place = gates.places[last]  # missed by a rounding error
-    top, bottom = lines.highest.at(place), lines.lowest.at(place)
-    share = (gates.lower[last] - bottom) / (top - bottom) if top > bottom else 0.5
-    through = line_between(lines, gates.places[first], min(max(share, 0.0), 1.0))
-    return LastLines(through, through)
-
-
-def _final(links: list[Link], lines: LastLines, place: float) -> Line:
-    """The last line: the one that crosses the line before it first, else that in the middle."""
-    if links:
-        return lines.lowest if links[-1].rising else lines.highest
-    return line_between(lines, place, 0.5)
-
-
-def line_between(lines: LastLines, place: float, share: float) -> Line:
-    """The line at a share of the way from the lowest to the highest one."""
-    top, bottom = lines
-    value = (1.0 - share) * bottom.at(place) + share * top.at(place)
-    return Line(place, value, (1.0 - share) * bottom.slope + share * top.slope)
 
 
 def meeting(first: Line, second: Line, least: float, most: float) -> float:
@@ -305,7 +233,7 @@ def next_link(
         if top < lower:
             return Link(highest.line, True, highest.touched, highest.before, k - 1)
         if bottom > upper:
-            return Link(lowest.line.mirrored, False, lowest.touched, lowest.before, k - 1)
+            return Link(_mirrored(lowest.line), False, lowest.touched, lowest.before, k - 1)
         if upper < top:
             highest.tighten(k, place, upper)
         if lower > bottom:
@@ -314,12 +242,16 @@ def next_link(
             highest.add(k, place, lower)
         if upper < math.inf:
             lowest.add(k, place, -upper)
-    return LastLines(highest.line, lowest.line.mirrored)
+    return highest.line, _mirrored(lowest.line)
 
 
 def link_after(gates: Gates, link: Link, last: int) -> Link | LastLines:
     """The line kept after another one."""
     return next_link(gates, link.touched, last, half=link.end, rising=link.rising)
+
+
+def _mirrored(line: Line) -> Line:
+    return Line(line.place, -line.value, -line.slope)
 
 
 class Extreme:

@@ -22,8 +22,7 @@ takes O(segments n²) time and O(n²) memory, of a cycle O(segments n³) and O(n
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import NamedTuple
 
@@ -36,16 +35,15 @@ from planner.approximation.largest_error import within_largest_error
 from planner.approximation.problem import (
     BARELY,
     KNOT_UNIT,
-    SHORTEST,
     SMALLEST,
     Candidate,
     Problem,
     Required,
     candidate,
+    check_apart,
     check_error_at_pins,
     check_required,
     check_room,
-    checked_all_knots,
     checked_knots,
     checked_segments,
     even_knots,
@@ -191,23 +189,21 @@ def fit_pwl(
     places, pins = checked_knots(required, n, cyclic=cyclic)
     v_max, tick = positive("v_max", v_max, "rad/s"), positive("tick", tick, "s")
     problem = Problem(desired=samples, step=v_max * tick, cyclic=cyclic, required=places, pins=pins)
+    if knots is not None:
+        values = as_trajectory(knots, name="knots", minimum=1)
+        knots = checked_knots(values.tolist(), n, cyclic=cyclic, name="knots")[0]
     question = Question(
         segments=checked_segments(segments, samples, cyclic=cyclic),
         max_error=None if max_error is None else positive("max_error", max_error, "rad"),
         max_rms=None if max_rms is None else positive("max_rms", max_rms, "rad"),
-        knots=checked_all_knots(knots, n, cyclic=cyclic),
+        knots=knots,
         exact=exact,
     )
     _check(problem, question, tick)
     curve, fewest = _curve(problem, question)
     fit = PiecewiseLinearFit(
         knots=curve.knots,
-        values=within_slopes(
-            curve.values,
-            v_max * (np.diff(problem.ends(curve.knots)) * tick),
-            cyclic=cyclic,
-            towards=_straight(problem, curve.knots),
-        ),
+        values=within_slopes(problem, curve.knots, curve.values),
         samples=n,
         tick=tick,
         cyclic=cyclic,
@@ -271,8 +267,7 @@ def _curve(problem: Problem, question: Question) -> tuple[Candidate, int | None]
             knots = even_knots(problem, segments or 1)
         constant = Candidate(knots, np.full(knots.size, middle), 0.0)
         return constant, None if question.max_error is None else 1
-    scaled = replace(
-        problem,
+    scaled = problem._replace(
         desired=(problem.desired - middle) / unit,
         # Where samples span 2 no line is as steep; beyond, rounding is all that is left of them.
         step=min(problem.step / unit, 1e6),
@@ -298,74 +293,64 @@ def _curve(problem: Problem, question: Question) -> tuple[Candidate, int | None]
 
 
 def _search_curve(search: KnotSearch, question: Question, unit: float) -> Candidate:
-    """The curve for the question, by the search, in its unit [rad]."""
-    segments, _, max_rms, _, exact = question
-    if not exact:
-        if max_rms is not None:
-            return within_rms(search, max_rms / unit, segments, unit)
-        return automatic(search) if segments is None else search.curve(segments)
-    if max_rms is None:
-        assert segments is not None, "exact requires one of the two"
-        return proved_best(search.problem, search.curve(segments))
-    last = search.most if segments is None else min(segments, search.most)
-    least = math.inf
-    for count in range(search.fewest, last + 1):
-        best = proved_best(search.problem, search.curve(count))
-        least = math.sqrt(best.error / search.problem.samples) * unit
-        if least <= max_rms * (1.0 + BARELY):
-            return best
-    raise Infeasible(
-        f"max_rms and the number of segments: got {angle_text(max_rms)}, but {last} segments with "
-        f"knots on samples reach {angle_text(least)} at best; allow more error or more segments"
-    )
-
-
-def automatic(search: KnotSearch) -> Candidate:
-    """The fewest segments that come close to the ideal, or the exact curve if there is one."""
-    if search.exact is not None:
-        return search.exact
-    desired = search.problem.desired
-    negligible = max(2.0 * FLOOR, ABOVE_NOISE * noise(desired))  # the samples span 2 units
-    enough = max(CLOSE_TO_IDEAL**2 * search.ideal_error, desired.size * negligible**2)
-
-    def close_enough(segments: int) -> Candidate | None:
-        curve = search.curve(segments)
-        return curve if curve.error <= enough else None
-
-    fewest = _fewest(search, enough, close_enough, search.most)
-    return search.curve(search.most) if fewest is None else fewest
-
-
-def noise(desired: Array) -> float:
-    """Standard deviation of white noise on smooth samples, from their median second difference."""
-    bend = np.abs(np.diff(desired, n=2))
-    return float(np.median(bend)) / (0.6745 * math.sqrt(6.0))  # of a normal variable: median, Δ²
-
-
-def within_rms(search: KnotSearch, bound: float, most: int | None, unit: float) -> Candidate:
-    """The fewest segments whose rms error is within ``bound``.
-
-    Args:
-        search: Curves through the samples.
-        bound: Largest rms error [unit of the search].
-        most: Most segments; None for any number.
-        unit: Unit of the search [rad], for the message.
+    """The curve for the question, by the search, in its unit [rad].
 
     Raises:
         Infeasible: No curve within the slopes, or none of at most so many segments, is as close.
     """
-    n = search.problem.samples
+    segments, _, max_rms, _, exact = question
+    desired, n = search.problem.desired, search.problem.samples
+    if max_rms is None and segments is not None:
+        curve = search.curve(segments)
+        return proved_best(search.problem, curve) if exact else curve
+    last = search.most if segments is None else min(segments, search.most)
+    if max_rms is None:
+        bend = np.abs(np.diff(desired, n=2))
+        # of white noise on smooth samples; of a normal variable: median, Δ²
+        noise = float(np.median(bend)) / (0.6745 * math.sqrt(6.0))
+        negligible = max(2.0 * FLOOR, ABOVE_NOISE * noise)  # the samples span 2 units
+        enough = max(CLOSE_TO_IDEAL**2 * search.ideal_error, n * negligible**2)
+        return _fewest(search, enough, last, exact_curve=True) or search.curve(last)
+    bound, least = max_rms / unit, math.inf
+    if exact:
+        for count in range(search.fewest, last + 1):
+            best = proved_best(search.problem, search.curve(count))
+            least = math.sqrt(best.error / n)
+            if least <= bound * (1.0 + BARELY):
+                return best
+        raise Infeasible(
+            f"max_rms and the number of segments: got {angle_text(max_rms)}, but {last} segments "
+            f"with knots on samples reach {angle_text(least * unit)} at best; allow more error or "
+            "more segments"
+        )
     ideal = math.sqrt(search.ideal_error / n)
     if bound < ideal * (1.0 - BARELY):
         raise Infeasible(
-            f"max_rms and v_max: got {angle_text(bound * unit)}, but with slopes within ±v_max no "
+            f"max_rms and v_max: got {angle_text(max_rms)}, but with slopes within ±v_max no "
             f"curve comes closer than {angle_text(ideal * unit)} rms; allow that much or a larger "
             "v_max"
         )
     enough = n * (bound * (1.0 + BARELY)) ** 2 + 1e-24 * n
-    if most is None and search.exact is not None and search.exact.error <= enough:
+    fewest = _fewest(search, enough, last, exact_curve=segments is None)
+    if fewest is None:
+        least = math.sqrt(search.curve(last).error / n)
+        raise Infeasible(
+            f"max_rms and the number of segments: got {angle_text(max_rms)}, but with at most "
+            f"{last} segments the smallest found is {angle_text(least * unit)}; allow more error "
+            "or more segments"
+        )
+    return fewest
+
+
+def _fewest(search: KnotSearch, enough: float, most: int, *, exact_curve: bool) -> Candidate | None:
+    """The curve of fewest segments whose squared error is ``enough``, if there is one.
+
+    Few numbers are searched in full. Rough curves give a number that is surely enough. From there
+    the numbers decrease by one, each searched in full, until one is not enough: fewer segments are
+    assumed to be no better. Beyond :data:`ONE_BY_ONE` segments the number is found by bisection.
+    """
+    if exact_curve and search.exact is not None and search.exact.error <= enough:
         return search.exact
-    last = search.most if most is None else min(most, search.most)
 
     def close_enough(segments: int) -> Candidate | None:
         curve = search.curve(segments)
@@ -373,29 +358,6 @@ def within_rms(search: KnotSearch, bound: float, most: int | None, unit: float) 
             curve = search.valued(curve.knots)
         return curve if curve.error <= enough else None
 
-    fewest = _fewest(search, enough, close_enough, last)
-    if fewest is None:
-        least = math.sqrt(search.curve(last).error / n)
-        raise Infeasible(
-            f"max_rms and the number of segments: got {angle_text(bound * unit)}, but with at most "
-            f"{last} segments the smallest found is {angle_text(least * unit)}; allow more error "
-            "or more segments"
-        )
-    return fewest
-
-
-def _fewest(
-    search: KnotSearch,
-    enough: float,
-    close_enough: Callable[[int], Candidate | None],
-    most: int,
-) -> Candidate | None:
-    """The curve of fewest segments whose error is small enough; few numbers are searched in full.
-
-    Rough curves give a number that is surely enough. From there the numbers decrease by one, each
-    searched in full, until one is not enough: fewer segments are assumed to be no better. Beyond
-    :data:`ONE_BY_ONE` segments the number is found by bisection.
-    """
     fewest = None
     count = search.fewest
     failed = without = count - 1  # the number before; the last searched in full and without any
@@ -407,20 +369,23 @@ def _fewest(
             break
         failed = count
         count = min(most, count + 1 if count < ONE_BY_ONE else math.ceil(1.3 * count))
-    if fewest is not None and count <= ONE_BY_ONE:
-        while count - 1 > without and search.rough_error(count - 1) <= HOPELESS * enough:
-            fewer = close_enough(count - 1)
-            if fewer is None:
+    one_by_one = count <= ONE_BY_ONE
+    while fewest is not None:
+        if one_by_one:
+            trial = count - 1
+            if trial <= without or search.rough_error(trial) > HOPELESS * enough:
                 break
-            fewest, count = fewer, count - 1
-        return fewest
-    while fewest is not None and count - failed > 1 + math.floor(0.004 * count):
-        middle = (failed + count) // 2
-        better = close_enough(middle)
-        if better is None:
-            failed = middle
         else:
-            fewest, count = better, middle
+            trial = (failed + count) // 2
+            if count - failed <= 1 + math.floor(0.004 * count):
+                break
+        better = close_enough(trial)
+        if better is not None:
+            fewest, count = better, trial
+        elif one_by_one:
+            break
+        else:
+            failed = trial
     return fewest
 
 
@@ -429,23 +394,8 @@ def _all_knots(problem: Problem, knots: Array) -> Array:
     knots = np.union1d(knots, problem.required)
     if not problem.cyclic:
         knots = np.union1d(knots, [0.0, problem.samples - 1.0])
-    ends = problem.ends(knots)
-    k = int(np.argmin(np.diff(ends)))
-    if ends[k + 1] - ends[k] < SHORTEST:
-        raise Infeasible(
-            f"knots at samples {ends[k]:g} and {ends[k + 1] % problem.samples:g}: "
-            f"{ends[k + 1] - ends[k]:g} samples apart, expected at least 1; leave one out"
-        )
+    check_apart("knots", problem.ends(knots), problem.samples)
     return knots
-
-
-def _straight(problem: Problem, knots: Array) -> Array | None:
-    """The course straight from pin to pin, which keeps the slopes; None if there are no pins."""
-    pinned = np.isfinite(problem.pins)
-    if not np.any(pinned):
-        return None
-    period = problem.samples if problem.cyclic else None
-    return np.interp(knots, problem.required[pinned], problem.pins[pinned], period=period)
 
 
 def _certify(fit: PiecewiseLinearFit, question: Question) -> None:

@@ -8,12 +8,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 
+from planner.approximation.problem import Problem
 from planner.compilation import compiled, inner
-from planner.trajectory import Array, Mask
-
-Indices = npt.NDArray[np.intp]
+from planner.trajectory import Array, Indices, Mask
 
 
 @compiled
@@ -86,11 +84,22 @@ def segment_costs(
         end after its start or passes a fixed node.
     """
     size, count = states.shape
-    costs, totals = _infinite(size * count), _totals(desired)
+    costs, sums = np.zeros((size * count, size * count)), np.zeros((size, 3))
+    costs[:] = np.inf
+    for j in range(1, size):  # Σ d, Σ k d and Σ d² from the node before, where k = 0
+        for k in range(1, nodes[j] - nodes[j - 1] + 1):
+            d = desired[nodes[j - 1] + k]
+            sums[j, 0], sums[j, 1], sums[j, 2] = (
+                sums[j, 0] + d,
+                sums[j, 1] + k * d,
+                sums[j, 2] + d * d,
+            )
     for i in range(size):
+        d0 = d1 = d2 = 0.0  # likewise from the start
         for j in range(i + 1, size):
+            d1 += sums[j, 1] + (nodes[j - 1] - nodes[i]) * sums[j, 0]
+            d0, d2 = d0 + sums[j, 0], d2 + sums[j, 2]
             length = float(nodes[j] - nodes[i])
-            d0, d1, d2 = _moments(totals, nodes[i], nodes[j])
             w1 = 0.5 * length * (length + 1.0)
             if by_lines:
                 sxx, sxy = length * (length * length - 1.0) / 12.0, d1 - w1 * d0 / length
@@ -109,35 +118,6 @@ def segment_costs(
             if fixed[j]:
                 break
     return costs
-
-
-@inner
-def _infinite(size: int) -> Array:
-    """A matrix of infinite numbers."""
-    matrix = np.zeros((size, size))
-    for i in range(size):
-        for j in range(size):
-            matrix[i, j] = np.inf
-    return matrix
-
-
-@inner
-def _totals(desired: Array) -> Array:
-    """Running sums of d, k d and d², shape (3, n)."""
-    totals = np.zeros((3, len(desired)))
-    d0, d1, d2 = 0.0, 0.0, 0.0
-    for k in range(len(desired)):
-        d0, d1, d2 = d0 + desired[k], d1 + k * desired[k], d2 + desired[k] * desired[k]
-        totals[0, k], totals[1, k], totals[2, k] = d0, d1, d2
-    return totals
-
-
-@inner
-def _moments(totals: Array, start: int, end: int) -> tuple[float, float, float]:
-    """Σ d, Σ k d and Σ d² over the samples after ``start`` up to ``end``, with k = 0 there."""
-    d0 = totals[0, end] - totals[0, start]
-    d1 = totals[1, end] - totals[1, start] - start * d0
-    return d0, d1, totals[2, end] - totals[2, start]
 
 
 @compiled
@@ -178,38 +158,29 @@ def cheapest_chain(costs: Array, at_start: Array, segments: int) -> Indices:
 
 @compiled
 def descend(
-    desired: Array,
-    step: float,
-    cyclic: bool,
-    knots: Array,
-    values: Array,
-    free: Mask,
-    rounds: int,
-    progress: float,
-) -> tuple[Array, Array, float]:
+    problem: Problem, curve: Array, free: Mask, rounds: int, progress: float
+) -> tuple[Array, float]:
     """Newton's method on knots and values, damped until it goes down.
 
     Args:
-        desired: Samples, shape (n,).
-        step: Largest change per sample.
-        cyclic: Whether the first sample follows the last.
-        knots: Where to start, of a cycle within one cycle, which may begin in any turn, shape (K,).
-        values: Values there, within the slopes, shape (K,).
-        free: Which knots and then which values move, shape (2K,).
+        problem: The approximation problem; its required knots are in ``free``.
+        curve: Knots and then values where it starts, within the slopes, shape (2K,); the knots of a
+            cycle within one cycle, which may begin in any turn.
+        free: Which of them move, shape (2K,).
         rounds: Most evaluations.
         progress: Relative decrease of the squared error below which the descent ends.
 
     Returns:
-        Knots, values and squared error of the best curve; never worse than the start.
+        The best curve and its squared error; never worse than the start.
     """
-    size = len(knots)
-    rows = constraint_rows(size, step, cyclic)
-    error, gradient, hessian, diagonal = evaluate(desired, cyclic, knots, values)
+    size = len(curve) // 2
+    rows, limits = constraints(problem, size)
+    error, gradient, hessian, diagonal = evaluate(problem, curve)
     zero, moving = 0.0, False
-    for k in range(len(desired)):
-        zero += 1e-26 * desired[k] * desired[k]
-    for i in range(2 * size):
-        moving |= free[i]
+    for d in problem.desired:
+        zero += 1e-26 * d * d
+    for each in free:
+        moving |= each
     damping, scales = 1e-3, np.zeros(2 * size)
     for _ in range(rounds):
         if error <= zero or not moving:
@@ -221,8 +192,10 @@ def descend(
             # A knot between segments of one slope has no curvature, nor has a constant by any knot.
             scales[i] = diagonal[i] + 1e-2 * by_knot + 1e-12 * by_value
             scales[size + i] = diagonal[size + i] + 1e-6 * by_value
-        bounds = slacks(len(desired), step, cyclic, knots, values)
-        for i in range(len(bounds)):
+        bounds = limits.copy()
+        for i in range(len(rows)):
+            for j in range(2 * size):
+                bounds[i] -= rows[i, j] * curve[j]
             bounds[i] = max(bounds[i], 0.0)
         move, solved, damping = minimise_damped(
             hessian, gradient, rows, bounds, free, scales, damping
@@ -230,43 +203,42 @@ def descend(
         if not solved:
             damping *= 10.0
             continue
-        predicted, other_knots, other_values = 0.0, np.zeros(size), np.zeros(size)
-        curved = applied(hessian, move)
+        predicted, other, curved = 0.0, curve.copy(), combined(move, hessian)
         for i in range(2 * size):
             predicted -= (2.0 * gradient[i] + curved[i] + damping * scales[i] * move[i]) * move[i]
-        for i in range(size):
-            other_knots[i], other_values[i] = knots[i] + move[i], values[i] + move[size + i]
-        there = evaluate(desired, cyclic, other_knots, other_values)
+            other[i] += move[i]
+        there = evaluate(problem, other)
         gain = error - there[0]
         if gain > 0.0:
-            knots, values = other_knots, other_values
+            curve = other
             error, gradient, hessian, diagonal = there
             if gain <= progress * error and damping < 1.0:
                 break
         elif predicted <= progress * error:
             break
         damping *= 0.2 if gain > 0.5 * predicted else 0.7 if gain > 0.0 else 6.0
-    return knots, values, error
+    return curve, error
 
 
 @inner
-def evaluate(
-    desired: Array, cyclic: bool, knots: Array, values: Array
-) -> tuple[float, Array, Array, Array]:
-    """Squared error of a curve and the derivatives of half of it, knots first, then values.
+def evaluate(problem: Problem, curve: Array) -> tuple[float, Array, Array, Array]:
+    """Squared error of a curve and the derivatives of half of it.
 
     Args:
-        desired: Samples, shape (n,).
-        cyclic: Whether the first sample follows the last.
-        knots: Knots t, shape (K,).
-        values: Values y, shape (K,).
+        problem: The approximation problem.
+        curve: Knots t and then values y, shape (2K,).
 
     Returns:
         The squared error; the gradient, shape (2K,); the Hessian, shape (2K, 2K); and the diagonal
         of the Hessian without the residuals' part, that of Gauss and Newton, shape (2K,).
     """
-    size, n = len(knots), len(desired)
-    error = 0.0
+    desired, cyclic, size, n = (
+        problem.desired,
+        problem.cyclic,
+        len(curve) // 2,
+        problem.desired.size,
+    )
+    knots, values, error = curve[:size], curve[size:], 0.0
     gradient, diagonal = np.zeros(2 * size), np.zeros(2 * size)
     hessian = np.zeros((2 * size, 2 * size))
     part, own = np.empty(4), np.empty((4, 4))
@@ -313,46 +285,34 @@ def evaluate(
 
 
 @inner
-def constraint_rows(size: int, step: float, cyclic: bool) -> Array:
-    """Rows A such that a step p of knots and values is allowed if A p <= the slacks.
+def constraints(problem: Problem, size: int) -> tuple[Array, Array]:
+    """The conditions A x <= b of curves x, knots and then values: no slope too steep, none short.
 
-    The bound on a slope, |y' - y| <= v (t' - t), is linear in knots and values together, so the
-    rows are the same for all knots and values.
+    The bound on a slope, |y' - y| <= v (t' - t), is linear in knots and values together.
 
     Args:
+        problem: The approximation problem.
         size: Number of knots K.
-        step: Largest change per sample v.
-        cyclic: Whether a last segment leads from the last knot to the first.
 
     Returns:
-        A, shape (3S, 2K) for S segments: no slope too high, none too low, no segment too short.
+        A, shape (3S, 2K) for S segments: slopes too high, too low, segments shorter than a sample;
+        and b, shape (3S,).
     """
-    count = size if cyclic else size - 1
-    rows = np.zeros((3 * count, 2 * size))
-    for start in range(count):
-        for knot, sign in ((start, -1.0), ((start + 1) % size, 1.0)):
-            rows[start, knot] -= sign * step
-            rows[start, size + knot] += sign
-            rows[count + start, knot] -= sign * step
-            rows[count + start, size + knot] -= sign
-            rows[2 * count + start, knot] -= sign
-    return rows
-
-
-@inner
-def slacks(samples: int, step: float, cyclic: bool, knots: Array, values: Array) -> Array:
-    """How far slopes and lengths are from their bounds, in the order of the rows, shape (3S,)."""
-    size = len(knots)
-    count = size if cyclic else size - 1
-    slack = np.empty(3 * count)
+    step, count = problem.step, size if problem.cyclic else size - 1
+    rows, limits = np.zeros((3 * count, 2 * size)), np.zeros(3 * count)
     for start in range(count):
         end = (start + 1) % size
-        length = knots[end] - knots[start] + (samples if end == 0 else 0)
-        rise = values[end] - values[start]
-        slack[start] = step * length - rise
-        slack[count + start] = step * length + rise
-        slack[2 * count + start] = length - 1.0
-    return slack
+        period = problem.desired.size if end == 0 else 0
+        for way, sign in ((start, 1.0), (count + start, -1.0)):
+            rows[way, start] += step
+            rows[way, end] -= step
+            rows[way, size + start] -= sign
+            rows[way, size + end] += sign
+            limits[way] = step * period
+        rows[2 * count + start, start] += 1.0
+        rows[2 * count + start, end] -= 1.0
+        limits[2 * count + start] = period - 1.0
+    return rows, limits
 
 
 @inner
@@ -367,8 +327,8 @@ def minimise_damped(
 ) -> tuple[Array, bool, float]:
     """The p that minimises ½ pᵀ(H + λS)p + gᵀp among those with A p <= b.
 
-    With H + λS = LLᵀ and z = Lᵀp + L⁻¹g this is the point of a polyhedron that is nearest to the
-    origin.
+    It is -(H + λS)⁻¹(g + Aᵀu) with the u >= 0 that minimises the dual, ½ uᵀGu - sᵀu with
+    G = A (H + λS)⁻¹ Aᵀ and s = -A (H + λS)⁻¹ g - b.
 
     Args:
         hessian: H, shape (k, k).
@@ -382,44 +342,30 @@ def minimise_damped(
     Returns:
         The step, zero without a solution; whether there is one; and the damping.
     """
-    size = len(gradient)
-    nothing = np.zeros(size)
-    inverse = np.zeros((size, size))
-    damped = np.zeros((size, size))
+    nothing, count = np.zeros(len(gradient)), len(rows)
     while True:
-        for i in range(size):
-            for j in range(size):
-                damped[i, j] = hessian[i, j] if free[i] and free[j] else 0.0
-            damped[i, i] += damping * scales[i] if free[i] else 1.0
-        if inverted_factor(damped, inverse):
+        damped = hessian.copy()
+        for i in range(len(damped)):
+            damped[i, i] += damping * scales[i]
+        if inverted(damped, free):
             break
         damping *= 10.0
         if not damping < 1e13:  # where a number is not finite, it never ends
             return nothing, False, damping
-    count, largest = len(rows), 0.0
-    own, steepest = np.zeros((count, size)), np.zeros(size)
-    for j in range(size):
-        if free[j]:
-            steepest[j] = gradient[j]
-            for i in range(count):
-                own[i, j] = rows[i, j]
-    nearest = applied(inverse, steepest)  # of all z, but for the conditions
-    normals, shortfalls = product(own, transposed(inverse)), np.zeros(count)
-    short = applied(normals, nearest)
+    along, unbound = product(rows, damped), combined(gradient, damped)
+    short, move = np.zeros(count), np.zeros(len(gradient))
     for i in range(count):
-        shortfalls[i] = -(bounds[i] + short[i])
-        largest = max(largest, shortfalls[i])
-    if largest > 0.0:
-        further = nearest_to_origin(normals, shortfalls)
-        for i in range(size):
-            nearest[i] += further[i]
-    move, reach, beyond = applied(transposed(inverse), nearest), 1e-300, -np.inf
-    for j in range(size):
-        move[j] = -move[j]
+        for j in range(len(move)):
+            short[i] -= rows[i, j] * unbound[j]
+        short[i] -= bounds[i]
+    beside = combined(non_negative(product(rows, along), short), along)
+    for j in range(len(move)):
+        move[j] = -unbound[j] - beside[j]
+    reach, beyond = 1e-300, -np.inf
     for i in range(count):
         moved, far = 0.0, 0.0
-        for j in range(size):
-            moved, far = moved + own[i, j] * move[j], far + abs(own[i, j] * move[j])
+        for j in range(len(move)):
+            moved, far = moved + rows[i, j] * move[j], far + abs(rows[i, j] * move[j])
         reach, beyond = max(reach, far), max(beyond, moved - bounds[i])
     if not beyond <= 1e-9 * reach:
         return nothing, False, damping
@@ -427,122 +373,105 @@ def minimise_damped(
 
 
 @inner
-def applied(matrix: Array, vector: Array) -> Array:
-    """A matrix times a vector."""
-    answer = np.zeros(len(matrix))
-    for i in range(len(matrix)):
-        for j in range(len(vector)):
-            answer[i] += matrix[i, j] * vector[j]
-    return answer
+def combined(shares: Array, rows: Array) -> Array:
+    """The sum of the rows of a matrix, each times its share; zeros take no time."""
+    total = np.zeros(rows.shape[1])
+    for i in range(len(rows)):
+        if shares[i] != 0.0:
+            for j in range(len(total)):
+                total[j] += shares[i] * rows[i, j]
+    return total
 
 
 @inner
 def product(left: Array, right: Array) -> Array:
-    """The product of two matrices; zeros of the left one take no time."""
-    answer = np.zeros((len(left), right.shape[1]))
+    """A matrix times the transpose of another; zeros of the left one take no time."""
+    answer = np.zeros((len(left), len(right)))
     for i in range(len(left)):
-        for k in range(len(right)):
+        for k in range(left.shape[1]):
             factor = left[i, k]
             if factor != 0.0:
-                for j in range(right.shape[1]):
-                    answer[i, j] += factor * right[k, j]
+                for j in range(len(right)):
+                    answer[i, j] += factor * right[j, k]
     return answer
 
 
 @inner
-def transposed(matrix: Array) -> Array:
-    """The transpose of a matrix, contiguous as well."""
-    answer = np.zeros((matrix.shape[1], len(matrix)))
-    for i in range(len(matrix)):
-        for j in range(matrix.shape[1]):
-            answer[j, i] = matrix[i, j]
-    return answer
+def inverted(matrix: Array, chosen: Mask) -> bool:
+    """Whether the chosen rows and columns are positive definite; their inverse takes their place.
 
-
-@inner
-def inverted_factor(matrix: Array, inverse: Array) -> bool:
-    """L⁻¹ of a matrix LLᵀ, written to ``inverse``; False if the matrix is not positive definite."""
+    By Gauss and Jordan's elimination, which needs no pivoting then; all other entries become zero.
+    """
     size = len(matrix)
-    factor = np.zeros((size, size))
+    least = np.zeros(size)
     for i in range(size):
-        for j in range(i + 1):
-            rest = matrix[i, j]
-            for k in range(j):
-                rest -= factor[i, k] * factor[j, k]
-            if i > j:
-                factor[i, j] = rest / factor[j, j]
-            elif rest > 1e-15 * matrix[i, i]:
-                factor[i, i] = math.sqrt(rest)
-            else:
-                return False
-    for j in range(size):
-        inverse[j, j] = 1.0 / factor[j, j]
-        for i in range(j + 1, size):
-            total = 0.0
-            for k in range(j, i):
-                total -= factor[i, k] * inverse[k, j]
-            inverse[i, j] = total / factor[i, i]
+        least[i] = 1e-15 * matrix[i, i]
+        for j in range(size):
+            if not (chosen[i] and chosen[j]):
+                matrix[i, j] = 0.0
+    for k in range(size):
+        if not chosen[k]:
+            continue
+        pivot = matrix[k, k]
+        if not pivot > least[k]:
+            return False
+        matrix[k, k] = 1.0
+        for j in range(size):
+            matrix[k, j] /= pivot
+        for i in range(size):
+            factor = matrix[i, k]
+            if i != k and factor != 0.0:
+                matrix[i, k] = 0.0
+                for j in range(size):
+                    matrix[i, j] -= factor * matrix[k, j]
     return True
 
 
 @inner
-def nearest_to_origin(normals: Array, shortfalls: Array) -> Array:
-    """The shortest z with N z >= s, up to rounding if the conditions can be met.
+def non_negative(gram: Array, short: Array) -> Array:
+    """The u >= 0 that minimises ½ uᵀGu - sᵀu, by Lawson and Hanson's non-negative least squares.
 
-    It is z = Nᵀu with the u >= 0 that minimises ½ |Nᵀu|² - sᵀu: non-negative least squares by
-    Lawson and Hanson (Solving Least Squares Problems, 1974, Chapter 23).
+    Solving Least Squares Problems, 1974, Chapter 23.
 
     Args:
-        normals: N, shape (r, k).
-        shortfalls: s, shape (r,).
+        gram: G, semidefinite, shape (r, r).
+        short: s, shape (r,).
     """
-    count, enough = len(shortfalls), 0.0
-    gram, lengths, by_row = (
-        product(normals, transposed(normals)),
-        np.zeros(count),
-        transposed(normals),
-    )
+    count, enough = len(short), 0.0
+    lengths, multipliers, active = np.zeros(count), np.zeros(count), np.zeros(count, np.bool_)
     for i in range(count):  # infinite for bounds on variables that stay
         lengths[i] = math.sqrt(gram[i, i]) if gram[i, i] > 0.0 else np.inf
-        enough = max(enough, 1e-15 * abs(shortfalls[i]) / lengths[i])
-    multipliers, active = np.zeros(count), np.zeros(count, np.int64)
+        enough = max(enough, 1e-15 * abs(short[i]) / lengths[i])
     for _ in range(3 * count):
-        reached, worst, violation = applied(gram, multipliers), 0, 0.0
+        reached, worst, violation = combined(multipliers, gram), 0, 0.0
         for i in range(count):
-            if not active[i] and (shortfalls[i] - reached[i]) / lengths[i] > violation:
-                worst, violation = i, (shortfalls[i] - reached[i]) / lengths[i]
+            if not active[i] and (short[i] - reached[i]) / lengths[i] > violation:
+                worst, violation = i, (short[i] - reached[i]) / lengths[i]
         if violation <= enough:
             break
-        active[worst], settled = 1, False
+        active[worst], settled = True, False
         while not settled:
-            index, size = np.zeros(count, np.int64), 0
+            inverse = gram.copy()
             for i in range(count):
-                if active[i]:
-                    index[size] = i
-                    size += 1
-            system, eased = np.zeros((size, size)), np.zeros((size, size))
-            for i in range(size):
-                for j in range(size):
-                    system[i, j] = eased[i, j] = gram[index[i], index[j]]
                 # Bounds may repeat one another: a touch of regularisation, removed by refinement.
-                eased[i, i] += 1e-13 * system[i, i]
-            inverse, trial, residual = np.zeros((size, size)), np.zeros(size), np.zeros(size)
-            if not inverted_factor(eased, inverse):
-                return applied(by_row, multipliers)
+                inverse[i, i] *= 1.0 + 1e-13
+            if not inverted(inverse, active):
+                return multipliers
+            trial = np.zeros(count)
             for _ in range(3):
-                reached = applied(system, trial)
-                for i in range(size):
-                    residual[i] = shortfalls[index[i]] - reached[i]
-                further = applied(transposed(inverse), applied(inverse, residual))
-                for i in range(size):
+                residual = combined(trial, gram)
+                for i in range(count):
+                    residual[i] = short[i] - residual[i] if active[i] else 0.0
+                further = combined(residual, inverse)
+                for i in range(count):
                     trial[i] += further[i]
             share, settled = 1.0, True
-            for i in range(size):
-                before = multipliers[index[i]]
-                if trial[i] <= 0.0 and before <= share * (before - trial[i]):
-                    share, worst, settled = before / (before - trial[i]), index[i], False
-            for i in range(size):
-                multipliers[index[i]] += share * (trial[i] - multipliers[index[i]])
+            for i in range(count):
+                before = multipliers[i]
+                if active[i] and trial[i] <= 0.0 and before <= share * (before - trial[i]):
+                    share, worst, settled = before / (before - trial[i]), i, False
+            for i in range(count):
+                multipliers[i] += share * (trial[i] - multipliers[i])
             if not settled:
-                multipliers[worst], active[worst] = 0.0, 0
-    return applied(by_row, multipliers)
+                multipliers[worst], active[worst] = 0.0, False
+    return multipliers

@@ -24,12 +24,12 @@ from planner.approximation.problem import (
     Problem,
     candidate,
     error_at_pins,
-    fixed_variables,
+    required_knots,
     residuals,
 )
-from planner.approximation.values import QP, attainable_error
+from planner.approximation.values import attainable_error, solve_qp
 from planner.exceptions import Infeasible, angle_text
-from planner.trajectory import Array, Indices, Mask
+from planner.trajectory import Array, Indices, Mask, steps
 
 TIE = 0.25 * BARELY
 """Relative excess over the bound with which the segments are counted, so that ties are passed."""
@@ -81,7 +81,7 @@ def within_largest_error(
         )
     widest = max(bound, attainable) * (1.0 + TIE) + 1e-15
     course = minimum_link(problem, widest)
-    count = _segments(problem, course)
+    count = problem.segments(course.knots)
     if most is not None and count > most:
         word = "needed" if course.fewest > most else "found"
         raise Infeasible(
@@ -96,7 +96,7 @@ def within_largest_error(
     for turn in range(HALVINGS + 1):
         middle = spare if turn == 0 else 0.5 * (low + high)
         trial = minimum_link(problem, middle) if middle > low else None
-        if trial is not None and _segments(problem, trial) == count:
+        if trial is not None and problem.segments(trial.knots) == count:
             tight, high = trial, middle
         elif turn > 0:
             low = middle
@@ -130,38 +130,24 @@ def minimum_link(problem: Problem, bound: float) -> Course:
     return fewest_links_around(gates) or _cut(problem, bound, 0.0)
 
 
-def gates_of(
-    problem: Problem,
-    bound: float,
-    *,
-    start: float = 0.0,
-    ends: tuple[float, float] | None = None,
-) -> tuple[Gates, list[int]]:
+def gates_of(problem: Problem, bound: float, start: float | None = None) -> tuple[Gates, list[int]]:
     """Gates at samples and required knots, and the numbers of the latter, ends left out.
 
-    Args:
-        problem: The approximation problem.
-        bound: Largest error at any sample.
-        start: Of a cycle, where it is cut to be a path; the last gate is a turn later.
-        ends: Least and largest value there; by default, a cycle is not cut.
+    A cycle with a ``start`` is cut there to be a path; the last gate is a turn later.
     """
-    n = problem.samples
-    places = np.arange(n)
-    required, pins = problem.required, problem.pins
-    if ends is not None:
+    n, ends = problem.samples, list[float]()
+    places, required = np.arange(n), problem.required
+    if start is not None:
+        ends = [start, start + n]
         places = np.arange(math.ceil(start), math.floor(start + n) + 1)
         required = np.where(required > start, required, required + n)
-    every = np.unique(
-        np.concatenate([places, required, [] if ends is None else [start, start + n]])
-    )
+    every = np.unique(np.concatenate([places, required, ends]))
     lower, upper = np.full(every.size, -np.inf), np.full(every.size, np.inf)
     samples, knots = np.searchsorted(every, places), np.searchsorted(every, required)
     desired = problem.desired[places % n]
     lower[samples], upper[samples] = desired - bound, desired + bound
-    pinned = np.isfinite(pins)
-    lower[knots[pinned]] = upper[knots[pinned]] = pins[pinned]
-    if ends is not None:
-        lower[[0, -1]], upper[[0, -1]] = ends
+    pinned = np.isfinite(problem.pins)
+    lower[knots[pinned]] = upper[knots[pinned]] = problem.pins[pinned]
     gates = Gates(every.tolist(), lower.tolist(), upper.tolist(), problem.step)
     return gates, sorted(k for k in knots.tolist() if 0 < k < every.size - 1)
 
@@ -175,32 +161,25 @@ def _cut(problem: Problem, bound: float, place: float) -> Course:
     Returns:
         The cycle, its ``fewest`` for any place where no knot is required.
     """
-    least, most = _values_at(problem, bound, place)
-    free = fewest_links(*gates_of(problem, bound, start=place, ends=(least, most)))
+    gates, breaks = gates_of(problem, bound, place)
+    least, most = (
+        sort(each[0], each[-1]) for sort, each in zip((max, min), gates.reachable(), strict=True)
+    )
+
+    def path(low: float, high: float) -> Course:
+        lower, upper = (
+            [end, *each[1:-1], end] for end, each in ((low, gates.lower), (high, gates.upper))
+        )
+        return fewest_links(gates._replace(lower=lower, upper=upper), breaks)
+
+    free = path(float(least), float(most))
     starts = [min(max(float(free.values[k]), least), most) for k in (0, -1)]
-    cycles = [
-        fewest_links(*gates_of(problem, bound, start=place, ends=(value, value)))
-        for value in (*starts, 0.5 * sum(starts))
-    ]
-    best = min(cycles, key=lambda course: (course.fewest, -min(course.shortest(), 1.0)))
+    cycles = [path(value, value) for value in (*starts, 0.5 * sum(starts))]
+    best = min(
+        cycles, key=lambda each: (each.fewest, -min(float(np.min(np.diff(each.knots))), 1.0))
+    )
     here = bool(np.any(problem.required == place))
     return Course(best.knots[:-1], best.values[:-1], free.fewest - (not here))
-
-
-def _values_at(problem: Problem, bound: float, place: float) -> tuple[float, float]:
-    """Least and largest value at a place of a cycle from which slopes can pass all gates."""
-    n = problem.samples
-    pinned = np.isfinite(problem.pins)
-    places = np.append(np.arange(n), problem.required[pinned])
-    away = np.abs(places - place)
-    reach = problem.step * np.minimum(away, n - away)
-    lower = np.append(problem.desired - bound, problem.pins[pinned]) - reach
-    upper = np.append(problem.desired + bound, problem.pins[pinned]) + reach
-    return float(np.max(lower)), float(np.min(upper))
-
-
-def _segments(problem: Problem, course: Course) -> int:
-    return course.knots.size if problem.cyclic else course.knots.size - 1
 
 
 def least_squares_within(problem: Problem, curve: Candidate, bound: float) -> Candidate:
@@ -239,47 +218,37 @@ def _together(
     lines = _lines_of(problem, curve, after)
     if np.any(lines.last < lines.first):
         return curve
-    qp = _line_qp(problem, curve, lines, bound, margin)
-    change, _ = qp.solved(iterations=2_000)
+    change = _changes(problem, curve, lines, bound, margin)
     if not np.all(np.isfinite(change)):
         return curve
     level, rise = np.split(bound * change, 2)
     lines = lines._replace(level=lines.level + level, slope=lines.slope + rise / lines.half)
     moved = candidate(problem, *_joined(problem, curve, lines))
-    if not moved.error < curve.error or not problem.long_enough(moved.knots):
-        return curve
-    values = np.append(moved.values, moved.values[0]) if problem.cyclic else moved.values
     steepest = problem.step * (1.0 + 5e-13) * np.diff(problem.ends(moved.knots))
-    largest = np.max(np.abs(residuals(problem, moved.knots, moved.values)))
-    if largest > bound * (1.0 + 5e-10) or np.any(np.abs(np.diff(values)) > steepest):
+    if (
+        not moved.error < curve.error
+        or np.min(np.diff(problem.ends(moved.knots))) < SHORTEST
+        or np.max(np.abs(residuals(problem, moved.knots, moved.values))) > bound * (1.0 + 5e-10)
+        or np.any(np.abs(steps(moved.values, cyclic=problem.cyclic)) > steepest)
+    ):
         return curve
     return moved
 
 
 class _Lines(NamedTuple):
-    """The lines of a curve, the samples that each passes, and where its knots may move.
+    """The lines of a curve, the samples that each passes, and where its knots may move."""
 
-    Attributes:
-        first: First sample of each line, of a cycle counted on beyond its end, shape (S,).
-        last: Last sample of each line.
-        middle: Middle of these samples.
-        half: Half of their extent.
-        level: Value of the line in their middle.
-        slope: Its slope.
-        joints: Numbers of the knots between two lines, shape (J,), as they are in the curve.
-        low: Least place of each joint, shape (J,).
-        high: Largest place of each joint.
-    """
-
-    first: Indices
-    last: Indices
-    middle: Array
-    half: Array
-    level: Array
-    slope: Array
-    joints: Indices
-    low: Array
-    high: Array
+    first: Indices  # first sample of each line, of a cycle counted on beyond its end, (S,)
+    last: Indices  # last sample of each line
+    middle: Array  # middle of these samples
+    half: Array  # half of their extent
+    level: Array  # value of the line in their middle
+    slope: Array  # its slope
+    before: Indices  # number of the line before each joint, (J,)
+    behind: Indices  # that of the line behind it, and of the knot in the curve
+    turn: Array  # how much later the line before is
+    low: Array  # least place of each joint
+    high: Array  # largest place of each joint
 
     def at(self, line: Indices, place: Array) -> Array:
         """Values of lines at places."""
@@ -293,9 +262,8 @@ def _lines_of(problem: Problem, curve: Candidate, after: Mask) -> _Lines:
     """
     n, size = problem.samples, curve.knots.size
     number = np.arange(size + problem.cyclic) % size
-    fixed, after = fixed_variables(problem, curve.knots)[0][number], after[number]
-    x = problem.ends(curve.knots)
-    y = curve.values[number]
+    fixed, after = required_knots(problem, curve.knots)[0][number], after[number]
+    x, y = problem.ends(curve.knots), curve.values[number]
     whole = np.abs(x - np.rint(x)) <= 1.0 - SHORTEST
     x = np.where(whole & ~fixed, np.rint(x), x)
     low = np.where(whole, np.rint(x) - ~after, np.floor(x))
@@ -308,10 +276,9 @@ def _lines_of(problem: Problem, curve: Candidate, after: Mask) -> _Lines:
     low, high = np.where(fixed, x, low), np.where(fixed, x, high)
     if problem.cyclic:
         low[0] = low[-1] - n
-        joints = np.arange(size)
     else:
         last[0], last[-1] = -1.0, n - 1.0
-        joints = np.arange(1, size - 1)
+    behind = np.arange(not problem.cyclic, x.size - 1)
     first = last[:-1] + 1.0
     middle, half = 0.5 * (first + last[1:]), np.maximum(0.5 * (last[1:] - first), 0.5)
     slope = np.diff(y) / np.diff(x)
@@ -322,22 +289,26 @@ def _lines_of(problem: Problem, curve: Candidate, after: Mask) -> _Lines:
         half=half,
         level=y[:-1] + slope * (middle - x[:-1]),
         slope=slope,
-        joints=joints,
-        low=low[joints],
-        high=high[joints],
+        before=(behind - 1) % slope.size,
+        behind=behind,
+        turn=np.where(behind == 0, float(n), 0.0),
+        low=low[behind],
+        high=high[behind],
     )
 
 
-def _line_qp(problem: Problem, curve: Candidate, lines: _Lines, bound: float, margin: float) -> QP:
-    """The QP in the lines.
+def _changes(
+    problem: Problem, curve: Candidate, lines: _Lines, bound: float, margin: float
+) -> Array:
+    """The QP in the lines: changes of level, and of rise over half a line's samples, (2S,).
 
-    The unknowns are changes of level and of rise over half a line's samples, in units of ``bound``,
-    so that zero is the curve itself, which meets all conditions.
+    They are in units of ``bound``, so that zero is the curve itself, which meets all conditions.
     """
     from scipy import sparse
 
     size = lines.level.size
     index = np.arange(lines.first[0], lines.last[-1] + 1)
+    desired = problem.desired[index % problem.samples]
     line = np.repeat(np.arange(size), lines.last - lines.first + 1)
 
     def values(which: Indices, at: Array) -> Any:
@@ -349,58 +320,49 @@ def _line_qp(problem: Problem, curve: Candidate, lines: _Lines, bound: float, ma
         return sparse.csr_matrix((entries, (row, columns)), shape=(at.size, 2 * size))
 
     passed = values(line, index)
-    residual = (problem.desired[index % problem.samples] - lines.at(line, index)) / bound
+    residual = (desired - lines.at(line, index)) / bound
+    starts = lines.first - lines.first[0]
     hull = np.concatenate(
-        [
-            first + _corners(problem.desired[np.arange(first, last + 1) % problem.samples])
-            for first, last in zip(lines.first, lines.last, strict=True)
-        ]
+        [k + _corners(part) for k, part in zip(starts, np.split(desired, starts[1:]), strict=True)]
     )
-    hull -= lines.first[0]
     rows = [passed[hull], sparse.eye(2 * size, format="csr")[size:]]
     room = 1.0 - margin
     lower = [residual[hull] - room, (-problem.step * room - lines.slope) * lines.half / bound]
     upper = [residual[hull] + room, (problem.step * room - lines.slope) * lines.half / bound]
-    before, behind, turn = _beside(problem, lines)
+    before, behind = lines.before, lines.behind
     convex = np.where(lines.slope[behind] >= lines.slope[before], 1.0, -1.0)
     for at, way in ((lines.low, -convex), (lines.high, convex)):
-        rows.append(sparse.diags(way) @ (values(behind, at) - values(before, at + turn)))
-        lower.append(-way * (lines.at(behind, at) - lines.at(before, at + turn)) / bound)
+        rows.append(sparse.diags(way) @ (values(behind, at) - values(before, at + lines.turn)))
+        lower.append(-way * (lines.at(behind, at) - lines.at(before, at + lines.turn)) / bound)
         upper.append(np.full(at.size, np.inf))
-    stay = np.flatnonzero(fixed_variables(problem, curve.knots)[1])
+    stay = np.flatnonzero(np.isfinite(required_knots(problem, curve.knots)[1]))
     rows.append(values(np.minimum(stay, size - 1), curve.knots[stay]))
     lower.append(np.zeros(stay.size))
     upper.append(np.zeros(stay.size))
-    # A line through one sample has no slope of its own.
-    return QP(
-        P=passed.T @ passed + 1e-9 * sparse.diags(np.repeat([0.0, 1.0], size)),
-        q=-(passed.T @ residual),
-        A=sparse.vstack(rows),
-        lower=np.minimum(np.concatenate(lower), 0.0),
-        upper=np.maximum(np.concatenate(upper), 0.0),
-    )
-
-
-def _beside(problem: Problem, lines: _Lines) -> tuple[Any, Any, Array]:
-    """Numbers of the lines before and behind each joint, and how much later the first is."""
-    before, behind = lines.joints - 1, lines.joints
-    turn = np.where(before < 0, float(problem.samples), 0.0)
-    return before % lines.level.size, behind, turn
+    return solve_qp(
+        # A line through one sample has no slope of its own.
+        passed.T @ passed + 1e-9 * sparse.diags(np.repeat([0.0, 1.0], size)),
+        -(passed.T @ residual),
+        sparse.vstack(rows),
+        np.minimum(np.concatenate(lower), 0.0),
+        np.maximum(np.concatenate(upper), 0.0),
+        np.zeros(2 * size),
+        iterations=2_000,
+    )[0]
 
 
 def _joined(problem: Problem, curve: Candidate, lines: _Lines) -> tuple[Array, Array]:
     """Knots where the lines cross, and values there."""
     knots, values = curve.knots.copy(), curve.values.copy()
-    before, behind, turn = _beside(problem, lines)
-    apart = lines.at(before, lines.low + turn) - lines.at(behind, lines.low)
-    bend = lines.slope[behind] - lines.slope[before]
+    apart = lines.at(lines.before, lines.low + lines.turn) - lines.at(lines.behind, lines.low)
+    bend = lines.slope[lines.behind] - lines.slope[lines.before]
     away = np.divide(apart, bend, out=np.zeros(bend.size), where=bend != 0.0)
     place = np.minimum(np.maximum(lines.low + away, lines.low), lines.high)
-    knots[lines.joints], values[lines.joints] = place, lines.at(behind, place)
+    knots[lines.behind], values[lines.behind] = place, lines.at(lines.behind, place)
     if not problem.cyclic:
         ends, at = np.array([0, -1]), np.array([0, lines.level.size - 1])
         values[ends] = lines.at(at, knots[ends])
-    pinned = fixed_variables(problem, knots)[1]
+    pinned = np.isfinite(required_knots(problem, knots)[1])
     return knots, np.where(pinned, curve.values, values)
 
 

@@ -8,14 +8,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from planner.exceptions import Infeasible, InvalidInput, angle_text
-from planner.trajectory import LARGEST, Array, as_trajectory
+from planner.trajectory import LARGEST, Array, Indices, Mask
 from planner.validation import as_number, as_positive, as_whole, shown
 
 Required = Iterable[float] | Mapping[float, float | None]
@@ -44,9 +43,8 @@ EQUAL = 1e-9
 rounding, which differs between processors, does not."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Problem:
-    """An approximation problem, in a unit of its own.
+class Problem(NamedTuple):
+    """An approximation problem, in a unit of its own; compiled functions take it as it is.
 
     Attributes:
         desired: Samples D, shape (n,).
@@ -59,8 +57,8 @@ class Problem:
     desired: Array
     step: float
     cyclic: bool
-    required: Array = field(default_factory=lambda: np.zeros(0))
-    pins: Array = field(default_factory=lambda: np.zeros(0))
+    required: Array = np.zeros(0)
+    pins: Array = np.zeros(0)
 
     @property
     def samples(self) -> int:
@@ -74,10 +72,6 @@ class Problem:
     def segments(self, knots: Array) -> int:
         """Number of segments between these knots."""
         return knots.size if self.cyclic else knots.size - 1
-
-    def long_enough(self, knots: Array) -> bool:
-        """Whether no segment between these knots is shorter than a sample."""
-        return bool(np.min(np.diff(self.ends(knots))) >= SHORTEST)
 
 
 class Candidate(NamedTuple):
@@ -101,15 +95,13 @@ def residuals(problem: Problem, knots: Array, values: Array) -> Array:
     return np.interp(index, knots, values, period=period) - problem.desired
 
 
-def fixed_variables(
-    problem: Problem, knots: Array
-) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
-    """Which knots may not move, and which of their values, each shape (K,)."""
+def free_variables(problem: Problem, knots: Array) -> Mask:
+    """Which knots may move, and then which of their values, shape (2K,)."""
     required, pins = required_knots(problem, knots)
-    return required, np.isfinite(pins)
+    return ~np.append(required, np.isfinite(pins))
 
 
-def required_knots(problem: Problem, knots: Array) -> tuple[npt.NDArray[np.bool_], Array]:
+def required_knots(problem: Problem, knots: Array) -> tuple[Mask, Array]:
     """Which knots are required or the ends of a path, and their pins, NaN where free, each (K,)."""
     required, pins = np.zeros(knots.size, dtype=bool), np.full(knots.size, np.nan)
     if not problem.cyclic:
@@ -133,23 +125,13 @@ def distances(problem: Problem, places: Array) -> Array:
 
 
 def feasible_values(problem: Problem, knots: Array) -> Array:
-    """Values within the slopes that keep the pins, elsewhere as near as possible to the mean.
-
-    Args:
-        problem: The approximation problem.
-        knots: Knots [samples], shape (k,).
-
-    Returns:
-        Values at the knots [unit of the samples], shape (k,).
-    """
-    mean = float(np.mean(problem.desired))
-    if not problem.required.size:
-        return np.full(knots.size, mean)
+    """The course straight from pin to pin, within the slopes, at knots: (k,); the mean without."""
     pinned = np.isfinite(problem.pins)
-    away = problem.step * distances(problem, knots)[:, pinned]
-    lower = np.max(problem.pins[pinned] - away, axis=1, initial=-np.inf)
-    upper = np.min(problem.pins[pinned] + away, axis=1, initial=np.inf)
-    return with_pins(problem, knots, np.minimum(np.maximum(mean, lower), upper))
+    if not np.any(pinned):
+        return np.full(knots.size, float(np.mean(problem.desired)))
+    period = problem.samples if problem.cyclic else None
+    course = np.interp(knots, problem.required[pinned], problem.pins[pinned], period=period)
+    return with_pins(problem, knots, course)
 
 
 def with_pins(problem: Problem, knots: Array, values: Array) -> Array:
@@ -158,35 +140,30 @@ def with_pins(problem: Problem, knots: Array, values: Array) -> Array:
     return np.where(np.isfinite(pins), pins, values)
 
 
-def round_knots(knots: npt.ArrayLike) -> Array:
-    """The nearest multiples of :data:`KNOT_UNIT` [samples], an array like ``knots``."""
-    return np.asarray(np.round(np.asarray(knots) / KNOT_UNIT) * KNOT_UNIT)
+def rounded(values: npt.ArrayLike, unit: float) -> Array:
+    """The nearest multiples of a unit, an array like ``values``."""
+    return np.asarray(np.round(np.asarray(values) / unit) * unit)
 
 
-def nearest_samples(required: Array) -> npt.NDArray[np.intp]:
+def nearest_samples(required: Array) -> Indices:
     """The samples that stand for required knots on grids of samples."""
     return np.floor(required + 0.5).astype(np.intp)
 
 
 def with_required(problem: Problem, knots: Array) -> Array | None:
-    """Knots from a grid of samples, with the nearest ones replaced by required knots.
+    """Knots on samples, (K,), those of :func:`nearest_samples` replaced by the required knots.
 
-    Args:
-        problem: The approximation problem.
-        knots: Knots on samples, shape (K,), among them those of :func:`nearest_samples`.
-
-    Returns:
-        Knots, shape (K,); None if some segment is too short then.
+    None if some segment is too short then.
     """
     moved = np.array(knots, dtype=np.float64)
     for node, place in zip(nearest_samples(problem.required), problem.required, strict=True):
         away = knots - node
         there = np.mod(away, problem.samples) == 0.0 if problem.cyclic else away == 0.0
         moved[there] += place - node
-    return moved if problem.long_enough(moved) else None
+    return moved if np.min(np.diff(problem.ends(moved))) >= SHORTEST else None
 
 
-def segment_capacity(problem: Problem) -> tuple[Array, npt.NDArray[np.intp]]:
+def segment_capacity(problem: Problem) -> tuple[Array, Indices]:
     """Places that are knots in any case, ends included, and most segments between them."""
     n, fixed = problem.samples, problem.required
     if problem.cyclic:
@@ -199,14 +176,9 @@ def segment_capacity(problem: Problem) -> tuple[Array, npt.NDArray[np.intp]]:
 
 
 def even_knots(problem: Problem, segments: int | None = None) -> Array:
-    """Knots as evenly spread as required knots allow.
+    """Knots as evenly spread as required knots allow, (K,), of a cycle without its end.
 
-    Args:
-        problem: The approximation problem.
-        segments: Number of segments; None for as many as possible.
-
-    Returns:
-        Knots, shape (K,), of a cycle without its end.
+    As many ``segments`` as possible by default.
     """
     places, most = segment_capacity(problem)
     length, parts = np.diff(places), np.array(most)
@@ -222,14 +194,6 @@ def even_knots(problem: Problem, segments: int | None = None) -> Array:
     return knots if problem.cyclic else np.append(knots, places[-1])
 
 
-def checked_all_knots(knots: npt.ArrayLike | None, n: int, *, cyclic: bool) -> Array | None:
-    """All knots [samples], increasing, shape (k,); None if omitted."""
-    if knots is None:
-        return None
-    values = as_trajectory(knots, name="knots", minimum=1)
-    return checked_knots(values.tolist(), n, cyclic=cyclic, name="knots")[0]
-
-
 def checked_knots(
     required: Required, n: int, *, cyclic: bool, name: str = "required"
 ) -> tuple[Array, Array]:
@@ -237,19 +201,24 @@ def checked_knots(
     if not isinstance(required, Iterable) or getattr(required, "ndim", 1) != 1:
         raise InvalidInput(f"{name}: got {shown(required)}, expected sample indices")
     pairs = required.items() if isinstance(required, Mapping) else ((k, None) for k in required)
-    last = n - 1.0
     angles: dict[float, float] = {}
     for place, angle in pairs:
         index = _number(f"{name} knots", place)
         # The sum is 0.0 where a place is rounded to -0.0.
-        knot = float(round_knots(index)) + 0.0 if abs(index) < 2.0 * n else index
-        inside = 0.0 <= knot < n if cyclic else 0.0 <= knot <= last
-        if not inside:
+        knot = float(rounded(index, KNOT_UNIT)) + 0.0 if abs(index) < 2.0 * n else index
+        if not (0.0 <= knot < n if cyclic else 0.0 <= knot <= n - 1.0):
             limit = f"0 up to, without, {n}" if cyclic else f"0 to {n - 1}"
             raise InvalidInput(f"{name}: got a knot at {knot:g}, expected {limit} [samples]")
         angles[knot] = math.nan if angle is None else _number(f"{name} angles", angle)
     places = np.array(sorted(angles))
     return places, np.array([angles[place] for place in places.tolist()])
+
+
+def _number(name: str, value: object) -> float:
+    number = as_number(value)
+    if math.isnan(number):
+        raise InvalidInput(f"{name}: got {shown(value)}, expected a finite number")
+    return number
 
 
 def positive(name: str, value: float, unit: str) -> float:
@@ -269,8 +238,7 @@ def checked_segments(segments: int | None, desired: Array, *, cyclic: bool) -> i
     count = as_whole(segments)
     if count is None:
         raise InvalidInput(f"segments: got {shown(segments)}, expected a whole number")
-    constant = bool(np.all(desired == desired[0]))
-    fewest = 2 if cyclic and not constant else 1
+    fewest = 1 if not cyclic or np.all(desired == desired[0]) else 2
     most = desired.size if cyclic else desired.size - 1
     if not fewest <= count <= most:
         raise InvalidInput(
@@ -280,28 +248,30 @@ def checked_segments(segments: int | None, desired: Array, *, cyclic: bool) -> i
     return count
 
 
-def _number(name: str, value: object) -> float:
-    number = as_number(value)
-    if math.isnan(number):
-        raise InvalidInput(f"{name}: got {shown(value)}, expected a finite number")
-    return number
+def check_apart(name: str, ends: Array, n: int) -> None:
+    """Raise Infeasible where two knots are less than a sample apart, and name the two.
+
+    Args:
+        name: What they are.
+        ends: The knots, of a cycle the first one again a period later.
+        n: Number of samples.
+    """
+    apart = np.diff(ends)
+    k = int(np.argmin(apart))
+    if apart[k] < SHORTEST:
+        raise Infeasible(
+            f"{name} at samples {ends[k]:g} and {ends[k + 1] % n:g}: {apart[k]:g} samples apart, "
+            "expected at least 1; leave one out"
+        )
 
 
 def check_required(problem: Problem, tick: float) -> None:
     """Raise Infeasible where no curve has the required knots and angles, and name the two.
 
-    Args:
-        problem: The approximation problem [rad].
-        tick: Time between samples [s].
+    The angles are in radians, ``tick`` is the time between samples [s].
     """
-    n, places = problem.samples, segment_capacity(problem)[0]
-    apart = np.diff(places)
-    k = int(np.argmin(apart))
-    if apart[k] < SHORTEST:
-        raise Infeasible(
-            f"required knots at samples {places[k]:g} and {places[k + 1] % n:g}: {apart[k]:g} "
-            "samples apart, expected at least 1; leave one out"
-        )
+    n = problem.samples
+    check_apart("required knots", segment_capacity(problem)[0], n)
     pinned = np.isfinite(problem.pins)
     places, angles = problem.required[pinned], problem.pins[pinned]
     if places.size < 2:
@@ -322,10 +292,7 @@ def check_required(problem: Problem, tick: float) -> None:
 def check_room(problem: Problem, segments: int, *, at_most: bool) -> None:
     """Raise Infeasible where required knots leave no room for so many or so few segments.
 
-    Args:
-        problem: The approximation problem.
-        segments: Number of segments.
-        at_most: Whether fewer will do, too.
+    Fewer will do where ``at_most``.
     """
     most = segment_capacity(problem)[1]
     if segments > np.sum(most) and not at_most:
@@ -360,91 +327,57 @@ def check_error_at_pins(problem: Problem, bound: float) -> None:
         )
 
 
-def at_resolution(problem: Problem) -> Problem:
-    """The problem with samples and slope as multiples of :data:`RESOLUTION`."""
-    mantissa, exponent = math.frexp(problem.step)
-    return replace(
-        problem,
-        desired=to_resolution(problem.desired),
-        step=math.ldexp(math.floor(mantissa / RESOLUTION) * RESOLUTION, exponent),
-    )
-
-
-def to_resolution(samples: Array) -> Array:
-    """Samples of size one, shape (n,), as multiples of :data:`RESOLUTION`."""
-    return np.asarray(np.round(samples / RESOLUTION) * RESOLUTION)
-
-
-@dataclass(frozen=True, kw_only=True)
-class CanonicalForm:
+class CanonicalForm(NamedTuple):
     """How input samples become canonical: rolled to their first, reversed, mirrored.
 
     It is the same for all shifts, mirror images, reversals and scales of the same samples: a search
-    in this form finds the same curve for all of them.
-
-    Attributes:
-        samples: Number of samples n.
-        cyclic: Whether the first sample follows the last.
-        first: Input sample that comes first; 0 unless cyclic.
-        backwards: Whether time runs backwards.
-        sign: -1 if the samples are mirrored, else 1.
+    in this form finds the same curve for all of them. Canonical sample k is the input sample
+    ``first + way * k``, times ``sign``.
     """
 
-    samples: int
+    samples: int  # n
     cyclic: bool
-    first: int
-    backwards: bool
-    sign: float
+    first: int  # input sample that comes first
+    way: int  # -1 where time runs backwards, else 1
+    sign: float  # -1 where the samples are mirrored, else 1
 
     @classmethod
     def of(cls, desired: Array, ideal: Array, *, cyclic: bool) -> CanonicalForm:
         """The sharpest corner of a cycle first, the larger half last, the first extreme above."""
         n = desired.size
-        first = _sharpest_corner(desired, ideal) if cyclic else 0
-        rolled = np.roll(desired, -first)
-        k = np.arange(n)
+        form = cls(n, cyclic, _sharpest_corner(desired, ideal) if cyclic else 0, 1, 1.0)
+        rolled, k = form.apply(desired), np.arange(n)
         # Odd under reversal: sample k goes to -k in a cycle, to n - 1 - k otherwise. A sine instead
         # gives zero for samples whose second half is the first one mirrored.
         side = np.where(k > 0, 0.5 * n - k, 0.0) if cyclic else 0.5 * (n - 1) - k
         power = (rolled - np.mean(rolled)) ** 2
-        backwards = bool(side @ power > EQUAL * (np.abs(side) @ power))
-        form = cls(samples=n, cyclic=cyclic, first=first, backwards=backwards, sign=1.0)
+        if side @ power > EQUAL * (np.abs(side) @ power):
+            form = form._replace(first=form.first if cyclic else n - 1, way=-1)
         samples = form.apply(desired)
         extreme = samples[np.argmax(np.abs(samples) > (1.0 - EQUAL) * np.max(np.abs(samples)))]
-        return replace(form, sign=-1.0 if extreme < 0.0 else 1.0)
+        return form._replace(sign=-1.0 if extreme < 0.0 else 1.0)
 
     def apply(self, samples: Array) -> Array:
         """Samples, shape (n,), in this form."""
-        ordered = np.roll(samples, -self.first)
-        if self.backwards:
-            ordered = np.roll(ordered[::-1], 1) if self.cyclic else ordered[::-1]
-        return self.sign * ordered
+        order = self.first + self.way * np.arange(self.samples)
+        return np.asarray(self.sign * samples[order % self.samples])
 
     def of_problem(self, problem: Problem) -> Problem:
         """A problem in this form."""
-        places, pins = problem.required - self.first, self.sign * problem.pins
-        if self.backwards:
-            places = (0.0 if self.cyclic else self.samples - 1.0) - places
-        places = np.mod(places, self.samples) if self.cyclic else places
-        order = np.argsort(places)
-        return replace(
-            problem,
-            desired=self.apply(problem.desired),
-            required=places[order],
-            pins=pins[order],
-        )
+        required = self.way * (problem.required - self.first)
+        required, pins = self._in_order(required, problem.pins)
+        desired = self.apply(problem.desired)
+        return problem._replace(desired=desired, required=required, pins=pins)
 
     def restore(self, curve: Candidate) -> Candidate:
         """Knots and values for the input samples, in order and within the cycle."""
-        knots, values = curve.knots, self.sign * curve.values
-        if self.backwards:
-            last = 0.0 if self.cyclic else self.samples - 1.0
-            knots, values = last - knots[::-1], values[::-1]
-        if self.cyclic:
-            knots = np.mod(knots + self.first, self.samples)
-            order = np.argsort(knots)
-            knots, values = knots[order], values[order]
-        return Candidate(knots, values, curve.error)
+        knots = self.first + self.way * curve.knots
+        return Candidate(*self._in_order(knots, curve.values), curve.error)
+
+    def _in_order(self, places: Array, values: Array) -> tuple[Array, Array]:
+        places = np.mod(places, self.samples) if self.cyclic else places
+        order = np.argsort(places)
+        return places[order], self.sign * values[order]
 
 
 def _sharpest_corner(desired: Array, ideal: Array) -> int:

@@ -24,28 +24,26 @@ different data:
 
 from __future__ import annotations
 
-from dataclasses import replace
-from functools import cached_property
+import math
+from functools import cache, cached_property
 from heapq import heapify, heappop, heappush
 
 import numpy as np
 
 from planner.approximation.problem import (
     EQUAL,
+    KNOT_UNIT,
+    RESOLUTION,
     SHORTEST,
     Candidate,
     CanonicalForm,
     Problem,
-    at_resolution,
     candidate,
     even_knots,
-    feasible_values,
-    fixed_variables,
     nearest_samples,
     required_knots,
-    round_knots,
+    rounded,
     segment_capacity,
-    to_resolution,
     with_required,
 )
 from planner.approximation.values import (
@@ -112,45 +110,36 @@ class KnotSearch:
 
     def __init__(self, problem: Problem) -> None:
         """Find the ideal and the canonical form."""
-        coarse = at_resolution(problem)
+        mantissa, exponent = math.frexp(problem.step)
+        coarse = problem._replace(
+            desired=rounded(problem.desired, RESOLUTION),
+            step=math.ldexp(math.floor(mantissa / RESOLUTION) * RESOLUTION, exponent),
+        )
         ideal = ideal_of(coarse)
         self.form = CanonicalForm.of(coarse.desired, ideal, cyclic=problem.cyclic)
         self.problem = self.form.of_problem(coarse)
-        self.ideal = to_resolution(self.form.apply(ideal))
+        self.ideal = rounded(self.form.apply(ideal), RESOLUTION)
         self.unrounded = self.form.of_problem(problem)
         most = segment_capacity(self.problem)[1]  # between required knots
         self.fewest = max(2 if problem.cyclic else 1, most.size)
         self.most = int(np.sum(most))
         self.ideal_error = float(np.sum((self.ideal - self.problem.desired) ** 2))
-        self._curves: dict[int, Candidate] = {}
-        self._rough: dict[int, list[Candidate]] = {}
-
-    def curve(self, segments: int) -> Candidate:
-        """The best curve found with this number of segments."""
-        if segments not in self._curves:
-            self._curves[segments] = self._best(segments)
-        return self._curves[segments]
+        self.curve = cache(self._curve)
+        self._starts = cache(self._begin)
 
     def rough_error(self, segments: int) -> float:
         """Squared error of the best start of the search."""
-        if segments in self._curves or segments > PROPOSED:
-            return self.curve(segments).error
-        return self._starts(segments)[0].error
+        known = self.curve(segments) if segments > PROPOSED else self._starts(segments)[0]
+        return known.error
 
     def valued(self, knots: Array) -> Candidate:
         """The curve of best values at these knots."""
-        problem = self.problem
-        values = within_slopes(
-            solve_values(problem, knots),
-            problem.step * np.diff(problem.ends(knots)),
-            cyclic=problem.cyclic,
-            towards=feasible_values(problem, knots) if problem.required.size else None,
-        )
-        return candidate(problem, knots, values)
+        values = solve_values(self.problem, knots)
+        return candidate(self.problem, knots, within_slopes(self.problem, knots, values))
 
     def final_curve(self, curve: Candidate) -> Candidate:
         """The curve through the input samples, by the last QP in the values."""
-        knots = round_knots(curve.knots)
+        knots = rounded(curve.knots, KNOT_UNIT)
         values = solve_values(self.unrounded, knots, near=curve.values)
         return self.form.restore(Candidate(knots, values, curve.error))
 
@@ -161,9 +150,10 @@ class KnotSearch:
 
     @cached_property
     def _merged(self) -> tuple[Array, Array]:
-        return merged_knots(replace(self.problem, desired=self.ideal))
+        return merged_knots(self.problem._replace(desired=self.ideal))
 
-    def _best(self, segments: int) -> Candidate:
+    def _curve(self, segments: int) -> Candidate:
+        """The best curve found with this number of segments."""
         problem = self.problem
         if self.exact is not None and segments == problem.segments(self.exact.knots):
             return self.exact
@@ -182,13 +172,8 @@ class KnotSearch:
             best = improved(problem, self.ideal, starts)
         return descend(problem, best, rounds=MANY)
 
-    def _starts(self, segments: int) -> list[Candidate]:
-        """Curves a few evaluations from the proposals, the best first; computed once."""
-        if segments not in self._rough:
-            self._rough[segments] = self._begin(segments)
-        return self._rough[segments]
-
     def _begin(self, segments: int) -> list[Candidate]:
+        """Curves a few evaluations from the proposals, the best first."""
         problem = self.problem
         proposals = proposed_knots(problem, self.ideal, segments)
         proposals = proposals or [even_knots(problem, segments)]
@@ -273,7 +258,7 @@ def with_moved_knots(problem: Problem, curves: list[Candidate]) -> Candidate:
 
 def moved(problem: Problem, curve: Candidate) -> list[Candidate]:
     """The curves with one knot moved along the curve; their errors are not yet computed."""
-    n, movable = problem.samples, np.flatnonzero(~fixed_variables(problem, curve.knots)[0])
+    n, movable = problem.samples, np.flatnonzero(~required_knots(problem, curve.knots)[0])
     which = np.repeat(movable, len(MOVES))
     row = np.arange(which.size)
     knots, values = (np.tile(each, (which.size, 1)) for each in (curve.knots, curve.values))
@@ -339,7 +324,7 @@ def proposed_knots(problem: Problem, ideal: Array, segments: int) -> list[Array]
         even = even[np.unique(np.arange(ANCHORS) * even.size // ANCHORS)]
         starts = (fixed[:ANCHORS] if fixed.size else even).tolist()
     proposals: dict[bytes, Array] = {}
-    by_lines = replace(problem, desired=ideal)
+    by_lines = problem._replace(desired=ideal)
     for own, states in ((problem, ideal[:, np.newaxis]), (by_lines, None)):
         for first in starts:
             knots = cheapest_knots(own, segments, nodes=NODES, first=first, states=states)
@@ -411,7 +396,7 @@ def merged_knots(problem: Problem) -> tuple[Array, Array]:
     every: Array = np.arange(n, dtype=np.float64)
     if problem.required.size:
         nearest = nearest_samples(problem.required).astype(np.float64)
-        every = even_knots(replace(problem, required=nearest))
+        every = even_knots(problem._replace(required=nearest))
     first, ends = int(every[0]), problem.ends(every)
     grid = (ends - first).astype(np.intp).tolist()
     last = len(grid) - 1

@@ -25,7 +25,6 @@ from __future__ import annotations
 
 import logging
 import math
-from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -35,11 +34,11 @@ from planner.approximation.problem import (
     Problem,
     candidate,
     feasible_values,
-    fixed_variables,
+    free_variables,
     required_knots,
 )
 from planner.exceptions import SolverFailed
-from planner.trajectory import Array, Mask, steps
+from planner.trajectory import Array, steps
 
 WINDOW = 16
 """Most knots that are moved together; of more, windows of so many are moved in turn. 80 fits of 14
@@ -47,91 +46,73 @@ to 40 segments, mean error: 8: 0.1 % more; 32: 0.3 % less for 2.6 times the time
 a step costs its cube."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class QP:
-    """Minimise ½ xᵀPx + qᵀx subject to lower <= Ax <= upper.
+def solve_qp(
+    P: Any, q: Array, A: Any, lower: Array, upper: Array, near: Array, *, iterations: int
+) -> tuple[Array, str, float]:
+    """Minimise ½ xᵀPx + qᵀx subject to lower <= Ax <= upper: OSQP's answer, polished.
 
-    Attributes:
+    The equations of the active bounds, [P Aᵀ; A 0] x = b, are solved with a touch of regularisation
+    for bounds that repeat one another; two refinements remove it.
+
+    Args:
         P: Hessian, shape (k, k); like A sparse.
         q: Gradient at zero, shape (k,).
         A: Rows of the conditions, shape (r, k).
         lower: Least values of them.
         upper: Largest values of them.
+        near: Where OSQP starts, shape (k,).
+        iterations: Most iterations.
+
+    Returns:
+        x; OSQP's status; and the largest violation of a bound, infinite where x is not finite.
     """
+    import osqp
+    from scipy import sparse
+    from scipy.sparse.linalg import splu
 
-    P: Any
-    q: Array
-    A: Any
-    lower: Array
-    upper: Array
+    def excess(x: Array) -> float:
+        rows = A @ x
+        return float(np.max(np.maximum(lower - rows, rows - upper), initial=0.0))
 
-    def excess(self, x: Array) -> float:
-        """Largest violation of a limit, 0 if there is none."""
-        rows = self.A @ x
-        return float(np.max(np.maximum(self.lower - rows, rows - self.upper), initial=0.0))
-
-    def solved(self, near: Array | None = None, *, iterations: int) -> tuple[Array, str]:
-        """OSQP's answer, polished, and its status.
-
-        Args:
-            near: Where it starts, shape (k,); None for zero.
-            iterations: Most iterations.
-        """
-        import osqp
-        from scipy import sparse
-
-        scale = float(max(np.max(self.P.diagonal()), np.max(np.abs(self.q))))
-        solver = osqp.OSQP(algebra="builtin")
-        solver.setup(
-            sparse.triu(self.P / scale, format="csc"),
-            self.q / scale,
-            sparse.csc_matrix(self.A),
-            self.lower,
-            self.upper,
-            eps_abs=1e-9,
-            eps_rel=1e-9,
-            max_iter=iterations,
-            polishing=False,  # OSQP's own prints when no bound is active
-            verbose=False,
-        )
-        if near is not None:
-            solver.warm_start(x=near)
-        result = solver.solve(raise_error=False)
-        status = str(result.info.status)
-        logging.getLogger(__name__).debug("OSQP: %s after %d iterations", status, result.info.iter)
-        x, multipliers = (np.asarray(each, dtype=np.float64) for each in (result.x, result.y))
-        if not np.all(np.isfinite(x)):
-            return x, f"{status}, not finite"
-        better = self._with_active_bounds(multipliers)
-        if better is None or self.excess(better) > max(self.excess(x), 1e-12):
-            return x, status
-        return better, status
-
-    def _with_active_bounds(self, multipliers: Array) -> Array | None:
-        """The minimiser with active bounds as equations; None if singular.
-
-        It solves [P Aᵀ; A 0] x = b with a touch of regularisation for bounds that repeat one
-        another; two refinements remove it.
-        """
-        from scipy import sparse
-        from scipy.sparse.linalg import splu
-
-        pressed = np.abs(multipliers) > 1e-9 * np.max(np.abs(multipliers), initial=0.0)
-        nearer = np.where(multipliers > 0.0, self.upper, self.lower)
-        active = np.flatnonzero((pressed & np.isfinite(nearer)) | (self.lower == self.upper))
-        rows, size = sparse.csr_matrix(self.A)[active], self.q.size
-        lower = -1e-9 * sparse.eye(active.size) if active.size else None
-        blocks: Any = [[self.P, rows.T], [rows, lower]]
-        try:
-            solve = splu(sparse.bmat(blocks, "csc")).solve
-        except RuntimeError:  # singular
-            return None
-        exact = np.zeros(size + active.size)
-        for _ in range(3):
-            x, u = exact[:size], exact[size:]
-            beyond = np.append(self.q + self.P @ x + rows.T @ u, rows @ x - nearer[active])
-            exact = exact - solve(beyond)
-        return np.asarray(exact[:size])
+    scale = float(max(np.max(P.diagonal()), np.max(np.abs(q))))
+    solver = osqp.OSQP(algebra="builtin")
+    solver.setup(
+        sparse.triu(P / scale, format="csc"),
+        q / scale,
+        sparse.csc_matrix(A),
+        lower,
+        upper,
+        eps_abs=1e-9,
+        eps_rel=1e-9,
+        max_iter=iterations,
+        polishing=False,  # OSQP's own prints when no bound is active
+        verbose=False,
+    )
+    solver.warm_start(x=near)
+    result = solver.solve(raise_error=False)
+    status = str(result.info.status)
+    logging.getLogger(__name__).debug("OSQP: %s after %d iterations", status, result.info.iter)
+    x, multipliers = (np.asarray(each, dtype=np.float64) for each in (result.x, result.y))
+    if not np.all(np.isfinite(x)):
+        return x, status, math.inf
+    pressed = np.abs(multipliers) > 1e-9 * np.max(np.abs(multipliers), initial=0.0)
+    nearer = np.where(multipliers > 0.0, upper, lower)
+    active = np.flatnonzero((pressed & np.isfinite(nearer)) | (lower == upper))
+    rows, size = sparse.csr_matrix(A)[active], q.size
+    corner = -1e-9 * sparse.eye(active.size) if active.size else None
+    blocks: Any = [[P, rows.T], [rows, corner]]
+    try:
+        solve = splu(sparse.bmat(blocks, "csc")).solve
+    except RuntimeError:  # singular
+        return x, status, excess(x)
+    better = np.zeros(size + active.size)
+    for _ in range(3):
+        y, u = better[:size], better[size:]
+        beyond = np.append(q + P @ y + rows.T @ u, rows @ y - nearer[active])
+        better = better - solve(beyond)
+    y = better[:size]
+    chosen = x if excess(y) > max(excess(x), 1e-12) else y
+    return chosen, status, excess(chosen)
 
 
 def solve_values(problem: Problem, knots: Array, near: Array | None = None) -> Array:
@@ -140,7 +121,7 @@ def solve_values(problem: Problem, knots: Array, near: Array | None = None) -> A
     Args:
         problem: The approximation problem; samples of size one or less.
         knots: Knots, shape (K,).
-        near: Values from which OSQP starts, and those of the regularisation, shape (K,).
+        near: Values from which OSQP starts, and which undetermined ones take, shape (K,).
 
     Returns:
         Values, shape (K,). Cost O(n), and O(K) per iteration of OSQP.
@@ -152,35 +133,12 @@ def solve_values(problem: Problem, knots: Array, near: Array | None = None) -> A
         return feasible_values(problem, knots)
     if knots.size <= WINDOW:
         return best_values(problem, knots).values
+    from scipy import sparse
+
     near = feasible_values(problem, knots) if near is None else near
     # In a unit of its own, as all rises are tiny where v is.
     centre, unit = float(np.mean(near)), min(1.0, problem.step * problem.samples)
-    scaled = replace(
-        problem,
-        desired=(problem.desired - centre) / unit,
-        step=problem.step / unit,
-        pins=(problem.pins - centre) / unit,
-    )
     near = (near - centre) / unit
-    qp = values_qp(scaled, knots, near)
-    values, status = qp.solved(near, iterations=50_000)
-    if not (status.startswith("solved") and np.all(np.isfinite(values))):
-        raise SolverFailed("values at the knots, OSQP", status)
-    if unit * qp.excess(values) > 1e-6:
-        raise SolverFailed("values at the knots, OSQP", status, violation=unit * qp.excess(values))
-    return centre + unit * values
-
-
-def values_qp(problem: Problem, knots: Array, near: Array) -> QP:
-    """The QP in the values at ``knots``, with a slight regularisation towards ``near``.
-
-    Args:
-        problem: The approximation problem.
-        knots: Knots, shape (K,).
-        near: Values of the regularisation, which undetermined ones take, shape (K,).
-    """
-    from scipy import sparse
-
     size, n = knots.size, problem.samples
     start = np.arange(problem.segments(knots))  # numbers of the knots where segments start
     end = (start + 1) % size
@@ -196,40 +154,36 @@ def values_qp(problem: Problem, knots: Array, near: Array) -> QP:
     )
     squares, each = curve.T @ curve, sparse.eye(size, format="csr")
     ridge = 1e-11 * float(squares.diagonal().max())  # for knots with no samples between them
-    pins = required_knots(problem, knots)[1]
+    pins = (required_knots(problem, knots)[1] - centre) / unit
     pinned = np.flatnonzero(np.isfinite(pins))
-    steepest = problem.step * np.diff(ends)
-    return QP(
-        P=squares + ridge * each,
-        q=-(curve.T @ problem.desired) - ridge * near,
-        A=sparse.vstack([each[end] - each[start], each[pinned]]),
-        lower=np.append(-steepest, pins[pinned]),
-        upper=np.append(steepest, pins[pinned]),
+    steepest = problem.step / unit * np.diff(ends)
+    values, status, excess = solve_qp(
+        squares + ridge * each,
+        -(curve.T @ ((problem.desired - centre) / unit)) - ridge * near,
+        sparse.vstack([each[end] - each[start], each[pinned]]),
+        np.append(-steepest, pins[pinned]),
+        np.append(steepest, pins[pinned]),
+        near,
+        iterations=50_000,
     )
+    if not status.startswith("solved") or math.isinf(excess):
+        raise SolverFailed("values at the knots, OSQP", status)
+    if unit * excess > 1e-6:
+        raise SolverFailed("values at the knots, OSQP", status, violation=unit * excess)
+    return centre + unit * values
 
 
-def within_slopes(
-    values: Array, limits: Array, *, cyclic: bool, towards: Array | None = None
-) -> Array:
-    """Shrink ``values`` towards their middle until every rise keeps its limit, rounding included.
+def within_slopes(problem: Problem, knots: Array, values: Array) -> Array:
+    """Shrink values at knots, (K,), towards a feasible course until every slope keeps its bound.
 
-    Args:
-        values: Values at the knots [rad], shape (K,).
-        limits: Largest rise of every segment [rad], shape (K,) for a cycle, else (K - 1,).
-        cyclic: Whether the last segment leads back to the first knot.
-        towards: Values that keep the limits, shape (K,), in place of the middle.
-
-    Returns:
-        Values, shape (K,), that exceed no limit by more than one part in 1e13.
+    Rounding included: none exceeds it by more than one part in 1e13.
     """
-    if towards is None:
-        middle = 0.5 * (float(values.max()) + float(values.min()))
-        towards = np.full_like(values, middle)
+    limits, towards = problem.step * np.diff(problem.ends(knots)), feasible_values(problem, knots)
     offset = values - towards
     shrink, shrunk = 1.0, values
     for attempt in range(64):
-        ends = np.append(shrunk, shrunk[0]) if cyclic else shrunk
-        excess = float(np.max(np.abs(np.diff(ends)) / limits, initial=0.0))
+        rises = steps(shrunk, cyclic=problem.cyclic)
+        excess = float(np.max(np.abs(rises) / limits, initial=0.0))
         if excess <= 1.0 + 1e-13:
             return shrunk
         shrink *= (1.0 - 2.0**attempt * 1e-16) / excess
@@ -265,12 +219,12 @@ def descend(
     """
     from planner.approximation import kernel
 
-    free = _free_variables(problem, start.knots)
+    free = free_variables(problem, start.knots)
     free[: start.knots.size] &= not values_only
-    desired, step, cyclic = problem.desired, problem.step, problem.cyclic
-    return Candidate(
-        *kernel.descend(desired, step, cyclic, start.knots, start.values, free, rounds, progress)
-    )
+    curve = np.concatenate([start.knots, start.values])
+    curve, error = kernel.descend(problem, curve, free, rounds, progress)
+    knots, values = np.split(curve, 2)
+    return Candidate(knots, values, error)
 
 
 def descend_by_windows(problem: Problem, start: Candidate, *, rounds: int) -> Candidate:
@@ -282,7 +236,7 @@ def descend_by_windows(problem: Problem, start: Candidate, *, rounds: int) -> Ca
     from planner.approximation import kernel
 
     size, n = start.knots.size, problem.samples
-    free = _free_variables(problem, start.knots)
+    free = free_variables(problem, start.knots).reshape(2, size)
     knots, values = start.knots.copy(), start.values.copy()
     for first in range(0, size if problem.cyclic else size - 2, WINDOW // 2):
         last = first + WINDOW - 1
@@ -291,22 +245,17 @@ def descend_by_windows(problem: Problem, start: Candidate, *, rounds: int) -> Ca
         turn, number = np.divmod(np.arange(first, last + 1), size)
         places = knots[number] + n * turn
         low, high = math.ceil(places[0]), math.floor(places[-1])
-        inside = problem.desired[np.arange(low, high + 1) % n]
-        moves = np.append(free[number], free[size + number])
-        moves[[0, number.size - 1]] = False
-        if problem.cyclic or first > 0:
-            moves[number.size] = False
-        if problem.cyclic or last < size - 1:
-            moves[-1] = False
-        places, values[number], _ = kernel.descend(
-            inside, problem.step, False, places - low, values[number], moves, rounds, 1e-7
+        inside = Problem(problem.desired[np.arange(low, high + 1) % n], problem.step, cyclic=False)
+        moves = free[:, number]
+        moves[0, [0, -1]] = False
+        moves[1, 0] &= first == 0 and not problem.cyclic
+        moves[1, -1] &= last == size - 1 and not problem.cyclic
+        curve, _ = kernel.descend(
+            inside, np.append(places - low, values[number]), moves.ravel(), rounds, 1e-7
         )
+        places, values[number] = np.split(curve, 2)
         knots[number] = places + low - n * turn
     return candidate(problem, knots, values)
-
-
-def _free_variables(problem: Problem, knots: Array) -> Mask:
-    return ~np.concatenate(fixed_variables(problem, knots))
 
 
 def ideal_of(problem: Problem) -> Array:

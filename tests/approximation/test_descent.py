@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -12,7 +10,7 @@ from planner.approximation.problem import Problem, candidate
 from planner.approximation.values import best_values, descend
 from tests.from_python import from_python
 
-constraint_rows, slacks = from_python(kernel.constraint_rows), from_python(kernel.slacks)
+constraints = from_python(kernel.constraints)
 evaluate = from_python(kernel.evaluate)
 
 SAME = 1e-9
@@ -33,7 +31,8 @@ def knots_of(rng, *, size, cyclic):
 
 
 def slacks_of(problem, curve):
-    return slacks(problem.samples, problem.step, problem.cyclic, curve.knots, curve.values)
+    rows, limits = constraints(problem, curve.knots.size)
+    return limits - rows @ np.append(curve.knots, curve.values)
 
 
 @pytest.mark.parametrize("cyclic", [True, False])
@@ -54,7 +53,7 @@ def test_a_descent_between_knots_that_stay_moves_the_others(cyclic):
     knots = knots_of(rng, size=6, cyclic=cyclic)
     problem = problem_of(rng, cyclic=cyclic)
     required = np.sort(np.mod(knots[[1, 2]], 60.0))
-    problem = replace(problem, required=required, pins=np.full(2, np.nan))
+    problem = problem._replace(required=required, pins=np.full(2, np.nan))
     start = best_values(problem, knots)
     end = descend(problem, start, rounds=8)
     assert np.array_equal(end.knots[1:3], knots[1:3])
@@ -66,13 +65,11 @@ def test_gradient_and_hessian_are_those_of_finite_differences(cyclic):
     rng = np.random.default_rng(0)
     problem = Problem(desired=rng.normal(size=40), step=1.0, cyclic=cyclic)
     at = np.r_[0.3, 7.2, 18.9, 30.4, 38.6, rng.normal(size=5)]
-    desired = problem.desired
-    error, gradient, hessian, _ = evaluate(desired, cyclic, at[:5], at[5:])
+    error, gradient, hessian, _ = evaluate(problem, at)
     if cyclic:
         assert error == pytest.approx(candidate(problem, at[:5], at[5:]).error, rel=1e-12)
     for i, way in enumerate(1e-6 * np.eye(10)):
-        ahead = evaluate(desired, cyclic, *np.split(at + way, 2))
-        behind = evaluate(desired, cyclic, *np.split(at - way, 2))
+        ahead, behind = evaluate(problem, at + way), evaluate(problem, at - way)
         half = 0.5 * (ahead[0] - behind[0]) / 2e-6
         assert gradient[i] == pytest.approx(half, rel=1e-6, abs=1e-7)
         change = (ahead[1] - behind[1]) / 2e-6
@@ -80,10 +77,12 @@ def test_gradient_and_hessian_are_those_of_finite_differences(cyclic):
 
 
 @pytest.mark.parametrize("cyclic", [True, False])
-def test_a_step_along_the_rows_uses_up_the_slacks(cyclic):
+def test_the_conditions_are_those_on_slopes_and_lengths(cyclic):
     rng = np.random.default_rng(1)
+    problem = Problem(desired=rng.normal(size=40), step=0.7, cyclic=cyclic)
     knots, values = np.array([1.0, 9.0, 20.0, 33.0]), rng.normal(size=4)
-    step = rng.normal(size=8)
-    expected = slacks(40, 0.7, cyclic, knots, values) - constraint_rows(4, 0.7, cyclic) @ step
-    moved = slacks(40, 0.7, cyclic, knots + step[:4], values + step[4:])
-    np.testing.assert_allclose(moved, expected, atol=1e-12)
+    lengths = np.diff(problem.ends(knots))
+    rises = np.diff(np.append(values, values[0]) if cyclic else values)
+    expected = np.r_[0.7 * lengths - rises, 0.7 * lengths + rises, lengths - 1.0]
+    slacks = slacks_of(problem, candidate(problem, knots, values))
+    np.testing.assert_allclose(slacks, expected, atol=1e-12)

@@ -49,11 +49,11 @@ def test_values_at_given_knots_are_those_of_an_independent_solver(cyclic, step, 
 
 @given(st.lists(st.floats(-1e3, 1e3), min_size=2, max_size=8), st.floats(1e-9, 1e3), st.booleans())
 def test_repaired_values_keep_every_limit_in_floating_point(values, limit, cyclic):
-    values = np.array(values)
-    limits = np.full(values.size if cyclic else values.size - 1, limit)
-    repaired = within_slopes(values, limits, cyclic=cyclic)
+    values, knots = np.array(values), 2.0 * np.arange(len(values))
+    problem = Problem(desired=np.zeros(2 * values.size), step=limit, cyclic=cyclic)
+    repaired = within_slopes(problem, knots, values)
     rises = np.diff(np.append(repaired, repaired[0]) if cyclic else repaired)
-    assert np.all(np.abs(rises) <= limits * (1.0 + 1e-12))
+    assert np.all(np.abs(rises) <= 2.0 * limit * (1.0 + 1e-12))
 
 
 def undamped_step(hessian, gradient, rows, bounds):
