@@ -26,8 +26,8 @@ if TYPE_CHECKING:
         UnsupportedLeg,
     )
     from planner.files.joint_model import read_models
-    from planner.files.logs.make_log import LogOptions
-    from planner.files.logs.read import joints_in, read_logs
+    from planner.files.logs import joints_in, read_logs
+    from planner.files.logs.rows import LogOptions
     from planner.gait.half_ellipse import half_ellipse, reference_walk
     from planner.identification.excitation import step_test
     from planner.identification.identify import identify
@@ -129,8 +129,8 @@ _HOMES = {
         "UnsupportedLeg",
     ),
     "planner.files.joint_model": ("read_models",),
-    "planner.files.logs.make_log": ("LogOptions",),
-    "planner.files.logs.read": ("joints_in", "read_logs"),
+    "planner.files.logs.rows": ("LogOptions",),
+    "planner.files.logs": ("joints_in", "read_logs"),
     "planner.gait.half_ellipse": ("half_ellipse", "reference_walk"),
     "planner.identification.excitation": ("step_test",),
     "planner.identification.result": ("Identification",),

@@ -132,7 +132,7 @@ def identify(
 
 def _by_joint(paths: Sequence[str], choices: Mapping[str, Any]) -> dict[str, list[Log]]:
     """The logs by joint; assumptions of the reader are printed on standard error."""
-    from planner.files.logs.read import read_logs
+    from planner.files.logs import read_logs
 
     logs = read_logs(paths, options=options.to_log_options(choices))
     _echo_notes(logs)

@@ -26,7 +26,7 @@ from planner.cli.settings import LEG_NAMES, Replay, Run
 from planner.files.staging import cannot_write, check_folder, check_writable
 
 if TYPE_CHECKING:
-    from planner.files.logs.make_log import LogOptions
+    from planner.files.logs.rows import LogOptions
 
 Command = Callable[..., Any]
 
@@ -511,6 +511,6 @@ def put(content: dict[str, Any], key: str, value: Any) -> None:
 
 def to_log_options(choices: Mapping[str, Any]) -> LogOptions:
     """The options about logs among a command's options."""
-    from planner.files.logs.make_log import LogOptions
+    from planner.files.logs.rows import LogOptions
 
     return LogOptions(**{each.name: choices[each.name] for each in fields(LogOptions)})

@@ -7,6 +7,7 @@ import re
 from collections.abc import Mapping, Sequence
 from datetime import datetime
 from decimal import Decimal, localcontext
+from itertools import takewhile
 from typing import NamedTuple
 
 import numpy as np
@@ -66,10 +67,10 @@ SHARES: Mapping[str, float] = {"percent": math.pi / 180.0, "range": 100.0 * math
 LENGTHS: Mapping[str, float] = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
 """Length units, in metres."""
 
-OTHER_UNITS = _words(
-    "degree degrees radian radians turn turns tick ticks meter meters metre metres inch km"
+UNIT_NAMES = ANGLE_NAMES | _by_word(
+    m="m meter meters metre metres", cm="cm", mm="mm", inch="inch", km="km"
 )
-"""Endings of names that are units too, but unsupported ones."""
+"""Names of the units of an angle or a length, and the unit of each."""
 
 LARGEST = 1e6
 """An angle or a length beyond this [rad, m] is a mistake: its square would lose all digits."""
@@ -98,6 +99,9 @@ ACTUAL = _words("actual act present measured meas measurement feedback state obs
 PLAIN = _words("position pos angle")
 """Words for an angle; without a word for its role, it is an actual one."""
 
+ROLE_WORDS = {"requested": REQUESTED, "actual": ACTUAL, "position": PLAIN}
+"""Words for the roles of an angle."""
+
 OTHER = _words(
     "velocity vel speed effort load torque current voltage volts temp temperature acceleration acc "
     "accel pwm error err gain limit min max"
@@ -125,24 +129,24 @@ def scale(name: str, ticks_per_turn: float | None) -> Scale:
 
     Ticks need their number in a turn; of hobby servos it is the microseconds of a turn.
     """
-    if name == "ticks":
-        if ticks_per_turn is None:
-            raise InvalidInput(
-                "angles in ticks without the ticks of a turn; give --ticks-per-turn, such as 4096 "
-                "for Dynamixel X and Feetech STS servos"
-            )
-        return Scale(name, 2.0 * math.pi / ticks_per_turn, 0.0, "rad")
-    pulse = 2.0 * math.pi / (ticks_per_turn or PULSES_PER_TURN)
-    return {
-        "us": Scale("us", pulse, -PULSE_ZERO * pulse, "rad"),
-        COUNTS: Scale(COUNTS, math.nan, math.nan, "rad"),
-        "rad": Scale("rad", 1.0, 0.0, "rad"),
-        "deg": Scale("deg", math.pi / 180.0, 0.0, "rad"),
-        "turns": Scale("turns", 2.0 * math.pi, 0.0, "rad"),
-        "range": Scale("range", 1.0, 0.0, "1"),
-        "percent": Scale("percent", 1e-2, 0.0, "1"),
-        "range_m100_100": Scale("range_m100_100", 5e-3, 0.5, "1"),
+    if name == "ticks" and ticks_per_turn is None:
+        raise InvalidInput(
+            "angles in ticks without the ticks of a turn; give --ticks-per-turn, such as 4096 "
+            "for Dynamixel X and Feetech STS servos"
+        )
+    tick = 2.0 * math.pi / (ticks_per_turn or PULSES_PER_TURN)
+    factor, shift, unit = {
+        "ticks": (tick, 0.0, "rad"),
+        "us": (tick, -PULSE_ZERO * tick, "rad"),
+        COUNTS: (math.nan, math.nan, "rad"),
+        "rad": (1.0, 0.0, "rad"),
+        "deg": (math.pi / 180.0, 0.0, "rad"),
+        "turns": (2.0 * math.pi, 0.0, "rad"),
+        "range": (1.0, 0.0, "1"),
+        "percent": (1e-2, 0.0, "1"),
+        "range_m100_100": (5e-3, 0.5, "1"),
     }[name]
+    return Scale(name, factor, shift, unit)
 
 
 def split_name(name: str, units: Mapping[str, str]) -> tuple[str, str | None]:
@@ -160,9 +164,9 @@ def split_name(name: str, units: Mapping[str, str]) -> tuple[str, str | None]:
 
 
 def split_unit(column: str, units: Mapping[str, float]) -> tuple[str, str] | None:
-    """Name and unit of a column such as ``knee_deg``; None where it ends in none of ``units``."""
-    name, _, unit = column.rpartition("_")
-    return (name, unit) if name and unit in units else None
+    """Name and unit of a column, see :func:`split_name`; None where it has none of ``units``."""
+    name, unit = split_name(column, UNIT_NAMES)
+    return (name, unit) if unit is not None and unit in units else None
 
 
 def with_unit(
@@ -174,12 +178,10 @@ def with_unit(
     """
     parts = [split_unit(column, units) for column in columns]
     if bare := [column for column, part in zip(columns, parts, strict=True) if part is None]:
-        name = bare[0]
-        stem, _, word = name.rpartition("_")
-        stem = stem if stem and word.lower() in OTHER_UNITS else name
+        stem, _ = split_name(bare[0], UNIT_NAMES)
         expected = " or ".join(f"{stem}_{unit}" for unit in units if unit not in SHARES)
         few = len(bare) == 1
-        named = f"column '{name}' has" if few else f"columns {', '.join(map(repr, bare))} have"
+        named = f"column '{bare[0]}' has" if few else f"columns {', '.join(map(repr, bare))} have"
         such, them = ("", "it") if few else ("an ending of the unit, such as ", "them")
         raise table.fault(f"{named} no unit; expected {such}{expected}: rename or remove {them}")
     names, endings = zip(*(part for part in parts if part), strict=True)
@@ -191,7 +193,7 @@ def with_unit(
     beyond = np.argwhere(~(np.abs(values) <= LARGEST))
     if beyond.size:
         k, j = beyond[0]
-        cell = table.rows[k][table.names.index(columns[j])].strip()
+        cell = table.rows[k][table.place(columns[j])].strip()
         raise table.fault(
             f"column '{columns[j]}': got {cell}, expected at most {LARGEST / factors[j]:g} either "
             "way; check the unit",
@@ -293,7 +295,7 @@ def read_clock(
     place = table.place(column)
     with localcontext() as context:
         context.prec = 60
-        exact = [Decimal(table.rows[k][place].strip()) for k in finite]
+        exact = [Decimal(table.rows[k][place].strip()) for k in finite.tolist()]
         since = numbers.copy()
         since[finite] = [float(time - exact[0]) for time in exact]
     return since * seconds, f"{note}, shifted to start at 0"
@@ -350,10 +352,13 @@ def meaning(column: str) -> tuple[str, str] | None:
         words = ["present" if word == "current" else word for word in words]
     if OTHER & set(words):
         return None
-    lead = _run(words)
-    trail = _run(words[::-1]) if lead < len(words) else 0
+    role_words = frozenset[str]().union(*ROLE_WORDS.values())
+    lead, trail = (
+        len([*takewhile(role_words.__contains__, each)]) for each in (words, words[::-1])
+    )
+    trail = trail if lead < len(words) else 0
     edge = {*words[:lead], *words[len(words) - trail :]}
-    roles = [role for role, synonyms in _ROLES if edge & synonyms]
+    roles = [role for role, synonyms in ROLE_WORDS.items() if edge & synonyms]
     if len(roles) == 2 and roles[1] == "position":
         roles.pop()
     if len(roles) != 1:
@@ -382,12 +387,3 @@ def pairs(columns: Sequence[str]) -> tuple[Pair, ...]:
         )
         for joint, by_role in by_joint.items()
     )
-
-
-def _run(words: Sequence[str]) -> int:
-    """How many of the first words name a role."""
-    role_words = REQUESTED | ACTUAL | PLAIN
-    return next((k for k, word in enumerate(words) if word not in role_words), len(words))
-
-
-_ROLES = (("requested", REQUESTED), ("actual", ACTUAL), ("position", PLAIN))

@@ -184,11 +184,11 @@ def joint_path(table: Table, *, joints: Sequence[str] = (), even: bool = True) -
             f"{len(columns)} joints, expected at most {MOST_JOINTS}; choose some with --joint"
         )
     names, units, values = with_unit(table, columns, JOINT_UNITS)
-    for name, unit, angles in zip(names, units, values.T, strict=True):
+    for column, name, unit, angles in zip(columns, names, units, values.T, strict=True):
         if unit == "rad":
-            check_radians(table, f"{name}_rad", angles, f"rename it {name}_deg")
+            check_radians(table, column, angles, f"rename it {name}_deg")
     loads = _loads(table, names, all_joints=not joints)
-    return JointPath(table.path, names, units, values, read_times(table, even=even), loads)
+    return JointPath(str(table.path), names, units, values, read_times(table, even=even), loads)
 
 
 def _loads(table: Table, names: Sequence[str], *, all_joints: bool) -> Array | None:
@@ -260,7 +260,7 @@ def foot_path(table: Table, *, even: bool = True) -> FootPath:
     """Parse a table as a foot path; see :func:`read_foot_path` and :func:`joint_path`."""
     columns = pick(table, AXES, LENGTHS, advice="rename the column, or add it")
     _, _, positions = with_unit(table, columns, LENGTHS)
-    return FootPath(table.path, positions, read_times(table, even=even))
+    return FootPath(str(table.path), positions, read_times(table, even=even))
 
 
 def write_foot_path(path: Path | str, positions: Array, *, period: float | None = None) -> None:

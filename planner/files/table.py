@@ -40,17 +40,40 @@ _COMMENTS = re.compile(r"(?:[ \t]*(?:#[^\n]*)?\n)+")
 _DECIMAL_COMMA = re.compile(r"\s*[+-]?\d*,\d*(?:[eE][+-]?\d+)?\s*", re.ASCII)
 
 
-@dataclass(frozen=True)
-class Table:
-    """The cells of a CSV file, not yet read as numbers; decimal commas are points.
+@dataclass(frozen=True, kw_only=True)
+class Source:
+    """Where rows come from, for messages; they are counted from 0."""
 
-    ``lines`` are the lines of the file that the rows stand on, counted from 1.
-    """
+    path: Path | str
+    part: str = ""  # part of the file, such as "episode 3"; "" for all
+    row: str = "row"  # name of a row
+    # line of the file on which each row stands, counted from 1; None where it has no lines
+    lines: Sequence[int] | None = None
 
-    path: str
+    @property
+    def name(self) -> str:
+        """The source in words."""
+        return f"{self.path}, {self.part}" if self.part else f"{self.path}"
+
+    def place_of(self, k: int) -> str:
+        """A row in words."""
+        return f"{self.row} {k + 1}" if self.lines is None else f"line {self.lines[k]}"
+
+    def fault(self, problem: str, k: int | None = None) -> InvalidFile:
+        """The error that a row, or else the header, has a problem."""
+        if self.lines is not None:
+            return InvalidFile(self.path, problem, line=1 if k is None else self.lines[k])
+        places = [self.part, "" if k is None else self.place_of(k)]
+        place = ", ".join(filter(None, places))
+        return InvalidFile(self.path, f"{place}: {problem}" if place else problem)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Table(Source):
+    """The cells of a table, not yet read as numbers; decimal commas are points."""
+
     names: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
-    lines: tuple[int, ...]
+    rows: Sequence[Sequence[str]]
 
     def numbers(self, names: Sequence[str], *, missing: bool = False) -> Array:
         """The columns as finite numbers, (n, len(names)), read-only; ``missing`` ones are NaN."""
@@ -62,10 +85,6 @@ class Table:
                 values[k, j] = math.nan if absent else self._number(row[place], names[j], k)
         values.setflags(write=False)
         return values
-
-    def fault(self, problem: str, row: int | None = None) -> InvalidFile:
-        """The error that a row, counted from 0, or else the header has a problem."""
-        return InvalidFile(self.path, problem, line=1 if row is None else self.lines[row])
 
     def place(self, name: str) -> int:
         """Place of the named column."""
@@ -156,7 +175,7 @@ def read_table(path: Path | str, *, most_rows: int | None = None) -> Table:
             f"rows of samples: got {len(rows)}, expected at least 2; give a row for each sample of "
             "the whole motion",
         )
-    return Table(str(path), names, tuple(rows), tuple(lines))
+    return Table(path=str(path), lines=lines, names=names, rows=rows)
 
 
 def _without_comments(text: str, start: int) -> str:

@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 
 from planner.exceptions import BusError, InvalidFile, InvalidInput, angle_text
-from planner.files.logs.make_log import LogOptions
-from planner.files.logs.read import read_logs
+from planner.files.logs import read_logs
+from planner.files.logs.rows import LogOptions
 from planner.files.paths import GrowingLog
 from planner.identification.excitation import excite
 from planner.identification.log import Log

@@ -18,7 +18,7 @@ from planner.cli.calibrate import _errors
 from planner.cli.play import _a_row_each
 from planner.exceptions import BusError
 from planner.files.joint_model import read_models, read_servos
-from planner.files.logs.read import read_logs
+from planner.files.logs import read_logs
 from planner.files.paths import read_joint_path
 from planner.identification.log import Log
 from planner.model.evidence import Evidence

@@ -34,7 +34,7 @@ JOINT_PATHS = {
     "an open quote": b'knee_deg\n"1\n2\n',
     "no unit": b"knee\n1\n2\n",
     "several without a unit": b"joint_1,hip_deg,joint_2\n0,1,2\n1,2,3\n",
-    "a strange unit": b"knee_degrees\n1\n2\n",
+    "a strange unit": b"knee_turns\n1\n2\n",
     "mixed units": b"knee_deg,hip_rad\n1,2\n3,4\n",
     "digits of another script": "knee_deg\n1\n٣\n".encode(),
     "a number among names": b"knee_deg,7\n1,2\n3,4\n",
@@ -58,7 +58,7 @@ FOOT_PATHS = {
     "mixed units": b"x_m,y_cm,z_m\n1,2,3\n4,5,6\n",
     "uneven time": b"t_s,x_m,y_m,z_m\n0,1,2,3\n0.1,2,3,4\n0.3,3,4,5\n",
     "axes without a unit": b"x,y,z\n1,2,3\n3,4,5\n",
-    "an axis in other units": b"x_metres,y_Inch,z_m\n1,2,3\n3,4,5\n",
+    "an axis in other units": b"x_km,y_Inch,z_m\n1,2,3\n3,4,5\n",
     "an axis twice": b"x_m,x_cm,y_m,z_m\n1,2,3,4\n4,5,6,7\n",
     "NaN": b"x_m,y_m,z_m\n1,2,3\n4,NaN,6\n",
 }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from planner.exceptions import InvalidFile
 from planner.files.paths import (
     JointPath,
     joint_path,
+    read_foot_path,
     read_joint_path,
     resampled,
     write_curve,
@@ -42,6 +44,15 @@ def test_a_column_of_radians_that_holds_degrees_is_refused(tmp_path, degrees):
     assert caught.value.line == worst + 2
     assert f"got {degrees[worst]:g} rad" in str(caught.value)
     read_joint_path(_written(tmp_path / "deg.csv", "pan_deg", degrees))
+
+
+def test_paths_name_units_as_logs_do(tmp_path):
+    (tmp_path / "joints.csv").write_text("knee [deg],hip_degrees\n90,45\n180,0\n")
+    path = read_joint_path(tmp_path / "joints.csv")
+    assert (path.names, path.units) == (("knee", "hip"), ("deg", "deg"))
+    np.testing.assert_allclose(path.angles[0], [math.pi / 2.0, math.pi / 4.0])
+    (tmp_path / "foot.csv").write_text("x (mm),y_mm,z_mm\n1000,0,0\n0,0,-1000\n")
+    assert read_foot_path(tmp_path / "foot.csv").positions[0, 0] == 1.0
 
 
 @pytest.mark.parametrize("columns", ["requested_deg,actual_deg", "goal_hip_deg,present_hip_deg"])

@@ -90,7 +90,7 @@ def replay(
     from planner.cli.export import FOLDERS
     from planner.cli.replay.dataset import ABOUT, check_writing, left_out, origin_of, replay_many
     from planner.cli.replay.task import tasks_of
-    from planner.files.logs.read import recordings_in
+    from planner.files.logs import recordings_in
     from planner.files.results import finished
     from planner.parallel import executor_of
 

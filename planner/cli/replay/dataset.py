@@ -23,8 +23,8 @@ from planner.exceptions import InvalidInput, PlannerError
 from planner.files.columns import TIME
 from planner.files.exports import check_installed
 from planner.files.lerobot_export import TASK, Layout, frame_rate, lerobot_dataset
+from planner.files.logs import Recording
 from planner.files.logs.lerobot import ACTION, STATE, find_dataset, read_episode
-from planner.files.logs.read import Recording
 from planner.files.paths import write_joint_path
 from planner.files.results import Results, Task, digest_of, made_from
 from planner.files.table import write_table

@@ -18,8 +18,8 @@ from planner.cli.models import find_leg, load_leg, model_words
 from planner.cli.planning import errors_document, off_by, search_options
 from planner.exceptions import InvalidInput, PlannerError, nearest
 from planner.files.joint_model import read_model_file
+from planner.files.logs import Recording
 from planner.files.logs.lerobot import find_dataset
-from planner.files.logs.read import Recording
 from planner.identification.log import Log
 from planner.model.evidence import refusal, with_reasons
 from planner.model.joint import JointModel

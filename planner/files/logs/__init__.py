@@ -1,1 +1,208 @@
-"""Logs of requested and actual angles, by format."""
+"""Logs of any supported format, which follows from the path; recordings to replay."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import NamedTuple
+
+from planner.exceptions import InvalidFile, InvalidInput, nearest
+from planner.files.logs.bag import is_bag_folder, read_bag
+from planner.files.logs.csv_log import read_bam, read_csv_log
+from planner.files.logs.lerobot import EpisodeFile, is_dataset, lerobot_episodes, read_lerobot
+from planner.files.logs.rows import (
+    ALL_JOINTS,
+    ROLES,
+    LogOptions,
+    Recorded,
+    chosen_joints,
+    make_log,
+)
+from planner.files.staging import reason
+from planner.files.text import STANDARD_STREAM
+from planner.identification.log import Log
+from planner.validation import shown
+
+
+class Format(NamedTuple):
+    """A format of logs, with its own options beside joint, unit and ticks_per_turn."""
+
+    name: str
+    read: Callable[[Path | str, LogOptions], Iterator[Recorded]]
+    options: tuple[str, ...] = ()
+
+
+CSV = Format("CSV", read_csv_log, ("time", "requested", "actual", "torque"))
+BAM = Format("JSON of BAM", read_bam)
+LEROBOT = Format("a LeRobot dataset", read_lerobot, ("episodes",))
+BAG = Format("a bag", read_bag, ("topic", "command_topic"))
+
+BY_SUFFIX = {".parquet": LEROBOT, ".json": BAM, ".mcap": BAG, ".bag": BAG, ".db3": BAG}
+"""Formats by the end of a file's name; any other is CSV."""
+
+OWN = tuple(name for form in (CSV, LEROBOT, BAG) for name in form.options)
+"""Options of one format only."""
+
+
+def read_logs(
+    paths: Path | str | Sequence[Path | str], *, options: LogOptions | None = None
+) -> tuple[Log, ...]:
+    r"""Read logs of requested and actual angles, in any supported format.
+
+    Args:
+        paths: CSV files (``-`` is standard input), LeRobot datasets or single Parquet files of one,
+            JSON of BAM, ROS bags and MCAP files; or one of these.
+        options: Which joint, columns, topics, episodes and units.
+
+    Returns:
+        One log for each joint of each file, bag or episode, in this order.
+
+    Raises:
+        InvalidInput: No path, a path that holds no log, or options that do not fit it.
+        MissingExtra: The format needs a package that is not installed.
+
+    Example:
+        >>> from pathlib import Path
+        >>> from tempfile import TemporaryDirectory
+        >>> with TemporaryDirectory() as folder:
+        ...     file = Path(folder, "log.csv")
+        ...     rows = "\n".join(f"{0.02 * k:.2f},{k},{k - 1}" for k in range(9))
+        ...     _ = file.write_text(f"t_s,requested_deg,actual_deg\n{rows}\n")
+        ...     (log,) = read_logs(file)
+        >>> len(log.times), round(float(log.requests[-1]), 3)
+        (9, 0.14)
+    """
+    chosen = _checked(options)
+    every = [paths] if isinstance(paths, Path | str) else paths
+    if not isinstance(every, Sequence) or isinstance(every, bytes):
+        raise InvalidInput(f"logs: got {type(every).__name__}, expected a path, or several")
+    if not every:
+        raise InvalidInput("no log; give at least one file")
+    logs: list[Log] = []
+    names: dict[str, None] = {}
+    for path in every:
+        for recorded in format_of(path, chosen).read(path, chosen):
+            names |= dict.fromkeys(recorded.joints)
+            logs += [
+                make_log(recorded.rows(joint))
+                for joint in chosen_joints(path, recorded.joints, chosen.joint)
+            ]
+    for joint in sorted(set(chosen.units()) - {"", *ROLES, *names}):
+        raise InvalidInput(
+            f"--unit: no joint '{joint}'{nearest(joint, list(names))}; joints: "
+            + ", ".join(each or "(one without a name)" for each in names)
+        )
+    return tuple(logs)
+
+
+def joints_in(path: Path | str, options: LogOptions | None = None) -> tuple[str, ...]:
+    r"""Names of the joints that a log holds; "" for one that has no name.
+
+    Raises as :func:`read_logs` does.
+
+    Example:
+        >>> from pathlib import Path
+        >>> from tempfile import TemporaryDirectory
+        >>> with TemporaryDirectory() as folder:
+        ...     file = Path(folder, "log.csv")
+        ...     _ = file.write_text("t_s,knee_requested_deg,knee_actual_deg\n0,1,2\n1,2,3\n")
+        ...     joints_in(file)
+        ('knee',)
+    """
+    chosen = _checked(options)
+    return next(format_of(path, chosen).read(path, chosen)).joints
+
+
+def _checked(options: LogOptions | None) -> LogOptions:
+    if not isinstance(options, LogOptions | None):
+        raise InvalidInput(f"options: got {shown(options)}, expected a planner.LogOptions")
+    return LogOptions() if options is None else options
+
+
+def format_of(path: Path | str, options: LogOptions) -> Format:
+    """The format of a path, to which the options must apply."""
+    if not isinstance(path, Path | str) or "\0" in str(path):
+        raise InvalidInput(f"log: got {shown(path)}, expected a path")
+    try:
+        form = _recognised(path)
+    except OSError as error:  # not allowed to look, or a name that is too long
+        raise InvalidFile(path, f"cannot be read ({reason(error)}); check the name") from error
+    for name in OWN:
+        if getattr(options, name) is not None and name not in form.options:
+            raise InvalidFile(
+                path, f"--{name.replace('_', '-')} means nothing to {form.name}; leave it out"
+            )
+    return form
+
+
+def _recognised(path: Path | str) -> Format:
+    place = Path(path)
+    if str(path) == STANDARD_STREAM:
+        return CSV
+    if not place.is_dir():
+        if place.suffix.lower() == ".toml":
+            raise InvalidFile(place, "TOML, such as a model file, expected a log of the joint")
+        return BY_SUFFIX.get(place.suffix.lower(), CSV)
+    if is_dataset(place):
+        return LEROBOT
+    if is_bag_folder(place):
+        return BAG
+    endings = {file.suffix.lower() for file in place.iterdir()} & {*BY_SUFFIX, ".csv"}
+    files = " or ".join(str(place / f"*{ending}") for ending in sorted(endings))
+    raise InvalidFile(
+        path,
+        "a folder that is no log; expected a LeRobot dataset (meta/info.json), a bag "
+        "(metadata.yaml), or " + (f"its files: {files}" if files else "a file"),
+    )
+
+
+@dataclass(frozen=True)
+class Recording:
+    """Where a recording is, so that another process can read it.
+
+    One in a dataset has its number; ``folder`` is the base of a relative path, for a process that
+    works elsewhere.
+    """
+
+    path: str
+    options: LogOptions
+    dataset: str = ""
+    episode: int | None = None
+    folder: str = ""
+
+    @property
+    def name(self) -> str:
+        """The recording in words."""
+        if not self.dataset:
+            return self.path
+        return f"{self.dataset}, episode {self.episode}" if self.episode is not None else self.path
+
+    @property
+    def place(self) -> EpisodeFile:
+        """Where its rows are, of an episode of a dataset."""
+        return EpisodeFile(Path(self._file), self.episode)
+
+    def read(self) -> tuple[Log, ...]:
+        """Its logs, one for each joint."""
+        return read_logs(self._file, options=self.options)
+
+    @property
+    def _file(self) -> str:
+        return str(Path(self.folder, self.path)) if self.folder else self.path
+
+
+def recordings_in(paths: Sequence[str], options: LogOptions) -> tuple[Recording, ...]:
+    """The recordings that files hold, with all joints; of datasets the chosen episodes."""
+    if not paths:
+        raise InvalidInput("no recording; give at least one file")
+    every = replace(options, joint=ALL_JOINTS)
+    recordings: list[Recording] = []
+    for path in paths:
+        if format_of(path, every) is not LEROBOT:
+            recordings.append(Recording(str(path), every))
+            continue
+        for file, episode in lerobot_episodes(path, every):
+            own = every if episode is None else replace(every, episodes=str(episode))
+            recordings.append(Recording(str(file), own, str(path), episode))
+    return tuple(recordings)

@@ -3,26 +3,19 @@
 from __future__ import annotations
 
 from array import array
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 import numpy.typing as npt
 
 from planner.exceptions import InvalidFile, nearest
 from planner.files.logs.bag_file import CONTROLLER_STATE, LATEST, Bag, open_bag
-from planner.files.logs.make_log import (
-    ALL_JOINTS,
-    Columns,
-    LogOptions,
-    Source,
-    choose_joints,
-    make_log,
-)
-from planner.identification.log import Log
+from planner.files.logs.rows import ALL_JOINTS, LogOptions, Recorded, Rows
+from planner.files.table import Source
 from planner.trajectory import Array
 
 Stamps = npt.NDArray[np.int64]
@@ -49,71 +42,77 @@ def is_bag_folder(path: Path) -> bool:
     return (path / "metadata.yaml").is_file()
 
 
-def read_bag(path: Path | str, options: LogOptions) -> tuple[Log, ...]:
-    """Read the chosen joints of a bag."""
+def read_bag(path: Path | str, options: LogOptions) -> Iterator[Recorded]:
+    """Read a bag; the times of its joints have one origin."""
     actual, requested, notes = _tracks(path, options)
-    names = _on_both(actual, requested)
-    chosen = choose_joints(path, names, options.joint)
-    logs = [_log(path, actual, requested, names[k], options, notes) for k in chosen]
-    origin = min(first for first, _ in logs)  # joints whose requests begin later keep their time
-    return tuple(
-        replace(log, times=log.times + (first - origin) * 1e-9) if first > origin else log
-        for first, log in logs
-    )
-
-
-def bag_joints(path: Path | str, options: LogOptions) -> tuple[str, ...]:
-    """Names of the joints of which a bag holds requested and actual angles."""
-    return _on_both(*_tracks(path, options)[:2])
-
-
-def _on_both(actual: Track, requested: Track) -> tuple[str, ...]:
-    """The joints of which both angles are known."""
-    return tuple(name for name in actual.joints if name in requested.joints)
-
-
-def _log(
-    path: Path | str,
-    actual: Track,
-    requested: Track,
-    joint: str,
-    options: LogOptions,
-    notes: Sequence[str],
-) -> tuple[int, Log]:
-    """Stamp of the first row [ns], and the log with times since then."""
-    stamps, angles = actual.series(joint)
-    sent, requests = requested.series(joint)
-    fresh = np.ones(len(stamps), dtype=bool)  # repeated rows are kept once
-    fresh[1:] = (np.diff(stamps) != 0) | (angles[1:] != angles[:-1])
-    stamps, angles = stamps[fresh], angles[fresh]
-    last = np.searchsorted(sent, stamps, side="right") - 1  # request that holds at each stamp
-    begun = last >= 0
-    source = Source(path=path, part=f"joint {joint}" if joint else "", row="state")
-    if not begun.any():
+    joints = tuple(name for name in actual.joints if name in requested.joints)
+    if not joints:
         raise InvalidFile(
-            source.name,
-            f"no request before the last state: {len(sent)} requests on topic "
-            f"{requested.topic}; expected the same clock and time in both topics",
+            path,
+            f"no joint is on both topics: {actual.topic} has "
+            f"{', '.join(actual.joints[:20]) or 'none'}, {requested.topic} has "
+            f"{', '.join(requested.joints[:20]) or 'none'}",
         )
-    stamps, angles, requests = stamps[begun], angles[begun], requests[last[begun]]
-    unit = options.unit_of(joint) or "rad"
-    angle_scale = options.scale(unit, partial(InvalidFile, path), "")
-    columns = Columns(
-        times=(stamps - stamps[0]) * 1e-9,
-        requests=requests,
-        angles=angles,
-        request_scale=angle_scale,
-        angle_scale=angle_scale,
-    )
-    repeated, before = int((~fresh).sum()), int((~begun).sum())
-    said = "--unit said" if options.unit_of(joint) else "is the custom of ROS (REP 103)"
-    notes = (
-        *notes,
-        *[f"{repeated} repeated states left out"] * (repeated > 0),
-        *[f"{before} states before the first request left out"] * (before > 0),
-        f"angles in {angle_scale.name}, as {said}",
-    )
-    return int(stamps[0]), make_log(source, columns, joint=joint, notes=notes)
+    # joints whose requests begin later keep their time
+    read = [options.joint] if options.joint in joints else joints
+    states = {joint: _States.of(actual, requested, joint) for joint in read}
+    origin = min((int(each.stamps[0]) for each in states.values() if len(each.stamps)), default=0)
+
+    def rows_of(joint: str) -> Rows:
+        each = states[joint]
+        source = Source(path=path, part=f"joint {joint}" if joint else "", row="state")
+        if not len(each.stamps):
+            raise InvalidFile(
+                source.name,
+                f"no request before the last state: {len(requested.series(joint)[0])} requests on "
+                f"topic {requested.topic}; expected the same clock and time in both topics",
+            )
+        unit = options.unit_of(joint)
+        scale = options.scale(unit or "rad", partial(InvalidFile, path), "")
+        said = "--unit said" if unit else "is the custom of ROS (REP 103)"
+        return Rows(
+            source=source,
+            joint=joint,
+            times=1e-9 * (each.stamps - origin).astype(np.float64),
+            requests=each.requests,
+            angles=each.angles,
+            request_scale=scale,
+            angle_scale=scale,
+            notes=(
+                *notes,
+                *[f"{each.repeated} repeated states left out"] * (each.repeated > 0),
+                *[f"{each.early} states before the first request left out"] * (each.early > 0),
+                f"angles in {scale.name}, as {said}",
+            ),
+        )
+
+    yield Recorded(joints, rows_of)
+
+
+class _States(NamedTuple):
+    """The states of a joint and the request that holds at each, shape (n,) each."""
+
+    stamps: Stamps
+    angles: Array
+    requests: Array
+    repeated: int  # left out, as the same as the one before
+    early: int  # left out, as before the first request
+
+    @classmethod
+    def of(cls, actual: Track, requested: Track, joint: str) -> Self:
+        stamps, angles = actual.series(joint)
+        sent, requests = requested.series(joint)
+        fresh = np.ones(len(stamps), dtype=bool)
+        fresh[1:] = (np.diff(stamps) != 0) | (angles[1:] != angles[:-1])
+        last = np.searchsorted(sent, stamps, side="right") - 1
+        begun = fresh & (last >= 0)
+        return cls(
+            stamps[begun],
+            angles[begun],
+            requests[last[begun]],
+            int(np.sum(~fresh)),
+            int(np.sum(fresh & ~begun)),
+        )
 
 
 @dataclass
@@ -163,7 +162,12 @@ class Track:
 
 
 def _tracks(path: Path | str, options: LogOptions) -> tuple[Track, Track, list[str]]:
-    """Actual and requested angles on the topics that the options name, or the only ones; notes."""
+    """Actual and requested angles on the topics that the options name, or the only ones; notes.
+
+    Times are the stamps, but the receipt where a message has no stamp, or where the stamps come
+    from another clock than the recorder's (simulated time, another computer), unless both topics'
+    stamps do.
+    """
     with open_bag(path) as bag:
         actual, requested = map(Track, choose_topics(bag.path, bag.topics, options))
         notes = [f"actual from {actual.topic}, requested from {requested.topic}"]
@@ -172,36 +176,18 @@ def _tracks(path: Path | str, options: LogOptions) -> tuple[Track, Track, list[s
         else:
             _gather(bag, {"actual": actual})
             notes += _gather(bag, {"requested": requested}, actual.joints, options.joint)
-    if not _on_both(actual, requested):
-        raise InvalidFile(
-            bag.path,
-            f"no joint is on both topics: {actual.topic} has "
-            f"{', '.join(actual.joints[:20]) or 'none'}, {requested.topic} has "
-            f"{', '.join(requested.joints[:20]) or 'none'}",
-        )
-    actual.stamped, requested.stamped = _clocks(actual, requested)
-    words = ["its header" if each.stamped else "receipt" for each in (actual, requested)]
+    both = (actual, requested)
+    stamped = all(each.stamped for each in both)
+    if not (stamped and abs(actual.lead() - requested.lead()) <= APART):
+        for each in both:
+            each.stamped = each.stamped and abs(each.lead()) <= APART
+    words = ["its header" if each.stamped else "receipt" for each in both]
     notes.append(
         f"time from {words[0]}"
         if words[0] == words[1]
         else f"time of the actual angles from {words[0]}, of the requested ones from {words[1]}"
     )
     return actual, requested, notes
-
-
-def _clocks(actual: Track, requested: Track) -> tuple[bool, bool]:
-    """Whether to take either topic's stamps.
-
-    Not where a message has no stamp, nor where the stamps come from another clock than the
-    recorder's (simulated time, another computer), unless both topics' stamps do.
-    """
-    stamped = (actual.stamped, requested.stamped)
-    if all(stamped) and abs(actual.lead() - requested.lead()) <= APART:
-        return stamped
-    return (
-        stamped[0] and abs(actual.lead()) <= APART,
-        stamped[1] and abs(requested.lead()) <= APART,
-    )
 
 
 def _gather(

@@ -10,7 +10,7 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from types import SimpleNamespace
@@ -171,9 +171,10 @@ def _words(error: BaseException) -> str:
 def _limited(path: Path | str) -> Iterator[None]:
     """Let rosbags refuse what unfolds to too much while this bag is open.
 
-    Each chunk or compressed message unfolds to :data:`MOST_CHUNK` at most, all together to four
-    times that or :data:`MOST_TIMES` the size of the bag. rosbags finds its decompressors in tables
-    of its modules, which this changes inside the block only.
+    Each chunk or compressed message unfolds to :data:`MOST_CHUNK` at most, all together, and files
+    that are compressed as a whole, to four times that or :data:`MOST_TIMES` the size of the bag.
+    rosbags finds its decompressors in tables of its modules, which this changes inside the block
+    only.
     """
     import bz2
 
@@ -193,9 +194,22 @@ def _limited(path: Path | str) -> Iterator[None]:
     )
     total = 0
 
+    def count(unfolded: bytes) -> bytes:
+        nonlocal total
+        total += len(unfolded)
+        if total > most:
+            raise InvalidFile(
+                path, f"unfolds to more than {most >> 20} MiB; split the bag if it is one"
+            )
+        return unfolded
+
+    def opened(stream: Any, _: str) -> Any:
+        """A compressed file, unfolded a piece at a time."""
+        file = zstd.open(stream)
+        return closing(SimpleNamespace(read=lambda size: count(file.read(size)), close=file.close))
+
     def limited(begin: Callable[[], Any], what: str = "a chunk") -> Callable[..., bytes]:
         def unfold(content: bytes, *_: int) -> bytes:
-            nonlocal total
             whole = b""
             while content:  # one frame after another
                 frame = begin()
@@ -207,12 +221,7 @@ def _limited(path: Path | str) -> Iterator[None]:
                 if not frame.eof:
                     raise ValueError(f"{what} ends too soon")
                 content = frame.unused_data
-            total += len(whole)
-            if total > most:
-                raise InvalidFile(
-                    path, f"unfolds to more than {most >> 20} MiB; split the bag if it is one"
-                )
-            return whole
+            return count(whole)
 
         return unfold
 
@@ -224,7 +233,7 @@ def _limited(path: Path | str) -> Iterator[None]:
             storage_mcap.DECOMPRESSORS,
             {"lz4": lz4_frames, "zstd": limited(zstd.ZstdDecompressor)},
         ),
-        (vars(ros2_reader), {"zstd": SimpleNamespace(open=zstd.open, decompress=messages)}),
+        (vars(ros2_reader), {"zstd": SimpleNamespace(open=opened, decompress=messages)}),
     )
     before = [{key: table[key] for key in entries} for table, entries in tables]
     try:

@@ -1,14 +1,23 @@
-"""CSV logs: a column of times, of requested and of actual angles, and perhaps of the torque."""
+"""Logs in tables: columns of times, requested and actual angles, and perhaps of the torque.
+
+CSV files are such tables, and so are the entries of BAM's JSON.
+"""
 
 from __future__ import annotations
 
+import json
 import re
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from planner.exceptions import InvalidFile, nearest
 from planner.files.columns import (
     ANGLE_NAMES,
+    LARGEST,
     SECONDS,
     TIME,
     TIME_NAMES,
@@ -22,47 +31,128 @@ from planner.files.columns import (
     split_name,
     time_column,
 )
-from planner.files.logs.make_log import (
-    ALL_JOINTS,
-    ROLES,
-    Columns,
-    LogOptions,
-    Source,
-    Switch,
-    choose_joints,
-    make_log,
-)
+from planner.files.logs.rows import ALL_JOINTS, ROLES, LogOptions, Recorded, Rows, Switch
 from planner.files.paths import LOAD
 from planner.files.table import Table, read_table
-from planner.identification.log import Log
+from planner.files.text import read_json
 from planner.trajectory import Array
 
 SWITCH = {"0": False, "1": True, "0.0": False, "1.0": True, "false": False, "true": True}
 """Values of a torque column."""
 
+BAM_KEYS = ("timestamp", "goal_position", "position", "torque_enable")
+"""Keys of an entry of BAM that are read; an entry may leave the torque's out."""
 
-def read_csv_log(path: Path | str, options: LogOptions) -> tuple[Log, ...]:
-    """Read the logs of the chosen joints from CSV, or from standard input for ``-``."""
-    table = read_table(path)
+MASS, LENGTH, ARM_MASS = "mass", "length", "arm_mass"
+"""Keys beside the entries: of the pendulum on the servo [kg, m, kg], the last of a few files."""
+
+
+def read_csv_log(path: Path | str, options: LogOptions) -> Iterator[Recorded]:
+    """Read the recording in a CSV file, or in standard input for ``-``."""
+    yield _recorded(read_table(path), options)
+
+
+def read_bam(path: Path | str, options: LogOptions) -> Iterator[Recorded]:
+    """Read the recording in a BAM file: angles in radians, and the load of its pendulum."""
+    content = read_json(path, what="a log")
+    entries = content.get("entries") if isinstance(content, dict) else None
+    if not isinstance(entries, list):
+        keys = ", ".join(map(repr, list(content)[:8])) if isinstance(content, dict) else ""
+        raise InvalidFile(
+            path,
+            f"got {'the keys ' + keys if keys else 'no entries'}, expected BAM's object with a "
+            "list 'entries'; give another format as CSV",
+        )
+    if options.unit_of("") not in (None, "rad"):
+        raise InvalidFile(
+            path,
+            f"angles of BAM are in rad by definition, but --unit says {options.unit_of('')}; "
+            "leave the option out",
+        )
+    rows: list[list[str]] = []
+    table = Table(path=path, row="entry", names=BAM_KEYS, rows=rows)
+    for k, entry in enumerate(entries):
+        if not isinstance(entry, dict):
+            raise table.fault(f"got {type(entry).__name__}, expected an object with keys", k)
+        for key in BAM_KEYS[:-1]:
+            if key not in entry:
+                hint = nearest(key, list(entry))
+                raise table.fault(f"no '{key}'{hint}; keys: {', '.join(entry)}", k)
+        values = (entry.get(key) for key in BAM_KEYS)
+        cells = ["" if value is None else json.dumps(value) for value in values]
+        if cells[1] in ("", "NaN") and cells[3] in ("0", "false"):
+            cells[1] = cells[2]  # a servo that is switched off may have no goal
+        rows.append(cells)
+    if not any(cells[3] for cells in rows):
+        table = replace(table, names=BAM_KEYS[:-1])
+    bam_options = replace(options, time=f"{BAM_KEYS[0]}:s", unit="rad")
+    recorded = _recorded(table, bam_options, units="BAM defines them")
+    moment = _moment(path, content)
+
+    def rows_of(joint: str) -> Rows:
+        rows = recorded.rows(joint)
+        if moment is None:
+            return rows
+        note = f"load of a pendulum, {moment:.3g} N m where it is level"
+        return replace(rows, load=-moment * np.sin(rows.angles), notes=(*rows.notes, note))
+
+    yield Recorded(recorded.joints, rows_of)
+
+
+def _moment(path: Path | str, content: Mapping[str, Any]) -> float | None:
+    """Largest torque of the pendulum's weight [N m], (m + m_arm / 2) g l; None without one.
+
+    The pendulum hangs at 0 and is ``length`` long, its arm of one thickness.
+    """
+    if MASS not in content or LENGTH not in content:
+        return None
+    values = {key: content.get(key, 0.0) for key in (MASS, LENGTH, ARM_MASS)}
+    for key, value in values.items():
+        number = isinstance(value, int | float) and not isinstance(value, bool)
+        if not (number and 0.0 <= value < LARGEST):
+            raise InvalidFile(path, f"'{key}': got {value!r:.20}, expected a number, 0 or more")
+    return float((values[MASS] + values[ARM_MASS] / 2.0) * 9.80665 * values[LENGTH])  # [m/s^2]
+
+
+def _recorded(table: Table, options: LogOptions, *, units: str = "") -> Recorded:
+    """The recording in a table; ``units`` says in words what defines the units of all angles."""
     times, clock = _read_clock(table, options)
     torque, switch = _read_torque(table, options)
-    logs, chosen = [], _choose_pairs(table, options)
-    for pair in chosen:
-        columns = [each[0] for each in (pair.requested, pair.actual)]
+    joints = {pair.joint: pair for pair in _pairs(table, options)}
+    several = options.joint == ALL_JOINTS and ALL_JOINTS not in joints and len(joints) > 1
+
+    def rows_of(joint: str) -> Rows:
+        pair = joints[joint]
+        for role in ROLES:
+            if len(own := getattr(pair, role)) > 1:
+                raise table.fault(
+                    f"{len(own)} columns may be the {role} angle ({', '.join(own)}); name one "
+                    f"with --{role}"
+                )
+        columns = [pair.requested[0], pair.actual[0]]
         numbers = table.numbers(columns, missing=True)
-        units = [options.unit_of(pair.joint, role) for role in ROLES]
+        user_units = [options.unit_of(joint, role) for role in ROLES]
         scales = [
             _scale(table, column, unit, options)
-            for column, unit in zip(columns, units, strict=True)
+            for column, unit in zip(columns, user_units, strict=True)
         ]
-        if scales[0].name == "rad":  # requests only: angles may have glitches
+        if scales[0].name == "rad" and not units:  # requests only: angles may have glitches
             advice = (
                 "name the columns so or give --unit deg; a joint that turns further is read in "
                 "degrees or turns"
             )
             check_radians(table, columns[0], numbers[:, 0], advice)
-        load = f"{pair.joint}{LOAD}" if pair.joint else LOAD.removeprefix("_")
-        log_columns = Columns(
+        load = f"{joint}{LOAD}" if joint else LOAD.removeprefix("_")
+        names = columns
+        if several and joint:  # joints whose columns are alike have one note
+            # The joint as a word: `a` of `act_a` is not the first letter.
+            word = rf"(?:(?<![^\W_])|(?<=[a-z])(?=[A-Z])){re.escape(joint)}(?![^\W_A-Z])"
+            names = [re.sub(word, "<joint>", each) for each in columns]
+        both = " and ".join(dict.fromkeys(scale.name for scale in scales))
+        said = "the columns said" if user_units[1] is None else "--unit said"
+        return Rows(
+            source=table,
+            joint=joint,
             times=times,
             requests=numbers[:, 0],
             angles=numbers[:, 1],
@@ -71,62 +161,25 @@ def read_csv_log(path: Path | str, options: LogOptions) -> tuple[Log, ...]:
             torque_on=switch,
             load=table.numbers([load], missing=True)[:, 0] if load in table.names else None,
             requested=columns[0],
+            notes=(
+                f"{clock}, requested from '{names[0]}', actual from '{names[1]}'{torque}",
+                f"angles in {both}, as {units or said}",
+            ),
         )
-        names = columns
-        if len(chosen) > 1 and pair.joint:  # joints whose columns are alike have one note
-            # The joint as a word: `a` of `act_a` is not the first letter.
-            word = rf"(?:(?<![^\W_])|(?<=[a-z])(?=[A-Z])){re.escape(pair.joint)}(?![^\W_A-Z])"
-            names = [re.sub(word, "<joint>", each) for each in columns]
-        both = " and ".join(dict.fromkeys(scale.name for scale in scales))
-        notes = (
-            f"{clock}, requested from '{names[0]}', actual from '{names[1]}'{torque}",
-            f"angles in {both}, as {'the columns' if units[1] is None else '--unit'} said",
-        )
-        source = Source(path=path, line=lambda k: table.lines[k])
-        logs.append(make_log(source, log_columns, joint=pair.joint, notes=notes))
-    return tuple(logs)
+
+    return Recorded(tuple(joints), rows_of)
 
 
-def csv_joints(path: Path | str, options: LogOptions) -> tuple[str, ...]:  # noqa: ARG001
-    """Names of the joints of a CSV log, in the file's order; "" where columns name none."""
-    return tuple(pair.joint for pair in _complete(pairs(read_table(path).names)))
-
-
-def _complete(candidates: tuple[Pair, ...]) -> tuple[Pair, ...]:
-    return tuple(pair for pair in candidates if pair.requested and pair.actual)
-
-
-def _choose_pairs(table: Table, options: LogOptions) -> list[Pair]:
-    """One column of requested and one of actual angles for each joint to read.
+def _pairs(table: Table, options: LogOptions) -> list[Pair]:
+    """Columns of requested and of actual angles for each joint.
 
     Of two columns that the options may name, the one that they leave out is guessed.
     """
     candidates, every = pairs(table.names), f"columns: {', '.join(table.names)}"
     named = {role: column for role in ROLES if (column := getattr(options, role)) is not None}
-    if named:
-        for column in named.values():
-            table.place(column)
-        first = next(iter(named.values()))
-        _, joint = meaning(first) or ("", "")
-        joint = options.joint if options.joint not in (None, ALL_JOINTS) else joint
-        columns = {role: (column,) for role, column in named.items()}
-        for role in [role for role in ROLES if role not in named]:
-            guesses = {pair.joint: own for pair in candidates if (own := getattr(pair, role))}
-            if joint not in guesses and len(guesses) != 1:
-                raise table.fault(
-                    f"no column is clearly the {role} angle; {every}; name it with --{role}"
-                )
-            columns[role] = guesses.get(joint) or next(iter(guesses.values()))
-        if columns["requested"] == columns["actual"]:
-            raise table.fault(
-                f"column '{first}' cannot be both the requested and the actual angle; name the "
-                "other one too"
-            )
-        chosen = [Pair(joint, **columns)]
-    elif complete := _complete(candidates):
-        joints = [pair.joint for pair in complete]
-        chosen = [complete[k] for k in choose_joints(table.path, joints, options.joint)]
-    else:
+    if not named:
+        if complete := [pair for pair in candidates if pair.requested and pair.actual]:
+            return complete
         half = next((pair for pair in candidates if pair.requested or pair.actual), None)
         if half is None:
             raise table.fault(
@@ -138,13 +191,25 @@ def _choose_pairs(table: Table, options: LogOptions) -> list[Pair]:
             f"'{(half.requested or half.actual)[0]}' is the {there} angle, but no column names the "
             f"{other} one; {every}; name it with --{other}"
         )
-    for role in ROLES:
-        for several in (own for pair in chosen if len(own := getattr(pair, role)) > 1):
+    for column in named.values():
+        table.place(column)
+    first = next(iter(named.values()))
+    _, joint = meaning(first) or ("", "")
+    joint = options.joint if options.joint not in (None, ALL_JOINTS) else joint
+    columns = {role: (column,) for role, column in named.items()}
+    for role in [role for role in ROLES if role not in named]:
+        guesses = {pair.joint: own for pair in candidates if (own := getattr(pair, role))}
+        if joint not in guesses and len(guesses) != 1:
             raise table.fault(
-                f"{len(several)} columns may be the {role} angle ({', '.join(several)}); name one "
-                f"with --{role}"
+                f"no column is clearly the {role} angle; {every}; name it with --{role}"
             )
-    return chosen
+        columns[role] = guesses.get(joint) or next(iter(guesses.values()))
+    if columns["requested"] == columns["actual"]:
+        raise table.fault(
+            f"column '{first}' cannot be both the requested and the actual angle; name the "
+            "other one too"
+        )
+    return [Pair(joint, **columns)]
 
 
 def _scale(table: Table, column: str, user_unit: str | None, options: LogOptions) -> Scale:
@@ -185,11 +250,9 @@ def _read_clock(table: Table, options: LogOptions) -> tuple[Array, str]:
 
 def _read_torque(table: Table, options: LogOptions) -> tuple[str, Switch | None]:
     """The origin of the torque's switch in words, and the switch, shape (n,), if there is one."""
+    columns = [name for name in table.names if name.lower() in TORQUES]
     if options.torque is not None:
-        table.place(options.torque)
-    columns: tuple[str, ...] = tuple(name for name in table.names if name.lower() in TORQUES)
-    if options.torque is not None:
-        columns = (options.torque,)
+        columns = [options.torque]
     if not columns:
         return "", None
     if len(columns) > 1:
@@ -197,7 +260,7 @@ def _read_torque(table: Table, options: LogOptions) -> tuple[str, Switch | None]
             f"{len(columns)} columns may say whether the torque is on ({', '.join(columns)}); name "
             "one with --torque"
         )
-    place = table.names.index(columns[0])
+    place = table.place(columns[0])
     switch = np.empty(len(table.rows), dtype=bool)
     for k, row in enumerate(table.rows):
         cell = row[place].strip().lower()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -13,10 +13,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from planner.exceptions import InvalidFile, importing, nearest
-from planner.files.columns import Scale
-from planner.files.logs.make_log import Columns, LogOptions, Source, choose_joints, make_log
+from planner.files.logs.rows import LogOptions, Recorded, Rows
+from planner.files.table import Source
 from planner.files.text import read_json, read_text
-from planner.identification.log import Log
 from planner.trajectory import Array
 from planner.validation import as_number
 
@@ -53,46 +52,6 @@ BATCH = 8192
 """Rows that are unfolded at a time."""
 
 
-def read_lerobot(path: Path | str, options: LogOptions) -> tuple[Log, ...]:
-    """Read the chosen joints of the chosen episodes of a dataset, or of one of its files."""
-    dataset = find_dataset(Path(path))
-    episodes = options.episode_numbers()
-    logs: list[Log] = []
-    all_episodes: set[int] = set()
-    for file in _files(dataset, Path(path), episodes):
-        times, numbers, actions, states = _read(file, TIME, EPISODE, ACTION, STATE)
-        joints = _joints(dataset, file, actions, states)
-        chosen = choose_joints(path, tuple(joints), options.joint)
-        names = [tuple(joints)[k] for k in chosen]
-        scales = {name: _scale(path, name, options) for name in names}
-        file_episodes = _episodes_in(file, numbers)
-        all_episodes.update(file_episodes)
-        for episode in file_episodes:
-            if episodes is not None and episode not in episodes:
-                continue
-            rows = np.flatnonzero(numbers == episode)
-            source = Source(path=file, part=f"episode {episode}", episode=episode)
-            for name in names:
-                action, state = joints[name]
-                values = Columns(
-                    times=times[rows],
-                    requests=actions[rows, action],
-                    angles=states[rows, state],
-                    request_scale=scales[name],
-                    angle_scale=scales[name],
-                )
-                notes = (
-                    f"time from '{TIME}', requested from '{ACTION}' (sent at the time of its row), "
-                    f"actual from '{STATE}'",
-                    f"angles in {values.angle_scale.name}, as --unit said",
-                )
-                logs.append(make_log(source, values, joint=name, notes=notes))
-    _check_there(dataset, Path(path), episodes, all_episodes)
-    if not logs:
-        raise InvalidFile(path, "no row of any episode; is the file cut short?")
-    return tuple(logs)
-
-
 class EpisodeFile(NamedTuple):
     """The Parquet file of an episode.
 
@@ -101,6 +60,61 @@ class EpisodeFile(NamedTuple):
 
     file: Path
     episode: int | None
+
+
+class EpisodeRows(NamedTuple):
+    """The rows of an episode in the units of its dataset; the task is in words, "" for none."""
+
+    place: EpisodeFile
+    times: Array  # [s], shape (n,)
+    action: Array  # shape (n, k)
+    state: Array  # shape (n, k)
+    task: str = ""
+
+
+def read_lerobot(path: Path | str, options: LogOptions) -> Iterator[Recorded]:
+    """Read the chosen episodes of a dataset, or of one of its files."""
+    dataset, chosen = find_dataset(Path(path)), options.episode_numbers()
+    numbers: set[int] = set()
+    for file in _files(dataset, Path(path), chosen):
+        episodes = _read_episodes(file)
+        joints = _joints(dataset, episodes[0])
+        numbers.update(episode.place.episode or 0 for episode in episodes)
+        for episode in episodes:
+            if chosen is None or episode.place.episode in chosen:
+                yield Recorded(tuple(joints), partial(_rows, path, options, episode, joints))
+    _check_there(dataset, Path(path), chosen, numbers)
+
+
+def _rows(
+    path: Path | str,
+    options: LogOptions,
+    episode: EpisodeRows,
+    joints: Mapping[str, tuple[int, int]],
+    joint: str,
+) -> Rows:
+    scale = options.scale(
+        options.unit_of(joint),
+        partial(InvalidFile, path),
+        f"LeRobot does not say the unit of '{joint}'; give --unit rad, deg, range_m100_100 "
+        "(LeRobot's usual -100..100), percent (its grippers' 0..100), range or ticks",
+    )
+    (file, number), (action, state) = episode.place, joints[joint]
+    return Rows(
+        source=Source(path=file, part=f"episode {number}"),
+        joint=joint,
+        times=episode.times,
+        requests=episode.action[:, action],
+        angles=episode.state[:, state],
+        request_scale=scale,
+        angle_scale=scale,
+        episode=number,
+        notes=(
+            f"time from '{TIME}', requested from '{ACTION}' (sent at the time of its row), "
+            f"actual from '{STATE}'",
+            f"angles in {scale.name}, as --unit said",
+        ),
+    )
 
 
 def lerobot_episodes(path: Path | str, options: LogOptions) -> tuple[EpisodeFile, ...]:
@@ -117,42 +131,32 @@ def lerobot_episodes(path: Path | str, options: LogOptions) -> tuple[EpisodeFile
         except InvalidFile:
             match = _EPISODE.fullmatch(file.name)
             places.append(EpisodeFile(file, int(match[1]) if match else None))
-    all_episodes = {each.episode for each in places if each.episode is not None}
+    known = {each.episode for each in places if each.episode is not None}
     if None not in {each.episode for each in places}:  # an unreadable file may hold any
-        _check_there(dataset, Path(path), chosen, all_episodes)
+        _check_there(dataset, Path(path), chosen, known)
     selection = [each for each in places if chosen is None or each.episode in {None, *chosen}]
     return tuple(sorted(selection, key=lambda each: (each.episode is None, each.episode or 0)))
 
 
-class EpisodeRows(NamedTuple):
-    """The rows of an episode in the units of its dataset: times [s], (n,), actions, observations.
-
-    The task is in words, "" where the dataset does not say.
-    """
-
-    times: Array
-    action: Array
-    state: Array
-    task: str
-
-
 def read_episode(place: EpisodeFile) -> EpisodeRows:
-    """The rows of an episode as they are written."""
-    times, numbers, actions, states = _read(place.file, TIME, EPISODE, ACTION, STATE)
-    rows = np.flatnonzero(numbers == place.episode)
+    """The rows of an episode as they are written, and its task."""
+    rows = next(each for each in _read_episodes(place.file) if each.place == place)
     try:
-        (tasks,) = _read(place.file, TASK)
-        task = find_dataset(place.file).tasks().get(int(tasks[rows[0]]), "")
+        numbers, tasks = _read(place.file, EPISODE, TASK)
+        number = int(tasks[numbers == place.episode][0])
+        return rows._replace(task=find_dataset(place.file).tasks().get(number, ""))
     except (InvalidFile, IndexError):
-        task = ""
-    return EpisodeRows(times[rows], actions[rows], states[rows], task)
+        return rows
 
 
-def lerobot_joints(path: Path | str, options: LogOptions) -> tuple[str, ...]:
-    """Names of the joints that both the action and the observation hold."""
-    dataset = find_dataset(Path(path))
-    file = _files(dataset, Path(path), options.episode_numbers())[0]
-    return tuple(_joints(dataset, file, *_read(file, ACTION, STATE)))
+def _read_episodes(file: Path) -> list[EpisodeRows]:
+    """The episodes in a file, in order."""
+    times, numbers, *features = _read(file, TIME, EPISODE, ACTION, STATE)
+    return [
+        EpisodeRows(EpisodeFile(file, episode), times[own], *(values[own] for values in features))
+        for episode in _episodes_in(file, numbers)
+        for own in [numbers == episode]
+    ]
 
 
 def _files(dataset: Dataset, path: Path, episodes: frozenset[int] | None) -> tuple[Path, ...]:
@@ -165,25 +169,22 @@ def _files(dataset: Dataset, path: Path, episodes: frozenset[int] | None) -> tup
 
 
 def _check_there(
-    dataset: Dataset, path: Path, chosen: frozenset[int] | None, all_episodes: Iterable[int]
+    dataset: Dataset, path: Path, chosen: frozenset[int] | None, numbers: Iterable[int]
 ) -> None:
-    """Raise InvalidFile where a chosen episode is not among ``all_episodes``."""
-    if missing := (chosen or frozenset()).difference(all_episodes):
+    """Raise InvalidFile where a chosen episode is not among these."""
+    if missing := (chosen or frozenset()).difference(numbers):
         files = dataset.files(None) if path.is_dir() else ()  # v3 names no file by its episode
         names = filter(None, (_EPISODE.fullmatch(file.name) for file in files))
-        episodes = _ranges({*all_episodes, *(int(name[1]) for name in names)})
+        episodes = _ranges({*numbers, *(int(name[1]) for name in names)})
         raise InvalidFile(path, f"no episode {min(missing)}; episodes: {episodes}")
 
 
-def _joints(
-    dataset: Dataset, file: Path, actions: Array, states: Array
-) -> dict[str, tuple[int, int]]:
+def _joints(dataset: Dataset, episode: EpisodeRows) -> dict[str, tuple[int, int]]:
     """Places in the action and in the observation of every joint that both hold."""
-    places = []
-    for key, width in ((ACTION, actions.shape[1]), (STATE, states.shape[1])):
-        names = dataset.names[key]
-        if names is None:
-            names = tuple(str(j) for j in range(width))
+    places, file = [], episode.place.file
+    for key, values in ((ACTION, episode.action), (STATE, episode.state)):
+        width = values.shape[1]
+        names = dataset.names[key] or tuple(map(str, range(width)))
         if len(names) != width:
             raise InvalidFile(
                 file,
@@ -200,15 +201,6 @@ def _joints(
             f"({', '.join(state)})",
         )
     return both
-
-
-def _scale(path: Path | str, joint: str, options: LogOptions) -> Scale:
-    return options.scale(
-        options.unit_of(joint),
-        partial(InvalidFile, path),
-        f"LeRobot does not say the unit of '{joint}'; give --unit rad, deg, range_m100_100 "
-        "(LeRobot's usual -100..100), percent (its grippers' 0..100), range or ticks",
-    )
 
 
 def _read(file: Path, *names: str) -> list[Array]:
@@ -379,7 +371,15 @@ def read_columns(path: Path | str, names: Sequence[str]) -> dict[str, Array]:
         raise InvalidFile(path, "no such file; check the name and the folder")
     try:
         with parquet.ParquetFile(path) as file:
-            _check(path, file.schema_arrow.names, names)
+            present = file.schema_arrow.names
+            for name in names:
+                if name not in present:
+                    hint = nearest(name, present)
+                    raise InvalidFile(
+                        path, f"no column '{name}'{hint}; columns: {', '.join(present)}"
+                    )
+                if present.count(name) > 1:
+                    raise InvalidFile(path, f"{present.count(name)} columns '{name}', expected one")
             batches, size = [], 0
             # Rows are unfolded some at a time, as a small file cannot fill all of the memory. The
             # size in its description is not used: pyarrow ends the process where that is damaged.
@@ -403,16 +403,6 @@ def read_columns(path: Path | str, names: Sequence[str]) -> dict[str, Array]:
         raise InvalidFile(
             path, f"not Parquet that can be read ({reason}); is the file cut short?"
         ) from error
-
-
-def _check(path: Path | str, columns: Sequence[str], names: Sequence[str]) -> None:
-    for name in names:
-        if name not in columns:
-            raise InvalidFile(
-                path, f"no column '{name}'{nearest(name, columns)}; columns: {', '.join(columns)}"
-            )
-        if columns.count(name) > 1:
-            raise InvalidFile(path, f"{columns.count(name)} columns '{name}', expected one")
 
 
 def _numbers(path: Path | str, array: Any, name: str) -> Array:

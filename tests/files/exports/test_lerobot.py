@@ -7,10 +7,8 @@ import json
 import numpy as np
 import pytest
 
-from planner.exceptions import InvalidInput
+from planner import InvalidInput, LogOptions, read_logs
 from planner.files.lerobot_export import Layout, lerobot_dataset, write_lerobot
-from planner.files.logs.lerobot import read_lerobot
-from planner.files.logs.make_log import LogOptions
 from planner.files.staging import list_files
 
 SINGLE = 1e-7
@@ -56,7 +54,7 @@ def test_episodes_follow_one_another(tmp_path, parquet):
     with lerobot_dataset(tmp_path / "out", layout) as add:
         for number, action in enumerate(actions):
             add({"action": action, "observation.state": -action}, "up" if number > 1 else "down")
-    read = read_lerobot(tmp_path / "out", LogOptions(joint="a", unit="rad"))
+    read = read_logs(tmp_path / "out", options=LogOptions(joint="a", unit="rad"))
     for log, action in zip(read, actions, strict=True):
         assert log.requests == pytest.approx(action[:, 0], abs=1e-6)
         assert log.angles == pytest.approx(-action[:, 0], abs=1e-6)

@@ -129,8 +129,9 @@ def test_a_chunk_or_message_that_unfolds_to_too_much_is_refused(tmp_path, monkey
         read_logs(path)
 
 
-def test_all_that_a_bag_unfolds_to_is_limited_by_its_size(tmp_path, monkeypatch):
-    path = _compressed_bag(tmp_path, "zstd messages")
+@pytest.mark.parametrize("how", ["zstd messages", "zstd file"])
+def test_all_that_a_bag_unfolds_to_is_limited_by_its_size(tmp_path, monkeypatch, how):
+    path = _compressed_bag(tmp_path, how)
     monkeypatch.setattr(bag_file, "MOST_CHUNK", 600)  # one message
     monkeypatch.setattr(bag_file, "MOST_TIMES", 0.01)
     with pytest.raises(InvalidFile, match="run: unfolds to more than 0 MiB; split the bag"):

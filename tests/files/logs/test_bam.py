@@ -44,8 +44,8 @@ def test_entries_are_rows(tmp_path):
     np.testing.assert_array_equal(log.angles, positions)
     np.testing.assert_array_equal(log.torque_on, [True, True, False, True])
     assert log.notes == (
-        "time from 'timestamp', requested from 'goal_position', actual from 'position', torque "
-        "from 'torque_enable'",
+        "time from column 'timestamp' [s], requested from 'goal_position', actual from "
+        "'position', torque from 'torque_enable'",
         "angles in rad, as BAM defines them",
     )
     assert joints_in(log.name) == ("",)

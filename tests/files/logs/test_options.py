@@ -14,7 +14,7 @@ from planner import InvalidInput, LogOptions
 from planner.cli.identify import identify
 from planner.cli.options import log_options, to_log_options
 from planner.files import columns
-from planner.files.logs import csv_log, make_log
+from planner.files.logs import csv_log, rows
 from planner.files.logs.bag import ACTUAL_TYPES, REQUEST_TYPES
 from planner.identification.log import SLOWEST
 from planner.trajectory import MOST_TURNS
@@ -108,7 +108,7 @@ def test_every_word_that_the_page_says_is_guessed_is_known():
 
 def test_the_numbers_of_the_page_are_the_codes():
     assert f"more than {MOST_TURNS:.0f} turns in radians" in PAGE
-    assert f"less than {make_log.LEAST_DEG:.0f} degrees" in PAGE
-    assert f"more than {SLOWEST:.0f} s or less than {make_log.FASTEST * 1e6:.0f} µs" in PAGE
-    assert f"asks from {make_log.SPARSE:g} s on" in PAGE
-    assert f"beyond {make_log.MOST_SHARE:.0f} either way" in PAGE
+    assert f"less than {rows.LEAST_DEG:.0f} degrees" in PAGE
+    assert f"more than {SLOWEST:.0f} s or less than {rows.FASTEST * 1e6:.0f} µs" in PAGE
+    assert f"asks from {rows.SPARSE:g} s on" in PAGE
+    assert f"beyond {rows.MOST_SHARE:.0f} either way" in PAGE

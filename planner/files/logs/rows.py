@@ -7,16 +7,17 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from planner.exceptions import InvalidFile, InvalidInput, nearest
 from planner.files.columns import ANGLE_NAMES, ANGLE_UNITS, COUNTS, LARGEST, LEAST_DEG, Scale, scale
+from planner.files.table import Source
 from planner.identification.log import FASTEST, FEWEST_ROWS, Log, Written
 from planner.model.evidence import ENCODER_STEP
-from planner.trajectory import Array, not_radians
+from planner.trajectory import Array, Indices, not_radians
 from planner.validation import as_positive, shown
 
 ALL_JOINTS = "all"
@@ -24,7 +25,6 @@ ALL_JOINTS = "all"
 
 ROLES = ("requested", "actual")
 """Columns of a joint that may have units of their own."""
-
 
 SLOW_TIME, SLOW_SHARE, SLOW_RANGE = 1.0, 0.4, 0.5
 """Requests are slow if they travel at most this share of their range in this time [s]: the joint
@@ -133,26 +133,22 @@ class LogOptions:
         return frozenset(chosen)
 
 
-def choose_joints(path: Path | str, joints: Sequence[str], joint: str | None) -> tuple[int, ...]:
-    """Places among the joints of ``path`` of the one to read, or of all for "all".
-
-    ``joint`` may be None where there is only one.
+def chosen_joints(path: Path | str, joints: Sequence[str], joint: str | None) -> tuple[str, ...]:
+    """The joint of ``path`` to read, or all for "all"; None where there is only one.
 
     Raises:
         InvalidFile: There is no such joint, or None is one of several.
     """
     if joint == ALL_JOINTS and joint not in joints:
-        return tuple(range(len(joints)))
+        return tuple(joints)
     names = ", ".join(each or "(one without a name)" for each in joints)
-    if joint is None:
-        if len(joints) == 1:
-            return (0,)
+    if joint is None and len(joints) != 1:
         raise InvalidFile(
             path, f"{len(joints)} joints ({names}); choose one with --joint NAME, or --joint all"
         )
-    if joint not in joints:
+    if joint is not None and joint not in joints:
         raise InvalidFile(path, f"no joint '{joint}'{nearest(joint, joints)}; joints: {names}")
-    return (list(joints).index(joint),)
+    return (joints[0] if joint is None else joint,)
 
 
 Switch = npt.NDArray[np.bool_]
@@ -160,75 +156,66 @@ Switch = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Source:
-    """Where rows come from, for messages."""
+class Rows:
+    """The rows of a joint, as they are written; missing numbers are NaN."""
 
-    path: Path | str  # the file
-    part: str = ""  # part of it, such as "episode 3"; "" for all
-    # line of the file on which a row stands, counted from 1; None where it has no lines
-    line: Callable[[int], int] | None = None
-    row: str = "row"  # name of a row
-    episode: int | None = None  # number of the episode; None for a file of one recording
-    source_rows: npt.NDArray[np.int_] | None = None  # that remain, from 0; None for all
-
-    @property
-    def name(self) -> str:
-        """The source in words."""
-        return f"{self.path}, {self.part}" if self.part else f"{self.path}"
-
-    def fault(self, problem: str, k: int) -> InvalidFile:
-        """The error that row ``k``, counted from 0, has a problem."""
-        k = k if self.source_rows is None else int(self.source_rows[k])
-        if self.line is not None:
-            return InvalidFile(self.path, problem, line=self.line(k))
-        place = f"{self.part}, {self.row} {k + 1}" if self.part else f"{self.row} {k + 1}"
-        return InvalidFile(self.path, f"{place}: {problem}")
-
-
-@dataclass(frozen=True, kw_only=True)
-class Columns:
-    """Contents of a log, as written."""
-
-    times: Array  # times of the rows [s], shape (n,)
+    source: Source
+    joint: str  # "" where it has no name
+    times: Array  # [s], shape (n,)
     requests: Array  # requested angles, shape (n,), in the unit of `request_scale`
     angles: Array  # actual angles, shape (n,), in the unit of `angle_scale`
     request_scale: Scale
     angle_scale: Scale
-
-    # whether the torque was on, shape (n,); None where the log does not say
-    torque_on: Switch | None = None
-
+    torque_on: Switch | None = None  # shape (n,); None where the log does not say
     # torque on the joint in the direction of positive angles [N m], shape (n,); None where the
     # log does not say
     load: Array | None = None
+    requested: str = ""  # column of requests; "" where there is none of this joint alone
+    episode: int | None = None  # its number; None for a file of one recording
+    notes: tuple[str, ...] = ()
+    numbers: Indices | None = None  # of the rows in the source, from 0; None for all
 
-    # name of the column of requests; "" where there is none of this joint alone
-    requested: str = ""
+    def fault(self, problem: str, k: int) -> InvalidFile:
+        """The error that a row has a problem."""
+        return self.source.fault(problem, k if self.numbers is None else int(self.numbers[k]))
+
+    @property
+    def unread(self) -> Switch:
+        """Rows in which the angle or the load is missing."""
+        missing = np.isnan(self.angles)
+        return missing if self.load is None else missing | np.isnan(self.load)
 
 
-def make_log(source: Source, columns: Columns, *, joint: str, notes: tuple[str, ...] = ()) -> Log:
-    """Check the columns and make a log of them.
+class Recorded(NamedTuple):
+    """A recording in a file: its joints, and the rows of each, read on demand."""
+
+    joints: tuple[str, ...]
+    rows: Callable[[str], Rows]
+
+
+def make_log(rows: Rows) -> Log:
+    """Check rows and make a log of them.
 
     A row whose time or request is missing is left out, and so is one that repeats the row before,
     time and all. Where only the angle or the load is missing,
     as after a failed read, the request was sent: the row stays, as not measured.
     """
-    columns, source, clean_notes = _cleaned(source, columns)
-    columns, measured, fill_notes = _filled(source, columns)
-    columns, fit_notes = _with_fitted_scale(source, columns, measured)
-    if columns.request_scale.unit != columns.angle_scale.unit:
+    rows, measured = _cleaned(rows)
+    rows = _with_fitted_scale(rows, measured)
+    source, joint = rows.source, f"{rows.joint}: " if rows.joint else ""
+    if rows.request_scale.unit != rows.angle_scale.unit:
         raise InvalidFile(
             source.name,
-            f"requests in {columns.request_scale.name} but angles in {columns.angle_scale.name}; "
+            f"requests in {rows.request_scale.name} but angles in {rows.angle_scale.name}; "
             "expected angles for both, or shares of the range for both",
         )
-    _check_times(source, columns.times)
-    requests = _checked(source, "requested angle", columns.requests, columns.request_scale)
-    angles = _checked(source, "actual angle", columns.angles, columns.angle_scale)
-    if columns.angle_scale.name == "deg" and _in_radian_steps(columns.angles):
+    _check_times(rows)
+    requests = _checked(rows, "requested angle", rows.requests, rows.request_scale)
+    angles = _checked(rows, "actual angle", rows.angles, rows.angle_scale)
+    if rows.angle_scale.name == "deg" and _in_radian_steps(rows.angles):
         raise InvalidFile(
             source.path,
-            f"{joint}{': ' if joint else ''}the actual angles are named degrees, but they are in "
+            f"{joint}the actual angles are named degrees, but they are in "
             f"steps of {ENCODER_STEP:.5f}, a turn of 2 pi over 4096: they are radians; rename "
             "the columns",
         )
@@ -236,84 +223,104 @@ def make_log(source: Source, columns: Columns, *, joint: str, notes: tuple[str, 
     if np.array_equal(requests[measured], angles[measured]) and np.ptp(angles) > 0.0:
         raise InvalidFile(
             source.path,
-            f"{joint}{': ' if joint else ''}the actual angles equal the requested ones in every "
+            f"{joint}the actual angles equal the requested ones in every "
             "row, expected measured angles; is the same column recorded twice?",
         )
     try:
         return Log(
-            times=columns.times,
+            times=rows.times,
             requests=requests,
             angles=angles,
-            torque_on=np.ones_like(measured) if columns.torque_on is None else columns.torque_on,
+            torque_on=np.ones_like(measured) if rows.torque_on is None else rows.torque_on,
             name=source.name,
-            joint=joint,
-            unit=columns.angle_scale.unit,
-            load=columns.load,
+            joint=rows.joint,
+            unit=rows.angle_scale.unit,
+            load=rows.load,
             measured=measured,
-            notes=(*notes, *clean_notes, *fill_notes, *fit_notes, *_doubts(columns)),
+            notes=(*rows.notes, *_doubts(rows)),
             written=Written(
-                str(source.path), source.episode, columns.requested, *columns.request_scale[:3]
+                str(source.path), rows.episode, rows.requested, *rows.request_scale[:3]
             ),
         )
     except InvalidInput as error:
         raise InvalidFile(source.path, str(error)) from error
 
 
-def _cleaned(source: Source, columns: Columns) -> tuple[Columns, Source, list[str]]:
-    """The rows with a time and a request that do not repeat the row before, and notes."""
-    lost = np.isnan(columns.times) | np.isnan(columns.requests)
-    partial = lost | _unread(columns)
+def _cleaned(rows: Rows) -> tuple[Rows, Switch]:
+    """The rows with a time and a request that do not repeat the row before, and which are whole.
+
+    Angles and loads that are missing are those before, or the first ones: values between two
+    readings would hide where an encoder starts again.
+    """
+    lost = np.isnan(rows.times) | np.isnan(rows.requests)
+    partial = lost | rows.unread
     count, whole = len(lost), int(np.sum(~partial))
     if whole < count and whole < FEWEST_ROWS:
-        raise source.fault(
+        raise rows.fault(
             f"a value is missing in {count - whole} of {count} rows, expected both angles in "
             f"at least {FEWEST_ROWS}; are requested and actual angles in rows of their own?",
             int(np.argmax(partial)),
         )
-    rows = np.flatnonzero(~lost)
+    kept = np.flatnonzero(~lost)
     names = ("times", "requests", "angles", "load", "torque_on")
     arrays: dict[str, Any] = {
-        name: array[rows] for name in names if (array := getattr(columns, name)) is not None
+        name: array[kept] for name in names if (array := getattr(rows, name)) is not None
     }
-    double = np.arange(len(rows)) > 0
+    double = np.arange(len(kept)) > 0
     for array in arrays.values():
         double[1:] &= (array[1:] == array[:-1]) | (np.isnan(array[1:]) & np.isnan(array[:-1]))
     notes = [
-        f"{_rows(source, left)}: left out, {reason}"
+        f"{_rows_words(rows.source, left)}: left out, {reason}"
         for left, reason in (
             (np.flatnonzero(lost), "as the time or the request is missing"),
-            (rows[double], "the same as the row before"),
+            (kept[double], "the same as the row before"),
         )
         if len(left)
     ]
-    arrays = {name: array[~double] for name, array in arrays.items()}
-    return replace(columns, **arrays), replace(source, source_rows=rows[~double]), notes
+    arrays, kept = {name: array[~double] for name, array in arrays.items()}, kept[~double]
+    rows = replace(rows, **arrays, numbers=kept)
+    missing = rows.unread
+    if missing.any():
+        places = np.flatnonzero(~missing)
+        last = places[np.maximum(np.searchsorted(places, np.arange(len(missing))) - 1, 0)]
+        what = "angle" if np.isnan(rows.angles).any() else "load"
+        words = _rows_words(rows.source, kept[missing])
+        notes.append(f"{words}: the {what} is missing, only the request counts")
+        for name in {"angles", "load"} & set(arrays):
+            arrays[name] = np.where(np.isnan(arrays[name]), arrays[name][last], arrays[name])
+    return replace(rows, **arrays, notes=(*rows.notes, *notes)), ~missing
 
 
-def _with_fitted_scale(
-    source: Source, columns: Columns, measured: Switch
-) -> tuple[Columns, tuple[str, ...]]:
-    """The columns with the scale of counts, by a line through slow rows, and a note on it."""
-    if columns.request_scale.name == COUNTS:
+def _rows_words(source: Source, numbers: Indices) -> str:
+    """Number of these rows of the source, and the first one, in words."""
+    first = source.place_of(int(numbers[0]))
+    return first if len(numbers) == 1 else f"{len(numbers)} rows, first {first}"
+
+
+def _with_fitted_scale(rows: Rows, measured: Switch) -> Rows:
+    """The rows with the scale of counts, by a line through slow rows, and a note on it."""
+    name = rows.source.name
+    if rows.request_scale.name == COUNTS:
         raise InvalidFile(
-            source.name,
+            name,
             "requests in counts, whose scale is unknown; expected us, deg, rad or ticks, "
             "with counts for the actual angles only",
         )
-    if columns.angle_scale.name != COUNTS:
-        return columns, ()
-    requests = columns.request_scale.factor * columns.requests + columns.request_scale.shift
-    slow = measured & _slow(columns.times, requests)
-    if columns.torque_on is not None:
-        slow &= columns.torque_on
-    inputs, counts = requests[slow], columns.angles[slow]
-    speeds = np.gradient(requests, columns.times)[slow]
+    if rows.angle_scale.name != COUNTS:
+        return rows
+    requests = rows.request_scale.factor * rows.requests + rows.request_scale.shift
+    slow = measured & _slow(rows.times, requests)
+    if rows.torque_on is not None:
+        slow &= rows.torque_on
+    inputs, counts = requests[slow], rows.angles[slow]
+    speeds = np.gradient(requests, rows.times)[slow]
     behind = np.sign(speeds)  # which way friction holds the joint back
-    if not (_share(inputs, requests) >= SLOW_RANGE and {-1.0, 1.0} <= set(behind.tolist())):
+    share = _share(inputs, requests)
+    if not (share >= SLOW_RANGE and {-1.0, 1.0} <= set(behind.tolist())):
         raise InvalidFile(
-            source.name,
+            name,
             f"the scale of actual angles in counts cannot be found: {len(inputs)} rows have slow "
-            f"requests, over {100.0 * _share(inputs, requests):.0f} % of their range; expected "
+            f"requests, over {100.0 * share:.0f} % of their range; expected "
             f"requests over {100.0 * SLOW_RANGE:g} % of it that move by at most "
             f"{100.0 * SLOW_SHARE:g} % of it in {SLOW_TIME:g} s, up and "
             "down, such as excite's slow triangle; or give the unit of the actual angles",
@@ -324,7 +331,7 @@ def _with_fitted_scale(
     missed = float(np.std(counts - basis @ line)) / max(float(np.std(counts)), 1e-300)
     if not missed <= STRAIGHT:
         raise InvalidFile(
-            source.name,
+            name,
             f"actual angles in counts are {100.0 * missed:.0f} % of their spread beside a straight "
             f"line of slow requests, expected at most {100.0 * STRAIGHT:g} %; is this "
             "the sensor of this joint?",
@@ -335,7 +342,7 @@ def _with_fitted_scale(
         f"counts are a request of 0, by {len(inputs)} rows of slow requests; a constant offset "
         "of the joint cannot be seen"
     )
-    return replace(columns, angle_scale=fit), (note,)
+    return replace(rows, angle_scale=fit, notes=(*rows.notes, note))
 
 
 def _share(part: Array, whole: Array) -> float:
@@ -364,63 +371,30 @@ def _slow(times: Array, requests: Array) -> Switch:
     return straight if _share(requests[straight], requests) >= SLOW_RANGE else slow
 
 
-def _unread(columns: Columns) -> Switch:
-    """Rows in which the angle or the load is missing (NaN)."""
-    missing = np.isnan(columns.angles)
-    return missing if columns.load is None else missing | np.isnan(columns.load)
-
-
-def _filled(source: Source, columns: Columns) -> tuple[Columns, Switch, tuple[str, ...]]:
-    """The columns with the value before, or the first one, for angles and loads that are missing.
-
-    Values between two readings would hide where an encoder starts again.
-    """
-    missing = _unread(columns)
-    if not missing.any():
-        return columns, ~missing, ()
-    places = np.flatnonzero(~missing)
-    last = places[np.maximum(np.searchsorted(places, np.arange(len(missing))) - 1, 0)]
-    what = "angle" if np.isnan(columns.angles).any() else "load"
-    rows = np.flatnonzero(missing)
-    rows = rows if source.source_rows is None else source.source_rows[rows]
-    note = f"{_rows(source, rows)}: the {what} is missing, only the request counts"
-    angles = np.where(np.isnan(columns.angles), columns.angles[last], columns.angles)
-    load = columns.load
-    if load is not None:
-        load = np.where(np.isnan(load), load[last], load)
-    return replace(columns, angles=angles, load=load), ~missing, (note,)
-
-
-def _rows(source: Source, rows: npt.NDArray[np.int_]) -> str:
-    """Number of these rows of the source, and the first one, in words."""
-    first = int(rows[0])
-    place = f"line {source.line(first)}" if source.line else f"{source.row} {first + 1}"
-    return place if len(rows) == 1 else f"{len(rows)} rows, first {place}"
-
-
-def _check_times(source: Source, times: Array) -> None:
+def _check_times(rows: Rows) -> None:
+    times = rows.times
     if len(times) < FEWEST_ROWS:
         raise InvalidFile(
-            source.name,
+            rows.source.name,
             f"rows of samples: got {len(times)}, expected at least {FEWEST_ROWS}; record longer",
         )
     if not np.isfinite(times).all():
         k = int(np.argmin(np.isfinite(times)))
-        raise source.fault(f"time: got {times[k]}, expected a finite number; remove the row", k)
+        raise rows.fault(f"time: got {times[k]}, expected a finite number; remove the row", k)
     steps = np.diff(times)
     if (steps <= 0.0).any():
         k = int(np.argmax(steps <= 0.0)) + 1
-        raise source.fault(
+        raise rows.fault(
             f"time is {times[k]:.9g} s after {times[k - 1]:.9g} s, expected times that increase; "
             "sort the rows and remove doubles, or cut the log there if its clock was set",
             k,
         )
 
 
-def _checked(source: Source, what: str, numbers: Array, scale: Scale) -> Array:
+def _checked(rows: Rows, what: str, numbers: Array, scale: Scale) -> Array:
     if not np.isfinite(numbers).all():
         k = int(np.argmin(np.isfinite(numbers)))
-        raise source.fault(
+        raise rows.fault(
             f"{what}: got {numbers[k]}, expected a finite number; remove or interpolate the sample",
             k,
         )
@@ -430,7 +404,7 @@ def _checked(source: Source, what: str, numbers: Array, scale: Scale) -> Array:
     if beyond.any():
         k = int(np.argmax(beyond))
         expected = "a share of the range" if scale.unit == "1" else "an angle"
-        raise source.fault(
+        raise rows.fault(
             f"{what}: got {numbers[k]:g}, expected {expected} in {scale.name}; check the unit", k
         )
     return values
@@ -487,16 +461,16 @@ def _in_radian_steps(numbers: Array) -> bool:
     return len(whole) >= 100 and bool(np.hypot(*np.mean(ways, axis=1)) > 0.4)
 
 
-def _doubts(columns: Columns) -> tuple[str, ...]:
+def _doubts(rows: Rows) -> tuple[str, ...]:
     """Signs of a wrong unit, in words."""
     doubts = []
-    step = float(np.median(np.diff(columns.times)))
+    step = float(np.median(np.diff(rows.times)))
     if not FASTEST <= step < SPARSE:
         doubt = "is the unit of time right" if step < FASTEST else "are the times in seconds"
         doubts.append(f"one row every {step:.3g} s: {doubt}?")
     for what, numbers, unit in (
-        ("requested", columns.requests, columns.request_scale.name),
-        ("actual", columns.angles, columns.angle_scale.name),
+        ("requested", rows.requests, rows.request_scale.name),
+        ("actual", rows.angles, rows.angle_scale.name),
     ):
         if unit == "rad" and not_radians(numbers):
             doubts.append(
