@@ -219,7 +219,7 @@ def make_log(rows: Rows) -> Log:
             f"steps of {ENCODER_STEP:.5f}, a turn of 2 pi over 4096: they are radians; rename "
             "the columns",
         )
-    _check_one_unit(source, columns, joint, requests[measured], angles[measured])
+    _check_one_unit(rows, requests[measured], angles[measured])
     if np.array_equal(requests[measured], angles[measured]) and np.ptp(angles) > 0.0:
         raise InvalidFile(
             source.path,
@@ -410,9 +410,7 @@ def _checked(rows: Rows, what: str, numbers: Array, scale: Scale) -> Array:
     return values
 
 
-def _check_one_unit(
-    source: Source, columns: Columns, joint: str, requests: Array, angles: Array
-) -> None:
+def _check_one_unit(rows: Rows, requests: Array, angles: Array) -> None:
     """Refuse a log in which one column alone has degrees for radians, or radians for degrees.
 
     The spans then differ by about 57.3, while one column follows the other within half a second.
@@ -423,7 +421,7 @@ def _check_one_unit(
     ratio = max(spans) / max(min(spans), 1e-300)
     if not 40.0 < ratio < 80.0:
         return
-    latest = min(len(angles) // 2, round(0.5 / float(np.median(np.diff(columns.times)))))
+    latest = min(len(angles) // 2, round(0.5 / float(np.median(np.diff(rows.times)))))
 
     def follows(late: int) -> bool:
         inputs, outputs = requests[: len(requests) - late], angles[late:]
@@ -433,7 +431,7 @@ def _check_one_unit(
     if not any(follows(late) for late in range(0, latest + 1, 1 + latest // 25)):
         return
     large, small = ("requested", "actual") if spans[0] > spans[1] else ("actual", "requested")
-    units = {"requested": columns.request_scale.name, "actual": columns.angle_scale.name}
+    units = {"requested": rows.request_scale.name, "actual": rows.angle_scale.name}
     if units[large] == "rad":
         wrong, named, held = large, "radians", "degrees"
     elif units[small] == "deg":
@@ -441,8 +439,8 @@ def _check_one_unit(
     else:
         return
     raise InvalidFile(
-        source.path,
-        f"{joint}{': ' if joint else ''}the {large} angles span {ratio:.3g} times as much as the "
+        rows.source.path,
+        f"{rows.joint}{': ' if rows.joint else ''}the {large} angles span {ratio:.3g} times as much as the "
         f"{small} ones: the {wrong} ones are named {named}, and are {held}; rename their column",
     )
 
