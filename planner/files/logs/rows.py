@@ -179,6 +179,10 @@ class Rows:
         """The error that a row has a problem."""
         return self.source.fault(problem, k if self.numbers is None else int(self.numbers[k]))
 
+    def wrong(self, problem: str) -> InvalidFile:
+        """The error that the rows of the joint as a whole have a problem."""
+        return InvalidFile(self.source.path, f"{self.joint}: {problem}" if self.joint else problem)
+
     @property
     def unread(self) -> Switch:
         """Rows in which the angle or the load is missing."""
@@ -202,7 +206,7 @@ def make_log(rows: Rows) -> Log:
     """
     rows, measured = _cleaned(rows)
     rows = _with_fitted_scale(rows, measured)
-    source, joint = rows.source, f"{rows.joint}: " if rows.joint else ""
+    source = rows.source
     if rows.request_scale.unit != rows.angle_scale.unit:
         raise InvalidFile(
             source.name,
@@ -213,18 +217,15 @@ def make_log(rows: Rows) -> Log:
     requests = _checked(rows, "requested angle", rows.requests, rows.request_scale)
     angles = _checked(rows, "actual angle", rows.angles, rows.angle_scale)
     if rows.angle_scale.name == "deg" and _in_radian_steps(rows.angles):
-        raise InvalidFile(
-            source.path,
-            f"{joint}the actual angles are named degrees, but they are in "
-            f"steps of {ENCODER_STEP:.5f}, a turn of 2 pi over 4096: they are radians; rename "
-            "the columns",
+        raise rows.wrong(
+            f"the actual angles are named degrees, but they are in steps of {ENCODER_STEP:.5f}, a "
+            "turn of 2 pi over 4096: they are radians; rename the columns"
         )
     _check_one_unit(rows, requests[measured], angles[measured])
     if np.array_equal(requests[measured], angles[measured]) and np.ptp(angles) > 0.0:
-        raise InvalidFile(
-            source.path,
-            f"{joint}the actual angles equal the requested ones in every "
-            "row, expected measured angles; is the same column recorded twice?",
+        raise rows.wrong(
+            "the actual angles equal the requested ones in every row, expected measured angles; is "
+            "the same column recorded twice?"
         )
     try:
         return Log(
@@ -438,10 +439,9 @@ def _check_one_unit(rows: Rows, requests: Array, angles: Array) -> None:
         wrong, named, held = small, "degrees", "radians"
     else:
         return
-    raise InvalidFile(
-        rows.source.path,
-        f"{rows.joint}{': ' if rows.joint else ''}the {large} angles span {ratio:.3g} times as much as the "
-        f"{small} ones: the {wrong} ones are named {named}, and are {held}; rename their column",
+    raise rows.wrong(
+        f"the {large} angles span {ratio:.3g} times as much as the {small} ones: the {wrong} ones "
+        f"are named {named}, and are {held}; rename their column"
     )
 
 
