@@ -177,6 +177,62 @@ class LogFit(ReadOnly):
         """Actual minus predicted angle [rad], NaN where not used."""
         return np.asarray(self.log.angles - self.predicted)
 
+    def speed_points(self, model: JointModel) -> SpeedPoints:
+        """Speed against error, measured and by the identified model.
+
+        Over an interval with its middle at t, Equation 3 averages f over the requests of
+        ``[t - lag - acceleration_time, t - lag]``, moved by half a tick.
+        """
+        log, window = self.log, model.acceleration_time
+        rows = np.flatnonzero(self.used[:-1] & self.used[1:])
+        steps = np.diff(log.times)[rows]
+        ends = log.times[rows] + 0.5 * (steps + model.tick) - model.lag
+        far = model.lag + window + model.tick  # requests are held before and after the log, too
+        times = np.concatenate([[log.times[0] - far], log.times, [log.times[-1] + far]])
+        held = np.concatenate([log.requests[:1], log.requests])
+        sums = np.concatenate([[0.0], np.cumsum(held * np.diff(times))])
+        mean = np.interp(ends, times, sums) - np.interp(ends - window, times, sums)
+
+        def point(angles: Array) -> tuple[Array, Array, Array]:
+            speeds = np.diff(angles)[rows] / steps
+            # It compares with the angle one tick before, on average half a tick before the middle.
+            here = angles[rows] + 0.5 * speeds * (steps - model.tick)
+            return mean / window + model.offset + model.pose_sag(here) - here, speeds, here
+
+        measured, (errors, speeds, here) = point(self.log.angles), point(self.predicted)
+        off = np.abs(speeds - model.speed(errors, angle=here)) > OFF_THE_LAW * model.v_max
+        low, high = model.speed_limits()
+        top = (speeds <= AT_TOP_SPEED * low) | (speeds >= AT_TOP_SPEED * high)
+        return SpeedPoints(*measured[:2], errors, speeds, off, top)
+
+
+OFF_THE_LAW = 0.02
+"""A point this share of the top speed off f is not on it: the width of its line."""
+
+AT_TOP_SPEED = 0.99
+"""A joint at this share of its top speed, or more, is at it."""
+
+
+class SpeedPoints(NamedTuple):
+    """A point for each interval between neighbouring rows that were both used, shape (m,).
+
+    Attributes:
+        errors: Mean request over the window of the model, plus its sags, minus the angle [rad].
+        speeds: Change of the angle over the interval [rad/s].
+        predicted_errors: The same errors by the predicted angles [rad].
+        predicted_speeds: The same speeds by the predicted angles [rad/s].
+        off: Where the model's own point is not on f: its window lies on both sides of a corner of
+            f, or its inertia keeps the speed from what the error demands.
+        saturated: Where the model is at its top speed.
+    """
+
+    errors: Array
+    speeds: Array
+    predicted_errors: Array
+    predicted_speeds: Array
+    off: npt.NDArray[np.bool_]
+    saturated: npt.NDArray[np.bool_]
+
 
 class HeldOut(NamedTuple):
     """The prediction of the rows that were held out.

@@ -160,7 +160,20 @@ def environment() -> jinja2.Environment:
 
 def rendered_text(template: str, **values: Any) -> str:
     """A template of plain text, for a terminal."""
-    return environment().overlay(autoescape=False).get_template(template).render(values)
+    return _plain().get_template(template).render(values)
+
+
+@cache
+def _plain() -> jinja2.Environment:
+    return environment().overlay(autoescape=False)
+
+
+def words_of(figure: str, **values: Any) -> tuple[str, str]:
+    """Title and caption of a figure: the first line of its block in ``captions.txt``, the rest."""
+    template = _plain().get_template("captions.txt")
+    words = "".join(template.blocks[figure](template.new_context(values)))
+    title, _, caption = words.strip().partition("\n")
+    return title, " ".join(caption.split())
 
 
 def live_scripts(figures: Mapping[str, Mapping[str, Any]]) -> Markup:

@@ -11,12 +11,13 @@ import pytest
 
 from planner.identification.parameters import PARAMETERS
 from planner.identification.result import Interval
+from planner.model.response import simulate
 from planner.report.identification.figures import (
     cloud_figure,
     cloud_of,
 )
 from planner.report.identification.page import identification_page
-from tests.report.made_up import made_up, made_up_log, never_saturated
+from tests.report.made_up import JOINT, made_up, made_up_fit, made_up_log, never_saturated
 
 WIDTH, HEIGHT = 420, 900
 """Of the screenshot [pixels]: a phone's."""
@@ -74,6 +75,23 @@ def test_the_cloud_shows_points_about_the_identified_line(found_by):
     assert figure.x.range[1] == pytest.approx(np.degrees(reach))
     if found.saturates:
         assert line.y[5] == pytest.approx(np.degrees(found.model.v_max))
+
+
+def test_of_a_joint_with_inertia_the_points_of_its_model_stand_beside_the_measured_ones():
+    slow = replace(JOINT, time_constant=0.1)
+    log = made_up_log()
+    log = replace(log, angles=simulate(slow, log.requests, cyclic=False))
+    found = made_up(model=slow, fits=(made_up_fit(log, slow),))
+    curves = {curve.name: curve for curve in cloud_figure(found).panels[0].curves}
+    measured, model = (curves[f"{whose}, as its speed changes"] for whose in ("measured", "model"))
+    np.testing.assert_allclose(measured.x, model.x)
+    np.testing.assert_allclose(measured.y, model.y)
+    on_f = curves["measured"]
+    off = np.degrees(slow.speed(np.radians(on_f.x))) - on_f.y
+    assert len(on_f.x) > 50
+    assert np.max(np.abs(off)) <= 0.021 * np.degrees(slow.v_max)
+    assert len(model.x) > 200
+    assert not any("model," in curve.name for curve in cloud_figure(made_up()).panels[0].curves)
 
 
 def with_dead_band(found):

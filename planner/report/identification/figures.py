@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from itertools import pairwise
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
 
-from planner.identification.log import Log
-from planner.identification.result import Identification, Interval, LogFit
-from planner.model.joint import JointModel
+from planner.identification.result import Identification, Interval, LogFit, SpeedPoints
 from planner.report import style
 from planner.report.figure import Axis, Curve, Figure, Panel, Span, Words, line
 from planner.report.identification.words import (
@@ -22,14 +19,12 @@ from planner.report.identification.words import (
     unit_of,
     units_of,
 )
+from planner.report.page import words_of
 from planner.report.style import Role
 from planner.trajectory import Array, index_of_largest
 
 CLOSE_UP = 3.0
 """Length of the part that is drawn by itself [s]: some ten answers of a hobby servo."""
-
-APART = "window across a corner of f"
-"""Name of the pale dots of a cloud."""
 
 MEASURED = style.DESIRED._replace(label="measured")
 FITTED = style.CLOSED_FORM._replace(label="model, fitted", width=1.4)
@@ -41,21 +36,10 @@ SIDES: tuple[Literal["left", "center", "right"], ...] = ("left", "center", "righ
 """Where the numbers below a strip stand."""
 
 
-class SpeedPoints(NamedTuple):
-    """One point per interval between two rows."""
-
-    errors: Array  # mean request over the window of the model, plus its sags, minus the angle [rad]
-    speeds: Array  # change of the angle over the interval [rad/s]
-    saturated: npt.NDArray[np.bool_]  # points whose whole window calls for the top speed
-    # points whose window lies on both sides of a corner of f: there the mean of f is not f of the
-    # mean, so that they need not lie on its curve
-    apart: npt.NDArray[np.bool_]
-
-
 def cloud_of(identification: Identification) -> tuple[SpeedPoints, float, float]:
     """All points of an identification, the largest error to show [rad], and the speed [rad/s]."""
     model = identification.model
-    clouds = [speed_against_error(model, fit) for fit in identification.fits]
+    clouds = [fit.speed_points(model) for fit in identification.fits]
     points = SpeedPoints(*(np.concatenate(parts) for parts in zip(*clouds, strict=True)))
     corner = float(model.corners()[-1])
     reach = 2.0 * corner
@@ -68,75 +52,31 @@ def cloud_of(identification: Identification) -> tuple[SpeedPoints, float, float]
     return points, reach, 1.15 * max(float(model.speed(reach)), most)
 
 
-def speed_against_error(model: JointModel, fit: LogFit) -> SpeedPoints:
-    """The points of one log, from intervals between neighbouring rows that were both used.
-
-    Over an interval with its middle at t, Equation 3 averages f over the requests of
-    ``[t - lag - acceleration_time, t - lag]``, moved by half a tick.
-    """
-    log = fit.log
-    intervals = np.flatnonzero(fit.used[:-1] & fit.used[1:])
-    after = intervals + 1
-    steps = log.times[after] - log.times[intervals]
-    middle = 0.5 * (log.times[after] + log.times[intervals]) + 0.5 * model.tick
-    speeds = (log.angles[after] - log.angles[intervals]) / steps
-    # Equation 3 compares with the angle one tick before, on average half a tick before the middle.
-    here = 0.5 * (log.angles[after] + log.angles[intervals] - speeds * model.tick)
-    mean, least, most = _windows(
-        log, middle - model.lag - model.acceleration_time, middle - model.lag
-    )
-    balance = here - model.offset - model.pose_sag(here)
-    errors, low, high = (values - balance for values in (mean, least, most))
-    down, *band, up = model.corners(angle=here)
-    saturated = (low >= up) | (high <= down)
-    edges = [down, *(band if model.steady.dead_band else ()), up]
-    one_piece = np.zeros(len(errors), dtype=bool)
-    for least, most in pairwise(edges):
-        one_piece |= (low >= least) & (high <= most)
-    return SpeedPoints(errors, speeds, saturated, ~(one_piece | saturated))
-
-
-def _windows(log: Log, starts: Array, ends: Array) -> tuple[Array, Array, Array]:
-    """Mean, least and largest of the requests, each held until the next, in windows of time."""
-    steps = np.diff(log.times)
-    cumulative = np.concatenate([[0.0], np.cumsum(log.requests[:-1] * steps)])
-
-    def integral(times: Array) -> Array:
-        inner = np.interp(times, log.times, cumulative)
-        before = np.minimum(times - log.times[0], 0.0) * log.requests[0]
-        after = np.maximum(times - log.times[-1], 0.0) * log.requests[-1]  # by half a tick
-        total: Array = inner + before + after
-        return total
-
-    mean = (integral(ends) - integral(starts)) / (ends - starts)
-    last = len(log.times) - 1
-    first_row = np.clip(np.searchsorted(log.times, starts, side="right") - 1, 0, last)
-    last_row = np.clip(np.searchsorted(log.times, ends, side="left") - 1, first_row, last)
-    padded = np.append(log.requests, log.requests[-1])  # reduceat's ends must lie inside
-    edges = np.column_stack([first_row, last_row + 1]).ravel()
-    least = np.minimum.reduceat(padded, edges)[::2]
-    most = np.maximum.reduceat(padded, edges)[::2]
-    return mean, least, most
-
-
 def cloud_figure(identification: Identification, prefix: str = "") -> Figure:
     """The paper's Figure 5, from data: speed against error, with the identified f over it."""
     model, units = identification.model, units_of(identification)
     points, reach, highest = cloud_of(identification)
     factor = units.factor
-    finite = np.isfinite(points.errors) & np.isfinite(points.speeds)
     curves = [line((-factor * reach, factor * reach), (0, 0)), line((0, 0), (-factor * highest,
               factor * highest))]  # fmt: skip
-    for mask, role, opacity, name in (
-        (finite & points.apart, style.MUTED, 0.3, APART),
-        (finite & ~points.apart, style.INK, 0.6, "measured"),
-    ):
+    measured = points.errors, points.speeds
+    clouds = [
+        (points.off, style.MUTED, 0.3, "window across a corner of f", *measured),
+        (~points.off, style.INK, 0.6, "measured", *measured),
+    ]
+    if model.has_inertia:
+        predicted = points.predicted_errors, points.predicted_speeds
+        clouds[0] = (points.off, style.MUTED, 0.55, "measured, as its speed changes", *measured)
+        clouds.insert(
+            0, (points.off, style.OPTIMAL, 0.35, "model, as its speed changes", *predicted)
+        )
+    for mask, role, opacity, name, errors, speeds in clouds:
         places = np.flatnonzero(mask)
         places = places[:: max(1, math.ceil(len(places) / 1500))]  # enough to see a shape
         if len(places):
-            x, y = factor * points.errors[places], factor * points.speeds[places]
+            x, y = factor * errors[places], factor * speeds[places]
             curves.append(Curve(role, x, y, name, marks="dots", opacity=opacity))
-    far = max(reach, float(np.max(np.abs(points.errors[finite]), initial=0.0)))
+    far = max(reach, float(np.max(np.abs(points.errors), initial=0.0)))
     corners = model.corners()
     ends = np.array([-far, *np.clip(corners, -far, far), far])
     speeds = factor * model.speed(ends)
@@ -160,28 +100,17 @@ def cloud_figure(identification: Identification, prefix: str = "") -> Figure:
     curves.append(
         Curve(style.CLOSED_FORM._replace(width=2.4), factor * ends, speeds, "f, identified")
     )
-    age, oldest = 1e3 * model.lag, 1e3 * (model.lag + model.acceleration_time)
-    end_note = ""
-    if not identification.saturates and corners[-1] <= reach:
-        end_note = " Its level ends are a guess: no data is there."
-    note = ""
-    if model.most_pose_sag > 0.0:
-        note = (
-            " The level ends of f are those without gravity, which shifts both by v_max/θ₀ times "
-            "the sag by the angle."
-        )
-    if (finite & points.apart).any():
-        note += (
-            " Dots of a window that lies on both sides of a corner of f are pale: they may lie off "
-            "the line."
-        )
     return Figure(
         f"{prefix}speed",
-        "The function f: speed against error",
-        "One dot per interval between two rows: upwards the change of the measured angle over the "
-        f"interval by its duration, to the right the mean of the requests {age:.0f} to "
-        f"{oldest:.0f} ms old, plus the static sag, minus the angle.{note} The line is f with "
-        f"the identified v_max and θ₀; it was not fitted to these dots.{end_note}",
+        *words_of(
+            "speed",
+            youngest=1e3 * model.lag,
+            oldest=1e3 * (model.lag + model.acceleration_time),
+            gravity=model.most_pose_sag > 0.0,
+            inertia=model.has_inertia,
+            off=points.off.any(),
+            guessed=not identification.saturates and corners[-1] <= reach,
+        ),
         Axis("request minus angle", units.angle, (-factor * reach, factor * reach), decimals=3),
         (
             Panel(
@@ -222,10 +151,7 @@ def intervals_figure(identification: Identification, prefix: str = "") -> Figure
         names[y] = f"{row.brief} [{unit}]"
     return Figure(
         f"{prefix}intervals",
-        "The parameters and their 95 % intervals",
-        "Every strip runs from zero to twice the estimate, that of a short lag to the time between "
-        "requests, and those of sags are as far to either side; the short upright line is the "
-        "estimate, the bar its interval, which may go on beyond the strip.",
+        *words_of("intervals"),
         Axis("", range=(-1.0, 101.0), names={}),
         (
             Panel(
@@ -295,26 +221,20 @@ def log_figure(identification: Identification, fit: LogFit, prefix: str) -> Figu
         for start, end in zip(edges[::2], edges[1::2], strict=True)
         if end - start < len(times)
     )
-    band, level = 2.0 * units.factor * noise, "unknown"
+    band = 2.0 * units.factor * noise
     noises: tuple[Span, ...] = ()
     if math.isfinite(noise):
         noises = (Span(-band, band, style.CLOSED_FORM, 0.16, "y"),)
-        level = f"{units.factor * noise:.2g} {units.angle}"
-    colours, shaded, counted = "", "", ""
-    if held_out.any():
-        colours = "; where the model is dashed, it was fitted without these rows"
-        shaded = " The shaded part was held out."
-    if len(outliers):
-        counted = "; outliers are rows that the robust fit counted by less than half"
-    if (least := float(np.min(log.weights[fit.used], initial=1.0))) < 1.0:
-        counted += f"; rows of the fastest motion counted by {100.0 * least:.0f} %"
     return Figure(
         f"{prefix}whole",
-        "The whole log",
-        f"Requests, measured angles and prediction{colours}. Below, measured minus predicted, and "
-        f"twice the noise ({level}) either way{counted}. There is no prediction where the torque "
-        f"was off or the requests before are not known.{shaded} The close-up shows the "
-        f"{CLOSE_UP:g} seconds in which the joint is farthest from its requests.",
+        *words_of(
+            "log",
+            held_out=held_out.any(),
+            noise=f"{units.factor * noise:.2g} {units.angle}" if noises else "unknown",
+            outliers=len(outliers),
+            least=float(np.min(log.weights[fit.used], initial=1.0)),
+            seconds=CLOSE_UP,
+        ),
         Axis("time", "s", (0.0, float(times[-1])), decimals=3),
         (
             Panel(Axis("angle" if units.si else "position", units.angle), drawn[0], spans=shades,
