@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from operator import itemgetter
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -24,11 +25,13 @@ from planner.planning.line_inverse import (
     slopes_text,
 )
 from planner.planning.plan import Plan
-from planner.planning.problem import Problem, problem_of
 from planner.planning.result import Inversion
 from planner.planning.task import Task
 from planner.trajectory import Array
 from planner.validation import as_flag
+
+if TYPE_CHECKING:
+    from planner.planning.problem import Problem
 
 MORE_SEGMENTS = 2
 """Further segments tried beyond the approximation's own: a joint that rounds corners may track
@@ -109,6 +112,8 @@ def closed_forms(
 
     Limits and norm of the task, of one joint, do not count; the callers have checked the rules.
     """
+    from planner.planning.problem import problem_of  # compiled: Numba takes a quarter of a second
+
     refine = as_flag("refine", refine)
     problem = problem_of(task).unlimited
     curves = approximations(problem, segments=segments, refine=refine)

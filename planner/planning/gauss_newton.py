@@ -32,6 +32,14 @@ from planner.planning.factorisation import (
 from planner.trajectory import Array, Indices
 
 
+class Rows(NamedTuple):
+    """Rows of a regularisation, ``sum_p factors[p] R[numbers[p]] - centre``: (r, 3) and (r, J)."""
+
+    numbers: Indices
+    factors: Array  # 0 where a row has fewer than three requests
+    centre: Array
+
+
 class Spec(NamedTuple):
     """A problem as arrays.
 
@@ -43,8 +51,6 @@ class Spec(NamedTuple):
         worst: Whether the worst of the scenarios counts, not their root mean square.
         bounded: Whether a request has a limit.
         limited: Whether a change of requests has a limit.
-        changes: Whether second differences are those of the distances from ``resting``.
-        centring: Weight of distances from ``resting`` beside second differences [-].
         ridge: Curvature added to that of the goal, which may not depend on every angle.
         drives: Of each drive the numbers of its law, then ticks of its request period, unit of the
             radius of the corners [rad], time in which a speed counts as an angle [ticks], and from
@@ -55,7 +61,8 @@ class Spec(NamedTuple):
         periods: In each period the sag under the load [rad], and how much faster the drive is in
             the positive direction [rad/tick], (2, A, n).
         bounds: First requests from rest, lower and upper limits, largest changes [rad], (4, n, J).
-        resting: Requests that would hold the desired angles [rad], (n, J).
+        near: Distances from the requests that would hold the desired angles, the rows of S in (10).
+        smooth: Second differences, and with a centring the distances from these requests.
         goal: Desired angle [rad], (n, 1); or desired position of the foot [m], and the disturbance
             added to each angle before the position is computed [rad], (n, 3 + J).
         leg: Origin, axial, cosine and sine part of each link, then the foot in the last one and the
@@ -70,15 +77,14 @@ class Spec(NamedTuple):
     worst: bool
     bounded: bool
     limited: bool
-    changes: bool
-    centring: float
     ridge: float
     drives: Array
     weights: Array
     acting: Indices
     periods: Array
     bounds: Array
-    resting: Array
+    near: Rows
+    smooth: Rows
     goal: Array
     leg: Array
     shares: Array
@@ -126,37 +132,14 @@ class Search(NamedTuple):
     damping: Array
 
 
-class Options(NamedTuple):
-    """Options of the descent.
-
-    In brackets the effect of half and twice the value on the errors of 50 plans that saturate, half
-    of them outside Equation 13: mean and worst change in per cent.
-
-    Attributes:
-        least_decrease: A stage ends when a step lowers its merit by less than this share (-0.002
-            and 0.04; 0.002 and 0.07, and worse where next to no error is).
-        first_damping: Least weight of the Levenberg-Marquardt term in the first step of a stage,
-            relative to that of the errors (0.01 and 1.0; 0.01 and 1.7).
-        factor: By this the weight grows after a step that failed, or that gained less than 0.2 of
-            the predicted reduction, and falls after one that gained more than 0.6 of it.
-        short_factor: By this it grows after a shortened step; with 3 the errors are the same, but
-            requests for the largest error change up to 14 % more.
-        defect_penalty: Weight on the squares of the defects in the merit, relative to the largest
-            curvature of the cost (0.006 and 0.4; 0.000 and 0.02, and 2.5 where it does not
-            saturate).
-        shortening: Ratio of a step's length to the length that was too long (0.02 and 1.7; -0.01
-            and 0.2, with requests that change 7 % more).
-    """
-
-    least_decrease: float = 5e-4
-    first_damping: float = 3e-4
-    factor: float = 3.0
-    short_factor: float = 2.0
-    defect_penalty: float = 60.0
-    shortening: float = 0.4
-
-
-OPTIONS = Options()
+# Half and twice each of these change the errors of 50 plans that saturate, half of them outside
+# Equation 13, by 0.02 % in the mean and 1.7 % at worst.
+LEAST_DECREASE = 5e-4  # share of the merit; a step that lowers it by less ends a stage
+FIRST_DAMPING = 3e-4  # least weight of the Levenberg-Marquardt term at the start of a stage
+FACTOR = 3.0  # of this weight after a step that failed, or gained little or much of the prediction
+SHORT_FACTOR = 2.0  # of it after a shortened step
+DEFECT_PENALTY = 60.0  # weight of squared defects in the merit, relative to the largest curvature
+SHORTENING = 0.4  # of a step that was too long
 
 MOST_TOGETHER = 512  # samples whose periods are computed together: they fit into the cache
 LENGTHS = 4  # most lengths of a step before it is computed anew
@@ -241,7 +224,7 @@ def errors_of(spec: Spec, states: Array) -> tuple[Array, Array]:
     For angles, or states that begin with them, (n, A): errors [rad], (n, scenarios, m), and
     derivatives, (n, scenarios, m, J).
     """
-    goal, leg, joints = spec.goal, spec.leg, spec.resting.shape[1]
+    goal, leg, joints = spec.goal, spec.leg, spec.bounds.shape[2]
     values = np.empty((len(states), len(spec.shares), 1 if len(leg) == 0 else 3))
     jacobians = np.empty((*values.shape, joints))
     angles, rows = np.empty(joints), np.empty((joints + 1, 3))
@@ -372,46 +355,20 @@ def set_cost(
 
 
 @inner
-def rows_away(spec: Spec, smoothing: bool) -> tuple[int, int]:
-    """Number of second differences, and of all rows of S: see :func:`row_away`."""
-    samples = len(spec.resting)
-    if not smoothing:
-        return 0, samples
-    bends = samples if spec.cyclic else samples - 1
-    return bends, bends + (samples if spec.centring > 0.0 else 0)
+def rows_of(spec: Spec, smoothing: bool) -> Rows:
+    """The rows S of the regularisation."""
+    return spec.smooth if smoothing else spec.near
 
 
 @inner
-def row_away(
-    spec: Spec, smoothing: bool, bends: int, row: int
-) -> tuple[tuple[int, int, int], tuple[float, float, float], int]:
-    """The requests in a row of S, their factors, and how many they are.
-
-    There is a second difference for every sample, from rest none for the last one, and the request
-    before the first is the first; with a centring the distances from ``resting`` follow. Without
-    smoothing there are distances alone.
-    """
-    if row >= bends:
-        scale = spec.centring if smoothing else 1.0
-        return (row - bends, 0, 0), (scale, 0.0, 0.0), 1
-    samples = len(spec.resting)
-    if spec.cyclic:
-        return ((row - 1) % samples, row, (row + 1) % samples), (1.0, -2.0, 1.0), 3
-    return (max(row - 1, 0), row, row + 1), (1.0, -2.0, 1.0), 3
-
-
-@inner
-def set_away(spec: Spec, requests: Array, smoothing: bool, away: Array) -> float:
+def set_away(rows: Rows, requests: Array, away: Array) -> float:
     """Fill S applied to the requests, less their centre; the sum of squares."""
-    bends, total, joints = rows_away(spec, smoothing)[0], 0.0, requests.shape[1]
+    total = 0.0
     for row in range(len(away)):
-        numbers, factors, count = row_away(spec, smoothing, bends, row)
-        centred = row >= bends or spec.changes
-        for j in range(joints):
-            value = 0.0
-            for p in range(count):
-                centre = spec.resting[numbers[p], j] if centred else 0.0
-                value += factors[p] * (requests[numbers[p], j] - centre)
+        for j in range(requests.shape[1]):
+            value = -rows.centre[row, j]
+            for p in range(3):
+                value += rows.factors[row, p] * requests[rows.numbers[row, p], j]
             away[row, j] = value
             total += value**2
     return total
@@ -420,8 +377,7 @@ def set_away(spec: Spec, requests: Array, smoothing: bool, away: Array) -> float
 @compiled
 def roughness(spec: Spec, requests: Array) -> float:
     """The sum of squares that smoothing lowers [rad^2]: ``Problem.roughness``."""
-    away = np.empty((rows_away(spec, True)[1], requests.shape[1]))
-    return set_away(spec, requests, True, away)
+    return set_away(spec.smooth, requests, np.empty(spec.smooth.centre.shape))
 
 
 @inner
@@ -477,7 +433,7 @@ def evaluate(spec: Spec, stage: Stage, unit: float, point: Point) -> None:
             set_responses(spec, stage, point, a, first, min(MOST_TOGETHER, samples - first))
     values, jacobians = errors_of(spec, point.states)
     set_cost(spec, stage, unit, values, jacobians, point)
-    point.costs[3] = set_away(spec, point.requests, stage.smoothing, point.away)
+    point.costs[3] = set_away(rows_of(spec, stage.smoothing), point.requests, point.away)
     point.costs[1] = point.costs[0] + stage.weight * point.costs[3]
 
 
@@ -504,26 +460,26 @@ def set_entries(
     value of each entry.
     """
     rows, columns = pattern_rows, pattern_columns
-    samples, joints = spec.resting.shape
+    samples, joints = spec.bounds.shape[1:]
     drives, _, width = spec.weights.shape
     states, parts = drives * spec.parts, spec.parts
     state, multiplier = samples * joints, samples * (joints + states)
     change, e, cyclic, acting = multiplier + samples * states, 0, spec.cyclic, spec.acting
-    quadratic, slopes, smoothing = point.quadratic, point.slopes, stage.smoothing
+    quadratic, slopes = point.quadratic, point.slopes
     for number in range(state):
         rows[e] = columns[e] = number
         values[e] = terms[number // joints, number % joints]
         e += 1
-    bends, every = rows_away(spec, smoothing)
-    for row in range(every):
-        numbers, factors, terms_of_row = row_away(spec, smoothing, bends, row)
-        for j in range(joints):
-            for p in range(terms_of_row):
-                for q in range(p + 1):
-                    rows[e] = numbers[p] * joints + j
-                    columns[e] = numbers[q] * joints + j
-                    twice = p != q and numbers[p] == numbers[q]
-                    values[e] = stage.weight * factors[p] * factors[q] * (2.0 if twice else 1.0)
+    numbers, factors, _ = rows_of(spec, stage.smoothing)
+    for row in range(len(numbers)):
+        for p in range(3):
+            for q in range(p + 1):
+                first, second = numbers[row, p], numbers[row, q]
+                weight = stage.weight * factors[row, p] * factors[row, q]
+                weight *= 2.0 if p != q and first == second else 1.0
+                for j in range(joints if factors[row, p] * factors[row, q] != 0.0 else 0):
+                    rows[e], columns[e] = first * joints + j, second * joints + j
+                    values[e] = weight
                     e += 1
     blocks, count = quadratic.shape[1:3]
     for k in range(samples):
@@ -571,7 +527,7 @@ def set_entries(
 @inner
 def allocated(spec: Spec, smoothing: bool) -> Point:
     """A point with all its arrays, set to 0."""
-    samples, joints = spec.resting.shape
+    samples, joints = spec.bounds.shape[1:]
     drives, _, width = spec.weights.shape
     states, parts, scenarios = drives * spec.parts, spec.parts, len(spec.shares)
     blocks, size = (1, drives) if spec.largest else (scenarios, joints)
@@ -581,7 +537,7 @@ def allocated(spec: Spec, smoothing: bool) -> Point:
         np.zeros((samples, states)),
         np.zeros((drives, parts, parts + 2 * width, samples)),
         np.zeros((samples, blocks, size, size + 1)),
-        np.zeros((rows_away(spec, smoothing)[1], joints)),
+        np.zeros(rows_of(spec, smoothing).centre.shape),
         np.zeros(5),
     )
 
@@ -601,9 +557,9 @@ def pattern_of(spec: Spec, *, smoothing: bool) -> Pattern:
     requests that act across the boundary of a cycle come last where they are fewer than the
     conditions with which they would be eliminated.
     """
-    samples, joints = spec.resting.shape
+    samples, joints = spec.bounds.shape[1:]
     drives, _, width = spec.weights.shape
-    options = spec.cyclic, spec.largest, spec.limited, smoothing, spec.centring > 0.0
+    options = spec.cyclic, spec.largest, spec.limited, smoothing, len(spec.smooth.numbers)
     key = *options, spec.oldest, spec.parts, len(spec.shares), samples, joints, drives, width
     if (kept := _KEPT.get(key)) is not None:
         return kept
@@ -634,7 +590,7 @@ def pattern_of(spec: Spec, *, smoothing: bool) -> Pattern:
 @compiled
 def pattern_in_order(spec: Spec, smoothing: bool, position: Places) -> Pattern:
     """The pattern of the steps, by the position of each unknown in the order of elimination."""
-    samples, joints = spec.resting.shape
+    samples, joints = spec.bounds.shape[1:]
     drives, _, width = spec.weights.shape
     point, stage = allocated(spec, smoothing), Stage(1.0, 1.0, 2.0, 1, smoothing)
     blocks, size = point.quadratic.shape[1:3]
@@ -670,7 +626,7 @@ def set_step(
     The answer is whether the system had a solution within the limits, and the cost that the
     linearisation predicts.
     """
-    samples, joints = spec.resting.shape
+    samples, joints = spec.bounds.shape[1:]
     drives, _, width = spec.weights.shape
     states, parts = drives * spec.parts, spec.parts
     state, multiplier = samples * joints, samples * (joints + states)
@@ -678,7 +634,7 @@ def set_step(
     at_limit, tight = search.active[0], search.active[1]
     cyclic, acting = spec.cyclic, spec.acting
     bounds, slopes, quadratic = spec.bounds, point.slopes, point.quadratic
-    requests, away, defects, smoothing = point.requests, point.away, point.defects, stage.smoothing
+    requests, away, defects = point.requests, point.away, point.defects
     multipliers, limited = search.multipliers, spec.limited
     terms, eased = np.zeros((samples, joints)), np.zeros((samples, drives))
     for number in range(state):
@@ -697,12 +653,12 @@ def set_step(
                         terms[number, a % joints] += bend
 
     right = np.zeros(len(step))
-    bends = rows_away(spec, smoothing)[0]
+    rows = rows_of(spec, stage.smoothing)
     for row in range(len(away)):
-        numbers, factors, terms_of_row = row_away(spec, smoothing, bends, row)
-        for j in range(joints):
-            for p in range(terms_of_row):
-                right[numbers[p] * joints + j] -= stage.weight * factors[p] * away[row, j]
+        for p in range(3):
+            factor = stage.weight * rows.factors[row, p]
+            for j in range(joints):
+                right[rows.numbers[row, p] * joints + j] -= factor * away[row, j]
     for k in range(samples):
         for a in range(drives):
             right[state + k * states + a] = -quadratic[k, a // count, a % count, count]
@@ -744,7 +700,7 @@ def set_step(
     for number in range(state):
         k, j = number // joints, number % joints
         moved_requests[k, j] = requests[k, j] + step[number]
-    return True, predicted + stage.weight * set_away(spec, moved_requests, smoothing, further)
+    return True, predicted + stage.weight * set_away(rows, moved_requests, further)
 
 
 @inner
@@ -786,7 +742,7 @@ def active_changed(
 
     The force on a request is half the derivative of the Lagrangian by it: a residual of the system.
     """
-    samples, joints = spec.resting.shape
+    samples, joints = spec.bounds.shape[1:]
     change, first = samples * (joints + 2 * point.states.shape[1]), 0 if spec.cyclic else 1
     changed, bounds, requests = False, spec.bounds, point.requests
     rows, columns = pattern.rows, pattern.columns
@@ -911,7 +867,7 @@ def go_through(
         figures: Filled with the error of these angles, inf for NaN, their root mean square error
             over all scenarios, and the squares of the regularisation, (m, 3).
     """
-    samples, joints = spec.resting.shape
+    samples, joints = spec.bounds.shape[1:]
     errors, figures[:] = np.empty(len(spec.shares) + 1), np.inf
     states, step = search.states.shape[1], np.zeros(len(pattern.factor.position))
     state, count = samples * joints, samples * (joints + states)
@@ -924,12 +880,12 @@ def go_through(
         row = stages[number]
         stage = Stage(row[0], row[1], row[2], int(row[3]), smoothing)
         evaluate(spec, stage, 0.0, point)
-        damping[0] = max(damping[0], OPTIONS.first_damping)
-        unit, penalty = point.costs[2], OPTIONS.defect_penalty * point.costs[4]
+        damping[0] = max(damping[0], FIRST_DAMPING)
+        unit, penalty = point.costs[2], DEFECT_PENALTY * point.costs[4]
         for _ in range(stage.steps):
             solvable, predicted = set_step(spec, stage, pattern, point, search, step)
             if not solvable:
-                damping[0] *= OPTIONS.factor
+                damping[0] *= FACTOR
                 continue
             merit, length, after = merit_of(point, step, penalty), 1.0, np.inf
             for _ in range(LENGTHS):
@@ -945,23 +901,23 @@ def go_through(
                 after = merit_of(trial, step, penalty)
                 if after < merit:
                     break
-                length *= OPTIONS.shortening
+                length *= SHORTENING
             if not after < merit:
-                damping[0] *= OPTIONS.factor
-                if merit - predicted < NEGLIGIBLE * OPTIONS.least_decrease * merit:
+                damping[0] *= FACTOR
+                if merit - predicted < NEGLIGIBLE * LEAST_DECREASE * merit:
                     break
                 continue
             if length < 1.0:
-                damping[0] *= OPTIONS.short_factor
+                damping[0] *= SHORT_FACTOR
             elif merit - after > 0.6 * (merit - predicted):
-                damping[0] /= OPTIONS.factor
+                damping[0] /= FACTOR
             elif merit - after < 0.2 * (merit - predicted):
-                damping[0] *= OPTIONS.factor
+                damping[0] *= FACTOR
             point, trial = trial, point
             for k in range(samples):
                 for s in range(states):
                     search.multipliers[k, s] = step[count + k * states + s]
-            if merit - after < OPTIONS.least_decrease * after:
+            if merit - after < LEAST_DECREASE * after:
                 break
         copied(point.requests, ends[number])
         figures[number, 2] = point.costs[3]

@@ -1,4 +1,7 @@
-"""The problem of the optimised inversion: reach a goal with requests within limits."""
+"""The problem of the optimised inversion: reach a goal with requests within limits.
+
+Import this module where it is used, inside functions, as ``model/kernel.py``.
+"""
 
 from __future__ import annotations
 
@@ -20,12 +23,24 @@ from planner.model.joint import (
 )
 from planner.model.response import Loads, load_by_period, rest_angles, rest_requests
 from planner.planning.candidate_models import Robust
+from planner.planning.gauss_newton import (
+    FIRST,
+    LARGEST_CHANGE,
+    LOWER,
+    UPPER,
+    Rows,
+    Spec,
+    errors_of,
+    judge,
+    limit,
+    roughness,
+    simulate_all,
+)
 from planner.planning.task import Norm, Task
 from planner.trajectory import Array
 
 if TYPE_CHECKING:
     from kinematics.leg import Leg
-    from planner.planning.gauss_newton import Spec
 
 RIDGE = 1e-4
 """Curvature added to that of a foot's squared errors, where a joint that does not move the foot has
@@ -127,7 +142,7 @@ class Problem:
     @property
     def resting(self) -> Array:
         """Requests within the limits, near ``near`` or R* of (10), (n, J)."""
-        return self.spec.resting
+        return self.spec.near.centre
 
     @cached_property
     def ages(self) -> RequestAges:
@@ -137,8 +152,6 @@ class Problem:
     @cached_property
     def spec(self) -> Spec:
         """The problem as arrays, for the compiled search."""
-        from planner.planning.gauss_newton import FIRST, LARGEST_CHANGE, LOWER, UPPER, Spec, limit
-
         parts = max(model.law.states for model in self.models)
         periods, drives = np.empty((2, len(self.models), len(self.desired))), []
         for number, (model, load) in enumerate(zip(self.models, self.loads, strict=True)):
@@ -156,7 +169,8 @@ class Problem:
         if near is None:
             near = np.array(rest_requests(self.nominal, self.desired, self.loads[: self.joints]))
             centring = CENTRING if any(model.dead_band for model in self.models) else 0.0
-        foot = self.foot
+        foot, samples = self.foot, np.arange(len(self.desired))[:, np.newaxis]
+        rows = Rows(np.tile(samples, 3), np.tile((1.0, 0.0, 0.0), (len(samples), 1)), near)
         spec = Spec(
             cyclic=self.cyclic,
             oldest=self.ages.oldest,
@@ -165,21 +179,31 @@ class Problem:
             worst=self.robust == "worst",
             bounded=bool(np.isfinite(self.lower).any() or np.isfinite(self.upper).any()),
             limited=bool(np.isfinite(self.max_step).any()),
-            changes=self.near is not None,
-            centring=centring,
             ridge=0.0 if foot is None else RIDGE,
             drives=np.array(drives, dtype=np.float64),
             weights=weights_by_tick(*self.models),
             acting=acting(self.ages, len(self.desired), cyclic=self.cyclic),
             periods=periods,
             bounds=bounds,
-            resting=near,
+            near=rows,
+            smooth=rows,
             goal=np.array(self.desired) if foot is None else foot.rows,
             leg=np.empty((0, 10, 3)) if foot is None else foot.links,
             shares=np.array(self.weights),
         )
-        limit(spec, spec.resting)
-        return spec
+        limit(spec, near)  # and then the second differences
+        bends = samples if self.cyclic else samples[:-1]
+        numbers = (bends + np.array([-1, 0, 1])) % len(near)
+        numbers[0, 0] = numbers[0, 0] if self.cyclic else 0
+        factors = np.tile((1.0, -2.0, 1.0), (len(bends), 1))
+        centre = np.zeros((len(bends), self.joints))
+        if self.near is not None:
+            centre = np.einsum("kp,kpj->kj", factors, near[numbers])
+        if centring > 0.0:
+            numbers = np.vstack([numbers, rows.numbers])
+            factors = np.vstack([factors, centring * rows.factors])
+            centre = np.vstack([centre, centring * near])
+        return spec._replace(smooth=Rows(numbers, factors, centre))
 
     def admissible(self, requests: Array) -> Array:
         """Requests near the given ones within the limits [rad], shape (n, J).
@@ -187,8 +211,6 @@ class Problem:
         From rest the first one holds the start. Without ``max_step`` they are the nearest ones,
         with it see :func:`planner.planning.gauss_newton.keep_step`.
         """
-        from planner.planning.gauss_newton import limit
-
         nearest = np.array(requests, dtype=np.float64, order="C")
         limit(self.spec, nearest)
         return nearest
@@ -200,22 +222,16 @@ class Problem:
         request holds the joint (``docs/math.md``, section 6). Near other requests it is that of
         the change from these, and their squared distances.
         """
-        from planner.planning.gauss_newton import roughness
-
         return roughness(self.spec, np.ascontiguousarray(requests))
 
     def exact_angles(self, requests: Array) -> Array:
         """Angles of the exact models, simulated, (n, A); NaN where a joint has no steady cycle."""
-        from planner.planning.gauss_newton import simulate_all
-
         angles = np.empty((len(requests), len(self.models)))
         simulate_all(self.spec, np.ascontiguousarray(requests), angles)
         return angles
 
     def errors(self, angles: Array) -> tuple[Array, Array]:
         """See :func:`planner.planning.gauss_newton.errors_of`."""
-        from planner.planning.gauss_newton import errors_of
-
         return errors_of(self.spec, np.ascontiguousarray(angles))
 
     def errors_of_models(self, angles: Array) -> tuple[float, Array]:
@@ -225,8 +241,6 @@ class Problem:
         scenario, in the norm that counts, then the root mean square over samples and scenarios,
         whichever norm counts [rad], (scenarios + 1,).
         """
-        from planner.planning.gauss_newton import judge
-
         errors = np.empty(len(self.weights) + 1)
         return judge(self.spec, np.ascontiguousarray(angles), errors), errors
 
@@ -242,22 +256,6 @@ class Problem:
         """Weighted root of the squared errors over the scenarios [rad], (n,)."""
         values = self.errors(angles)[0]
         return np.asarray(np.sqrt(np.einsum("kcm,kcm,c->k", values, values, self.weights)))
-
-    def states_of(self, angles: Array) -> Array:
-        """States near angles (n, A): speeds are means over the period before, integrals 0."""
-        from planner.planning.gauss_newton import COASTING, HOLD
-
-        parts, count = self.spec.parts, len(self.models)
-        states = np.zeros((len(angles), parts * count))
-        states[:, :count] = angles
-        if parts > 1:
-            before = np.roll(angles, 1, axis=0)
-            if self.start is not None:
-                before[0] = np.resize(self.start, count)
-            drives = self.spec.drives
-            moved = drives[:, COASTING] * (angles - before)
-            states[:, count : 2 * count] = moved / drives[:, HOLD]
-        return states
 
     @property
     def unlimited(self) -> Problem:

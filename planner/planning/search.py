@@ -27,6 +27,8 @@ from planner.model.evidence import ENCODER_STEP, Evidence
 from planner.model.joint import JointModel
 from planner.planning.closed_form import best_closed_form
 from planner.planning.gauss_newton import (
+    COASTING,
+    HOLD,
     LARGEST_SHARE,
     SIMULATED,
     Search,
@@ -279,8 +281,22 @@ def stages_for(problem: Problem, stages: Sequence[Stage]) -> Sequence[Stage]:
 
 
 def search_from(problem: Problem, requests: Array, angles: Array) -> Search:
-    """A search from requests (n, J) and angles (n, A) [rad]."""
-    states, active = problem.states_of(angles), np.zeros((2, *requests.shape), dtype=np.int64)
+    """A search from requests (n, J) and angles (n, A) [rad]: see :class:`Search`.
+
+    Speeds are means over the period before, integrals 0.
+    """
+    count, drives, active = (
+        len(problem.models),
+        problem.spec.drives,
+        np.zeros((2, *requests.shape), dtype=np.int64),
+    )
+    states = np.zeros((len(angles), problem.spec.parts * count))
+    states[:, :count] = angles
+    if problem.spec.parts > 1:
+        before = np.roll(angles, 1, axis=0)
+        if problem.start is not None:
+            before[0] = np.resize(problem.start, count)
+        states[:, count : 2 * count] = drives[:, COASTING] / drives[:, HOLD] * (angles - before)
     active[0][np.broadcast_to(problem.lower == problem.upper, requests.shape)] = -1
     return Search(np.array(requests, order="C"), states, np.zeros_like(states), active, np.zeros(1))
 
@@ -714,9 +730,8 @@ def smoothest(problem: Problem, start: Motion, error: float, allowance: Allowanc
     varying = problem.foot is not None
     varying |= any(each is not None and each.depends_on_motion for each in evidence)
     if power != 2.0 and error:  # the sum of the powers at the start, in units of the error
-        cost = float(
-            np.sum(np.minimum(problem.distances(start.angles) / error, LARGEST_SHARE) ** power)
-        )
+        shares = np.minimum(problem.distances(start.angles) / error, LARGEST_SHARE)
+        cost = float(np.sum(shares**power))
     for radius in RADII:
         before, share = now, min(most / error, LARGEST_SHARE) if error else 1.0
         rise = len(best) * (most**2 - error**2)  # of the cost, if all errors grow in proportion

@@ -119,7 +119,7 @@ def step_at(problem, stage, point, damping=DAMPING):
     found, predicted = set_step(problem.spec, stage, pattern, point, search, step)
     if not found:
         assert damping < MOST_DAMPING
-        return step_at(problem, stage, point, gauss_newton.OPTIONS.factor * damping)
+        return step_at(problem, stage, point, gauss_newton.FACTOR * damping)
     return step[: point.requests.size + point.states.size], predicted, damping
 
 
