@@ -104,6 +104,7 @@ class Stage(NamedTuple):
         steps: Most steps; the next stage starts where this one stops.
         smoothing: Whether the regularisation is the sum of the squared second differences of the
             requests, not the squared distance from the requests that hold the desired angles.
+        squares: Weight of the sum of squared errors beside that of other powers.
     """
 
     radius: float
@@ -111,6 +112,7 @@ class Stage(NamedTuple):
     power: float = 2.0
     steps: int = 6
     smoothing: bool = False
+    squares: float = 0.0
 
 
 class Search(NamedTuple):
@@ -338,9 +340,10 @@ def set_cost(
             cost += squared
         else:
             share = min(np.sqrt(squared) / unit, LARGEST_SHARE)
-            cost += unit**2 * share**power
-            weight = power / 2.0 * max(share ** (power - 2.0), least)
-            radial = (power - 2.0) / max(squared, 1e-300)
+            cost += unit**2 * share**power + stage.squares * squared
+            steep = power / 2.0 * max(share ** (power - 2.0), least)
+            weight = steep + stage.squares
+            radial = steep / weight * (power - 2.0) / max(squared, 1e-300)
         for block in range(blocks):
             for j in range(count):
                 for h in range(count):
@@ -592,7 +595,7 @@ def pattern_in_order(spec: Spec, smoothing: bool, position: Places) -> Pattern:
     """The pattern of the steps, by the position of each unknown in the order of elimination."""
     samples, joints = spec.bounds.shape[1:]
     drives, _, width = spec.weights.shape
-    point, stage = allocated(spec, smoothing), Stage(1.0, 1.0, 2.0, 1, smoothing)
+    point, stage = allocated(spec, smoothing), Stage(1.0, 1.0, 2.0, 1, smoothing, 0.0)
     blocks, size = point.quadratic.shape[1:3]
     most = joints * 11 + blocks * size**2 + drives * spec.parts * (4 + spec.parts + width)
     room = samples * most
@@ -860,7 +863,7 @@ def go_through(
         spec: The problem.
         pattern: Its KKT matrix.
         search: The first iterate; replaced by the last one.
-        stages: In the order of :class:`Stage`, all with the same regularisation, (m, 5).
+        stages: In the order of :class:`Stage`, all with the same regularisation, (m, 6).
         ends: Filled with the requests with which each stage ends [rad], (m, n, J).
         angles: Filled, where corners are sharp, with the angles of the exact models under them
             [rad], elsewhere and without a steady cycle with NaN, (m, n, A).
@@ -878,7 +881,7 @@ def go_through(
     copied(search.states, point.states)
     for number in range(len(stages)):
         row = stages[number]
-        stage = Stage(row[0], row[1], row[2], int(row[3]), smoothing)
+        stage = Stage(row[0], row[1], row[2], int(row[3]), smoothing, row[5])
         evaluate(spec, stage, 0.0, point)
         damping[0] = max(damping[0], FIRST_DAMPING)
         unit, penalty = point.costs[2], DEFECT_PENALTY * point.costs[4]

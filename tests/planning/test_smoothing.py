@@ -214,3 +214,15 @@ def test_requests_at_rest_are_not_bought_with_steps_of_the_others():
     plan = invert_optimal(model, RAMP)
     assert np.max(np.abs(np.diff(plan.requests))) <= np.radians(2.0)
     assert np.ptp(plan.requests[150:180]) <= 2e-5
+
+
+def test_where_the_largest_error_does_not_bind_requests_are_as_smooth_as_for_the_mean():
+    ratios = []
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        model = random_model(rng)
+        desired = saturating(rng, model)
+        plans = (invert_optimal(model, desired, norm=norm) for norm in ("max", "rms"))
+        largest, mean = map(rough, plans)
+        ratios.append(largest / mean)
+    assert max(ratios) <= 2.0
